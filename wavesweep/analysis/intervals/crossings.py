@@ -1,0 +1,55 @@
+"""Every crossing of every column of a slice: where eigenvalues meet the unit circle as the wall changes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.analysis.intervals.curve import K_VE
+from wavesweep.analysis.intervals.isolate import isolate
+from wavesweep.analysis.intervals.polish import at_ends, polish
+from wavesweep.analysis.intervals.polynomial import Polynomial, angle
+from wavesweep.lifted.cut import Cut
+
+
+@dataclass(frozen=True, slots=True)
+class Crossings:
+    """A flat list of crossings.
+
+    column: which column it belongs to. value: the wall parameter. theta: angle of the eigenvalue that crosses (rad per
+    frame, 0 and pi included). jump: by how much the number of unstable eigenvalues grows as the value grows past it.
+    complete: `(columns,)`, whether the list of that column is proved complete.
+    """
+
+    column: np.ndarray
+    value: np.ndarray
+    theta: np.ndarray
+    jump: np.ndarray
+    complete: np.ndarray
+
+
+def crossings(cut: Cut, along: str, fixed, polynomial: Polynomial) -> Crossings:
+    """Crossings of the columns with the loops `cut` (one per column) and the other wall parameter `fixed`.
+
+    polynomial: that of each column's loop, `(columns, ...)`.
+    The eigenvalue moves outward with the sign of d Im K/d theta at an interior crossing (K analytic in z), which is the
+    sign of the polynomial's derivative turned round; at z = 1 and -1 with the sign of the polynomial.
+    """
+    coefficients = polynomial.base + fixed[:, None] * polynomial.slope
+    roots = isolate(coefficients, polynomial.noise[:, 0] + np.abs(fixed) * polynomial.noise[:, 1])
+    column, which = np.nonzero(roots.inside)
+    seed = angle(roots.value[column, which], polynomial.scale[column])
+    theta, value, converged = polish(cut.at(column), along, fixed[column], seed)
+    complete = roots.proved & np.isfinite(coefficients).all(-1)
+    # A polished angle far from its seed has left the root that the proof is about.
+    astray = ~(np.abs(theta - seed) <= 1e-4 * np.minimum(seed, np.pi - seed)) | ~converged
+    complete[column[astray]] = False
+    jump = -2.0 * roots.slope_sign[column, which]
+    at_one, at_minus_one = at_ends(cut, along, fixed)
+    everyone = np.arange(fixed.size)
+    ends = np.concatenate([at_one, at_minus_one])
+    end_jump = np.concatenate([roots.at_one, -roots.at_minus_one])
+    end_theta = np.repeat([0.0, np.pi], fixed.size)
+    return Crossings(
+        np.concatenate([column, everyone, everyone]), np.concatenate([value, ends]),
+        np.concatenate([theta, end_theta]), np.concatenate([jump, end_jump]), complete,
+    )

@@ -1,0 +1,60 @@
+"""The stability boundary as a curve on the unit circle: the wall's characteristic equation, point by point."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.lifted.cut import ADVANCE, OFFSET, V, Cut
+
+K_VE, B_VE = "K_VE", "B_VE"
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """`one = K_VE*x + B_VE*v` at points of the circle, scaled alike; each an array over the points."""
+
+    one: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+
+    def along(self, name: str):
+        """(term of the parameter that is solved for, term of the one that is fixed)."""
+        return (self.x, self.v) if name == K_VE else (self.v, self.x)
+
+
+def terms(cut: Cut, w) -> Terms:
+    """Characteristic equation `1 = K_VE G_x + B_VE G_v` (model.md) at `w = z - 1`, times w where the loop integrates.
+
+    cut: one loop per point (leading axes as `w`). Accuracy: a backward stable solve in delta form, so relative to the
+    distance of the nearest pole, however many poles crowd at z = 1.
+    """
+    G = transfer(cut, w)
+    if not cut.integrates:
+        return Terms(np.ones_like(G[..., V]), G[..., OFFSET], G[..., V])
+    return Terms(w + 0 * G[..., V], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., V])
+
+
+def transfer(cut: Cut, w) -> np.ndarray:
+    """`C (w I - E)^-1 B + D` for the rows V, ADVANCE, OFFSET: `(..., 3)`."""
+    w = np.asarray(w)
+    A = w[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
+    return (cut.C @ np.linalg.solve(A, cut.B + 0 * w[..., None, None]) + cut.D)[..., 0]
+
+
+def transfer_and_slope(cut: Cut, w) -> tuple[np.ndarray, np.ndarray]:
+    """The same and its derivative by w."""
+    A = w[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
+    state = np.linalg.solve(A, cut.B + 0 * w[..., None, None])
+    return (cut.C @ state + cut.D)[..., 0], -(cut.C @ np.linalg.solve(A, state))[..., 0]
+
+
+def on_circle(theta):
+    """`w = exp(j theta) - 1`, without cancellation at small angles."""
+    half = np.sin(theta / 2)
+    return -2 * half * half + 1j * np.sin(theta)
+
+
+def residual(t: Terms, K, B):
+    """Relative residual of the characteristic equation: 0 exact, 1 meaningless."""
+    parts = np.abs(t.one) + np.abs(K * t.x) + np.abs(B * t.v)
+    return np.abs(t.one - K * t.x - B * t.v) / parts

@@ -1,0 +1,101 @@
+"""All real roots in (-1, 1) of a polynomial known to within an error bound, with the proof that there are no others."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, slots=True)
+class Roots:
+    """Roots per row of coefficients.
+
+    value: `(rows, n-1)`, real. inside: which of them are real roots in (-1, 1). slope_sign: sign of the polynomial's
+    derivative there. at_one, at_minus_one: sign of the polynomial at 1 and -1. proved: `(rows,)`, whether the list is
+    complete and right for every polynomial within the error bound.
+    """
+
+    value: np.ndarray
+    inside: np.ndarray
+    slope_sign: np.ndarray
+    at_one: np.ndarray
+    at_minus_one: np.ndarray
+    proved: np.ndarray
+
+
+def isolate(coefficients, noise) -> Roots:
+    """Real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, each c_k known to within `noise`.
+
+    coefficients: `(rows, n)`; noise: `(rows,)`. The n-1 complex roots are the eigenvalues of the colleague matrix
+    (Specht 1957; Good 1961). Proof: by Smith's theorem (B. T. Smith, J. ACM 17, 1970) discs about n-1 approximations,
+    of radius `(n-1) |q(x_i)| / (|lead| prod |x_i - x_j|)`, hold all the roots, and an isolated disc holds exactly one.
+    |q(x_i)| is enlarged by what the noise can do there. So when each disc that touches [-1, 1] is isolated and centred on
+    the real axis, no root can hide, not even two that lie close together: these would make their discs meet.
+    """
+    rows, n = coefficients.shape
+    if n < 2:
+        empty = np.zeros((rows, 0))
+        sign = np.sign(coefficients[:, 0]) if n else np.zeros(rows)
+        return Roots(empty, empty > 1, empty, sign, sign, np.abs(coefficients).sum(-1) > noise)
+    size = np.abs(coefficients).max(-1)
+    coefficients = coefficients / np.where(size > 0, size, 1)[:, None]
+    noise = noise / np.where(size > 0, size, 1)
+    roots = _eigenvalues(coefficients)
+    value, reach = _evaluate(coefficients, roots)
+    radius, apart = _discs(coefficients, roots, np.abs(value) + noise[:, None] * reach)
+    real = roots.imag == 0
+    beyond = np.abs(roots.real) - 1
+    distance = np.where(beyond > 0, np.hypot(np.maximum(beyond, 0), roots.imag), np.abs(roots.imag))
+    touching = ~(distance > radius)
+    lonely = ~np.any(apart <= radius[:, :, None] + radius[:, None, :], axis=-1)
+    settled = lonely & real & (-beyond > radius)
+    proved = np.all(~touching | settled, axis=-1) & np.all(np.isfinite(radius), axis=-1)
+    ends = coefficients @ np.arange(1, n + 1), coefficients @ (np.arange(1, n + 1) * (-1.0) ** np.arange(n))
+    sure = [np.abs(e) > noise * n * (n + 1) / 2 for e in ends]
+    inside = real & (beyond < 0)
+    return Roots(roots.real, inside, _slope_sign(coefficients, roots, inside), np.sign(ends[0]), np.sign(ends[1]),
+                 proved & sure[0] & sure[1])
+
+
+def _eigenvalues(coefficients):
+    """Complex roots `(rows, n-1)`: eigenvalues of the colleague matrix of the U basis."""
+    rows, n = coefficients.shape
+    lead = coefficients[:, -1]
+    tiny = np.finfo(float).eps ** 2  # a vanishing leading coefficient only sends roots far away
+    lead = np.where(np.abs(lead) < tiny, tiny, lead)
+    A = np.zeros((rows, n - 1, n - 1))
+    index = np.arange(n - 2)
+    A[:, index, index + 1] = A[:, index + 1, index] = 0.5
+    A[:, -1, :] -= 0.5 * coefficients[:, :-1] / lead[:, None]
+    return np.linalg.eigvals(A).astype(complex)
+
+
+def _evaluate(coefficients, x):
+    """The polynomial at x and the sum of |U_k(x)|, by the three-term recurrence."""
+    before, now = np.zeros_like(x), np.ones_like(x)
+    value, reach = coefficients[:, :1] * now, np.ones(x.shape)
+    twice = 2 * x
+    for k in range(1, coefficients.shape[1]):
+        before, now = now, twice * now - before
+        value = value + coefficients[:, k : k + 1] * now
+        reach = reach + np.abs(now)
+    return value, reach
+
+
+def _discs(coefficients, roots, bound):
+    """Smith's radii `(rows, n-1)` and the mutual distances `(rows, n-1, n-1)` (infinite on the diagonal)."""
+    n = coefficients.shape[1]
+    apart = np.abs(roots[:, :, None] - roots[:, None, :])
+    index = np.arange(n - 1)
+    apart[:, index, index] = 1.0
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        log_product = np.log(apart).sum(-1) + np.log(np.abs(coefficients[:, -1:])) + (n - 1) * np.log(2.0)
+        radius = (n - 1) * np.exp(np.log(bound) - log_product)
+    apart[:, index, index] = np.inf
+    return radius, apart
+
+
+def _slope_sign(coefficients, roots, inside):
+    """Sign of the derivative at simple real roots: it alternates from the right end, where the polynomial's sign is known."""
+    above = (inside[:, None, :] & (roots.real[:, None, :] > roots.real[:, :, None])).sum(-1)
+    at_one = np.sign(coefficients @ np.arange(1, coefficients.shape[1] + 1))
+    return at_one[:, None] * np.where(above % 2 == 0, 1, -1)

@@ -1,0 +1,44 @@
+"""A discrete block in delta form, the only kind of box that a diagram is drawn with."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.diagram.arrays import frozen
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Block:
+    """A linear block `x[k+1] - x[k] = E x[k] + B u[k]`, `y[k] = C x[k] + D u[k]`.
+
+    The delta operator (Middleton and Goodwin, 1990) keeps the distance of slow poles from 1 in all its digits: the poles
+    are `1 + eig(E)`. Arrays are `(..., n, n)`, `(..., n, m)`, `(..., p, n)`, `(..., p, m)`, leading axes being a batch.
+
+    inputs, outputs: port names; elsewhere the port `p` of the block `name` is the signal `"name.p"`.
+    states: one name per state. positions: the states that measure a position in space (m), which all move together
+    when the whole scene is shifted.
+    """
+
+    name: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    states: tuple[str, ...]
+    E: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    positions: frozenset[str] = frozenset()
+
+    def __post_init__(self):
+        """Check the shapes once and make the arrays read-only."""
+        n, m, p = len(self.states), len(self.inputs), len(self.outputs)
+        for name, shape in (("E", (n, n)), ("B", (n, m)), ("C", (p, n)), ("D", (p, m))):
+            array = frozen(getattr(self, name))
+            if array.shape[-2:] != shape:
+                raise ValueError(f"block {self.name}: {name} expected (..., {shape[0]}, {shape[1]}), found {array.shape}")
+            object.__setattr__(self, name, array)
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """The shape of the leading axes, all four arrays broadcast together."""
+        return np.broadcast_shapes(*(a.shape[:-2] for a in (self.E, self.B, self.C, self.D)))

@@ -1,0 +1,43 @@
+"""Controllers without waves: direct coupling at the fast rate and at the slow one, and a power-domain local model."""
+
+from dataclasses import replace
+
+from wavesweep.diagram.device import device
+from wavesweep.diagram.drawing import Diagram
+from wavesweep.diagram.signals import common
+
+WALL = ("x_tilde", "x_tilde_dot")
+
+
+def dc(values) -> Diagram:
+    """The paper's ideal: the wall runs every tick, so the frame is one tick and F_s is the control force."""
+    return replace(dc_slow(values), ratio=1, delay=0)
+
+
+def dc_slow(values) -> Diagram:
+    """The slow wall reads the hand's samples and its force is held."""
+    facts = common(values)
+    return Diagram(
+        fast=(device(values, facts["period"]),), slow=(),
+        sums={"device.f": {"f_h": 1, "f_m": -1}, "f_m": {"held_F": 1}},
+        samples={"x_tilde": "device.x", "x_tilde_dot": "device.v_hat"},
+        holds={"held_F": "F_s"}, wall=WALL, **facts,
+    )
+
+
+def dc_lm(values) -> Diagram:
+    """The slow wall's held force, and a fast spring and damper about the samples that it was computed from."""
+    facts = common(values)
+    stiffness, damping = values["local_model.K_LM"], values["local_model.B_LM"]
+    return Diagram(
+        fast=(device(values, facts["period"]),), slow=(),
+        sums={
+            "device.f": {"f_h": 1, "f_m": -1},
+            "f_m": {
+                "held_F": 1, "device.x": stiffness, "x_ref": -1 * stiffness,
+                "device.v_hat": damping, "v_ref": -1 * damping,
+            },
+        },
+        samples={"x_tilde": "device.x", "x_tilde_dot": "device.v_hat"},
+        holds={"held_F": "F_s", "x_ref": "x_tilde", "v_ref": "x_tilde_dot"}, wall=WALL, **facts,
+    )

@@ -1,0 +1,5 @@
+"""A multirate diagram becomes one unirate system: discretise, connect, lift, cut at the wall."""
+
+from wavesweep.lifted.cut import Cut, close, cut_at_wall
+
+__all__ = ["Cut", "close", "cut_at_wall"]

@@ -1,0 +1,38 @@
+"""From a drawing to one block per rate: the fast side of a tick, the slow side of a frame."""
+
+from wavesweep.diagram.block import Block
+from wavesweep.diagram.delay import unit_delay
+from wavesweep.diagram.drawing import Diagram
+from wavesweep.lifted.connect import connect
+from wavesweep.lifted.lift import lift_held
+from wavesweep.lifted.prune import prune
+
+
+def fast_side(diagram: Diagram, outputs) -> Block:
+    """The tick: from the hand's force `f_h` and the held signals to `outputs`; states that these do not read are left out."""
+    block, _ = prune(connect("fast", diagram.fast, diagram.sums, ("f_h", *diagram.holds), tuple(outputs)))
+    return block
+
+
+def slow_side(diagram: Diagram, outputs, injected=False) -> tuple[Block, tuple[str, ...]]:
+    """The frame, cut at the wall: from the wall's force `F_s` to the slow signals `outputs`.
+
+    injected: adds an input `inject.NAME` for every sample, which is added to what the sampler reads (the hand's force
+    reaches the slow side by no other way). Returns the block and the names of the states that were left out.
+    """
+    sampled = tuple(dict.fromkeys(diagram.samples.values()))
+    fast = fast_side(diagram, sampled)
+    frame = lift_held(fast, diagram.ratio, diagram.delay, tuple(diagram.holds), sampled)
+    delayed = diagram.holds if diagram.delay > 0 else ()
+    latches = [unit_delay(f"hold_{name}", name in diagram.held_positions) for name in delayed]
+    sums = dict(diagram.sums)
+    for name, source in diagram.holds.items():
+        sums |= {f"frame.{name}.old": {f"hold_{name}.y": 1}, f"frame.{name}.new": {source: 1}, f"hold_{name}.u": {source: 1}}
+    for name, source in diagram.samples.items():
+        sums[name] = {f"frame.{source}": 1} | ({f"inject.{name}": 1} if injected else {})
+    inputs = ("F_s", *(f"inject.{name}" for name in diagram.samples)) if injected else ("F_s",)
+    block, unread = prune(connect("slow", (frame, *diagram.slow, *latches), sums, inputs, tuple(outputs)))
+    dropped_early = tuple(
+        f"frame.{b.name}.{s}" for b in diagram.fast for s in b.states if f"{b.name}.{s}" not in fast.states
+    )
+    return block, dropped_early + unread

@@ -1,0 +1,98 @@
+"""Connecting blocks of one rate through their summing junctions, every algebraic loop closed exactly."""
+
+import numpy as np
+
+from wavesweep.diagram.block import Block
+from wavesweep.errors import IllPosedLoopError
+
+WORST_CONDITION = 1e12  # beyond it a closed loop keeps fewer than 4 digits, which is no answer
+
+
+def connect(name: str, blocks, sums, inputs, outputs) -> Block:
+    """Close every junction among `blocks` and return one block from the signals `inputs` to the signals `outputs`.
+
+    blocks: `Block`s of one rate. sums: signal -> {source signal: gain}. inputs: external signals. outputs: any signals.
+    Raises IllPosedLoopError where the algebraic loop through the direct terms is singular to working precision.
+    """
+    tracer = _Tracer(blocks, sums, inputs)
+    ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
+    from_y, from_w = tracer.gains(ports)
+    out_y, out_w = tracer.gains(outputs)
+    E, B, C, D = (_block_diagonal([getattr(block, part) for block in blocks]) for part in "EBCD")
+    inverse = _loop_inverse(np.eye(len(ports)) - from_y @ D, name, ports)
+    x_to_u, w_to_u = inverse @ (from_y @ C), inverse @ from_w
+    states = tuple(f"{block.name}.{state}" for block in blocks for state in block.states)
+    return Block(
+        name, tuple(inputs), tuple(outputs), states,
+        E=E + B @ x_to_u, B=B @ w_to_u,
+        C=out_y @ (C + D @ x_to_u), D=out_w + out_y @ (D @ w_to_u),
+        positions=frozenset(f"{block.name}.{state}" for block in blocks for state in block.positions),
+    )
+
+
+class _Tracer:
+    """Follows a signal back through the junctions to block outputs (y) and external inputs (w)."""
+
+    def __init__(self, blocks, sums, inputs):
+        self.sums = sums
+        self.y = {f"{block.name}.{port}": i for i, port_block in enumerate(_ports(blocks)) for block, port in [port_block]}
+        self.w = {signal: i for i, signal in enumerate(inputs)}
+        self.known = {}
+
+    def gains(self, signals):
+        """Gain matrices `(..., len(signals), ny)` and `(..., len(signals), nw)`."""
+        traced = [self.trace(signal) for signal in signals]
+        shape = np.broadcast_shapes(*(np.shape(g) for terms in traced for g in terms.values()), ())
+        from_y = np.zeros((*shape, len(signals), len(self.y)))
+        from_w = np.zeros((*shape, len(signals), len(self.w)))
+        for row, terms in enumerate(traced):
+            for source, gain in terms.items():
+                if source in self.w:
+                    from_w[..., row, self.w[source]] = gain
+                else:
+                    from_y[..., row, self.y[source]] = gain
+        return from_y, from_w
+
+    def trace(self, signal) -> dict:
+        if signal in self.w or signal in self.y:
+            return {signal: 1.0}
+        if signal not in self.known:
+            if signal not in self.sums:
+                raise ValueError(f"nothing makes the signal {signal!r}")
+            total = {}
+            for source, gain in self.sums[signal].items():
+                for origin, factor in self.trace(source).items():
+                    total[origin] = total.get(origin, 0.0) + np.asarray(gain, float) * factor
+            self.known[signal] = total
+        return self.known[signal]
+
+
+def _ports(blocks):
+    return [(block, port) for block in blocks for port in block.outputs]
+
+
+def _block_diagonal(arrays):
+    """Block-diagonal of matrices whose batch axes broadcast."""
+    batch = np.broadcast_shapes(*(a.shape[:-2] for a in arrays))
+    out = np.zeros((*batch, sum(a.shape[-2] for a in arrays), sum(a.shape[-1] for a in arrays)))
+    row = column = 0
+    for a in arrays:
+        out[..., row : row + a.shape[-2], column : column + a.shape[-1]] = a
+        row, column = row + a.shape[-2], column + a.shape[-1]
+    return out
+
+
+def _loop_inverse(loop, name, ports):
+    """Inverse of the loop's return difference, refused where its condition number says that it is ill-posed."""
+    try:
+        inverse = np.linalg.inv(loop)
+    except np.linalg.LinAlgError:
+        inverse = np.full_like(loop, np.inf)
+    condition = np.abs(loop).sum(-1).max(-1, initial=0) * np.abs(inverse).sum(-1).max(-1, initial=0)
+    if not np.all(condition < WORST_CONDITION):
+        raise IllPosedLoopError(
+            f"the algebraic loop of the {name} side through {', '.join(ports)} is ill-posed: condition number "
+            f"{float(np.max(condition)):.1e}, expected below {WORST_CONDITION:.0e}; give the loop a delay "
+            "(environment.delay or local_model.delay) or change the gain that closes it"
+        )
+    return inverse

@@ -1,0 +1,118 @@
+"""The lifted loop cut at the wall: one input, the wall's force; what the wall reads comes out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.diagram.arrays import frozen
+from wavesweep.diagram.drawing import Diagram
+from wavesweep.lifted.assemble import slow_side
+
+V, ADVANCE, OFFSET = 0, 1, 2  # rows of C and D
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cut:
+    """Everything but the wall, once a frame, in delta form (`w = z - 1`).
+
+    E `(..., n, n)`, B `(..., n, 1)`, C `(..., 3, n)`, D `(..., 3, 1)`; the rows of C and D are
+    V: velocity that the wall reads, G_v (m/(N*s)); ADVANCE and OFFSET: its displacement is G_x = ADVANCE/w + OFFSET.
+    integrates: whether there is an ADVANCE. It is the exact eigenvalue 1 of the cut loop: the position of the whole scene
+    when no spring holds the hand, or the avatar's when nothing but the wall reads it. Kept out of E, it is never rounded.
+    period: of the frame, s (a number or an array over the batch). states, unread: names of what is kept and left out.
+    conserved: the drift that was folded away ("" if none): a combination of states that no wall force changes.
+    """
+
+    E: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    integrates: bool
+    period: np.ndarray
+    states: tuple[str, ...]
+    unread: tuple[str, ...]
+    conserved: str = ""
+
+    def __post_init__(self):
+        for name in ("E", "B", "C", "D", "period"):
+            object.__setattr__(self, name, frozen(getattr(self, name)))
+
+    @property
+    def order(self) -> int:
+        """Number of states of the loop with the wall closed."""
+        return self.E.shape[-1] + self.integrates
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """Shape of the leading axes."""
+        return np.broadcast_shapes(*(a.shape[:-2] for a in (self.E, self.B, self.C, self.D)))
+
+    def at(self, index) -> "Cut":
+        """The loops `index` (anything that indexes the leading axes) of the batch."""
+        def pick(array, tail):
+            return np.broadcast_to(array, self.batch + array.shape[array.ndim - tail :])[index]
+        parts = {name: pick(getattr(self, name), 2) for name in "EBCD"}
+        return Cut(**parts, integrates=self.integrates, period=pick(self.period, 0), states=self.states,
+                   unread=self.unread, conserved=self.conserved)
+
+
+def cut_at_wall(diagram: Diagram) -> Cut:
+    """Lift the drawing and cut it at the wall."""
+    block, unread = slow_side(diagram, diagram.wall)
+    facts = {"period": diagram.period * diagram.ratio, "unread": unread}
+    ref = block.states.index(diagram.reference)
+    moved = _about_reference(block, ref) if not diagram.held_by_spring else block
+    others = np.flatnonzero(np.arange(len(block.states)) != ref)
+    x, v = moved.C[..., 0, :], moved.C[..., 1, :]
+    alone = not np.any(moved.E[..., :, ref])
+    if not alone:  # a spring in the hand reads the position: nothing drifts
+        C = np.stack([v, np.zeros_like(x), x], axis=-2)
+        D = np.stack([moved.D[..., 1, :], 0 * moved.D[..., 0, :], moved.D[..., 0, :]], axis=-2)
+        return Cut(moved.E, moved.B, C, D, False, states=block.states, **facts)
+    E, B = moved.E[..., others[:, None], others], moved.B[..., others, :]
+    advance, step = moved.E[..., ref, others], moved.B[..., ref, :]
+    x, v = x[..., others], v[..., others]
+    names = tuple(block.states[i] for i in others)
+    if diagram.wall_drifts:
+        C = np.stack([v, np.zeros_like(x), x + _integrated(E, advance)], axis=-2)
+        D = np.stack([moved.D[..., 1, :], 0 * step, moved.D[..., 0, :]], axis=-2)
+        return Cut(E, B, C, D, False, states=names, conserved=f"{block.states[ref]} less what the hand has moved", **facts)
+    C = np.stack(np.broadcast_arrays(v, advance, x), axis=-2)
+    D = np.stack(np.broadcast_arrays(moved.D[..., 1, :], step, moved.D[..., 0, :]), axis=-2)
+    return Cut(E, B, C, D, True, states=names, **facts)
+
+
+def _about_reference(block, ref):
+    """Count every position from the reference's: a shift of the whole scene then moves the reference alone, exactly."""
+    index = [block.states.index(name) for name in block.positions if block.states.index(name) != ref]
+    E, B, C = (a.copy() for a in (block.E, block.B, block.C))
+    E[..., index, :] -= E[..., ref : ref + 1, :]
+    B[..., index, :] -= B[..., ref : ref + 1, :]
+    E[..., :, ref] = 0  # the sum of the columns of all positions, which is zero when no spring tells where the scene is
+    C[..., 0, ref] = 1
+    C[..., 1, ref] = 0
+    return type(block)(block.name, block.inputs, block.outputs, block.states, E, B, C, block.D, block.positions)
+
+
+def _integrated(E, advance):
+    """Row l of the combination `s - l x` that stays for ever: `l = advance E^-1` (its input `step - l B` is zero then)."""
+    return np.linalg.solve(np.swapaxes(E, -1, -2), advance[..., None])[..., 0]
+
+
+def close(cut: Cut, K_VE, B_VE) -> np.ndarray:
+    """Frame-to-frame matrix, less identity, of the loop with the wall in place: `(..., order, order)`.
+
+    K_VE (N/m), B_VE (N*s/m): numbers or arrays that broadcast with the batch. With K_VE = 0 nothing reads the position of
+    the scene; its eigenvalue 1 is a drift and is replaced by 0 (a delta of -1).
+    """
+    K, F = (np.asarray(a, float)[..., None, None] for a in (K_VE, B_VE))
+    read = K * cut.C[..., OFFSET : OFFSET + 1, :] + F * cut.C[..., V : V + 1, :]
+    through = 1 - K * cut.D[..., OFFSET : OFFSET + 1, :] - F * cut.D[..., V : V + 1, :]
+    read = read / through
+    if not cut.integrates:
+        return cut.E + cut.B * read
+    B = np.concatenate([cut.B, cut.D[..., ADVANCE : ADVANCE + 1, :]], axis=-2)
+    A = np.concatenate([cut.E, cut.C[..., ADVANCE : ADVANCE + 1, :]], axis=-2) + B * read
+    last = B * (K / through)
+    last[..., -1, :] = np.where(K[..., 0, :] == 0, -1.0, last[..., -1, :])
+    return np.concatenate([A, np.broadcast_to(last, (*A.shape[:-1], 1))], axis=-1)
