@@ -1,0 +1,97 @@
+"""Is one value right for one key? If not: what was expected and what was found, in words."""
+
+from __future__ import annotations
+
+import math
+
+from wavesweep.spec.keys import Key
+
+LONGEST_SHOWN = 60
+
+
+class Rejected(ValueError):
+    """A value that a key cannot take; carries the words for the mistake, which only the caller can place."""
+
+    def __init__(self, expected: str, found: str, suggestion: str = "") -> None:
+        super().__init__(f"expected {expected}, found {found}")
+        self.expected, self.found, self.suggestion = expected, found, suggestion
+
+
+def check(key: Key, value: object) -> float | int | str:
+    """Return `value` as the key's own type, or raise `Rejected`.
+
+    A whole number may stand for a float, and a float with no fraction (20.0) for a whole number; a boolean is neither.
+    """
+    if key.type == "string":
+        return _check_string(key, value)
+    number = _finite(value)
+    if number is None or (key.type == "integer" and number != math.floor(number)):
+        expected = expectation(key)
+        if number is None and isinstance(value, (int, float)) and not isinstance(value, bool):
+            expected = expected.replace("a number", "a finite number")
+        raise Rejected(expected, show(value))
+    if not _in_range(key, number):
+        raise Rejected(expectation(key, number), show(value))
+    # Adding 0.0 turns -0.0 into 0.0, so that equal specs have equal digests.
+    return int(number) if key.type == "integer" else float(number) + 0.0
+
+
+def _check_string(key: Key, value: object) -> str:
+    if isinstance(value, str) and (value in key.choices or not key.choices):
+        return value
+    from wavesweep.spec.suggestions import nearest
+
+    suggestion = nearest(value, key.choices) if isinstance(value, str) else ""
+    raise Rejected(expectation(key), show(value), suggestion)
+
+
+def _finite(value: object) -> float | int | None:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return None
+    try:
+        return value if math.isfinite(value) else None
+    except OverflowError:  # a whole number beyond the largest double
+        return None
+
+
+def _in_range(key: Key, number: float) -> bool:
+    if key.choices:
+        return number in key.choices
+    if key.low is not None and (number < key.low or (key.above_low and number == key.low)):
+        return False
+    return key.high is None or number <= key.high
+
+
+def expectation(key: Key, number: float | None = None) -> str:
+    """Say what `key` takes; of its two limits the one that `number` breaks, by default the lower."""
+    if key.choices:
+        return "one of " + ", ".join(map(show, key.choices))
+    if key.type == "string":
+        return "a string"
+    what = "a whole number" if key.type == "integer" else "a number"
+    if key.high is not None and number is not None and number > key.high:
+        return f"{what} <= {key.high:g}"
+    if key.low is None:
+        return what
+    return f"{what} {'>' if key.above_low else '>='} {key.low:g}"
+
+
+def show(value: object) -> str:
+    """Write a value as it would stand in a spec, shortened, on one line."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        import json
+
+        return _shorten(json.dumps(value, ensure_ascii=False))
+    if isinstance(value, int) and value.bit_length() > 200:
+        return f"a whole number of {value.bit_length()} bits"  # str() refuses the longest ones
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list):
+        return "a list" if value else "an empty list"
+    return _shorten(" ".join(str(value).split()))
+
+
+def _shorten(text: str) -> str:
+    return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."

@@ -1,0 +1,142 @@
+"""Every key of a spec: its type, default, range, unit and meaning.
+
+Validation, documents and the units of columns derive from this table.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+
+KINDS = ("dc", "dc-slow", "dc-lm", "pmw", "pmw-lm")
+INTEGRATIONS = ("explicit", "implicit", "trapezoidal")
+VELOCITIES = ("exact", "difference")
+FILTERS = ("lp1", "hp", "lp2")
+BAND_EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
+HIGHEST_ORDER = 12
+HIGHEST_RATIO = 1000
+
+SYMBOLS = MappingProxyType(
+    {
+        "K_VE": "environment.K_VE",
+        "B_VE": "environment.B_VE",
+        "K_LM": "local_model.K_LM",
+        "B_LM": "local_model.B_LM",
+        "Kp": "controller.Kp",
+        "b": "controller.b",
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Key:
+    """One key: `type` is "number", "integer" or "string"; `default` None means that the key may be absent.
+
+    Numbers lie in `low`..`high`, `low` itself excluded where `above_low`; `choices` lists the only values allowed.
+    Limits set by other keys (`environment.delay <= rates.ratio`) are checked where a spec is resolved.
+    """
+
+    path: str
+    type: str
+    default: float | int | str | None
+    unit: str
+    description: str
+    low: float | None = None
+    high: float | None = None
+    above_low: bool = False
+    choices: tuple = ()
+    required: bool = False
+
+    @property
+    def numeric(self) -> bool:
+        """Whether the key may be an axis of a sweep."""
+        return self.type != "string"
+
+    @property
+    def structural(self) -> bool:
+        """Whether a change needs the spec resolved again, other values or limits being derived from this one."""
+        derived_from = self.path in ("rates.fast_hz", "rates.slow_hz") or self.path.rsplit(".", 1)[-1] in BAND_EDGES
+        return self.type != "number" or derived_from
+
+
+def _positive(path: str, default: float | None, unit: str, description: str, high: float | None = None) -> Key:
+    return Key(path, "number", default, unit, description, low=0.0, high=high, above_low=True)
+
+
+def _gain(path: str, default: float, unit: str, description: str) -> Key:
+    return Key(path, "number", default, unit, description, low=0.0)
+
+
+def _whole(path: str, default: int, description: str, *, low: int, high: int | None, unit: str = "1") -> Key:
+    return Key(path, "integer", default, unit, description, low=low, high=high)
+
+
+def _choice(path: str, default: str | None, description: str, choices: tuple) -> Key:
+    return Key(path, "string", default, "", description, choices=choices, required=default is None)
+
+
+def _filter(name: str, order: int, cutoff_hz: float, what: str) -> list[Key]:
+    prefix = f"filters.{name}"
+    return [
+        _whole(f"{prefix}.order", order, f"Butterworth order of {what}; 0 for no filter", low=0, high=HIGHEST_ORDER),
+        _positive(f"{prefix}.cutoff_hz", cutoff_hz, "Hz", f"-3 dB frequency of {what}, below half the fast rate"),
+        _positive(f"{prefix}.passband_hz", None, "Hz", f"edge of the passband of {what}"),
+        _positive(f"{prefix}.stopband_hz", None, "Hz", f"edge of the stopband of {what}"),
+        # 300 dB is as far below 1 as double precision resolves; it keeps powers of ten from overflowing.
+        _positive(f"{prefix}.passband_db", None, "dB", f"largest loss in the passband of {what}", high=300.0),
+        _positive(f"{prefix}.stopband_db", None, "dB", f"least attenuation in the stopband of {what}", high=300.0),
+    ]
+
+
+_TABLE = [
+    _positive("rates.fast_hz", 1000.0, "Hz", "rate of the haptic loop"),
+    _whole("rates.ratio", 20, "fast ticks in a frame of the slow environment", low=1, high=HIGHEST_RATIO),
+    _positive("rates.slow_hz", None, "Hz", "rate of the slow environment, in place of the ratio"),
+    _positive("device.mass", 0.1, "kg", "mass of the haptic device"),
+    _gain("device.damping", 1.5, "N*s/m", "viscous damping of the haptic device"),
+    _choice(
+        "device.velocity", "exact", "how velocity is measured: the state, or the position's difference", VELOCITIES
+    ),
+    _gain("operator.mass", 0.0, "kg", "mass of the operator's hand"),
+    _gain("operator.damping", 0.0, "N*s/m", "damping of the operator's hand"),
+    _gain("operator.stiffness", 0.0, "N/m", "stiffness of the operator's hand"),
+    _gain("environment.K_VE", 500.0, "N/m", "stiffness of the virtual environment"),
+    _gain("environment.B_VE", 1.0, "N*s/m", "damping of the virtual environment"),
+    _choice("environment.integration", "implicit", "how the avatar's velocity is integrated", INTEGRATIONS),
+    _whole(
+        "environment.delay",
+        0,
+        "fast ticks until the slow result is in place, 0 to the ratio",
+        low=0,
+        high=None,
+        unit="tick",
+    ),
+    _choice("controller.kind", None, "how hand and environment are coupled", KINDS),
+    _positive("controller.b", 25.0, "N*s/m", "wave impedance"),
+    _gain("controller.Kp", 0.0, "N^(1/2)*m^(-1/2)*s^(-1/2)", "gain of the position correction in the returned wave"),
+    *_filter("lp1", 1, 10.0, "the anti-aliasing low-pass before the downsampler"),
+    *_filter("hp", 1, 10.0, "the high-pass to the local model"),
+    *_filter("lp2", 2, 20.0, "the low-pass on the local model's returned wave"),
+    _gain("local_model.K_LM", 500.0, "N/m", "stiffness of the local model"),
+    _gain("local_model.B_LM", 0.0, "N*s/m", "damping of the local model"),
+    _choice("local_model.integration", "implicit", "how the local model's velocity is integrated", INTEGRATIONS),
+    Key("local_model.delay", "integer", 1, "tick", "fast ticks until the local model's wave is used", choices=(0, 1)),
+]
+
+KEYS = MappingProxyType({key.path: key for key in _TABLE})
+
+# What a study of the loop reads besides the loop itself; these are no axes.
+STUDY_KEYS = MappingProxyType(
+    {
+        "sweep.along": Key("sweep.along", "string", "K_VE", "", "the axis whose stable intervals are wanted"),
+        "bode.frequency_hz": _positive("bode.frequency_hz", None, "Hz", "frequencies of the responses"),
+    }
+)
+
+# Paths that a resolved spec has a value for; the others are another way to give one of these.
+VALUE_PATHS = tuple(key.path for key in _TABLE if key.default is not None or key.required)
+
+
+def find_key(name: str) -> Key | None:
+    """Return the key that a symbol (`B_VE`) or a full path (`device.damping`) names, or None."""
+    return KEYS.get(SYMBOLS.get(name, name))
