@@ -1,0 +1,80 @@
+"""What is written reads back to the same bits, from both files and with the tools that users have."""
+
+import csv
+import math
+import struct
+
+import numpy as np
+import pytest
+
+from wavesweep import results
+from wavesweep.errors import UsageError
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_both_files_read_back_to_the_same_bits(columns, facts, same, tmp_path, suffix):
+    results.write("zwidth", columns, facts, tmp_path)
+    same(results.read(tmp_path / f"zwidth.{suffix}"), columns)
+
+
+def test_any_finite_double_survives_the_csv(columns, facts, tmp_path):
+    bits = np.random.default_rng(1).integers(0, 2**64, 20_000, dtype=np.uint64)
+    values = bits.view(np.float64)[np.isfinite(bits.view(np.float64))]
+    table = {name: np.resize(column, len(values)) for name, column in columns.items()} | {"low": values}
+    results.write("zwidth", table, facts, tmp_path)
+    assert results.read(tmp_path / "zwidth.csv")["low"].tobytes() == values.tobytes()
+    with (tmp_path / "zwidth.csv").open(newline="", encoding="utf-8") as file:
+        python = [float(row["low"]) for row in csv.DictReader(file)]
+    assert struct.pack(f"{len(python)}d", *python) == values.tobytes()
+
+
+def test_the_text_is_what_the_contract_says(columns, facts, tmp_path):
+    results.write("zwidth", columns, facts, tmp_path)
+    text = (tmp_path / "zwidth.csv").read_bytes()
+    header, *lines, end = text.decode("ascii").split("\n")
+    assert header == ",".join(columns)
+    assert end == ""
+    assert b"\r" not in text
+    assert b'"' not in text
+    # A number with a whole value keeps its point: a reader that guesses types must not guess integers.
+    assert lines[3] == "20000.0,3,K_VE,0,0,9007199254740992.0,20000.0,NaN,3.0,0,1e-16"
+    assert lines[4].startswith("-0.0,4,")
+
+
+def test_pandas_reads_what_we_write(columns, facts, tmp_path):
+    import pandas
+
+    results.write("zwidth", columns, facts, tmp_path)
+    frame = pandas.read_csv(tmp_path / "zwidth.csv")
+    assert list(frame.columns) == list(columns)
+    assert frame["high"].dtype == np.float64
+    assert np.array_equal(frame["high"].to_numpy(), columns["high"], equal_nan=True)
+    stored = pandas.read_parquet(tmp_path / "zwidth.parquet")
+    assert np.array_equal(stored["high"].to_numpy(), columns["high"], equal_nan=True)
+    assert stored["certified"].dtype == bool
+
+
+@pytest.mark.parametrize("stem", ["a,b", 'say "hi"', "two\nlines", "123", "NaN", "grün"])
+def test_a_spec_with_an_awkward_name_reads_back(stem, tmp_path, facts):
+    fields = results.fields("bode")
+    values = {"number": 1.5, "boolean": True, "string": stem}
+    columns = {
+        field.name: np.array([values[field.kind]] * 2, dtype=object if field.kind == "string" else None)
+        for field in fields
+    }
+    results.write("bode", columns, facts, tmp_path)
+    for suffix in ("csv", "parquet"):
+        assert results.read(tmp_path / f"bode.{suffix}")["spec"].tolist() == [stem, stem]
+
+
+def test_a_missing_number_is_null_in_parquet(columns, facts, tmp_path):
+    import pyarrow.parquet
+
+    results.write("zwidth", columns, facts, tmp_path)
+    high = pyarrow.parquet.read_table(tmp_path / "zwidth.parquet")["high"]
+    assert high.null_count == sum(map(math.isnan, columns["high"]))
+
+
+def test_a_file_of_another_kind_is_refused(tmp_path):
+    with pytest.raises(UsageError, match=r"found the suffix '\.txt', expected \.csv or \.parquet"):
+        results.read(tmp_path / "zwidth.txt")

@@ -1,0 +1,126 @@
+"""All files of a table appear or none does, other people's results stay, and chunks leave no trace."""
+
+import hashlib
+
+import numpy as np
+import pytest
+
+from wavesweep import results
+from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.results.parquet import GROUP_ROWS
+
+
+def contents(directory):
+    return {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in directory.rglob("*") if file.is_file()}
+
+
+def draw(path):
+    path.write_bytes(b"a figure")
+
+
+def test_equal_runs_give_equal_bytes(columns, facts, tmp_path):
+    for name, seconds in (("a", 1.0), ("b", 2.0)):
+        results.write("zwidth", columns, {**facts, "timings": {"total": seconds}}, tmp_path / name)
+    first, second = contents(tmp_path / "a"), contents(tmp_path / "b")
+    assert {name for name in first if first[name] != second[name]} == {"zwidth.datapackage.json"}
+
+
+@pytest.mark.parametrize("sizes", [(1,), (7, 1000), (GROUP_ROWS,), (GROUP_ROWS + 1, 3)])
+def test_chunks_leave_no_trace(columns, facts, tmp_path, sizes):
+    length = 2 * GROUP_ROWS + 5 if sizes[-1] > 3 or len(sizes) > 1 else 300
+    table = {name: np.resize(column, length) for name, column in columns.items()}
+    results.write("zwidth", table, facts, tmp_path / "whole")
+    with results.TableWriter("zwidth", results.fields_of("zwidth", table), facts, tmp_path / "parts") as writer:
+        start = number = 0
+        while start < length:
+            # Cycles through the sizes, and takes the rest at once when chunks would be thousands.
+            size = sizes[number % len(sizes)] if number < 400 else length
+            writer.append({name: column[start : start + size] for name, column in table.items()})
+            start, number = start + size, number + 1
+        writer.finish()
+    assert contents(tmp_path / "parts") == contents(tmp_path / "whole")
+
+
+def test_a_table_without_rows_is_a_table(columns, facts, same, tmp_path):
+    empty = {name: column[:0] for name, column in columns.items()}
+    results.write("zwidth", empty, facts, tmp_path)
+    assert (tmp_path / "zwidth.csv").read_text() == ",".join(columns) + "\n"
+    same(results.read(tmp_path / "zwidth.csv"), empty)
+    same(results.read(tmp_path / "zwidth.parquet"), empty)
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf])
+def test_an_infinity_is_refused_by_column_and_row_and_nothing_is_written(columns, facts, tmp_path, value):
+    columns["high"][2] = value
+    with pytest.raises(WavesweepError, match=rf"column high, row 3: found {value}"):
+        results.write("zwidth", columns, facts, tmp_path / "new")
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_figure_that_cannot_be_drawn_leaves_nothing(columns, facts, tmp_path):
+    def fail(path):
+        path.write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    with pytest.raises(OSError, match="No space left"):
+        results.write("zwidth", columns, facts, tmp_path, figure=fail)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_that_fails_half_way_keeps_the_old_results(columns, facts, tmp_path):
+    results.write("zwidth", columns, facts, tmp_path)
+    before = contents(tmp_path)
+
+    def interrupted():
+        with results.TableWriter("zwidth", results.fields_of("zwidth", columns), facts, tmp_path) as writer:
+            writer.append(columns)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert contents(tmp_path) == before
+
+
+def test_results_of_another_spec_stay_without_force(columns, facts, tmp_path):
+    results.write("zwidth", columns, facts, tmp_path, figure=draw)
+    before, other = contents(tmp_path), {**facts, "spec_sha256": "cd" * 32}
+    with pytest.raises(UsageError, match="give --force"):
+        results.write("zwidth", columns, other, tmp_path)
+    assert contents(tmp_path) == before
+    results.write("zwidth", columns, other, tmp_path, force=True)
+    # The old figure shows the other spec's results: it must not stand beside these.
+    assert not (tmp_path / "zwidth.png").exists()
+
+
+def test_results_of_the_same_spec_are_replaced_and_the_figure_stays(columns, facts, tmp_path):
+    results.write("zwidth", columns, facts, tmp_path, figure=draw)
+    paths = results.write("zwidth", columns, facts, tmp_path)
+    assert [path.name for path in paths] == ["zwidth.csv", "zwidth.parquet", "zwidth.datapackage.json"]
+    assert (tmp_path / "zwidth.png").exists()
+
+
+@pytest.mark.parametrize("package", [None, "{ torn", "[]", '{"wavesweep": {}}'])
+def test_files_of_unknown_origin_stay(columns, facts, tmp_path, package):
+    (tmp_path / "zwidth.csv").write_text("mine\n")
+    if package is not None:
+        (tmp_path / "zwidth.datapackage.json").write_text(package)
+    with pytest.raises(UsageError, match="unknown origin"):
+        results.write("zwidth", columns, facts, tmp_path)
+    assert (tmp_path / "zwidth.csv").read_text() == "mine\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda c: c.pop("residual"), "expected .*residual"),
+        (lambda c: c.update(low=c["low"][:-1]), "differ in length"),
+        (lambda c: c.update(certified=c["low"]), "column certified: .* expected a column of kind boolean"),
+        (lambda c: c.update(low=c["low"][None]), "column low: found 2-dimensional"),
+        (lambda c: c.update(colour=c["low"]), "column colour: neither"),
+    ],
+)
+def test_a_table_that_does_not_fit_is_refused(columns, facts, tmp_path, change, message):
+    change(columns)
+    with pytest.raises(WavesweepError, match=message):
+        results.write("zwidth", columns, facts, tmp_path)
+    assert list(tmp_path.iterdir()) == []

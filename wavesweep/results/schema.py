@@ -1,0 +1,101 @@
+"""What the columns of each table are called, hold and mean."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+from wavesweep.errors import WavesweepError
+from wavesweep.spec import KEYS, SYMBOLS
+
+FieldKind = Literal["number", "integer", "boolean", "string"]
+
+
+@dataclass(frozen=True)
+class Field:
+    """One column: its name, what it holds, its unit ("1" without dimension, "" where none applies), its meaning."""
+
+    name: str
+    kind: FieldKind
+    unit: str
+    description: str
+
+
+_INTERVALS = (
+    Field("along", "string", "", "name of the axis that the intervals lie on"),
+    Field("intervals", "integer", "1", "number of stable intervals of this combination"),
+    Field("interval", "integer", "1", "number of this interval, from 0"),
+    Field("low", "number", "", "lower end of the stable interval, clipped to the swept range"),
+    Field("high", "number", "", "upper end of the stable interval, clipped to the swept range"),
+    Field("low_omega", "number", "rad/s", "oscillation that starts at low; missing where the range ends it"),
+    Field("high_omega", "number", "rad/s", "oscillation that starts at high; missing where the range ends it"),
+    Field("certified", "boolean", "", "ends and label are verified, no crossing inside can have been missed"),
+    Field("residual", "number", "1", "largest relative residual of the characteristic equation at the ends"),
+)
+
+_BODE = (
+    Field("spec", "string", "", "file stem of the spec"),
+    Field("controller", "string", "", "controller kind"),
+    Field("frequency_hz", "number", "Hz", "frequency of the hand force"),
+    Field("omega_Ts", "number", "rad", "normalised frequency, radians per sample of the slow rate"),
+    Field("admittance_re", "number", "m/N", "transmitted admittance, real part"),
+    Field("admittance_im", "number", "m/N", "transmitted admittance, imaginary part"),
+    Field("admittance_abs", "number", "m/N", "transmitted admittance, magnitude"),
+    Field("admittance_deg", "number", "deg", "transmitted admittance, phase"),
+    Field("impedance_re", "number", "N/m", "transmitted impedance, real part"),
+    Field("impedance_im", "number", "N/m", "transmitted impedance, imaginary part"),
+    Field("impedance_abs", "number", "N/m", "transmitted impedance, magnitude"),
+    Field("impedance_deg", "number", "deg", "transmitted impedance, phase"),
+    Field("worst_gain", "number", "m/N", "largest singular value of the lifted response"),
+    Field("stable", "boolean", "", "every eigenvalue but drift is inside the unit circle"),
+)
+
+_PASSIVITY = (
+    Field("channel_norm", "number", "1", "H-infinity norm of the wave channel; passive where it is at most 1"),
+    Field("channel_omega", "number", "rad/s", "frequency of that norm"),
+    Field("port_margin", "number", "m/N", "smallest eigenvalue of the Hermitian part, force to displacement"),
+    Field("port_omega", "number", "rad/s", "frequency of that margin"),
+    Field("channel_passive", "boolean", "", "the wave channel gives out no more energy than it takes in"),
+    Field("port_passive", "boolean", "", "the whole loop gives the hand no more energy than it takes in"),
+)
+
+TABLES: Mapping[str, tuple[Field, ...]] = {
+    "zwidth": _INTERVALS,
+    "stability-region": _INTERVALS,
+    "bode": _BODE,
+    "passivity": _PASSIVITY,
+}
+
+
+def fields(kind: str, axes: Iterable[str] = (), along: str = "K_VE") -> tuple[Field, ...]:
+    """Give the columns of a table in order: the swept axes, then those that every table of this kind has.
+
+    `along` names the axis that `low` and `high` are values of; they take its unit.
+    Raises WavesweepError for a table or an axis that does not exist.
+    """
+    if kind not in TABLES:
+        raise WavesweepError(f"no table is called {kind!r}, expected one of {', '.join(TABLES)}")
+    unit = _axis(along).unit
+    columns = [replace(field, unit=unit) if field.name in ("low", "high") else field for field in TABLES[kind]]
+    return (*map(_axis, axes), *columns)
+
+
+def fields_of(kind: str, columns: Mapping[str, Any]) -> tuple[Field, ...]:
+    """Give the columns of a table that is at hand: those that its kind does not have itself are its axes."""
+    own = {field.name for field in TABLES.get(kind, ())}
+    along = columns.get("along", ())
+    return fields(kind, [name for name in columns if name not in own], str(along[0]) if len(along) else "K_VE")
+
+
+def kinds_by_name() -> dict[str, FieldKind]:
+    """Give what each column name stands for, in whichever table: a name means the same everywhere."""
+    axes = {name: _axis(name).kind for name in (*SYMBOLS, *KEYS) if KEYS[SYMBOLS.get(name, name)].numeric}
+    return {**axes, **{field.name: field.kind for table in TABLES.values() for field in table}}
+
+
+def _axis(name: str) -> Field:
+    key = KEYS.get(SYMBOLS.get(name, name))
+    if key is None or not key.numeric:
+        raise WavesweepError(f"column {name}: neither a column of this table nor an axis that a spec can sweep")
+    return Field(name, "integer" if key.type == "integer" else "number", key.unit, key.description)
