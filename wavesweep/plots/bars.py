@@ -1,0 +1,36 @@
+"""Stable intervals as horizontal bars, for tables without a second axis to draw a plane over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from wavesweep.plots.style import DOUBTFUL, family_colours
+
+_HALF = 0.32  # of the distance between two bars
+
+
+def draw_bars(axes: Any, members: Sequence[Mapping[str, np.ndarray]], names: Sequence[str]) -> None:
+    """Draw a bar per stable interval, a line of bars per member, named at the left.
+
+    An end of the stable set has a stroke across; where the swept range ends the bar, it has none.
+    """
+    colour = family_colours(1)[0]
+    for place, columns in enumerate(members):
+        stable = np.flatnonzero(columns["intervals"] > 0).tolist()
+        if not stable:
+            axes.annotate("nowhere stable", (0, place), (3, 0), textcoords="offset points", va="center", color="0.35")
+        for row in stable:
+            _draw_bar(axes, place, {name: column[row] for name, column in columns.items()}, colour)
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(-0.6, max(len(members) - 0.4, 0.6))
+
+
+def _draw_bar(axes: Any, place: int, row: Mapping[str, Any], colour: Any) -> None:
+    edge, style = (colour, "-") if row["certified"] else (DOUBTFUL, "--")
+    axes.barh(place, row["high"] - row["low"], left=row["low"], height=2 * _HALF, color=colour, alpha=0.25, linewidth=0)
+    for end in ("low", "high"):
+        if not np.isnan(row[f"{end}_omega"]):
+            axes.vlines(row[end], place - _HALF, place + _HALF, colors=edge, linestyles=style)

@@ -1,0 +1,110 @@
+"""The figure of stable intervals: where the loop is stable, over the plane of two axes or as bars."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavesweep.plots.bars import draw_bars
+from wavesweep.plots.layout import Layout, lay_out
+from wavesweep.plots.region import draw_region
+from wavesweep.plots.style import DOUBTFUL, ONE_COLUMN, TWO_COLUMNS, family_colours, figure, label, symbol
+
+_PANEL_HEIGHT = 2.3  # inches
+
+
+def zwidth(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path) -> None:
+    """Draw the stable intervals of a `zwidth` or `stability-region` table as PNG.
+
+    The stable region is filled, its holes stay white; its boundary is solid where certified, dashed red where not.
+    Values of one further axis become a family of lines, those of more axes panels; a note says what did not fit.
+    """
+    del facts
+    layout = lay_out(columns)
+    rows = -(-len(layout.panels) // 3)
+    width = ONE_COLUMN if len(layout.panels) == 1 else TWO_COLUMNS
+    height = 2.8 if len(layout.panels) == 1 else _PANEL_HEIGHT * rows + 0.4
+    with figure(path, width, height) as canvas:
+        grid = canvas.subplots(rows, min(3, len(layout.panels)), sharex=True, sharey=True, squeeze=False)
+        for axes, panel in zip(grid.flat, layout.panels, strict=False):
+            _draw_panel(axes, _rows_where(columns, panel), layout)
+            axes.set_title(", ".join(f"{symbol(name)} = {value:g}" for name, value in panel.items()))
+        for axes in grid.flat[len(layout.panels) :]:
+            axes.set_visible(False)
+        _limit(grid[0, 0], columns, bars=layout.x is None)
+        _name_axes(canvas, columns, layout)
+        _add_legend(canvas, columns, layout)
+
+
+def _draw_panel(axes: Any, columns: Mapping[str, np.ndarray], layout: Layout) -> None:
+    if layout.x is not None and not (columns["intervals"] > 0).any():
+        axes.text(0.5, 0.5, "nowhere stable in the swept range", ha="center", va="center", transform=axes.transAxes)
+    if layout.x is None:
+        draw_bars(axes, [member for _, member in _members(columns, layout)], [f"{v:g}" for v in layout.members])
+        return
+    if _logarithmic(columns[layout.x]):
+        axes.set_xscale("log")
+    colours = family_colours(max(1, len(layout.members)))
+    for colour, (_, member) in zip(colours, _members(columns, layout), strict=True):
+        draw_region(axes, member, layout.x, colour, alone=len(colours) == 1)
+    axes.set_xlim(columns[layout.x].min(), columns[layout.x].max())
+
+
+def _limit(axes: Any, columns: Mapping[str, np.ndarray], bars: bool) -> None:
+    """Show every interval of the table; all panels share these limits, so that they can be compared."""
+    bottom, top = np.nanmin(columns["low"], initial=0.0), np.nanmax(columns["high"], initial=0.0)
+    limits = (float(bottom), float(top + 0.05 * (top - bottom)) if top > bottom else 1.0)
+    axes.set_xlim(limits) if bars else axes.set_ylim(limits)
+
+
+def _members(columns: Mapping[str, np.ndarray], layout: Layout) -> Iterator[tuple[float, dict[str, np.ndarray]]]:
+    if layout.family is None:
+        yield np.nan, dict(columns)
+    for value in layout.members:
+        yield value, _rows_where(columns, {layout.family: value})
+
+
+def _rows_where(columns: Mapping[str, np.ndarray], values: Mapping[str, float]) -> dict[str, np.ndarray]:
+    chosen = np.ones(len(columns["along"]), dtype=bool)
+    for name, value in values.items():
+        chosen &= columns[name] == value
+    return {name: column[chosen] for name, column in columns.items()}
+
+
+def _logarithmic(values: np.ndarray) -> bool:
+    """Whether an axis was spaced by a constant factor: then it is drawn so."""
+    steps = np.unique(values)
+    if len(steps) < 4 or steps[0] <= 0:
+        return False
+    return bool(np.ptp(np.diff(np.log(steps))) < 1e-6 * np.log(steps[-1] / steps[0]))
+
+
+def _name_axes(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) -> None:
+    along = label(str(columns["along"][0]))
+    bars = layout.x is None
+    canvas.supxlabel(along if bars else label(layout.x), fontsize=8)
+    across = (label(layout.family) if layout.family else "") if bars else along
+    if across:
+        canvas.supylabel(across, fontsize=8)
+    if layout.left_out:
+        strip = 0.16 / canvas.get_figheight()
+        canvas.get_layout_engine().set(rect=(0, strip, 1, 1 - strip))
+        canvas.text(0.01, 0.25 * strip, layout.left_out, fontsize=7, color="0.35")
+
+
+def _add_legend(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = []
+    if layout.x is not None and layout.family is not None:
+        colours = family_colours(len(layout.members))
+        handles = [Line2D([], [], color=c, label=f"{v:g}") for c, v in zip(colours, layout.members, strict=True)]
+    if not columns["certified"].all():
+        handles.append(Line2D([], [], color=DOUBTFUL, linestyle="--", label="not certified"))
+    if handles:
+        title = label(layout.family) if len(handles) > 1 else None
+        place = {"loc": "outside upper center", "ncols": 5, "columnspacing": 1.0, "handlelength": 1.3}
+        canvas.legend(handles=handles, title=title, **place)

@@ -1,0 +1,106 @@
+"""One stable region of a plane, drawn from its intervals at the values of x."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from wavesweep.plots.style import DOUBTFUL
+
+
+@dataclass(frozen=True)
+class Interval:
+    """A stable interval, and which of its ends are real ones (the swept range ends the others)."""
+
+    low: float
+    high: float
+    low_real: bool
+    high_real: bool
+    certified: bool
+
+
+# An interval followed over neighbouring values of x: (x, interval) in order of x.
+Chain = list[tuple[float, Interval]]
+
+
+def draw_region(axes: Any, columns: Mapping[str, np.ndarray], x: str, colour: Any, alone: bool) -> None:
+    """Fill the stable region and draw its boundary; a region among others of a family is filled faintly."""
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    chains = _chains(columns, x)
+    # Whole chains and not a polygon from each x to the next: seams between polygons show.
+    outlines = [_outline(chain) for chain in chains]
+    axes.add_collection(PolyCollection(outlines, facecolor=colour, alpha=0.25 if alone else 0.07, linewidth=0))
+    certain = [line for chain in chains for line in _boundary(chain, certified=True)]
+    doubtful = [line for chain in chains for line in _boundary(chain, certified=False)]
+    axes.add_collection(LineCollection(certain, colors=[colour], linewidths=1.2, capstyle="round"))
+    axes.add_collection(LineCollection(doubtful, colors=DOUBTFUL, linewidths=1.2, linestyles="--", zorder=3))
+
+
+def _chains(columns: Mapping[str, np.ndarray], x: str) -> list[Chain]:
+    """Follow each interval from x to x for as long as it has one partner; a chain without one ends half way.
+
+    Two intervals that become one have no straight line between them: drawn up to half way, nothing is shown that was
+    not computed, and a hole stays a hole.
+    """
+    slices = [(value, _intervals(columns, columns[x] == value)) for value in np.unique(columns[x]).tolist()]
+    growing: dict[int, Chain] = {index: [(slices[0][0], each)] for index, each in enumerate(slices[0][1])}
+    finished: list[Chain] = []
+    for (left, before), (right, after) in pairwise(slices):
+        partners, middle = _partners(before, after), (left + right) / 2
+        grown = {}
+        for index, interval in enumerate(after):
+            start = [(middle, interval)] if index not in partners else growing.pop(partners[index])
+            grown[index] = [*start, (right, interval)]
+        finished += [[*chain, (middle, chain[-1][1])] for chain in growing.values()]
+        growing = grown
+    return finished + list(growing.values())
+
+
+def _partners(before: list[Interval], after: list[Interval]) -> dict[int, int]:
+    """Give, for indices of `after`, that of the one interval of `before` where each overlaps only the other."""
+    overlaps = [(i, j) for i, a in enumerate(before) for j, b in enumerate(after) if a.low < b.high and b.low < a.high]
+    once_before, once_after = Counter(i for i, _ in overlaps), Counter(j for _, j in overlaps)
+    return {j: i for i, j in overlaps if once_before[i] == 1 and once_after[j] == 1}
+
+
+def _intervals(columns: Mapping[str, np.ndarray], rows: np.ndarray) -> list[Interval]:
+    stable = np.flatnonzero(rows & (columns["intervals"] > 0))
+    return [
+        Interval(
+            float(columns["low"][row]),
+            float(columns["high"][row]),
+            not np.isnan(columns["low_omega"][row]),
+            not np.isnan(columns["high_omega"][row]),
+            bool(columns["certified"][row]),
+        )
+        for row in stable.tolist()
+    ]
+
+
+def _outline(chain: Chain) -> list[tuple[float, float]]:
+    return [(x, each.high) for x, each in chain] + [(x, each.low) for x, each in reversed(chain)]
+
+
+def _boundary(chain: Chain, certified: bool) -> Iterator[list[tuple[float, float]]]:
+    """Give the stretches of both ends that are real ends and whose certificate is as asked, as lines."""
+    yield from _stretches([(x, e.low, e.low_real, e.certified) for x, e in chain], certified)
+    yield from _stretches([(x, e.high, e.high_real, e.certified) for x, e in chain], certified)
+
+
+def _stretches(ends: list[tuple[float, float, bool, bool]], certified: bool) -> Iterator[list[tuple[float, float]]]:
+    """A piece between two ends counts as certified where both are; pieces that touch make one line, for its dashes."""
+    line: list[tuple[float, float]] = []
+    for (x, value, real, sure), (next_x, next_value, next_real, next_sure) in pairwise(ends):
+        if real and next_real and (sure and next_sure) == certified:
+            line = [*(line or [(x, value)]), (next_x, next_value)]
+        elif line:
+            yield line
+            line = []
+    if line:
+        yield line

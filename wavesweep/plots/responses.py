@@ -1,0 +1,124 @@
+"""The figure of frequency responses: admittance and transmitted impedance, magnitude over phase."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavesweep.plots.style import IDEAL, TWO_COLUMNS, distinct_colour, family_colours, figure, symbol
+
+_LINES = ("-", (0, (5, 1.5)), (0, (3, 1, 1, 1)), (0, (1, 1)))
+_PANELS = (
+    ("admittance_abs", "admittance (m/N)"),
+    ("impedance_abs", "impedance (N/m)"),
+    ("admittance_deg", "phase (deg)"),
+    ("impedance_deg", "phase (deg)"),
+)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The rows of one spec at one combination of the axes, and how they are drawn."""
+
+    rows: dict[str, np.ndarray]
+    label: str
+    style: dict[str, Any]
+
+
+def bode(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path) -> None:
+    """Draw a `bode` table as PNG: magnitude and phase of admittance and impedance, over Hz below and omega T_s above.
+
+    Direct coupling at the fast rate is the ideal, dashed black; an unstable loop's curve is faint. Phases are
+    unwrapped.
+    """
+    del facts
+    curves = list(_curves(columns))
+    legend_rows = -(-len(curves) // 3)
+    with figure(path, TWO_COLUMNS, 4.0 + 0.17 * legend_rows) as canvas:
+        grid = canvas.subplots(2, 2, sharex=True)
+        for axes, (name, title) in zip(grid.flat, _PANELS, strict=True):
+            _draw_panel(axes, curves, name)
+            axes.set_ylabel(title)
+        for axes in grid[1]:
+            axes.set_xlabel("frequency (Hz)")
+        _add_normalised_frequency(grid[0], columns)
+        canvas.align_ylabels()
+        canvas.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=min(3, len(curves)))
+
+
+def _draw_panel(axes: Any, curves: list[Curve], name: str) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    for curve in curves:
+        values = curve.rows[name]
+        drawn = _unwrapped(values) if name.endswith("_deg") else values
+        axes.plot(curve.rows["frequency_hz"], drawn, label=curve.label, **curve.style)
+    frequency = np.concatenate([curve.rows["frequency_hz"] for curve in curves])
+    if frequency.min() > 0 and frequency.max() > 20 * frequency.min():
+        axes.set_xscale("log")
+    if name.endswith("_abs"):
+        axes.set_yscale("log")
+    else:
+        axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 1.8, 3.6, 4.5, 9, 10]))
+    if frequency.max() > frequency.min():
+        axes.set_xlim(frequency.min(), frequency.max())
+    axes.grid(visible=True, which="major", color="0.88", linewidth=0.5)
+
+
+def _unwrapped(degrees: np.ndarray) -> np.ndarray:
+    """Take out jumps of a turn; they would be drawn as vertical lines. A missing value breaks the curve only there."""
+    drawn, known = degrees.copy(), ~np.isnan(degrees)
+    drawn[known] = np.unwrap(degrees[known], period=360.0)
+    return drawn
+
+
+def _curves(columns: Mapping[str, np.ndarray]) -> Iterator[Curve]:
+    axes = [name for name in list(columns)[: list(columns).index("spec")] if len(np.unique(columns[name])) > 1]
+    for index, spec in enumerate(dict.fromkeys(columns["spec"].tolist())):
+        responses = _responses(_chosen(columns, columns["spec"] == spec), axes)
+        colours = family_colours(len(responses)) if len(responses) > 1 else [distinct_colour(index)]
+        for colour, (place, rows) in zip(colours, responses.items(), strict=True):
+            style = {"color": colour, "linestyle": _LINES[index % len(_LINES)] if len(responses) > 1 else "-"}
+            yield _curve(rows, spec, place if len(responses) > 1 else "", style)
+
+
+def _responses(columns: Mapping[str, np.ndarray], axes: list[str]) -> dict[str, dict[str, np.ndarray]]:
+    """Give the rows of each combination of the axes, named by it.
+
+    An axis that a controller ignores repeats its rows: one line is enough.
+    """
+    values = np.stack([columns[name].astype(float) for name in axes] or [np.zeros(len(columns["spec"]))], axis=1)
+    found: dict[bytes, tuple[str, dict[str, np.ndarray]]] = {}
+    for combination in np.unique(values, axis=0):
+        rows = _chosen(columns, (values == combination).all(axis=1))
+        place = ", ".join(f"{symbol(name)} = {value:g}" for name, value in zip(axes, combination, strict=False))
+        found.setdefault(rows["admittance_re"].tobytes() + rows["impedance_re"].tobytes(), (place, rows))
+    return dict(found.values())
+
+
+def _chosen(columns: Mapping[str, np.ndarray], rows: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: column[rows] for name, column in columns.items()}
+
+
+def _curve(rows: dict[str, np.ndarray], spec: str, place: str, style: dict[str, Any]) -> Curve:
+    ideal, stable = rows["controller"][0] == "dc", rows["stable"].all()
+    if ideal:
+        style = {"color": IDEAL, "linestyle": "--", "zorder": 3}
+    words = [f"{spec} (ideal)" if ideal else spec, place, "" if stable else "unstable"]
+    return Curve(rows, ", ".join(filter(None, words)), style if stable else {**style, "alpha": 0.35})
+
+
+def _add_normalised_frequency(top: Any, columns: Mapping[str, np.ndarray]) -> None:
+    """Put omega T_s above, unless the specs have different slow rates and no one scale is right."""
+    positive = columns["frequency_hz"] > 0
+    ratios = columns["omega_Ts"][positive] / columns["frequency_hz"][positive]
+    if not len(ratios) or np.ptp(ratios) > 1e-9 * ratios[0]:
+        return
+    scale = float(ratios[0])
+    for axes in top:
+        above = axes.secondary_xaxis("top", functions=(lambda hz: hz * scale, lambda omega: omega / scale))
+        above.set_xlabel(r"$\omega T_s$ (rad/sample)")

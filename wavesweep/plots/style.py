@@ -1,0 +1,89 @@
+"""What all figures have in common: sizes for a paper, fonts, colours that the colour-blind can tell apart, names."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from wavesweep.results import fields
+
+ONE_COLUMN = 3.5  # inches: the column of a two-column paper
+TWO_COLUMNS = 7.0
+DOTS_PER_INCH = 200
+IDEAL = "black"
+DOUBTFUL = "#d62728"
+
+# Okabe and Ito's colours without black, which is the ideal's, and without yellow, which is faint on white.
+_DISTINCT = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+_SYMBOLS = {
+    "K_VE": r"$K_\mathrm{VE}$",
+    "B_VE": r"$B_\mathrm{VE}$",
+    "K_LM": r"$K_\mathrm{LM}$",
+    "B_LM": r"$B_\mathrm{LM}$",
+    "Kp": r"$K_p$",
+    "b": r"$b$",
+}
+_STYLE = {
+    "font.size": 8,
+    "axes.labelsize": 8,
+    "axes.titlesize": 8,
+    "axes.linewidth": 0.6,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "legend.fontsize": 8,
+    "legend.title_fontsize": 8,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "figure.constrained_layout.h_pad": 0.03,
+    "figure.constrained_layout.w_pad": 0.03,
+}
+
+
+@contextmanager
+def figure(path: Path, width: float, height: float) -> Iterator[Any]:
+    """Give a figure to draw in, and write it as PNG to `path` at the end; `width` and `height` in inches.
+
+    The same drawing gives the same bytes: neither a date nor a program's version goes into the file.
+    """
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from PIL import Image
+
+    # Nobody's matplotlibrc has a say, so that a figure looks alike everywhere.
+    with matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE, "backend": "agg"}):
+        canvas = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
+        agg = FigureCanvasAgg(canvas)
+        yield canvas
+        agg.draw()
+        pixels = Image.frombuffer("RGBA", agg.get_width_height(), agg.buffer_rgba())
+        # A palette of 256 colours is plenty for lines and flat areas, and takes a third of the bytes.
+        palette = pixels.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+        palette.save(path, format="png", dpi=(DOTS_PER_INCH, DOTS_PER_INCH), optimize=True)
+
+
+def family_colours(number: int) -> list[Any]:
+    """Give colours for an ordered family, dark to light; the map's yellow end is left out, it is faint on white."""
+    from matplotlib import colormaps
+
+    if number == 1:
+        return [_DISTINCT[0]]
+    return [colormaps["viridis"](0.85 * index / (number - 1)) for index in range(number)]
+
+
+def distinct_colour(index: int) -> str:
+    """Give a colour for one of several things without an order; they repeat after six."""
+    return _DISTINCT[index % len(_DISTINCT)]
+
+
+def symbol(name: str) -> str:
+    """The name of an axis as a paper prints it."""
+    return _SYMBOLS.get(name, name)
+
+
+def label(name: str) -> str:
+    """The name of an axis with its unit."""
+    unit = next(field.unit for field in fields("zwidth", [name]) if field.name == name)
+    return symbol(name) if unit == "1" else f"{symbol(name)} ({unit.replace('*', '·')})"
