@@ -1,0 +1,19 @@
+"""`wavesweep bode`."""
+
+import click
+
+from wavesweep.cli.options import Options, common
+
+
+@click.command("bode")
+@click.argument("specs", metavar="SPEC...", nargs=-1, required=True)
+@common
+def command(specs: tuple[str, ...], options: Options) -> None:
+    """Compute transmitted admittance and impedance over frequency, a curve per spec.
+
+    Each SPEC is a TOML file; axes in its [bode] table give a curve for each combination of their values.
+    """
+    from wavesweep import plots, sweep
+    from wavesweep.cli.producing import produce
+
+    produce("bode", specs, options, sweep.responses, plots.bode)

@@ -1,0 +1,23 @@
+"""`wavesweep zwidth`."""
+
+import click
+
+from wavesweep.cli.options import Options, common
+
+
+@click.command("zwidth")
+@click.argument("spec")
+@common
+def command(spec: str, options: Options) -> None:
+    """Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.
+
+    SPEC is a TOML file; its [sweep] table names the axes. All stable intervals are reported, not the first one, and
+    each says whether it is certified.
+    """
+    from wavesweep import plots, sweep
+    from wavesweep.cli.producing import produce
+
+    def compute(specs, **work):
+        return sweep.intervals(specs[0], along="K_VE", **work)
+
+    produce("zwidth", [spec], options, compute, plots.zwidth)
