@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.intervals.curve import K_VE
 from wavesweep.analysis.intervals.isolate import isolate
 from wavesweep.analysis.intervals.polish import at_ends, polish
 from wavesweep.analysis.intervals.polynomial import Polynomial, angle
@@ -44,12 +43,17 @@ def crossings(cut: Cut, along: str, fixed, polynomial: Polynomial) -> Crossings:
     astray = ~(np.abs(theta - seed) <= 1e-4 * np.minimum(seed, np.pi - seed)) | ~converged
     complete[column[astray]] = False
     jump = -2.0 * roots.slope_sign[column, which]
-    at_one, at_minus_one = at_ends(cut, along, fixed)
+    ends = at_both_ends(cut, along, fixed, roots.at_one, roots.at_minus_one)
+    return Crossings(*(np.concatenate(pair) for pair in zip((column, value, theta, jump), ends, strict=True)), complete)
+
+
+def at_both_ends(cut: Cut, along: str, fixed, sign_at_one, sign_at_minus_one):
+    """Crossings at z = 1 and z = -1 of every column: (column, value, theta, jump).
+
+    sign_at_one, sign_at_minus_one: sign of the polynomial there, which says which way the eigenvalue goes.
+    """
     everyone = np.arange(fixed.size)
-    ends = np.concatenate([at_one, at_minus_one])
-    end_jump = np.concatenate([roots.at_one, -roots.at_minus_one])
-    end_theta = np.repeat([0.0, np.pi], fixed.size)
-    return Crossings(
-        np.concatenate([column, everyone, everyone]), np.concatenate([value, ends]),
-        np.concatenate([theta, end_theta]), np.concatenate([jump, end_jump]), complete,
+    return (
+        np.tile(everyone, 2), np.concatenate(at_ends(cut, along, fixed)), np.repeat([0.0, np.pi], fixed.size),
+        np.concatenate([sign_at_one, -sign_at_minus_one]),
     )

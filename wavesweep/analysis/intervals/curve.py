@@ -38,14 +38,24 @@ def transfer(cut: Cut, w) -> np.ndarray:
     """`C (w I - E)^-1 B + D` for the rows V, ADVANCE, OFFSET: `(..., 3)`."""
     w = np.asarray(w)
     A = w[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
-    return (cut.C @ np.linalg.solve(A, cut.B + 0 * w[..., None, None]) + cut.D)[..., 0]
+    return (cut.C @ _solve(A, cut.B + 0 * w[..., None, None]) + cut.D)[..., 0]
 
 
 def transfer_and_slope(cut: Cut, w) -> tuple[np.ndarray, np.ndarray]:
     """The same and its derivative by w."""
     A = w[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
-    state = np.linalg.solve(A, cut.B + 0 * w[..., None, None])
-    return (cut.C @ state + cut.D)[..., 0], -(cut.C @ np.linalg.solve(A, state))[..., 0]
+    state = _solve(A, cut.B + 0 * w[..., None, None])
+    return (cut.C @ state + cut.D)[..., 0], -(cut.C @ _solve(A, state))[..., 0]
+
+
+def _solve(A, b):
+    """Batched solve; a matrix that is exactly singular (a pole at this very point) gives a huge state, not an error."""
+    try:
+        return np.linalg.solve(A, b)
+    except np.linalg.LinAlgError:
+        singular = np.linalg.slogdet(A)[0] == 0
+        nudge = np.finfo(float).eps * np.maximum(np.abs(A).max((-1, -2)), 1) * singular
+        return np.linalg.solve(A + nudge[..., None, None] * np.eye(A.shape[-1]), b)
 
 
 def on_circle(theta):

@@ -27,9 +27,10 @@ def isolate(coefficients, noise) -> Roots:
 
     coefficients: `(rows, n)`; noise: `(rows,)`. The n-1 complex roots are the eigenvalues of the colleague matrix
     (Specht 1957; Good 1961). Proof: by Smith's theorem (B. T. Smith, J. ACM 17, 1970) discs about n-1 approximations,
-    of radius `(n-1) |q(x_i)| / (|lead| prod |x_i - x_j|)`, hold all the roots, and an isolated disc holds exactly one.
-    |q(x_i)| is enlarged by what the noise can do there. So when each disc that touches [-1, 1] is isolated and centred on
-    the real axis, no root can hide, not even two that lie close together: these would make their discs meet.
+    of radius `r_i / weight_i`, `r_i = |q(x_i)| / (|lead| prod |x_i - x_j|)`, weights of sum 1, hold all the roots, and an
+    isolated disc holds exactly one. |q(x_i)| is enlarged by what the noise can do there. So when each disc that touches
+    [-1, 1] is isolated and centred on the real axis, no root can hide, not even two that lie close together: these would
+    make their discs meet.
     """
     rows, n = coefficients.shape
     if n < 2:
@@ -40,18 +41,13 @@ def isolate(coefficients, noise) -> Roots:
     coefficients = coefficients / np.where(size > 0, size, 1)[:, None]
     noise = noise / np.where(size > 0, size, 1)
     roots = _eigenvalues(coefficients)
-    value, reach = _evaluate(coefficients, roots)
-    radius, apart = _discs(coefficients, roots, np.abs(value) + noise[:, None] * reach)
-    real = roots.imag == 0
-    beyond = np.abs(roots.real) - 1
-    distance = np.where(beyond > 0, np.hypot(np.maximum(beyond, 0), roots.imag), np.abs(roots.imag))
-    touching = ~(distance > radius)
-    lonely = ~np.any(apart <= radius[:, :, None] + radius[:, None, :], axis=-1)
-    settled = lonely & real & (-beyond > radius)
-    proved = np.all(~touching | settled, axis=-1) & np.all(np.isfinite(radius), axis=-1)
+    proved = _proof(coefficients, noise, roots)
+    again = np.flatnonzero(~proved)
+    if again.size:
+        proved[again] = _proof(coefficients[again], noise[again], _spread(roots[again]))
+    inside = (roots.imag == 0) & (np.abs(roots.real) < 1)
     ends = coefficients @ np.arange(1, n + 1), coefficients @ (np.arange(1, n + 1) * (-1.0) ** np.arange(n))
     sure = [np.abs(e) > noise * n * (n + 1) / 2 for e in ends]
-    inside = real & (beyond < 0)
     return Roots(roots.real, inside, _slope_sign(coefficients, roots, inside), np.sign(ends[0]), np.sign(ends[1]),
                  proved & sure[0] & sure[1])
 
@@ -81,15 +77,48 @@ def _evaluate(coefficients, x):
     return value, reach
 
 
+def _proof(coefficients, noise, roots):
+    """Whether the discs about `roots` show every real root in (-1, 1), row by row."""
+    value, reach = _evaluate(coefficients, roots)
+    radius, apart = _discs(coefficients, roots, np.abs(value) + noise[:, None] * reach)
+    distance, beyond = _from_segment(roots)
+    touching = ~(distance > radius)
+    lonely = ~np.any(apart <= radius[:, :, None] + radius[:, None, :], axis=-1)
+    settled = lonely & (roots.imag == 0) & (-beyond > radius)
+    return np.all(~touching | settled, axis=-1) & np.all(np.isfinite(radius), axis=-1)
+
+
+def _from_segment(x):
+    """Distance of x from [-1, 1], and how far its real part is beyond the ends (negative inside)."""
+    beyond = np.abs(x.real) - 1
+    return np.hypot(np.maximum(beyond, 0), x.imag), beyond
+
+
+def _spread(roots):
+    """Move crowded roots apart that lie away from the segment.
+
+    The theorem holds for any n-1 points. Pure delays put a multiple root at one point outside [-1, 1], where computed
+    roots crowd and their discs swell; points on a small circle about it have discs of that circle's size.
+    """
+    distance, _ = _from_segment(roots)
+    apart = np.abs(roots[:, :, None] - roots[:, None, :])
+    index = np.arange(roots.shape[1])
+    apart[:, index, index] = np.inf
+    crowded = apart.min(-1, initial=np.inf) < 0.1 * distance
+    return roots + np.where(crowded, 0.04 * distance, 0) * np.exp(2.4j * index)
+
+
 def _discs(coefficients, roots, bound):
-    """Smith's radii `(rows, n-1)` and the mutual distances `(rows, n-1, n-1)` (infinite on the diagonal)."""
+    """Radii `(rows, n-1)` and the mutual distances `(rows, n-1, n-1)` (infinite on the diagonal)."""
     n = coefficients.shape[1]
     apart = np.abs(roots[:, :, None] - roots[:, None, :])
     index = np.arange(n - 1)
     apart[:, index, index] = 1.0
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
         log_product = np.log(apart).sum(-1) + np.log(np.abs(coefficients[:, -1:])) + (n - 1) * np.log(2.0)
-        radius = (n - 1) * np.exp(np.log(bound) - log_product)
+        share = np.exp(np.log(bound) - log_product)
+        # Half of the weight is dealt out evenly, for the small discs, and half in proportion, for the large ones.
+        radius = share / (0.5 / (n - 1) + 0.5 * share / share.sum(-1, keepdims=True))
     apart[:, index, index] = np.inf
     return radius, apart
 
