@@ -1,5 +1,7 @@
 """`wavesweep bode`."""
 
+from pathlib import Path
+
 import click
 
 from wavesweep.cli.options import Options, common
@@ -16,4 +18,8 @@ def command(specs: tuple[str, ...], options: Options) -> None:
     from wavesweep import plots, sweep
     from wavesweep.cli.producing import produce
 
+    stems = [Path(source).stem for source in specs]
+    for stem in stems:
+        if stems.count(stem) > 1:
+            raise click.UsageError(f"two specs are called {stem}: nothing would tell their curves apart")
     produce("bode", specs, options, sweep.responses, plots.bode)

@@ -22,7 +22,7 @@ def _intervals(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> I
     # A slice has one row numbered 0, whatever it holds.
     split = int(((columns["intervals"] > 1) & (columns["interval"] == 0)).sum())
     skipped = f" ({slices['skipped']} skipped)" if slices["skipped"] else ""
-    holes = f", {split} of the slices with holes between them" if split else ""
+    holes = f", {_count(split, 'slice')} with a hole" if split else ""
     yield f"{_count(slices['computed'], 'slice')}{skipped}: {_count(int(rows.sum()), 'stable interval')}{holes}", False
     yield _largest(columns, along) if rows.any() else (f"no stable {along} anywhere in the swept range", False)
     # Rows and not slices: an uncertified row names the interval that a user should not lean on.

@@ -1,0 +1,121 @@
+"""Commands run in this process, over a sweep that answers at once."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from wavesweep.cli import main
+
+SPEC = """
+[controller]
+kind = "pmw"
+[sweep]
+K_VE = { start = 0, stop = 20000 }
+B_VE = [0.5, 1.0]
+"""
+
+
+@dataclass
+class Run:
+    """What a sweep gives back."""
+
+    columns: dict
+    facts: dict
+
+
+@dataclass
+class Calls:
+    """The calls that the commands made, and what the next one fails with, if it shall fail."""
+
+    seen: list = field(default_factory=list)
+    fail: BaseException | None = None
+
+    def note(self, name, **given):
+        """Remember a call."""
+        self.seen.append((name, given))
+        if self.fail is not None:
+            raise self.fail
+
+
+def facts_of(specs):
+    return {
+        "schema_version": 1,
+        "tool_version": "0.1.0",
+        "spec": specs[0].tables(),
+        "spec_sha256": specs[0].sha256,
+        "methods": {},
+        "slices": {"computed": 2, "skipped": 0, "certified": 2},
+        "timings": {"total": 0.1},
+    }
+
+
+def intervals_table():
+    return {
+        "B_VE": np.array([0.5, 1.0, 1.0]),
+        "along": np.array(["K_VE"] * 3, dtype=object),
+        "intervals": np.array([1, 2, 2]),
+        "interval": np.array([0, 0, 1]),
+        "low": np.array([0.0, 0.0, 2523.335]),
+        "high": np.array([700.0, 799.713, 4448.819]),
+        "low_omega": np.array([np.nan, np.nan, 90.0]),
+        "high_omega": np.array([40.0, 41.0, 157.0]),
+        "certified": np.array([True, True, True]),
+        "residual": np.full(3, 1e-15),
+    }
+
+
+def bode_table(specs):
+    parts = [f"{name}_{part}" for name in ("admittance", "impedance") for part in ("re", "im", "abs", "deg")]
+    length = 2 * len(specs)
+    return {
+        "spec": np.array([spec.name for spec in specs for _ in range(2)], dtype=object),
+        "controller": np.full(length, "pmw", dtype=object),
+        "frequency_hz": np.tile([1.0, 10.0], len(specs)),
+        "omega_Ts": np.tile([0.1257, 1.257], len(specs)),
+        **{part: np.linspace(1, 2, length) for part in parts},
+        "worst_gain": np.ones(length),
+        "stable": np.ones(length, dtype=bool),
+    }
+
+
+@pytest.fixture
+def sweep(monkeypatch):
+    """Replace the sweep, and give what it was called with."""
+    calls = Calls()
+
+    def intervals(spec, **given):
+        calls.note("intervals", **given)
+        return Run(intervals_table(), facts_of([spec]))
+
+    def responses(specs, **given):
+        calls.note("responses", **given)
+        return Run(bode_table(specs), facts_of(specs))
+
+    def plan(spec, **given):
+        calls.note("plan", **given)
+        return [f"kind {spec.values['controller.kind']}", "2 slices"]
+
+    for name, function in (("intervals", intervals), ("responses", responses), ("plan", plan)):
+        monkeypatch.setattr(f"wavesweep.sweep.{name}", function, raising=False)
+    return calls
+
+
+@pytest.fixture
+def spec(tmp_path, monkeypatch):
+    """A spec file in the current folder, which is a new one."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "wall.toml").write_text(SPEC)
+    return "wall.toml"
+
+
+@pytest.fixture
+def wavesweep(capfdbinary):
+    """Run the command line and give (exit code, stdout, stderr)."""
+
+    def run(*arguments):
+        code = main(arguments)
+        streams = capfdbinary.readouterr()
+        return code, streams.out.decode(), streams.err.decode()
+
+    return run

@@ -1,0 +1,116 @@
+"""Each kind of failing has its exit code and a line for its user; a traceback comes with --debug only."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from wavesweep.errors import IllPosedLoopError, UsageError
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (IllPosedLoopError("the loop has no solution"), 1, "Error: the loop has no solution"),
+        (UsageError("no such axis"), 2, "Error: no such axis"),
+        (KeyboardInterrupt(), 130, "Interrupted."),
+        (MemoryError(), 1, "Error: out of memory; fewer values per axis or fewer --jobs take less"),
+        (OSError(28, "No space left on device"), 1, "Error: No space left on device"),
+        (PermissionError(13, "Permission denied", "there/x.csv"), 1, "Error: there/x.csv: Permission denied"),
+        (
+            ZeroDivisionError("by zero"),
+            1,
+            "Error: ZeroDivisionError: by zero (a fault of wavesweep; --debug shows where)",
+        ),
+    ],
+)
+def test_a_failing_run_says_one_line_and_its_code(error, code, line, wavesweep, sweep, spec, tmp_path):
+    sweep.fail = error
+    found, out, err = wavesweep("zwidth", spec)
+    assert (found, out, err.strip()) == (code, "", line)
+    assert not (tmp_path / "results").exists()
+    found, _, err = wavesweep("zwidth", spec, "--debug")
+    assert found == code
+    assert "Traceback" in err
+    assert err.strip().endswith(line)
+
+
+def test_sigterm_has_its_own_code(wavesweep, sweep, spec, monkeypatch):
+    def terminated(*_, **__):
+        os.kill(os.getpid(), signal.SIGTERM)
+        # The handler runs at the next bytecode; this line is not reached.
+        signal.pause()
+
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr("wavesweep.sweep.intervals", terminated)
+    assert wavesweep("zwidth", spec) == (143, "", "Terminated.\n")
+    assert signal.getsignal(signal.SIGTERM) is before
+    assert sweep.seen == []
+
+
+def test_mistakes_of_a_spec_are_lines_that_begin_with_their_place(wavesweep, sweep, spec, tmp_path):
+    (tmp_path / spec).write_text('[controller]\nkind = "pmw"\n[rates]\nratio = 20.5\n[device]\nmas = 1.0\n')
+    code, out, err = wavesweep("zwidth", spec)
+    assert (code, out) == (2, "")
+    assert err.splitlines()[0].startswith("wall.toml:4:9: rates.ratio: ")
+    assert err.splitlines()[1].startswith("wall.toml:6:")
+    assert sweep.seen == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["zwidth"], "Missing argument 'SPEC'"),
+        (["zwdith", "wall.toml"], "No such command 'zwdith'"),
+        (["zwidth", "wall.toml", "--jobs", "0"], "0 is not in the range x>=1"),
+        (["zwidth", "wall.toml", "--scheduler", "tcp://there:8786"], "--scheduler needs --backend dask"),
+        (["zwidth", "nowhere.toml"], "nowhere.toml"),
+        (["bode", "wall.toml", "wall.toml"], "two specs are called wall"),
+    ],
+)
+def test_what_cannot_be_asked_is_a_usage_error(arguments, message, wavesweep, sweep, spec):
+    assert spec == "wall.toml"
+    code, out, err = wavesweep(*arguments)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert sweep.seen == []
+
+
+def test_results_of_another_spec_are_refused_before_the_work(wavesweep, sweep, spec):
+    wavesweep("zwidth", spec, "--no-plot", "--out", "here")
+    code, _, err = wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--set", "b=40")
+    assert code == 2
+    assert "--force" in err
+    assert len(sweep.seen) == 1
+    code, _, _ = wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--set", "b=40", "--force")
+    assert code == 0
+
+
+def test_a_reader_that_leaves_early_is_no_error_to_talk_about(spec, tmp_path):
+    program = (
+        "import sys, os, signal\n"
+        "from wavesweep.cli import main, producing\n"
+        "from wavesweep import results, sweep\n"
+        "def stream(kind, columns, out):\n"
+        "    for _ in range(100000): out.write(b'0123456789' * 10)\n"
+        "results.stream = stream\n"
+        "class Run: columns = facts = {}\n"
+        "sweep.intervals = lambda *_, **__: Run\n"
+        f"sys.exit(main(['zwidth', {spec!r}, '--out', '-', '--quiet']))\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.read(10)
+        process.stdout.close()
+        assert process.stderr.read() == b""
+        assert process.wait() == 1
+    assert list(tmp_path.iterdir()) == [tmp_path / spec]
+
+
+def test_a_folder_that_is_a_file_is_named(wavesweep, sweep, spec, tmp_path):
+    (tmp_path / "taken").write_text("")
+    code, _, err = wavesweep("zwidth", spec, "--out", "taken", "--no-plot")
+    assert code == 1
+    assert err.strip().startswith("Error: taken: ")
+    assert len(sweep.seen) == 1

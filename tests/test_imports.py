@@ -1,0 +1,102 @@
+"""The order of the layers, and what an import may cost."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import wavesweep
+
+PACKAGE = Path(wavesweep.__file__).parent
+
+# Data flows to the right, imports point to the left. What stands above all may use all of it.
+LAYERS = ("errors", "spec", "diagram", "lifted", "analysis", "sweep", "results", "plots")
+TOP = len(LAYERS)
+HEAVY = ("numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
+
+
+def layer_of(module):
+    """The layer of a dotted name below `wavesweep`; the command line and the package itself stand above all."""
+    room = module.split(".")[1] if "." in module else ""
+    return LAYERS.index(room) if room in LAYERS else TOP
+
+
+def imports_of(source):
+    """Dotted names of what a file imports of ours, wherever in the file it does so."""
+    found = set()
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            # `from wavesweep import spec` names a room, `from wavesweep.spec import load` is in it already.
+            below = node.module == "wavesweep"
+            found |= {f"{node.module}.{alias.name}" if below else node.module for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add(f"relative import in {source.name}")
+    return {name for name in found if name.split(".")[0] == "wavesweep" or name.startswith("relative")}
+
+
+SOURCES = sorted(PACKAGE.rglob("*.py"))
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=[str(path.relative_to(PACKAGE)) for path in SOURCES])
+def test_imports_point_left(source):
+    module = ".".join(("wavesweep", *source.relative_to(PACKAGE).with_suffix("").parts))
+    own = layer_of(module)
+    assert [name for name in imports_of(source) if name.startswith("relative")] == []
+    # `__version__` is a name of the package that everybody may read.
+    names = imports_of(source) - {"wavesweep.__version__"}
+    assert [name for name in names if layer_of(name) > own] == []
+
+
+def test_the_rule_would_see_an_import_that_points_right(tmp_path):
+    (tmp_path / "wrong.py").write_text("def f():\n    from wavesweep import plots\n    import wavesweep.cli.entry\n")
+    assert {layer_of(name) for name in imports_of(tmp_path / "wrong.py")} == {LAYERS.index("plots"), TOP}
+
+
+def test_the_witness_that_marches_knows_nothing_of_lifting():
+    names = {name for source in (PACKAGE / "analysis" / "march").rglob("*.py") for name in imports_of(source)}
+    assert [name for name in names if layer_of(name) in (LAYERS.index("diagram"), LAYERS.index("lifted"))] == []
+
+
+def loaded_by(program):
+    """The modules that a new interpreter has loaded at the end of a program."""
+    listing = f"{program}\nimport sys\nprint('\\nmodules', *sys.modules)"
+    done = subprocess.run([sys.executable, "-c", listing], capture_output=True, text=True, check=True)
+    return set(done.stdout.splitlines()[-1].split()[1:])
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        "import wavesweep",
+        "import wavesweep.spec",
+        "from wavesweep.cli import main; main(['--help'])",
+        "from wavesweep.cli import main; main(['--version'])",
+        "from wavesweep.cli import main; main(['zwidth', '--help'])",
+    ],
+)
+def test_nothing_heavy_is_loaded_before_it_is_used(program):
+    loaded = loaded_by(program)
+    assert "wavesweep" in loaded
+    assert loaded & {*HEAVY, "importlib.metadata"} == set()
+
+
+def test_help_loads_no_command():
+    loaded = loaded_by("from wavesweep.cli import main; main(['--help'])")
+    assert loaded & {"wavesweep.cli.zwidth", "wavesweep.spec", "wavesweep.sweep"} == set()
+
+
+def test_writing_a_table_loads_no_pandas(tmp_path):
+    program = (
+        "import numpy as np\nfrom wavesweep import results\n"
+        "kinds = {'number': 1.5, 'integer': 2, 'boolean': True, 'string': 'x'}\n"
+        "fields = results.fields('zwidth', ['B_VE'])\n"
+        "columns = {f.name: np.array([kinds[f.kind]], dtype=object if f.kind == 'string' else None) for f in fields}\n"
+        f"results.write('zwidth', columns, {{'spec_sha256': 'a'}}, {str(tmp_path)!r})\n"
+    )
+    loaded = loaded_by(program.replace("'x'", "'K_VE'"))
+    assert "pyarrow.parquet" in loaded
+    assert loaded & {"pandas", "scipy", "matplotlib", "control", "joblib", "pyarrow.csv", "importlib.metadata"} == set()
