@@ -1,0 +1,74 @@
+"""A filter is given by order and cutoff or by its four band edges, never by some of both."""
+
+import pytest
+from scipy import signal
+
+from wavesweep.errors import SpecError
+from wavesweep.spec import load
+
+EDGES = {"passband_hz": 10, "stopband_hz": 40, "passband_db": 1, "stopband_db": 40}
+
+
+def tables(name, **keys):
+    return {"controller": {"kind": "pmw-lm"}, "filters": {name: keys}}
+
+
+@pytest.mark.parametrize(("name", "low", "high"), [("lp1", 10, 40), ("lp2", 3, 4.5), ("hp", 20, 5)])
+def test_band_edges_give_order_and_cutoff(name, low, high):
+    edges = EDGES | {"passband_hz": low, "stopband_hz": high, "stopband_db": 20}
+    values = load(tables(name, **edges)).values
+    order, cutoff_hz = signal.buttord(low, high, 1, 20, fs=1000.0)
+    assert values[f"filters.{name}.order"] == order
+    assert values[f"filters.{name}.cutoff_hz"] == pytest.approx(cutoff_hz, rel=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("name", "keys", "words"),
+    [
+        (
+            "lp1",
+            EDGES | {"order": 2},
+            "filters.lp1: expected either order and cutoff_hz or the four band edges, found both",
+        ),
+        ("lp1", {"passband_hz": 1, "cutoff_hz": 2}, "filters.lp1: expected either"),
+        ("lp1", {"passband_hz": 1, "stopband_db": 2}, "found only passband_hz, stopband_db"),
+        (
+            "lp1",
+            EDGES | {"stopband_hz": 5},
+            "filters.lp1.stopband_hz: expected an edge above the passband (10.0), found 5",
+        ),
+        ("lp1", EDGES | {"stopband_hz": 10}, "expected an edge above the passband"),
+        ("hp", EDGES, "filters.hp.stopband_hz: expected an edge below the passband (10.0), found 40"),
+        (
+            "lp1",
+            EDGES | {"stopband_hz": 500},
+            "filters.lp1.stopband_hz: expected a number < 500.0 (half of rates.fast_hz)",
+        ),
+        ("lp1", EDGES | {"stopband_db": 1}, "filters.lp1.stopband_db: expected more than passband_db = 1.0, found 1"),
+        ("lp1", EDGES | {"stopband_db": 1e9}, "filters.lp1.stopband_db: expected a number <= 300, found 1000000000.0"),
+        (
+            "lp1",
+            EDGES | {"stopband_hz": 11},
+            "filters.lp1: expected band edges that a filter of order 12 or less meets",
+        ),
+        ("lp1", EDGES | {"stopband_hz": 11}, "found edges that need order 56"),
+        ("lp1", {"order": 13}, "filters.lp1.order: expected a whole number <= 12, found 13"),
+    ],
+)
+def test_what_makes_no_filter_is_a_mistake(name, keys, words):
+    with pytest.raises(SpecError) as error:
+        load(tables(name, **keys))
+    assert len(error.value.mistakes) == 1
+    assert words in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["lp1", "hp", "lp2"])
+def test_no_filter_needs_no_cutoff_below_half_the_rate(name):
+    spec = load(tables(name, order=0) | {"rates": {"fast_hz": 100}}, [f"filters.{name}.cutoff_hz=60"])
+    assert spec.values[f"filters.{name}.order"] == 0
+
+
+def test_edges_beside_a_wrong_one_are_no_second_mistake():
+    with pytest.raises(SpecError) as error:
+        load(tables("lp1", **EDGES | {"passband_db": "x"}))
+    assert [mistake.key for mistake in error.value.mistakes] == ["filters.lp1.passband_db"]

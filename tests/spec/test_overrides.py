@@ -1,0 +1,110 @@
+"""`--set` replaces what the spec gives before anything is checked, and says its own mistakes."""
+
+import pytest
+
+from wavesweep.errors import SpecError
+from wavesweep.spec import SYMBOLS, load
+
+LOOP = {"controller": {"kind": "pmw"}}
+
+
+@pytest.mark.parametrize(
+    ("override", "path", "value"),
+    [
+        ("controller.b=40", "controller.b", 40.0),
+        (" controller.b = 40 ", "controller.b", 40.0),
+        ("controller.kind=pmw-lm", "controller.kind", "pmw-lm"),
+        ('controller.kind="dc"', "controller.kind", "dc"),
+        ("device.velocity='difference'", "device.velocity", "difference"),
+        ("rates.ratio=1_0", "rates.ratio", 10),
+        ("rates.slow_hz=25", "rates.ratio", 40),
+        ("filters.lp1.order=6", "filters.lp1.order", 6),
+        ("filters.lp1={ order = 3, cutoff_hz = 5 }", "filters.lp1.cutoff_hz", 5.0),
+        ('"device"."mass"=2', "device.mass", 2.0),
+        *((f"{symbol}=3.5", path, 3.5) for symbol, path in SYMBOLS.items()),
+    ],
+)
+def test_a_key_is_replaced(override, path, value):
+    assert load(LOOP, [override]).values[path] == value
+
+
+def test_the_last_of_several_counts_and_what_it_replaces_is_not_checked():
+    assert load(LOOP | {"device": {"mass": "heavy"}}, ["device.mass=2", "device.mass=3"]).values["device.mass"] == 3.0
+
+
+@pytest.mark.parametrize(
+    ("given", "override", "ratio"),
+    [({"slow_hz": 50}, "rates.ratio=10", 10), ({"ratio": 10}, "rates.slow_hz=50", 20)],
+)
+def test_ratio_and_slow_rate_displace_each_other(given, override, ratio):
+    assert load(LOOP | {"rates": given}, [override]).values["rates.ratio"] == ratio
+
+
+def test_a_table_is_replaced_as_a_whole():
+    edges = {"passband_hz": 10, "stopband_hz": 40, "passband_db": 1, "stopband_db": 40}
+    spec = load(LOOP | {"filters": {"lp1": edges}}, ["filters.lp1={ order = 2 }"])
+    assert (spec.values["filters.lp1.order"], spec.values["filters.lp1.cutoff_hz"]) == (2, 10.0)
+
+
+@pytest.mark.parametrize("name", ["device.mass", '"device.mass"'])
+def test_axes_are_replaced_in_their_turn(name):
+    sweep = {"b": [1, 2], "device.mass": {"start": 1, "stop": 2, "num": 2}, "Kp": [0]}
+    spec = load(LOOP | {"sweep": sweep}, [f"sweep.{name}.num=3", "sweep.b=[5]", "sweep.along=B_VE", "sweep.K_LM=[1]"])
+    axes = [(axis.name, axis.values) for axis in spec.sweep]
+    assert axes == [("b", (5.0,)), ("device.mass", (1.0, 1.5, 2.0)), ("Kp", (0.0,)), ("K_LM", (1.0,))]
+    assert spec.along == "B_VE"
+
+
+def test_a_list_becomes_a_span_and_back():
+    spec = load(LOOP | {"sweep": {"b": [1, 2]}}, ["sweep.b={ start = 1, stop = 3, num = 3 }"])
+    assert spec.sweep[0].values == (1.0, 2.0, 3.0)
+    spec = load(LOOP | {"sweep": {"b": {"start": 1, "stop": 3}}}, ["sweep.b=[7]"])
+    assert spec.sweep[0].values == (7.0,)
+
+
+def test_the_frequencies_are_replaced():
+    assert load(LOOP, ["bode.frequency_hz=[1, 2]"]).frequency_hz == (1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("override", "line"),
+    [
+        ("controller.b=4x", '--set controller.b=4x: controller.b: expected a number > 0, found "4x"'),
+        ("b=nan", "--set b=nan: controller.b: expected a finite number > 0, found nan"),
+        ("b=", '--set b=: controller.b: expected a number > 0, found ""'),
+        ("b=1\nKp=2", '--set b=1 Kp=2: controller.b: expected a number > 0, found "1\\nKp=2"'),
+        ("b", "--set b: expected key=value, found no `=`"),
+        ("", "--set : expected key=value, found no `=`"),
+        ("=3", "--set =3: expected key=value, found no key"),
+        ("rates=3", "--set rates=3: rates: expected a table, found 3"),
+        (
+            "sweep.b.nu=3",
+            "--set sweep.b.nu=3: sweep.b.nu: expected one of start, stop, num, scale, found an unknown key; ",
+        ),
+        ("sweep.b.num=3", "--set sweep.b.num=3: sweep.b: expected both start and stop, found only num"),
+        (
+            "device.mas=1",
+            "--set device.mas=1: device.mas: expected one of mass, damping, velocity, found an unknown key; ",
+        ),
+        ("a b=1", '--set a b=1: "a b": expected one of the tables'),
+        ("[rates]=1", '--set [rates]=1: "[rates]": expected one of the tables'),
+        (".=1", '--set .=1: "": expected one of the tables'),
+    ],
+)
+def test_mistakes_name_the_override(override, line):
+    with pytest.raises(SpecError) as error:
+        load(LOOP, [override])
+    assert str(error.value).splitlines()[0].startswith(line)
+
+
+def test_a_key_without_its_table_is_suggested_with_it():
+    with pytest.raises(SpecError, match=r"did you mean `controller\.kind`\?"):
+        load(LOOP, ["kind=dc"])
+
+
+def test_a_key_of_the_file_broken_by_an_override_is_placed_where_it_stands(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text('[controller]\nkind = "pmw"\n[environment]\ndelay = 20\n')
+    with pytest.raises(SpecError) as error:
+        load(path, ["rates.ratio=10"])
+    assert str(error.value).startswith(f"{path}:4:9: environment.delay: expected a whole number <= 10 (rates.ratio)")

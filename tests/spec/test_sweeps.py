@@ -1,0 +1,219 @@
+"""Axes hold what their key can take; the axis of the intervals may be a span, the others have values."""
+
+import math
+
+import pytest
+
+from wavesweep.errors import SpecError
+from wavesweep.spec import KEYS, SYMBOLS, load, sweep_axes
+
+EDGES = {"passband_hz": 10, "stopband_hz": 40, "passband_db": 1, "stopband_db": 40}
+
+
+def spec(sweep=None, bode=None, **tables):
+    return load({"controller": {"kind": "pmw-lm"}, "sweep": sweep or {}, "bode": bode or {}} | tables)
+
+
+def refused(sweep=None, bode=None, **tables):
+    """Return the text of the one mistake that a sweep has."""
+    with pytest.raises(SpecError) as error:
+        spec(sweep, bode, **tables)
+    assert len(error.value.mistakes) == 1
+    return str(error.value)
+
+
+@pytest.mark.parametrize("name", [*SYMBOLS, *(key.path for key in KEYS.values() if key.numeric)])
+def test_every_numeric_key_can_be_an_axis(name):
+    path = SYMBOLS.get(name, name)
+    filters = {path.split(".")[1]: EDGES} if path.endswith(("band_hz", "band_db")) else {}
+    if path.startswith("filters.hp.") and filters:
+        filters = {"hp": EDGES | {"passband_hz": 40, "stopband_hz": 10}}
+    (axis,) = spec({name: [1]}, filters=filters).sweep
+    assert (axis.name, axis.path, axis.values, axis.start, axis.stop) == (name, path, (1,), 1, 1)
+    assert {type(value) for value in axis.values} == {int if KEYS[path].type == "integer" else float}
+
+
+def test_what_has_to_be_resolved_again_is_structural():
+    structural = {key.path for key in KEYS.values() if key.numeric and key.structural}
+    whole = {key.path for key in KEYS.values() if key.type == "integer"}
+    edges = {f"filters.{name}.{edge}" for name in ("lp1", "hp", "lp2") for edge in EDGES}
+    assert structural == whole | edges | {"rates.fast_hz", "rates.slow_hz"}
+
+
+def test_spans_have_values_where_num_is_given():
+    axes = spec(
+        {
+            "B_VE": {"start": 0, "stop": 15, "num": 4},
+            "b": {"start": 1, "stop": 100, "num": 3, "scale": "log"},
+            "Kp": {"start": 5, "stop": 5, "num": 1},
+            "rates.ratio": {"start": 10, "stop": 30, "num": 3},
+            "K_LM": {"start": 0, "stop": 9},
+        }
+    ).sweep
+    assert [axis.values for axis in axes] == [(0.0, 5.0, 10.0, 15.0), (1.0, 10.0, 100.0), (5.0,), (10, 20, 30), ()]
+    assert [(axis.start, axis.stop) for axis in axes] == [(0.0, 15.0), (1.0, 100.0), (5.0, 5.0), (10, 30), (0.0, 9.0)]
+
+
+def test_lists_keep_their_order_and_know_their_extremes():
+    (axis,) = spec({"b": [40, 20, 80]}).sweep
+    assert (axis.values, axis.start, axis.stop) == ((40.0, 20.0, 80.0), 20.0, 80.0)
+
+
+@pytest.mark.parametrize(
+    ("axis", "words"),
+    [
+        ([], "sweep.b: expected a list of numbers or { start, stop, num }, found an empty list"),
+        (20, "sweep.b: expected a list of numbers or { start, stop, num }, found 20"),
+        ({}, "sweep.b: expected a list of numbers or { start, stop, num }, found a table"),
+        ([1, [2]], "sweep.b[1]: expected a number > 0, found a list"),
+        ([1, 0], "sweep.b[1]: expected a number > 0, found 0"),
+        ([math.nan], "sweep.b[0]: expected a finite number > 0, found nan"),
+        ({"start": 1, "num": 3}, "sweep.b: expected both start and stop, found only start, num"),
+        ({"start": 0, "stop": 3}, "sweep.b.start: expected a number > 0, found 0"),
+        ({"start": 1, "stop": math.inf}, "sweep.b.stop: expected a finite number > 0, found inf"),
+        ({"start": 3, "stop": 1}, "sweep.b.stop: expected a number > start = 3.0, found 1"),
+        ({"start": 3, "stop": 3}, "sweep.b.stop: expected a number > start = 3.0, found 3"),
+        ({"start": 3, "stop": 3, "num": 2}, "sweep.b.stop: expected a number > start = 3.0, found 3"),
+        (
+            {"start": 1, "stop": 3, "num": 1},
+            "sweep.b.num: expected a whole number >= 2, start and stop being two values",
+        ),
+        ({"start": 1, "stop": 3, "num": 0}, "sweep.b.num: expected a whole number >= 1, found 0"),
+        ({"start": 1, "stop": 3, "num": 10**9}, "sweep.b.num: expected a whole number <= 1e+06, found 1000000000"),
+        ({"start": 1, "stop": 3, "num": 2.5}, "sweep.b.num: expected a whole number >= 1, found 2.5"),
+        ({"start": 1, "stop": 3, "scale": "lin"}, 'sweep.b.scale: expected one of "linear", "log", found "lin"'),
+        (
+            {"start": 1, "stop": 3, "count": 2},
+            "sweep.b.count: expected one of start, stop, num, scale, found an unknown",
+        ),
+    ],
+)
+def test_what_makes_no_axis_is_a_mistake(axis, words):
+    assert refused({"b": axis}).startswith(words)
+
+
+@pytest.mark.parametrize(
+    ("sweep", "words"),
+    [
+        (
+            {"K_VE": {"start": 0, "stop": 9, "num": 3, "scale": "log"}},
+            "sweep.K_VE.start: expected a number > 0 for the log",
+        ),
+        (
+            {"rates.ratio": {"start": 1, "stop": 4, "num": 3}},
+            "sweep.rates.ratio.num: expected a spacing by whole numbers",
+        ),
+        ({"rates.ratio": [0]}, "sweep.rates.ratio[0]: expected a whole number >= 1, found 0"),
+        ({"local_model.delay": [0, 2]}, "sweep.local_model.delay[1]: expected one of 0, 1, found 2"),
+        (
+            {"b": [1], "controller.b": [2]},
+            "sweep.controller.b: expected each key once, found the key of the axis b again",
+        ),
+        (
+            {"rates.ratio": [1], "rates": {"slow_hz": [9]}},
+            "sweep.rates.slow_hz: expected each key once, found the key of",
+        ),
+        (
+            {"device.mass": [1], "device": {"mass": [1]}},
+            "sweep.device.mass: expected each key once, found the same key",
+        ),
+        (
+            {"filters.lp1.passband_hz": [5]},
+            "sweep.filters.lp1.passband_hz: expected an axis that fits filters.lp1, given by",
+        ),
+        ({"filters.lp1.cutoff_hz": [5, 500]}, "sweep.filters.lp1.cutoff_hz: expected a number < 500.0 (half of rates."),
+        (
+            {"filters.lp1.cutoff_hz": [9], "rates.fast_hz": [18, 99]},
+            "sweep.filters.lp1.cutoff_hz: expected a number < 9.0",
+        ),
+        (
+            {"environment.delay": [0, 21]},
+            "sweep.environment.delay: expected a whole number <= 20 (rates.ratio), found 21",
+        ),
+        ({"device": 3}, "sweep.device: expected along, one of"),
+        ({"frequency_hz": [3]}, "sweep.frequency_hz: expected along, one of"),
+        ({"along": "K"}, 'sweep.along: expected the name of a numeric key, found "K"'),
+        ({"along": ["K_VE"]}, "sweep.along: expected a string, found a list"),
+    ],
+)
+def test_axes_are_checked_against_each_other_and_the_loop(sweep, words):
+    assert refused(sweep).startswith(words)
+
+
+def test_orders_are_no_axis_of_a_filter_given_by_band_edges():
+    words = refused({"filters.lp1.order": [1]}, filters={"lp1": EDGES})
+    assert "fits filters.lp1, given by its band edges" in words
+
+
+def test_a_delay_beside_a_swept_ratio_is_checked_per_combination():
+    swept = spec({"environment.delay": [0, 30], "rates.ratio": [20, 40]})
+    assert swept.with_values({"rates.ratio": 40, "environment.delay": 30}).values["environment.delay"] == 30
+    with pytest.raises(SpecError, match=r"environment\.delay: expected a whole number <= 20"):
+        swept.with_values({"rates.ratio": 20, "environment.delay": 30})
+
+
+@pytest.mark.parametrize(
+    ("bode", "words"),
+    [
+        ({"b": {"start": 1, "stop": 2}}, "bode.b: expected num beside start and stop, or a list, found only a span"),
+        ({"frequency_hz": {"start": 1, "stop": 2}}, "bode.frequency_hz: expected num beside start and stop"),
+        ({"frequency_hz": [0]}, "bode.frequency_hz[0]: expected a number > 0, found 0"),
+        ({"frequency": [0]}, "bode.frequency: expected frequency_hz, one of"),
+        ({"along": "b"}, "bode.along: expected frequency_hz, one of"),
+    ],
+)
+def test_axes_of_bode_have_values(bode, words):
+    assert refused(bode=bode).startswith(words)
+
+
+def test_the_axis_of_the_intervals_is_set_apart():
+    swept = spec({"b": [1], "K_VE": {"start": 0, "stop": 9}, "Kp": [0, 1]})
+    along, others = sweep_axes(swept)
+    assert (along.name, along.start, along.stop) == ("K_VE", 0.0, 9.0)
+    assert [axis.name for axis in others] == ["b", "Kp"]
+    assert sweep_axes(swept, "environment.K_VE") == (along, others)
+
+
+def test_stiffness_has_a_span_of_its_own():
+    for name in ("K_VE", "environment.K_VE"):
+        along, others = sweep_axes(spec({"b": [1]}), name)
+        assert (along.name, along.path, along.values, along.start, along.stop) == (
+            name,
+            SYMBOLS["K_VE"],
+            (),
+            0.0,
+            20000.0,
+        )
+        assert [axis.name for axis in others] == ["b"]
+
+
+@pytest.mark.parametrize(
+    ("sweep", "along", "words"),
+    [
+        ({"along": "B_VE"}, None, "sweep.B_VE: expected a span to search"),
+        ({"B_VE": [3]}, "B_VE", "sweep.B_VE: expected a span to search"),
+        (
+            {"b": {"start": 1, "stop": 2}},
+            None,
+            "sweep.b: expected num beside start and stop, or a list, found only a span",
+        ),
+        ({}, "BVE", 'along: expected the name of a numeric key, found "BVE"; did you mean `B_VE`?'),
+        (
+            {},
+            "controller.kind",
+            'along: expected the name of a numeric key, found "controller.kind", which takes no number',
+        ),
+    ],
+)
+def test_a_sweep_that_cannot_be_computed_is_refused_when_it_is_used(sweep, along, words):
+    with pytest.raises(SpecError) as error:
+        sweep_axes(spec(sweep), along)
+    assert str(error.value).startswith(words)
+
+
+def test_the_refusal_points_into_the_file(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text('[controller]\nkind = "pmw"\n[sweep]\nalong = "Kp"\nb = { start = 1, stop = 2 }\n')
+    with pytest.raises(SpecError) as error:
+        sweep_axes(load(path))
+    assert [mistake.location for mistake in error.value.mistakes] == [f"{path}:5:1", f"{path}:3:2"]

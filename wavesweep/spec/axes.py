@@ -1,0 +1,121 @@
+"""The axes of a sweep: which key takes which values, or which span."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from wavesweep.errors import Mistake
+from wavesweep.spec.checking import Rejected, check, show
+from wavesweep.spec.keys import STUDY_KEYS, Key, find_key
+from wavesweep.spec.places import Leaf, Place
+from wavesweep.spec.spacing import linear, logarithmic
+
+MOST_VALUES = 1_000_000
+SCALES = {"linear": linear, "log": logarithmic}
+
+_NUM = Key("num", "integer", None, "1", "how many values", low=1, high=MOST_VALUES)
+_SCALE = Key("scale", "string", "linear", "", "how the values are spaced", choices=tuple(SCALES))
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """One axis: `values` in order (empty where only the span is given), `start` and `stop` the span or the extremes.
+
+    `name` is as the spec writes it and names the column; `path` is the key's. Where `structural` is true a value has to
+    go through `Spec.with_values`; otherwise an array of floats may stand in for `values[path]`.
+    """
+
+    name: str
+    path: str
+    values: tuple[float | int, ...]
+    start: float | int
+    stop: float | int
+    structural: bool
+    scale: str | None = None
+    place: Place = field(default=Place(), repr=False, compare=False)
+
+    def written(self) -> list | dict:
+        """Return the axis as a spec could give it: a list, or a table of start, stop, num and scale."""
+        if self.scale is None:
+            return list(self.values)
+        span = {"start": self.start, "stop": self.stop}
+        return {**span, "num": len(self.values), "scale": self.scale} if self.values else span
+
+
+def build_axis(study: str, name: str, parts: dict[str, Leaf]) -> tuple[Axis | None, list[Mistake]]:
+    """Return the axis that the parts of one key of [sweep] or [bode] make, or None with its mistakes."""
+    key = find_key(name) or STUDY_KEYS[f"{study}.{name}"]
+    label = f"{study}.{name}"
+    first = next(iter(parts.values()))
+    if not key.numeric:
+        takes = "one of " + ", ".join(map(show, key.choices))
+        return None, [first.mistake(label, "a numeric key", f"{key.path}, which takes {takes}", of_key=True)]
+    if "" in parts:
+        return _from_list(label, name, key, parts[""])
+    return _from_span(label, name, key, parts)
+
+
+def axis_place(parts: dict[str, Leaf]) -> Place:
+    """Return where an axis stands whose parts are these."""
+    part, leaf = next(iter(parts.items()))
+    return leaf.place.parent() if part else leaf.place
+
+
+def _from_list(label: str, name: str, key: Key, leaf: Leaf) -> tuple[Axis | None, list[Mistake]]:
+    if not isinstance(leaf.value, list) or not leaf.value:
+        return None, [leaf.mistake(label, "a list of numbers or { start, stop, num }", show(leaf.value))]
+    values, mistakes = [], []
+    for index, item in enumerate(leaf.value):
+        try:
+            values.append(check(key, item))
+        except Rejected as error:
+            mistakes.append(leaf.mistake(f"{label}[{index}]", error.expected, error.found))
+    if mistakes:
+        return None, mistakes
+    return Axis(name, key.path, tuple(values), min(values), max(values), key.structural, None, leaf.place), []
+
+
+def _from_span(label: str, name: str, key: Key, parts: dict[str, Leaf]) -> tuple[Axis | None, list[Mistake]]:
+    numbers, mistakes = _check_parts(label, key, parts)
+    if mistakes:
+        return None, mistakes
+    start, stop, num, scale = (numbers.get(part) for part in ("start", "stop", "num", "scale"))
+    scale = scale or _SCALE.default
+    wrong = _span_fault(start, stop, num, scale)
+    if wrong:
+        part, expected = wrong
+        return None, [parts[part].mistake(f"{label}.{part}", expected, show(parts[part].value))]
+    values = SCALES[scale](start, stop, num) if num else ()
+    try:
+        if key.type == "integer":
+            values = tuple(check(key, value) for value in values)
+    except Rejected as error:
+        return None, [parts["num"].mistake(f"{label}.num", "a spacing by whole numbers", error.found)]
+    return Axis(name, key.path, values, start, stop, key.structural, scale, axis_place(parts)), []
+
+
+def _check_parts(label: str, key: Key, parts: dict[str, Leaf]) -> tuple[dict, list[Mistake]]:
+    keys = {"start": key, "stop": key, "num": _NUM, "scale": _SCALE}
+    numbers, mistakes = {}, []
+    for part, leaf in parts.items():
+        if part not in keys:
+            continue  # reported where the leaves were sorted
+        try:
+            numbers[part] = check(keys[part], leaf.value)
+        except Rejected as error:
+            mistakes.append(leaf.mistake(f"{label}.{part}", error.expected, error.found, error.suggestion))
+    if not {"start", "stop"} <= set(parts):
+        axis = Leaf(None, axis_place(parts))
+        mistakes.append(axis.mistake(label, "both start and stop", "only " + ", ".join(parts), of_key=True))
+    return numbers, mistakes
+
+
+def _span_fault(start: float, stop: float, num: int | None, scale: str) -> tuple[str, str] | None:
+    """Return the part of a span that is at odds with the others, and what it should be."""
+    if start > stop or (start == stop and num != 1):
+        return "stop", f"a number > start = {start!r}"
+    if num == 1 and start < stop:
+        return "num", "a whole number >= 2, start and stop being two values"
+    if scale == "log" and not start > 0:
+        return "start", "a number > 0 for the log scale"
+    return None

@@ -1,0 +1,96 @@
+"""From a path or nested tables, and overrides, to a `Spec`."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping
+
+from wavesweep.errors import Mistake, SpecError
+from wavesweep.spec.places import Leaf, Place
+from wavesweep.spec.reading import file_stem, read_dict, read_file, read_override
+from wavesweep.spec.resolving import Given, resolve
+from wavesweep.spec.sorting import Path, leaves_of, normal_path, sort_leaves
+from wavesweep.spec.spec import Spec
+from wavesweep.spec.studies import beyond_limits, build_studies
+
+_TWINS = {("rates", "ratio"): ("rates", "slow_hz"), ("rates", "slow_hz"): ("rates", "ratio")}
+
+
+def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> Spec:
+    """Return the spec of a TOML file, or of the same nested tables as a dict.
+
+    `overrides` are `key=value` texts as of `--set`: `controller.b=40`, `b=40`, `sweep.B_VE.num=20`. They replace what
+    the source gives before anything is checked; `rates.ratio` and `rates.slow_hz` displace each other.
+
+    Raises UsageError where a file cannot be read, and SpecError with all mistakes of source and overrides at once.
+    """
+    if isinstance(source, Mapping):
+        name, path, tables, place = "spec", None, read_dict(source), Place()
+    else:
+        path = os.fspath(source)
+        tables, place = read_file(path)
+        name = file_stem(path)
+    leaves, mistakes = _collect(tables, place, overrides)
+    return _build(name, path, leaves, place, mistakes)
+
+
+def _collect(tables: dict, place: Place, overrides: Iterable[str]) -> tuple[dict[Path, Leaf], list[Mistake]]:
+    leaves: dict[Path, Leaf] = {}
+    mistakes: list[Mistake] = []
+    for path, leaf in leaves_of(tables, place):
+        if path in leaves:  # an axis written both as "device.mass" and as device.mass
+            mistakes.append(leaf.mistake(".".join(path), "each key once", "the same key again", of_key=True))
+        leaves[path] = leaf
+    for typed in overrides:
+        try:
+            path, value, where = read_override(typed)
+        except SpecError as error:
+            mistakes += error.mistakes
+        else:
+            leaves = _override(leaves, normal_path(path), dict(leaves_of(_nested(path, value), where)))
+    return leaves, mistakes
+
+
+def _nested(path: Path, value: object) -> dict:
+    for name in reversed(path):
+        value = {name: value}
+    return value
+
+
+def _override(leaves: dict[Path, Leaf], replaced: Path, new: dict[Path, Leaf]) -> dict[Path, Leaf]:
+    """Put `new` in the place of all that lies at, above or below one path, so that an axis keeps its turn."""
+    result: dict[Path, Leaf] = {}
+    for path, leaf in leaves.items():
+        if _overlap(path, replaced):
+            result.update(new)
+        elif _TWINS.get(replaced) != path:
+            result[path] = leaf
+    return {**result, **new}
+
+
+def _overlap(one: Path, other: Path) -> bool:
+    length = min(len(one), len(other))
+    return one[:length] == other[:length]
+
+
+def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: list[Mistake]) -> Spec:
+    belongs = sort_leaves(leaves)
+    given = Given(belongs.loop, place)
+    values, wrong = resolve(given)
+    studies, wrong_studies = build_studies(belongs, given)
+    mistakes = [*mistakes, *belongs.mistakes.values(), *wrong, *wrong_studies]
+    if not wrong:
+        mistakes += [*beyond_limits("sweep", studies.sweep, values), *beyond_limits("bode", studies.bode, values)]
+    if mistakes:
+        raise SpecError(_in_order(mistakes))
+    return Spec(name, path, values, studies, given)
+
+
+def _in_order(mistakes: list[Mistake]) -> list[Mistake]:
+    """Sort by line and column; what has none keeps its turn, at the end."""
+
+    def position(mistake: Mistake) -> tuple[int, ...]:
+        numbers = mistake.location.rsplit(":", 2)[1:]
+        return tuple(map(int, numbers)) if len(numbers) == 2 and all(map(str.isdecimal, numbers)) else (10**9,)
+
+    return sorted(dict.fromkeys(mistakes), key=position)

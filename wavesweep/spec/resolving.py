@@ -1,0 +1,163 @@
+"""From the keys that were given to a value for every key, with the checks that take more than one key."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from wavesweep.errors import Mistake
+from wavesweep.spec.checking import Rejected, check, expectation, show
+from wavesweep.spec.filters import butterworth_order
+from wavesweep.spec.keys import BAND_EDGES, FILTERS, HIGHEST_ORDER, HIGHEST_RATIO, KEYS, VALUE_PATHS
+from wavesweep.spec.places import Leaf, Place
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """The leaves of the loop's own tables by path, and the place of the source they came from."""
+
+    leaves: Mapping[str, Leaf]
+    source: Place
+
+    def leaf(self, path: str) -> Leaf:
+        """Return what was given at `path`, or a leaf that stands where it would have been given."""
+        return self.leaves.get(path) or Leaf(None, self.source.under(tuple(path.split("."))))
+
+    def replaced(self, path: str, leaf: Leaf) -> Given:
+        """Return the same with another value at `path`; a rate displaces the other way to give it."""
+        twin = {"rates.ratio": "rates.slow_hz", "rates.slow_hz": "rates.ratio"}.get(path)
+        kept = {name: old for name, old in self.leaves.items() if name != twin}
+        return Given({**kept, path: leaf}, self.source)
+
+
+def resolve(given: Given) -> tuple[dict[str, float | int | str], list[Mistake]]:
+    """Return the value of every path of VALUE_PATHS, and all mistakes; with mistakes the values are of no use."""
+    checked, mistakes = _check_each(given)
+    wrong = set(given.leaves) - set(checked)
+    # Defaults stand in for wrong values, so that one mistake does not hide those that are independent of it.
+    values = {path: checked.get(path, KEYS[path].default) for path in VALUE_PATHS}
+    mistakes += _required(given)
+    mistakes += _resolve_rates(given, checked, values)
+    for name in FILTERS:
+        mistakes += _resolve_filter(name, given, checked, values)
+    # A limit is not applied where the value that sets it is itself a mistake.
+    wrong |= {mistake.key for mistake in mistakes}
+    mistakes += [m for path in LIMITS if not wrong & {path, *LIMITS[path]} for m in _check_limit(path, given, values)]
+    return values, mistakes
+
+
+def _check_each(given: Given) -> tuple[dict, list[Mistake]]:
+    checked, mistakes = {}, []
+    for path, leaf in given.leaves.items():
+        try:
+            checked[path] = check(KEYS[path], leaf.value)
+        except Rejected as error:
+            mistakes.append(leaf.mistake(path, error.expected, error.found, error.suggestion))
+    return checked, mistakes
+
+
+def _rejected(path: str, given: Given, checked: Mapping) -> bool:
+    return path in given.leaves and path not in checked
+
+
+def _required(given: Given) -> list[Mistake]:
+    missing = (key for key in KEYS.values() if key.required and key.path not in given.leaves)
+    return [given.leaf(key.path).mistake(key.path, expectation(key), "nothing (it has no default)") for key in missing]
+
+
+def _resolve_rates(given: Given, checked: Mapping, values: dict) -> list[Mistake]:
+    """Put the ratio into `values` where the slow rate was given in its place."""
+    if "rates.slow_hz" not in given.leaves:
+        return []
+    leaf = given.leaf("rates.slow_hz")
+    if "rates.ratio" in given.leaves:
+        return [leaf.mistake("rates.slow_hz", "either ratio or slow_hz", "both", of_key=True)]
+    if "rates.slow_hz" not in checked or _rejected("rates.fast_hz", given, checked):
+        return []
+    ratio = _whole_ratio(values["rates.fast_hz"], checked["rates.slow_hz"])
+    if ratio is None:
+        expected = f"rates.fast_hz = {values['rates.fast_hz']!r} divided by a whole number from 1 to {HIGHEST_RATIO}"
+        return [leaf.mistake("rates.slow_hz", expected, show(leaf.value))]
+    values["rates.ratio"] = ratio
+    return []
+
+
+def _whole_ratio(fast_hz: float, slow_hz: float) -> int | None:
+    quotient = fast_hz / slow_hz
+    if not 0.5 <= quotient <= HIGHEST_RATIO + 0.5:
+        return None
+    ratio = max(1, round(quotient))
+    # 1000/3 is no double: the nearest double to it divides 1000, whichever way round that is asked.
+    return ratio if slow_hz == fast_hz / ratio or slow_hz * ratio == fast_hz else None
+
+
+def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict) -> list[Mistake]:
+    """Put order and cutoff into `values` where the filter was given by its band edges."""
+    path = f"filters.{name}"
+    edges = [edge for edge in BAND_EDGES if f"{path}.{edge}" in given.leaves]
+    if not edges:
+        return []
+    leaf = given.leaf(f"{path}.{edges[0]}")
+    if any(f"{path}.{key}" in given.leaves for key in ("order", "cutoff_hz")):
+        return [leaf.mistake(path, "either order and cutoff_hz or the four band edges", "both", of_key=True)]
+    if len(edges) < len(BAND_EDGES):
+        return [leaf.mistake(path, "all of " + ", ".join(BAND_EDGES), "only " + ", ".join(edges), of_key=True)]
+    numbers = [checked.get(f"{path}.{edge}") for edge in BAND_EDGES]
+    if None in numbers or _rejected("rates.fast_hz", given, checked):
+        return []
+    mistakes = _check_edges(name, numbers, values["rates.fast_hz"], given)
+    return mistakes or _meet_edges(path, numbers, leaf, values)
+
+
+def _meet_edges(path: str, numbers: list[float], leaf: Leaf, values: dict) -> list[Mistake]:
+    order, cutoff_hz = butterworth_order(*numbers, values["rates.fast_hz"])
+    if order > HIGHEST_ORDER:
+        expected = f"band edges that a filter of order {HIGHEST_ORDER} or less meets"
+        return [leaf.mistake(path, expected, f"edges that need order {order:g}", of_key=True)]
+    values[f"{path}.order"], values[f"{path}.cutoff_hz"] = order, cutoff_hz
+    return []
+
+
+def _check_edges(name: str, numbers: list[float], fast_hz: float, given: Given) -> list[Mistake]:
+    passband_hz, stopband_hz, passband_db, stopband_db = numbers
+    ordered = passband_hz > stopband_hz if name == "hp" else passband_hz < stopband_hz
+    side = "below the passband" if name == "hp" else "above the passband"
+    wrong = []
+    if not ordered:
+        wrong.append(("stopband_hz", f"an edge {side} ({passband_hz!r})"))
+    if not passband_db < stopband_db:
+        wrong.append(("stopband_db", f"more than passband_db = {passband_db!r}"))
+    for edge, value in (("passband_hz", passband_hz), ("stopband_hz", stopband_hz)):
+        if not value < fast_hz / 2:
+            wrong.append((edge, f"a number < {fast_hz / 2!r} (half of rates.fast_hz)"))
+    leaves = [(given.leaf(f"filters.{name}.{edge}"), edge, expected) for edge, expected in wrong]
+    return [leaf.mistake(f"filters.{name}.{edge}", expected, show(leaf.value)) for leaf, edge, expected in leaves]
+
+
+# Which keys set a limit to which others.
+LIMITS = {
+    f"filters.{name}.cutoff_hz": (
+        "rates.fast_hz",
+        f"filters.{name}",
+        *(f"filters.{name}.{edge}" for edge in BAND_EDGES),
+    )
+    for name in FILTERS
+}
+LIMITS["environment.delay"] = ("rates.ratio", "rates.slow_hz", "rates.fast_hz")
+
+
+def exceeds_limit(path: str, number: float, values: Mapping) -> str:
+    """Return what was expected where `number` is beyond the limit that other keys set to `path`; else nothing."""
+    if path == "environment.delay" and number > values["rates.ratio"]:
+        return f"a whole number <= {values['rates.ratio']} (rates.ratio)"
+    if path.endswith(".cutoff_hz") and not number < values["rates.fast_hz"] / 2:
+        return f"a number < {values['rates.fast_hz'] / 2!r} (half of rates.fast_hz)"
+    return ""
+
+
+def _check_limit(path: str, given: Given, values: Mapping) -> list[Mistake]:
+    if path.endswith(".cutoff_hz") and values[path.replace("cutoff_hz", "order")] == 0:
+        return []  # no filter, so nothing reads its cutoff
+    expected = exceeds_limit(path, values[path], values)
+    default = "" if path in given.leaves else " (the default)"
+    return [given.leaf(path).mistake(path, expected, show(values[path]) + default)] if expected else []

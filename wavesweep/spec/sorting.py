@@ -1,0 +1,140 @@
+"""Which leaf of the tables belongs to which key of the loop or to which axis; whatever belongs nowhere is a mistake."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from wavesweep.errors import Mistake
+from wavesweep.spec.checking import show
+from wavesweep.spec.keys import KEYS, SYMBOLS, find_key
+from wavesweep.spec.places import Leaf, Place
+from wavesweep.spec.suggestions import nearest
+
+STUDIES = ("sweep", "bode")
+SPAN_PARTS = ("start", "stop", "num", "scale")
+DEEPEST = 8  # a table this deep belongs to no key, whatever is in it
+TABLES = tuple(dict.fromkeys(path.rsplit(".", n)[0] for path in KEYS for n in (2, 1) if path.count(".") >= n))
+TOP_TABLES = tuple(dict.fromkeys(path.split(".")[0] for path in KEYS)) + STUDIES
+
+Path = tuple[str, ...]
+
+
+@dataclass(slots=True)
+class Sorted:
+    """Leaves by what they belong to: keys of the loop by path, parts of the axes by study and name ("" is a list)."""
+
+    loop: dict[str, Leaf] = field(default_factory=dict)
+    along: Leaf | None = None
+    axes: dict[str, dict[str, dict[str, Leaf]]] = field(default_factory=lambda: {study: {} for study in STUDIES})
+    mistakes: dict[tuple[str, str], Mistake] = field(default_factory=dict)
+
+    def refuse(self, leaf: Leaf, key: str, expected: str, found: str, suggestion: str = "") -> None:
+        """Note a mistake about a key, once however many leaves lie under it."""
+        # Where a table was expected, the value is at fault; otherwise the name.
+        mistake = leaf.mistake(key, expected, found, suggestion, of_key=expected != "a table")
+        self.mistakes.setdefault((key, mistake.location), mistake)
+
+
+def leaves_of(tables: dict, place: Place, prefix: Path = ()) -> Iterator[tuple[Path, Leaf]]:
+    """Yield path and leaf of every value that is not a table with something in it."""
+    for name, value in tables.items():
+        path = (*prefix, name)
+        if isinstance(value, dict) and value and len(path) < DEEPEST:
+            yield from leaves_of(value, place, path)
+        else:
+            yield normal_path(path), Leaf(value, place.under(path))
+
+
+def normal_path(path: Path) -> Path:
+    """Return the one path of an axis that may be written `"device.mass"` or `device.mass`."""
+    if path[0] not in STUDIES:
+        return path
+    return (path[0], *(part for name in path[1:] for part in name.split(".")))
+
+
+def sort_leaves(leaves: dict[Path, Leaf]) -> Sorted:
+    """Return every leaf under the key or axis that it belongs to."""
+    result = Sorted()
+    for path, leaf in leaves.items():
+        if path[0] in STUDIES:
+            _sort_study(path, leaf, result)
+        else:
+            _sort_loop(path, leaf, result)
+    return result
+
+
+def _sort_loop(path: Path, leaf: Leaf, result: Sorted) -> None:
+    for length in range(1, len(path) + 1):
+        name, here = _join(path[:length]), leaf
+        if length < len(path):
+            here = Leaf({}, leaf.place.under(path[:length]))
+        if name in KEYS:
+            result.loop[name] = here
+            return
+        if name not in TABLES:
+            _refuse_unknown(path[:length], here, result)
+            return
+    if leaf.value != {}:
+        result.refuse(leaf, _join(path), "a table", show(leaf.value))
+
+
+def _refuse_unknown(path: Path, leaf: Leaf, result: Sorted) -> None:
+    parent = _join(path[:-1])
+    known = TOP_TABLES
+    if parent:
+        start = parent + "."
+        inside = (name[len(start) :].split(".")[0] for name in KEYS if name.startswith(start))
+        known = tuple(dict.fromkeys(inside))
+    expected = ("one of " if parent else "one of the tables ") + ", ".join(known)
+    suggestion = nearest(path[-1], known)
+    suggestion = f"{parent}.{suggestion}" if parent and suggestion else suggestion or nearest(path[-1], KEYS)
+    found = "an unknown table" if isinstance(leaf.value, dict) else "an unknown key"
+    result.refuse(leaf, _join(path), expected, found, suggestion)
+
+
+def _sort_study(path: Path, leaf: Leaf, result: Sorted) -> None:
+    study, names = path[0], path[1:]
+    if not names:
+        if leaf.value != {}:
+            result.refuse(leaf, study, "a table", show(leaf.value))
+    elif path == ("sweep", "along"):
+        result.along = leaf
+    else:
+        _sort_axis(study, names, leaf, result)
+
+
+def _sort_axis(study: str, names: Path, leaf: Leaf, result: Sorted) -> None:
+    for length in range(1, len(names) + 1):
+        name = ".".join(names[:length])
+        if find_key(name) or (study == "bode" and name == "frequency_hz"):
+            _sort_part(study, name, names[length:], leaf, result)
+            return
+        if name not in TABLES:
+            break
+    else:
+        if leaf.value == {}:
+            return
+    _refuse_axis(study, name, leaf, result)
+
+
+def _sort_part(study: str, name: str, rest: Path, leaf: Leaf, result: Sorted) -> None:
+    parts = result.axes[study].setdefault(name, {})
+    part = ".".join(rest)
+    if rest and part not in SPAN_PARTS:
+        suggestion = nearest(part, SPAN_PARTS)
+        result.refuse(leaf, f"{study}.{name}.{part}", "one of " + ", ".join(SPAN_PARTS), "an unknown key", suggestion)
+    parts[part] = leaf
+
+
+def _refuse_axis(study: str, name: str, leaf: Leaf, result: Sorted) -> None:
+    own = ("frequency_hz",) if study == "bode" else ("along",)
+    numeric = [path for path, key in KEYS.items() if key.numeric]
+    expected = f"{own[0]}, one of {', '.join(SYMBOLS)} or the path of a numeric key"
+    suggestion = nearest(name, (*own, *SYMBOLS)) or nearest(name, numeric)
+    result.refuse(leaf, f"{study}.{name}", expected, "an unknown axis", suggestion)
+
+
+def _join(path: Path) -> str:
+    """Write a path with quotes round every name that TOML would want quoted; so a name with dots is no path of ours."""
+    return ".".join(name if name.replace("-", "_").isidentifier() and name.isascii() else show(name) for name in path)

@@ -1,0 +1,133 @@
+"""A spec as a value: every key resolved, every axis spelt out, nothing left to default."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from wavesweep.errors import Mistake, SpecError
+from wavesweep.spec.axes import Axis
+from wavesweep.spec.keys import KEYS, SYMBOLS, find_key
+from wavesweep.spec.places import Leaf, Place
+from wavesweep.spec.reading import plain
+from wavesweep.spec.resolving import Given, resolve
+from wavesweep.spec.studies import Studies, axis_fault, need_values
+from wavesweep.spec.suggestions import nearest
+
+K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spec:
+    """What the user asked for; made by `load`. Two specs ask for the same where their `sha256` agree."""
+
+    name: str
+    source: str | None
+    _values: dict[str, float | int | str] = field(repr=False)
+    _studies: Studies = field(repr=False)
+    given: Given = field(repr=False)  # the keys as they were given, and where: what `with_values` starts from
+
+    @property
+    def values(self) -> Mapping[str, float | int | str]:
+        """The resolved value of every path (`environment.K_VE`), in the order and the units of `KEYS`; read-only."""
+        return MappingProxyType(self._values)
+
+    @property
+    def along(self) -> str:
+        """The name of the axis whose stable intervals are wanted, as written."""
+        return self._studies.along
+
+    @property
+    def sweep(self) -> tuple[Axis, ...]:
+        """The axes of [sweep] in the spec's order, the one along which intervals are wanted among them."""
+        return self._studies.sweep
+
+    @property
+    def bode(self) -> tuple[Axis, ...]:
+        """The axes of [bode] in the spec's order, without the frequencies."""
+        return self._studies.bode
+
+    @property
+    def frequency_hz(self) -> tuple[float, ...]:
+        """The frequencies of the responses, in Hz."""
+        return self._studies.frequencies.values
+
+    def tables(self) -> dict[str, dict]:
+        """Return the resolved spec as nested tables that JSON can hold.
+
+        A filter given by its band edges has these beside the order and cutoff that follow from them; a slow rate has
+        become the ratio.
+        """
+        tables: dict[str, dict] = {}
+        for path, value in self._with_band_edges().items():
+            *parents, last = path.split(".")
+            table = tables
+            for parent in parents:
+                table = table.setdefault(parent, {})
+            table[last] = value
+        tables["sweep"] = {"along": self.along, **{axis.name: axis.written() for axis in self.sweep}}
+        bode = (self._studies.frequencies, *self.bode)
+        tables["bode"] = {axis.name: axis.written() for axis in bode}
+        return tables
+
+    def _with_band_edges(self) -> dict[str, float | int | str]:
+        edges = {path: float(leaf.value) for path, leaf in self.given.leaves.items() if path.startswith("filters.")}
+        known = {**edges, **self._values}
+        return {path: known[path] for path in KEYS if path in known}
+
+    @property
+    def sha256(self) -> str:
+        """The SHA-256 of `tables()` as JSON without spaces, in their own order: that of the axes orders the rows."""
+        import hashlib
+        import json
+
+        text = json.dumps(self.tables(), separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def with_values(self, changes: Mapping[str, float | int | str]) -> Spec:
+        """Return the spec with other values for some paths or symbols, resolved and checked anew.
+
+        `rates.ratio` and `rates.slow_hz` displace each other. Raises SpecError with every mistake of the changes.
+        """
+        given, mistakes = self.given, []
+        for name, value in changes.items():
+            key = find_key(name)
+            if key is None:
+                mistakes.append(
+                    Mistake("", name, "a key of the spec", "an unknown key", nearest(name, (*SYMBOLS, *KEYS)))
+                )
+            else:
+                given = given.replaced(key.path, Leaf(plain(value), Place()))
+        values, wrong = resolve(given)
+        mistakes += wrong
+        if mistakes:
+            raise SpecError(mistakes)
+        return Spec(self.name, self.source, values, self._studies, given)
+
+
+def sweep_axes(spec: Spec, along: str | None = None) -> tuple[Axis, tuple[Axis, ...]]:
+    """Return the axis of [sweep] along which intervals are wanted (`spec.along` by default), and the other axes.
+
+    K_VE has a span of its own where the spec gives none. Raises SpecError where `along` is no numeric key or has no
+    span, and where another axis has a span without values.
+    """
+    name = spec.along if along is None else along
+    fault = axis_fault(name)
+    if fault:
+        raise SpecError([Mistake("", "along", "the name of a numeric key", *fault)])
+    path = find_key(name).path
+    others = tuple(axis for axis in spec.sweep if axis.path != path)
+    mistakes = [need_values("sweep", axis) for axis in others if not axis.values]
+    wanted = [axis for axis in spec.sweep if axis.path == path] or _default_axes(name, path)
+    if not wanted or not wanted[0].start < wanted[0].stop:
+        expected = f"a span to search, `{name} = {{ start = ..., stop = ... }}` in [sweep]"
+        place = wanted[0].place if wanted else spec.given.source.under(("sweep",))
+        mistakes.append(Leaf(None, place).mistake(f"sweep.{name}", expected, "a single value" if wanted else "none"))
+    if mistakes:
+        raise SpecError(mistakes)
+    return wanted[0], others
+
+
+def _default_axes(name: str, path: str) -> list[Axis]:
+    return [Axis(name, path, (), *K_VE_SPAN, KEYS[path].structural, "linear")] if path == SYMBOLS["K_VE"] else []
