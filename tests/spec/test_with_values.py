@@ -1,5 +1,7 @@
 """A spec with other values is resolved and checked as one that was loaded so."""
 
+from decimal import Decimal
+
 import numpy as np
 import pytest
 
@@ -42,7 +44,15 @@ def test_ratio_and_slow_rate_say_the_same(ratio, slow_hz):
     assert one.values["rates.ratio"] == other.values["rates.ratio"] == ratio
 
 
-@pytest.mark.parametrize("slow_hz", [30.0, 999.9, 1001, 0.5, 5e-324, 1e308, np.nextafter(50.0, 51)])
+@pytest.mark.parametrize("ratio", [1, 3, 7, 20, 49, 93, 123, 999])
+@pytest.mark.parametrize("slow_hz", ["50", "111.1", "0.1", "0.7", "47.3", "1e-7"])
+def test_rates_that_divide_as_decimals_divide_as_doubles(ratio, slow_hz):
+    rates = {"fast_hz": float(Decimal(slow_hz) * ratio), "slow_hz": float(slow_hz)}
+    filters = {name: {"order": 0} for name in ("lp1", "hp", "lp2")}
+    assert load(BASE | {"rates": rates, "filters": filters}).values["rates.ratio"] == ratio
+
+
+@pytest.mark.parametrize("slow_hz", [30.0, 999.9, 1001, 0.5, 5e-324, 1e308, 50 * (1 + 1e-14)])
 def test_a_slow_rate_that_does_not_divide_the_fast_one_is_refused(slow_hz):
     with pytest.raises(SpecError, match=r"rates\.slow_hz: expected rates\.fast_hz = 1000\.0 divided by"):
         load(BASE).with_values({"rates.slow_hz": slow_hz})

@@ -87,7 +87,7 @@ def read_override(typed: str) -> tuple[tuple[str, ...], object, Place]:
 
 
 def _override_path(name: str) -> tuple[str, ...]:
-    path, table = [], _loads_one(f"{name} = 0", name)
+    path, table = [], _loads_or_none(f"{name} = 0")
     while isinstance(table, dict) and len(table) == 1:
         segment, table = table.popitem()
         path.append(segment)
@@ -97,14 +97,13 @@ def _override_path(name: str) -> tuple[str, ...]:
 
 
 def _override_value(value: str) -> object:
-    table = _loads_one(f"value = {value}", value)
+    table = _loads_or_none(f"value = {value}")
     return table["value"] if isinstance(table, dict) and set(table) == {"value"} else value
 
 
-def _loads_one(line: str, part: str) -> dict | None:
-    """Return the table that one line of TOML makes; None where it is none, or where `part` would add lines to it."""
+def _loads_or_none(text: str) -> dict | None:
     try:
-        return None if "\n" in part else tomllib.loads(line)
+        return tomllib.loads(text)
     except (ValueError, RecursionError):
         return None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -87,8 +88,9 @@ def _whole_ratio(fast_hz: float, slow_hz: float) -> int | None:
     if not 0.5 <= quotient <= HIGHEST_RATIO + 0.5:
         return None
     ratio = max(1, round(quotient))
-    # 1000/3 is no double: the nearest double to it divides 1000, whichever way round that is asked.
-    return ratio if slow_hz == fast_hz / ratio or slow_hz * ratio == fast_hz else None
+    # 1000/3 is no double, nor are 333.3 and 111.1: what divides exactly as written is off by the rounding of both
+    # numbers and of their product, at most 1.5 units in the last place.
+    return ratio if math.isclose(slow_hz * ratio, fast_hz, rel_tol=4e-16) else None
 
 
 def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict) -> list[Mistake]:
