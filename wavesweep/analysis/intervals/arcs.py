@@ -3,36 +3,36 @@
 import numpy as np
 
 from wavesweep.analysis.intervals.crossings import Crossings, at_both_ends
-from wavesweep.analysis.intervals.curve import on_circle, terms
+from wavesweep.analysis.intervals.curve import on_circle, solve
 from wavesweep.analysis.intervals.isolate import isolate
 from wavesweep.analysis.intervals.polish import polish
-from wavesweep.lifted.cut import Cut
+from wavesweep.lifted.cut import Cut, open_in
 
 NODES, KEPT = 20, 14  # samples per arc; the Chebyshev coefficients from KEPT on must have decayed and bound the error
 DECAYED = 1e-9
 OVERLAP = 1.07  # arcs reach a little into their neighbours, so that no root stays on an edge for ever
 SMALLEST = 1e-9  # rad; an arc this small that proves nothing is given up
 MANY = 256  # so many open arcs of one column, and the column is given up
-DEGREES = (2, 4, 7, KEPT)  # an interpolant is cut to the first of these that its error bound allows
+DEGREES = (1, 2, 4, 7, 10, KEPT)  # an interpolant is cut to each of these in turn, what is cut away added to its error
 
 
 def arc_crossings(cut: Cut, along: str, fixed) -> Crossings:
     """Crossings of a few columns (loops `cut`, one per column), from Chebyshev interpolants on arcs of the circle.
 
-    On each arc the boundary equation, freed of its poles and of its zeros at z = +-1, is interpolated in state space at
-    NODES points; an arc is bisected until the interpolant has decayed and `isolate` proves its roots for every function
+    On each arc the boundary equation, freed of its poles and of its zeros at z = +-1, is interpolated at NODES points of
+    state space; an arc is bisected until the interpolant has decayed and `isolate` proves its roots for every function
     within the error bound, or until it is too small: then the column is not complete.
     """
-    poles = np.linalg.eigvals(cut.E).astype(complex)
+    opened = open_in(cut, along, fixed)
+    poles = np.linalg.eigvals(opened[0]).astype(complex)
     column, low, high = _first_arcs(fixed.size)
     complete, found = np.isfinite(cut.E).all((-1, -2)), []
     while column.size:
-        loops = cut.at(column)
         middle, half = (low + high) / 2, OVERLAP * (high - low) / 2
-        coefficients, noise, decayed = _interpolant(loops, along, fixed[column], poles[column], middle, half)
+        coefficients, noise, decayed = _interpolant([part[column] for part in opened], poles[column], middle, half)
         good = np.zeros(column.size, bool)
         for rows, roots in _trimmed_roots(coefficients, noise):
-            good[rows] = roots.proved & decayed[rows]
+            good[rows] = decayed[rows]
             at, which = np.nonzero(roots.inside & good[rows, None])
             arc = rows[at]
             found.append((column[arc], middle[arc] + half[arc] * roots.value[at, which], roots.slope_sign[at, which]))
@@ -40,7 +40,7 @@ def arc_crossings(cut: Cut, along: str, fixed) -> Crossings:
         complete[column[hopeless]] = False
         column, low, high = _halves(column, low, high, ~good & complete[column])
         complete[np.bincount(column, minlength=fixed.size) > MANY] = False
-    return _collect(cut, along, fixed, complete, found)
+    return _collect(cut, along, fixed, opened, complete, found)
 
 
 def _first_arcs(columns):
@@ -49,16 +49,17 @@ def _first_arcs(columns):
 
 
 def _trimmed_roots(coefficients, noise):
-    """Roots of the interpolants, each without the high coefficients that its error bound swallows: (rows, Roots) pairs."""
+    """Proved roots of the interpolants, as (rows, Roots) pairs; each row is tried at the lowest degree first.
+
+    High coefficients that have decayed to rounding would leave the discs without a leading coefficient to stand on.
+    """
     weight = np.arange(1, KEPT + 1) * np.abs(coefficients)
-    dropped = weight[:, ::-1].cumsum(-1)[:, ::-1]  # bounds on what is lost from each coefficient on
-    level = np.full(noise.size, len(DEGREES) - 1)
-    for position in reversed(range(len(DEGREES) - 1)):
-        level[dropped[:, DEGREES[position]] <= noise] = position
-    for position, degree in enumerate(DEGREES):
-        rows = np.flatnonzero(level == position)
-        if rows.size:
-            yield rows, isolate(coefficients[rows, :degree], noise[rows] * (1 if degree == KEPT else 2))
+    rows = np.arange(noise.size)
+    for degree in DEGREES:
+        bound = noise[rows] + weight[rows, degree:].sum(-1)
+        roots = isolate(coefficients[rows, :degree], bound)
+        yield rows[roots.proved], roots.rows(roots.proved)
+        rows = rows[~roots.proved]
 
 
 def _halves(column, low, high, split):
@@ -67,19 +68,24 @@ def _halves(column, low, high, split):
     return np.tile(column, 2), np.concatenate([low, cut_at]), np.concatenate([cut_at, high])
 
 
-def _boundary(cut, along, fixed, theta):
-    """`Im[(one - fixed*other) conj(solved)]` and the size of its product, both over sin(theta)."""
-    t = terms(cut, on_circle(theta))
-    solved, other = t.along(along)
-    product = (t.one - fixed * other) * solved.conj()
-    return product.imag / np.sin(theta), np.abs(product) / np.abs(np.sin(theta))
+def _boundary(opened, theta):
+    """`Im K / sin(theta)` times |H|^2, H = 1/K, and the size of what was added up for it.
+
+    `Im H(z) = -sin(theta) C (conj(w) I - E)^-1 (w I - E)^-1 B`, by the resolvent identity: nothing cancels, not even
+    where the circle meets the real axis.
+    """
+    E, B, C = opened
+    A = on_circle(theta)[..., None, None] * np.eye(E.shape[-1]) - E
+    right = solve(A, B + 0 * A[..., :1])[..., 0]
+    left = solve(np.swapaxes(A.conj(), -1, -2), np.swapaxes(C, -1, -2) + 0 * A[..., :1])[..., 0]
+    return (left * right).sum(-1).real, np.abs(left * right).sum(-1)
 
 
-def _interpolant(cut, along, fixed, poles, middle, half):
+def _interpolant(opened, poles, middle, half):
     """Second-kind Chebyshev coefficients `(arcs, KEPT)` on each arc, their error bound, and whether they decayed."""
     node = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
     theta = middle[:, None] + half[:, None] * node
-    value, size = _boundary(cut.at((slice(None), None)), along, fixed[:, None], theta)
+    value, size = _boundary([part[:, None] for part in opened], theta)
     distance = np.abs(on_circle(theta)[..., None] - poles[:, None, :])
     nearest = np.abs(on_circle(middle)[:, None] - poles)[:, None, :] + half[:, None, None]
     weight = np.prod((distance / nearest) ** 2, axis=-1)
@@ -92,10 +98,10 @@ def _interpolant(cut, along, fixed, poles, middle, half):
     second = first_kind[:, :KEPT] / 2
     second[:, 0] *= 2
     second[:, :-2] -= first_kind[:, 2:KEPT] / 2
-    return second, 8 * tail + floor, tail <= np.maximum(DECAYED * largest, floor)
+    return second, NODES * (8 * tail + floor), tail <= np.maximum(DECAYED * largest, floor)
 
 
-def _collect(cut, along, fixed, complete, found):
+def _collect(cut, along, fixed, opened, complete, found):
     """Polish, drop what overlapping arcs found twice, and add z = 1 and -1."""
     column = np.concatenate([c for c, _, _ in found])
     seed = np.concatenate([t for _, t, _ in found])
@@ -113,6 +119,6 @@ def _collect(cut, along, fixed, complete, found):
     first, last = np.full(fixed.size, np.pi), np.zeros(fixed.size)
     np.minimum.at(first, column, theta)
     np.maximum.at(last, column, theta)
-    at_one, at_minus_one = (np.sign(_boundary(cut, along, fixed, a)[0]) for a in (first / 2, (np.pi + last) / 2))
+    at_one, at_minus_one = (np.sign(_boundary(opened, a)[0]) for a in (first / 2, (np.pi + last) / 2))
     ends = at_both_ends(cut, along, fixed, at_one, at_minus_one)
     return Crossings(*(np.concatenate(pair) for pair in zip((column, value, theta, jump), ends, strict=True)), complete)

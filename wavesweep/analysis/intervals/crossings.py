@@ -34,7 +34,9 @@ def crossings(cut: Cut, along: str, fixed, polynomial: Polynomial) -> Crossings:
     sign of the polynomial's derivative turned round; at z = 1 and -1 with the sign of the polynomial.
     """
     coefficients = polynomial.base + fixed[:, None] * polynomial.slope
-    roots = isolate(coefficients, polynomial.noise[:, 0] + np.abs(fixed) * polynomial.noise[:, 1])
+    n = coefficients.shape[-1]
+    noise = polynomial.noise[:, 0] + np.abs(fixed) * polynomial.noise[:, 1]  # of each coefficient, and |U_k| <= k + 1
+    roots = isolate(coefficients, noise * (n * (n + 1) / 2))
     column, which = np.nonzero(roots.inside)
     seed = angle(roots.value[column, which], polynomial.scale[column])
     theta, value, converged = polish(cut.at(column), along, fixed[column], seed)

@@ -38,17 +38,17 @@ def transfer(cut: Cut, w) -> np.ndarray:
     """`C (w I - E)^-1 B + D` for the rows V, ADVANCE, OFFSET: `(..., 3)`."""
     w = np.asarray(w)
     A = w[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
-    return (cut.C @ _solve(A, cut.B + 0 * w[..., None, None]) + cut.D)[..., 0]
+    return (cut.C @ solve(A, cut.B + 0 * w[..., None, None]) + cut.D)[..., 0]
 
 
 def transfer_and_slope(cut: Cut, w) -> tuple[np.ndarray, np.ndarray]:
     """The same and its derivative by w."""
     A = w[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
-    state = _solve(A, cut.B + 0 * w[..., None, None])
-    return (cut.C @ state + cut.D)[..., 0], -(cut.C @ _solve(A, state))[..., 0]
+    state = solve(A, cut.B + 0 * w[..., None, None])
+    return (cut.C @ state + cut.D)[..., 0], -(cut.C @ solve(A, state))[..., 0]
 
 
-def _solve(A, b):
+def solve(A, b):
     """Batched solve; a matrix that is exactly singular (a pole at this very point) gives a huge state, not an error."""
     try:
         return np.linalg.solve(A, b)

@@ -1,6 +1,6 @@
 """All real roots in (-1, 1) of a polynomial known to within an error bound, with the proof that there are no others."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -21,9 +21,13 @@ class Roots:
     at_minus_one: np.ndarray
     proved: np.ndarray
 
+    def rows(self, index) -> "Roots":
+        """Those rows alone."""
+        return Roots(*(getattr(self, field.name)[index] for field in fields(self)))
+
 
 def isolate(coefficients, noise) -> Roots:
-    """Real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, each c_k known to within `noise`.
+    """Real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within `noise`.
 
     coefficients: `(rows, n)`; noise: `(rows,)`. The n-1 complex roots are the eigenvalues of the colleague matrix
     (Specht 1957; Good 1961). Proof: by Smith's theorem (B. T. Smith, J. ACM 17, 1970) discs about n-1 approximations,
@@ -36,7 +40,7 @@ def isolate(coefficients, noise) -> Roots:
     if n < 2:
         empty = np.zeros((rows, 0))
         sign = np.sign(coefficients[:, 0]) if n else np.zeros(rows)
-        return Roots(empty, empty > 1, empty, sign, sign, np.abs(coefficients).sum(-1) > noise)
+        return Roots(empty, empty > 1, empty, sign, sign, np.abs(coefficients).sum(-1) > 2 * noise)
     size = np.abs(coefficients).max(-1)
     coefficients = coefficients / np.where(size > 0, size, 1)[:, None]
     noise = noise / np.where(size > 0, size, 1)
@@ -47,9 +51,8 @@ def isolate(coefficients, noise) -> Roots:
         proved[again] = _proof(coefficients[again], noise[again], _spread(roots[again]))
     inside = (roots.imag == 0) & (np.abs(roots.real) < 1)
     ends = coefficients @ np.arange(1, n + 1), coefficients @ (np.arange(1, n + 1) * (-1.0) ** np.arange(n))
-    sure = [np.abs(e) > noise * n * (n + 1) / 2 for e in ends]
-    return Roots(roots.real, inside, _slope_sign(coefficients, roots, inside), np.sign(ends[0]), np.sign(ends[1]),
-                 proved & sure[0] & sure[1])
+    proved &= (np.abs(ends[0]) > 2 * noise) & (np.abs(ends[1]) > 2 * noise)
+    return Roots(roots.real, inside, _slope_sign(coefficients, roots, inside), np.sign(ends[0]), np.sign(ends[1]), proved)
 
 
 def _eigenvalues(coefficients):
@@ -66,21 +69,22 @@ def _eigenvalues(coefficients):
 
 
 def _evaluate(coefficients, x):
-    """The polynomial at x and the sum of |U_k(x)|, by the three-term recurrence."""
+    """The polynomial at x by the three-term recurrence, and a bound on the rounding error of that."""
     before, now = np.zeros_like(x), np.ones_like(x)
-    value, reach = coefficients[:, :1] * now, np.ones(x.shape)
+    value, size = coefficients[:, :1] * now, np.abs(coefficients[:, :1]) * np.ones(x.shape)
     twice = 2 * x
     for k in range(1, coefficients.shape[1]):
         before, now = now, twice * now - before
-        value = value + coefficients[:, k : k + 1] * now
-        reach = reach + np.abs(now)
-    return value, reach
+        term = coefficients[:, k : k + 1] * now
+        value = value + term
+        size = size + np.abs(term)
+    return value, 4 * coefficients.shape[1] * np.finfo(float).eps * size
 
 
 def _proof(coefficients, noise, roots):
     """Whether the discs about `roots` show every real root in (-1, 1), row by row."""
-    value, reach = _evaluate(coefficients, roots)
-    radius, apart = _discs(coefficients, roots, np.abs(value) + noise[:, None] * reach)
+    value, rounding = _evaluate(coefficients, roots)
+    radius, apart = _discs(coefficients, roots, np.abs(value) + rounding + 2 * noise[:, None])
     distance, beyond = _from_segment(roots)
     touching = ~(distance > radius)
     lonely = ~np.any(apart <= radius[:, :, None] + radius[:, None, :], axis=-1)
