@@ -8,7 +8,7 @@ from wavesweep.analysis.march.filters import advance, at_rest, butterworth, outp
 
 
 def response(sections, z):
-    """The cascade at z, from its constants: Re(r·q) makes a section with a complex pole the mean of two conjugate ones."""
+    """The cascade at z: Re(r·q) makes a section with a complex pole the mean of two conjugate ones."""
     total = 1.0
     for p, g, r, d in sections:
         total *= d + (r * g / (z - p) + r.conjugate() * g / (z - p.conjugate())) / 2
@@ -16,9 +16,9 @@ def response(sections, z):
 
 
 @pytest.mark.parametrize("passes", ["low", "high"])
-@pytest.mark.parametrize("order, cutoff_hz", [(1, 10.0), (2, 20.0), (5, 3.0), (6, 400.0), (10, 1.0), (12, 10.0)])
+@pytest.mark.parametrize(("order", "cutoff_hz"), [(1, 10.0), (2, 20.0), (5, 3.0), (6, 400.0), (10, 1.0), (12, 10.0)])
 def test_the_response_is_butterworths_at_the_warped_frequency(passes, order, cutoff_hz):
-    """`1/Π(s − p)` at ``s = j·tan(πf/f_s)/tan(πf_c/f_s)``, or at its inverse for a high-pass."""
+    """`1/Π(s - p)` at ``s = j·tan(πf/f_s)/tan(πf_c/f_s)``, or at its inverse for a high-pass."""
     sections = butterworth(passes, order, cutoff_hz, 1000.0)
     for frequency in np.array([0.1, 0.5, 1.0, 1.7, 8.0]) * cutoff_hz:
         if frequency >= 500.0:
@@ -39,9 +39,10 @@ def test_the_marched_cascade_agrees_with_scipys_sections():
     sections = butterworth("low", 5, 30.0, 1000.0)
     state, found = at_rest(sections), []
     for u in samples.tolist():
-        assert output(sections, state, u) == (step := advance(sections, state, u))[1]
-        state = step[0]
-        found.append(step[1])
+        peeked = output(sections, state, u)
+        state, y = advance(sections, state, u)
+        assert y == peeked
+        found.append(y)
     expected = signal.sosfilt(signal.butter(5, 30.0, output="sos", fs=1000.0), samples)
     np.testing.assert_allclose(found, expected, atol=1e-12)
 

@@ -5,8 +5,8 @@ from wavesweep.analysis.march.growth import growth, growth_rate
 
 EXPLICIT = {"environment.integration": "explicit", "lp1.cutoff_hz": 8.57}
 
-# Ends of stable intervals along K_VE (N/m), from 40-digit arithmetic on model.md's equations; True where growing stiffness
-# makes the loop stable.
+# Ends of stable intervals along K_VE (N/m), from 40-digit arithmetic on the model's equations; True where growing
+# stiffness makes the loop stable.
 ENDS = [
     ("dc-slow", {}, 263.1371651658711, False),
     ("dc-slow", {"environment.delay": 20}, 82.5790189960284, False),
@@ -16,12 +16,12 @@ ENDS = [
     ("pmw", EXPLICIT, 799.7134000606709, False),
     ("pmw", EXPLICIT, 2523.335126265325, True),
     ("pmw", EXPLICIT, 4448.818804163079, False),
-    ("pmw", {"environment.integration": "explicit", "environment.delay": 20, "lp1.cutoff_hz": 8.856}, 632.2594742458579, False),
+    ("pmw", {**EXPLICIT, "environment.delay": 20, "lp1.cutoff_hz": 8.856}, 632.2594742458579, False),
     ("pmw-lm", {"environment.integration": "explicit", "K_LM": 2000.0, "Kp": 20.0}, 1046.064782614818, False),
 ]
 
 
-@pytest.mark.parametrize("kind, changes, end, gains", ENDS)
+@pytest.mark.parametrize(("kind", "changes", "end", "gains"), ENDS)
 def test_decay_turns_into_growth_at_a_stability_limit(values, kind, changes, end, gains):
     """A part in a hundred thousand to either side of the limit is enough to tell."""
     below = growth_rate(values(kind, K_VE=end * (1 - 1e-5), **changes)) < 1
@@ -39,7 +39,7 @@ RADII = [
 ]
 
 
-@pytest.mark.parametrize("kind, changes, radius", RADII)
+@pytest.mark.parametrize(("kind", "changes", "radius"), RADII)
 def test_the_rate_is_the_spectral_radius(values, kind, changes, radius):
     found = growth(values(kind, **changes))
     assert found.per_frame == pytest.approx(radius, abs=1e-7)

@@ -24,20 +24,26 @@ def steady_response(values, frequency, settle=6000, measured=4000):
     return x, f_m / x
 
 
-# Admittance and impedance of these loops as 40-digit arithmetic on model.md's equations gives them, rounded to double.
+# Admittance and impedance of these loops as 40-digit arithmetic on the model's equations gives them, rounded to double.
 RESPONSES = {
     "dc": ({}, 11.25, -0.00012574349205258397 - 0.0062851766199421765j, 500.0062507902473 + 70.71528060540187j),
     "dc-slow at one rate": (
         {"ratio": 1, "velocity": "difference"},
         11.25, -2.7343653928230486e-05 - 0.006291066117595517j, 502.4972035837299 + 70.62698593116676j,
     ),
-    "dc-lm": ({"K_LM": 400.0}, 11.25, 0.0014988013091539907 - 0.011655845169953733j, 514.040690419043 - 3.9272318281568235j),
+    "dc-lm": (
+        {"K_LM": 400.0},
+        11.25, 0.0014988013091539907 - 0.011655845169953733j, 514.040690419043 - 3.9272318281568235j,
+    ),
     "pmw": ({}, 11.25, -0.0004684625286367296 - 0.0003843810618300799j, -772.5606922480725 + 958.4468657786894j),
     "pmw explicit, a tick late": (
         {"b": 10.0, "environment.integration": "explicit", "environment.delay": 1, "velocity": "difference"},
         11.25, -0.0017207271533584809 - 0.00021437105951514082j, -69.07964681879419 - 17.031513091062074j,
     ),
-    "pmw-lm": ({"Kp": 20.0}, 11.25, -0.0014802912366873651 - 0.0006476792414664813j, -63.810265190939276 + 159.75604530111897j),
+    "pmw-lm": (
+        {"Kp": 20.0},
+        11.25, -0.0014802912366873651 - 0.0006476792414664813j, -63.810265190939276 + 159.75604530111897j,
+    ),
     "pmw-lm without any delay": (
         {
             "device.mass": 0.0637, "device.damping": 0.1249, "velocity": "difference", "K_VE": 115.513, "B_VE": 3.429,
@@ -49,8 +55,9 @@ RESPONSES = {
     ),
     "pmw-lm with a hand": (
         {
-            "rates.fast_hz": 2000.0, "ratio": 5, "device.mass": 0.1156, "device.damping": 0.1516, "K_VE": 242.846, "B_VE": 7.514,
-            "environment.integration": "trapezoidal", "environment.delay": 2, "b": 57.311, "Kp": 50.477,
+            "rates.fast_hz": 2000.0, "ratio": 5, "device.mass": 0.1156, "device.damping": 0.1516,
+            "K_VE": 242.846, "B_VE": 7.514, "environment.integration": "trapezoidal",
+            "environment.delay": 2, "b": 57.311, "Kp": 50.477,
             "operator.mass": 0.136, "operator.damping": 1.838, "operator.stiffness": 96.15, "lp1.cutoff_hz": 35.292,
             "hp.cutoff_hz": 142.541, "lp2.order": 1, "lp2.cutoff_hz": 282.257, "K_LM": 52.387, "B_LM": 0.914,
         },
@@ -79,13 +86,14 @@ def test_without_kp_the_filter_is_a_spring_in_series(values):
     seen = march(values("pmw", **{"lp1.order": 6, "environment.delay": 7}), 1.0, ticks=30_000)
     edge = math.tan(math.pi * 10.0 / 1000.0)
     poles = [edge * np.exp(1j * math.pi * (2 * k + 7) / 12) for k in range(6)]
-    group = sum((1 / (1 - p) - 1).real for s in poles for p in [(1 + s) / (1 - s)]) + 6 / 2  # ticks: poles, and zeros at −1
+    group = sum((1 / (1 - p) - 1).real for s in poles for p in [(1 + s) / (1 - s)])  # ticks, of the poles
+    group += 6 / 2  # and of the zeros at -1
     tau = (group + 19 / 2 + 7) / 1000.0
     assert seen.x[-1] == pytest.approx(1 / 500.0 + tau / 50.0, rel=1e-6)
 
 
 def test_waves_carry_the_power_at_every_port(values):
-    """``u² − v² = 2·F·ẋ`` on the user's side and at the avatar."""
+    """``u² - v² = 2·F·ẋ`` on the user's side and at the avatar."""
     seen = march(values("pmw-lm", Kp=20.0), np.random.default_rng(3).standard_normal(500))
     np.testing.assert_allclose(seen.u_m**2 - seen.v_m**2, 2 * seen.f_m * seen.v_hat, atol=1e-13)
     np.testing.assert_allclose(seen.u_s**2 - seen.v_s**2, 2 * seen.F_s * seen.x_dot_s, atol=1e-13)
@@ -118,8 +126,12 @@ def test_what_a_kind_does_not_have_is_none(values):
     """A direct coupling has no waves, `pmw` no local model, `dc` no slow loop."""
     assert march(values("dc"), 1.0, ticks=40).F_s.shape == (40,)
     slow, waves = march(values("dc-slow"), 1.0, ticks=40), march(values("pmw"), 1.0, ticks=40)
-    assert slow.u_m is None and slow.x_s is None and slow.F_s.shape == (2,)
-    assert waves.u_h is None and waves.v_2 is None and waves.u_s.shape == (2,)
+    assert slow.u_m is None
+    assert slow.x_s is None
+    assert slow.F_s.shape == (2,)
+    assert waves.u_h is None
+    assert waves.v_2 is None
+    assert waves.u_s.shape == (2,)
     assert march(values("pmw-lm"), 1.0, ticks=40).v_2.shape == (40,)
 
 
@@ -129,8 +141,9 @@ def test_too_few_forces_are_refused(values):
 
 
 def test_a_loop_that_has_no_solution_is_refused(values):
-    """No filters, no delay, a local model that answers with the negative of the wave: u_m = −v_m says nothing."""
-    loop = values("pmw-lm", K_VE=0.0, B_VE=0.0, K_LM=0.0, B_LM=0.0, **{"hp.order": 0, "lp1.order": 0, "lp2.order": 0, "local_model.delay": 0})
+    """No filters, no delay, a local model that answers with the negative of the wave: u_m = -v_m says nothing."""
+    bare = {"hp.order": 0, "lp1.order": 0, "lp2.order": 0, "local_model.delay": 0}
+    loop = values("pmw-lm", K_VE=0.0, B_VE=0.0, K_LM=0.0, B_LM=0.0, **bare)
     assert np.isfinite(march(loop, 1.0, ticks=20).x).all()
     rigid = {**loop, "local_model.integration": "explicit", "local_model.B_LM": 1e300, "environment.delay": 5}
     with pytest.raises(IllPosedLoopError, match="give the environment or the local model a delay"):

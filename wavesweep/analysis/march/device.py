@@ -8,12 +8,12 @@ _TERMS = 18  # of the Taylor series at norm 1/4: the next term is below 1e-27
 
 
 def zero_order_hold(mass: float, damping: float, stiffness: float, lengths) -> np.ndarray:
-    """How position and velocity move over a tick in which the net force is constant.
+    """Solve how position and velocity move over a tick in which the net force is constant.
 
-    ``mass·a + damping·v + stiffness·x = f`` solved exactly: ``x' = x + a·x + b·v + c·f``, ``v' = v + d·x + e·v + g·f``.
+    ``mass·a + damping·v + stiffness·x = f`` gives ``x' = x + a·x + b·v + c·f``, ``v' = v + d·x + e·v + g·f``, exactly.
 
-    Parameters: `mass` kg (> 0), `damping` N·s/m, `stiffness` N/m (either may be zero or large), `lengths` of ticks in s,
-    of any shape. Returns shape ``lengths.shape + (6,)``: ``a, b, c, d, e, g``, the *increments*, so that slow motion
+    Parameters: `mass` kg (> 0), `damping` N·s/m, `stiffness` N/m (either may be zero or large), `lengths` of ticks (s)
+    in any shape. Returns shape ``lengths.shape + (6,)``: ``a, b, c, d, e, g``, the *increments*, so that slow motion
     keeps its digits.
 
     Accuracy: relative about 1e-15 of the largest coefficient in each row for ticks short beside the device's time
@@ -22,7 +22,7 @@ def zero_order_hold(mass: float, damping: float, stiffness: float, lengths) -> n
     """
     tick = np.asarray(lengths, dtype=float)
     drag, spring = damping * tick / mass, stiffness * tick**2 / mass
-    generator = np.zeros(tick.shape + (3, 3))  # of (x, v·tick, f·tick²/mass), all in metres
+    generator = np.zeros((*tick.shape, 3, 3))  # of (x, v·tick, f·tick²/mass), all in metres
     generator[..., 0, 1] = generator[..., 1, 2] = 1.0
     generator[..., 1, 0], generator[..., 1, 1] = -spring, -drag
     increment = _exponential_minus_one(generator)
@@ -32,7 +32,7 @@ def zero_order_hold(mass: float, damping: float, stiffness: float, lengths) -> n
 
 
 def _exponential_minus_one(generator: np.ndarray) -> np.ndarray:
-    """``exp(G) − 1`` for a stack of square matrices, small entries kept to relative rounding."""
+    """Compute ``exp(G) - 1`` for a stack of square matrices, small entries kept to relative rounding."""
     size = np.abs(generator).sum(axis=-1).max()
     doublings = max(0, int(np.ceil(np.log2(size))) + 2)
     small = generator / 2.0**doublings

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Mapping, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
 from wavesweep.analysis.march.clock import Mail, collect, post
 
 
 class DirectLaw(NamedTuple):
-    """The constants of a direct coupling. `dc` has a ratio of 1 and no delay: its wall is computed every tick."""
+    """The constants of a direct coupling. `dc` has a ratio of 1 and no delay: its wall is computed every tick.
+
+    `surface` is where a one-sided wall begins (m), None for a wall on both sides of 0.
+    """
 
     K: float
     B: float
@@ -16,14 +20,16 @@ class DirectLaw(NamedTuple):
     B_LM: float
     ratio: int
     delay: int
+    surface: float | None = None
 
 
 class Sample(NamedTuple):
-    """A force of the slow wall (N) with the position (m) and velocity (m/s) that it was computed from."""
+    """A force of the slow wall (N), the position (m) and velocity (m/s) that it comes from, and if it touched."""
 
     F: float = 0.0
     x: float = 0.0
     v: float = 0.0
+    touching: bool = True
 
 
 class DirectMemory(NamedTuple):
@@ -34,14 +40,15 @@ class DirectMemory(NamedTuple):
 
 
 class DirectTick(NamedTuple):
-    """The control force of a tick, and the slow wall's force where it was computed."""
+    """The control force of a tick, the slow force where one was computed, and whether the held one is of a contact."""
 
     f_m: float
     F_s: float | None
+    touching: bool
 
 
-def direct_law(values: Mapping) -> DirectLaw:
-    """The controller of a spec's flat values."""
+def direct_law(values: Mapping, surface: float | None = None) -> DirectLaw:
+    """Give the controller of a spec's flat values, with a one-sided wall at `surface` (m) where one is given."""
     kind = values["controller.kind"]
     with_local = kind == "dc-lm"
     return DirectLaw(
@@ -51,19 +58,40 @@ def direct_law(values: Mapping) -> DirectLaw:
         B_LM=values["local_model.B_LM"] if with_local else 0.0,
         ratio=1 if kind == "dc" else values["rates.ratio"],
         delay=0 if kind == "dc" else values["environment.delay"],
+        surface=surface,
     )
 
 
-def direct_tick(law: DirectLaw, memory: DirectMemory, k: int, x: float, v_hat: float) -> tuple[DirectMemory, DirectTick]:
-    """One tick: ``f_m = F_s + K_LM·(x − x_ref) + B_LM·(v̂ − v̂_ref)`` with the held ``F_s = K·x_ref + B·v̂_ref``.
+def direct_memory(law: DirectLaw) -> DirectMemory:
+    """Give the memory of a loop that has not moved yet, at x = 0."""
+    return DirectMemory(Sample(touching=law.surface is None or law.surface < 0.0))
 
-    Parameters: `k` the tick, `x` the position (m), `v_hat` the measured velocity (m/s).
+
+def direct_tick(
+    law: DirectLaw, memory: DirectMemory, k: int, x: float, v_hat: float, late: int | None = 0
+) -> tuple[DirectMemory, DirectTick]:
+    """March one tick: ``f_m = F_s + K_LM·(x - x_ref) + B_LM·(v̂ - v̂_ref)`` with the held ``F_s = K·x_ref + B·v̂_ref``.
+
+    The local model is that of a contact: there is none while the held force is of a wall that was not touched.
+
+    Parameters: `k` the tick, `x` the position (m), `v_hat` the measured velocity (m/s), `late` how many ticks a slow
+    result computed now comes later than its delay, None when it never comes.
     """
     held, mail = collect(memory.held, memory.mail, k)
     F_s = None
     if k % law.ratio == 0:
-        F_s = law.K * x + law.B * v_hat
-        sample = Sample(F_s, x, v_hat)
-        held, mail = held if law.delay else sample, post(mail, sample, k, law.delay)
-    f_m = held.F + law.K_LM * (x - held.x) + law.B_LM * (v_hat - held.v)
-    return DirectMemory(held, mail), DirectTick(f_m, F_s)
+        sample = _sample(law, x, v_hat)
+        F_s, delay = sample.F, None if late is None else law.delay + late
+        held, mail = sample if delay == 0 else held, post(mail, sample, k, delay)
+    f_m = held.F
+    if held.touching:
+        f_m = f_m + law.K_LM * (x - held.x) + law.B_LM * (v_hat - held.v)
+    return DirectMemory(held, mail), DirectTick(f_m, F_s, held.touching)
+
+
+def _sample(law: DirectLaw, x: float, v_hat: float) -> Sample:
+    """Evaluate the wall, which is there only beyond its surface if it is one-sided."""
+    if law.surface is None:
+        return Sample(law.K * x + law.B * v_hat, x, v_hat, touching=True)
+    touching = x > law.surface
+    return Sample(law.K * (x - law.surface) + law.B * v_hat if touching else 0.0, x, v_hat, touching)

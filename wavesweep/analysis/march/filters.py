@@ -4,8 +4,9 @@ A section with the pole ``p`` (a real one, or the upper one of a conjugate pair)
 
     q' = p·q + g·u,        y = Re(r·q) + d·u
 
-which for a pair is the normal form ``[[σ, ω], [−ω, σ]]`` written as a complex number. A direct-form section would keep
-``1 − 2σ + |p|²``, whose digits cancel where the poles crowd at z = 1 (10th order at 0.1 % of the rate: no digit left).
+which for a pair is the normal form ``[[Re p, Im p], [-Im p, Re p]]`` written as a complex number. A direct-form section
+would keep ``1 - 2·Re p + |p|²``, whose digits cancel where the poles crowd at z = 1: at 10th order and 0.1 % of the
+rate none is left.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ class Section(NamedTuple):
 def butterworth(passes: str, order: int, cutoff_hz: float, fast_hz: float) -> tuple[Section, ...]:
     """Digital Butterworth filter: bilinear transform, prewarped so that the gain at ``cutoff_hz`` is 1/√2.
 
-    Analogue poles ``s = tan(π·f_c/f)·exp(jπ(2k + n + 1)/2n)`` become ``p = (1 + s)/(1 − s)``; the zeros go to z = −1
+    Analogue poles ``s = tan(π·f_c/f)·exp(jπ(2k + n + 1)/2n)`` become ``p = (1 + s)/(1 - s)``; the zeros go to z = -1
     (``passes`` "low") or z = 1 ("high"). Every section has gain 1 at the middle of its pass band.
 
     Parameters: `order` 0 gives no section, which is no filter; `cutoff_hz` and `fast_hz` in Hz.
@@ -38,15 +39,16 @@ def butterworth(passes: str, order: int, cutoff_hz: float, fast_hz: float) -> tu
         return ()
     edge = math.tan(math.pi * cutoff_hz / fast_hz)
     angles = (math.pi * (2 * k + order + 1) / (2 * order) for k in range((order + 1) // 2))
-    return tuple(_section(passes, edge * cmath.exp(1j * angle), real=2 * k + 1 == order) for k, angle in enumerate(angles))
+    poles = (edge * cmath.exp(1j * angle) for angle in angles)
+    return tuple(_section(passes, s, real=2 * k + 1 == order) for k, s in enumerate(poles))
 
 
 def _section(passes: str, s: complex, real: bool) -> Section:
-    """The section of the analogue pole ``s``, by partial fractions of ``d·(z ± 1)ⁿ/(z − p)…``."""
+    """The section of the analogue pole ``s``, by partial fractions of ``d·(z ± 1)ⁿ/(z - p)…``."""
     if real:
         s = s.real
     p = (1 + s) / (1 - s)
-    to_one, to_minus_one = -2 * s / (1 - s), 2 / (1 - s)  # 1 − p and 1 + p, without cancelling
+    to_one, to_minus_one = -2 * s / (1 - s), 2 / (1 - s)  # 1 - p and 1 + p, without cancelling
     at_gain, at_zero = (to_one, to_minus_one) if passes == "low" else (to_minus_one, -to_one)
     g = abs(to_one) ** 0.5  # input and output of like size: the state stays of the size of the signal
     if real:
@@ -63,7 +65,7 @@ def at_rest(sections: tuple[Section, ...]) -> tuple[complex, ...]:
 
 def output(sections: tuple[Section, ...], state: tuple[complex, ...], u: float) -> float:
     """What the cascade gives for the sample ``u``, its state left alone."""
-    for (_, _, r, d), q in zip(sections, state):
+    for (_, _, r, d), q in zip(sections, state, strict=True):
         u = (r * q).real + d * u
     return u
 
@@ -71,7 +73,7 @@ def output(sections: tuple[Section, ...], state: tuple[complex, ...], u: float) 
 def advance(sections: tuple[Section, ...], state: tuple[complex, ...], u: float) -> tuple[tuple[complex, ...], float]:
     """The state after the sample ``u``, and the output for it."""
     after = []
-    for (p, g, r, d), q in zip(sections, state):
+    for (p, g, r, d), q in zip(sections, state, strict=True):
         after.append(p * q + g * u)
         u = (r * q).real + d * u
     return tuple(after), u

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Mapping
+from typing import Any
 
 import numpy as np
 
 from wavesweep.analysis.march.linear import Loop, State, at_rest, compile_loop, tick
 
 _SPAN = 8  # differences that the last fit looks at: room for the leading modes where several are of like size
-_DRIFT = 1e-9  # of the state: motion this small beside the drift has 7 digits left, and no mode slower is told from drift
+_DRIFT = 1e-9  # of the state: motion this small beside drift has 7 digits left; no slower mode is told from drift
 _NOISE = 1e-10  # singular values below this part of the largest are rounding, not motion
 
 
 @dataclass(frozen=True)
 class Growth:
-    """Growth per frame (no unit), and the part of the last motion (0 to 1) that the modes it comes from leave unexplained."""
+    """Growth per frame (no unit), and the part (0 to 1) of the last motion that its modes leave unexplained."""
 
     per_frame: float
     residual: float
@@ -30,15 +31,16 @@ def growth_rate(values: Mapping, frames: int = 400, seed: int = 0) -> float:
 def growth(values: Mapping, frames: int = 400, seed: int = 0) -> Growth:
     """How much the free motion from a random state grows per frame (per tick for `dc`, which has no frame).
 
-    Drift is set aside by looking at differences ``s[j+1] − s[j]`` of the state: what stays for ever drops out of them.
-    After every stretch the state is made of size 1, so that nothing overflows; where drift has come up again by rounding,
-    the march goes on from a difference. The last differences span the modes that are left; the largest of the modes
-    fitted to them is the answer. (The motion's plain norm would beat with the phase of an oscillation.)
+    Drift is set aside by looking at differences ``s[j+1] - s[j]`` of the state: what stays for ever drops out of them.
+    After every stretch the state is made of size 1, so that nothing overflows; where drift has come up again by
+    rounding, the march goes on from a difference. The last differences span the modes that are left; the largest of the
+    modes fitted to them is the answer. (The motion's plain norm would beat with the phase of an oscillation.)
 
     Parameters: `values` the flat values of a spec; `frames` to march; `seed` of the random state.
 
     Accuracy: about ``(r₉/r₁)^frames`` with the spectral radius ``r₁`` and the ninth largest mode ``r₉``, and rounding
-    (1e-7 at worst, where the motion dies out beside a drift); the residual tells. A loop that overflows within a single frame has the growth ``inf``.
+    (1e-7 at worst, where the motion dies out beside a drift); the residual tells. A loop that overflows within a
+    single frame has the growth ``inf``.
     """
     loop = compile_loop(values)
     state = _step(loop, _random(at_rest(loop), np.random.default_rng(seed)))
@@ -48,7 +50,7 @@ def growth(values: Mapping, frames: int = 400, seed: int = 0) -> Growth:
         rows, state = _stretch(loop, state, _SPAN)
         numbers = _drop_drift(rows)
         size = np.linalg.norm(numbers) if np.isfinite(numbers).all() else np.inf
-        if size == 0.0 or size == np.inf:
+        if size in {0.0, np.inf}:
             return Growth(float(size), 0.0)
         state = _with(state, numbers / size)
     moved = np.diff(_stretch(loop, state, _SPAN + 1)[0], axis=0).T
@@ -58,7 +60,7 @@ def growth(values: Mapping, frames: int = 400, seed: int = 0) -> Growth:
 def _drop_drift(rows: np.ndarray) -> np.ndarray:
     """The last state, or the last difference in its place once hardly anything but drift is left in the state.
 
-    Not at every turn: a difference weighs a mode ``r`` by ``|r − 1|``, and would starve the slow modes that decide.
+    Not at every turn: a difference weighs a mode ``r`` by ``|r - 1|``, and would starve the slow modes that decide.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # a loop that overflows is seen by its infinities
         moved = rows[-1] - rows[-2]
@@ -67,7 +69,7 @@ def _drop_drift(rows: np.ndarray) -> np.ndarray:
 
 
 def _fit(moved: np.ndarray) -> Growth:
-    """The modes of ``d[j+1] = A·d[j]`` for the columns ``d`` of `moved`, by least squares in the space that they span."""
+    """Fit the modes of ``d[j+1] = A·d[j]`` to the columns ``d`` of `moved`, by least squares in their span."""
     before, after = moved[:, :-1], moved[:, 1:]
     scale = np.linalg.norm(moved, axis=0).max()
     if scale == 0.0:

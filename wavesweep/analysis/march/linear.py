@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Mapping, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from wavesweep.analysis.march.device import zero_order_hold
-from wavesweep.analysis.march.direct import DirectLaw, DirectMemory, direct_law, direct_tick
+from wavesweep.analysis.march.direct import DirectLaw, DirectMemory, direct_law, direct_memory, direct_tick
 from wavesweep.analysis.march.waves import WaveLaw, WaveMemory, wave_law, wave_memory, wave_tick
 
 
 class State(NamedTuple):
-    """The whole loop just before tick `tick`: position, velocity, position a tick before (m, m/s), and the controller."""
+    """The whole loop just before a tick: its number, position and velocity (m, m/s), position a tick ago, control."""
 
     tick: int
     x: float
@@ -40,8 +41,8 @@ class Loop(NamedTuple):
 class March:
     """What was seen, in SI units: an entry per tick, or per slow event for the fields of the slow loop.
 
-    The slow loop's waves and avatar are None without waves, `F_s` is None for `dc`, and `u_h`, `v_l`, `v_2` are None
-    without a local model behind waves. `x` and `v` are those at the start of the tick; `state` is what follows the last.
+    The waves and the avatar are None without waves, `F_s` is one per tick for `dc`, and `u_h`, `v_l`, `v_2` are None
+    without a local model behind waves. `x` and `v` are those at the start of a tick; `state` is what follows the last.
     """
 
     x: np.ndarray
@@ -61,24 +62,27 @@ class March:
     state: State
 
 
-def compile_loop(values: Mapping) -> Loop:
-    """The loop of a spec's flat values (``spec.values``, or any mapping with those keys)."""
+def compile_loop(values: Mapping, surface: float | None = None) -> Loop:
+    """Give the loop of a spec's flat values (``spec.values``, or any mapping with those keys).
+
+    `surface` makes the wall one-sided, to be touched above that position (m).
+    """
     T = 1.0 / values["rates.fast_hz"]
     whole = (values[f"device.{name}"] + values[f"operator.{name}"] for name in ("mass", "damping"))
     plant = tuple(zero_order_hold(*whole, values["operator.stiffness"], T).tolist())
     with_waves = values["controller.kind"].startswith("pmw")
-    law = wave_law(values) if with_waves else direct_law(values)
+    law = wave_law(values, surface) if with_waves else direct_law(values, surface)
     return Loop(T, values["device.velocity"], plant, law)
 
 
 def at_rest(loop: Loop, x: float = 0.0) -> State:
-    """The loop at rest with the hand at ``x`` metres; the avatar, and all that remembers, is at zero."""
-    control = wave_memory(loop.law) if isinstance(loop.law, WaveLaw) else DirectMemory()
+    """Give the loop at rest with the hand at ``x`` metres; the avatar, and all that remembers, is at zero."""
+    control = wave_memory(loop.law) if isinstance(loop.law, WaveLaw) else direct_memory(loop.law)
     return State(0, x, 0.0, x, control)
 
 
 def tick(loop: Loop, state: State, f_h: float):
-    """One tick under the hand force ``f_h`` (N): the state after it, the measured velocity, the controller's signals."""
+    """March one tick under the hand force ``f_h`` (N): the state after it, the measured velocity, the signals."""
     k, x, v, x_before, control = state
     v_hat = v if loop.velocity == "exact" else (x - x_before) / loop.T
     step = wave_tick if isinstance(loop.law, WaveLaw) else direct_tick

@@ -3,9 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import Mapping, NamedTuple
+from collections.abc import Mapping
+from typing import NamedTuple
 
-from wavesweep.analysis.march.avatar import Avatar, Port, port, touch
+from wavesweep.analysis.march.avatar import (
+    Avatar,
+    Contact,
+    Port,
+    allows,
+    away,
+    contact,
+    free,
+    grazing,
+    port,
+    pressed,
+    touch,
+)
 from wavesweep.analysis.march.clock import Mail, collect, post
 from wavesweep.analysis.march.filters import Section, advance, at_rest, butterworth, output
 from wavesweep.errors import IllPosedLoopError
@@ -45,6 +58,7 @@ class WaveTick(NamedTuple):
     f_m: float
     u_m: float
     v_m: float
+    touching: bool
     u_s: float | None
     slow: Avatar | None
     u_h: float | None
@@ -52,10 +66,10 @@ class WaveTick(NamedTuple):
     v_2: float | None
 
 
-def wave_law(values: Mapping) -> WaveLaw:
-    """The controller of a spec's flat values."""
-    kind, b, fast_hz = values["controller.kind"], values["controller.b"], values["rates.fast_hz"]
-    ratio = values["rates.ratio"]
+def wave_law(values: Mapping, surface: float | None = None) -> WaveLaw:
+    """Give the controller of a spec's flat values, with a one-sided wall at `surface` (m) where one is given."""
+    b, fast_hz, ratio = values["controller.b"], values["rates.fast_hz"], values["rates.ratio"]
+    with_local = values["controller.kind"] == "pmw-lm"
 
     def design(name, passes):
         return butterworth(passes, values[f"filters.{name}.order"], values[f"filters.{name}.cutoff_hz"], fast_hz)
@@ -64,14 +78,14 @@ def wave_law(values: Mapping) -> WaveLaw:
         constants = (values[f"{table}.K_{letters}"], values[f"{table}.B_{letters}"])
         return port(*constants, b, period, values[f"{table}.integration"])
 
-    with_local = kind == "pmw-lm"
+    wall = spring("environment", "VE", ratio / fast_hz)
     return WaveLaw(
         b=b,
         Kp=values["controller.Kp"],
         ratio=ratio,
         delay=values["environment.delay"],
         lp1=design("lp1", "low"),
-        wall=spring("environment", "VE", ratio / fast_hz),
+        wall=wall if surface is None else wall._replace(position=surface, one_sided=True),
         local=spring("local_model", "LM", 1 / fast_hz) if with_local else None,
         hp=design("hp", "high") if with_local else (),
         lp2=design("lp2", "low") if with_local else (),
@@ -80,58 +94,94 @@ def wave_law(values: Mapping) -> WaveLaw:
 
 
 def wave_memory(law: WaveLaw) -> WaveMemory:
-    """Nothing has moved yet."""
+    """Give the memory of a loop that has not moved yet, its avatar at x = 0."""
     states = (at_rest(sections) for sections in (law.lp1, law.hp, law.lp2))
-    return WaveMemory(*states, slow=Avatar(), held=Avatar(), local=Avatar(), v_2=0.0)
+    avatar = Avatar(touching=not law.wall.one_sided or law.wall.position < 0.0)
+    return WaveMemory(*states, slow=avatar, held=avatar, local=Avatar(), v_2=0.0)
 
 
-def wave_tick(law: WaveLaw, memory: WaveMemory, k: int, x: float, v_hat: float) -> tuple[WaveMemory, WaveTick]:
-    """One tick: ``f_m = b·v̂ − √(2b)·v_m``, ``u_m = √(2b)·v̂ − v_m``, and what ``u_m`` then sets in motion.
+def wave_tick(
+    law: WaveLaw, memory: WaveMemory, k: int, x: float, v_hat: float, late: int | None = 0
+) -> tuple[WaveMemory, WaveTick]:
+    """March one tick: ``f_m = b·v̂ - √(2b)·v_m``, ``u_m = √(2b)·v̂ - v_m``, and what ``u_m`` then sets in motion.
 
-    Parameters: `k` the tick, `x` the position (m), `v_hat` the measured velocity (m/s).
+    Parameters: `k` the tick, `x` the position (m), `v_hat` the measured velocity (m/s), `late` how many ticks a slow
+    result computed now comes later than its delay, None when it never comes.
     """
     event = k % law.ratio == 0
-    closes = event and law.delay == 0
+    delay = None if late is None else law.delay + late
     held, mail = collect(memory.held, memory.mail, k)
     memory = memory._replace(held=held, mail=mail)
     root = math.sqrt(2 * law.b)
-    u_m = _outgoing(law, memory, x, root * v_hat, closes)
+    u_m, meets = _outgoing(law, memory, x, root * v_hat, closes=event and delay == 0)
     v_m = root * v_hat - u_m
 
     lp1, low = advance(law.lp1, memory.lp1, u_m)
-    memory, u_s, slow = memory._replace(lp1=lp1), None, None
+    u_h, v_l, v_2, remembered = _local_tick(law, memory, u_m)
+    memory, u_s, slow = memory._replace(lp1=lp1, **remembered), None, None
     if event:
-        u_s, slow = low, touch(law.wall, memory.slow, low)
-        memory = memory._replace(slow=slow, held=slow if closes else held, mail=post(mail, slow, k, law.delay))
-    u_h = v_l = v_2 = None
-    if law.local:
-        hp, u_h = advance(law.hp, memory.hp, u_m)
-        local = touch(law.local, memory.local, u_h)
-        lp2, y = advance(law.lp2, memory.lp2, local.v)
-        v_l, v_2 = local.v, y if law.local_delay == 0 else memory.v_2
-        memory = memory._replace(hp=hp, local=local, lp2=lp2, v_2=y)
-    return memory, WaveTick(law.b * v_hat - root * v_m, u_m, v_m, u_s, slow, u_h, v_l, v_2)
+        u_s, slow = low, (meets or contact(law.wall, memory.slow, low))(law.wall, memory.slow, low)
+        memory = memory._replace(slow=slow, held=slow if delay == 0 else held, mail=post(mail, slow, k, delay))
+    f_m = law.b * v_hat - root * v_m
+    return memory, WaveTick(f_m, u_m, v_m, memory.held.touching, u_s, slow, u_h, v_l, v_2)
 
 
-def _outgoing(law: WaveLaw, memory: WaveMemory, x: float, sent: float, closes: bool) -> float:
-    """The ``u_m`` with ``u_m = √(2b)·v̂ − v_m``, where ``v_m`` may itself come from ``u_m`` within the tick.
+def _local_tick(law: WaveLaw, memory: WaveMemory, u_m: float):
+    """Answer ``u_m`` with the local model: its waves, and what it remembers of them."""
+    if law.local is None:
+        return None, None, None, {}
+    hp, u_h = advance(law.hp, memory.hp, u_m)
+    local = _local_answer(law, memory, u_h)
+    lp2, y = advance(law.lp2, memory.lp2, local.v)
+    v_2 = y if law.local_delay == 0 else memory.v_2
+    return u_h, local.v, v_2, {"hp": hp, "local": local, "lp2": lp2, "v_2": y}
 
-    ``v_m`` is affine in ``u_m``; its slope is what a loop at rest gives back of a unit wave.
+
+def _local_answer(law: WaveLaw, memory: WaveMemory, u_h: float) -> Avatar:
+    """Move the local model, which is one of a contact: free while the pair held at the tick's start is off the wall."""
+    return touch(law.local, memory.local, u_h) if memory.held.touching else away(law.local, u_h)
+
+
+def _outgoing(law: WaveLaw, memory: WaveMemory, x: float, sent: float, *, closes: bool) -> tuple[float, Contact | None]:
+    """Find the ``u_m`` with ``u_m = √(2b)·v̂ - v_m``, where ``v_m`` may itself come from ``u_m`` within the tick.
+
+    For each way of meeting the wall ``v_m`` is affine in ``u_m``: its slope is what a loop at rest gives back of a unit
+    wave. The first way that its own solution allows is taken; they are tried in the order in which `contact` decides.
+    Returns the wave, and the way when the slow loop is part of it.
     """
-    without = _returned(law, memory, x, 0.0, closes)
     if not closes and law.local_delay:
-        return sent - without
-    slope = _returned(law, wave_memory(law), 0.0, 1.0, closes)
-    if slope == -1.0:
-        raise IllPosedLoopError("the wave that leaves the user's side comes back within the tick as its own negative: "
-                                "u_m has no value; give the environment or the local model a delay")
-    return (sent - without) / (1 + slope)
+        return sent - _returned(law, memory, x, 0.0, None), None
+    ways = (pressed, free, grazing) if closes and law.wall.one_sided else (pressed if closes else None,)
+    for meets in ways:
+        slope = _slope(law, memory, meets)
+        if slope == -1.0 and meets is grazing:
+            break  # without LP1 a grazing avatar leaves u_m open; the free solution is its limit
+        if slope == -1.0:
+            raise IllPosedLoopError(
+                "the wave that leaves the user's side comes back within the tick as its own negative: "
+                "u_m has no value; give the environment or the local model a delay"
+            )
+        u_m = (sent - _returned(law, memory, x, 0.0, meets)) / (1 + slope)
+        if len(ways) == 1 or allows(law.wall, memory.slow, output(law.lp1, memory.lp1, u_m), meets):
+            break
+    return u_m, meets
 
 
-def _returned(law: WaveLaw, memory: WaveMemory, x: float, u_m: float, closes: bool) -> float:
-    """``v_m = v_1 + v_2 + Kp·(x̄_s − x)`` if the tick's outgoing wave were ``u_m``; nothing is stored."""
-    held = touch(law.wall, memory.slow, output(law.lp1, memory.lp1, u_m)) if closes else memory.held
+def _slope(law: WaveLaw, memory: WaveMemory, meets: Contact | None) -> float:
+    """Give how much of a unit ``u_m`` is in ``v_m`` within the tick: the loop at rest, its wall at the avatar."""
+    rest = wave_memory(law)._replace(held=Avatar(touching=memory.held.touching))
+    return _returned(law._replace(wall=law.wall._replace(position=0.0)), rest, 0.0, 1.0, meets)
+
+
+def _returned(law: WaveLaw, memory: WaveMemory, x: float, u_m: float, meets: Contact | None) -> float:
+    """Give ``v_m = v_1 + v_2 + Kp·(x̄_s - x)`` for an outgoing wave ``u_m``; nothing is stored.
+
+    `meets` is how the avatar is taken to meet the wall, None when the slow loop answers later.
+    """
+    held = memory.held
+    if meets:
+        held = meets(law.wall, memory.slow, output(law.lp1, memory.lp1, u_m))
     v_2 = memory.v_2
     if law.local_delay == 0:
-        v_2 = output(law.lp2, memory.lp2, touch(law.local, memory.local, output(law.hp, memory.hp, u_m)).v)
+        v_2 = output(law.lp2, memory.lp2, _local_answer(law, memory, output(law.hp, memory.hp, u_m)).v)
     return held.v + v_2 + law.Kp * (held.x - x)

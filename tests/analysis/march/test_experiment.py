@@ -1,0 +1,172 @@
+import math
+
+import numpy as np
+import pytest
+
+from wavesweep.analysis.march import march
+from wavesweep.analysis.march.experiment import simulate
+from wavesweep.analysis.march.options import Options
+from wavesweep.errors import UsageError
+
+KINDS = ["dc", "dc-slow", "dc-lm", "pmw", "pmw-lm"]
+
+
+@pytest.fixture
+def push():
+    """A hand that trembles against the wall and pulls away from it: 1500 ticks."""
+    k = np.arange(1500)
+    return np.sin(k / 90.0) + 0.3 * np.random.default_rng(8).standard_normal(1500)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("velocity", ["exact", "difference"])
+def test_with_everything_off_it_is_the_linear_march(values, push, kind, velocity):
+    loop = values(kind, K_VE=150.0, Kp=10.0, velocity=velocity, **{"environment.delay": 3})
+    plain, experiment = march(loop, push), simulate(loop, push)
+    for name in ("x", "v", "v_hat", "f_m", "u_m", "v_m", "u_h", "v_l", "v_2"):
+        assert (getattr(plain, name) is None) == (name not in experiment.signals)
+        assert name not in experiment.signals or np.array_equal(getattr(plain, name), experiment.signals[name])
+    for name in ("u_s", "v_s", "x_s", "x_dot_s", "F_s"):
+        if name in experiment.signals:
+            step = 1 if kind == "dc" else 20
+            assert np.array_equal(getattr(plain, name), experiment.signals[name][::step])
+    assert experiment.finite == len(push)
+
+
+@pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm"])
+def test_a_direct_wall_is_felt_inside_only(values, push, kind):
+    seen = simulate(values(kind, K_VE=150.0), push, Options(wall=0.001)).signals
+    sampled = slice(None, None, 1 if kind == "dc" else 20)
+    inside = seen["x"][sampled] > 0.001
+    assert 0.05 < inside.mean() < 0.95
+    assert np.array_equal(seen["F_s"][sampled] != 0.0, inside)
+    assert np.all(seen["f_m"][~seen["touching"]] == 0.0)
+
+
+@pytest.mark.parametrize("integration", ["explicit", "implicit", "trapezoidal"])
+@pytest.mark.parametrize("delay", [0, 1, 20])
+@pytest.mark.parametrize("local_delay", [0, 1])
+def test_waves_and_contact_agree_within_every_tick(values, push, integration, delay, local_delay):
+    """What goes round within a tick is solved: the waves that came back are those that the outgoing wave made."""
+    changes = {"environment.integration": integration, "environment.delay": delay, "local_model.delay": local_delay}
+    seen = simulate(values("pmw-lm", K_VE=150.0, Kp=10.0, **changes), push, Options(wall=0.001)).signals
+    held = {name: np.concatenate([np.zeros(delay), seen[name]])[: len(push)] for name in ("v_s", "x_s")}
+    returned = held["v_s"] + seen["v_2"] + 10.0 * (held["x_s"] - seen["x"])
+    np.testing.assert_allclose(seen["v_m"], returned, atol=1e-12)
+    np.testing.assert_allclose(seen["u_m"], math.sqrt(50.0) * seen["v_hat"] - seen["v_m"], atol=1e-12)
+    off = seen["F_s"][::20] == 0.0
+    assert 0.05 < off.mean() < 0.95
+    if integration != "explicit":  # whose spring is at the position of the update before
+        assert np.all(seen["x_s"][::20][off] <= 0.001)
+        assert np.all(seen["x_s"][::20][~off] >= 0.001 - 1e-12)
+
+
+def test_an_encoder_sees_the_nearest_step(values, push):
+    seen = simulate(values("pmw", velocity="difference"), push, Options(resolution=5e-5)).signals
+    steps = seen["x_hat"] / 5e-5
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
+    assert np.abs(seen["x_hat"] - seen["x"]).max() <= 2.5e-5 * (1 + 1e-9)
+    np.testing.assert_allclose(seen["v_hat"][1:], np.diff(seen["x_hat"]) * 1000.0, atol=1e-12)
+
+
+def test_motors_have_a_limit(values, push):
+    seen = simulate(values("pmw"), 3 * push, Options(max_force=1.5)).signals
+    assert np.abs(seen["f_m"]).max() > 1.5
+    assert np.array_equal(seen["f_device"], np.clip(seen["f_m"], -1.5, 1.5))
+
+
+def test_the_device_moves_for_the_real_length_of_a_jittering_tick(values):
+    """In free motion under a constant force the velocity tells the time that has passed."""
+    free = values("dc", K_VE=0.0, B_VE=0.0)
+    seen = simulate(free, np.ones(500), Options(jitter=0.3, seed=2)).signals
+    lengths = np.diff(seen["time"])
+    assert 0.7e-3 <= lengths.min() < 0.75e-3
+    assert 1.25e-3 < lengths.max() <= 1.3e-3
+    np.testing.assert_allclose(seen["v"], -np.expm1(-15.0 * seen["time"]) / 1.5, rtol=1e-12)
+
+
+def test_a_late_result_is_held_from_the_tick_when_it_comes(values):
+    late = simulate(values("dc-slow"), np.zeros(400), Options(late=15, seed=1), x=1e-3)
+    f_m, F_s = late.signals["f_m"], late.signals["F_s"][::20]
+    assert len(set(late.late.tolist())) > 5
+    for frame, (ticks, force) in enumerate(zip(late.late, F_s, strict=True)):
+        assert f_m[20 * frame + ticks] == force
+        assert ticks == 0 or f_m[20 * frame + ticks - 1] != force
+
+
+def test_of_two_results_the_newer_one_stays(values):
+    """More than a frame late a result may be overtaken, and is then not held any more."""
+    seen = simulate(values("dc-slow"), np.zeros(4000), Options(late=70, seed=1), x=1e-3)
+    frames = {force: frame for frame, force in enumerate(seen.signals["F_s"][::20].tolist())}
+    held = [frames[force] for force in seen.signals["f_m"].tolist() if force in frames]
+    assert held == sorted(held)
+    assert len(set(held)) < len(frames)
+
+
+def test_a_lost_result_leaves_the_old_one(values):
+    some = simulate(values("dc-slow"), np.zeros(400), Options(dropped=0.5, seed=3), x=1e-3)
+    assert {-1, 0} == set(some.late.tolist())
+    for frame in np.flatnonzero(some.late == -1):
+        assert frame == 0 or some.signals["f_m"][20 * frame] == some.signals["f_m"][20 * frame - 1]
+    every = simulate(values("pmw"), np.ones(400), Options(dropped=1.0))
+    assert np.all(every.signals["v_m"] == 0.0)
+
+
+def test_a_seed_gives_one_experiment_and_features_keep_their_numbers(values, push):
+    loop = values("pmw")
+    both, again = (simulate(loop, push, Options(jitter=0.2, late=9, seed=4)) for _ in range(2))
+    assert np.array_equal(both.signals["x"], again.signals["x"])
+    assert np.array_equal(both.late, simulate(loop, push, Options(late=9, seed=4)).late)
+    assert not np.array_equal(both.late, simulate(loop, push, Options(late=9, seed=0)).late)
+
+
+def test_friction_holds_the_device(values, push):
+    """Below Coulomb's force nothing moves at all; above it the device rests in between, and does not chatter."""
+    loop = values("dc", K_VE=150.0)
+    assert np.all(simulate(loop, 0.1 * push / np.abs(push).max(), Options(friction=0.11)).signals["x"] == 0.0)
+    v = simulate(loop, push, Options(friction=0.3)).signals["v"]
+    assert 0.05 < (v == 0.0).mean() < 0.95
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_energy_is_accounted_for(values, push, kind):
+    """Without damping what the hand gave and the motors did not take is the device's motion."""
+    experiment = simulate(values(kind, K_VE=150.0, **{"device.damping": 0.0}), push, Options(max_force=2.0))
+    left = experiment.energy.hand - experiment.energy.device
+    np.testing.assert_allclose(left[:-1], 0.05 * experiment.signals["v"][1:] ** 2, atol=1e-10 * left.max())
+
+
+def test_the_channel_without_aliasing_makes_no_energy(values, push):
+    """At the ends of frames; aliasing of a 4th-order filter at 10 Hz makes at most 5e-6 of what passes."""
+    experiment = simulate(values("pmw", **{"lp1.order": 4}), push)
+    energy, signals = experiment.energy, experiment.signals
+    passed = np.cumsum(signals["u_m"] ** 2) * 0.5e-3
+    assert np.all((energy.channel >= -5e-6 * passed)[19::20])
+    avatar = np.cumsum(0.02 * signals["F_s"][::20] * signals["x_dot_s"][::20])
+    np.testing.assert_allclose(energy.slow[19::20], avatar, atol=1e-12)
+    np.testing.assert_allclose(energy.channel, energy.user - energy.slow, atol=1e-15)
+
+
+def test_an_unstable_loop_overflows_without_a_crash(values):
+    experiment = simulate(values("dc", K_VE=1e8), np.ones(2000), Options(resolution=1e-5, max_force=None, friction=0.1))
+    assert 10 < experiment.finite < 2000
+    assert len(experiment.signals["x"]) == 2000
+
+
+def test_no_force_at_all_is_an_experiment_too(values):
+    assert len(simulate(values("pmw-lm"), []).signals["x"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("option", "text"),
+    [
+        ({"jitter": 1.0}, "option jitter: expected a part of a tick below 1, found 1.0"),
+        ({"dropped": 1.5}, "option dropped: expected a probability of at most 1, found 1.5"),
+        ({"late": 1.5}, "option late: expected a whole number of ticks, found 1.5"),
+        ({"friction": -0.1}, "option friction: expected a number >= 0, found -0.1"),
+        ({"wall": math.nan}, "option wall: expected a finite number, found nan"),
+    ],
+)
+def test_an_option_without_meaning_is_refused(option, text):
+    with pytest.raises(UsageError, match=text):
+        Options(**option)
