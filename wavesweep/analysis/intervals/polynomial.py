@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.intervals.curve import Terms
+from wavesweep.analysis.intervals.curve import Terms, solve
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V, Cut
 
 SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all
@@ -61,9 +61,9 @@ def _scaled(cut, zeta, scale, along):
     top, bottom = (1 - a) * (zeta - 1), 1 + a * zeta  # w = top/bottom
     A = top[..., None, None] * np.eye(cut.E.shape[-1]) - bottom[..., None, None] * cut.E[..., None, :, :]
     B, C, D = (part[..., None, :, :] for part in (cut.B, cut.C, cut.D))
-    pole = np.linalg.det(A)
-    pole = pole / np.abs(pole).max(-1, keepdims=True)
-    G = bottom[..., None] * (C @ np.linalg.solve(A, B + 0j * A[..., :1]))[..., 0] + D[..., 0]
+    phase, log_size = np.linalg.slogdet(A)
+    pole = phase * np.exp(log_size - log_size.max(-1, keepdims=True))
+    G = bottom[..., None] * (C @ solve(A, B + 0j * A[..., :1]))[..., 0] + D[..., 0]
     if cut.integrates:
         terms = Terms(pole * top, pole * (bottom * G[..., ADVANCE] + top * G[..., OFFSET]), pole * top * G[..., V])
     else:
