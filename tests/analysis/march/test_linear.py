@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from wavesweep.analysis.march import at_rest, compile_loop, march
+from wavesweep.analysis.march import at_rest, compile_loop, march, random_state
+from wavesweep.analysis.march.coordinates import numbers_of, with_numbers
 from wavesweep.errors import IllPosedLoopError
 
 
@@ -148,3 +149,15 @@ def test_a_loop_that_has_no_solution_is_refused(values):
     rigid = {**loop, "local_model.integration": "explicit", "local_model.B_LM": 1e300, "environment.delay": 5}
     with pytest.raises(IllPosedLoopError, match="give the environment or the local model a delay"):
         march(rigid, 1.0, ticks=20)
+
+
+@pytest.mark.parametrize("kind", ["dc-lm", "pmw-lm"])
+def test_free_motions_add_up(values, kind):
+    """From any start the motion is linear: the sum of two states moves as the sum of their motions."""
+    loop = values(kind, **{"environment.delay": 3})
+    compiled = compile_loop(loop)
+    first, second = random_state(compiled, 0), random_state(compiled, 1)
+    both = with_numbers(first, numbers_of(first) + numbers_of(second))
+    one, other, joint = (march(loop, 0.0, ticks=60, state=state) for state in (first, second, both))
+    np.testing.assert_allclose(joint.x, one.x + other.x, atol=1e-13)
+    np.testing.assert_allclose(numbers_of(joint.state), numbers_of(one.state) + numbers_of(other.state), atol=1e-11)

@@ -1,5 +1,6 @@
 """Both loops run tick by tick: the witness of every other analysis, and the paper's experiment in simulation."""
 
+from wavesweep.analysis.march.coordinates import random_state
 from wavesweep.analysis.march.energy import Energy
 from wavesweep.analysis.march.experiment import Simulation, simulate
 from wavesweep.analysis.march.growth import Growth, growth, growth_rate
@@ -18,5 +19,6 @@ __all__ = [
     "growth",
     "growth_rate",
     "march",
+    "random_state",
     "simulate",
 ]

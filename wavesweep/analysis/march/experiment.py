@@ -40,6 +40,11 @@ class Simulation:
     late: np.ndarray
     finite: int
 
+    def columns(self) -> dict[str, np.ndarray]:
+        """Give all that there is per fast tick: the signals, and `energy_hand` and so on for the energies."""
+        energies = {f"energy_{name}": column for name, column in vars(self.energy).items() if column is not None}
+        return {**self.signals, **energies}
+
 
 def simulate(values: Mapping, force, options: Options | None = None, x: float = 0.0) -> Simulation:
     """Run the experiment under a record of hand forces.

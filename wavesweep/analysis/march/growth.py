@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from wavesweep.analysis.march.linear import Loop, State, at_rest, compile_loop, tick
+from wavesweep.analysis.march.coordinates import numbers_of, random_state, with_numbers
+from wavesweep.analysis.march.linear import Loop, State, compile_loop, tick
 
 _SPAN = 8  # differences that the last fit looks at: room for the leading modes where several are of like size
 _DRIFT = 1e-9  # of the state: motion this small beside drift has 7 digits left; no slower mode is told from drift
@@ -43,16 +43,16 @@ def growth(values: Mapping, frames: int = 400, seed: int = 0) -> Growth:
     single frame has the growth ``inf``.
     """
     loop = compile_loop(values)
-    state = _step(loop, _random(at_rest(loop), np.random.default_rng(seed)))
+    state = _step(loop, random_state(loop, seed))
     rows, state = _stretch(loop, state, 1)
-    state = _with(state, rows[-1] - rows[-2])
+    state = with_numbers(state, rows[-1] - rows[-2])
     for _ in range(max(1, frames // _SPAN) - 1):
         rows, state = _stretch(loop, state, _SPAN)
         numbers = _drop_drift(rows)
         size = np.linalg.norm(numbers) if np.isfinite(numbers).all() else np.inf
         if size in {0.0, np.inf}:
             return Growth(float(size), 0.0)
-        state = _with(state, numbers / size)
+        state = with_numbers(state, numbers / size)
     moved = np.diff(_stretch(loop, state, _SPAN + 1)[0], axis=0).T
     return _fit(moved) if np.isfinite(moved).all() else Growth(np.inf, 0.0)
 
@@ -85,10 +85,10 @@ def _fit(moved: np.ndarray) -> Growth:
 
 def _stretch(loop: Loop, state: State, frames: int) -> tuple[np.ndarray, State]:
     """The state's numbers now and after each of the next frames, a row each, and the last state."""
-    rows = [_numbers(state)]
+    rows = [numbers_of(state)]
     for _ in range(frames):
         state = _step(loop, state)
-        rows.append(_numbers(state))
+        rows.append(numbers_of(state))
     return np.array(rows), state
 
 
@@ -97,39 +97,3 @@ def _step(loop: Loop, state: State) -> State:
     for _ in range(loop.frame):
         state = tick(loop, state, 0.0)[0]
     return state
-
-
-def _random(state: State, source: np.random.Generator) -> State:
-    return _with(state, source.standard_normal(len(_numbers(state))))
-
-
-def _numbers(state: State) -> np.ndarray:
-    """The state's real numbers in a row; whole numbers are ticks and no part of the motion."""
-    found: list[float] = []
-
-    def visit(part: Any) -> None:
-        if isinstance(part, tuple):
-            for inner in part:
-                visit(inner)
-        elif isinstance(part, complex):
-            found.extend((part.real, part.imag))
-        elif not isinstance(part, int):
-            found.append(part)
-
-    visit(state)
-    return np.array(found)
-
-
-def _with(state: State, numbers: np.ndarray) -> State:
-    """The state with other numbers in the same places."""
-    left = iter(numbers.tolist())
-
-    def fill(part: Any) -> Any:
-        if isinstance(part, tuple):
-            inner = [fill(one) for one in part]
-            return type(part)(*inner) if hasattr(part, "_fields") else tuple(inner)
-        if isinstance(part, complex):
-            return complex(next(left), next(left))
-        return part if isinstance(part, int) else next(left)
-
-    return fill(state)

@@ -1,0 +1,107 @@
+"""What the hand does: records of force, one number per fast tick."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A stretch of the record in which the force is a sine that has settled: ticks `first` up to but not `last`."""
+
+    frequency_hz: float
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class Input:
+    """Hand force (N) per fast tick, shape ``(ticks,)``, read-only, and the stretches from which a response is had."""
+
+    force: np.ndarray
+    tones: tuple[Tone, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Nobody changes what was recorded."""
+        self.force.flags.writeable = False
+
+
+def sine(
+    fast_hz: float, frequency_hz: float, amplitude: float = 1.0, seconds: float = 4.0, settle: float = 2.0
+) -> Input:
+    """Give ``amplitude·sin(2π·f·t)``, measured after `settle` seconds over as many whole periods as fit."""
+    settled, ticks = _ticks(fast_hz, settle), _ticks(fast_hz, seconds)
+    periods = int((ticks - settled) * frequency_hz / fast_hz + 1e-9)  # a last period is whole in spite of rounding
+    return stepped_sine(fast_hz, [frequency_hz], amplitude, settle, periods, least=0.0)
+
+
+def stepped_sine(
+    fast_hz: float,
+    frequencies_hz: Sequence[float],
+    amplitude: float = 1.0,
+    settle: float = 2.0,
+    periods: int = 5,
+    least: float = 1.0,
+) -> Input:
+    """Give one sine after the other without a jump in phase, as a sine sweep on a rig does.
+
+    Parameters: `frequencies_hz` above 0 and below half the fast rate, `amplitude` (N), `settle` seconds before each
+    measurement, which then takes `periods` whole periods and at least `least` seconds of them.
+
+    Errors: `UsageError` for a frequency out of range or nothing to measure.
+    """
+    phases, tones, first, phase = [], [], 0, 0.0
+    for frequency in map(float, frequencies_hz):
+        if not 0.0 < frequency < fast_hz / 2:
+            raise UsageError(f"frequency: expected above 0 and below {fast_hz / 2} Hz, found {frequency} Hz")
+        turns = max(periods, int(np.ceil(least * frequency)))
+        if turns < 1:
+            raise UsageError(f"sine of {frequency} Hz: expected time for a whole period to measure, found none")
+        settled = first + _ticks(fast_hz, settle)
+        last = settled + round(turns * fast_hz / frequency)
+        phases.append(phase + 2 * np.pi * frequency / fast_hz * np.arange(last - first))
+        phase += 2 * np.pi * frequency / fast_hz * (last - first)
+        tones.append(Tone(frequency, settled, last))
+        first = last
+    return Input(amplitude * np.sin(np.concatenate(phases)) if phases else np.zeros(0), tuple(tones))
+
+
+def chirp(
+    fast_hz: float, start_hz: float = 0.1, stop_hz: float = 50.0, amplitude: float = 1.0, seconds: float = 20.0
+) -> Input:
+    """Give a sine whose frequency rises evenly in logarithm from `start_hz` to `stop_hz` (both above 0)."""
+    if start_hz <= 0 or stop_hz <= 0:
+        raise UsageError(f"chirp: expected two frequencies above 0 Hz, found {start_hz} and {stop_hz}")
+    t = np.arange(_ticks(fast_hz, seconds)) / fast_hz
+    octaves = np.log(stop_hz / start_hz) / seconds
+    turns = start_hz * (np.expm1(octaves * t) / octaves if octaves else t)
+    return Input(amplitude * np.sin(2 * np.pi * turns))
+
+
+def step(fast_hz: float, amplitude: float = 1.0, seconds: float = 2.0, at: float = 0.1) -> Input:
+    """Give a force that sets in at `at` seconds and stays."""
+    return pulse(fast_hz, amplitude, seconds, at, width=seconds)
+
+
+def pulse(fast_hz: float, amplitude: float = 1.0, seconds: float = 2.0, at: float = 0.1, width: float = 0.05) -> Input:
+    """Give a force that lasts from `at` seconds for `width` seconds."""
+    force = np.zeros(_ticks(fast_hz, seconds))
+    first = _ticks(fast_hz, at)
+    force[first : first + _ticks(fast_hz, width)] = amplitude
+    return Input(force)
+
+
+def noise(fast_hz: float, amplitude: float = 1.0, seconds: float = 10.0, seed: int = 0) -> Input:
+    """Give white noise of standard deviation `amplitude`, the same for the same `seed`."""
+    return Input(amplitude * np.random.default_rng(seed).standard_normal(_ticks(fast_hz, seconds)))
+
+
+def _ticks(fast_hz: float, seconds: float) -> int:
+    if not 0.0 <= seconds < np.inf:
+        raise UsageError(f"duration: expected 0 s or more, found {seconds} s")
+    return round(seconds * fast_hz)
