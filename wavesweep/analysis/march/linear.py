@@ -93,7 +93,7 @@ def tick(loop: Loop, state: State, f_h: float):
 
 
 def march(values: Mapping, force, ticks: int | None = None, state: State | None = None) -> March:
-    """Run the loop tick by tick under a force of the hand: model.md's equations, in their order, nothing else.
+    """Run the loop tick by tick under a force of the hand: the model's equations in their order, nothing else.
 
     Parameters: `values` the flat values of a spec; `force` the hand's force (N) per tick, shape ``(n,)``, or one number
     for every tick, with `ticks` then saying how many; `ticks` alone cuts a longer record short; `state` where to start

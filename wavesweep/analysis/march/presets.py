@@ -56,7 +56,7 @@ DEVICES: Mapping[str, HapticDevice] = MappingProxyType(
             max_force=3.3,
             published="SensAble Technologies, PHANTOM Omni data sheet as commonly quoted (the Geomagic Touch's says "
             "the same): apparent mass at the tip about 45 g, back-drive friction below 0.26 N (its upper bound is "
-            "taken), nominal position resolution about 0.055 mm (450 dpi), maximum force 3.3 N at nominal position with orthogonal arms",
+            "taken), nominal position resolution about 0.055 mm (450 dpi), maximum force 3.3 N",
             assumed="damping: a third of what the paper's analysis takes for its device",
         ),
         "novint-falcon": HapticDevice(
@@ -66,7 +66,7 @@ DEVICES: Mapping[str, HapticDevice] = MappingProxyType(
             resolution=0.0635e-3,
             max_force=8.0,
             published="Novint Technologies, Falcon product sheet as commonly quoted: position resolution better than "
-            "400 dpi (0.0635 mm); CHAI3D, CFalconDevice.cpp: maximum linear force 8.0 N (the product sheet says above 2 lbf, 8.9 N)",
+            "400 dpi (0.0635 mm), force above 2 lbf (8.9 N); CHAI3D, constructor of cFalconDevice: 8.0 N, taken here",
             assumed="mass, damping and friction: of the size that a three-legged device with geared-down motors has; "
             "no published figure is relied on",
         ),
