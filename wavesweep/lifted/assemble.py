@@ -14,11 +14,11 @@ def fast_side(diagram: Diagram, outputs) -> Block:
     return block
 
 
-def slow_side(diagram: Diagram, outputs, injected=False) -> tuple[Block, tuple[str, ...]]:
+def slow_side(diagram: Diagram, outputs, injected=False, wall=None) -> tuple[Block, tuple[str, ...]]:
     """The frame, cut at the wall: from the wall's force `F_s` to the slow signals `outputs`.
 
     injected: adds an input `inject.NAME` for every sample, which is added to what the sampler reads (the hand's force
-    reaches the slow side by no other way). Returns the block and the names of the states that were left out.
+    reaches the slow side by no other way). wall: a junction that makes `F_s`, which closes the loop. Returns the block and the names of the states that were left out.
     """
     sampled = tuple(dict.fromkeys(diagram.samples.values()))
     fast = fast_side(diagram, sampled)
@@ -30,7 +30,8 @@ def slow_side(diagram: Diagram, outputs, injected=False) -> tuple[Block, tuple[s
         sums |= {f"frame.{name}.old": {f"hold_{name}.y": 1}, f"frame.{name}.new": {source: 1}, f"hold_{name}.u": {source: 1}}
     for name, source in diagram.samples.items():
         sums[name] = {f"frame.{source}": 1} | ({f"inject.{name}": 1} if injected else {})
-    inputs = ("F_s", *(f"inject.{name}" for name in diagram.samples)) if injected else ("F_s",)
+    sums |= wall or {}
+    inputs = (() if wall else ("F_s",)) + (tuple(f"inject.{name}" for name in diagram.samples) if injected else ())
     block, unread = prune(connect("slow", (frame, *diagram.slow, *latches), sums, inputs, tuple(outputs)))
     dropped_early = tuple(
         f"frame.{b.name}.{s}" for b in diagram.fast for s in b.states if f"{b.name}.{s}" not in fast.states

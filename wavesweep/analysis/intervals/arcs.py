@@ -3,9 +3,9 @@
 import numpy as np
 
 from wavesweep.analysis.intervals.crossings import Crossings, at_both_ends
-from wavesweep.analysis.intervals.curve import on_circle, solve
 from wavesweep.analysis.intervals.isolate import isolate
 from wavesweep.analysis.intervals.polish import polish
+from wavesweep.lifted.circle import on_circle, solve
 from wavesweep.lifted.cut import Cut, open_in
 
 NODES, KEPT = 20, 14  # samples per arc; the Chebyshev coefficients from KEPT on must have decayed and bound the error

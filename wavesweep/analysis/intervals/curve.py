@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.lifted.circle import solve
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V, Cut
 
 K_VE, B_VE = "K_VE", "B_VE"
@@ -46,22 +47,6 @@ def transfer_and_slope(cut: Cut, w) -> tuple[np.ndarray, np.ndarray]:
     A = w[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
     state = solve(A, cut.B + 0 * w[..., None, None])
     return (cut.C @ state + cut.D)[..., 0], -(cut.C @ solve(A, state))[..., 0]
-
-
-def solve(A, b):
-    """Batched solve; a matrix that is exactly singular (a pole at this very point) gives a huge state, not an error."""
-    try:
-        return np.linalg.solve(A, b)
-    except np.linalg.LinAlgError:
-        singular = np.linalg.slogdet(A)[0] == 0
-        nudge = np.finfo(float).eps * np.maximum(np.abs(A).max((-1, -2)), 1) * singular
-        return np.linalg.solve(A + nudge[..., None, None] * np.eye(A.shape[-1]), b)
-
-
-def on_circle(theta):
-    """`w = exp(j theta) - 1`, without cancellation at small angles."""
-    half = np.sin(theta / 2)
-    return -2 * half * half + 1j * np.sin(theta)
 
 
 def residual(t: Terms, K, B):

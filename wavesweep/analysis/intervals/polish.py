@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from wavesweep.analysis.intervals.curve import on_circle, terms, transfer_and_slope
+from wavesweep.analysis.intervals.curve import terms, transfer_and_slope
+from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V, Cut
 
 ROUNDS = 12  # Newton from a seed of 8 digits needs 2; from the fallback's arcs a few more

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.intervals.curve import Terms, solve
+from wavesweep.analysis.intervals.curve import Terms
+from wavesweep.lifted.circle import solve
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V, Cut
 
 SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.analysis.intervals.crossings import Crossings
-from wavesweep.analysis.intervals.curve import K_VE, on_circle, residual, terms
+from wavesweep.analysis.intervals.curve import K_VE, residual, terms
+from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.cut import Cut, close
 
 SMALL_RESIDUAL = 1e-9
