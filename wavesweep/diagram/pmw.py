@@ -5,13 +5,13 @@ import numpy as np
 from wavesweep.diagram.device import device
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.filters import butterworth
-from wavesweep.diagram.signals import common
+from wavesweep.diagram.signals import hand, rates
 from wavesweep.diagram.wave import avatar
 
 
 def pmw(values) -> Diagram:
     """hand -> device -> encoder u_m -> LP1 -> sampler -> avatar and wall -> v_s -> hold -> v_m -> device."""
-    facts = common(values)
+    facts = hand(values) | rates(values)
     return Diagram(
         fast=(device(values, facts["period"]), antialiasing(values, facts["period"])),
         slow=(slow_avatar(values, facts["period"]),),

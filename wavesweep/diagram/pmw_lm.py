@@ -5,13 +5,13 @@ from wavesweep.diagram.device import device
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.filters import butterworth
 from wavesweep.diagram.pmw import antialiasing, encoder, position_term, slow_avatar, wall_drifts
-from wavesweep.diagram.signals import common
+from wavesweep.diagram.signals import hand, rates
 from wavesweep.diagram.wave import local_model
 
 
 def pmw_lm(values) -> Diagram:
     """Figure 1's line beside the branch u_m -> HP -> local model -> LP2 -> v_2, and v_m = v_1 + v_2 + Kp (x_s - x)."""
-    facts = common(values)
+    facts = hand(values) | rates(values)
     period, delayed = facts["period"], values["local_model.delay"] == 1
     branch = (
         butterworth("hp", values["filters.hp.order"], values["filters.hp.cutoff_hz"], period, highpass=True),

@@ -3,11 +3,14 @@
 import numpy as np
 
 
-def common(values) -> dict:
-    """Rates and the hand, as the keywords that a `Diagram` takes."""
+def hand(values) -> dict:
+    """The tick and the hand, as keywords that a `Diagram` takes."""
     return {
         "period": 1 / np.asarray(values["rates.fast_hz"], float),
-        "ratio": values["rates.ratio"],
-        "delay": values["environment.delay"],
         "held_by_spring": bool(np.any(values["operator.stiffness"])),
     }
+
+
+def rates(values) -> dict:
+    """The frame and the slow environment's delay in it, as keywords that a `Diagram` takes."""
+    return {"ratio": values["rates.ratio"], "delay": values["environment.delay"]}
