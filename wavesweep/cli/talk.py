@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -15,8 +16,8 @@ Progress = Callable[[int, int], None]
 
 def say(text: str, warning: bool = False) -> None:
     """Say a line. A warning is yellow on a terminal, unless NO_COLOR is set (click does not ask for it)."""
-    color = False if os.environ.get("NO_COLOR") else None
-    click.secho(text, err=True, color=color, fg="yellow" if warning else None)
+    plain = not warning or os.environ.get("NO_COLOR")
+    click.echo(text if plain else click.style(text, fg="yellow"), err=True)
 
 
 @contextmanager
@@ -25,12 +26,14 @@ def progress(quiet: bool) -> Iterator[Progress | None]:
     if quiet or not sys.stderr.isatty():
         yield None
         return
-    # click's bar writes to stdout unless told; its total is known with the first report only.
-    with click.progressbar(length=1, file=sys.stderr, show_pos=True) as bar:
+    bars: list[Any] = []
+    with ExitStack() as opened:
 
         def move(done: int, total: int) -> None:
-            bar.length = total
-            bar.update(done - bar.pos)
+            # The bar appears with the first report: a run too short for one shows none. It would go to stdout.
+            if not bars:
+                bars.append(opened.enter_context(click.progressbar(length=total, file=sys.stderr, show_pos=True)))
+            bars[0].update(done - bars[0].pos)
 
         yield move
 
