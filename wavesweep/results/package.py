@@ -34,6 +34,8 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
             {
                 "name": f"{kind}-parquet",
                 "profile": "data-resource",
+                # Taken for a table, frictionless looks for the bytes of a text stream and finds none.
+                "type": "file",
                 "format": "parquet",
                 "mediatype": "application/vnd.apache.parquet",
                 **_file(parquet),
