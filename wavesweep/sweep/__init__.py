@@ -1,0 +1,15 @@
+"""Which slices, in which order, as which table."""
+
+from wavesweep.sweep.run import Run
+
+__all__ = ["Run", "intervals", "plan", "responses"]
+
+_HOMES = {"intervals": "wavesweep.sweep.interval_table", "responses": "wavesweep.sweep.response_table", "plan": "wavesweep.sweep.planning"}
+
+
+def __getattr__(name):
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    return getattr(import_module(_HOMES[name]), name)

@@ -1,0 +1,106 @@
+"""The points of a sweep: a product of axes, split into loops to compile and walls to close them with."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.diagram import WALL, keys_read
+from wavesweep.errors import UsageError
+from wavesweep.spec import Axis, Spec
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Grid:
+    """The combinations of `axes` in their order, the first slowest.
+
+    A combination is a loop (its values on the axes `loop_axes`) closed with a wall (its values on `wall_axes`); axes in
+    neither are not read by the controller, and combinations that differ in them alone are the same column.
+    """
+
+    spec: Spec
+    axes: tuple[Axis, ...]
+    loop_axes: tuple[Axis, ...]
+    wall_axes: tuple[Axis, ...]
+
+    @property
+    def ignored(self) -> tuple[Axis, ...]:
+        """Axes that the controller does not read."""
+        return tuple(axis for axis in self.axes if axis not in self.loop_axes and axis not in self.wall_axes)
+
+    @property
+    def size(self) -> int:
+        """Number of combinations."""
+        return _count(self.axes)
+
+    @property
+    def loops(self) -> int:
+        """Number of loops to compile."""
+        return _count(self.loop_axes)
+
+    @property
+    def walls(self) -> int:
+        """Number of walls that each loop is closed with."""
+        return _count(self.wall_axes)
+
+    def loop_values(self, index) -> dict[str, np.ndarray]:
+        """Path -> values of the loops `index` (flat, in the order of the loop axes)."""
+        return _values(self.loop_axes, index)
+
+    def wall_values(self) -> dict[str, np.ndarray]:
+        """Path -> values of the walls; a path of the wall that is no axis has the spec's value."""
+        swept = _values(self.wall_axes, np.arange(self.walls))
+        return {path: swept.get(path, np.full(self.walls, self.spec.values[path])) for path in WALL}
+
+    def column_of(self, combination) -> tuple[np.ndarray, np.ndarray]:
+        """(loop, wall) of each combination (flat indices)."""
+        digits = dict(zip((axis.path for axis in self.axes), _digits(self.axes, combination), strict=True))
+        return tuple(_flat(part, digits, np.size(combination)) for part in (self.loop_axes, self.wall_axes))
+
+    def axis_columns(self, combination) -> dict[str, np.ndarray]:
+        """Name -> value of each combination, the table's leading columns."""
+        return {
+            axis.name: np.asarray(axis.values)[digit]
+            for axis, digit in zip(self.axes, _digits(self.axes, combination), strict=True)
+        }
+
+
+def make_grid(spec: Spec, axes, along: str | None = None) -> Grid:
+    """Sort the axes by what they change; `along` (a path) is the axis that intervals lie on, not among `axes`."""
+    read = keys_read(spec.values)
+    if along is not None and not _is_read(along, read):
+        raise UsageError(
+            f"intervals along {along}: the controller {spec.values['controller.kind']} does not read it, so stability "
+            "cannot depend on it; sweep a key that it reads (wavesweep check names them)"
+        )
+    used = [axis for axis in axes if _is_read(axis.path, read)]
+    return Grid(
+        spec, tuple(axes), tuple(axis for axis in used if axis.path not in WALL),
+        tuple(axis for axis in used if axis.path in WALL),
+    )
+
+
+def _is_read(path, read):
+    """A key that others derive from is read where these are."""
+    if path in read:
+        return True
+    if path == "rates.slow_hz":
+        return "rates.ratio" in read
+    return path.startswith("filters.") and f"{path.rsplit('.', 1)[0]}.order" in read
+
+
+def _count(axes):
+    return int(np.prod([len(axis.values) for axis in axes], dtype=np.int64))
+
+
+def _digits(axes, index):
+    return np.unravel_index(np.asarray(index), tuple(len(axis.values) for axis in axes)) if axes else ()
+
+
+def _values(axes, index):
+    return {a.path: np.asarray(a.values)[digit] for a, digit in zip(axes, _digits(axes, index), strict=True)}
+
+
+def _flat(axes, digits, size):
+    if not axes:
+        return np.zeros(size, int)
+    return np.ravel_multi_index([digits[axis.path] for axis in axes], tuple(len(axis.values) for axis in axes))

@@ -1,0 +1,100 @@
+"""Frequency responses over specs and axes, as a table."""
+
+import time
+
+import numpy as np
+
+from wavesweep.analysis.response import prepare, steady_state, worst_gain
+from wavesweep.analysis.spectrum import spectral_radius
+from wavesweep.diagram import draw
+from wavesweep.lifted import cut_at_wall
+from wavesweep.spec import find_key
+from wavesweep.sweep.grid import Grid, make_grid
+from wavesweep.sweep.groups import groups
+from wavesweep.sweep.run import Run, facts_of
+
+BLOCK = 200_000  # responses in one batch
+
+
+def responses(specs, jobs=None, backend=None, scheduler=None, progress=None) -> Run:
+    """Admittance, impedance, worst-case gain and verdict of every spec, for every combination of its [bode] axes.
+
+    An axis that only some of the specs have holds the spec's own value for the others.
+    """
+    started = time.perf_counter()
+    names = list(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
+    tables, counts, notices = [], {"computed": 0, "skipped": 0, "certified": 0}, []
+    for spec in specs:
+        grid = make_grid(spec, spec.bode)
+        tables.append(_one_spec(grid, names))
+        counts["computed"] += grid.loops * grid.walls
+        counts["skipped"] += grid.size - grid.loops * grid.walls
+        kind = spec.values["controller.kind"]
+        notices += [f"{axis.name} is not read by {kind}: evaluated once, its rows repeated" for axis in grid.ignored]
+    columns = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+    facts = facts_of(specs[0], METHODS, counts, {"compute_s": time.perf_counter() - started}, notices)
+    if len(specs) > 1:
+        facts["specs"] = {spec.name: spec.tables() for spec in specs}
+        facts["spec_sha256"] = _digest(specs)
+    return Run(columns, facts)
+
+
+METHODS = {
+    "admittance": "lifted resolvent of both rates, displacement in the tick, component at the force's own frequency",
+    "worst_gain": "singular values over the aliases",
+}
+
+
+def _digest(specs):
+    import hashlib
+
+    return hashlib.sha256("".join(spec.sha256 for spec in specs).encode()).hexdigest()
+
+
+def _one_spec(grid: Grid, names) -> dict:
+    """Rows of one spec: combinations in order, frequencies innermost."""
+    frequency = np.asarray(grid.spec.frequency_hz)
+    loop, wall = grid.column_of(np.arange(grid.size))
+    found = response_arrays(grid, frequency)
+    column, repeat = loop * grid.walls + wall, frequency.size
+    leading = grid.axis_columns(np.arange(grid.size))
+    own = {name: np.full(grid.size, grid.spec.values.get(find_key(name).path, np.nan)) for name in names}
+    rows = {name: np.repeat(values, repeat) for name, values in (own | leading).items()}
+    text = {"spec": grid.spec.name, "controller": grid.spec.values["controller.kind"]}
+    rows |= {name: np.full(grid.size * repeat, word, dtype=object) for name, word in text.items()}
+    rows["frequency_hz"] = np.tile(frequency, grid.size)
+    return rows | {name: values[column].reshape(-1) for name, values in found.items()}
+
+
+def response_arrays(grid: Grid, frequency) -> dict[str, np.ndarray]:
+    """Table columns from `omega_Ts` on, each `(loops * walls, points)`."""
+    size = grid.loops * grid.walls
+    loop, wall = np.divmod(np.arange(size), grid.walls)
+    changes = grid.loop_values(loop) | {path: values[wall] for path, values in grid.wall_values().items()}
+    out = {}
+    for members, values in groups(grid.spec, changes, size, decides=("environment.K_VE",)):
+        width = max(1, BLOCK // frequency.size)
+        for start in range(0, members.size, width):
+            part = members[start : start + width]
+            block = {path: v[start : start + width] if np.ndim(v) else v for path, v in values.items()}
+            for name, array in _block(block, frequency).items():
+                out.setdefault(name, np.empty((size, frequency.size), array.dtype))[part] = array
+    return out
+
+
+def _block(values, frequency):
+    """The same for one drawing."""
+    diagram, K, B, ratio = draw(values), values["environment.K_VE"], values["environment.B_VE"], values["rates.ratio"]
+    loop = prepare(diagram, K, B)
+    admittance, impedance = steady_state(loop, frequency)
+    radius = spectral_radius(cut_at_wall(diagram), K, B)
+    omega = 2 * np.pi * frequency * (ratio * np.reshape(1 / np.asarray(values["rates.fast_hz"], float), (-1, 1)))
+    columns = {"omega_Ts": omega}
+    for name, response in (("admittance", admittance), ("impedance", impedance)):
+        columns |= {
+            f"{name}_re": response.real, f"{name}_im": response.imag, f"{name}_abs": np.abs(response),
+            f"{name}_deg": np.degrees(np.angle(response)),
+        }
+    columns["worst_gain"] = worst_gain(loop, frequency, ratio)
+    columns["stable"] = (radius < 1)[..., None]
+    return columns
