@@ -26,7 +26,7 @@ def responses(specs, jobs=None, backend=None, scheduler=None, progress=None) -> 
     tables, counts, notices = [], {"computed": 0, "skipped": 0, "certified": 0}, []
     for spec in specs:
         grid = make_grid(spec, spec.bode)
-        tables.append(_one_spec(grid, names))
+        tables.append(_rows(grid, np.asarray(spec.frequency_hz), names))
         counts["computed"] += grid.loops * grid.walls
         counts["skipped"] += grid.size - grid.loops * grid.walls
         kind = spec.values["controller.kind"]
@@ -51,9 +51,13 @@ def _digest(specs):
     return hashlib.sha256("".join(spec.sha256 for spec in specs).encode()).hexdigest()
 
 
-def _one_spec(grid: Grid, names) -> dict:
+def one_spec(spec, axes, frequency) -> dict:
+    """Table of one spec over `axes`, at the frequencies (Hz, an array)."""
+    return _rows(make_grid(spec, axes), frequency, [axis.name for axis in axes])
+
+
+def _rows(grid: Grid, frequency, names) -> dict:
     """Rows of one spec: combinations in order, frequencies innermost."""
-    frequency = np.asarray(grid.spec.frequency_hz)
     loop, wall = grid.column_of(np.arange(grid.size))
     found = response_arrays(grid, frequency)
     column, repeat = loop * grid.walls + wall, frequency.size

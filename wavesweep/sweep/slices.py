@@ -13,17 +13,18 @@ from wavesweep.sweep.groups import groups
 SYMBOL = dict(zip(WALL, ("K_VE", "B_VE"), strict=True))
 
 
-def solve_loops(grid: Grid, along: str, span, index) -> Intervals:
+def solve_loops(grid: Grid, along: str, span, index, cut: Cut | None = None) -> Intervals:
     """Stable intervals along the path `along` within span = (low, high), for the loops `index` of the grid.
 
-    Columns of the result are numbered `position in index * grid.walls + wall`.
+    cut: the compiled loop, where the grid has a single one. Columns of the result are numbered
+    `position in index * grid.walls + wall`.
     """
     index = np.asarray(index)
     other = next(path for path in WALL if path != along)
     fixed, parts = grid.wall_values()[other], []
     for members, values in groups(grid.spec, grid.loop_values(index), index.size):
-        cut = with_batch(cut_at_wall(draw(values)), members.size)
-        found = stable_intervals(cut, SYMBOL[along], span, np.broadcast_to(fixed, (members.size, grid.walls)))
+        loops = with_batch(cut or cut_at_wall(draw(values)), members.size)
+        found = stable_intervals(loops, SYMBOL[along], span, np.broadcast_to(fixed, (members.size, grid.walls)))
         parts.append((found, members[found.column // grid.walls] * grid.walls + found.column % grid.walls))
     return joined(parts)
 

@@ -8,6 +8,7 @@ from wavesweep.lifted.circle import on_circle
 
 DENSE = 32  # up to this ratio LAPACK's singular values of the whole matrix are the quicker way
 STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
+ASIDE = 1e-6  # cycles per frame
 BLOCK = 4_000_000  # entries of one batch of matrices
 
 
@@ -20,13 +21,24 @@ def worst_gain(loop: Loop, frequency_hz, ratio: int) -> np.ndarray:
     Accuracy: 1e-9 relative, less where a position that no spring holds makes diagonal and mixture cancel.
     """
     ticks = np.asarray(frequency_hz, float) * loop.diagram.period
+    at_slow_rate = frame_angle(ticks, ratio) == 0
+    # One alias is then a constant force, whose own way to the position is infinite although the loop's is not. The gain
+    # is even about that frequency: a small step aside costs its square.
+    ticks = np.where(at_slow_rate, ticks + ASIDE / ratio, ticks)
     aliases = ticks[:, None] + np.arange(ratio) / ratio
     parts = []
     width = max(1, BLOCK // ratio**2) if ratio <= DENSE else max(1, BLOCK // (8 * ratio))
     for start in range(0, ticks.size, width):
         chunk = slice(start, start + width)
         parts.append(_largest(*_diagonal_and_mixture(loop, ticks[chunk], aliases[chunk])))
-    return np.concatenate(parts, axis=-1)
+    gain = np.concatenate(parts, axis=-1)
+    return np.where(at_slow_rate & _drifts(loop), np.nan, gain)
+
+
+def _drifts(loop):
+    """Whether nothing in the loop holds the position: then a constant force, aliased or not, moves it for ever."""
+    has_waves = loop.diagram.reference != "frame.device.x"
+    return has_waves and "x_s" not in loop.fast.block.inputs and loop.diagram.ratio > 1
 
 
 def _diagonal_and_mixture(loop, ticks, aliases):

@@ -1,0 +1,133 @@
+"""The library's face: a compiled loop that answers, vectorised, in DataFrames and arrays."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.diagram import WALL, draw
+from wavesweep.errors import UsageError
+from wavesweep.lifted import Cut, cut_at_wall
+from wavesweep.spec import KEYS, SYMBOLS, Axis, Spec, find_key, load
+
+
+def compile(source) -> "Loop":
+    """Compile a spec (a `Spec`, a path, or the same nested tables as a dict) once, for any number of questions."""
+    spec = source if isinstance(source, Spec) else load(source)
+    diagram = draw(spec.values)
+    return Loop(spec, cut_at_wall(diagram))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loop:
+    """A compiled loop. An axis that a call does not name has the spec's value; lists give a full product.
+
+    Axes are named by symbol (`K_VE`, `b`, ...) or, for any other number, by its path in a mapping:
+    `loop.spectral_radius(b=[20, 40], **{"device.mass": [0.1, 0.2]})`. Values that are new to the wall alone (K_VE, B_VE)
+    cost no new compilation.
+    """
+
+    spec: Spec
+    cut: Cut
+
+    def stable_intervals(self, along: str = "K_VE", span=None, **axes):
+        """All stable intervals along an axis, for the product of the other axes given: a DataFrame, a row per interval.
+
+        along: name of the axis. span: (low, high) in its unit; (0, 20000) by default along K_VE. Columns as in the table of
+        `wavesweep zwidth`: each axis given, along, intervals, interval, low, high, low_omega, high_omega (rad/s),
+        certified, residual. Errors: UsageError for a name or a value that a spec would refuse.
+        Accuracy: ends to about 1e-12 relative along K_VE and B_VE, 1e-9 along other axes; see `analysis.intervals`.
+        """
+        from wavesweep.sweep.grid import make_grid
+        from wavesweep.sweep.interval_table import table
+        from wavesweep.sweep.slices import solve_loops
+
+        axis, others = self._along(along, span), self._axes(axes)
+        grid = make_grid(self.spec, others, axis.path)
+        found = solve_loops(grid, axis.path, (axis.start, axis.stop), np.arange(grid.loops), None if grid.loop_axes else self.cut)
+        return _frame(table(grid, axis.name, found, np.arange(grid.size)))
+
+    def spectral_radius(self, **axes) -> np.ndarray:
+        """Largest eigenvalue modulus per frame of `ratio` ticks, drift set aside, over the product of the axes given.
+
+        The array has one dimension per axis given as a list, in the order given; below 1 the loop is stable.
+        """
+        from wavesweep.sweep.radius import radius_over
+
+        shape = tuple(np.size(values) for values in axes.values() if np.ndim(values))
+        return radius_over(self.spec, self._axes(axes), self.cut).reshape(shape)
+
+    def response(self, frequency_hz=None, **axes):
+        """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.
+
+        frequency_hz: Hz, those of the spec's [bode] table by default; 0 < f, up to the fast Nyquist frequency.
+        Accuracy: see `analysis.response.steady_state` and `worst_gain`.
+        """
+        from wavesweep.sweep.response_table import one_spec
+
+        frequency = self._frequencies(frequency_hz)
+        return _frame(one_spec(self.spec, self._axes(axes), frequency))
+
+    def to_control(self):
+        """The lifted closed loop as a `control.StateSpace`: a frame's M hand forces (N) in, its M positions (m) out, dt = T_s.
+
+        Position is a state, so a loop that drifts has its pole at exactly 1 here.
+        """
+        import control
+
+        from wavesweep.lifted.frame import lifted_system
+
+        values = self.spec.values
+        block = lifted_system(draw(values), values["rates.ratio"], values["environment.K_VE"], values["environment.B_VE"])
+        A = np.eye(len(block.states)) + block.E
+        frame = values["rates.ratio"] / values["rates.fast_hz"]
+        outputs = [name.removeprefix("frame.") for name in block.outputs]
+        return control.ss(A, block.B, block.C, block.D, frame, inputs=list(block.inputs), outputs=outputs)
+
+    def _along(self, name, span) -> Axis:
+        key = _key(name)
+        if span is None:
+            if key.path != SYMBOLS["K_VE"]:
+                raise UsageError(f"along {name}: give the span to search, span=(low, high)")
+            span = (0.0, 20000.0)
+        low, high = (float(end) for end in span)
+        if not low < high:
+            raise UsageError(f"span: expected (low, high) with low < high, found ({low!r}, {high!r})")
+        self.spec.with_values({key.path: high})
+        return Axis(name, key.path, (), low, high, key.structural, "linear")
+
+    def _axes(self, axes: Mapping) -> tuple[Axis, ...]:
+        return tuple(self._axis(name, values) for name, values in axes.items())
+
+    def _axis(self, name, values) -> Axis:
+        key = _key(name)
+        numbers = np.atleast_1d(np.asarray(values)).ravel()
+        if not numbers.size:
+            raise UsageError(f"{name}: expected at least one value, found none")
+        plain = tuple(number.item() for number in numbers)
+        for extreme in {min(plain), max(plain), *(x for x in plain if x != x)}:
+            self.spec.with_values({key.path: extreme})  # refuses what a spec would refuse
+        plain = plain if key.type == "integer" else tuple(map(float, plain))
+        return Axis(name, key.path, plain, min(plain), max(plain), key.structural)
+
+    def _frequencies(self, frequency_hz):
+        frequency = np.asarray(self.spec.frequency_hz if frequency_hz is None else frequency_hz, float).ravel()
+        if not np.all((frequency > 0) & np.isfinite(frequency)):
+            raise UsageError("frequency_hz: expected finite numbers > 0")
+        return frequency
+
+
+def _key(name):
+    key = find_key(name)
+    if key is None or not key.numeric:
+        from wavesweep.spec.suggestions import nearest
+
+        hint = nearest(name, (*SYMBOLS, *KEYS))
+        raise UsageError(f"{name}: expected the name of a numeric key" + (f", did you mean {hint}?" if hint else ""))
+    return key
+
+
+def _frame(columns):
+    import pandas
+
+    return pandas.DataFrame(dict(columns))
