@@ -57,11 +57,23 @@ def figure(path: Path, width: float, height: float) -> Iterator[Any]:
         canvas = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
         agg = FigureCanvasAgg(canvas)
         yield canvas
+        _settle(canvas)
         agg.draw()
         pixels = Image.frombuffer("RGBA", agg.get_width_height(), agg.buffer_rgba())
         # A palette of 256 colours is plenty for lines and flat areas, and takes a third of the bytes.
         palette = pixels.convert("RGB").quantize(256, dither=Image.Dither.NONE)
         palette.save(path, format="png", dpi=(DOTS_PER_INCH, DOTS_PER_INCH), optimize=True)
+
+
+def _settle(canvas: Any) -> None:
+    """Lay the figure out once and round where its panels stand.
+
+    The layout's solver is good to rounding, and not always to the same one; a shade of a pixel can hang on that.
+    """
+    canvas.draw_without_rendering()
+    canvas.set_layout_engine("none")
+    for axes in canvas.axes:
+        axes.set_position([round(float(edge), 4) for edge in axes.get_position().bounds])
 
 
 def family_colours(number: int) -> list[Any]:
