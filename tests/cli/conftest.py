@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+import wavesweep.sweep
 from wavesweep.cli import main
 
 SPEC = """
@@ -97,7 +98,8 @@ def sweep(monkeypatch):
         return [f"kind {spec.values['controller.kind']}", "2 slices"]
 
     for name, function in (("intervals", intervals), ("responses", responses), ("plan", plan)):
-        monkeypatch.setattr(f"wavesweep.sweep.{name}", function, raising=False)
+        # Into the namespace and not by setattr, which would look the name up and load the real one.
+        monkeypatch.setitem(vars(wavesweep.sweep), name, function)
     return calls
 
 
@@ -109,8 +111,8 @@ def spec(tmp_path, monkeypatch):
     return "wall.toml"
 
 
-@pytest.fixture
-def wavesweep(capfdbinary):
+@pytest.fixture(name="wavesweep")
+def command_line(capfdbinary):
     """Run the command line and give (exit code, stdout, stderr)."""
 
     def run(*arguments):

@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+import wavesweep.sweep as wavesweep_sweep
 from wavesweep.errors import IllPosedLoopError, UsageError
 
 
@@ -44,7 +45,7 @@ def test_sigterm_has_its_own_code(wavesweep, sweep, spec, monkeypatch):
         signal.pause()
 
     before = signal.getsignal(signal.SIGTERM)
-    monkeypatch.setattr("wavesweep.sweep.intervals", terminated)
+    monkeypatch.setitem(vars(wavesweep_sweep), "intervals", terminated)
     assert wavesweep("zwidth", spec) == (143, "", "Terminated.\n")
     assert signal.getsignal(signal.SIGTERM) is before
     assert sweep.seen == []

@@ -2,6 +2,7 @@
 
 import os
 import pty
+import select
 import sys
 from contextlib import contextmanager
 
@@ -17,13 +18,16 @@ def terminal(monkeypatch):
     No fixture: pytest gives each phase of a test, setting up and running, a stderr of its own.
     """
     ours, theirs = pty.openpty()
-    os.set_blocking(ours, False)
     with os.fdopen(theirs, "w", encoding="utf-8") as stream:
         monkeypatch.setattr(sys, "stderr", stream)
 
         def said():
             stream.flush()
-            return os.read(ours, 100_000).decode()
+            text = b""
+            # What is written to a terminal arrives in pieces, and a little later.
+            while select.select([ours], [], [], 0.1)[0]:
+                text += os.read(ours, 100_000)
+            return text.decode()
 
         yield said
     os.close(ours)
