@@ -1,0 +1,97 @@
+"""Roots of analytic functions on an interval: Chebyshev panels, split until their roots are proved."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.analysis.intervals.isolate import isolate
+
+NODES, KEPT = 20, 14  # samples per panel; the Chebyshev coefficients from KEPT on must have decayed and bound the error
+DECAYED = 1e-9
+OVERLAP = 0.035  # of its width a panel reaches into each neighbour, so that no root stays on an edge for ever
+DEGREES = (1, 2, 4, 7, 10, KEPT)  # an interpolant is cut to each of these in turn, what is cut away added to its error
+NODE = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+NODE.flags.writeable = False
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Roots found: which column, which function, where, sign of the slope; and which columns are completely proved."""
+
+    column: np.ndarray
+    function: np.ndarray
+    x: np.ndarray
+    slope_sign: np.ndarray
+    complete: np.ndarray
+
+
+def panel_roots(sample, column, low, high, columns, smallest, many, bounds=(-np.inf, np.inf)) -> Found:
+    """Find all roots of several functions of each column.
+
+    sample(column, x): for panels (their columns, `(panels,)`, and points, `(panels, NODES)`) the functions' values and the
+    size of what was added up for them, each `(functions, panels, NODES)`. column, low, high: the first panels.
+    columns: how many columns there are. smallest: a panel narrower than this that proves nothing gives its column up;
+    many: so many open panels of one column do so too. bounds: points beyond them are never asked for.
+
+    On each panel the interpolant at NODES points must have decayed, and `isolate` must prove its roots for every function
+    within the error bound; else the panel is split. What could be missed is a feature so narrow that it leaves no trace in
+    the samples of a panel whose coefficients have decayed by nine digits.
+    """
+    complete, found = np.ones(columns, bool), []
+    while column.size:
+        reach = OVERLAP * (high - low)
+        left, right = np.maximum(low - reach, bounds[0]), np.minimum(high + reach, bounds[1])
+        middle, half = (left + right) / 2, (right - left) / 2
+        value, size = sample(column, middle[:, None] + half[:, None] * NODE)
+        good = np.ones(column.size, bool)
+        pieces = []
+        for function in range(value.shape[0]):
+            coefficients, noise, decayed = _interpolate(value[function], size[function])
+            proved = np.zeros(column.size, bool)
+            for rows, roots in _proved_roots(coefficients, noise):
+                proved[rows] = decayed[rows]
+                at, which = np.nonzero(roots.inside & decayed[rows, None])
+                panel = rows[at]
+                pieces.append((panel, np.full(panel.size, function), middle[panel] + half[panel] * roots.value[at, which],
+                               roots.slope_sign[at, which]))
+            good &= proved
+        found += [(column[p][good[p]], f[good[p]], x[good[p]], s[good[p]]) for p, f, x, s in pieces]
+        complete[column[~good & ~(high - low > smallest)]] = False
+        column, low, high = _halves(column, low, high, ~good & complete[column])
+        complete[np.bincount(column, minlength=columns) > many] = False
+        open_ = complete[column]
+        column, low, high = column[open_], low[open_], high[open_]
+    parts = [np.concatenate(part) for part in zip(*found, strict=True)] if found else [np.zeros(0, int)] * 2 + [np.zeros(0)] * 2
+    return Found(*parts, complete)
+
+
+def _interpolate(value, size):
+    """Second-kind Chebyshev coefficients `(panels, KEPT)`, their error bound on the panel, and whether they decayed."""
+    value = np.where(np.isfinite(value), value, 0.0)
+    first = value @ np.cos(np.outer(np.arange(NODES), np.arccos(NODE))).T * (2 / NODES)
+    first[:, 0] /= 2
+    largest, tail = np.abs(first).max(-1), np.abs(first[:, KEPT:]).max(-1)
+    floor = 4 * NODES * np.finfo(float).eps * size.max(-1)
+    second = first[:, :KEPT] / 2
+    second[:, 0] *= 2
+    second[:, :-2] -= first[:, 2:KEPT] / 2
+    return second, NODES * (8 * tail + floor), np.isfinite(size).all(-1) & (tail <= np.maximum(DECAYED * largest, floor))
+
+
+def _proved_roots(coefficients, noise):
+    """Proved roots of the interpolants, as (rows, Roots) pairs; each row is tried at the lowest degree first.
+
+    High coefficients that have decayed to rounding would leave the discs without a leading coefficient to stand on.
+    """
+    weight = np.arange(1, KEPT + 1) * np.abs(coefficients)
+    rows = np.arange(noise.size)
+    for degree in DEGREES:
+        roots = isolate(coefficients[rows, :degree], noise[rows] + weight[rows, degree:].sum(-1))
+        yield rows[roots.proved], roots.rows(roots.proved)
+        rows = rows[~roots.proved]
+
+
+def _halves(column, low, high, split):
+    column, low, high = column[split], low[split], high[split]
+    cut_at = low + 0.48 * (high - low)  # not the middle, where symmetric loops put their roots
+    return np.tile(column, 2), np.concatenate([low, cut_at]), np.concatenate([cut_at, high])
