@@ -100,3 +100,12 @@ def test_writing_a_table_loads_no_pandas(tmp_path):
     loaded = loaded_by(program.replace("'x'", "'K_VE'"))
     assert "pyarrow.parquet" in loaded
     assert loaded & {"pandas", "scipy", "matplotlib", "control", "joblib", "pyarrow.csv", "importlib.metadata"} == set()
+
+
+def test_a_small_run_without_a_figure_needs_numpy_click_and_parquet_only(tmp_path):
+    spec = tmp_path / "wall.toml"
+    spec.write_text('[controller]\nkind = "pmw"\n[sweep]\nK_VE = { start = 0, stop = 2000 }\nB_VE = [0.5, 1.0]\n')
+    arguments = ["zwidth", str(spec), "--no-plot", "--quiet", "--out", str(tmp_path / "out")]
+    loaded = loaded_by(f"from wavesweep.cli import main\nassert main({arguments!r}) == 0")
+    assert {"numpy", "pyarrow.parquet"} <= loaded
+    assert loaded & {"pandas", "scipy", "matplotlib", "control", "joblib", "pyarrow.csv", "importlib.metadata"} == set()
