@@ -8,9 +8,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from wavesweep.spec.devices import DEVICES
+
 KINDS = ("dc", "dc-slow", "dc-lm", "pmw", "pmw-lm")
 INTEGRATIONS = ("explicit", "implicit", "trapezoidal")
 VELOCITIES = ("exact", "difference")
+INPUTS = ("sine", "stepped-sine", "chirp", "step", "pulse", "noise", "record")
 FILTERS = ("lp1", "hp", "lp2")
 BAND_EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
 HIGHEST_ORDER = 12
@@ -75,6 +78,14 @@ def _choice(path: str, default: str | None, description: str, choices: tuple) ->
     return Key(path, "string", default, "", description, choices=choices, required=default is None)
 
 
+def _number(path: str, default: float | None, unit: str, description: str) -> Key:
+    return Key(path, "number", default, unit, description)
+
+
+def _share(path: str, description: str, *, high: float) -> Key:
+    return Key(path, "number", 0.0, "1", description, low=0.0, high=high)
+
+
 def _filter(name: str, order: int, cutoff_hz: float, what: str) -> list[Key]:
     prefix = f"filters.{name}"
     return [
@@ -125,11 +136,36 @@ _TABLE = [
 
 KEYS = MappingProxyType({key.path: key for key in _TABLE})
 
+_SIMULATE = [
+    _choice("simulate.input", "sine", "what force the hand exerts", INPUTS),
+    _number("simulate.amplitude", 1.0, "N", "size of the force; of noise its standard deviation"),
+    _positive("simulate.frequency_hz", None, "Hz", "of the sine; of the stepped sine in turn; of the chirp both ends"),
+    _gain("simulate.settle_s", 2.0, "s", "time that a sine lasts before it is measured"),
+    _whole("simulate.periods", 5, "least whole periods in which a stepped sine is measured", low=1, high=10_000),
+    _gain("simulate.at_s", 0.1, "s", "when the step or the pulse sets in"),
+    _gain("simulate.width_s", 0.05, "s", "how long the pulse lasts"),
+    Key("simulate.record", "string", None, "", "CSV file of the recorded force, as seen from the spec's folder"),
+    _gain("simulate.duration_s", None, "s", "simulated time; by default 10 s, or what the steps or the record take"),
+    # 2^53 - 1 is the largest whole number that every reader of JSON keeps.
+    _whole("simulate.seed", 0, "seed of noise, jitter, lateness and drops", low=0, high=2**53 - 1),
+    Key("simulate.preset", "string", None, "", "device by name, for what is not given itself", choices=tuple(DEVICES)),
+    _number("simulate.wall", None, "m", "where a one-sided wall begins; absent: the linear wall on both sides of 0"),
+    _gain("simulate.resolution", 0.0, "m", "step of the encoder; 0 for none"),
+    _positive("simulate.max_force", None, "N", "largest force of the motors; absent: no limit"),
+    _gain("simulate.friction", 0.0, "N", "Coulomb friction of the device"),
+    _share("simulate.jitter", "part of a tick by which it is at most shorter or longer", high=0.9),
+    _whole("simulate.late", 0, "most ticks by which a slow result comes late", low=0, high=1_000_000, unit="tick"),
+    _share("simulate.dropped", "probability that a slow result never comes", high=1.0),
+]
+
+SIMULATE_KEYS = MappingProxyType({key.path: key for key in _SIMULATE})
+
 # What a study of the loop reads besides the loop itself; these are no axes.
 STUDY_KEYS = MappingProxyType(
     {
         "sweep.along": Key("sweep.along", "string", "K_VE", "", "the axis whose stable intervals are wanted"),
         "bode.frequency_hz": _positive("bode.frequency_hz", None, "Hz", "frequencies of the responses"),
+        **SIMULATE_KEYS,
     }
 )
 

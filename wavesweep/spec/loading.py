@@ -81,6 +81,8 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     mistakes = [*mistakes, *belongs.mistakes.values(), *wrong, *wrong_studies]
     if not wrong:
         mistakes += [*beyond_limits("sweep", studies.sweep, values), *beyond_limits("bode", studies.bode, values)]
+        if studies.experiment.given:  # the defaults of a command that may never run are nobody's mistake
+            mistakes += studies.experiment.beyond_limits(values["rates.fast_hz"])
     if mistakes:
         raise SpecError(_in_order(mistakes))
     return Spec(name, path, values, studies, given)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.checking import show
-from wavesweep.spec.keys import KEYS, SYMBOLS, find_key
+from wavesweep.spec.keys import KEYS, SIMULATE_KEYS, SYMBOLS, find_key
 from wavesweep.spec.places import Leaf, Place
 from wavesweep.spec.suggestions import nearest
 
@@ -15,17 +15,24 @@ STUDIES = ("sweep", "bode")
 SPAN_PARTS = ("start", "stop", "num", "scale")
 DEEPEST = 8  # a table this deep belongs to no key, whatever is in it
 TABLES = tuple(dict.fromkeys(path.rsplit(".", n)[0] for path in KEYS for n in (2, 1) if path.count(".") >= n))
-TOP_TABLES = tuple(dict.fromkeys(path.split(".")[0] for path in KEYS)) + STUDIES
+TOP_TABLES = (*dict.fromkeys(path.split(".")[0] for path in KEYS), *STUDIES, "simulate")
+FREQUENCIES = "simulate.frequency_hz"  # the one key of [simulate] that may have parts, as an axis has
 
 Path = tuple[str, ...]
 
 
 @dataclass(slots=True)
 class Sorted:
-    """Leaves by what they belong to: keys of the loop by path, parts of the axes by study and name ("" is a list)."""
+    """Leaves by what they belong to.
+
+    Keys of the loop and of [simulate] by path, parts of the axes by study and name ("" is a list), and of the
+    simulation's frequencies.
+    """
 
     loop: dict[str, Leaf] = field(default_factory=dict)
     along: Leaf | None = None
+    simulate: dict[str, Leaf] = field(default_factory=dict)
+    frequencies: dict[str, Leaf] = field(default_factory=dict)
     axes: dict[str, dict[str, dict[str, Leaf]]] = field(default_factory=lambda: {study: {} for study in STUDIES})
     mistakes: dict[tuple[str, str], Mistake] = field(default_factory=dict)
 
@@ -59,20 +66,22 @@ def sort_leaves(leaves: dict[Path, Leaf]) -> Sorted:
     for path, leaf in leaves.items():
         if path[0] in STUDIES:
             _sort_study(path, leaf, result)
+        elif path[:2] == ("simulate", "frequency_hz"):
+            _sort_part(FREQUENCIES, path[2:], leaf, result.frequencies, result)
         else:
-            _sort_loop(path, leaf, result)
+            _sort_key(path, leaf, result)
     return result
 
 
-def _sort_loop(path: Path, leaf: Leaf, result: Sorted) -> None:
+def _sort_key(path: Path, leaf: Leaf, result: Sorted) -> None:
     for length in range(1, len(path) + 1):
         name, here = _join(path[:length]), leaf
         if length < len(path):
             here = Leaf({}, leaf.place.under(path[:length]))
-        if name in KEYS:
-            result.loop[name] = here
+        if name in KEYS or name in SIMULATE_KEYS:
+            (result.loop if name in KEYS else result.simulate)[name] = here
             return
-        if name not in TABLES:
+        if name not in TABLES and name != "simulate":
             _refuse_unknown(path[:length], here, result)
             return
     if leaf.value != {}:
@@ -80,15 +89,15 @@ def _sort_loop(path: Path, leaf: Leaf, result: Sorted) -> None:
 
 
 def _refuse_unknown(path: Path, leaf: Leaf, result: Sorted) -> None:
-    parent = _join(path[:-1])
+    parent, keys = _join(path[:-1]), (*KEYS, *SIMULATE_KEYS)
     known = TOP_TABLES
     if parent:
         start = parent + "."
-        inside = (name[len(start) :].split(".")[0] for name in KEYS if name.startswith(start))
+        inside = (name[len(start) :].split(".")[0] for name in keys if name.startswith(start))
         known = tuple(dict.fromkeys(inside))
     expected = ("one of " if parent else "one of the tables ") + ", ".join(known)
     suggestion = nearest(path[-1], known)
-    suggestion = f"{parent}.{suggestion}" if parent and suggestion else suggestion or nearest(path[-1], KEYS)
+    suggestion = f"{parent}.{suggestion}" if parent and suggestion else suggestion or nearest(path[-1], keys)
     found = "an unknown table" if isinstance(leaf.value, dict) else "an unknown key"
     result.refuse(leaf, _join(path), expected, found, suggestion)
 
@@ -108,7 +117,8 @@ def _sort_axis(study: str, names: Path, leaf: Leaf, result: Sorted) -> None:
     for length in range(1, len(names) + 1):
         name = ".".join(names[:length])
         if find_key(name) or (study == "bode" and name == "frequency_hz"):
-            _sort_part(study, name, names[length:], leaf, result)
+            parts = result.axes[study].setdefault(name, {})
+            _sort_part(f"{study}.{name}", names[length:], leaf, parts, result)
             return
         if name not in TABLES:
             break
@@ -118,12 +128,11 @@ def _sort_axis(study: str, names: Path, leaf: Leaf, result: Sorted) -> None:
     _refuse_axis(study, name, leaf, result)
 
 
-def _sort_part(study: str, name: str, rest: Path, leaf: Leaf, result: Sorted) -> None:
-    parts = result.axes[study].setdefault(name, {})
+def _sort_part(axis: str, rest: Path, leaf: Leaf, parts: dict[str, Leaf], result: Sorted) -> None:
     part = ".".join(rest)
     if rest and part not in SPAN_PARTS:
         suggestion = nearest(part, SPAN_PARTS)
-        result.refuse(leaf, f"{study}.{name}.{part}", "one of " + ", ".join(SPAN_PARTS), "an unknown key", suggestion)
+        result.refuse(leaf, f"{axis}.{part}", "one of " + ", ".join(SPAN_PARTS), "an unknown key", suggestion)
     parts[part] = leaf
 
 

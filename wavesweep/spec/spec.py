@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from wavesweep.errors import Mistake, SpecError
 from wavesweep.spec.axes import Axis
+from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.keys import KEYS, SYMBOLS, find_key
 from wavesweep.spec.places import Leaf, Place
 from wavesweep.spec.reading import plain
@@ -27,6 +28,7 @@ class Spec:
     _values: dict[str, float | int | str] = field(repr=False)
     _studies: Studies = field(repr=False)
     given: Given = field(repr=False)  # the keys as they were given, and where: what `with_values` starts from
+    for_simulation: bool = False  # whether [simulate] is part of what this spec asks for: see `as_simulated`
 
     @property
     def values(self) -> Mapping[str, float | int | str]:
@@ -53,11 +55,30 @@ class Spec:
         """The frequencies of the responses, in Hz."""
         return self._studies.frequencies.values
 
+    @property
+    def simulate(self) -> Mapping[str, float | int | str | tuple | None]:
+        """The resolved keys of [simulate] by their last name (`friction`), None where one is absent; read-only."""
+        return MappingProxyType(self._studies.experiment.values)
+
+    def as_simulated(self) -> Spec:
+        """Return the spec of `simulate`: its digest covers [simulate] too, and the preset's mass and damping are in it.
+
+        What the spec gives itself stands before what the preset has. Raises SpecError where the experiment does not fit
+        the fast rate.
+        """
+        mistakes = list(self._studies.experiment.beyond_limits(self._values["rates.fast_hz"]))
+        if mistakes:
+            raise SpecError(mistakes)
+        preset = self.simulate["preset"]
+        device = DEVICES[preset].loop() if preset else {}
+        changes = {path: value for path, value in device.items() if path not in self.given.leaves}
+        return replace(self.with_values(changes), for_simulation=True)
+
     def tables(self) -> dict[str, dict]:
         """Return the resolved spec as nested tables that JSON can hold.
 
         A filter given by its band edges has these beside the order and cutoff that follow from them; a slow rate has
-        become the ratio.
+        become the ratio. [simulate] is left out where nothing depends on it, see `as_simulated`.
         """
         tables: dict[str, dict] = {}
         for path, value in self._with_band_edges().items():
@@ -69,6 +90,8 @@ class Spec:
         tables["sweep"] = {"along": self.along, **{axis.name: axis.written() for axis in self.sweep}}
         bode = (self._studies.frequencies, *self.bode)
         tables["bode"] = {axis.name: axis.written() for axis in bode}
+        if self.for_simulation:
+            tables["simulate"] = self._studies.experiment.written()
         return tables
 
     def _with_band_edges(self) -> dict[str, float | int | str]:
@@ -103,7 +126,7 @@ class Spec:
         mistakes += wrong
         if mistakes:
             raise SpecError(mistakes)
-        return Spec(self.name, self.source, values, self._studies, given)
+        return replace(self, _values=values, given=given)
 
 
 def sweep_axes(spec: Spec, along: str | None = None) -> tuple[Axis, tuple[Axis, ...]]:

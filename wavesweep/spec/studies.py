@@ -1,4 +1,4 @@
-"""What [sweep] and [bode] ask for: their axes, checked against each other and against the loop."""
+"""What [sweep], [bode] and [simulate] ask for, checked in itself and against the loop."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, axis_place, build_axis
 from wavesweep.spec.checking import Rejected, check, show
+from wavesweep.spec.experiment import Experiment, build_experiment
 from wavesweep.spec.keys import BAND_EDGES, KEYS, STUDY_KEYS, SYMBOLS, find_key
 from wavesweep.spec.places import Leaf
 from wavesweep.spec.resolving import LIMITS, Given, exceeds_limit
@@ -20,16 +21,17 @@ DEFAULT_FREQUENCIES = Axis("frequency_hz", "bode.frequency_hz", logarithmic(0.1,
 
 @dataclass(frozen=True, slots=True)
 class Studies:
-    """`along`, the axes of both tables in the spec's order, and the frequencies as an axis."""
+    """`along`, the axes of both sweeps in the spec's order, the frequencies as an axis, and the experiment."""
 
     along: str
     sweep: tuple[Axis, ...]
     bode: tuple[Axis, ...]
     frequencies: Axis
+    experiment: Experiment
 
 
 def build_studies(leaves: Sorted, given: Given) -> tuple[Studies, list[Mistake]]:
-    """Return both studies and their mistakes; what only the loop's values can tell is left to `beyond_limits`."""
+    """Return the studies and their mistakes; what only the loop's values can tell is left to `beyond_limits`."""
     along, mistakes = _read_along(leaves.along)
     axes: dict[str, list[Axis]] = {}
     for study, named in leaves.axes.items():
@@ -40,7 +42,9 @@ def build_studies(leaves: Sorted, given: Given) -> tuple[Studies, list[Mistake]]
     mistakes += [need_values("bode", axis) for axis in axes["bode"] if not axis.values]
     frequencies = [axis for axis in axes["bode"] if axis.path == DEFAULT_FREQUENCIES.path]
     bode = tuple(axis for axis in axes["bode"] if axis not in frequencies)
-    return Studies(along, tuple(axes["sweep"]), bode, (*frequencies, DEFAULT_FREQUENCIES)[0]), mistakes
+    experiment, wrong = build_experiment(leaves)
+    frequency = (*frequencies, DEFAULT_FREQUENCIES)[0]
+    return Studies(along, tuple(axes["sweep"]), bode, frequency, experiment), mistakes + wrong
 
 
 def need_values(study: str, axis: Axis) -> Mistake:

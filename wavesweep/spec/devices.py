@@ -10,12 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
-
-from wavesweep.analysis.march.options import Options
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class HapticDevice:
     """A device along one direction: SI units; `published` and `assumed` name the sources of its numbers."""
 
@@ -27,14 +24,13 @@ class HapticDevice:
     published: str
     assumed: str
 
-    def values(self) -> dict[str, float]:
-        """Give the keys of a spec that the device decides."""
+    def loop(self) -> dict[str, float]:
+        """Return the keys of the loop that the device decides."""
         return {"device.mass": self.mass, "device.damping": self.damping}
 
-    def options(self, **others: Any) -> Options:
-        """Give the options of an experiment with this device; `others` are the other fields of `Options`."""
-        own = {"friction": self.friction, "resolution": self.resolution, "max_force": self.max_force}
-        return Options(**{**own, **others})
+    def beyond_the_model(self) -> dict[str, float]:
+        """Return the keys of [simulate] that the device decides."""
+        return {"friction": self.friction, "resolution": self.resolution, "max_force": self.max_force}
 
 
 DEVICES: Mapping[str, HapticDevice] = MappingProxyType(

@@ -1,0 +1,165 @@
+"""[simulate] says what the hand does and what a real rig adds; no other command's results depend on it."""
+
+import pickle
+
+import pytest
+
+from wavesweep.errors import SpecError
+from wavesweep.spec import load
+from wavesweep.spec.experiment import MOST_TICKS, step_seconds
+from wavesweep.spec.keys import SIMULATE_KEYS
+
+LOOP = {"controller": {"kind": "pmw"}}
+
+
+def simulate(**given):
+    return load(LOOP | {"simulate": given}).simulate
+
+
+def mistakes(tables, *overrides):
+    with pytest.raises(SpecError) as error:
+        load(LOOP | tables, overrides)
+    return str(error.value).splitlines()
+
+
+def test_every_key_has_its_default():
+    defaults = {path.split(".")[1]: key.default for path, key in SIMULATE_KEYS.items()}
+    assert dict(load(LOOP).simulate) == defaults | {"frequency_hz": (5.0,), "duration_s": 10.0}
+
+
+@pytest.mark.parametrize(
+    ("given", "frequencies"),
+    [
+        ({"input": "sine", "frequency_hz": 7}, (7.0,)),
+        ({"input": "sine", "frequency_hz": [7]}, (7.0,)),
+        ({"input": "stepped-sine", "frequency_hz": 7}, (7.0,)),
+        ({"input": "stepped-sine", "frequency_hz": {"start": 1, "stop": 4, "num": 3, "scale": "log"}}, (1.0, 2.0, 4.0)),
+        ({"input": "chirp", "frequency_hz": {"start": 1, "stop": 4}}, (1.0, 4.0)),
+        ({"input": "chirp"}, (0.1, 50.0)),
+        ({"input": "noise"}, ()),
+        ({"input": "noise", "frequency_hz": [1, 2]}, ()),
+    ],
+)
+def test_each_input_reads_its_frequencies(given, frequencies):
+    assert simulate(**given)["frequency_hz"] == pytest.approx(frequencies, rel=1e-14)
+
+
+def test_the_default_steps_pass_by_the_multiples_of_half_the_slow_rate():
+    steps = simulate(input="stepped-sine")["frequency_hz"]
+    assert (steps[0], steps[-1], len(steps)) == (0.5, 49.5, 50)
+    assert min(abs(f - 25.0) for f in steps) == 0.5
+
+
+def test_other_commands_do_not_depend_on_it():
+    plain, asked = load(LOOP), load(LOOP | {"simulate": {"friction": 0.2}})
+    assert plain.sha256 == asked.sha256
+    assert "simulate" not in asked.tables()
+    assert plain.as_simulated().sha256 != asked.as_simulated().sha256
+    assert asked.as_simulated().tables()["simulate"]["friction"] == 0.2
+
+
+def test_a_simulated_spec_keeps_what_it_is_when_values_change_and_when_it_travels():
+    spec = load(LOOP | {"simulate": {"wall": 0.01}}).as_simulated()
+    changed = spec.with_values({"controller.b": 40.0})
+    assert changed.tables()["simulate"]["wall"] == 0.01
+    assert pickle.loads(pickle.dumps(changed)).sha256 == changed.sha256  # noqa: S301 - made on the line
+    with pytest.raises(TypeError):
+        spec.simulate["wall"] = 0.0
+
+
+@pytest.mark.parametrize(
+    ("override", "name", "value"),
+    [
+        ("simulate.input=stepped-sine", "input", "stepped-sine"),
+        ("simulate.frequency_hz=8", "frequency_hz", (8.0,)),
+        ("simulate.preset=phantom-omni", "friction", 0.26),
+        ("simulate.wall=-0.001", "wall", -0.001),
+        ("simulate={ seed = 4 }", "seed", 4),
+    ],
+)
+def test_a_setting_overrides_it(override, name, value):
+    assert load(LOOP | {"simulate": {"wall": 0.01, "seed": 1}}, [override]).simulate[name] == value
+
+
+def test_mistakes_come_at_once_with_place_and_nearest_name(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text(
+        '[controller]\nkind = "pmw"\n[simulate]\ninput = "stepped-sin"\nfricton = 0.1\njitter = 2\nlate = 0.5\n'
+        'preset = "phantom"\nfrequency_hz = { start = 0, stp = 3 }\nseed = -1\n'
+    )
+    with pytest.raises(SpecError) as error:
+        load(path)
+    inputs = '"sine", "stepped-sine", "chirp", "step", "pulse", "noise", "record"'
+    keys = ", ".join(name.split(".")[1] for name in SIMULATE_KEYS)
+    assert str(error.value).replace(f"{path}:", "").splitlines() == [
+        f'4:9: simulate.input: expected one of {inputs}, found "stepped-sin"; did you mean `stepped-sine`?',
+        f"5:1: simulate.fricton: expected one of {keys}, found an unknown key; did you mean `simulate.friction`?",
+        "6:10: simulate.jitter: expected a number <= 0.9, found 2",
+        "7:8: simulate.late: expected a whole number >= 0, found 0.5",
+        (
+            '8:10: simulate.preset: expected one of "paper", "phantom-omni", "novint-falcon", found "phantom"; '
+            "did you mean `phantom-omni`?"
+        ),
+        "9:1: simulate.frequency_hz: expected both start and stop, found only start, stp",
+        "9:26: simulate.frequency_hz.start: expected a number > 0, found 0",
+        (
+            "9:29: simulate.frequency_hz.stp: expected one of start, stop, num, scale, found an unknown key; "
+            "did you mean `stop`?"
+        ),
+        "10:8: simulate.seed: expected a whole number >= 0, found -1",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("given", "line"),
+    [
+        (
+            {"frequency_hz": [1, 2]},
+            (
+                'simulate.frequency_hz: expected one frequency for a sine (several are for input = "stepped-sine"), '
+                "found 2 frequencies"
+            ),
+        ),
+        (
+            {"input": "stepped-sine", "frequency_hz": {"start": 1, "stop": 2}},
+            "simulate.frequency_hz: expected num beside start and stop, or a list, found only a span",
+        ),
+        (
+            {"input": "record"},
+            "simulate.record: expected the name of a CSV file for this input, found nothing",
+        ),
+        ({"frequency_hz": True}, "simulate.frequency_hz[0]: expected a number > 0, found true"),
+        (
+            {"frequency_hz": 500},
+            "simulate.frequency_hz: expected numbers < 500.0 (half of rates.fast_hz), found 500.0",
+        ),
+        (
+            {"duration_s": 1001},
+            f"simulate.duration_s: expected at most 1000 s ({MOST_TICKS} ticks at rates.fast_hz), found 1001 s",
+        ),
+        (
+            {"input": "stepped-sine", "settle_s": 20},
+            f"simulate.frequency_hz: expected at most 1000 s ({MOST_TICKS} ticks at rates.fast_hz), found 1064.02 s",
+        ),
+    ],
+)
+def test_what_does_not_fit_together_is_said(given, line):
+    assert mistakes({"simulate": given}) == [line]
+
+
+@pytest.mark.parametrize(("given", "line"), [(3, "simulate: expected a table, found 3"), ({"x": {}}, "simulate.x: ")])
+def test_it_is_a_table(given, line):
+    assert mistakes({"simulate": given})[0].startswith(line)
+
+
+def test_a_slow_loop_is_no_mistake_until_it_is_simulated():
+    slow = LOOP | {"rates": {"fast_hz": 8.0}, "filters": {"lp1": {"order": 0}, "hp": {"order": 0}, "lp2": {"order": 0}}}
+    spec = load(slow)
+    with pytest.raises(SpecError, match=r"simulate\.frequency_hz: expected numbers < 4\.0"):
+        spec.as_simulated()
+    assert load(slow, ["simulate.frequency_hz=1"]).as_simulated().simulate["frequency_hz"] == (1.0,)
+
+
+def test_a_step_lasts_whole_periods_and_a_second():
+    assert step_seconds(0.5, 2.0, 3) == 8.0
+    assert step_seconds(40.0, 0.0, 5) == 1.0
