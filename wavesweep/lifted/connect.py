@@ -88,7 +88,8 @@ def _loop_inverse(loop, name, ports):
         inverse = np.linalg.inv(loop)
     except np.linalg.LinAlgError:
         inverse = np.full_like(loop, np.inf)
-    condition = np.abs(loop).sum(-1).max(-1, initial=0) * np.abs(inverse).sum(-1).max(-1, initial=0)
+    least = np.finfo(float).tiny  # a loop of nothing but zeros has an infinite condition, not 0 * inf
+    condition = np.abs(loop).sum(-1).max(-1, initial=least) * np.abs(inverse).sum(-1).max(-1, initial=0)
     if not np.all(condition < WORST_CONDITION):
         raise IllPosedLoopError(
             f"the algebraic loop of the {name} side through {', '.join(ports)} is ill-posed: condition number "
