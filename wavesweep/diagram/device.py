@@ -46,7 +46,7 @@ def impulse_and_step(damping, stiffness, period):
     device is overdamped.
     """
     damping, stiffness, period = np.broadcast_arrays(*(np.asarray(a, float) for a in (damping, stiffness, period)))
-    reach = max(1e-300, float(np.max(damping * period, initial=0)), 2 * float(np.max(np.sqrt(stiffness) * period, initial=0)))
+    reach = max(1e-300, float(np.max(np.abs(damping) * period, initial=0)), 2 * float(np.max(np.sqrt(np.abs(stiffness)) * period, initial=0)))
     doublings = max(0, int(np.ceil(np.log2(reach))) + 1)
     tau = period / 2.0**doublings
     s, g = _taylor(damping * tau, stiffness * tau * tau)

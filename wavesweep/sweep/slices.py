@@ -4,12 +4,14 @@ from dataclasses import fields
 
 import numpy as np
 
-from wavesweep.analysis.intervals import Intervals, stable_intervals
+from wavesweep.analysis.intervals import Intervals, stable_anywhere, stable_intervals
 from wavesweep.diagram import WALL, draw
-from wavesweep.lifted import Cut, cut_at_wall
+from wavesweep.lifted import Cut, close, cut_at_wall
+from wavesweep.spec import KEYS
 from wavesweep.sweep.grid import Grid
 from wavesweep.sweep.groups import groups
 
+TINY = 1e-300  # stands in for a zero that would take a state out of the loop
 SYMBOL = dict(zip(WALL, ("K_VE", "B_VE"), strict=True))
 
 
@@ -20,13 +22,44 @@ def solve_loops(grid: Grid, along: str, span, index, cut: Cut | None = None) -> 
     `position in index * grid.walls + wall`.
     """
     index = np.asarray(index)
-    other = next(path for path in WALL if path != along)
-    fixed, parts = grid.wall_values()[other], []
+    solve = _along_wall if along in WALL else _along_number
+    parts = []
     for members, values in groups(grid.spec, grid.loop_values(index), index.size):
-        loops = with_batch(cut or cut_at_wall(draw(values)), members.size)
-        found = stable_intervals(loops, SYMBOL[along], span, np.broadcast_to(fixed, (members.size, grid.walls)))
+        found = solve(grid, along, span, values, members.size, cut)
         parts.append((found, members[found.column // grid.walls] * grid.walls + found.column % grid.walls))
     return joined(parts)
+
+
+def _along_wall(grid, along, span, values, size, cut):
+    """Exactly, the wall being one scalar of the cut loop."""
+    loops = with_batch(cut or cut_at_wall(draw(values)), size)
+    other = next(path for path in WALL if path != along)
+    fixed = np.broadcast_to(grid.wall_values()[other], (size, grid.walls))
+    return stable_intervals(loops, SYMBOL[along], span, fixed)
+
+
+def _along_number(grid, along, span, values, size, _):
+    """Through eigenvalues: the loop is compiled anew at every point that is asked for, once for all walls."""
+    walls = grid.wall_values()
+
+    def evaluate(column, p):
+        loop, wall = np.divmod(column, grid.walls)
+        points, back = np.unique(loop + 1j * np.where(p == 0, TINY, p), return_inverse=True)
+        at = points.real.astype(int)
+        varied = {path: v[at] if np.ndim(v) else v for path, v in values.items()} | {along: points.imag}
+        cuts = with_batch(cut_at_wall(draw(varied)), points.size).at(back.reshape(-1))
+        return close(cuts, walls[WALL[0]][wall], walls[WALL[1]][wall])
+
+    rate = np.broadcast_to(np.asarray(values["rates.fast_hz"], float), (size,))
+    ticks = 1 if values["controller.kind"] == "dc" else values["rates.ratio"]
+    return stable_anywhere(evaluate, span, size * grid.walls, np.repeat(ticks / rate, grid.walls), bounds_of(along, span))
+
+
+def bounds_of(path, span):
+    """Beyond which values of the key there is no loop; a gain may be looked at a little below zero."""
+    key, (low, high) = KEYS[path], span
+    below = low / 2 if key.above_low or key.low != 0 else -np.inf
+    return below, np.inf if key.high is None else (high + key.high) / 2
 
 
 def with_batch(cut: Cut, size: int) -> Cut:

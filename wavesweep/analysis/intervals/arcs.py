@@ -53,7 +53,8 @@ def _collect(cut, along, fixed, opened, found):
     inside, complete = (found.x > 0) & (found.x < np.pi), found.complete
     column, seed, jump = found.column[inside], found.x[inside], 2.0 * found.slope_sign[inside]
     theta, value, converged = polish(cut.at(column), along, fixed[column], seed)
-    complete[column[~converged | (np.abs(theta - seed) > 1e-3 * np.minimum(seed, np.pi - seed))]] = False
+    astray = np.abs(theta - seed) > found.within[inside] + 1e-9
+    complete[column[~converged | astray]] = False
     order = np.lexsort((theta, column))
     column, theta, value, jump = column[order], theta[order], value[order], jump[order]
     new = np.ones(column.size, bool)

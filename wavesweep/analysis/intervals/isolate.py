@@ -9,12 +9,13 @@ import numpy as np
 class Roots:
     """Roots per row of coefficients.
 
-    value: `(rows, n-1)`, real. inside: which of them are real roots in (-1, 1). slope_sign: sign of the polynomial's
+    value: `(rows, n-1)`, real. radius: of the disc that the true root is in. inside: which of them are real roots in (-1, 1). slope_sign: sign of the polynomial's
     derivative there. at_one, at_minus_one: sign of the polynomial at 1 and -1. proved: `(rows,)`, whether the list is
     complete and right for every polynomial within the error bound.
     """
 
     value: np.ndarray
+    radius: np.ndarray
     inside: np.ndarray
     slope_sign: np.ndarray
     at_one: np.ndarray
@@ -40,19 +41,19 @@ def isolate(coefficients, noise) -> Roots:
     if n < 2:
         empty = np.zeros((rows, 0))
         sign = np.sign(coefficients[:, 0]) if n else np.zeros(rows)
-        return Roots(empty, empty > 1, empty, sign, sign, np.abs(coefficients).sum(-1) > 2 * noise)
+        return Roots(empty, empty, empty > 1, empty, sign, sign, np.abs(coefficients).sum(-1) > 2 * noise)
     size = np.abs(coefficients).max(-1)
     coefficients = coefficients / np.where(size > 0, size, 1)[:, None]
     noise = noise / np.where(size > 0, size, 1)
     roots = _eigenvalues(coefficients)
-    proved = _proof(coefficients, noise, roots)
+    proved, radius = _proof(coefficients, noise, roots)
     again = np.flatnonzero(~proved)
     if again.size:
-        proved[again] = _proof(coefficients[again], noise[again], _spread(roots[again]))
+        proved[again], radius[again] = _proof(coefficients[again], noise[again], _spread(roots[again]))
     inside = (roots.imag == 0) & (np.abs(roots.real) < 1)
     ends = coefficients @ np.arange(1, n + 1), coefficients @ (np.arange(1, n + 1) * (-1.0) ** np.arange(n))
     proved &= (np.abs(ends[0]) > 2 * noise) & (np.abs(ends[1]) > 2 * noise)
-    return Roots(roots.real, inside, _slope_sign(coefficients, roots, inside), np.sign(ends[0]), np.sign(ends[1]), proved)
+    return Roots(roots.real, radius, inside, _slope_sign(coefficients, roots, inside), np.sign(ends[0]), np.sign(ends[1]), proved)
 
 
 def _eigenvalues(coefficients):
@@ -82,14 +83,14 @@ def _evaluate(coefficients, x):
 
 
 def _proof(coefficients, noise, roots):
-    """Whether the discs about `roots` show every real root in (-1, 1), row by row."""
+    """Whether the discs about `roots` show every real root in (-1, 1), row by row, and their radii."""
     value, rounding = _evaluate(coefficients, roots)
     radius, apart = _discs(coefficients, roots, np.abs(value) + rounding + 2 * noise[:, None])
     distance, beyond = _from_segment(roots)
     touching = ~(distance > radius)
     lonely = ~np.any(apart <= radius[:, :, None] + radius[:, None, :], axis=-1)
     settled = lonely & (roots.imag == 0) & (-beyond > radius)
-    return np.all(~touching | settled, axis=-1) & np.all(np.isfinite(radius), axis=-1)
+    return np.all(~touching | settled, axis=-1) & np.all(np.isfinite(radius), axis=-1), radius
 
 
 def _from_segment(x):

@@ -16,11 +16,12 @@ NODE.flags.writeable = False
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Roots found: which column, which function, where, sign of the slope; and which columns are completely proved."""
+    """Roots found: which column, which function, where to within what, sign of the slope; which columns are all proved."""
 
     column: np.ndarray
     function: np.ndarray
     x: np.ndarray
+    within: np.ndarray
     slope_sign: np.ndarray
     complete: np.ndarray
 
@@ -53,15 +54,15 @@ def panel_roots(sample, column, low, high, columns, smallest, many, bounds=(-np.
                 at, which = np.nonzero(roots.inside & decayed[rows, None])
                 panel = rows[at]
                 pieces.append((panel, np.full(panel.size, function), middle[panel] + half[panel] * roots.value[at, which],
-                               roots.slope_sign[at, which]))
+                               half[panel] * roots.radius[at, which], roots.slope_sign[at, which]))
             good &= proved
-        found += [(column[p][good[p]], f[good[p]], x[good[p]], s[good[p]]) for p, f, x, s in pieces]
+        found += [(column[panel][good[panel]], *(part[good[panel]] for part in rest)) for panel, *rest in pieces]
         complete[column[~good & ~(high - low > smallest)]] = False
         column, low, high = _halves(column, low, high, ~good & complete[column])
         complete[np.bincount(column, minlength=columns) > many] = False
         open_ = complete[column]
         column, low, high = column[open_], low[open_], high[open_]
-    parts = [np.concatenate(part) for part in zip(*found, strict=True)] if found else [np.zeros(0, int)] * 2 + [np.zeros(0)] * 2
+    parts = [np.concatenate(part) for part in zip(*found, strict=True)] if found else [np.zeros(0, int)] * 2 + [np.zeros(0)] * 3
     return Found(*parts, complete)
 
 

@@ -32,51 +32,95 @@ class Regions:
     residual: np.ndarray
 
 
-def regions(cut: Cut, along: str, fixed, span, found: Crossings) -> Regions:
-    """Cut the span at the crossings and label what lies between (loops `cut`, one per column)."""
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """A span cut at its crossings: regions sorted by column and value, before they are labelled.
+
+    column, low, high, low_theta, high_theta: as in `Regions`. gain: by how much the number of unstable eigenvalues
+    should grow from the region before. later, earlier: masks of the regions that have one before, and one behind, them.
+    order: the crossings in the order of the regions' inner ends.
+    """
+
+    column: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    low_theta: np.ndarray
+    high_theta: np.ndarray
+    gain: np.ndarray
+    later: np.ndarray
+    earlier: np.ndarray
+    order: np.ndarray
+
+    @property
+    def middle(self) -> np.ndarray:
+        """Where to look at each region."""
+        return (self.low + self.high) / 2
+
+    def labelled(self, unstable, clear, fits, error) -> Regions:
+        """Regions from the counts, whether these are clear of rounding, whether each inner end's change of count fits
+        (`(inner ends,)`), and the residual of each inner end."""
+        sound, residual = clear.copy(), np.zeros(self.column.size)
+        good = fits & (error <= SMALL_RESIDUAL)
+        sound[self.later] &= good
+        sound[self.earlier] &= good
+        residual[self.later] = error
+        residual[self.earlier] = np.maximum(residual[self.earlier], error)
+        return Regions(self.column, self.low, self.high, self.low_theta, self.high_theta, unstable, sound, residual)
+
+
+def cut_span(span, columns: int, column, value, theta, jump, slack=0.0) -> Parts:
+    """Cut the span of every column at its crossings; slack: how near to the low end a crossing counts as there."""
     low, high = span
-    near = np.abs(found.value - low) <= 4 * np.spacing(np.maximum(abs(low), np.abs(found.value)))
-    at_low = np.full(fixed.size, np.nan)
-    at_low[found.column[near]] = found.theta[near]
-    inside = (found.value > low) & (found.value < high) & ~near
-    order = np.lexsort((found.value[inside], found.column[inside]))
-    column, value, theta, jump = (part[inside][order] for part in (found.column, found.value, found.theta, found.jump))
-    everyone = np.arange(fixed.size)
-    start = np.searchsorted(column, everyone) + everyone  # where each column's first region stands
-    region = np.repeat(everyone, np.bincount(column, minlength=fixed.size) + 1)
+    near = np.abs(value - low) <= np.maximum(slack, 4 * np.spacing(np.maximum(abs(low), np.abs(value))))
+    at_low = np.full(columns, np.nan)
+    at_low[column[near]] = theta[near]
+    inside = np.flatnonzero((value > low) & (value < high) & ~near)
+    order = inside[np.lexsort((value[inside], column[inside]))]
+    everyone = np.arange(columns)
+    start = np.searchsorted(column[order], everyone) + everyone  # where each column's first region stands
+    region = np.repeat(everyone, np.bincount(column[order], minlength=columns) + 1)
     lows, low_theta, gain = np.full(region.size, float(low)), np.full(region.size, np.nan), np.zeros(region.size)
     low_theta[start] = at_low
     later = np.ones(region.size, bool)
     later[start] = False
-    lows[later], low_theta[later], gain[later] = value, theta, jump
+    lows[later], low_theta[later], gain[later] = value[order], theta[order], jump[order]
     highs, high_theta = np.full(region.size, float(high)), np.full(region.size, np.nan)
     earlier = np.append(later[1:], False)
-    highs[earlier], high_theta[earlier] = value, theta
-    unstable, clear = _count(cut.at(region), along, fixed[region], (lows + highs) / 2)
-    fits = np.ones(region.size, bool)
-    fits[later] = (unstable[later] - unstable[earlier]) == gain[later]
-    fits[earlier] &= fits[later]
-    error = np.zeros(region.size)
-    error[later] = _residual(cut.at(column), along, fixed[column], value, theta)
-    error[earlier] = np.maximum(error[earlier], error[later])
-    return Regions(region, lows, highs, low_theta, high_theta, unstable, clear & fits & (error <= SMALL_RESIDUAL), error)
+    highs[earlier], high_theta[earlier] = value[order], theta[order]
+    return Parts(region, lows, highs, low_theta, high_theta, gain, later, earlier, order)
+
+
+def regions(cut: Cut, along: str, fixed, span, found: Crossings) -> Regions:
+    """Cut the span at the crossings and label what lies between (loops `cut`, one per column)."""
+    parts = cut_span(span, fixed.size, found.column, found.value, found.theta, found.jump)
+    K, B = _wall(along, parts.middle, fixed[parts.column])
+    unstable, clear = count_outside(close(cut.at(parts.column), K, B))
+    fits = unstable[parts.later] - unstable[parts.earlier] == parts.gain[parts.later]
+    column, value, theta = (part[parts.order] for part in (found.column, found.value, found.theta))
+    return parts.labelled(unstable, clear, fits, _residual(cut.at(column), along, fixed[column], value, theta))
+
+
+def _wall(along, value, fixed):
+    return (value, fixed) if along == K_VE else (fixed, value)
 
 
 def _residual(cut, along, fixed, value, theta):
     w = np.where(theta == np.pi, -2.0, np.where(theta == 0.0, 0.0, on_circle(theta)))
-    K, B = (value, fixed) if along == K_VE else (fixed, value)
+    K, B = _wall(along, value, fixed)
     # At z = 1 an integrating loop meets the equation 0 = 0 at K_VE = 0, by structure.
     with np.errstate(invalid="ignore"):
         return np.where(cut.integrates & (theta == 0.0), 0.0, residual(terms(cut, w), K, B))
 
 
-def _count(cut, along, fixed, value):
-    """Number of eigenvalues outside the unit circle, and whether none lies within rounding of it."""
-    K, B = (value, fixed) if along == K_VE else (fixed, value)
-    E = close(cut, K, B)
+def count_outside(E):
+    """Number of eigenvalues outside the unit circle of `I + E`, and whether none lies within rounding of it.
+
+    The count is -1 where E is not finite.
+    """
     finite = np.isfinite(E).all((-1, -2))
     delta = np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0))
-    outside = 2 * delta.real + delta.real**2 + delta.imag**2  # |z|^2 - 1, without cancellation for slow poles
+    with np.errstate(over="ignore"):
+        outside = 2 * delta.real + delta.real**2 + delta.imag**2  # |z|^2 - 1, without cancellation for slow poles
     tolerance = 256 * np.finfo(float).eps * np.maximum(1, np.abs(E).max((-1, -2), initial=0))
     count = np.where(finite, (outside > 0).sum(-1), -1)
     return count, finite & (np.abs(outside).min(-1, initial=np.inf) > tolerance)

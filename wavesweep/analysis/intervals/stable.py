@@ -62,11 +62,11 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
         proved = found.complete & ~lost
         proved[parts.column[~parts.sound]] = False
         kept = proved | lost | (method is _by_arcs)
-        done.append(_Judged(_select(parts, kept, pending), proved[parts.column[kept[parts.column]]]))
+        done.append((_select(parts, kept, pending), pending[proved]))
         pending = pending[~kept]
         if not pending.size:
             break
-    return _intervals(_sorted(done), np.broadcast_to(cut.period, cut.batch)[owner])
+    return intervals_of(*_sorted(done), np.broadcast_to(cut.period, cut.batch)[owner])
 
 
 def _finite(cut) -> tuple[Cut, np.ndarray]:
@@ -87,14 +87,6 @@ def _by_arcs(cut, owner, along, fixed):
     return arc_crossings(cut.at(owner), along, fixed)
 
 
-@dataclass(frozen=True, slots=True)
-class _Judged:
-    """Regions of some columns, numbered as in the whole batch, and whether their column is proved."""
-
-    regions: Regions
-    proved: np.ndarray
-
-
 def _select(parts, kept, names) -> Regions:
     """The regions of the columns `kept`, the columns renamed to `names`."""
     mask = kept[parts.column]
@@ -102,18 +94,24 @@ def _select(parts, kept, names) -> Regions:
     return Regions(**(taken | {"column": names[taken["column"]]}))
 
 
-def _sorted(done) -> _Judged:
-    """All regions in the order of their columns."""
-    if len(done) == 1:
-        return done[0]
-    order = np.argsort(np.concatenate([part.regions.column for part in done]), kind="stable")
-    whole = Regions(*(np.concatenate([getattr(part.regions, f.name) for part in done])[order] for f in fields(Regions)))
-    return _Judged(whole, np.concatenate([part.proved for part in done])[order])
+def _sorted(done) -> tuple[Regions, np.ndarray]:
+    """All regions in the order of their columns, and which columns are proved; done: (regions, columns proved) pairs."""
+    parts = [part for part, _ in done]
+    column = np.concatenate([part.column for part in parts])
+    proved = np.zeros(column.max(initial=-1) + 1, bool)
+    proved[np.concatenate([names for _, names in done])] = True
+    if len(parts) == 1:
+        return parts[0], proved
+    order = np.argsort(column, kind="stable")
+    return Regions(*(np.concatenate([getattr(part, f.name) for part in parts])[order] for f in fields(Regions))), proved
 
 
-def _intervals(judged, period) -> Intervals:
-    """Runs of regions with no unstable eigenvalue, and an empty row for columns without any."""
-    r, stable = judged.regions, judged.regions.unstable == 0
+def intervals_of(r: Regions, proved, period) -> Intervals:
+    """Runs of regions with no unstable eigenvalue, and an empty row for columns without any.
+
+    proved: `(columns,)`, whether a column's crossings are all known and its labels sound. period: of its frame, s.
+    """
+    stable = r.unstable == 0
     same = np.append(np.diff(r.column) == 0, False)  # the next region is in the same column
     begins = stable & ~np.append(False, (same & stable)[:-1])
     ends = stable & ~(same & np.append(stable[1:], False))
@@ -124,8 +122,6 @@ def _intervals(judged, period) -> Intervals:
     order = np.argsort(column, kind="stable")
     empty = np.full(none.size, np.nan)
     omega = [theta / period[r.column[at]] for theta, at in ((r.low_theta[first], first), (r.high_theta[last], last))]
-    proved = np.zeros(period.size, bool)
-    proved[r.column] = judged.proved
     start = np.concatenate([[0], np.cumsum(np.maximum(count, 1))[:-1]])
     column = column[order]
     error = np.concatenate([np.maximum(r.residual[first], r.residual[last]), np.zeros(none.size)])[order]
