@@ -1,0 +1,118 @@
+"""Intervals whose ends are known: in closed form, or to 40 digits."""
+
+import numpy as np
+import pytest
+from support.intervals import intervals_of, pairs
+from support.specs import values_of
+
+EXPLICIT = {"integration": "explicit", "lp1_cutoff_hz": 8.57}
+
+# Stable K_VE (N/m) up to 20000, from 40-digit arithmetic on the model's equations.
+KNOWN = [
+    ("dc-slow", {}, 0.0, [(0.0, 157.8822990995227)]),
+    ("dc-slow", {}, 1.0, [(0.0, 263.1371651658711)]),
+    ("dc-slow", {}, 5.0, [(0.0, 684.156629431265)]),
+    ("dc-slow", {"delay": 20}, 0.5, [(0.0, 69.02118677975264)]),
+    ("dc-slow", {"delay": 20}, 1.0, [(0.0, 82.5790189960284)]),
+    ("dc-slow", {"ratio": 1, "velocity": "difference"}, 0.0, [(0.0, 3007.518768726479)]),
+    ("dc-slow", {"ratio": 1, "velocity": "difference"}, 1.0, [(0.0, 4963.026327346007)]),
+    ("dc-slow", {"ratio": 1, "velocity": "difference"}, 20.0, [(0.0, 20000.0)]),
+    ("dc-lm", {"K_LM": 400.0}, 1.0, [(0.0, 646.3989263891893)]),
+    ("pmw", EXPLICIT, 1.0, [(0.0, 799.7134000606709), (2523.335126265325, 4448.818804163079)]),
+    ("pmw", {**EXPLICIT, "delay": 20, "lp1_cutoff_hz": 8.856}, 1.0, [(0.0, 632.2594742458579)]),
+    ("pmw", {"lp1_order": 6, "lp1_cutoff_hz": 3.0}, 1.0, [(0.0, 20000.0)]),
+    ("pmw-lm", {"integration": "explicit", "K_LM": 2000.0, "Kp": 20.0}, 1.0, [(0.0, 1046.064782614818)]),
+]
+
+
+@pytest.mark.parametrize(("kind", "changes", "B_VE", "wanted"), KNOWN)
+def test_ends_are_those_of_40_digits(kind, changes, B_VE, wanted):
+    """All intervals, not the first; good to 1e-12, certified, residual at rounding."""
+    found = intervals_of(values_of(kind, **changes), fixed=B_VE)
+    np.testing.assert_allclose(pairs(found), wanted, rtol=1e-12)
+    assert found.certified.all()
+    assert found.residual.max() < 1e-12
+
+
+def test_many_columns_are_the_columns_one_by_one():
+    values, B_VE = values_of("pmw", **EXPLICIT), np.linspace(0, 15, 31)
+    together = intervals_of(values, fixed=B_VE)
+    for column, B in enumerate(B_VE):
+        np.testing.assert_allclose(pairs(together, column), pairs(intervals_of(values, fixed=B)), rtol=1e-12)
+
+
+@pytest.mark.parametrize("beta", [0.01, 0.3, 0.8, 1.3, 1.99])
+def test_an_undamped_device_behind_an_encoder_has_the_published_limit(beta):
+    """`K T^2/m = 2 beta (2 - beta)/(2 + beta)`, `beta = B T/m`.
+
+    By Jury's test of `2 z^3 + (kappa + beta - 4) z^2 + (kappa + 2) z - beta`: held force on a double integrator, wall
+    and backward difference at one rate, no delay.
+    """
+    mass, T = 0.1, 1e-3
+    values = values_of("dc-slow", ratio=1, damping=0.0, velocity="difference", mass=mass)
+    found = intervals_of(values, span=(0, 1e6), fixed=beta * mass / T)
+    limit = 2 * beta * (2 - beta) / (2 + beta) * mass / T**2
+    np.testing.assert_allclose(pairs(found), [(0, limit)], rtol=1e-9)
+
+
+@pytest.mark.parametrize("beta", [0.01, 0.5, 1.9])
+@pytest.mark.parametrize("ratio", [1, 4, 20])
+def test_an_undamped_device_with_known_velocity_has_twice_the_damping_over_the_period(beta, ratio):
+    """`K < 2 B/T_s` while `B < 2 m/T_s`: what the fast rate does in between is nothing, so only T_s counts."""
+    T_s = ratio * 1e-3
+    B = beta * 0.1 / T_s
+    found = intervals_of(values_of("dc-slow", ratio=ratio, damping=0.0), span=(0, 1e6), fixed=B)
+    np.testing.assert_allclose(pairs(found), [(0, 2 * B / T_s)], rtol=1e-9)
+
+
+@pytest.mark.parametrize("beta", [0.01, 0.4, 0.8])
+@pytest.mark.parametrize("ratio", [1, 20])
+def test_a_period_of_delay_costs_what_jury_says(beta, ratio):
+    """`K T^2/m = 2 beta - 3 + sqrt(9 - 8 beta)` from `z^3 - 2 z^2 + (1 + kappa/2 + beta) z + kappa/2 - beta`."""
+    T_s = ratio * 1e-3
+    values = values_of("dc-slow", ratio=ratio, delay=ratio, damping=0.0)
+    found = intervals_of(values, span=(0, 1e6), fixed=beta * 0.1 / T_s)
+    limit = (2 * beta - 3 + np.sqrt(9 - 8 * beta)) * 0.1 / T_s**2
+    np.testing.assert_allclose(pairs(found), [(0, limit)], rtol=1e-9)
+
+
+@pytest.mark.parametrize("damping", [0.1, 1.5, 20.0])
+def test_a_spring_alone_is_carried_by_the_damping_of_the_device(damping):
+    """`K = d (1 - a)/((1 - a) m/d - a T_s)`, `a = exp(-d T_s/m)`: the product of the two poles reaches 1."""
+    m, T_s = 0.1, 0.02
+    a = np.exp(-damping * T_s / m)
+    limit = damping * (1 - a) / ((1 - a) * m / damping - a * T_s)
+    alternating = 2 * (1 + a) * damping / ((1 + a) * T_s - 2 * (1 - a) * m / damping)  # a real pole reaches z = -1
+    found = intervals_of(values_of("dc-slow", damping=damping), span=(0, 1e5), fixed=0.0)
+    np.testing.assert_allclose(pairs(found), [(0, min(limit, alternating))], rtol=1e-10)
+    assert found.high_omega[0] == pytest.approx(np.pi / T_s, rel=1e-12) or limit < alternating
+
+
+def test_too_much_damping_alternates():
+    """`B < 2 m/T_s` of the undamped device is an end at z = -1, at half the slow rate, whatever K is."""
+    found = intervals_of(values_of("dc-slow", damping=0.0), "B_VE", span=(0, 100), fixed=10.0)
+    np.testing.assert_allclose(pairs(found), [(10.0 * 0.02 / 2, 2 * 0.1 / 0.02)], rtol=1e-9)
+    assert found.high_omega[0] == pytest.approx(np.pi / 0.02, rel=1e-12)
+
+
+def test_negative_walls_end_at_zero_stiffness():
+    """At K_VE = 0 a real eigenvalue passes z = 1: the reported frequency is 0."""
+    found = intervals_of(values_of("dc-slow"), span=(-100, 1000), fixed=1.0)
+    np.testing.assert_allclose(pairs(found), [(0, 263.1371651658711)], rtol=1e-12)
+    assert found.low_omega[0] == 0
+    assert found.certified.all()
+
+
+def test_no_interval_is_a_row_without_ends():
+    found = intervals_of(values_of("dc-slow"), span=(1000, 2000), fixed=[1.0, 2.0])
+    assert found.column.tolist() == [0, 1]
+    assert found.count.tolist() == [0, 0]
+    assert found.index.tolist() == [-1, -1]
+    assert np.isnan([found.low, found.high, found.low_omega, found.high_omega]).all()
+    assert found.certified.all()
+
+
+def test_an_end_of_the_range_has_no_frequency():
+    found = intervals_of(values_of("dc-slow"), span=(50, 200), fixed=1.0)
+    assert pairs(found) == [(50, 200)]
+    assert np.isnan([found.low_omega[0], found.high_omega[0]]).all()
