@@ -170,10 +170,3 @@ def test_no_force_at_all_is_an_experiment_too(values):
 def test_an_option_without_meaning_is_refused(option, text):
     with pytest.raises(UsageError, match=text):
         Options(**option)
-
-
-def test_columns_hold_signals_and_energies(values, push):
-    columns = simulate(values("pmw-lm"), push).columns()
-    assert {"time", "x", "u_s", "v_2", "energy_hand", "energy_channel"} <= columns.keys()
-    assert {len(column) for column in columns.values()} == {len(push)}
-    assert "energy_user" not in simulate(values("dc"), push).columns()

@@ -31,19 +31,16 @@ class Simulation:
     the motors make of it, `touching` whether the held slow result is of a contact. With waves: `u_m`, `v_m`, and the
     last slow update's `u_s`, `v_s`, `x_s`, `x_dot_s`, `F_s`, repeated until the next; with a local model behind
     them `u_h`, `v_l`, `v_2`. `F_s` also without waves.
-    `energy`: see `Energy`. `late`: ticks by which each frame's slow result was late, -1 for one that was lost.
+    `energy`: see `Energy`. `frame`: ticks in a frame, 1 for `dc`.
+    `late`: ticks by which each frame's slow result was late, -1 for one that was lost.
     `finite`: how many ticks passed before a number left the range of doubles; all of them unless the loop is unstable.
     """
 
     signals: Mapping[str, np.ndarray]
     energy: Energy
     late: np.ndarray
+    frame: int
     finite: int
-
-    def columns(self) -> dict[str, np.ndarray]:
-        """Give all that there is per fast tick: the signals, and `energy_hand` and so on for the energies."""
-        energies = {f"energy_{name}": column for name, column in vars(self.energy).items() if column is not None}
-        return {**self.signals, **energies}
 
 
 def simulate(values: Mapping, force, options: Options | None = None, x: float = 0.0) -> Simulation:
@@ -73,6 +70,7 @@ def simulate(values: Mapping, force, options: Options | None = None, x: float = 
         signals={name: _frozen(column) for name, column in signals.items()},
         energy=energies(signals, moved, loop.T, loop.frame),
         late=_frozen(np.array([-1 if ticks is None else ticks for ticks in late], dtype=int)),
+        frame=loop.frame,
         finite=len(force) if finite.all() else int(finite.argmin()),
     )
 

@@ -34,10 +34,16 @@ class Input:
 def sine(
     fast_hz: float, frequency_hz: float, amplitude: float = 1.0, seconds: float = 4.0, settle: float = 2.0
 ) -> Input:
-    """Give ``amplitude·sin(2π·f·t)``, measured after `settle` seconds over as many whole periods as fit."""
+    """Give ``amplitude·sin(2π·f·t)``, measured after `settle` seconds over as many whole periods as fit, if one does.
+
+    Errors: `UsageError` for a frequency out of range.
+    """
     settled, ticks = _ticks(fast_hz, settle), _ticks(fast_hz, seconds)
+    _check(fast_hz, frequency_hz)
     periods = int((ticks - settled) * frequency_hz / fast_hz + 1e-9)  # a last period is whole in spite of rounding
-    return stepped_sine(fast_hz, [frequency_hz], amplitude, settle, periods, least=0.0)
+    force = amplitude * np.sin(2 * np.pi * frequency_hz / fast_hz * np.arange(ticks))
+    tone = Tone(frequency_hz, settled, settled + round(periods * fast_hz / frequency_hz))
+    return Input(force, (tone,) if periods >= 1 else ())
 
 
 def stepped_sine(
@@ -51,17 +57,14 @@ def stepped_sine(
     """Give one sine after the other without a jump in phase, as a sine sweep on a rig does.
 
     Parameters: `frequencies_hz` above 0 and below half the fast rate, `amplitude` (N), `settle` seconds before each
-    measurement, which then takes `periods` whole periods and at least `least` seconds of them.
+    measurement, which then takes `periods` (at least 1) whole periods and at least `least` seconds of them.
 
-    Errors: `UsageError` for a frequency out of range or nothing to measure.
+    Errors: `UsageError` for a frequency out of range.
     """
     phases, tones, first, phase = [], [], 0, 0.0
     for frequency in map(float, frequencies_hz):
-        if not 0.0 < frequency < fast_hz / 2:
-            raise UsageError(f"frequency: expected above 0 and below {fast_hz / 2} Hz, found {frequency} Hz")
+        _check(fast_hz, frequency)
         turns = max(periods, int(np.ceil(least * frequency)))
-        if turns < 1:
-            raise UsageError(f"sine of {frequency} Hz: expected time for a whole period to measure, found none")
         settled = first + _ticks(fast_hz, settle)
         last = settled + round(turns * fast_hz / frequency)
         phases.append(phase + 2 * np.pi * frequency / fast_hz * np.arange(last - first))
@@ -99,6 +102,28 @@ def pulse(fast_hz: float, amplitude: float = 1.0, seconds: float = 2.0, at: floa
 def noise(fast_hz: float, amplitude: float = 1.0, seconds: float = 10.0, seed: int = 0) -> Input:
     """Give white noise of standard deviation `amplitude`, the same for the same `seed`."""
     return Input(amplitude * np.random.default_rng(seed).standard_normal(_ticks(fast_hz, seconds)))
+
+
+def given(force) -> Input:
+    """Give a record of force (N) per tick as an input. Errors: `UsageError` where it is no row of finite numbers."""
+    force = np.array(force, dtype=float)
+    if force.ndim != 1 or not np.isfinite(force).all():
+        found = f"shape {force.shape}" if force.ndim != 1 else "some that are not finite"
+        raise UsageError(f"force: expected a row of finite numbers, one per fast tick, found {found}")
+    return Input(force)
+
+
+def lasting(record: Input, ticks: int) -> Input:
+    """Give the record cut off at `ticks`, or followed by no force up to there; what is not whole is not measured."""
+    force = np.zeros(ticks)
+    force[: len(record.force)] = record.force[:ticks]
+    return Input(force, tuple(tone for tone in record.tones if tone.last <= ticks))
+
+
+def _check(fast_hz: float, frequency_hz: float) -> None:
+    """Refuse a sine that the ticks do not show."""
+    if not 0.0 < frequency_hz < fast_hz / 2:
+        raise UsageError(f"frequency: expected above 0 and below {fast_hz / 2} Hz, found {frequency_hz} Hz")
 
 
 def _ticks(fast_hz: float, seconds: float) -> int:

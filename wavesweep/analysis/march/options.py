@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 
 from wavesweep.errors import UsageError
 
@@ -51,3 +52,15 @@ class Options:
             raise UsageError(f"option dropped: expected a probability of at most 1, found {self.dropped}")
         if self.late != int(self.late):
             raise UsageError(f"option late: expected a whole number of ticks, found {self.late}")
+
+
+def changed(options: Options, changes: Mapping[str, float | None]) -> Options:
+    """Give the options with some of them changed.
+
+    Errors: `UsageError` for a name that is no option, or a number out of range.
+    """
+    known = [field.name for field in fields(Options)]
+    unknown = [name for name in changes if name not in known]
+    if unknown:
+        raise UsageError(f"option {', '.join(unknown)}: expected some of {', '.join(known)}, found an unknown name")
+    return replace(options, **changes)

@@ -1,0 +1,71 @@
+"""The experiment that a spec's [simulate] table asks for."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavesweep.analysis.march import inputs
+from wavesweep.analysis.march.experiment import Simulation, simulate
+from wavesweep.analysis.march.inputs import Input
+from wavesweep.analysis.march.options import Options, changed
+from wavesweep.analysis.march.recording import read_force
+from wavesweep.analysis.march.table import table
+from wavesweep.spec import Spec
+
+
+def simulated_columns(spec: Spec, force=None, **changes: Any) -> dict[str, np.ndarray]:
+    """Simulate a spec and give the columns of the table `simulate`, a row per fast tick; see `simulated`, `table`."""
+    return table(simulated(spec, force, **changes))
+
+
+def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
+    """Run the experiment of a spec's [simulate] table.
+
+    Parameters: `force` the hand's force (N) per fast tick in place of the input that the spec names, shape
+    ``(ticks,)``; `changes` fields of `Options` (``wall=0.01, friction=0.2``) in place of the spec's.
+
+    Errors: `SpecError` where the experiment does not fit the fast rate, `UsageError` for a record that cannot be read,
+    a force that is no row of finite numbers, or an option that does not exist or is out of range.
+    """
+    spec = spec.as_simulated()
+    force = hand_force(spec).force if force is None else inputs.given(force).force
+    return simulate(spec.values, force, changed(options_of(spec), changes))
+
+
+def options_of(spec: Spec) -> Options:
+    """Give what the spec adds to the linear model."""
+    return Options(**{field.name: spec.simulate[field.name] for field in fields(Options)})
+
+
+def hand_force(spec: Spec) -> Input:
+    """Give the force of the hand, for as long as the spec wants it simulated."""
+    values, fast_hz = spec.simulate, spec.values["rates.fast_hz"]
+    record = _made(spec, fast_hz)
+    seconds = values["duration_s"]
+    return record if seconds is None else inputs.lasting(record, round(seconds * fast_hz))
+
+
+def record_path(spec: Spec) -> Path:
+    """Give where the recorded force is: as seen from the spec's folder, or from the current one for a dict."""
+    return Path(spec.source or "").parent / spec.simulate["record"]
+
+
+def _made(spec: Spec, fast_hz: float) -> Input:
+    """Make the input of this name."""
+    values = spec.simulate
+    size, seconds, at = (values[name] for name in ("amplitude", "duration_s", "at_s"))
+    frequencies, settle = values["frequency_hz"], values["settle_s"]
+    makers = {
+        "sine": lambda: inputs.sine(fast_hz, *frequencies, size, seconds, settle),
+        "stepped-sine": lambda: inputs.stepped_sine(fast_hz, frequencies, size, settle, values["periods"]),
+        "chirp": lambda: inputs.chirp(fast_hz, *frequencies, size, seconds),
+        "step": lambda: inputs.step(fast_hz, size, seconds, at),
+        "pulse": lambda: inputs.pulse(fast_hz, size, seconds, at, values["width_s"]),
+        "noise": lambda: inputs.noise(fast_hz, size, seconds, values["seed"]),
+        "record": lambda: read_force(record_path(spec), fast_hz),
+    }
+    return makers[values["input"]]()
