@@ -8,6 +8,7 @@ COMMANDS = MappingProxyType(
         "zwidth": "Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.",
         "stability-region": "Find the stable intervals along any axis for every combination of the others.",
         "bode": "Compute transmitted admittance and impedance over frequency, a curve per spec.",
+        "simulate": "Run both loops tick by tick, with what a real rig adds to the linear model.",
         "check": "Validate a spec and say what would be computed, and how.",
     }
 )

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from wavesweep.cli.summary import summary
 from wavesweep.cli.talk import progress, say, where
 
 if TYPE_CHECKING:
+    from wavesweep.spec import Spec
     from wavesweep.sweep import Run
 
 Compute = Callable[..., "Run"]
@@ -25,23 +27,57 @@ def produce(kind: str, sources: Sequence[str], options: Options, compute: Comput
 
     `compute(specs, jobs=, backend=, scheduler=, progress=)` gives the run, `draw(columns, facts, path)` its figure.
     """
+
+    def compute_one(specs: list[Spec], **work: Any) -> dict[str, Run]:
+        return {kind: compute(specs, **work)}
+
+    produce_tables({kind: draw}, sources, options, compute_one)
+
+
+def produce_tables(
+    draws: Mapping[str, Draw],
+    sources: Sequence[str],
+    options: Options,
+    compute: Callable[..., dict[str, Run]],
+    asked: Callable[[Spec], Spec] = lambda spec: spec,
+) -> None:
+    """Do the same for a command with several tables.
+
+    `draws` has the figure of every kind of table that there can be, the main one first: that is what stdout gets.
+    `compute` gives a run for each kind that there is this time. `asked` makes a spec that was loaded the one whose
+    digest the results stand under.
+    """
     started = time.perf_counter()
-    specs = [spec.load(source, options.overrides) for source in sources]
+    specs = [asked(spec.load(source, options.overrides)) for source in sources]
     directory = Path(options.out or Path("results", "+".join(each.name for each in specs)))
     if len(specs) == 1 and not (options.force or options.to_stdout):
         # Asked before the work and not only after it: a refusal should not cost a long run.
-        results.refuse_other_spec(kind, directory, specs[0].sha256)
+        for kind in draws:
+            results.refuse_other_spec(kind, directory, specs[0].sha256)
     with progress(options.quiet) as report:
-        run = compute(specs, jobs=options.jobs, backend=options.backend, scheduler=options.scheduler, progress=report)
+        runs = compute(specs, jobs=options.jobs, backend=options.backend, scheduler=options.scheduler, progress=report)
     if options.to_stdout:
-        results.stream(kind, run.columns, sys.stdout.buffer)
+        main = next(iter(draws))
+        results.stream(main, runs[main].columns, sys.stdout.buffer)
         sys.stdout.buffer.flush()
-    else:
-        figure = (lambda path: draw(run.columns, run.facts, path)) if options.plot else None
-        paths = results.write(kind, run.columns, run.facts, directory, options.force, figure)
+    written = [] if options.to_stdout else _write(draws, runs, directory, options)
     if options.quiet:
         return
-    for line, warning in summary(kind, run.columns, run.facts):
-        say(line, warning)
-    if not options.to_stdout:
+    for kind, run in runs.items():
+        for line, warning in summary(kind, run.columns, run.facts):
+            say(line, warning)
+    for paths in written:
         say(where(paths, time.perf_counter() - started))
+
+
+def _write(draws: Mapping[str, Draw], runs: Mapping[str, Run], directory: Path, options: Options) -> list[list[Path]]:
+    """Write the files of each table, and give their paths."""
+    written = []
+    for kind, draw in draws.items():
+        if kind not in runs:
+            results.discard(kind, directory)  # another spec's: it would stand beside this one's as if it were its own
+            continue
+        run = runs[kind]
+        figure = partial(draw, run.columns, run.facts) if options.plot else None
+        written.append(results.write(kind, run.columns, run.facts, directory, options.force, figure))
+    return written

@@ -7,13 +7,23 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.cli.simulation_summary import simulated_response, simulation
+
 Line = tuple[str, bool]
 
 
 def summary(kind: str, columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Iterator[Line]:
     """Give lines, each with whether it is a warning."""
     yield from ((str(notice), False) for notice in facts.get("notices", ()))
-    yield from _bode(columns) if kind == "bode" else _intervals(columns, facts)
+    match kind:
+        case "bode":
+            yield from _bode(columns)
+        case "simulate":
+            yield from simulation(columns, facts)
+        case "simulate-response":
+            yield from simulated_response(columns)
+        case _:
+            yield from _intervals(columns, facts)
 
 
 def _intervals(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Iterator[Line]:

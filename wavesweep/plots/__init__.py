@@ -2,5 +2,7 @@
 
 from wavesweep.plots.intervals import zwidth
 from wavesweep.plots.responses import bode
+from wavesweep.plots.simulated_response import simulate_response
+from wavesweep.plots.simulation import simulate
 
-__all__ = ["bode", "zwidth"]
+__all__ = ["bode", "simulate", "simulate_response", "zwidth"]

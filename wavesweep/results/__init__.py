@@ -1,9 +1,9 @@
 """The tables: their columns and units, written as CSV and Parquet beside a data package, and read back exactly."""
 
-from wavesweep.results.existing import refuse_other_spec
+from wavesweep.results.existing import discard, refuse_other_spec
 from wavesweep.results.reading import read
 from wavesweep.results.schema import Field, fields, fields_of
 from wavesweep.results.text import stream
 from wavesweep.results.writing import TableWriter, write
 
-__all__ = ["Field", "TableWriter", "fields", "fields_of", "read", "refuse_other_spec", "stream", "write"]
+__all__ = ["Field", "TableWriter", "discard", "fields", "fields_of", "read", "refuse_other_spec", "stream", "write"]

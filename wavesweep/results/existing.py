@@ -35,3 +35,9 @@ def existing_sha256(kind: str, directory: str | Path) -> str | None:
     except (FileNotFoundError, ValueError, KeyError, TypeError):
         # Files without a readable package of ours are somebody's all the same: say so, do not replace them.
         return ""
+
+
+def discard(kind: str, directory: str | Path) -> None:
+    """Remove the files of a table that is there, if one is; whose it is, `refuse_other_spec` has been asked before."""
+    for suffix in SUFFIXES:
+        (Path(directory) / f"{kind}{suffix}").unlink(missing_ok=True)

@@ -1,0 +1,172 @@
+"""`simulate` writes the time series, and for sines the response seen in it, and says what happened."""
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wavesweep import results
+
+EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"
+SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
+SHORT = ("--set", "simulate.duration_s=0.5", "--set", "simulate.settle_s=0.1")
+
+
+@pytest.fixture
+def simulate(wavesweep, spec):
+    """Simulate the spec for half a second with the settings given, and give (exit code, stdout, stderr)."""
+
+    def run(*settings, plot=False, force=False, out="there"):
+        switches = ["--plot" if plot else "--no-plot", *(["--force"] if force else []), "--out", out]
+        given = [word for setting in settings for word in ("--set", f"simulate.{setting}")]
+        return wavesweep("simulate", spec, *SHORT, *given, *switches)
+
+    return run
+
+
+def files(folder):
+    return {file.name for file in Path(folder).iterdir()}
+
+
+def test_a_sine_gives_two_tables_and_their_figures(simulate):
+    code, out, err = simulate(plot=True)
+    assert (code, out) == (0, "")
+    assert files("there") == {f"{kind}{suffix}" for kind in ("simulate", "simulate-response") for suffix in SUFFIXES}
+    assert "pmw under sine: 500 ticks, 0.5 s" in err
+    assert "response at 1 frequency: off the linear loop's by at most" in err
+    assert "Wrote there/simulate.csv, .parquet, .png, .datapackage.json in " in err
+    assert "Wrote there/simulate-response.csv, .parquet, .png, .datapackage.json in " in err
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet"])
+def test_the_table_reads_back_with_missing_signals(simulate, suffix):
+    simulate()
+    columns = results.read(f"there/simulate{suffix}")
+    assert list(columns) == [field.name for field in results.fields("simulate")]
+    assert len(columns["tick"]) == 500
+    assert np.isnan(columns["v_2"]).all()
+    assert columns["touching"].dtype == bool
+
+
+def test_both_formats_hold_the_same_bits(simulate):
+    simulate("jitter=0.1")
+    for kind in ("simulate", "simulate-response"):
+        csv, parquet = (results.read(f"there/{kind}{suffix}") for suffix in (".csv", ".parquet"))
+        for name, column in csv.items():
+            assert list(map(repr, column.tolist())) == list(map(repr, parquet[name].tolist())), name
+
+
+def test_the_response_stands_beside_that_of_the_linear_loop(simulate):
+    simulate("input=stepped-sine", "frequency_hz=[3, 11]", "settle_s=5", "duration_s=20")
+    columns = results.read("there/simulate-response.csv")
+    assert columns["frequency_hz"].tolist() == [3.0, 11.0]
+    np.testing.assert_allclose(columns["omega_Ts"], 2 * np.pi * 0.02 * columns["frequency_hz"])
+    for name in ("admittance_re", "impedance_abs", "impedance_deg"):
+        np.testing.assert_allclose(columns[name], columns[f"linear_{name}"], rtol=1e-3)
+
+
+def test_the_facts_hold_the_whole_spec_and_its_digest(simulate):
+    simulate("wall=0.002")
+    for kind in ("simulate", "simulate-response"):
+        facts = json.loads(Path(f"there/{kind}.datapackage.json").read_text())["wavesweep"]
+        assert facts["spec"]["simulate"]["wall"] == 0.002
+        assert len(facts["spec_sha256"]) == 64
+        assert facts["methods"]
+    assert facts["spec"]["controller"]["b"] == 25.0
+
+
+def test_other_forces_have_no_response_and_leave_none_behind(simulate):
+    simulate(plot=True)
+    code, _, err = simulate("input=step")
+    assert code == 2
+    assert "--force" in err
+    assert simulate("input=step", force=True)[0] == 0
+    assert files("there") == {f"simulate{suffix}" for suffix in SUFFIXES} - {"simulate.png"}
+
+
+def test_results_of_other_commands_do_not_depend_on_it(wavesweep, sweep, spec):
+    for seed in (1, 2):
+        assert wavesweep("zwidth", spec, "--no-plot", "--out", "there", "--set", f"simulate.seed={seed}")[0] == 0
+    assert len(sweep.seen) == 2
+
+
+def test_a_dash_writes_the_time_series_to_stdout(simulate):
+    code, out, err = simulate("duration_s=0.02", out="-")
+    assert (code, len(out.splitlines())) == (0, 21)
+    assert out.startswith("tick,frame,phase,time_s,f_h,x,")
+    assert "Wrote" not in err
+    assert not Path("there").exists()
+
+
+def test_equal_runs_give_equal_bytes(simulate):
+    settings = ("input=noise", "jitter=0.2", "late=4", "dropped=0.1", "seed=7", "preset=phantom-omni", "wall=0.0")
+    first, again = ([simulate(*settings, out=out), Path(out, "simulate.parquet").read_bytes()] for out in "ab")
+    assert first[1] == again[1]
+
+
+def test_a_loop_that_diverges_is_told_and_no_failure(wavesweep, spec):
+    settings = ("--set", "controller.kind=dc", "--set", "K_VE=1e8", "--out", "there")
+    code, _, err = wavesweep("simulate", spec, *settings)
+    assert code == 0
+    columns = results.read("there/simulate.csv")
+    rows = len(columns["tick"])
+    assert 0 < rows < 10_000
+    assert f"the loop diverges: numbers overflow in tick {rows}, " in err
+    assert f"dc under sine: {rows} of 10000 ticks" in err
+    assert "inf" not in Path("there/simulate.csv").read_text()
+    facts = json.loads(Path("there/simulate.datapackage.json").read_text())["wavesweep"]
+    assert facts["ticks"] == {"wanted": 10_000, "simulated": rows}
+    assert not Path("there/simulate-response.csv").exists()
+
+
+def test_what_happened_is_told(simulate):
+    _, _, err = simulate("preset=phantom-omni", "wall=0.0005", "late=3", "dropped=0.2", "amplitude=8", "jitter=0.1")
+    assert "contact made " in err
+    assert "motors at their limit of 3.3 N for " in err
+    assert "of 25 slow results " in err
+    assert 'device.velocity = "exact" does not see the encoder' in err
+    assert "energy: the hand gave " in err
+
+
+def test_it_is_told_where_the_spec_stands_before_the_preset(simulate):
+    _, _, err = simulate("preset=phantom-omni", "friction=0.1")
+    assert "the spec stands before the preset phantom-omni: friction = 0.1 and not 0.26\n" in err
+
+
+def test_a_recorded_force_is_read_and_vouched_for(simulate):
+    Path("push.csv").write_text("force_N\n" + "1.5\n" * 60)
+    assert simulate("input=record", "record=push.csv", "duration_s=0.05")[0] == 0
+    assert results.read("there/simulate.csv")["f_h"].tolist() == [1.5] * 50
+    facts = json.loads(Path("there/simulate.datapackage.json").read_text())["wavesweep"]
+    assert len(facts["record_sha256"]) == 64
+
+
+def test_a_record_that_is_not_there_is_a_usage_error(simulate):
+    code, _, err = simulate("input=record", "record=push.csv")
+    assert (code, err) == (2, "Error: push.csv: expected a readable file, found: No such file or directory\n")
+    assert not Path("there").exists()
+
+
+def test_a_run_without_a_tick_is_a_table_without_a_row(simulate):
+    code, _, err = simulate("duration_s=0", plot=True)
+    assert (code, len(results.read("there/simulate.csv")["tick"])) == (0, 0)
+    assert "0 ticks" in err
+
+
+@pytest.mark.parametrize("example", sorted(EXAMPLES.glob("*.toml")), ids=lambda path: path.stem)
+def test_the_examples_run(example, wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    settings = ("--set", "simulate.frequency_hz=[2]", "--set", "simulate.duration_s=4", "--quiet")
+    assert wavesweep("simulate", str(example), *settings) == (0, "", "")
+    assert len(results.read(f"results/{example.stem}/simulate.parquet")["tick"]) == 4000
+    assert example.read_text().startswith("# ")
+
+
+def test_a_minute_with_everything_on_takes_seconds(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    started = time.perf_counter()
+    _, _, err = wavesweep("simulate", str(EXAMPLES / "rig.toml"))
+    assert "pmw-lm under sine: 60000 ticks, 60 s" in err
+    assert time.perf_counter() - started < 20  # 2.4 s where it was written: room for a machine eight times as slow

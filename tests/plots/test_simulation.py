@@ -1,0 +1,64 @@
+"""Figures of simulations: short and long, with and without waves, of one frequency and of many."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from wavesweep import plots
+from wavesweep.analysis.march import simulated_columns
+from wavesweep.plots.simulation import _extremes, _spans
+from wavesweep.results import fields
+from wavesweep.spec import load
+
+
+def simulation(kind="pmw-lm", **simulate):
+    """The columns and facts of a simulation."""
+    loop = {"controller": {"kind": kind}, "operator": {"stiffness": 100.0}}
+    spec = load(loop | {"simulate": {"frequency_hz": 1} | simulate}).as_simulated()
+    return simulated_columns(spec), {"spec": spec.tables()}
+
+
+@pytest.mark.parametrize(
+    ("kind", "simulate"),
+    [
+        ("pmw-lm", {"duration_s": 0.5}),
+        ("pmw-lm", {"duration_s": 4, "wall": 0.001, "max_force": 0.8}),
+        ("dc", {"duration_s": 0.3}),
+        ("pmw", {"duration_s": 0}),
+        ("pmw", {"duration_s": 0.001}),
+    ],
+)
+def test_every_run_can_be_drawn_the_same_each_time(kind, simulate, tmp_path):
+    for name in ("first.png", "second.png"):
+        plots.simulate(*simulation(kind, **simulate), tmp_path / name)
+    first, second = ((tmp_path / name).read_bytes() for name in ("first.png", "second.png"))
+    assert struct.unpack(">II", first[16:24])[0] == 1400
+    assert len(first) < 250_000
+    assert first == second
+
+
+def test_a_long_run_keeps_its_extremes_in_few_points():
+    values = np.random.default_rng(0).standard_normal(60_001)
+    times, kept = _extremes(np.arange(60_001.0), values)
+    assert len(kept) <= 1700
+    assert np.all(np.diff(times) > 0)
+    assert (kept.min(), kept.max(), kept[-1]) == (values.min(), values.max(), values[-1])
+    assert np.array_equal(values[times.astype(int)], kept)
+
+
+def test_the_detail_is_where_contact_changes_late_in_the_run():
+    columns, facts = simulation(duration_s=10, wall=0.001, amplitude=3)
+    whole, detail = _spans(columns, facts)
+    assert whole == slice(None)
+    assert detail.stop - detail.start == 800
+    touching = columns["touching"][detail]
+    assert 0 < touching.mean() < 1
+
+
+@pytest.mark.parametrize("count", [1, 30])
+def test_a_response_is_drawn_over_the_linear_one(count, tmp_path):
+    rng = np.random.default_rng(0)
+    columns = {field.name: rng.uniform(1, 2, count) for field in fields("simulate-response")}
+    plots.simulate_response(columns, {}, tmp_path / "response.png")
+    assert struct.unpack(">II", (tmp_path / "response.png").read_bytes()[16:24])[0] == 1400

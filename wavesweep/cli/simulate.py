@@ -1,0 +1,25 @@
+"""`wavesweep simulate`."""
+
+import click
+
+from wavesweep.cli.options import Options, common
+
+
+@click.command("simulate")
+@click.argument("spec")
+@common
+def command(spec: str, options: Options) -> None:
+    """Run both loops tick by tick, with what a real rig adds to the linear model.
+
+    SPEC is a TOML file; its [simulate] table names the force of the hand and what is added: a one-sided wall, an
+    encoder, friction, a force limit, imperfect timing, or a device by name. Where the force is a sine or a stepped
+    sine, the response estimated from it stands in a second table, simulate-response. A loop that diverges is no
+    failure: the rows end where numbers overflow, and a line says so.
+    """
+    from wavesweep import plots
+    from wavesweep.cli.producing import produce_tables
+    from wavesweep.cli.simulating import simulate
+    from wavesweep.spec import Spec
+
+    draws = {"simulate": plots.simulate, "simulate-response": plots.simulate_response}
+    produce_tables(draws, [spec], options, simulate, asked=Spec.as_simulated)

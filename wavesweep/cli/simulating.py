@@ -1,0 +1,83 @@
+"""From a spec to the tables of its simulation."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from wavesweep.analysis.march import Simulation, hand_force, simulated, table
+from wavesweep.analysis.march.estimation import estimate
+from wavesweep.analysis.march.from_spec import record_path
+from wavesweep.analysis.march.inputs import Tone
+from wavesweep.analysis.response import prepare, steady_state
+from wavesweep.diagram import draw
+from wavesweep.spec import Spec
+from wavesweep.spec.devices import DEVICES
+from wavesweep.sweep.run import Run, facts_of
+
+METHODS = {"simulate": "both loops marched tick by tick from rest, the device exact under forces held over a tick"}
+RESPONSE_METHODS = {
+    "admittance": "least squares over the settled stretch: the sine, its images about the slow rate, a constant",
+    "linear_admittance": "lifted resolvent of both rates, component at the force's own frequency",
+}
+
+
+def simulate(specs: Sequence[Spec], **_: Any) -> dict[str, Run]:
+    """Run the one spec that there is; give its time series and, for sines that settled, the response seen in it."""
+    (spec,) = specs
+    started = time.perf_counter()
+    hand = hand_force(spec)
+    simulation = simulated(spec, hand.force)
+    columns = table(simulation)
+    marched = time.perf_counter()
+    facts = _facts(spec, METHODS, {"march_s": marched - started}, list(_notices(spec)))
+    rows = len(columns["tick"])
+    facts["ticks"] = {"wanted": len(hand.force), "simulated": rows}
+    runs = {"simulate": Run(columns, facts)}
+    tones = [tone for tone in hand.tones if tone.last <= rows]
+    if tones:
+        response = response_columns(spec, simulation, tones)
+        timings = {"estimate_s": time.perf_counter() - marched}
+        runs["simulate-response"] = Run(response, _facts(spec, RESPONSE_METHODS, timings, []))
+    return runs
+
+
+def response_columns(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> dict[str, np.ndarray]:
+    """Give the response that a simulation shows, and that of the linear loop at the same frequencies."""
+    values = spec.values
+    seen = estimate(simulation.signals, tones, values["rates.fast_hz"], simulation.frame)
+    # The normalised frequency is that of the slow rate, also for dc, whose frame is one tick.
+    seen["omega_Ts"] = 2 * np.pi * seen["frequency_hz"] * values["rates.ratio"] / values["rates.fast_hz"]
+    loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"])
+    named = {"spec": spec.name, "controller": values["controller.kind"]}
+    columns = {name: np.full(len(tones), word, dtype=object) for name, word in named.items()} | seen
+    for name, response in zip(("admittance", "impedance"), steady_state(loop, seen["frequency_hz"]), strict=True):
+        parts = {"re": response.real, "im": response.imag}
+        parts |= {"abs": np.abs(response), "deg": np.degrees(np.angle(response))}
+        columns |= {f"linear_{name}_{part}": column for part, column in parts.items()}
+    return columns
+
+
+def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]) -> dict[str, Any]:
+    facts = facts_of(spec, methods, {"computed": 1, "skipped": 0, "certified": 0}, timings, notices)
+    if spec.simulate["input"] == "record":
+        # The digest of the spec knows the record by its name alone.
+        facts["record_sha256"] = hashlib.sha256(record_path(spec).read_bytes()).hexdigest()
+    return facts
+
+
+def _notices(spec: Spec) -> Iterator[str]:
+    """Yield what a user may not expect of the spec."""
+    options, preset = spec.simulate, spec.simulate["preset"]
+    if preset:
+        own = {**DEVICES[preset].loop(), **DEVICES[preset].beyond_the_model()}
+        used = {**spec.values, **options}
+        given = [f"{path} = {used[path]:g} and not {value:g}" for path, value in own.items() if used[path] != value]
+        if given:
+            yield f"the spec stands before the preset {preset}: {', '.join(given)}"
+    if options["resolution"] and spec.values["device.velocity"] == "exact":
+        yield 'device.velocity = "exact" does not see the encoder; "difference" takes its velocity from it'

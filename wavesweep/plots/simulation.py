@@ -1,0 +1,122 @@
+"""The figure of a simulation: forces, positions and energies over time, whole and in detail."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavesweep.plots.style import IDEAL, TWO_COLUMNS, distinct_colour, figure
+
+_MOST_POINTS = 1600  # of a line: more than it has pixels along
+_DETAIL_FRAMES = 40
+
+Columns = Mapping[str, np.ndarray]
+
+
+def simulate(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
+    """Draw a `simulate` table as PNG: hand force, positions and wall, control force, energies, one below the other.
+
+    At the left the whole run, a long one as the band between the extremes; at the right some frames of it in detail,
+    from where contact is first made or lost in the second half, else from its end.
+    """
+    spans = _spans(columns, facts)
+    with figure(path, TWO_COLUMNS, 6.4) as canvas:
+        grid = canvas.subplots(len(_ROWS), len(spans), sharex="col", squeeze=False)
+        for row, (title, draw) in zip(grid, _ROWS, strict=True):
+            for axes, span in zip(row, spans, strict=True):
+                draw(axes, {name: column[span] for name, column in columns.items()}, facts)
+                axes.grid(visible=True, color="0.9", linewidth=0.5)
+                axes.margins(x=0)
+            row[0].set_ylabel(title)
+        for axes in grid[-1]:
+            axes.set_xlabel("time (s)")
+        if len(spans) > 1:
+            _mark(grid[0, 0], columns["time_s"][spans[1]])
+            grid[0, 1].set_title("the shaded stretch in detail")
+        for row in grid:
+            _legend(row[-1])
+        canvas.align_ylabels()
+
+
+def _spans(columns: Columns, facts: Mapping[str, Any]) -> list[slice]:
+    """Give the whole, and the detail if there is more than it."""
+    rows = len(columns["tick"])
+    length = _DETAIL_FRAMES * int(facts["spec"]["rates"]["ratio"])
+    if rows <= 2 * length:
+        return [slice(None)]
+    changes = np.flatnonzero(np.diff(columns["touching"])) + 1
+    later = changes[changes >= rows // 2]
+    start = min(int(later[0]) - length // 4, rows - length) if len(later) else rows - length
+    return [slice(None), slice(start, start + length)]
+
+
+def _mark(axes: Any, times: np.ndarray) -> None:
+    axes.axvspan(times[0], times[-1], color="0.75", alpha=0.6, linewidth=0)
+
+
+def _forces_of_the_hand(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
+    del facts
+    _line(axes, columns, "f_h", "hand", distinct_colour(2))
+
+
+def _positions(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
+    wall = facts["spec"]["simulate"].get("wall")
+    millimetres = {name: 1e3 * columns[name] for name in ("x", "x_s")} | {"time_s": columns["time_s"]}
+    _line(axes, millimetres, "x_s", "avatar", distinct_colour(1), held=True)
+    _line(axes, millimetres, "x", "device", distinct_colour(0))
+    if wall is not None:
+        axes.axhline(1e3 * wall, color=IDEAL, linewidth=0.8, linestyle="--", label="wall")
+
+
+def _forces_of_the_control(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
+    _line(axes, columns, "f_m", "asked for", distinct_colour(4), held=True)
+    if "max_force" in facts["spec"]["simulate"]:
+        _line(axes, columns, "f_device", "exerted", distinct_colour(0), held=True)
+    _line(axes, columns, "F_s", "slow wall", distinct_colour(1), held=True)
+
+
+def _energies(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
+    del facts
+    _line(axes, columns, "energy_channel", "kept by channel", distinct_colour(3))
+    _line(axes, columns, "energy_device", "taken by motors", distinct_colour(0))
+    _line(axes, columns, "energy_hand", "given by hand", distinct_colour(2))
+
+
+_Draw = Callable[[Any, Columns, Mapping[str, Any]], None]
+_ROWS: tuple[tuple[str, _Draw], ...] = (
+    ("hand force (N)", _forces_of_the_hand),
+    ("position (mm)", _positions),
+    ("control force (N)", _forces_of_the_control),
+    ("energy (J)", _energies),
+)
+
+
+def _line(axes: Any, columns: Columns, name: str, label: str, colour: str, *, held: bool = False) -> None:
+    """Draw a signal; one that the controller does not have is left out, a held one keeps its steps."""
+    values = columns[name]
+    if np.isnan(values).all():
+        return
+    style = {"drawstyle": "steps-post"} if held and len(values) <= _MOST_POINTS else {}
+    axes.plot(*_extremes(columns["time_s"], values), color=colour, label=label, linewidth=0.9, **style)
+
+
+def _extremes(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Keep the least and the largest value of each of many short stretches, in their order: they look the same."""
+    size = -(-len(values) // (_MOST_POINTS // 2))
+    if size <= 2:
+        return times, values
+    whole = len(values) // size * size
+    blocks = values[:whole].reshape(-1, size)
+    ends = np.sort(np.stack([blocks.argmin(axis=1), blocks.argmax(axis=1)], axis=1), axis=1)
+    kept = (ends + size * np.arange(len(blocks))[:, None]).ravel()
+    kept = np.append(kept, np.arange(whole, len(values)))
+    return times[kept], values[kept]
+
+
+def _legend(axes: Any) -> None:
+    # Beside the panel and not in it: a signal that fills its panel leaves no corner free.
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7, handlelength=1.2, borderpad=0.2)
