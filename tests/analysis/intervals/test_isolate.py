@@ -1,0 +1,133 @@
+"""Real roots of a polynomial in (-1, 1): what is called proved must be so, exactly."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from support import sturm
+
+from wavesweep.analysis.intervals.isolate import isolate
+
+
+def random_roots(r, degree):
+    """Some real roots in (-2, 2) and complex pairs that keep 0.05 off the real axis."""
+    roots = [float(x) for x in r.uniform(-2, 2, degree // 3)]
+    while len(roots) + sum(isinstance(z, complex) for z in roots) < degree:
+        roots.append(complex(r.uniform(-1.5, 1.5), r.uniform(0.05, 1)))
+    return roots
+
+
+def close_pair(r, gap):
+    x = float(r.uniform(-0.95, 0.95))
+    return [x, x + gap]
+
+
+def near_real(r, gap):
+    return [complex(r.uniform(-0.95, 0.95), gap)]
+
+
+def near_one(r, gap):
+    return [float(r.choice([1 - gap, 1 + gap, -1 + gap, -1 - gap]))]
+
+
+def at_both_ends(_, gap):
+    return [1 - gap, -1 + gap, 1 + 2 * gap]
+
+
+def multiple(r, _):
+    """A multiple root, or pair, away from the segment: what pure delays bring."""
+    return [(1.7, -2.5, complex(0.3, 0.8))[int(r.integers(3))]] * int(r.integers(2, 5))
+
+
+def nothing(_, __):
+    return []
+
+
+HARD = [nothing, close_pair, near_real, near_one, at_both_ends, multiple]
+
+
+def check(coefficients, noise):
+    """Compare one row with Sturm's count, for the polynomial itself and two within its noise; whether it was proved."""
+    found = isolate(coefficients[None], np.array([noise]))
+    if not found.proved[0]:
+        return False
+    roots = np.sort(found.value[0][found.inside[0]])
+    r, n = np.random.default_rng(0), coefficients.size
+    for size in (0.0, 0.5, 1.0):
+        change = r.standard_normal(n)
+        moved = coefficients + size * noise * change / (np.abs(change) @ np.arange(1, n + 1))
+        links = sturm.chain(sturm.powers(moved.tolist()))
+        assert sturm.count(links, -1, 1) == roots.size
+        edges = [-1.0, *((roots[1:] + roots[:-1]) / 2), 1.0]
+        if roots.size:
+            assert all(sturm.count(links, low, high) == 1 for low, high in pairwise(edges))
+    return True
+
+
+@pytest.mark.parametrize("hard", HARD)
+def test_what_is_proved_is_so(hard):
+    """Gaps from 1e-12 to 0.1, exact coefficients and noisy ones: the count of roots is exact, each in its place."""
+    r, proved = np.random.default_rng(HARD.index(hard)), 0
+    for _ in range(20):
+        roots = random_roots(r, int(r.integers(2, 9))) + hard(r, 10 ** r.uniform(-12, -1))
+        c = np.array([float(a) for a in sturm.from_roots(roots)])
+        proved += check(c, 0.0) + check(c, np.abs(c).max() * 10 ** r.uniform(-16, -6))
+    assert proved >= (36 if hard in (nothing, multiple) else 8)
+
+
+@pytest.mark.parametrize("gap", [1e-1, 1e-2, 1e-3, 1e-4])
+def test_a_pair_of_roots_is_found_down_to_small_gaps(gap):
+    """Two roots 1e-4 apart beside six others: still told apart, and proved."""
+    roots = [0.3, 0.3 + gap, -0.7, 1.4, complex(0.1, 0.4), complex(-0.5, 0.9)]
+    c = np.array([float(a) for a in sturm.from_roots(roots)])
+    assert check(c, 0.0)
+
+
+@pytest.mark.parametrize("gap", [1e-9, 1e-12, 0.0])
+def test_a_pair_within_the_noise_is_not_proved(gap):
+    """Two roots or none: coefficients known to 1e-13 cannot say, and neither does the proof."""
+    for pair in ([0.3, 0.3 + gap], [complex(0.3, gap)]):
+        c = np.array([float(a) for a in sturm.from_roots([*pair, -0.7, complex(0.1, 0.4)])])
+        assert not isolate(c[None], np.array([1e-13])).proved[0]
+
+
+@pytest.mark.parametrize("tail", [[1e-14], [1e-12, 1e-17], [-1e-10, 3e-14, 1e-20]])
+def test_tiny_leading_coefficients_send_roots_far_away_and_do_no_harm(tail):
+    """The roots are seeds for polishing: a root at 1e14 costs the others digits (here all but 4), not their proof."""
+    c = np.array([float(a) for a in sturm.from_roots([0.3, -0.2, complex(0.5, 0.5)])] + tail)
+    assert check(c, 0.0)
+    found = isolate(c[None], np.zeros(1))
+    np.testing.assert_allclose(np.sort(found.value[found.inside]), [-0.2, 0.3], atol=1e-4)
+
+
+@pytest.mark.parametrize("tail", [[0.0], [0.0, 0.0], [0.0] * 4, [1e-18], [1e-300, 0.0]])
+def test_leading_zeros_may_cost_the_proof_but_never_make_it_wrong(tail):
+    """Roots at infinity overflow what is evaluated there, without a warning."""
+    c = np.array([float(a) for a in sturm.from_roots([0.3, -0.2, complex(0.5, 0.5)])] + tail)
+    check(c, 0.0)
+
+
+@pytest.mark.parametrize("row", [[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0], [0.0], []])
+def test_degenerate_rows_are_answered_without_a_warning(row):
+    """Nothing, a constant, all zero: all zero is never proved, a constant has no root."""
+    found = isolate(np.array([row]).reshape(1, -1), np.zeros(1))
+    assert bool(found.proved[0]) == any(row)
+    if any(row):
+        assert found.inside.sum() == (2 if len(row) == 3 else 0)  # U_2 = 4 x^2 - 1
+
+
+def test_the_signs_at_the_ends_and_the_slopes_are_those_of_the_polynomial():
+    c = np.array([float(a) for a in sturm.from_roots([-0.9, -0.1, 0.4])])[None]
+    found = isolate(c, np.zeros(1))
+    order = np.argsort(found.value[0])
+    assert found.at_one[0] > 0 > found.at_minus_one[0]
+    assert found.slope_sign[0][order].tolist() == [1, -1, 1]
+
+
+def test_rows_do_not_see_their_neighbours():
+    """A hopeless row beside a good one changes nothing about the good one."""
+    good = np.array([float(a) for a in sturm.from_roots([0.3, -0.2, 1.5])])
+    alone = isolate(good[None], np.zeros(1))
+    beside = isolate(np.stack([good, np.zeros(4), 1e200 * good]), np.zeros(3))
+    assert beside.proved.tolist() == [True, False, True]
+    assert np.array_equal(beside.value[0], alone.value[0])
