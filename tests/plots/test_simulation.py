@@ -19,10 +19,13 @@ def simulation(kind="pmw-lm", **simulate):
     return simulated_columns(spec), {"spec": spec.tables()}
 
 
+def _facts(kind):
+    return {"spec": {"rates": {"ratio": 20}, "simulate": {"input": kind}}}
+
+
 @pytest.mark.parametrize(
     ("kind", "simulate"),
     [
-        ("pmw-lm", {"duration_s": 0.5}),
         ("pmw-lm", {"duration_s": 4, "wall": 0.001, "max_force": 0.8}),
         ("dc", {"duration_s": 0.3}),
         ("pmw", {"duration_s": 0}),
@@ -47,13 +50,19 @@ def test_a_long_run_keeps_its_extremes_in_few_points():
     assert np.array_equal(values[times.astype(int)], kept)
 
 
-def test_the_detail_is_where_contact_changes_late_in_the_run():
-    columns, facts = simulation(duration_s=10, wall=0.001, amplitude=3)
-    whole, detail = _spans(columns, facts)
+@pytest.mark.parametrize("force", [{"duration_s": 10}, {"duration_s": 4, "input": "pulse", "width_s": 0.3}])
+def test_the_detail_is_where_contact_changes(force):
+    whole, detail = _spans(columns := simulation(wall=0.001, amplitude=3, **force)[0], _facts("sine"))
     assert whole == slice(None)
     assert detail.stop - detail.start == 800
     touching = columns["touching"][detail]
     assert 0 < touching.mean() < 1
+
+
+@pytest.mark.parametrize(("kind", "start"), [("step", 0), ("noise", 1200)])
+def test_without_contact_the_detail_is_where_the_force_sets_in_or_at_the_end(kind, start):
+    columns = {"tick": np.arange(2000), "touching": np.ones(2000, dtype=bool)}
+    assert _spans(columns, _facts(kind))[1] == slice(start, start + 800)
 
 
 @pytest.mark.parametrize("count", [1, 30])

@@ -19,8 +19,9 @@ Columns = Mapping[str, np.ndarray]
 def simulate(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
     """Draw a `simulate` table as PNG: hand force, positions and wall, control force, energies, one below the other.
 
-    At the left the whole run, a long one as the band between the extremes; at the right some frames of it in detail,
-    from where contact is first made or lost in the second half, else from its end.
+    At the left the whole run, a long one as the band between the extremes; at the right some frames of it in detail:
+    about where contact is made or lost, once the run has settled if it still is; without contact where a step or a
+    pulse sets in, or the end.
     """
     spans = _spans(columns, facts)
     with figure(path, TWO_COLUMNS, 6.4) as canvas:
@@ -47,10 +48,18 @@ def _spans(columns: Columns, facts: Mapping[str, Any]) -> list[slice]:
     length = _DETAIL_FRAMES * int(facts["spec"]["rates"]["ratio"])
     if rows <= 2 * length:
         return [slice(None)]
-    changes = np.flatnonzero(np.diff(columns["touching"])) + 1
-    later = changes[changes >= rows // 2]
-    start = min(int(later[0]) - length // 4, rows - length) if len(later) else rows - length
+    start = min(max(_event(columns, facts) - length // 4, 0), rows - length)
     return [slice(None), slice(start, start + length)]
+
+
+def _event(columns: Columns, facts: Mapping[str, Any]) -> int:
+    """Give the tick that is worth a closer look."""
+    rows = len(columns["tick"])
+    changes = np.flatnonzero(np.diff(columns["touching"])) + 1
+    if len(changes):
+        later = changes[changes >= rows // 2]
+        return int(later[0] if len(later) else changes[-1])
+    return 0 if facts["spec"]["simulate"]["input"] in ("step", "pulse") else rows
 
 
 def _mark(axes: Any, times: np.ndarray) -> None:
