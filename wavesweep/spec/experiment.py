@@ -15,7 +15,7 @@ from wavesweep.spec.places import Leaf, Place
 from wavesweep.spec.sorting import FREQUENCIES, Sorted
 from wavesweep.spec.spacing import linear
 
-MOST_TICKS = 1_000_000  # about 2 GB of rows while the loop is marched
+MOST_TICKS = 1_000_000  # about 1 GB of rows while the loop is marched
 SECONDS = 10.0  # of an input that has no length of its own
 
 
