@@ -46,13 +46,18 @@ def impulse_and_step(damping, stiffness, period):
     device is overdamped.
     """
     damping, stiffness, period = np.broadcast_arrays(*(np.asarray(a, float) for a in (damping, stiffness, period)))
-    reach = max(1e-300, float(np.max(np.abs(damping) * period, initial=0)), 2 * float(np.max(np.sqrt(np.abs(stiffness)) * period, initial=0)))
-    doublings = max(0, int(np.ceil(np.log2(reach))) + 1)
-    tau = period / 2.0**doublings
+    reach = np.maximum(np.abs(damping) * period, 2 * np.sqrt(np.abs(stiffness)) * period)
+    # Each element has its own number of doublings: its bits must not depend on what else is in the batch.
+    doublings = np.where(reach > 0.5, np.ceil(np.log2(np.maximum(reach, 0.5))) + 1, 0).astype(int)
+    tau = period * 0.5**doublings
     s, g = _taylor(damping * tau, stiffness * tau * tau)
     s, g = s * tau, g * tau * tau
-    for _ in range(doublings):
-        s, g = s * (2 - damping * s - 2 * stiffness * g), g * (2 - stiffness * g) + s * s
+    for step in range(int(doublings.max(initial=0))):
+        more = step < doublings
+        s, g = (
+            np.where(more, s * (2 - damping * s - 2 * stiffness * g), s),
+            np.where(more, g * (2 - stiffness * g) + s * s, g),
+        )
     return s, g
 
 

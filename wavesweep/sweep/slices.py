@@ -11,6 +11,7 @@ from wavesweep.spec import KEYS
 from wavesweep.sweep.grid import Grid
 from wavesweep.sweep.groups import groups
 
+BLOCK = 4096  # columns that are computed together: large enough for numpy, small enough for the cache
 TINY = 1e-300  # stands in for a zero that would take a state out of the loop
 SYMBOL = dict(zip(WALL, ("K_VE", "B_VE"), strict=True))
 
@@ -20,14 +21,29 @@ def solve_loops(grid: Grid, along: str, span, index, cut: Cut | None = None) -> 
 
     cut: the compiled loop, where the grid has a single one. Columns of the result are numbered
     `position in index * grid.walls + wall`.
+
+    Loops are computed in blocks whose borders are multiples of `block_loops`, whatever index is: numpy rounds the last bit
+    differently in batches of another size, and a table's bytes must not depend on who computed which part of it. A
+    sweep that hands out whole blocks gets the same bits however it does so.
     """
     index = np.asarray(index)
-    solve = _along_wall if along in WALL else _along_number
+    borders = np.flatnonzero(np.diff(index // block_loops(grid))) + 1
     parts = []
+    for block in np.split(np.arange(index.size), borders):
+        parts += [(found, block[0] * grid.walls + column) for found, column in _block(grid, along, span, index[block], cut)]
+    return joined(parts)
+
+
+def block_loops(grid: Grid) -> int:
+    """How many consecutive loops, from a multiple of their number on, are computed together."""
+    return max(1, BLOCK // grid.walls)
+
+
+def _block(grid, along, span, index, cut):
+    solve = _along_wall if along in WALL else _along_number
     for members, values in groups(grid.spec, grid.loop_values(index), index.size):
         found = solve(grid, along, span, values, members.size, cut)
-        parts.append((found, members[found.column // grid.walls] * grid.walls + found.column % grid.walls))
-    return joined(parts)
+        yield found, members[found.column // grid.walls] * grid.walls + found.column % grid.walls
 
 
 def _along_wall(grid, along, span, values, size, cut):

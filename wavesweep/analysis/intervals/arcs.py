@@ -65,5 +65,5 @@ def _collect(cut, along, fixed, opened, found):
     np.minimum.at(first, column, theta)
     np.maximum.at(last, column, theta)
     at_one, at_minus_one = (np.sign(_boundary(opened, a)[0]) for a in (first / 2, (np.pi + last) / 2))
-    ends = at_both_ends(cut, along, fixed, at_one, at_minus_one)
+    ends = at_both_ends(cut, np.arange(fixed.size), along, fixed, at_one, at_minus_one)
     return Crossings(*(np.concatenate(pair) for pair in zip((column, value, theta, jump), ends, strict=True)), complete)

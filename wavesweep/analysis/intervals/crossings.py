@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.analysis.intervals.curve import K_VE, terms
 from wavesweep.analysis.intervals.isolate import isolate
-from wavesweep.analysis.intervals.polish import at_ends, polish
+from wavesweep.analysis.intervals.polish import polish
 from wavesweep.analysis.intervals.polynomial import Polynomial, angle
 from wavesweep.lifted.cut import Cut
 
@@ -26,36 +27,44 @@ class Crossings:
     complete: np.ndarray
 
 
-def crossings(cut: Cut, along: str, fixed, polynomial: Polynomial) -> Crossings:
-    """Crossings of the columns with the loops `cut` (one per column) and the other wall parameter `fixed`.
+def crossings(cut: Cut, owner, along: str, fixed, polynomial: Polynomial) -> Crossings:
+    """Crossings of the columns with the loops `cut.at(owner)` and the other wall parameter `fixed`.
 
-    polynomial: that of each column's loop, `(columns, ...)`.
+    polynomial: of each loop, `(loops, ...)`.
     The eigenvalue moves outward with the sign of d Im K/d theta at an interior crossing (K analytic in z), which is the
     sign of the polynomial's derivative turned round; at z = 1 and -1 with the sign of the polynomial.
     """
-    coefficients = polynomial.base + fixed[:, None] * polynomial.slope
+    coefficients = polynomial.base[owner] + fixed[:, None] * polynomial.slope[owner]
     n = coefficients.shape[-1]
-    noise = polynomial.noise[:, 0] + np.abs(fixed) * polynomial.noise[:, 1]  # of each coefficient, and |U_k| <= k + 1
+    noise = polynomial.noise[owner, 0] + np.abs(fixed) * polynomial.noise[owner, 1]  # per coefficient; |U_k| <= k + 1
     roots = isolate(coefficients, noise * (n * (n + 1) / 2))
     column, which = np.nonzero(roots.inside)
-    seed = angle(roots.value[column, which], polynomial.scale[column])
-    theta, value, converged = polish(cut.at(column), along, fixed[column], seed)
+    seed = angle(roots.value[column, which], polynomial.scale[owner[column]])
+    theta, value, converged = polish(cut.at(owner[column]), along, fixed[column], seed)
     complete = roots.proved & np.isfinite(coefficients).all(-1)
     # A polished angle far from its seed has left the root that the proof is about.
     astray = ~(np.abs(theta - seed) <= 1e-4 * np.minimum(seed, np.pi - seed)) | ~converged
     complete[column[astray]] = False
     jump = -2.0 * roots.slope_sign[column, which]
-    ends = at_both_ends(cut, along, fixed, roots.at_one, roots.at_minus_one)
+    ends = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
     return Crossings(*(np.concatenate(pair) for pair in zip((column, value, theta, jump), ends, strict=True)), complete)
 
 
-def at_both_ends(cut: Cut, along: str, fixed, sign_at_one, sign_at_minus_one):
-    """Crossings at z = 1 and z = -1 of every column: (column, value, theta, jump).
+def at_both_ends(cut: Cut, owner, along: str, fixed, sign_at_one, sign_at_minus_one):
+    """Crossings at z = 1 and z = -1 of every column: (column, value, theta, jump); the value is infinite where there is none.
 
     sign_at_one, sign_at_minus_one: sign of the polynomial there, which says which way the eigenvalue goes.
     """
-    everyone = np.arange(fixed.size)
+    values = []
+    for w in (0.0, -2.0):
+        if w == 0.0 and cut.integrates:
+            values.append(np.full(fixed.shape, 0.0 if along == K_VE else np.inf))
+            continue
+        t = terms(cut, np.full(cut.batch, w))
+        solved, other = t.along(along)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            values.append((t.one[owner] - fixed * other[owner]) / solved[owner])
     return (
-        np.tile(everyone, 2), np.concatenate(at_ends(cut, along, fixed)), np.repeat([0.0, np.pi], fixed.size),
+        np.tile(np.arange(fixed.size), 2), np.concatenate(values), np.repeat([0.0, np.pi], fixed.size),
         np.concatenate([sign_at_one, -sign_at_minus_one]),
     )

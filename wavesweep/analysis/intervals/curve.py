@@ -39,14 +39,20 @@ def transfer(cut: Cut, w) -> np.ndarray:
     """`C (w I - E)^-1 B + D` for the rows V, ADVANCE, OFFSET: `(..., 3)`."""
     w = np.asarray(w)
     A = w[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
-    return (cut.C @ solve(A, cut.B + 0 * w[..., None, None]) + cut.D)[..., 0]
+    return read(cut, solve(A, cut.B + 0 * w[..., None, None])) + cut.D[..., 0]
 
 
 def transfer_and_slope(cut: Cut, w) -> tuple[np.ndarray, np.ndarray]:
     """The same and its derivative by w."""
     A = w[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
     state = solve(A, cut.B + 0 * w[..., None, None])
-    return (cut.C @ state + cut.D)[..., 0], -(cut.C @ solve(A, state))[..., 0]
+    return read(cut, state) + cut.D[..., 0], -read(cut, solve(A, state))
+
+
+def read(cut: Cut, state):
+    """`C state`, `(..., 3)`, as a plain sum: BLAS may round it differently in another batch, and a sweep's bytes must not
+    depend on its chunks."""
+    return (cut.C * np.swapaxes(state, -1, -2)).sum(-1)
 
 
 def residual(t: Terms, K, B):

@@ -51,7 +51,8 @@ def isolate(coefficients, noise) -> Roots:
     if again.size:
         proved[again], radius[again] = _proof(coefficients[again], noise[again], _spread(roots[again]))
     inside = (roots.imag == 0) & (np.abs(roots.real) < 1)
-    ends = coefficients @ np.arange(1, n + 1), coefficients @ (np.arange(1, n + 1) * (-1.0) ** np.arange(n))
+    weight = np.arange(1, n + 1)
+    ends = (coefficients * weight).sum(-1), (coefficients * (weight * (-1.0) ** np.arange(n))).sum(-1)
     proved &= (np.abs(ends[0]) > 2 * noise) & (np.abs(ends[1]) > 2 * noise)
     return Roots(roots.real, radius, inside, _slope_sign(coefficients, roots, inside), np.sign(ends[0]), np.sign(ends[1]), proved)
 
@@ -74,11 +75,12 @@ def _evaluate(coefficients, x):
     before, now = np.zeros_like(x), np.ones_like(x)
     value, size = coefficients[:, :1] * now, np.abs(coefficients[:, :1]) * np.ones(x.shape)
     twice = 2 * x
-    for k in range(1, coefficients.shape[1]):
-        before, now = now, twice * now - before
-        term = coefficients[:, k : k + 1] * now
-        value = value + term
-        size = size + np.abs(term)
+    with np.errstate(over="ignore", invalid="ignore"):  # at roots sent far away by leading zeros, which prove nothing
+        for k in range(1, coefficients.shape[1]):
+            before, now = now, twice * now - before
+            term = coefficients[:, k : k + 1] * now
+            value = value + term
+            size = size + np.abs(term)
     return value, 4 * coefficients.shape[1] * np.finfo(float).eps * size
 
 
@@ -131,5 +133,5 @@ def _discs(coefficients, roots, bound):
 def _slope_sign(coefficients, roots, inside):
     """Sign of the derivative at simple real roots: it alternates from the right end, where the polynomial's sign is known."""
     above = (inside[:, None, :] & (roots.real[:, None, :] > roots.real[:, :, None])).sum(-1)
-    at_one = np.sign(coefficients @ np.arange(1, coefficients.shape[1] + 1))
+    at_one = np.sign((coefficients * np.arange(1, coefficients.shape[1] + 1)).sum(-1))
     return at_one[:, None] * np.where(above % 2 == 0, 1, -1)

@@ -11,7 +11,8 @@ DECAYED = 1e-9
 OVERLAP = 0.035  # of its width a panel reaches into each neighbour, so that no root stays on an edge for ever
 DEGREES = (1, 2, 4, 7, 10, KEPT)  # an interpolant is cut to each of these in turn, what is cut away added to its error
 NODE = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
-NODE.flags.writeable = False
+TRANSFORM = np.cos(np.outer(np.arccos(NODE), np.arange(NODES))) * (2 / NODES)
+NODE.flags.writeable = TRANSFORM.flags.writeable = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +70,8 @@ def panel_roots(sample, column, low, high, columns, smallest, many, bounds=(-np.
 def _interpolate(value, size):
     """Second-kind Chebyshev coefficients `(panels, KEPT)`, their error bound on the panel, and whether they decayed."""
     value = np.where(np.isfinite(value), value, 0.0)
-    first = value @ np.cos(np.outer(np.arange(NODES), np.arccos(NODE))).T * (2 / NODES)
+    # A sum and not a matrix product: BLAS may round a row differently in another batch, and bytes must not change.
+    first = (value[..., None] * TRANSFORM).sum(-2)
     first[:, 0] /= 2
     largest, tail = np.abs(first).max(-1), np.abs(first[:, KEPT:]).max(-1)
     floor = 4 * NODES * np.finfo(float).eps * size.max(-1)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavesweep.analysis.intervals.curve import terms, transfer_and_slope
+from wavesweep.analysis.intervals.curve import transfer_and_slope
 from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V, Cut
 
@@ -49,17 +49,3 @@ def _value_and_slope(cut, along, fixed, theta):
         value = top / x
         slope = (d_top - value * dx) / x * (1j * (1 + w))
     return value, slope
-
-
-def at_ends(cut: Cut, along: str, fixed):
-    """Value of the wall parameter at z = 1 and z = -1, per loop; infinite where that end is never crossed."""
-    values = []
-    for w in (0.0, -2.0):
-        if w == 0.0 and cut.integrates:
-            values.append(np.zeros(np.shape(fixed)) if along == "K_VE" else np.full(np.shape(fixed), np.inf))
-            continue
-        solved, other = terms(cut, np.full(np.shape(fixed), w)).along(along)
-        one = terms(cut, np.full(np.shape(fixed), w)).one
-        with np.errstate(divide="ignore", invalid="ignore"):
-            values.append((one - fixed * other) / solved)
-    return values

@@ -48,7 +48,8 @@ def sampled_polynomial(cut: Cut, along: str, scale) -> Polynomial:
     base, slope = (one * solved.conj()).imag, -(fixed * solved.conj()).imag
     size = [np.abs(part * solved).max(-1) for part in (one, fixed)]
     transform = np.sin(np.outer(phi, np.arange(1, count + 1))) * (2 / (count + 1))
-    base, slope = base @ transform, slope @ transform
+    # Sums and not a matrix product: BLAS may round a row differently in another batch, and a sweep's bytes must not change.
+    base, slope = ((part[..., None] * transform).sum(-2) for part in (base, slope))
     spare = [np.abs(part[..., cut.order :]).max(-1) for part in (base, slope)]
     floor = 4 * count * np.finfo(float).eps
     noise = np.stack([8 * s + floor * m for s, m in zip(spare, size, strict=True)], axis=-1)
@@ -64,7 +65,7 @@ def _scaled(cut, zeta, scale, along):
     B, C, D = (part[..., None, :, :] for part in (cut.B, cut.C, cut.D))
     phase, log_size = np.linalg.slogdet(A)
     pole = phase * np.exp(log_size - log_size.max(-1, keepdims=True))
-    G = bottom[..., None] * (C @ solve(A, B + 0j * A[..., :1]))[..., 0] + D[..., 0]
+    G = bottom[..., None] * (C * np.swapaxes(solve(A, B + 0j * A[..., :1]), -1, -2)).sum(-1) + D[..., 0]
     if cut.integrates:
         terms = Terms(pole * top, pole * (bottom * G[..., ADVANCE] + top * G[..., OFFSET]), pole * top * G[..., V])
     else:

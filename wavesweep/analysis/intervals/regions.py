@@ -90,14 +90,30 @@ def cut_span(span, columns: int, column, value, theta, jump, slack=0.0) -> Parts
     return Parts(region, lows, highs, low_theta, high_theta, gain, later, earlier, order)
 
 
-def regions(cut: Cut, along: str, fixed, span, found: Crossings) -> Regions:
-    """Cut the span at the crossings and label what lies between (loops `cut`, one per column)."""
+def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regions:
+    """Cut the span at the crossings and label what lies between; loops `cut.at(owner)`, one per column.
+
+    The eigenvalues of the first region of each column are counted; the counts of the others follow from the directions of
+    the crossings, and where one of them comes to 0, which makes an interval stable, it is counted too.
+    """
     parts = cut_span(span, fixed.size, found.column, found.value, found.theta, found.jump)
-    K, B = _wall(along, parts.middle, fixed[parts.column])
-    unstable, clear = count_outside(close(cut.at(parts.column), K, B))
-    fits = unstable[parts.later] - unstable[parts.earlier] == parts.gain[parts.later]
+    unstable, clear = np.zeros(parts.column.size, int), np.ones(parts.column.size, bool)
+
+    def count(which):
+        K, B = _wall(along, parts.middle[which], fixed[parts.column[which]])
+        return count_outside(close(cut.at(owner[parts.column[which]]), K, B))
+
+    first = np.flatnonzero(~parts.later)
+    unstable[first], clear[first] = count(first)
+    rise = np.cumsum(parts.gain)
+    unstable += np.where(parts.later, rise - rise[first][parts.column] + unstable[first][parts.column], 0).astype(int)
+    claimed = np.flatnonzero(parts.later & (unstable <= 0))
+    seen, clear[claimed] = count(claimed)
+    clear[claimed] &= seen == unstable[claimed]
+    unstable[claimed] = seen
     column, value, theta = (part[parts.order] for part in (found.column, found.value, found.theta))
-    return parts.labelled(unstable, clear, fits, _residual(cut.at(column), along, fixed[column], value, theta))
+    error = _residual(cut.at(owner[column]), along, fixed[column], value, theta)
+    return parts.labelled(unstable, clear, np.ones(error.size, bool), error)
 
 
 def _wall(along, value, fixed):

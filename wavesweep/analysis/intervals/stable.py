@@ -7,7 +7,7 @@ import numpy as np
 from wavesweep.analysis.intervals.arcs import arc_crossings
 from wavesweep.analysis.intervals.crossings import crossings
 from wavesweep.analysis.intervals.curve import K_VE
-from wavesweep.analysis.intervals.polynomial import Polynomial, sampled_polynomial, warp_scale
+from wavesweep.analysis.intervals.polynomial import sampled_polynomial, warp_scale
 from wavesweep.analysis.intervals.regions import Regions, regions
 from wavesweep.lifted.cut import Cut
 
@@ -57,7 +57,7 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     for method in (_by_polynomial, _by_arcs):
         lost = overflown[owner[pending]]
         found = method(cut, owner[pending], along, flat[pending])
-        parts = regions(cut.at(owner[pending]), along, flat[pending], span, found)
+        parts = regions(cut, owner[pending], along, flat[pending], span, found)
         parts = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable))
         proved = found.complete & ~lost
         proved[parts.column[~parts.sound]] = False
@@ -79,8 +79,7 @@ def _finite(cut) -> tuple[Cut, np.ndarray]:
 
 def _by_polynomial(cut, owner, along, fixed):
     """One polynomial per loop, shared by all its columns."""
-    whole = sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut), cut.batch))
-    return crossings(cut.at(owner), along, fixed, Polynomial(*(getattr(whole, f.name)[owner] for f in fields(whole))))
+    return crossings(cut, owner, along, fixed, sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut), cut.batch)))
 
 
 def _by_arcs(cut, owner, along, fixed):

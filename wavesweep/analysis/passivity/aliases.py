@@ -1,0 +1,91 @@
+"""Responses of a fast block at all aliases of a frame frequency."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wavesweep.diagram.block import Block
+from wavesweep.lifted.circle import on_circle, solve
+
+GOOD = 1e-3  # relative error of the modal form, seen at the probes, up to which one refinement makes it exact
+PROBES = np.pi * np.array([1e-5, 1e-3, 0.01, 0.05, 0.3, 0.9])
+CHUNK = 100_000  # matrices of one batch of solves
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Response:
+    """A block of `(loops,)` batch, ready at any point of any of its loops.
+
+    modes: (poles, vectors, inverse of the vectors), `(loops, ...)`; None where they are no good.
+    """
+
+    block: Block
+    modes: tuple[np.ndarray, np.ndarray, np.ndarray] | None
+
+    def at(self, owner, theta):
+        """`C (w I - E)^-1 B + D` of the loops `owner` at angles `theta` (rad per tick): `(points, more, p, m)`.
+
+        owner `(points,)`, theta `(points, more)`.
+        """
+        width = max(1, CHUNK // max(1, theta.shape[-1]))
+        cuts = range(width, owner.size, width)
+        parts = zip(np.split(owner, cuts), np.split(on_circle(theta), cuts), strict=True)
+        return np.concatenate([self._respond(*part) for part in parts])
+
+    def _respond(self, owner, w):
+        solved = self.modes is None
+        state = _solved_state(self.block, owner, w) if solved else _refined_state(self.block, self.modes, owner, w)
+        return self.block.C[owner][:, None] @ state + self.block.D[owner][:, None]
+
+
+def response_of(block: Block, loops: int) -> Response:
+    """Prepare a block of `(loops,)` batch."""
+    return Response(block, _good_modes(block, loops))
+
+
+def flattened(block: Block, batch) -> Block:
+    """The block with its batch, broadcast to `batch`, in one axis."""
+    parts = {}
+    for name in "EBCD":
+        tail = getattr(block, name).shape[-2:]
+        parts[name] = np.broadcast_to(getattr(block, name), (*batch, *tail)).reshape(math.prod(batch), *tail)
+    return replace(block, **parts)
+
+
+def alias_angles(theta, ratio: int):
+    """`(theta + 2 pi m)/ratio` for every alias m, in (-pi, pi]: `(points, ratio)`."""
+    shift = np.arange(ratio) - (ratio - 1) // 2
+    return (np.asarray(theta)[..., None] + 2 * np.pi * shift) / ratio
+
+
+def _good_modes(block, loops):
+    """Modes that agree with a solve at the probes, in every loop; a cascade of crowded poles or pure delays has none."""
+    poles, vectors = np.linalg.eig(block.E)
+    vectors = vectors.astype(complex)
+    modes = poles, vectors, solve(vectors, np.broadcast_to(np.eye(vectors.shape[-1]), vectors.shape) + 0j)
+    owner = np.arange(loops)
+    w = np.broadcast_to(on_circle(PROBES), (loops, PROBES.size))
+    exact, rough = _solved_state(block, owner, w), _modal_state(block.B[:, None], modes, owner, w)
+    error = np.abs(rough - exact).max(-2, initial=0)
+    return modes if np.all(error <= GOOD * np.abs(exact).max(-2, initial=0)) else None
+
+
+def _refined_state(block, modes, owner, w):
+    """`(w I - E)^-1 B` through the modes, and once more for the residual: as exact as a solve, at a fraction of its cost."""
+    B = block.B[owner][:, None]
+    state = _modal_state(B, modes, owner, w)
+    residual = B - w[..., None, None] * state + block.E[owner][:, None] @ state
+    return state + _modal_state(residual, modes, owner, w)
+
+
+def _modal_state(B, modes, owner, w):
+    poles, vectors, inverse = (part[owner][:, None] for part in modes)
+    with np.errstate(all="ignore"):
+        return vectors @ ((inverse @ B) / (w[..., None] - poles)[..., None])
+
+
+def _solved_state(block, owner, w):
+    E, B = block.E[owner][:, None], block.B[owner][:, None]
+    A = w[..., None, None] * np.eye(E.shape[-1]) - E
+    return solve(A, B + 0 * w[..., None, None])

@@ -1,0 +1,88 @@
+"""Passivity at the hand's port: whether the whole loop can give the hand more energy than it took."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.analysis.passivity.climb import climb
+from wavesweep.analysis.passivity.port_frame import level_frame
+from wavesweep.analysis.passivity.port_loop import PortLoop, port_loop
+from wavesweep.analysis.passivity.port_response import PortResponse
+from wavesweep.analysis.passivity.scattering import angles
+from wavesweep.diagram import draw
+from wavesweep.diagram.drawing import Diagram
+from wavesweep.lifted import close, cut_at_wall
+
+TOLERANCE = 1e-9  # of the mean eigenvalue: by how much the margin may be negative for rounding's sake
+SLACK = 1e-10  # of the margin and of the mean eigenvalue: what the margin is good to
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PortMargin:
+    """The hand's port, arrays over the batch of the values.
+
+    margin: smallest eigenvalue, over all frequencies, of the Hermitian part of the lifted map from the held force to the
+    displacement in the tick, m/N. omega: where, rad/s, in [0, pi/T_s]. mean: of all eigenvalues over all frequencies
+    (T^2/2m and a little less), which is the natural scale. stable: every eigenvalue but drift inside the unit circle.
+    certified: no frequency has an eigenvalue below the margin by more than SLACK of it and of the mean.
+    """
+
+    margin: np.ndarray
+    omega: np.ndarray
+    mean: np.ndarray
+    stable: np.ndarray
+    certified: np.ndarray
+
+    @property
+    def passive(self) -> np.ndarray:
+        """Stable, and no eigenvalue below zero by more than TOLERANCE of the mean.
+
+        The margin is zero, not positive, where a spring holds the scene: a constant force then moves nothing, at zero
+        frequency the map has a zero row and column. So zero has to pass, and rounding about it.
+        """
+        return self.stable & (self.margin >= -TOLERANCE * self.mean)
+
+
+def port_margin(values) -> PortMargin:
+    """Margin of positive realness at the hand's port (model.md, Passivity) for every loop of the batch.
+
+    values: flat keys, numbers or arrays. A held force does the work `f_h[k] (x[k+1] - x[k])` in a tick, so the loop is
+    passive exactly when the lifted map between the two is positive real. Not a grid: the level just below the margin is
+    shown to be met at no frequency (`climb`, on the frame's `scattering` element).
+    Accuracy: 1e-10 of the margin and of the mean eigenvalue.
+    """
+    diagram = draw(values)
+    K, B = values["environment.K_VE"], values["environment.B_VE"]
+    loop = port_loop(diagram, K, B)
+    batch = loop.batch
+    margin, theta, certified = lowest_eigenvalue(loop)
+    held = np.broadcast_to(np.asarray(K) != 0, batch).reshape(-1) | diagram.held_by_spring
+    theta = np.where(held & (margin > 0), 0.0, theta)
+    margin = np.where(held, np.minimum(margin, 0.0), margin)
+    period = np.broadcast_to(diagram.period * diagram.ratio, batch)
+    return PortMargin(
+        margin.reshape(batch), theta.reshape(batch) / period, loop.mean.reshape(batch),
+        np.broadcast_to(stable(diagram, K, B), batch), certified.reshape(batch),
+    )
+
+
+def stable(diagram: Diagram, K_VE, B_VE) -> np.ndarray:
+    """Whether every eigenvalue of the frame-to-frame matrix, drift aside, is inside the unit circle."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        E = close(cut_at_wall(diagram), K_VE, B_VE)
+    finite = np.isfinite(E).all((-1, -2))
+    delta = np.linalg.eigvals(np.where(finite[..., None, None], E, 1.0))
+    # |1 + delta| < 1 asked without squares that overflow and without the rounding of 1 + delta
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return finite & ((2 * delta.real / np.abs(delta) + np.abs(delta) < 0) & (delta != 0)).all(-1)
+
+
+def lowest_eigenvalue(loop: PortLoop):
+    """(margin, angle in rad per frame, certified) of each loop."""
+    response = PortResponse(loop)
+    summit = climb(
+        lambda owner, theta: -response.smallest(owner, theta),
+        lambda owner, level: angles(level_frame(loop, owner, -level)), loop.loops,
+        lambda owner, level: SLACK * (np.abs(level) + loop.mean[owner]),
+    )
+    return -summit.value, summit.theta, summit.certified
