@@ -27,12 +27,14 @@ class Crossings:
     complete: np.ndarray
 
 
-def crossings(cut: Cut, owner, along: str, fixed, polynomial: Polynomial) -> Crossings:
+def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) -> Crossings:
     """Crossings of the columns with the loops `cut.at(owner)` and the other wall parameter `fixed`.
 
     polynomial: of each loop, `(loops, ...)`.
     The eigenvalue moves outward with the sign of d Im K/d theta at an interior crossing (K analytic in z), which is the
-    sign of the polynomial's derivative turned round; at z = 1 and -1 with the sign of the polynomial.
+    sign of the polynomial's derivative turned round; at z = 1 and -1 with the sign of the polynomial. Where a root may be
+    at such an end itself (an undamped device crosses twice at z = 1, at K_VE = 0), the column is complete only if the wall
+    parameter of that end is not inside the span.
     """
     coefficients = polynomial.base[owner] + fixed[:, None] * polynomial.slope[owner]
     n = coefficients.shape[-1]
@@ -47,6 +49,9 @@ def crossings(cut: Cut, owner, along: str, fixed, polynomial: Polynomial) -> Cro
     complete[column[astray]] = False
     jump = -2.0 * roots.slope_sign[column, which]
     ends = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
+    slack = 1e-9 * (span[1] - span[0])
+    within = (ends[1] > span[0] + slack) & (ends[1] < span[1] - slack)
+    complete &= ~(np.concatenate([roots.open_at_one, roots.open_at_minus_one]) & within).reshape(2, -1).any(0)
     return Crossings(*(np.concatenate(pair) for pair in zip((column, value, theta, jump), ends, strict=True)), complete)
 
 

@@ -4,6 +4,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+EDGE = 1e-9  # so near to +-1 a root is not told from one at the end itself
+
 
 @dataclass(frozen=True, slots=True)
 class Roots:
@@ -11,7 +13,8 @@ class Roots:
 
     value: `(rows, n-1)`, real. radius: of the disc that the true root is in. inside: which of them are real roots in (-1, 1). slope_sign: sign of the polynomial's
     derivative there. at_one, at_minus_one: sign of the polynomial at 1 and -1. proved: `(rows,)`, whether the list is
-    complete and right for every polynomial within the error bound.
+    complete and right for every polynomial within the error bound, but for the ends: open_at_one, open_at_minus_one say
+    that a root may be there, within EDGE of the end on either side.
     """
 
     value: np.ndarray
@@ -21,6 +24,8 @@ class Roots:
     at_one: np.ndarray
     at_minus_one: np.ndarray
     proved: np.ndarray
+    open_at_one: np.ndarray
+    open_at_minus_one: np.ndarray
 
     def rows(self, index) -> "Roots":
         """Those rows alone."""
@@ -41,20 +46,21 @@ def isolate(coefficients, noise) -> Roots:
     if n < 2:
         empty = np.zeros((rows, 0))
         sign = np.sign(coefficients[:, 0]) if n else np.zeros(rows)
-        return Roots(empty, empty, empty > 1, empty, sign, sign, np.abs(coefficients).sum(-1) > 2 * noise)
+        closed = np.zeros(rows, bool)
+        return Roots(empty, empty, empty > 1, empty, sign, sign, np.abs(coefficients).sum(-1) > 2 * noise, closed, closed)
     size = np.abs(coefficients).max(-1)
     coefficients = coefficients / np.where(size > 0, size, 1)[:, None]
     noise = noise / np.where(size > 0, size, 1)
     roots = _eigenvalues(coefficients)
-    proved, radius = _proof(coefficients, noise, roots)
+    proved, radius, edge = _proof(coefficients, noise, roots)
     again = np.flatnonzero(~proved)
     if again.size:
-        proved[again], radius[again] = _proof(coefficients[again], noise[again], _spread(roots[again]))
-    inside = (roots.imag == 0) & (np.abs(roots.real) < 1)
+        proved[again], radius[again], edge[again] = _proof(coefficients[again], noise[again], _spread(roots[again]))
+    inside = (roots.imag == 0) & (np.abs(roots.real) < 1) & ~edge
     weight = np.arange(1, n + 1)
     ends = (coefficients * weight).sum(-1), (coefficients * (weight * (-1.0) ** np.arange(n))).sum(-1)
-    proved &= (np.abs(ends[0]) > 2 * noise) & (np.abs(ends[1]) > 2 * noise)
-    return Roots(roots.real, radius, inside, _slope_sign(coefficients, roots, inside), np.sign(ends[0]), np.sign(ends[1]), proved)
+    open_ = [(edge & (side * roots.real > 0)).any(-1) | (np.abs(end) <= 2 * noise) for side, end in zip((1, -1), ends, strict=True)]
+    return Roots(roots.real, radius, inside, _slope_sign(coefficients, roots, inside), *map(np.sign, ends), proved, *open_)
 
 
 def _eigenvalues(coefficients):
@@ -85,14 +91,16 @@ def _evaluate(coefficients, x):
 
 
 def _proof(coefficients, noise, roots):
-    """Whether the discs about `roots` show every real root in (-1, 1), row by row, and their radii."""
+    """Whether the discs about `roots` show every real root in (-1, 1) but for the ends, row by row; their radii; and which
+    discs keep to an end."""
     value, rounding = _evaluate(coefficients, roots)
     radius, apart = _discs(coefficients, roots, np.abs(value) + rounding + 2 * noise[:, None])
     distance, beyond = _from_segment(roots)
     touching = ~(distance > radius)
     lonely = ~np.any(apart <= radius[:, :, None] + radius[:, None, :], axis=-1)
     settled = lonely & (roots.imag == 0) & (-beyond > radius)
-    return np.all(~touching | settled, axis=-1) & np.all(np.isfinite(radius), axis=-1), radius
+    edge = touching & ~settled & (np.abs(np.abs(roots.real) - 1) + np.abs(roots.imag) + radius < EDGE)
+    return np.all(~touching | settled | edge, axis=-1) & np.all(np.isfinite(radius), axis=-1), radius, edge
 
 
 def _from_segment(x):

@@ -90,8 +90,9 @@ def _proved_roots(coefficients, noise):
     rows = np.arange(noise.size)
     for degree in DEGREES:
         roots = isolate(coefficients[rows, :degree], noise[rows] + weight[rows, degree:].sum(-1))
-        yield rows[roots.proved], roots.rows(roots.proved)
-        rows = rows[~roots.proved]
+        proved = roots.proved & ~roots.open_at_one & ~roots.open_at_minus_one
+        yield rows[proved], roots.rows(proved)
+        rows = rows[~proved]
 
 
 def _halves(column, low, high, split):

@@ -56,7 +56,7 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     cut, overflown = _finite(cut)
     for method in (_by_polynomial, _by_arcs):
         lost = overflown[owner[pending]]
-        found = method(cut, owner[pending], along, flat[pending])
+        found = method(cut, owner[pending], along, flat[pending], span)
         parts = regions(cut, owner[pending], along, flat[pending], span, found)
         parts = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable))
         proved = found.complete & ~lost
@@ -77,12 +77,13 @@ def _finite(cut) -> tuple[Cut, np.ndarray]:
     return cut, bad
 
 
-def _by_polynomial(cut, owner, along, fixed):
+def _by_polynomial(cut, owner, along, fixed, span):
     """One polynomial per loop, shared by all its columns."""
-    return crossings(cut, owner, along, fixed, sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut), cut.batch)))
+    polynomial = sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut), cut.batch))
+    return crossings(cut, owner, along, fixed, span, polynomial)
 
 
-def _by_arcs(cut, owner, along, fixed):
+def _by_arcs(cut, owner, along, fixed, _):
     return arc_crossings(cut.at(owner), along, fixed)
 
 
