@@ -60,7 +60,7 @@ def alias_angles(theta, ratio: int):
 
 
 def _good_modes(block, loops):
-    """Modes that agree with a solve at the probes, in every loop; a cascade of crowded poles or pure delays has none."""
+    """Modes that agree with a solve at the probes in every loop; crowded poles and pure delays have none."""
     poles, vectors = np.linalg.eig(block.E)
     vectors = vectors.astype(complex)
     modes = poles, vectors, solve(vectors, np.broadcast_to(np.eye(vectors.shape[-1]), vectors.shape) + 0j)
@@ -72,7 +72,7 @@ def _good_modes(block, loops):
 
 
 def _refined_state(block, modes, owner, w):
-    """`(w I - E)^-1 B` through the modes, and once more for the residual: as exact as a solve, at a fraction of its cost."""
+    """`(w I - E)^-1 B` through the modes, once more for the residual: as exact as a solve, at a part of its cost."""
     B = block.B[owner][:, None]
     state = _modal_state(B, modes, owner, w)
     residual = B - w[..., None, None] * state + block.E[owner][:, None] @ state

@@ -121,7 +121,8 @@ def _inward_frame(ways, response: Response | None, owner, square) -> Element:
     A[:, 0, 0] = 1
     if response:
         block = response.block
-        A[:, 1:, 1:], B[:, 1:], C[..., 1:], D = np.eye(n) + block.E[owner], block.B[owner], block.C[owner], block.D[owner]
+        A[:, 1:, 1:], B[:, 1:] = np.eye(n) + block.E[owner], block.B[owner]
+        C[..., 1:], D = block.C[owner], block.D[owner]
     transposed = np.swapaxes(C, -1, -2)
     every = tick(A, B, -transposed @ C, -transposed @ D, square[:, None, None] - D * D)
     first = np.zeros((n + 1, 1))

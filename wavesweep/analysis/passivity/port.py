@@ -21,10 +21,11 @@ SLACK = 1e-10  # of the margin and of the mean eigenvalue: what the margin is go
 class PortMargin:
     """The hand's port, arrays over the batch of the values.
 
-    margin: smallest eigenvalue, over all frequencies, of the Hermitian part of the lifted map from the held force to the
-    displacement in the tick, m/N. omega: where, rad/s, in [0, pi/T_s]. mean: of all eigenvalues over all frequencies
-    (T^2/2m and a little less), which is the natural scale. stable: every eigenvalue but drift inside the unit circle.
-    certified: no frequency has an eigenvalue below the margin by more than SLACK of it and of the mean.
+    margin: smallest eigenvalue, over all frequencies, of the Hermitian part of the lifted map from the held force to
+    the displacement in the tick, m/N; NaN for a loop so unstable that its frame overflows. omega: where, rad/s, in
+    [0, pi/T_s]. mean: of all eigenvalues over all frequencies (T^2/2m and a little less), which is the natural scale.
+    stable: every eigenvalue but drift inside the unit circle. certified: no frequency has an eigenvalue below the
+    margin by more than SLACK of it and of the mean.
     """
 
     margin: np.ndarray
@@ -85,4 +86,4 @@ def lowest_eigenvalue(loop: PortLoop):
         lambda owner, level: angles(level_frame(loop, owner, -level)), loop.loops,
         lambda owner, level: SLACK * (np.abs(level) + loop.mean[owner]),
     )
-    return -summit.value, summit.theta, summit.certified
+    return np.where(loop.finite, -summit.value, np.nan), summit.theta, summit.certified & loop.finite

@@ -7,9 +7,10 @@ from wavesweep.analysis.passivity.scattering import Element, passage, repeated, 
 
 
 def level_frame(loop: PortLoop, owner, level) -> Element:
-    """One frame with the balance `2 f (x+ - x) - 2 level f^2`; its state: fast states, held signals, slow ones, pending.
+    """One frame with the balance `2 f (x+ - x) - 2 level f^2`.
 
-    Phase 0 makes new values of the held signals, which are pending until phase `delay`.
+    Its state: that of the fast side, held signals, that of the slow side, pending signals. Phase 0 makes new values of
+    the held signals, which are pending until phase `delay`.
     """
     fast, event = loop.fast, loop.event
     n, h, s = len(fast.states), len(fast.inputs) - 1, len(event.states) - len(fast.states)

@@ -18,8 +18,9 @@ class PortLoop:
 
     fast: from `f_h` and the held signals to the displacement in the tick and the samples, a block of the tick.
     slow: from what the hand adds to the samples to the sources of the held signals, a block of the frame.
-    event: what happens at phase 0: its states are those of `fast` and of the slow blocks, its inputs the held signals as
-    shown (none without delay), its outputs their sources.
+    event: what happens at phase 0: its states are those of `fast` and of the slow blocks, its inputs the held signals
+    as shown (none without delay), its outputs their sources.
+    finite: `(loops,)`, false where the frame overflowed; the slow block is zero there.
     """
 
     fast: Block
@@ -28,6 +29,7 @@ class PortLoop:
     ratio: int
     delay: int
     batch: tuple[int, ...]
+    finite: np.ndarray
 
     @property
     def loops(self) -> int:
@@ -47,11 +49,14 @@ def port_loop(diagram: Diagram, K_VE, B_VE) -> PortLoop:
     held = fast.inputs[1:]
     sources = tuple(diagram.holds[name] for name in held)
     wall = {"F_s": {diagram.wall[0]: K_VE, diagram.wall[1]: B_VE}}
-    slow, _ = slow_side(diagram, sources, injected=True, wall=wall)
+    with np.errstate(over="ignore", invalid="ignore"):
+        slow, _ = slow_side(diagram, sources, injected=True, wall=wall)
     event = _event(diagram, fast, held, sources, wall)
     batch = np.broadcast_shapes(fast.batch, slow.batch, event.batch, np.shape(diagram.period))
-    blocks = (flattened(block, batch) for block in (fast, slow, event))
-    return PortLoop(*blocks, diagram.ratio, diagram.delay, batch)
+    fast, slow, event = (flattened(block, batch) for block in (fast, slow, event))
+    finite = np.logical_and.reduce([np.isfinite(getattr(slow, name)).all((-1, -2)) for name in "EBCD"])
+    slow = replace(slow, **{name: np.where(finite[:, None, None], getattr(slow, name), 0) for name in "EBCD"})
+    return PortLoop(fast, slow, event, diagram.ratio, diagram.delay, batch, finite)
 
 
 def _without_idle(fast: Block) -> Block:

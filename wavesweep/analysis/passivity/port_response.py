@@ -43,7 +43,7 @@ class PortResponse:
         return fast[..., 0, 0], left, right
 
     def smallest(self, owner, theta):
-        """Smallest eigenvalue of the Hermitian part, m/N, `(points,)`, of the loops `owner` at `theta` (rad per frame)."""
+        """Smallest eigenvalue of the Hermitian part (m/N) of the loops `owner` at `theta` (rad per frame)."""
         return smallest_hermitian(*self.parts(owner, theta))
 
 

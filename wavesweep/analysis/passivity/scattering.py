@@ -39,6 +39,11 @@ def tick(A, B, state_cost, cross_cost, input_cost) -> Element:
 def then(first: Element, second: Element) -> Element:
     """One element after the other (Redheffer's star product): no growing and decaying parts are ever multiplied out."""
     n = first.A.shape[-1]
+    with np.errstate(over="ignore", invalid="ignore"):  # a loop whose tick is very unstable overflows: see `angles`
+        return _joined(first, second, n)
+
+
+def _joined(first, second, n):
     joint = solve(np.eye(n) + first.G @ second.Q, np.concatenate(np.broadcast_arrays(first.A, first.G), axis=-1))
     carried, spread = joint[..., :n], joint[..., n:]
     A_transposed = np.swapaxes(first.A, -1, -2)

@@ -33,8 +33,8 @@ def smallest_hermitian(diagonal, left, right):
 
     d `(..., M)`, left `(..., M, r)`, right `(..., r, M)`, complex.
     Small matrices go to LAPACK whole. Others are bisected: with `W = [left, right*]` the mixture's
-    Hermitian part is `W K W*`, K = [0 I; I 0]/2, and the number of eigenvalues below x is that of the d below x, plus that
-    of the positive eigenvalues of `K^-1 + W* (d - x)^-1 W`, less r (Haynsworth's inertia formula): O(M r^2) a step.
+    Hermitian part is `W K W*`, K = [0 I; I 0]/2, and the number of eigenvalues below x is that of the d below x, plus
+    the positive ones of `K^-1 + W* (d - x)^-1 W`, less r (Haynsworth's inertia formula): O(M r^2) a step.
     Accuracy: rounding of the largest entry.
     """
     if diagonal.shape[-1] <= DENSE:

@@ -1,0 +1,127 @@
+"""The norm of the wave channel against the closed form and scans of the lifted matrices, and what must not matter."""
+
+import numpy as np
+import pytest
+
+from wavesweep.analysis.passivity import channel_norm
+from wavesweep.analysis.passivity.ways import ways_of
+from wavesweep.diagram import draw
+
+THETA = np.pi * np.linspace(0, 1, 801) ** 2
+
+
+def low_pass_power(phi, order, cutoff_hz, fast_hz=1000.0):
+    """|LP|^2 of a prewarped digital Butterworth filter, as textbooks have it."""
+    with np.errstate(over="ignore"):
+        return 1 / (1 + np.abs(np.tan(phi / 2) / np.tan(np.pi * cutoff_hz / fast_hz)) ** (2 * order))
+
+
+def aliases(theta, ratio):
+    return (theta[..., None] + 2 * np.pi * np.arange(ratio)) / ratio
+
+
+def closed_form(order, cutoff_hz, ratio):
+    """model.md: max(1, max over theta of the root of the sum of |LP1|^2 over the aliases); scanned, then refined."""
+    def root(theta):
+        return np.sqrt(low_pass_power(aliases(theta, ratio), order, cutoff_hz).sum(-1))
+
+    best, width = THETA[root(THETA).argmax()], 0.01
+    for _ in range(12):
+        near = np.clip(best + width * np.linspace(-1, 1, 41), 0, np.pi)
+        best, width = near[root(near).argmax()], width / 8
+    return max(1.0, root(np.array([best]))[0])
+
+
+@pytest.mark.parametrize("order", range(1, 9))
+@pytest.mark.parametrize("cutoff_hz", [1.0, 10.0, 24.0, 60.0, 300.0])
+def test_pmw_agrees_with_the_closed_form(values, order, cutoff_hz):
+    found = channel_norm(values("pmw", **{"filters.lp1.order": order, "filters.lp1.cutoff_hz": cutoff_hz}))
+    assert found.certified
+    assert found.norm == pytest.approx(closed_form(order, cutoff_hz, 20), rel=1e-9, abs=0)
+
+
+@pytest.mark.parametrize(("order", "norm"), [(1, 1.0533), (2, 1.0017), (4, 1.0000024)])
+def test_the_numbers_of_the_model_page(values, order, norm):
+    digits = len(str(norm)) - 2
+    assert round(float(channel_norm(values("pmw", **{"filters.lp1.order": order})).norm), digits) == norm
+
+
+def test_without_waves_there_is_no_norm(values):
+    assert [channel_norm(values(kind)) for kind in ("dc", "dc-slow", "dc-lm")] == [None, None, None]
+
+
+def lifted_ways(values):
+    """Both ways of the channel as weighted matrices over one frame of ticks, built tick by tick at each angle."""
+    ways, M = ways_of(draw(values)), values["rates.ratio"]
+    z = np.exp(1j * THETA)
+
+    def toeplitz(block, row):
+        n = len(block.states)
+        A, B, C, D = np.eye(n) + block.E[0], block.B[0], block.C[0, row : row + 1], block.D[0]
+        powers = [np.linalg.matrix_power(A, k) for k in range(M + 1)]
+        within = np.zeros((M, M))
+        for i in range(M):
+            within[i, i] = D[row, 0]
+            within[i, :i] = [(C @ powers[i - 1 - k] @ B)[0, 0] for k in range(i)]
+        reads = np.concatenate([C @ powers[i] for i in range(M)])
+        feeds = np.concatenate([powers[M - 1 - k] @ B for k in range(M)], axis=1)
+        return reads @ np.linalg.solve(z[:, None, None] * np.eye(n) - powers[M], feeds + 0j * z[:, None, None]) + within
+
+    outward = [np.sqrt(M) * toeplitz(ways.outward, 0)[:, :1]]
+    inward = [np.where(np.arange(M) < ways.delay, 1 / z[:, None], 1.0)[..., None] / np.sqrt(M)]
+    if ways.inward:
+        outward.append(toeplitz(ways.outward, 1))
+        inward.append(toeplitz(ways.inward, 0))
+    return np.concatenate(outward, axis=1), np.concatenate(inward, axis=2)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_no_point_of_a_scan_of_the_lifted_matrices_is_higher(random_values, seed):
+    v = random_values(seed) | {"controller.kind": "pmw-lm" if seed % 3 else "pmw"}
+    found = channel_norm(v)
+    scans = [np.linalg.norm(way, 2, axis=(-2, -1)).max() for way in lifted_ways(v)]
+    assert found.certified
+    for norm, scan in zip((found.outward, found.inward), scans, strict=True):
+        assert scan <= norm * (1 + 2e-10)
+        assert norm <= scan * (1 + 1e-3)  # what the scan's spacing allows
+
+
+def test_two_returned_waves_are_added_so_the_way_back_of_the_filter_bank_gains_the_root_of_two(values):
+    """At zero frequency v_m = v_s + v_l, whatever LP2: the paper's bank is no passive channel between these ports."""
+    found = channel_norm(values("pmw-lm"))
+    assert found.inward == pytest.approx(np.sqrt(2), rel=1e-12)
+    assert (found.norm, found.omega) == (found.inward, 0.0)
+    assert not found.passive
+
+
+def test_what_is_outside_the_ports_does_not_matter(values):
+    one = channel_norm(values("pmw-lm"))
+    outside = {"device.mass": 1.0, "operator.stiffness": 50.0}
+    other = channel_norm(values("pmw-lm", b=70.0, Kp=30.0, K_VE=2000.0, **outside))
+    late = channel_norm(values("pmw-lm", **{"environment.delay": 7, "local_model.delay": 0}))
+    assert (one.outward, one.inward) == (other.outward, other.inward)
+    assert late.norm == pytest.approx(one.norm, rel=1e-12)
+
+
+def test_arrays_give_what_numbers_give(values):
+    cutoffs = np.array([[2.0, 10.0, 40.0], [5.0, 80.0, 300.0]])
+
+    def of(cutoff):
+        return channel_norm(values("pmw", **{"filters.lp1.cutoff_hz": cutoff, "filters.lp1.order": 3}))
+
+    found = of(cutoffs)
+    alone = [of(cutoff).norm for cutoff in cutoffs.flat]
+    assert found.norm.shape == (2, 3)
+    np.testing.assert_allclose(found.norm.ravel(), alone, rtol=2e-10)
+
+
+@pytest.mark.parametrize("delay", [0, 333, 1000])
+def test_a_thousand_ticks_in_a_frame(values, delay):
+    v = values("pmw-lm", **{"rates.ratio": 1000, "environment.delay": delay, "filters.lp1.order": 8})
+    found = channel_norm(v)
+    power = low_pass_power(aliases(np.linspace(0, np.pi, 201), 1000), 8, 10.0)
+    high = 1 - low_pass_power(aliases(np.linspace(0, np.pi, 201), 1000), 1, 10.0)
+    H = np.linalg.eigvalsh(np.sqrt(power[:5, :, None] * power[:5, None, :]) + high[:5, :, None] * np.eye(1000))[:, -1]
+    assert found.certified
+    assert found.outward**2 >= H.max() * (1 - 1e-9)
+    assert found.outward**2 == pytest.approx(H[0], rel=1e-3)

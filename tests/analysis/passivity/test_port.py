@@ -1,0 +1,105 @@
+"""Passivity at the hand's port against dense scans of the lifted system, Colgate's bound and simulated energy."""
+
+import numpy as np
+import pytest
+
+from wavesweep.analysis.march import march
+from wavesweep.analysis.passivity.port import TOLERANCE, port_margin
+from wavesweep.analysis.passivity.port_loop import port_loop
+from wavesweep.analysis.passivity.port_response import PortResponse
+from wavesweep.diagram import draw
+from wavesweep.lifted.frame import lifted_system
+
+THETA = np.concatenate([np.geomspace(1e-5, 1, 90), np.linspace(0.03, np.pi, 90)])
+
+
+def scan(values, theta=THETA):
+    """Smallest eigenvalue at each angle, from the lifted system with every tick's force an input."""
+    diagram = draw(values)
+    whole = lifted_system(diagram, diagram.ratio, values["environment.K_VE"], values["environment.B_VE"], "device.dx")
+    w = (np.exp(1j * theta) - 1)[:, None, None]
+    G = whole.C @ np.linalg.solve(w * np.eye(len(whole.states)) - whole.E, whole.B + 0 * w) + whole.D
+    return np.linalg.eigvalsh((G + np.swapaxes(G.conj(), -1, -2)) / 2)[:, 0]
+
+
+@pytest.mark.parametrize("block", range(10))
+def test_200_random_loops_agree_with_a_scan(random_values, block):
+    for seed in range(20 * block, 20 * block + 20):
+        v = random_values(seed)
+        found, seen = port_margin(v), scan(v).min()
+        noise = 1e-9 * (abs(found.margin) + found.mean) + 1e-9 * abs(seen)
+        assert found.certified, seed
+        assert seen >= found.margin - noise, seed
+        if seen < -noise - TOLERANCE * found.mean:
+            assert not found.passive, seed
+        if found.margin < -TOLERANCE * found.mean:  # the lifted system has the violation where it is said to be
+            theta = np.array([max(found.omega * v["rates.ratio"] / v["rates.fast_hz"], 1e-7)])
+            theta = theta / v["rates.ratio"] if v["controller.kind"] == "dc" else theta
+            assert scan(v, theta)[0] == pytest.approx(found.margin, rel=1e-5, abs=1e-8 * found.mean), seed
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_response_by_aliases_is_that_of_the_lifted_system(random_values, seed):
+    v = random_values(seed)
+    loop = port_loop(draw(v), v["environment.K_VE"], v["environment.B_VE"])
+    theta = np.array([0.01, 0.3, 1.0, 3.0])
+    found = PortResponse(loop).smallest(np.zeros(4, int), theta)
+    np.testing.assert_allclose(found, scan(v, theta), rtol=1e-8, atol=1e-9 * loop.mean[0])
+
+
+def test_the_mean_eigenvalue_is_the_direct_term(values):
+    v = values("pmw")
+    theta = np.pi * (np.arange(400) + 0.5) / 400
+    diagram = draw(v)
+    whole = lifted_system(diagram, 20, 500.0, 1.0, "device.dx")
+    w = (np.exp(1j * theta) - 1)[:, None, None]
+    G = whole.C @ np.linalg.solve(w * np.eye(len(whole.states)) - whole.E, whole.B + 0 * w) + whole.D
+    assert np.trace(G, axis1=-2, axis2=-1).real.mean() / 20 == pytest.approx(port_margin(v).mean, rel=1e-9)
+
+
+def test_a_device_alone_is_passive(values):
+    found = port_margin(values("dc-slow", K_VE=0.0, B_VE=0.0))
+    assert found.passive
+    assert 0 < found.margin < found.mean
+
+
+def test_a_force_that_takes_energy_out_of_a_loop_that_is_not_passive(values):
+    """The worst direction of the port, marched: more work comes out than all that went in before."""
+    v = values("dc-slow", K_VE=200.0)
+    found = port_margin(v)
+    assert found.stable
+    assert not found.passive
+    loop = port_loop(draw(v), 200.0, 1.0)
+    d, left, right = (part[0] for part in PortResponse(loop).parts(np.zeros(1, int), np.array([found.omega * 0.02])))
+    G = np.diag(d) + left @ right
+    _, vectors = np.linalg.eigh((G + G.conj().T) / 2)
+    phi = (found.omega * 0.02 + 2 * np.pi * (np.arange(20) - 9)) / 20
+    ticks = np.arange(20 * 400)
+    force = (np.exp(1j * np.outer(ticks, phi)) @ vectors[:, 0]).real
+    seen = march(v, force)
+    work = np.cumsum(force[:-1] * np.diff(seen.x))
+    assert work[-1] < -1e-6
+
+
+def test_loops_in_a_batch_are_those_one_by_one(values):
+    stiffness = np.array([[10.0, 100.0], [500.0, 5000.0]])
+    found = port_margin(values("pmw", K_VE=stiffness, **{"device.velocity": "difference"}))
+    alone = [port_margin(values("pmw", K_VE=K, **{"device.velocity": "difference"})).margin for K in stiffness.flat]
+    assert found.margin.shape == (2, 2)
+    np.testing.assert_allclose(found.margin.ravel(), alone, rtol=1e-9, atol=1e-9 * found.mean.max())
+
+
+def test_a_loop_whose_frame_overflows_is_not_passive_and_has_no_margin(values):
+    v = values("dc-lm", K_LM=1e9, K_VE=np.array([10.0, 20.0]), **{"rates.ratio": 1000})
+    found = port_margin(v)
+    assert np.isnan(found.margin).all()
+    assert not (found.stable | found.certified | found.passive).any()
+
+
+def test_a_thousand_ticks_in_a_frame(values):
+    v = values("pmw", **{"rates.ratio": 1000, "environment.delay": 400})
+    found = port_margin(v)
+    loop = port_loop(draw(v), 500.0, 1.0)
+    theta = np.linspace(0, np.pi, 60)
+    assert found.certified
+    assert PortResponse(loop).smallest(np.zeros(60, int), theta).min() >= found.margin - 1e-9 * found.mean
