@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-EDGE = 1e-9  # so near to +-1 a root is not told from one at the end itself
+EDGE = 1e-7  # so near to +-1 a root is not told from one at the end itself
 
 
 @dataclass(frozen=True, slots=True)
