@@ -39,13 +39,12 @@ class Loop:
         Accuracy: ends to about 1e-12 relative along K_VE and B_VE, 1e-9 along other axes; see `analysis.intervals`.
         """
         from wavesweep.sweep.grid import make_grid
-        from wavesweep.sweep.interval_table import table
-        from wavesweep.sweep.slices import solve_loops
+        from wavesweep.sweep.interval_table import in_memory
+        from wavesweep.sweep.question import question
 
         axis, others = self._along(along, span), self._axes(axes)
         grid = make_grid(self.spec, others, axis.path)
-        found = solve_loops(grid, axis.path, (axis.start, axis.stop), np.arange(grid.loops), None if grid.loop_axes else self.cut)
-        return _frame(table(grid, axis.name, found, np.arange(grid.size)))
+        return _frame(in_memory(question(grid, axis, None if grid.loop_axes else self.cut)))
 
     def spectral_radius(self, **axes) -> np.ndarray:
         """Largest eigenvalue modulus per frame of `ratio` ticks, drift set aside, over the product of the axes given.

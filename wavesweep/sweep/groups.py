@@ -8,29 +8,34 @@ from wavesweep.diagram import ZERO_MATTERS
 from wavesweep.spec import Spec, find_key
 
 
-def groups(spec: Spec, changes: Mapping[str, np.ndarray], size: int, decides=()) -> Iterator[tuple[np.ndarray, dict]]:
+def groups(spec: Spec, changes: Mapping[str, np.ndarray], size: int, decides=(), resolved=None) -> Iterator[tuple[np.ndarray, dict]]:
     """Yield (members, values): indices into the `size` loops, and flat values with arrays where these differ.
 
     changes: path -> value per loop. Loops of one group differ in floats only, and where zero decides the drawing they are
-    zero together; decides: further paths whose zero does. Whole numbers and keys that others derive from go through the spec, once per distinct combination.
+    zero together; decides: further paths whose zero does. Whole numbers and keys that others derive from go through the
+    spec, once per distinct combination; resolved: a dict that remembers these from call to call.
     """
-    structural = {path: column for path, column in changes.items() if not _is_plain(spec, path)}
+    structural = {path: column for path, column in changes.items() if not is_plain(spec, path)}
     plain = {path: column for path, column in changes.items() if path not in structural}
-    for members, settled in _by_structure(spec, structural, size):
+    for members, settled in _by_structure(spec, structural, size, {} if resolved is None else resolved):
         zeros = [plain[path][members] == 0 for path in (*ZERO_MATTERS, *decides) if path in plain]
         for part in _distinct(zeros, members.size):
             index = members[part]
-            yield index, {**settled.values, **{path: column[index] for path, column in plain.items()}}
+            yield index, {**settled, **{path: column[index] for path, column in plain.items()}}
 
 
-def _is_plain(spec, path):
+def is_plain(spec, path) -> bool:
+    """Whether an array of floats may stand in for the value of that key."""
     return not find_key(path).structural and isinstance(spec.values.get(path), float)
 
 
-def _by_structure(spec, structural, size):
+def _by_structure(spec, structural, size, resolved):
     for part in _distinct(list(structural.values()), size):
         first = {path: column[part[0]].item() for path, column in structural.items()}
-        yield part, spec.with_values(first) if first else spec
+        key = tuple(first.items())
+        if key not in resolved:
+            resolved[key] = dict((spec.with_values(first) if first else spec).values)
+        yield part, resolved[key]
 
 
 def _distinct(columns, size):

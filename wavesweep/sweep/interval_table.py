@@ -1,47 +1,100 @@
 """Stable intervals over a sweep, as a table."""
 
 import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 
-import numpy as np
+from wavesweep.spec import Spec
+from wavesweep.sweep.expectation import expected_seconds
+from wavesweep.sweep.parts import MemoryParts, open_folder
+from wavesweep.sweep.question import Question, ask
+from wavesweep.sweep.records import certified_columns
+from wavesweep.sweep.rows import blocks
+from wavesweep.sweep.run import Columns, LongRun, facts_of, joined
+from wavesweep.sweep.workers import Workers, choose, results
 
-from wavesweep.spec import Spec, sweep_axes
-from wavesweep.sweep.grid import make_grid
-from wavesweep.sweep.run import Run, facts_of
-from wavesweep.sweep.slices import solve_loops
+Progress = Callable[[int, int, int], None]
+JOBS = 2
 
 
-def intervals(spec: Spec, along: str | None = None, jobs=None, backend=None, scheduler=None, progress=None) -> Run:
-    """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep]."""
+def intervals(
+    spec: Spec, along: str | None = None, jobs: int | None = None, backend: str | None = None, scheduler: str | None = None,
+    progress: Progress | None = None, checkpoint: Path | None = None, force: bool = False,
+) -> LongRun:
+    """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
+
+    jobs: worker processes where the work is worth them (2 by default). backend: any of joblib's, then used in any case;
+    scheduler: address of the dask scheduler. progress(done, of, certified) is told of slices. checkpoint: folder for
+    finished chunks, from which a run of the same spec goes on; by default they stay in memory. force: begin anew where
+    the folder is of no use. Raises UsageError, CheckpointError (torn, or of another run), WavesweepError (a dead worker).
+    """
     started = time.perf_counter()
-    axis, others = sweep_axes(spec, along)
-    grid = make_grid(spec, others, axis.path)
-    found = solve_loops(grid, axis.path, (axis.start, axis.stop), np.arange(grid.loops))
-    columns = table(grid, axis.name, found, np.arange(grid.size))
-    distinct = grid.loops * grid.walls
-    certified = np.ones(distinct, bool)
-    certified[found.column[~found.certified]] = False
-    return Run(columns, facts_of(
-        spec, {"intervals": method(axis.path)},
-        {"computed": distinct, "skipped": grid.size - distinct, "certified": int(certified.sum())},
-        {"compute_s": time.perf_counter() - started}, notices(grid),
-    ))
+    asked = ask(spec, along)
+    parts = _parts(asked, checkpoint, force)
+    workers = choose(jobs or JOBS, backend, scheduler, len(asked.chunks), partial(expected_seconds, asked))
+    tally = compute(asked, parts, workers, progress)
+    timings = {"compute_s": time.perf_counter() - started, "kernel_s": tally.seconds, "workers": workers.count,
+               "slices_from_checkpoint": tally.kept}
+    slices = {"computed": asked.columns, "skipped": asked.grid.size - asked.columns, "certified": tally.certified}
+    facts = facts_of(spec, {"intervals": method(asked.axis.path)}, slices, timings, notices(asked.grid))
+    axes = {axis.name: axis.values for axis in asked.grid.axes}
+    return LongRun(axes, partial(blocks, asked, parts), facts, parts.remove)
 
 
-def table(grid, along: str, found, combination) -> dict:
-    """The table's columns for the combinations (flat indices), from intervals whose columns are loop * walls + wall."""
-    loop, wall = grid.column_of(combination)
-    column = loop * grid.walls + wall
-    first = np.searchsorted(found.column, column)
-    rows = np.searchsorted(found.column, column, side="right") - first
-    row = np.repeat(first - np.concatenate([[0], np.cumsum(rows)[:-1]]), rows) + np.arange(rows.sum())
-    which = np.repeat(np.arange(combination.size), rows)
-    leading = {name: values[which] for name, values in grid.axis_columns(combination).items()}
-    return leading | {
-        "along": np.full(row.size, along, dtype=object), "intervals": found.count[row],
-        "interval": np.maximum(found.index[row], 0), "low": found.low[row], "high": found.high[row],
-        "low_omega": found.low_omega[row], "high_omega": found.high_omega[row],
-        "certified": found.certified[row], "residual": found.residual[row],
-    }
+def _parts(asked, checkpoint, force):
+    if checkpoint is None or (len(asked.chunks) < 2 and not checkpoint.exists()):
+        return MemoryParts()
+    from wavesweep import __version__
+
+    run = {"spec_sha256": asked.grid.spec.sha256, "along": asked.axis.name, "tool_version": __version__, "layout": 1}
+    return open_folder(checkpoint, run, asked.chunks, force)
+
+
+class Tally:
+    """What is done so far: slices, those of them from a checkpoint, certified ones, and seconds in the workers."""
+
+    def __init__(self):
+        self.done = self.kept = self.certified = 0
+        self.seconds = 0.0
+
+    def add(self, columns, records, seconds=0.0):
+        """Count a chunk."""
+        self.done += columns
+        self.certified += certified_columns(records)
+        self.seconds += seconds
+
+
+def compute(asked: Question, parts, workers: Workers, progress: Progress | None = None) -> Tally:
+    """Solve every chunk that is not among the parts yet, and add it to them."""
+    tally, chunks, kept = Tally(), asked.chunks, parts.finished()
+    for number in kept:
+        tally.add(chunks[number].columns, parts.load(number))
+    tally.kept = tally.done
+    missing = sorted(set(range(len(chunks))) - set(kept))
+    finished = results(workers, missing, lambda number: asked.work(chunks[number]))
+    try:
+        for number, records, seconds in finished:
+            parts.save(number, records)
+            tally.add(chunks[number].columns, records, seconds)
+            if progress:
+                progress(tally.done, asked.columns, tally.certified)
+    except BaseException as error:
+        if parts.place:
+            error.add_note(
+                f"{tally.done} of {asked.columns} slices are kept in {parts.place}; the same command goes on from there."
+            )
+        raise
+    finally:
+        finished.close()
+    return tally
+
+
+def in_memory(asked: Question) -> Columns:
+    """The table of a question, solved in this process."""
+    parts = MemoryParts()
+    compute(asked, parts, Workers(1, None, None, "as a library"))
+    return joined(blocks(asked, parts))
 
 
 def method(path) -> str:

@@ -1,81 +1,71 @@
-"""Stable intervals of a run of loops, each closed with every wall: the piece of work that a worker does."""
+"""Stable intervals of a run of loops, each closed with every wall: the piece of work that a worker does.
 
-from dataclasses import fields
+A worker gets values and arrays and loads numpy alone.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from wavesweep.analysis.intervals import Intervals, stable_anywhere, stable_intervals
 from wavesweep.diagram import WALL, draw
 from wavesweep.lifted import Cut, close, cut_at_wall
-from wavesweep.spec import KEYS
-from wavesweep.sweep.grid import Grid
-from wavesweep.sweep.groups import groups
 
-BLOCK = 4096  # columns that are computed together: large enough for numpy, small enough for the cache
 TINY = 1e-300  # stands in for a zero that would take a state out of the loop
 SYMBOL = dict(zip(WALL, ("K_VE", "B_VE"), strict=True))
 
 
-def solve_loops(grid: Grid, along: str, span, index, cut: Cut | None = None) -> Intervals:
-    """Stable intervals along the path `along` within span = (low, high), for the loops `index` of the grid.
+@dataclass(frozen=True, slots=True, eq=False)
+class Work:
+    """What is to be solved: intervals along the path `along` within span = (low, high).
 
-    cut: the compiled loop, where the grid has a single one. Columns of the result are numbered
-    `position in index * grid.walls + wall`.
-
-    Loops are computed in blocks whose borders are multiples of `block_loops`, whatever index is: numpy rounds the last bit
-    differently in batches of another size, and a table's bytes must not depend on who computed which part of it. A
-    sweep that hands out whole blocks gets the same bits however it does so.
+    groups: (members, values) pairs, see `groups`; the members of all of them number the loops from 0.
+    walls: path -> value of every wall that each loop is closed with. bounds: beyond them the parameter makes no loop.
+    cut: the compiled loop, where there is a single one and it is at hand.
     """
-    index = np.asarray(index)
-    borders = np.flatnonzero(np.diff(index // block_loops(grid))) + 1
+
+    along: str
+    span: tuple[float, float]
+    bounds: tuple[float, float]
+    groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
+    walls: Mapping[str, np.ndarray]
+    cut: Cut | None = None
+
+
+def solve(work: Work) -> Intervals:
+    """Solve it; columns of the result are numbered `loop * walls + wall`."""
+    walls = len(work.walls[WALL[0]])
+    along = _along_wall if work.along in WALL else _along_number
     parts = []
-    for block in np.split(np.arange(index.size), borders):
-        parts += [(found, block[0] * grid.walls + column) for found, column in _block(grid, along, span, index[block], cut)]
+    for members, values in work.groups:
+        found = along(work, values, members.size, walls)
+        parts.append((found, members[found.column // walls] * walls + found.column % walls))
     return joined(parts)
 
 
-def block_loops(grid: Grid) -> int:
-    """How many consecutive loops, from a multiple of their number on, are computed together."""
-    return max(1, BLOCK // grid.walls)
-
-
-def _block(grid, along, span, index, cut):
-    solve = _along_wall if along in WALL else _along_number
-    for members, values in groups(grid.spec, grid.loop_values(index), index.size):
-        found = solve(grid, along, span, values, members.size, cut)
-        yield found, members[found.column // grid.walls] * grid.walls + found.column % grid.walls
-
-
-def _along_wall(grid, along, span, values, size, cut):
+def _along_wall(work, values, size, walls):
     """Exactly, the wall being one scalar of the cut loop."""
-    loops = with_batch(cut or cut_at_wall(draw(values)), size)
-    other = next(path for path in WALL if path != along)
-    fixed = np.broadcast_to(grid.wall_values()[other], (size, grid.walls))
-    return stable_intervals(loops, SYMBOL[along], span, fixed)
+    loops = with_batch(work.cut or cut_at_wall(draw(values)), size)
+    other = next(path for path in WALL if path != work.along)
+    return stable_intervals(loops, SYMBOL[work.along], work.span, np.broadcast_to(work.walls[other], (size, walls)))
 
 
-def _along_number(grid, along, span, values, size, _):
+def _along_number(work, values, size, walls):
     """Through eigenvalues: the loop is compiled anew at every point that is asked for, once for all walls."""
-    walls = grid.wall_values()
+    K, B = (work.walls[path] for path in WALL)
 
     def evaluate(column, p):
-        loop, wall = np.divmod(column, grid.walls)
+        loop, wall = np.divmod(column, walls)
         points, back = np.unique(loop + 1j * np.where(p == 0, TINY, p), return_inverse=True)
         at = points.real.astype(int)
-        varied = {path: v[at] if np.ndim(v) else v for path, v in values.items()} | {along: points.imag}
+        varied = {path: v[at] if np.ndim(v) else v for path, v in values.items()} | {work.along: points.imag}
         cuts = with_batch(cut_at_wall(draw(varied)), points.size).at(back.reshape(-1))
-        return close(cuts, walls[WALL[0]][wall], walls[WALL[1]][wall])
+        return close(cuts, K[wall], B[wall])
 
     rate = np.broadcast_to(np.asarray(values["rates.fast_hz"], float), (size,))
     ticks = 1 if values["controller.kind"] == "dc" else values["rates.ratio"]
-    return stable_anywhere(evaluate, span, size * grid.walls, np.repeat(ticks / rate, grid.walls), bounds_of(along, span))
-
-
-def bounds_of(path, span):
-    """Beyond which values of the key there is no loop; a gain may be looked at a little below zero."""
-    key, (low, high) = KEYS[path], span
-    below = low / 2 if key.above_low or key.low != 0 else -np.inf
-    return below, np.inf if key.high is None else (high + key.high) / 2
+    return stable_anywhere(evaluate, work.span, size * walls, np.repeat(ticks / rate, walls), work.bounds)
 
 
 def with_batch(cut: Cut, size: int) -> Cut:

@@ -1,0 +1,151 @@
+"""Finished chunks: in memory, or in a folder that survives a crash."""
+
+import json
+import os
+import shutil
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from wavesweep.errors import CheckpointError
+from wavesweep.sweep.chunks import Chunks
+from wavesweep.sweep.records import is_whole
+
+MANIFEST = "manifest.json"
+
+
+class MemoryParts:
+    """Finished chunks of a run that is too short to be worth a folder."""
+
+    def __init__(self):
+        self._records = {}
+
+    @property
+    def place(self) -> Path | None:
+        """The folder; None, there is none."""
+        return None
+
+    def finished(self) -> list[int]:
+        """Numbers of the chunks that are finished."""
+        return sorted(self._records)
+
+    def save(self, number: int, records: np.ndarray) -> None:
+        """Keep a finished chunk."""
+        self._records[number] = records
+
+    def load(self, number: int) -> np.ndarray:
+        """Give a finished chunk back."""
+        return self._records[number]
+
+    def remove(self) -> None:
+        """Forget everything."""
+        self._records.clear()
+
+
+class FolderParts:
+    """Finished chunks as files of one folder, with a manifest that says of which run.
+
+    A part is written under a temporary name and renamed, and has the checksum of its records in its name: whatever
+    happens to the process, a part is there whole or not at all, and what the disk did to it later is seen.
+    """
+
+    def __init__(self, folder: Path, chunks: Chunks, names: Mapping[int, str]):
+        self._folder, self._chunks, self._names = folder, chunks, dict(names)
+
+    @property
+    def place(self) -> Path:
+        """The folder."""
+        return self._folder
+
+    def finished(self) -> list[int]:
+        """Numbers of the chunks that are finished."""
+        return sorted(self._names)
+
+    def save(self, number: int, records: np.ndarray) -> None:
+        """Write a finished chunk."""
+        name = f"{number:07d}-{zlib.crc32(records.tobytes()):08x}.npy"
+        temporary = self._folder / f"{name}.tmp"
+        with temporary.open("wb") as file:
+            np.save(file, records, allow_pickle=False)
+        temporary.replace(self._folder / name)
+        self._names[number] = name
+
+    def load(self, number: int) -> np.ndarray:
+        """Read a finished chunk. Raises CheckpointError where it is not what was written."""
+        path = self._folder / self._names[number]
+        try:
+            records = np.load(path, allow_pickle=False)
+            sound = f"{zlib.crc32(records.tobytes()):08x}" == path.stem.rpartition("-")[2]
+        except (ValueError, EOFError) as error:
+            raise _unusable(self._folder, f"{path.name} cannot be read ({error})") from error
+        if not (sound and is_whole(records, self._chunks[number].columns)):
+            raise _unusable(self._folder, f"{path.name} is not what was written")
+        return records
+
+    def remove(self) -> None:
+        """Remove the folder."""
+        shutil.rmtree(self._folder)
+
+
+def open_folder(folder: Path, facts: Mapping[str, object], chunks: Chunks, force: bool = False) -> FolderParts:
+    """Open the folder of a run, made if it is missing; `facts` (JSON-able) say which run it is.
+
+    force: throw away what is there where it is of no use. Raises CheckpointError where a checkpoint is torn or of
+    another run: it may be somebody's night of work, so it is not silently begun anew.
+    """
+    expected = {**facts, "chunks": [chunks.loops, chunks.walls, chunks.deep, chunks.wide]}
+    try:
+        return _opened(folder, expected, chunks)
+    except CheckpointError:
+        if not force:
+            raise
+        shutil.rmtree(folder)
+        return _opened(folder, expected, chunks)
+
+
+def _opened(folder, expected, chunks):
+    folder.mkdir(parents=True, exist_ok=True)
+    parts = FolderParts(folder, chunks, _names(folder, len(chunks)))
+    manifest = folder / MANIFEST
+    if manifest.exists():
+        _compare(folder, _read(manifest), expected)
+    elif parts.finished():
+        raise _unusable(folder, f"it has parts but no {MANIFEST}")
+    else:
+        temporary = folder / f"{MANIFEST}.{os.getpid()}.tmp"
+        temporary.write_text(json.dumps(expected, indent=1), encoding="utf-8")
+        temporary.replace(manifest)
+    for number in parts.finished():
+        parts.load(number)
+    return parts
+
+
+def _names(folder, chunks):
+    names = {}
+    for path in folder.glob("*.npy"):
+        number = path.name.partition("-")[0]
+        if not number.isdigit() or int(number) >= chunks:
+            raise _unusable(folder, f"{path.name} is no part of this run")
+        names[int(number)] = path.name
+    return names
+
+
+def _read(manifest):
+    try:
+        return json.loads(manifest.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise _unusable(manifest.parent, f"{MANIFEST} cannot be read ({error})") from error
+
+
+def _compare(folder, found, expected):
+    different = [name for name in expected if not isinstance(found, dict) or found.get(name) != expected[name]]
+    if different:
+        raise _unusable(folder, f"it is of another run, which differs in {', '.join(different)}")
+
+
+def _unusable(folder, why):
+    return CheckpointError(
+        f"{folder}: cannot go on from this checkpoint: {why}; remove the folder, or give --force to begin anew"
+    )

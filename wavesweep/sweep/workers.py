@@ -1,0 +1,80 @@
+"""Chunks on workers, through joblib; in this process where there are none."""
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from itertools import islice
+
+from wavesweep.errors import WavesweepError
+from wavesweep.sweep.work import timed
+
+LOKY = "loky"
+BLOCK = 4  # chunks per worker in a block, where a backend gives results in blocks only
+DIED = "a worker process died (killed, or out of memory); fewer --jobs take less memory"
+WORTH = 0.6  # s of work; measured: two loky workers are ready after 0.2 s, and below this they save nothing
+
+
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """Who does the work: `count` workers of a joblib backend, or this process (count 1, backend None), and why."""
+
+    count: int
+    backend: str | None
+    scheduler: str | None
+    why: str
+
+
+def choose(jobs: int, backend: str | None, scheduler: str | None, chunks: int, seconds: Callable[[], float]) -> Workers:
+    """Decide who does the work; seconds: gives what it takes in this process, asked only where it matters."""
+    if backend is not None:
+        return Workers(jobs, backend, scheduler, f"the backend {backend} was asked for")
+    if jobs == 1:
+        return Workers(1, None, None, "one job was asked for")
+    if chunks < 2:
+        return Workers(1, None, None, "the work is a single chunk")
+    expected = seconds()
+    if expected < WORTH:
+        return Workers(1, None, None, f"below {WORTH:g} s of work workers cost more than they save")
+    return Workers(min(jobs, chunks), LOKY, None, f"the work is worth them: it takes more than {WORTH:g} s")
+
+
+def results(workers: Workers, numbers, work_of: Callable) -> Iterator[tuple]:
+    """Yield (number, records, seconds) of every chunk as it is finished, in no particular order.
+
+    work_of(number): the chunk's `Work`, made when it is handed out. Raises UsageError for a backend that is not there,
+    WavesweepError where a worker dies. Closing the generator ends the workers.
+    """
+    if workers.backend is None:
+        return (timed(number, work_of(number), os.getpid()) for number in numbers)
+    return _elsewhere(workers, numbers, work_of)
+
+
+def _elsewhere(workers, numbers, work_of):
+    import joblib
+
+    from wavesweep.sweep.backends import enter
+
+    with ExitStack() as opened:
+        enter(workers, opened)
+        calls = (joblib.delayed(timed)(number, work_of(number), os.getpid()) for number in numbers)
+        try:
+            yield from _unordered(joblib, calls)
+        except BrokenExecutor as error:
+            raise WavesweepError(DIED) from error
+
+
+def _unordered(joblib, calls):
+    try:
+        pool = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="3*n_jobs")
+    except ValueError:  # ray and multiprocessing give lists only
+        pool = joblib.Parallel(batch_size=1)
+        while block := list(islice(calls, BLOCK * joblib.effective_n_jobs())):
+            yield from pool(block)
+        return
+    finished = pool(calls)
+    try:
+        yield from finished
+    finally:
+        finished.close()
