@@ -28,7 +28,7 @@ class ParquetFile:
         """Write checked columns as one row group."""
         import pyarrow
 
-        arrays = [_array(column) for column in columns.values()]
+        arrays = [array_of(column) for column in columns.values()]
         self._writer.write_table(pyarrow.Table.from_arrays(arrays, schema=self._schema), row_group_size=GROUP_ROWS)
 
     def close(self) -> None:
@@ -51,7 +51,7 @@ def _schema(fields: tuple[Field, ...], facts: Mapping[str, Any]) -> Any:
     return pyarrow.schema(entries, metadata={"wavesweep": json.dumps(facts, sort_keys=True, allow_nan=False)})
 
 
-def _array(column: np.ndarray) -> Any:
+def array_of(column: np.ndarray) -> Any:
     """Wrap a column's memory. `pyarrow.array` would do, but imports pandas, which costs more than a small run takes."""
     import pyarrow
 
