@@ -70,6 +70,12 @@ def count(links, low, high):
     return changes(low) - changes(high)
 
 
+def sign(polynomial, x):
+    """Sign of a polynomial in powers of x, exactly."""
+    value = _value(polynomial, Fraction(float(x)))
+    return (value > 0) - (value < 0)
+
+
 def _value(polynomial, x):
     out = Fraction(0)
     for a in reversed(polynomial):

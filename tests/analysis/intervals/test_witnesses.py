@@ -60,12 +60,12 @@ def test_arcs_find_what_the_polynomial_finds(along):
     compared = 0
     for seed in range(0, 60, 2):
         cut, fixed = cut_of(random_values(seed)), columns(seed, along)[1:]
-        owner, (low, high) = np.zeros(fixed.size, int), (K_SPAN if along == "K_VE" else B_SPAN)
-        one, other = (way(cut, owner, along, fixed) for way in (_by_polynomial, _by_arcs))
+        owner, span = np.zeros(fixed.size, int), (K_SPAN if along == "K_VE" else B_SPAN)
+        one, other = (way(cut, owner, along, fixed, span) for way in (_by_polynomial, _by_arcs))
         for column in np.flatnonzero(one.complete & other.complete):
             ends = []
             for found in (one, other):
-                mine = (found.column == column) & (found.value > low + 1e-9) & (found.value < high)
+                mine = (found.column == column) & (found.value > span[0] + 1e-9) & (found.value < span[1])
                 order = np.argsort(found.value[mine])
                 ends.append(np.array([found.value[mine][order], found.theta[mine][order], found.jump[mine][order]]))
             np.testing.assert_allclose(*ends, rtol=1e-9)
