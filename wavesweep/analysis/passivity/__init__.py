@@ -1,6 +1,28 @@
 """Passivity: of the wave channel, of the hand's port, and of what a hand may be."""
 
+from wavesweep.analysis.passivity.any_hand import DampingNeeded, colgate_schenkel, damping_needed
 from wavesweep.analysis.passivity.channel import ChannelNorm, channel_norm
+from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox
+from wavesweep.analysis.passivity.held import HeldIntervals, box_intervals
+from wavesweep.analysis.passivity.passive_walls import PassiveWalls, any_hand_walls, port_passive_walls
 from wavesweep.analysis.passivity.port import PortMargin, port_margin
+from wavesweep.analysis.passivity.worst_hand import WorstHand, worst_hand
 
-__all__ = ["ChannelNorm", "PortMargin", "channel_norm", "port_margin"]
+__all__ = [
+    "HOLDING_A_DEVICE",
+    "ChannelNorm",
+    "DampingNeeded",
+    "HandBox",
+    "HeldIntervals",
+    "PassiveWalls",
+    "PortMargin",
+    "WorstHand",
+    "any_hand_walls",
+    "box_intervals",
+    "channel_norm",
+    "colgate_schenkel",
+    "damping_needed",
+    "port_margin",
+    "port_passive_walls",
+    "worst_hand",
+]

@@ -20,8 +20,8 @@ class PortResponse:
     by p is to shift the state x by p, and that is an input (z - 1) p of the closed loop.
     """
 
-    def __init__(self, loop: PortLoop):
-        self.ratio, self.delay = loop.ratio, loop.delay
+    def __init__(self, loop: PortLoop, lowest: float = LOWEST):
+        self.ratio, self.delay, self.lowest = loop.ratio, loop.delay, lowest
         fast, slow = loop.fast, loop.slow
         self.shifted = _drifts(fast)
         if self.shifted:
@@ -29,8 +29,7 @@ class PortResponse:
         self.fast, self.slow = response_of(fast, loop.loops), response_of(slow, loop.loops)
 
     def parts(self, owner, theta):
-        """d `(points, M)`, left `(points, M, r)`, right `(points, r, M)` of `diag(d) + left right`."""
-        theta = np.maximum(theta, LOWEST)
+        """d `(points, M)`, left `(points, M, r)`, right `(points, r, M)` of `diag(d) + left right`; theta not 0."""
         phi = alias_angles(theta, self.ratio)
         fast = self.fast.at(owner, phi)
         slow = self.slow.at(owner, theta[:, None])[:, 0]
@@ -44,11 +43,13 @@ class PortResponse:
 
     def smallest(self, owner, theta):
         """Smallest eigenvalue of the Hermitian part (m/N) of the loops `owner` at `theta` (rad per frame)."""
-        return smallest_hermitian(*self.parts(owner, theta))
+        return smallest_hermitian(*self.parts(owner, np.maximum(theta, self.lowest)))
 
 
 def _drifts(fast):
-    """Whether a sampled position is held by nothing on the fast side."""
+    """Whether a sampled position is held by nothing on the fast side, and its displacement comes out of it."""
+    if fast.outputs[0] != "device.dx":
+        return False
     return "device.x" in fast.states and not np.any(fast.E[..., fast.states.index("device.x")])
 
 

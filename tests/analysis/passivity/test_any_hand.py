@@ -1,0 +1,82 @@
+"""Colgate and Schenkel's bound at one rate, its extension to two, and what both are worth against hands."""
+
+import numpy as np
+import pytest
+
+from wavesweep.analysis.passivity.any_hand import colgate_schenkel, damping_needed
+from wavesweep.analysis.passivity.hand import HandBox, worst_modes
+from wavesweep.analysis.passivity.passive_walls import any_hand_walls, port_passive_walls
+from wavesweep.analysis.passivity.port import port_margin
+from wavesweep.analysis.passivity.worst_hand import worst_hand
+
+ENCODER = {"device.velocity": "difference"}
+
+
+@pytest.mark.parametrize("kind", ["dc", "dc-slow"])
+@pytest.mark.parametrize(("stiffness", "damping"), [(500.0, 1.0), (2000.0, 0.0), (30.0, 12.0), (0.0, 3.0)])
+def test_at_one_rate_it_is_the_bound_of_colgate_and_schenkel(values, kind, stiffness, damping):
+    found = damping_needed(values(kind, K_VE=stiffness, B_VE=damping, **ENCODER | {"rates.ratio": 1}))
+    assert found.certified
+    assert found.damping == pytest.approx(colgate_schenkel(stiffness, damping, 1e-3), rel=1e-9)
+
+
+def test_point_samples_of_the_velocity_have_no_bound(values):
+    assert damping_needed(values("dc")) is None
+    assert any_hand_walls(values("dc"), (0.0, 100.0)) is None
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_enough_damping_bears_every_hand_of_a_huge_box(random_values, seed):
+    """Heavy, stiff and undamped hands, resonances near the rates among them: none is unstable."""
+    v = random_values(seed) | ENCODER | {"controller.Kp": 25.0, "operator.mass": 0.0, "operator.stiffness": 0.0}
+    needed = damping_needed(v)
+    if not (needed.responsive and np.isfinite(needed.damping)):
+        return
+    v |= {"device.damping": max(float(needed.damping) * 1.001, 0.01), "operator.damping": 0.0}
+    shares = np.random.default_rng(seed).random((600, 3))
+    hands = np.concatenate([
+        HandBox((0.0, 0.0), (0.0, 0.0), (1.0, 1e6)).points(shares[:150]),
+        HandBox((1e-3, 20.0), (0.0, 0.0), (1e-1, 1e6)).points(shares),
+    ])
+    radius, _ = worst_modes(v, hands, v["environment.K_VE"], v["environment.B_VE"])
+    assert radius.max() < 1 + 1e-9
+
+
+def test_the_condition_for_held_forces_is_weaker_than_that_for_continuous_hands(values):
+    """Between the two bounds the port is passive for held forces, and yet a passive hand makes the loop unstable."""
+    v = values("dc", K_VE=100.0, B_VE=4.0, **ENCODER | {"rates.ratio": 1})
+    assert port_margin(v).passive
+    assert damping_needed(v).damping == pytest.approx(4.05)  # the device has 1.5
+    spring = HandBox(mass=(0.0, 0.0), damping=(0.0, 0.0), stiffness=(1.0, 1e7))
+    assert worst_hand(v, spring).spectral_radius > 1.001
+    assert worst_hand(v | {"device.damping": 4.06}, spring).spectral_radius < 1
+
+
+@pytest.mark.parametrize("mass", [1.0, 0.1, 0.001])
+def test_at_the_port_a_spring_asks_for_colgates_damping_and_a_damper_for_less(values, mass):
+    def passive(share, stiffness, damping):
+        bound = colgate_schenkel(stiffness, damping, 1e-3)
+        changes = ENCODER | {"rates.ratio": 1, "device.mass": mass, "device.damping": share * bound}
+        return bool(port_margin(values("dc", K_VE=stiffness, B_VE=damping, **changes)).passive)
+
+    assert [passive(share, 1000.0, 0.0) for share in (0.99, 1.01)] == [False, True]
+    assert [passive(share, 1000.0, 2.0) for share in (0.9, 1.01)] == [True, True]
+
+
+def test_waves_without_position_feedback_need_infinite_damping(values):
+    """Hands that move at a multiple of the slow rate drag the avatar along: no damper undoes a force that stays."""
+    assert damping_needed(values("pmw", **ENCODER)).damping == np.inf
+    assert np.isfinite(damping_needed(values("pmw", Kp=20.0, **ENCODER)).damping)
+    assert damping_needed(values("pmw", **ENCODER | {"rates.ratio": 1})).damping < np.inf
+
+
+def test_walls_that_are_passive_end_at_the_bound(values):
+    found = any_hand_walls(values("dc", **ENCODER), (0.0, 9000.0), hand_damping=2.0)
+    np.testing.assert_allclose([found.low, found.high], [[0.0], [5000.0]], rtol=1e-8)
+    assert any_hand_walls(values("dc", **ENCODER), (0.0, 100.0), hand_damping=2.0).high == [100.0]
+    held = port_passive_walls(values("dc", **ENCODER), (0.0, 9000.0))
+    assert found.high[0] < 9000.0
+    assert held.low == [0.0]
+    inside, outside = (values("dc", K_VE=held.high[0] * (1 + by), **ENCODER) for by in (-1e-8, 1e-6))
+    assert port_margin(inside).passive
+    assert not port_margin(outside).passive

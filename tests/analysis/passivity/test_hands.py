@@ -1,0 +1,94 @@
+"""The worst hand of a box against sampled hands, and the walls that every hand of a box bears."""
+
+import numpy as np
+import pytest
+
+from wavesweep.analysis.intervals import stable_intervals
+from wavesweep.analysis.march import growth_rate
+from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, cut_with_hands, worst_modes
+from wavesweep.analysis.passivity.held import box_intervals
+from wavesweep.analysis.passivity.worst_hand import worst_hand
+
+LOOPS = {
+    "pmw": {"integration": "explicit", "K_VE": 900.0},
+    "pmw-lm": {"Kp": 20.0, "environment.integration": "explicit"},
+    "dc": {"K_VE": 3000.0, "device.velocity": "difference"},
+    "dc-slow": {"K_VE": 150.0, "environment.delay": 5},
+    "dc-lm": {"K_VE": 80.0},
+}
+
+
+def loop_of(values, kind, **more):
+    changes = {("environment.integration" if k == "integration" else k): v for k, v in LOOPS[kind].items()}
+    return values(kind, **changes | more)
+
+
+def sampled(box, count, seed=7):
+    shares = np.random.default_rng(seed).random((count, 3))
+    shares[: count // 4] = np.round(shares[: count // 4])  # corners and edges as well
+    return box.points(shares)
+
+
+@pytest.mark.parametrize("kind", LOOPS)
+def test_none_of_10000_sampled_hands_is_worse(values, kind):
+    v = loop_of(values, kind)
+    hands = sampled(HOLDING_A_DEVICE, 10_000)
+    radius, damping = worst_modes(v, hands, v["environment.K_VE"], v["environment.B_VE"])
+    assert worst_hand(v, HOLDING_A_DEVICE).spectral_radius >= radius.max() * (1 - 1e-12)
+    assert worst_hand(v, HOLDING_A_DEVICE, by="damping").damping_ratio <= damping.min() + 1e-12
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_none_of_2000_hands_is_worse_on_random_loops(random_values, seed):
+    v = random_values(seed + 300)
+    box = HandBox(mass=(0.0, 0.8), damping=(0.0, 20.0), stiffness=(0.0, 1500.0))
+    radius, damping = worst_modes(v, sampled(box, 2000), v["environment.K_VE"], v["environment.B_VE"])
+    assert worst_hand(v, box).spectral_radius >= radius.max() * (1 - 1e-9)
+    assert worst_hand(v, box, by="damping").damping_ratio <= damping.min() + 1e-9
+
+
+@pytest.mark.parametrize("kind", LOOPS)
+def test_the_worst_hand_swings_up_or_down_when_it_is_marched(values, kind):
+    v = loop_of(values, kind)
+    worst = worst_hand(v, HOLDING_A_DEVICE)
+    held = v | {"operator.mass": worst.mass, "operator.damping": worst.damping, "operator.stiffness": worst.stiffness}
+    assert growth_rate(held) == pytest.approx(worst.spectral_radius, rel=1e-6)
+
+
+def test_a_box_that_is_a_point_is_that_hand(values):
+    v = loop_of(values, "pmw")
+    found = worst_hand(v, HandBox((0.2, 0.2), (3.0, 3.0), (300.0, 300.0)))
+    assert (found.mass, found.damping, found.stiffness) == (0.2, 3.0, 300.0)
+    assert found.spectral_radius == worst_modes(v, np.array([[0.2, 3.0, 300.0]]), 900.0, 1.0)[0][0]
+
+
+def test_a_box_with_a_negative_or_empty_range_is_refused():
+    with pytest.raises(ValueError, match="stiffness expected 0 <= low <= high"):
+        HandBox((0.1, 0.2), (1.0, 2.0), (5.0, 1.0))
+
+
+@pytest.mark.parametrize("kind", LOOPS)
+def test_walls_for_the_box_are_stable_for_sampled_hands_and_end_where_the_named_hand_says(values, kind):
+    v = loop_of(values, kind)
+    found = box_intervals(v, (0.0, 20000.0), HOLDING_A_DEVICE)
+    assert found.settled
+    assert found.each
+    assert found.low.size
+    hands = sampled(HOLDING_A_DEVICE, 400)
+    for low, high, hand in zip(found.low, found.high, found.high_hand, strict=True):
+        walls = low + (high - low) * np.array([1e-6, 0.1, 0.5, 0.9, 0.999999])
+        radius, _ = worst_modes(v, np.repeat(hands, walls.size, axis=0), np.tile(walls, len(hands)), 1.0)
+        assert radius.max() < 1
+        if high < 20000.0:
+            just = np.array([high * (1 - 1e-7), high * (1 + 1e-7)])
+            inside, outside = worst_modes(v, np.repeat(hand[None], 2, axis=0), just, 1.0)[0]
+            assert inside < 1 < outside
+
+
+def test_the_walls_for_the_box_are_within_those_of_each_of_its_hands(values):
+    v = loop_of(values, "dc-slow")
+    found = box_intervals(v, (0.0, 20000.0), HOLDING_A_DEVICE)
+    hands = sampled(HOLDING_A_DEVICE, 200)
+    cut = cut_with_hands(v, hands)
+    each = stable_intervals(cut, "K_VE", (0.0, 20000.0), np.ones((200, 1)))
+    assert found.high.max() <= np.nanmin([each.high[each.column == i].max() for i in range(200)]) * (1 + 1e-9)

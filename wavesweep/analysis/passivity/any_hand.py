@@ -1,0 +1,113 @@
+"""Colgate and Schenkel's condition for two rates: how much damping makes a loop stable with every passive hand."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wavesweep.analysis.passivity.climb import climb
+from wavesweep.analysis.passivity.port_frame import level_frame
+from wavesweep.analysis.passivity.port_loop import port_loop
+from wavesweep.analysis.passivity.port_response import PortResponse
+from wavesweep.analysis.passivity.scattering import angles
+from wavesweep.diagram import draw
+from wavesweep.diagram.arrays import matrix
+from wavesweep.diagram.block import Block
+
+SLACK = 1e-10  # of the damping and of 1 N*s/m
+LOWEST = 1e-4  # rad per frame that stands for zero frequency, where a position's pole is
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DampingNeeded:
+    """Arrays over the batch of the values.
+
+    damping: d* (N*s/m), of device and hand together; infinite where none is enough (see `damping_needed`). omega: the
+    frequency that asks for it, rad/s, in [0, pi/T_s]. responsive: whether the controller, its position prescribed, is
+    stable; else no damping is enough. certified: no frequency asks for more than SLACK more.
+    """
+
+    damping: np.ndarray
+    omega: np.ndarray
+    responsive: np.ndarray
+    certified: np.ndarray
+
+    def suffices(self, damping) -> np.ndarray:
+        """Whether `damping` (N*s/m) of device and hand together makes the loop stable with every passive hand."""
+        return self.responsive & self.certified & (damping > self.damping + 2 * SLACK * (1 + np.abs(self.damping)))
+
+
+def colgate_schenkel(stiffness, damping, period):
+    """d* of one sampled wall: `K T/2 + |B|` (N*s/m), B by the backward difference.
+
+    stiffness K (N/m), damping B (N*s/m), period T (s). J. E. Colgate, G. G. Schenkel, Passivity of a class of
+    sampled-data systems: application to haptic interfaces, Journal of Robotic Systems 14(1), 37-47, 1997. The device is
+    passive with a continuous hand exactly when its own damping is larger.
+    """
+    return stiffness * period / 2 + np.abs(damping)
+
+
+def damping_needed(values) -> DampingNeeded | None:
+    """Least damping d* of device and hand with which the loop is stable whatever else, passive, the hand is.
+
+    values: flat keys, numbers or arrays; `device.velocity` must be `difference`, else None: a point sample of the
+    velocity can be anything at no cost in energy, so no damping bounds what feedback of it does.
+
+    In a tick a damper takes at least `d dx^2/T` for the displacement dx, whatever way it goes, and masses and springs
+    take nothing in the end. The held force takes `f_m dx`. So all of it is passive for a continuous hand exactly when
+    `d/T + C` is positive real, C the lifted map from the frame's displacements to its forces:
+    `d* = -T min lambda(He C)`, the smallest eigenvalue of the Hermitian part over all frequencies. At one rate this is
+    Colgate and Schenkel's `b > K T/2 + |B|`. The condition at the port for held forces (`port_margin`) is weaker: it
+    asks nothing of hands whose force moves within the tick, and lets the device's mass help.
+    Waves without position feedback need infinite damping at any LP1: a motion at a multiple of the slow rate aliases to
+    a wave that moves the avatar, and the force that this builds up stays.
+    Accuracy: 1e-10 of d* and of 1 N*s/m.
+    """
+    if values["device.velocity"] != "difference":
+        return None
+    diagram = _without_device(draw(values))
+    loop = port_loop(diagram, values["environment.K_VE"], values["environment.B_VE"])
+    period = np.broadcast_to(diagram.period, loop.batch).reshape(-1)
+    response = PortResponse(loop, LOWEST)
+    summit = climb(
+        lambda owner, theta: -period[owner] * response.smallest(owner, theta),
+        lambda owner, level: angles(level_frame(loop, owner, -level / period[owner])), loop.loops,
+        lambda _, level: SLACK * (1 + np.abs(level)),
+    )
+    needed = np.where(_builds_up(response, loop.loops), np.inf, summit.value)
+    batch = loop.batch
+    frame = period * diagram.ratio
+    return DampingNeeded(
+        needed.reshape(batch), (summit.theta / frame).reshape(batch),
+        (_responsive(loop) & loop.finite).reshape(batch), (summit.certified & loop.finite).reshape(batch),
+    )
+
+
+def _without_device(diagram):
+    """The drawing with a ruler for a device: the input `f_h` is the displacement in the tick (m)."""
+    period = diagram.period
+    ruler = Block(
+        "device", ("f",), ("x", "v_hat", "dx"), ("w", "x"), E=matrix([[-1, 0], [0, 0]]), B=matrix([[1 / period], [1]]),
+        C=matrix([[0, 1], [1, 0], [0, 0]]), D=matrix([[0], [0], [1]]), positions=frozenset({"x"}),
+    )
+    fast = tuple(ruler if block.name == "device" else block for block in diagram.fast)
+    return replace(diagram, fast=fast, sums=dict(diagram.sums) | {"device.f": {"f_h": 1}}, outputs=("f_m", "f_m"))
+
+
+def _builds_up(response, loops):
+    """Whether motion at multiples of the slow rate leaves a force behind: a pole z = 1 between different aliases."""
+    if response.ratio == 1:
+        return np.zeros(loops, bool)
+    sizes = []
+    for theta in (LOWEST, 1e-2 * LOWEST):
+        _, left, right = response.parts(np.arange(loops), np.full(loops, theta))
+        steady = (response.ratio - 1) // 2  # the alias at theta itself
+        row = np.abs(left[:, steady : steady + 1] @ right)[:, 0]
+        sizes.append(np.delete(row, steady, axis=-1).max(-1))
+    return sizes[1] > 50 * sizes[0]
+
+
+def _responsive(loop):
+    """Whether all that follows from a prescribed position dies out: every state but the position itself."""
+    rest = [i for i, name in enumerate(loop.slow.states) if name != "frame.device.x"]
+    delta = np.linalg.eigvals(loop.slow.E[:, rest][:, :, rest]) if rest else np.zeros((loop.loops, 0))
+    return (2 * delta.real + delta.real**2 + delta.imag**2 < 0).all(-1)
