@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 from support.intervals import intervals_of, pairs
-from support.specs import values_of
+from support.specs import KINDS, values_of
+
+from wavesweep.analysis.intervals import stable_intervals
+from wavesweep.diagram import draw
+from wavesweep.lifted import cut_at_wall
 
 EXPLICIT = {"integration": "explicit", "lp1_cutoff_hz": 8.57}
 
@@ -39,6 +43,20 @@ def test_many_columns_are_the_columns_one_by_one():
     together = intervals_of(values, fixed=B_VE)
     for column, B in enumerate(B_VE):
         np.testing.assert_allclose(pairs(together, column), pairs(intervals_of(values, fixed=B)), rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_many_slices_are_the_slices_one_by_one(kind):
+    """Loops of different impedance, mass and feedback in one batch, columns numbered slice by slice."""
+    changes = {"b": np.array([20.0, 40.0, 60.0]), "mass": np.array([0.1, 0.2, 0.05]), "Kp": np.array([5.0, 20.0, 1.0])}
+    B_VE = np.linspace(0, 15, 7)
+    cut = cut_at_wall(draw(values_of(kind, integration="explicit", delay=7, **changes)))
+    together = stable_intervals(cut, "K_VE", (0, 2e4), np.tile(B_VE, (3, 1)))
+    for i in range(3):
+        alone = values_of(kind, integration="explicit", delay=7, **{name: array[i] for name, array in changes.items()})
+        found = intervals_of(alone, fixed=B_VE)
+        for column in range(7):
+            np.testing.assert_allclose(pairs(together, 7 * i + column), pairs(found, column), rtol=1e-12)
 
 
 @pytest.mark.parametrize("beta", [0.01, 0.3, 0.8, 1.3, 1.99])
