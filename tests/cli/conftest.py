@@ -7,6 +7,7 @@ import pytest
 
 import wavesweep.sweep
 from wavesweep.cli import main
+from wavesweep.sweep import LongRun
 
 SPEC = """
 [controller]
@@ -30,6 +31,7 @@ class Calls:
     """The calls that the commands made, and what the next one fails with, if it shall fail."""
 
     seen: list = field(default_factory=list)
+    forgotten: list = field(default_factory=list)
     fail: BaseException | None = None
 
     def note(self, name, **given):
@@ -87,7 +89,9 @@ def sweep(monkeypatch):
 
     def intervals(spec, **given):
         calls.note("intervals", **given)
-        return Run(intervals_table(), facts_of([spec]))
+        table = intervals_table()
+        axes = {"B_VE": (0.5, 1.0)}
+        return LongRun(axes, "K_VE", lambda: iter([table]), facts_of([spec]), lambda: calls.forgotten.append(spec.name))
 
     def responses(specs, **given):
         calls.note("responses", **given)

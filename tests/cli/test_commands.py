@@ -1,6 +1,7 @@
 """What all commands share: the help, the table of commands, options and where the results go."""
 
 import importlib
+from pathlib import Path
 
 import pytest
 
@@ -59,12 +60,13 @@ def test_a_dash_writes_the_table_to_stdout_and_no_file(name, wavesweep, sweep, s
 def test_workers_are_passed_on(wavesweep, sweep, spec):
     wavesweep("zwidth", spec, "--no-plot", "--jobs", "3", "--backend", "dask", "--scheduler", "tcp://there:8786")
     expected = {"jobs": 3, "backend": "dask", "scheduler": "tcp://there:8786", "along": "K_VE", "progress": None}
+    expected |= {"checkpoint": Path("results/wall/.zwidth.parts"), "force": False}
     assert sweep.seen == [("intervals", expected)]
 
 
 def test_stability_region_leaves_the_axis_to_the_spec(wavesweep, sweep, spec):
     wavesweep("stability-region", spec, "--no-plot")
-    assert "along" not in sweep.seen[0][1]
+    assert sweep.seen[0][1]["along"] is None
 
 
 def test_a_setting_overrides_the_spec(wavesweep, sweep, spec):

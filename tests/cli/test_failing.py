@@ -92,12 +92,12 @@ def test_results_of_another_spec_are_refused_before_the_work(wavesweep, sweep, s
 def test_a_reader_that_leaves_early_is_no_error_to_talk_about(spec, tmp_path):
     program = (
         "import sys, os, signal\n"
-        "from wavesweep.cli import main, producing\n"
+        "from wavesweep.cli import main\n"
         "from wavesweep import results, sweep\n"
-        "def stream(kind, columns, out):\n"
+        "def stream(fields, blocks, out):\n"
         "    for _ in range(100000): out.write(b'0123456789' * 10)\n"
-        "results.stream = stream\n"
-        "class Run: columns = facts = {}\n"
+        "results.stream_blocks = stream\n"
+        "class Run: axes, along, blocks = {}, 'K_VE', list\n"
         "sweep.intervals = lambda *_, **__: Run\n"
         f"sys.exit(main(['zwidth', {spec!r}, '--out', '-', '--quiet']))\n"
     )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from wavesweep import plots
+from wavesweep.plots.layout import lay_out
 
 
 def size_of(png):
@@ -18,7 +19,7 @@ def size_of(png):
     ("table", "draw", "inches"),
     [
         ("plane", plots.zwidth, 3.5),
-        ("family", plots.zwidth, 3.5),
+        ("family", plots.zwidth, 7.0),
         ("panels", plots.zwidth, 7.0),
         ("bars", plots.zwidth, 3.5),
         ("responses", plots.bode, 7.0),
@@ -39,3 +40,24 @@ def test_a_table_without_anything_stable_is_drawn(plane, tmp_path):
     nothing = {**one, "intervals": np.zeros(1, int), "low": np.full(1, np.nan), "high": np.full(1, np.nan)}
     plots.zwidth(nothing, {}, tmp_path / "nothing.png")
     assert (tmp_path / "nothing.png").exists()
+
+
+def test_a_figure_of_a_long_table_keeps_what_it_shows_and_is_the_same(panels, tmp_path):
+    plots.zwidth(panels, {}, tmp_path / "whole.png")
+    picture = plots.Picture({name: tuple(np.unique(panels[name]).tolist()) for name in ("B_VE", "b", "K_LM")})
+    for start in range(0, len(panels["b"]), 1000):
+        picture.add({name: column[start : start + 1000] for name, column in panels.items()})
+    picture.draw({}, tmp_path / "blocks.png")
+    assert (tmp_path / "blocks.png").read_bytes() == (tmp_path / "whole.png").read_bytes()
+
+
+def test_roles_are_given_in_order_and_what_is_left_out_is_said():
+    axes = {"K_LM": range(50), "Kp": range(40), "b": range(30), "B_VE": range(1000), "device.mass": range(3)}
+    layout = lay_out(axes)
+    assert (layout.x, layout.panels, layout.family) == ("B_VE", "K_LM", "Kp")
+    assert (len(layout.points), len(layout.panel_values), len(layout.members)) == (400, 9, 6)
+    assert layout.fixed == {"b": 15, "device.mass": 1}
+    for said in ("400 of 1000 values of B_VE", "9 of 50 values of K_LM", "6 of 40 values of Kp", "b at 15 alone"):
+        assert said in layout.left_out
+    assert lay_out({"b": range(4), "Kp": [1.0]}).left_out == ""
+    assert (lay_out({"b": range(4)}).x, lay_out({"b": range(4)}).family) == (None, "b")

@@ -49,23 +49,28 @@ def _exit_code(error: BaseException) -> int:
             error.show()
             return error.exit_code
         case KeyboardInterrupt() | click.Abort():
-            _say("Interrupted.")
+            _say(_with_notes("Interrupted.", error))
             return INTERRUPTED
         case Terminated():
-            _say("Terminated.")
+            _say(_with_notes("Terminated.", error))
             return TERMINATED
         case SpecError():
             # Its lines begin with file:line:column, which editors and terminals follow.
             _say(str(error))
         case WavesweepError():
-            _say(f"Error: {error}")
+            _say(_with_notes(f"Error: {error}", error))
         case MemoryError():
-            _say("Error: out of memory; fewer values per axis or fewer --jobs take less")
+            _say(_with_notes("Error: out of memory; fewer values per axis or fewer --jobs take less", error))
         case OSError():
-            _say(f"Error: {_os_error(error)}")
+            _say(_with_notes(f"Error: {_os_error(error)}", error))
         case _:
             _say(f"Error: {type(error).__name__}: {error} (a fault of wavesweep; --debug shows where)")
     return error.exit_code if isinstance(error, WavesweepError) else 1
+
+
+def _with_notes(text: str, error: BaseException) -> str:
+    """Add what those that the error passed on its way have to say, such as where half of the work is kept."""
+    return " ".join([text.rstrip(), *getattr(error, "__notes__", ())])
 
 
 def _os_error(error: OSError) -> str:

@@ -13,10 +13,6 @@ def command(spec: str, options: Options) -> None:
 
     SPEC is a TOML file; sweep.along in it names the axis that the intervals lie on.
     """
-    from wavesweep import plots, sweep
-    from wavesweep.cli.producing import produce
+    from wavesweep.cli.long_tables import produce_intervals
 
-    def compute(specs, **work):
-        return sweep.intervals(specs[0], **work)
-
-    produce("stability-region", [spec], options, compute, plots.zwidth)
+    produce_intervals("stability-region", spec, options)

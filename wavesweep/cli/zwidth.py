@@ -14,10 +14,6 @@ def command(spec: str, options: Options) -> None:
     SPEC is a TOML file; its [sweep] table names the axes. All stable intervals are reported, not the first one, and
     each says whether it is certified.
     """
-    from wavesweep import plots, sweep
-    from wavesweep.cli.producing import produce
+    from wavesweep.cli.long_tables import produce_intervals
 
-    def compute(specs, **work):
-        return sweep.intervals(specs[0], along="K_VE", **work)
-
-    produce("zwidth", [spec], options, compute, plots.zwidth)
+    produce_intervals("zwidth", spec, options, along="K_VE")

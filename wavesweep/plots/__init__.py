@@ -1,8 +1,9 @@
 """A table becomes a figure; nothing is computed here. Each kind of figure is `draw(columns, facts, path)`."""
 
 from wavesweep.plots.intervals import zwidth
+from wavesweep.plots.picture import Picture
 from wavesweep.plots.responses import bode
 from wavesweep.plots.simulated_response import simulate_response
 from wavesweep.plots.simulation import simulate
 
-__all__ = ["bode", "simulate", "simulate_response", "zwidth"]
+__all__ = ["Picture", "bode", "simulate", "simulate_response", "zwidth"]

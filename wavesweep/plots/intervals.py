@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from wavesweep.plots.bars import draw_bars
-from wavesweep.plots.layout import Layout, lay_out
+from wavesweep.plots.layout import Layout, axes_of, lay_out
 from wavesweep.plots.region import draw_region
 from wavesweep.plots.style import DOUBTFUL, ONE_COLUMN, TWO_COLUMNS, family_colours, figure, label, symbol
 
@@ -20,19 +20,28 @@ def zwidth(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Pa
     """Draw the stable intervals of a `zwidth` or `stability-region` table as PNG.
 
     The stable region is filled, its holes stay white; its boundary is solid where certified, dashed red where not.
-    Values of one further axis become a family of lines, those of more axes panels; a note says what did not fit.
+    Values of a further axis become panels, those of one more a family of lines; a note says what did not fit.
     """
+    layout = lay_out(axes_of(columns))
+    shown = layout.shows(columns)
+    draw({name: column[shown] for name, column in columns.items()}, facts, path, layout)
+
+
+def draw(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path, layout: Layout) -> None:
+    """Draw the same from the rows that the layout shows."""
     del facts
-    layout = lay_out(columns)
-    rows = -(-len(layout.panels) // 3)
-    width = ONE_COLUMN if len(layout.panels) == 1 else TWO_COLUMNS
-    height = 2.8 if len(layout.panels) == 1 else _PANEL_HEIGHT * rows + 0.4
+    panels = layout.panel_values or (np.nan,)
+    across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) else 3
+    rows = -(-len(panels) // across)
+    width = ONE_COLUMN if across == 1 else TWO_COLUMNS
+    height = 2.8 if across == 1 else _PANEL_HEIGHT * rows + 0.4
     with figure(path, width, height) as canvas:
-        grid = canvas.subplots(rows, min(3, len(layout.panels)), sharex=True, sharey=True, squeeze=False)
-        for axes, panel in zip(grid.flat, layout.panels, strict=False):
-            _draw_panel(axes, _rows_where(columns, panel), layout)
-            axes.set_title(", ".join(f"{symbol(name)} = {value:g}" for name, value in panel.items()))
-        for axes in grid.flat[len(layout.panels) :]:
+        grid = canvas.subplots(rows, across, sharex=True, sharey=True, squeeze=False)
+        for axes, value in zip(grid.flat, panels, strict=False):
+            _draw_panel(axes, _rows_where(columns, layout.panels, value), layout)
+            if layout.panels is not None:
+                axes.set_title(f"{symbol(layout.panels)} = {value:g}")
+        for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
         _limit(grid[0, 0], columns, bars=layout.x is None)
         _name_axes(canvas, columns, layout)
@@ -42,14 +51,14 @@ def zwidth(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Pa
 def _draw_panel(axes: Any, columns: Mapping[str, np.ndarray], layout: Layout) -> None:
     if layout.x is not None and not (columns["intervals"] > 0).any():
         axes.text(0.5, 0.5, "nowhere stable in the swept range", ha="center", va="center", transform=axes.transAxes)
+    members = [_rows_where(columns, layout.family, value) for value in layout.members or (np.nan,)]
     if layout.x is None:
-        draw_bars(axes, [member for _, member in _members(columns, layout)], [f"{v:g}" for v in layout.members])
+        draw_bars(axes, members, [f"{v:g}" for v in layout.members])
         return
     if _logarithmic(columns[layout.x]):
         axes.set_xscale("log")
-    colours = family_colours(max(1, len(layout.members)))
-    for colour, (_, member) in zip(colours, _members(columns, layout), strict=True):
-        draw_region(axes, member, layout.x, colour, alone=len(colours) == 1)
+    for colour, member in zip(family_colours(len(members)), members, strict=True):
+        draw_region(axes, member, layout.x, colour, alone=len(members) == 1)
     axes.set_xlim(columns[layout.x].min(), columns[layout.x].max())
 
 
@@ -60,17 +69,8 @@ def _limit(axes: Any, columns: Mapping[str, np.ndarray], bars: bool) -> None:
     axes.set_xlim(limits) if bars else axes.set_ylim(limits)
 
 
-def _members(columns: Mapping[str, np.ndarray], layout: Layout) -> Iterator[tuple[float, dict[str, np.ndarray]]]:
-    if layout.family is None:
-        yield np.nan, dict(columns)
-    for value in layout.members:
-        yield value, _rows_where(columns, {layout.family: value})
-
-
-def _rows_where(columns: Mapping[str, np.ndarray], values: Mapping[str, float]) -> dict[str, np.ndarray]:
-    chosen = np.ones(len(columns["along"]), dtype=bool)
-    for name, value in values.items():
-        chosen &= columns[name] == value
+def _rows_where(columns: Mapping[str, np.ndarray], axis: str | None, value: float) -> dict[str, np.ndarray]:
+    chosen = slice(None) if axis is None else columns[axis] == value
     return {name: column[chosen] for name, column in columns.items()}
 
 

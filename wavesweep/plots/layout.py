@@ -2,62 +2,88 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice, product
 
 import numpy as np
 
-MOST_MEMBERS = 8
+# What a person can still read in one figure.
+MOST_MEMBERS = 6
 MOST_PANELS = 9
+MOST_BARS = 8
+MOST_POINTS = 400  # along the figure: more than that is finer than its pixels
 
 
 @dataclass(frozen=True)
 class Layout:
     """The roles of a table's axes.
 
-    x        the axis along the figure, None where every axis has a single value (bars are drawn then)
-    family   the axis whose values are drawn as lines of one panel, None where there is no second axis
-    members  the family's values that are drawn
-    panels   a panel each: the values of the remaining axes
+    x        the axis along the figure, None where no axis is long enough (bars are drawn then)
+    points   the values of x that are drawn
+    panels   the axis with a panel for each value, None where there is one panel; `panel_values` those drawn
+    family   the axis whose values are lines (or bars) of one panel, None where there are none; `members` those drawn
+    fixed    the value at which each remaining axis is held
     left_out what the figure does not show, in words; empty where it shows everything
     """
 
     x: str | None
+    points: tuple[float, ...]
+    panels: str | None
+    panel_values: tuple[float, ...]
     family: str | None
     members: tuple[float, ...]
-    panels: tuple[dict[str, float], ...]
+    fixed: Mapping[str, float]
     left_out: str
 
+    def shows(self, columns: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Which rows the figure shows, one flag a row."""
+        roles = ((self.x, self.points), (self.panels, self.panel_values), (self.family, self.members))
+        wanted = {axis: values for axis, values in roles if axis is not None}
+        wanted |= {axis: (value,) for axis, value in self.fixed.items()}
+        shown = np.ones(len(columns["along"]), dtype=bool)
+        for axis, values in wanted.items():
+            shown &= np.isin(columns[axis], values)
+        return shown
 
-def lay_out(columns: Mapping[str, np.ndarray]) -> Layout:
-    """Give the table's axes their roles. B_VE lies along the figure where it can: the Z-width plane is drawn so."""
-    values = {name: np.unique(columns[name]) for name in list(columns)[: list(columns).index("along")]}
-    several = [name for name in values if len(values[name]) > 1]
-    x = _along_the_figure(several, values)
+
+def axes_of(columns: Mapping[str, np.ndarray]) -> dict[str, tuple[float, ...]]:
+    """The axes of a table that is at hand, and their values."""
+    return {name: tuple(np.unique(columns[name]).tolist()) for name in list(columns)[: list(columns).index("along")]}
+
+
+def lay_out(axes: Mapping[str, Sequence[float]]) -> Layout:
+    """Give the axes (name -> values) their roles, in their order: along the figure, panels, a family of lines.
+
+    B_VE or K_VE lies along the figure where it can: the plane of the wall is drawn so.
+    """
+    several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
+    x = _along_the_figure(several)
     rest = [name for name in several if name != x]
-    family = rest[0] if rest else None
-    members = _evenly(values[family], MOST_MEMBERS) if family else ()
-    combinations = product(*(values[name].tolist() for name in rest[1:]))
-    panels = tuple(dict(zip(rest[1:], combination, strict=True)) for combination in islice(combinations, MOST_PANELS))
-    total = int(np.prod([len(values[name]) for name in rest[1:]])) if rest[1:] else 1
-    notes = []
-    if family and len(members) < len(values[family]):
-        notes.append(f"{len(members)} of {len(values[family])} values of {family}")
-    if len(panels) < total:
-        notes.append(f"{len(panels)} of {total} combinations of {', '.join(rest[1:])}")
-    return Layout(x, family, members, panels, f"Shown: {'; '.join(notes)}." if notes else "")
+    panels, family = (rest[:2] + [None, None])[:2] if x else ((rest[1:2] + [None])[0], (rest[:1] + [None])[0])
+    points = _evenly(several, x, MOST_POINTS)
+    panel_values = _evenly(several, panels, MOST_PANELS)
+    members = _evenly(several, family, MOST_MEMBERS if x else MOST_BARS)
+    fixed = {name: several[name][len(several[name]) // 2] for name in rest[2:]}
+    shown = ((x, points), (panels, panel_values), (family, members))
+    notes = [f"{len(v)} of {len(several[n])} values of {n}" for n, v in shown if n and len(v) < len(several[n])]
+    notes += [f"{name} at {value:g} alone, of {len(several[name])} values" for name, value in fixed.items()]
+    said = f"Shown: {'; '.join(notes)}." if notes else ""
+    return Layout(x, points, panels, panel_values, family, members, fixed, said)
 
 
-def _along_the_figure(several: list[str], values: Mapping[str, np.ndarray]) -> str | None:
-    if "B_VE" in several:
-        return "B_VE"
-    # A handful of values makes bars or a family; a line needs more of them.
-    longest = max(several, key=lambda name: len(values[name]), default=None)
-    return longest if longest is not None and len(values[longest]) > MOST_MEMBERS else None
+def _along_the_figure(several: Mapping[str, Sequence[float]]) -> str | None:
+    for wall in ("B_VE", "K_VE"):
+        if wall in several:
+            return wall
+    # A handful of values makes bars; a line needs more of them.
+    longest = max(several, key=lambda name: len(several[name]), default=None)
+    return longest if longest is not None and len(several[longest]) > MOST_BARS else None
 
 
-def _evenly(values: np.ndarray, most: int) -> tuple[float, ...]:
+def _evenly(several: Mapping[str, Sequence[float]], name: str | None, most: int) -> tuple[float, ...]:
+    if name is None:
+        return ()
+    values = np.asarray(several[name])
     if len(values) <= most:
         return tuple(values.tolist())
     return tuple(values[np.linspace(0, len(values) - 1, most).round().astype(int)].tolist())

@@ -3,7 +3,18 @@
 from wavesweep.results.existing import discard, refuse_other_spec
 from wavesweep.results.reading import read
 from wavesweep.results.schema import Field, fields, fields_of
-from wavesweep.results.text import stream
+from wavesweep.results.text import stream, stream_blocks
 from wavesweep.results.writing import TableWriter, write
 
-__all__ = ["Field", "TableWriter", "discard", "fields", "fields_of", "read", "refuse_other_spec", "stream", "write"]
+__all__ = [
+    "Field",
+    "TableWriter",
+    "discard",
+    "fields",
+    "fields_of",
+    "read",
+    "refuse_other_spec",
+    "stream",
+    "stream_blocks",
+    "write",
+]

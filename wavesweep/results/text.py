@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -42,6 +42,15 @@ def stream(kind: str, columns: Mapping[str, Any], out: BinaryIO) -> None:
     """Write a whole table as CSV to a binary stream. Raises WavesweepError before the first byte if it is unfit."""
     fields = fields_of(kind, columns)
     arrays = checked(fields, columns)
-    out.write(header(fields))
     starts = range(0, len(next(iter(arrays.values()))), _ROWS)
-    out.writelines(lines({name: array[at : at + _ROWS] for name, array in arrays.items()}) for at in starts)
+    stream_blocks(fields, ({name: array[at : at + _ROWS] for name, array in arrays.items()} for at in starts), out)
+
+
+def stream_blocks(fields: tuple[Field, ...], blocks: Iterable[Mapping[str, Any]], out: BinaryIO) -> None:
+    """Write a table that comes in blocks of rows as CSV to a binary stream."""
+    out.write(header(fields))
+    rows = 0
+    for block in blocks:
+        arrays = checked(fields, block, rows)
+        out.write(lines(arrays))
+        rows += len(next(iter(arrays.values())))

@@ -1,10 +1,14 @@
 """Which slices, in which order, as which table."""
 
-from wavesweep.sweep.run import Run
+from wavesweep.sweep.run import LongRun, Run
 
-__all__ = ["Run", "intervals", "plan", "responses"]
+__all__ = ["LongRun", "Run", "intervals", "plan", "responses"]
 
-_HOMES = {"intervals": "wavesweep.sweep.interval_table", "responses": "wavesweep.sweep.response_table", "plan": "wavesweep.sweep.planning"}
+_HOMES = {
+    "intervals": "wavesweep.sweep.interval_table",
+    "responses": "wavesweep.sweep.response_table",
+    "plan": "wavesweep.sweep.planning",
+}
 
 
 def __getattr__(name):

@@ -39,7 +39,7 @@ def intervals(
     slices = {"computed": asked.columns, "skipped": asked.grid.size - asked.columns, "certified": tally.certified}
     facts = facts_of(spec, {"intervals": method(asked.axis.path)}, slices, timings, notices(asked.grid))
     axes = {axis.name: axis.values for axis in asked.grid.axes}
-    return LongRun(axes, partial(blocks, asked, parts), facts, parts.remove)
+    return LongRun(axes, asked.axis.name, partial(blocks, asked, parts), facts, parts.remove)
 
 
 def _parts(asked, checkpoint, force):

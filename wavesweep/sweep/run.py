@@ -20,11 +20,13 @@ class Run:
 class LongRun:
     """A run whose table need not fit into memory.
 
-    axes: name -> values of each leading column. blocks: gives the columns in blocks of consecutive rows, as often as it is
-    called. facts: as for `Run`. forget: removes what the rows are made from, once they are safe elsewhere.
+    axes: name -> values of each leading column. along: name of the axis that the intervals lie on. blocks: gives the
+    columns in blocks of consecutive rows, as often as it is called. facts: as for `Run`. forget: removes what the rows
+    are made from, once they are safe elsewhere.
     """
 
     axes: Mapping[str, tuple[float, ...]]
+    along: str
     blocks: Callable[[], Iterator[Columns]]
     facts: Mapping[str, object]
     forget: Callable[[], None]
