@@ -2,6 +2,8 @@
 
 from wavesweep.analysis.passivity.any_hand import DampingNeeded, colgate_schenkel, damping_needed
 from wavesweep.analysis.passivity.channel import ChannelNorm, channel_norm
+from wavesweep.analysis.passivity.example import Passage, run_back, run_out, worst_wave
+from wavesweep.analysis.passivity.filter_table import filter_table, sufficient_order
 from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox
 from wavesweep.analysis.passivity.held import HeldIntervals, box_intervals
 from wavesweep.analysis.passivity.passive_walls import PassiveWalls, any_hand_walls, port_passive_walls
@@ -14,6 +16,7 @@ __all__ = [
     "DampingNeeded",
     "HandBox",
     "HeldIntervals",
+    "Passage",
     "PassiveWalls",
     "PortMargin",
     "WorstHand",
@@ -22,7 +25,12 @@ __all__ = [
     "channel_norm",
     "colgate_schenkel",
     "damping_needed",
+    "filter_table",
     "port_margin",
     "port_passive_walls",
+    "run_back",
+    "run_out",
+    "sufficient_order",
     "worst_hand",
+    "worst_wave",
 ]

@@ -1,0 +1,95 @@
+"""A wave that gains energy on its way: the channel's worst input, run through it tick by tick."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.analysis.march.filters import advance, at_rest, butterworth
+from wavesweep.analysis.passivity.aliases import alias_angles, response_of
+from wavesweep.analysis.passivity.channel import channel_norm
+from wavesweep.analysis.passivity.ways import ways_of
+from wavesweep.diagram import draw
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Passage:
+    """Waves (sqrt(W)) that went through the channel and their energies (J).
+
+    user: u_m, or v_m on the way back, a value per tick. slow: the wave at the environment's side, a value per frame:
+    u_s, or v_s. local: that at the local model, a value per tick, None without one: u_h, or v_l. energy_in, energy_out:
+    of what was sent, and of what arrived until the filters had died out.
+    """
+
+    user: np.ndarray
+    slow: np.ndarray
+    local: np.ndarray | None
+    energy_in: float
+    energy_out: float
+
+    @property
+    def gain(self) -> float:
+        """Energy out over energy in; a passive channel has at most 1, any channel at most the square of its norm."""
+        return self.energy_out / self.energy_in
+
+
+def worst_wave(values, frames: int) -> np.ndarray:
+    """The outgoing wave that gains most: the worst input at the worst frequency for so many frames, a value per tick.
+
+    values: flat keys, numbers. The worst input is the singular vector of the lifted way out, in the basis of the
+    aliases `conj(l_m) / (norm^2 - |HP_m|^2)`, l the row of LP1. It is scaled to a largest value of 1.
+    """
+    ways = ways_of(draw(values))
+    norm = channel_norm(values)
+    theta = np.array([float(norm.outward_omega * ways.period)])
+    phi = alias_angles(theta, ways.ratio)
+    G = response_of(ways.outward, 1).at(np.zeros(1, int), phi)[0, :, :, 0]
+    other = np.abs(G[:, 1]) ** 2 if G.shape[-1] > 1 else 0.0
+    vector = G[:, 0].conj() / (float(norm.outward) ** 2 - other)
+    wave = (np.exp(1j * np.outer(np.arange(frames * ways.ratio), phi[0])) @ vector).real
+    return wave / np.abs(wave).max()
+
+
+def run_out(values, sent, tail_frames: int = 200) -> Passage:
+    """Send the wave u_m (`(ticks,)`) to the environment, tick by tick, then nothing for `tail_frames` frames.
+
+    Filters as the march has them, which knows nothing of lifting: a witness of `channel_norm`.
+    """
+    fast_hz, ratio = values["rates.fast_hz"], values["rates.ratio"]
+    local = values["controller.kind"] == "pmw-lm"
+    lp1, hp = (
+        butterworth(passes, values[f"filters.{name}.order"], values[f"filters.{name}.cutoff_hz"], fast_hz)
+        for name, passes in (("lp1", "low"), ("hp", "high"))
+    )
+    low_state, high_state = at_rest(lp1), at_rest(hp)
+    sampled, passed = [], []
+    for k, wave in enumerate([*np.asarray(sent, float).tolist(), *[0.0] * (ratio * tail_frames)]):
+        low_state, low = advance(lp1, low_state, wave)
+        if k % ratio == 0:
+            sampled.append(low)
+        if local:
+            high_state, high = advance(hp, high_state, wave)
+            passed.append(high)
+    sampled, passed = np.array(sampled), np.array(passed) if local else None
+    out = ratio * (sampled**2).sum() + (0.0 if passed is None else (passed**2).sum())
+    energy_in = np.square(sent).sum()
+    return Passage(np.asarray(sent, float), sampled, passed, float(energy_in / fast_hz), float(out / fast_hz))
+
+
+def run_back(values, slow, local, tail_frames: int = 200) -> Passage:
+    """Send v_s (a value per frame) and v_l (one per tick, as many frames) back to the user, then nothing.
+
+    The wave that reaches the user is `v_m = v_1 + v_2`: the held v_s, from phase `delay` on, and what LP2 lets by.
+    """
+    fast_hz, ratio = values["rates.fast_hz"], values["rates.ratio"]
+    delay, late = values["environment.delay"], values["local_model.delay"]
+    lp2 = butterworth("low", values["filters.lp2.order"], values["filters.lp2.cutoff_hz"], fast_hz)
+    rest = np.zeros(ratio * tail_frames)
+    held = np.concatenate([np.zeros(delay), np.repeat(slow, ratio), rest[delay:]])
+    state, passed = at_rest(lp2), [0.0] * late
+    for wave in [*np.asarray(local, float).tolist(), *rest.tolist()]:
+        state, y = advance(lp2, state, wave)
+        passed.append(y)
+    user = held + np.array(passed[: held.size])
+    energy_in = ratio * np.square(slow).sum() + np.square(local).sum()
+    return Passage(user, np.asarray(slow, float), np.asarray(local, float), float(energy_in / fast_hz),
+                   float(np.square(user).sum() / fast_hz))
