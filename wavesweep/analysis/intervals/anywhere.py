@@ -6,7 +6,7 @@ import numpy as np
 
 from wavesweep.analysis.intervals.bracket import bracketed_roots
 from wavesweep.analysis.intervals.panels import panel_roots
-from wavesweep.analysis.intervals.regions import count_outside, cut_span
+from wavesweep.analysis.intervals.regions import count_where_clear, cut_span
 from wavesweep.analysis.intervals.stable import Intervals, intervals_of
 
 NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing gives its column up
@@ -68,7 +68,8 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
     column, kind, value, theta, miss = (part[crossing] for part in (column, kind, value, theta, miss))
     jump = np.where(kind == PAIR, 2.0, 1.0)
     parts = cut_span(span, columns, column, value, theta, jump, slack=1e-12 * (high - low))
-    unstable, clear = count_outside(evaluate(parts.column, parts.middle))
+    everywhere = np.arange(parts.column.size)
+    unstable, clear = count_where_clear(parts, everywhere, lambda some, value: evaluate(parts.column[some], value))
     change = np.abs(unstable[parts.later] - unstable[parts.earlier])
     regions = parts.labelled(unstable, clear, change == parts.gain[parts.later], np.abs(miss[parts.order]))
     proved[regions.column[~regions.sound]] = False

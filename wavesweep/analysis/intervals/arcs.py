@@ -2,17 +2,18 @@
 
 import numpy as np
 
-from wavesweep.analysis.intervals.crossings import Crossings, at_both_ends
+from wavesweep.analysis.intervals.crossings import Crossings, at_both_ends, open_inside
 from wavesweep.analysis.intervals.panels import panel_roots
 from wavesweep.analysis.intervals.polish import polish
 from wavesweep.lifted.circle import on_circle, solve
 from wavesweep.lifted.cut import Cut, open_in
 
 SMALLEST = 1e-9  # rad; an arc this small that proves nothing is given up
+END_BIT = 1e-4  # rad; so near to z = +-1 a crossing is not told from one at the end itself
 MANY = 256  # so many open arcs of one column, and the column is given up
 
 
-def arc_crossings(cut: Cut, along: str, fixed) -> Crossings:
+def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
     """Crossings of a few columns (loops `cut`, one per column), from Chebyshev interpolants on arcs of the circle.
 
     On each arc the boundary equation, freed of its poles and of its zeros at z = +-1, is interpolated at points of state
@@ -32,7 +33,8 @@ def arc_crossings(cut: Cut, along: str, fixed) -> Crossings:
         return (value * weight)[None], (size * weight)[None]
 
     low, high = np.tile(edges[:-1], fixed.size), np.tile(edges[1:], fixed.size)
-    return _collect(cut, along, fixed, opened, panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY))
+    found = panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT)
+    return _collect(cut, along, fixed, span, opened, found)
 
 
 def _boundary(opened, theta):
@@ -48,7 +50,7 @@ def _boundary(opened, theta):
     return (left * right).sum(-1).real, np.abs(left * right).sum(-1)
 
 
-def _collect(cut, along, fixed, opened, found):
+def _collect(cut, along, fixed, span, opened, found):
     """Polish, drop what overlapping arcs found twice, and add z = 1 and -1."""
     inside, complete = (found.x > 0) & (found.x < np.pi), found.complete
     column, seed, jump = found.column[inside], found.x[inside], 2.0 * found.slope_sign[inside]
@@ -66,4 +68,5 @@ def _collect(cut, along, fixed, opened, found):
     np.maximum.at(last, column, theta)
     at_one, at_minus_one = (np.sign(_boundary(opened, a)[0]) for a in (first / 2, (np.pi + last) / 2))
     ends = at_both_ends(cut, np.arange(fixed.size), along, fixed, at_one, at_minus_one)
+    complete &= ~open_inside(ends[1], span, found.open_low, found.open_high)
     return Crossings(*(np.concatenate(pair) for pair in zip((column, value, theta, jump), ends, strict=True)), complete)

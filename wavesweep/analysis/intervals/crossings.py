@@ -49,10 +49,15 @@ def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) 
     complete[column[astray]] = False
     jump = -2.0 * roots.slope_sign[column, which]
     ends = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
-    slack = 1e-9 * (span[1] - span[0])
-    within = (ends[1] > span[0] + slack) & (ends[1] < span[1] - slack)
-    complete &= ~(np.concatenate([roots.open_at_one, roots.open_at_minus_one]) & within).reshape(2, -1).any(0)
+    complete &= ~open_inside(ends[1], span, roots.open_at_one, roots.open_at_minus_one)
     return Crossings(*(np.concatenate(pair) for pair in zip((column, value, theta, jump), ends, strict=True)), complete)
+
+
+def open_inside(value, span, at_one, at_minus_one):
+    """Where a crossing that may hide at an end of the circle would be inside the span; value: as from `at_both_ends`."""
+    slack = 1e-9 * (span[1] - span[0])
+    within = (value > span[0] + slack) & (value < span[1] - slack)
+    return (np.concatenate([at_one, at_minus_one]) & within).reshape(2, -1).any(0)
 
 
 def at_both_ends(cut: Cut, owner, along: str, fixed, sign_at_one, sign_at_minus_one):

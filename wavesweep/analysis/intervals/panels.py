@@ -17,7 +17,8 @@ NODE.flags.writeable = TRANSFORM.flags.writeable = False
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Roots found: which column, which function, where to within what, sign of the slope; which columns are all proved."""
+    """Roots found: which column, which function, where to within what, sign of the slope; which columns are all proved, but
+    for the first and the last bit of the interval, where roots may be left in the columns open_low and open_high."""
 
     column: np.ndarray
     function: np.ndarray
@@ -25,21 +26,25 @@ class Found:
     within: np.ndarray
     slope_sign: np.ndarray
     complete: np.ndarray
+    open_low: np.ndarray
+    open_high: np.ndarray
 
 
-def panel_roots(sample, column, low, high, columns, smallest, many, bounds=(-np.inf, np.inf)) -> Found:
+def panel_roots(sample, column, low, high, columns, smallest, many, bounds=(-np.inf, np.inf), end_bit=0.0) -> Found:
     """Find all roots of several functions of each column.
 
     sample(column, x): for panels (their columns, `(panels,)`, and points, `(panels, NODES)`) the functions' values and the
     size of what was added up for them, each `(functions, panels, NODES)`. column, low, high: the first panels.
     columns: how many columns there are. smallest: a panel narrower than this that proves nothing gives its column up;
-    many: so many open panels of one column do so too. bounds: points beyond them are never asked for.
+    many: so many open panels of one column do so too. bounds: points beyond them are never asked for. end_bit: a panel at
+    an end of the interval that is narrower than this and proves nothing is left open.
 
     On each panel the interpolant at NODES points must have decayed, and `isolate` must prove its roots for every function
     within the error bound; else the panel is split. What could be missed is a feature so narrow that it leaves no trace in
     the samples of a panel whose coefficients have decayed by nine digits.
     """
-    complete, found = np.ones(columns, bool), []
+    complete, found, ends = np.ones(columns, bool), [], (low.min(initial=np.inf), high.max(initial=-np.inf))
+    open_low, open_high = np.zeros(columns, bool), np.zeros(columns, bool)
     while column.size:
         reach = OVERLAP * (high - low)
         left, right = np.maximum(low - reach, bounds[0]), np.minimum(high + reach, bounds[1])
@@ -58,13 +63,16 @@ def panel_roots(sample, column, low, high, columns, smallest, many, bounds=(-np.
                                half[panel] * roots.radius[at, which], roots.slope_sign[at, which]))
             good &= proved
         found += [(column[panel][good[panel]], *(part[good[panel]] for part in rest)) for panel, *rest in pieces]
+        left_open = [~good & (end == ends[i]) & (high - low < end_bit) for i, end in enumerate((low, high))]
+        open_low[column[left_open[0]]], open_high[column[left_open[1]]] = True, True
+        good |= left_open[0] | left_open[1]
         complete[column[~good & ~(high - low > smallest)]] = False
         column, low, high = _halves(column, low, high, ~good & complete[column])
         complete[np.bincount(column, minlength=columns) > many] = False
         open_ = complete[column]
         column, low, high = column[open_], low[open_], high[open_]
     parts = [np.concatenate(part) for part in zip(*found, strict=True)] if found else [np.zeros(0, int)] * 2 + [np.zeros(0)] * 3
-    return Found(*parts, complete)
+    return Found(*parts, complete, open_low, open_high)
 
 
 def _interpolate(value, size):

@@ -10,6 +10,7 @@ from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.cut import Cut, close
 
 SMALL_RESIDUAL = 1e-9
+SHARES = (0.5, 0.1, 0.9, 1e-3, 0.999, 1e-6)  # of a region's width: the count is the same at all, and clearer at some
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +52,9 @@ class Parts:
     earlier: np.ndarray
     order: np.ndarray
 
-    @property
-    def middle(self) -> np.ndarray:
-        """Where to look at each region."""
-        return (self.low + self.high) / 2
+    def at(self, share) -> np.ndarray:
+        """A point of each region, a share of its width from its low end."""
+        return self.low + share * (self.high - self.low)
 
     def labelled(self, unstable, clear, fits, error) -> Regions:
         """Regions from the counts, whether these are clear of rounding, whether each inner end's change of count fits
@@ -100,8 +100,8 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
     unstable, clear = np.zeros(parts.column.size, int), np.ones(parts.column.size, bool)
 
     def count(which):
-        K, B = _wall(along, parts.middle[which], fixed[parts.column[which]])
-        return count_outside(close(cut.at(owner[parts.column[which]]), K, B))
+        return count_where_clear(parts, which, lambda some, value: close(
+            cut.at(owner[parts.column[some]]), *_wall(along, value, fixed[parts.column[some]])))
 
     first = np.flatnonzero(~parts.later)
     unstable[first], clear[first] = count(first)
@@ -114,6 +114,21 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
     column, value, theta = (part[parts.order] for part in (found.column, found.value, found.theta))
     error = _residual(cut.at(owner[column]), along, fixed[column], value, theta)
     return parts.labelled(unstable, clear, np.ones(error.size, bool), error)
+
+
+def count_where_clear(parts: Parts, which, matrices):
+    """Count the regions `which`, at the first of SHARES where no eigenvalue is within rounding of the circle.
+
+    matrices(regions, value): the frame-to-frame matrices less identity of these regions at these values.
+    """
+    unstable, clear = np.zeros(which.size, int), np.zeros(which.size, bool)
+    for share in SHARES:
+        doubtful = np.flatnonzero(~clear)
+        if not doubtful.size:
+            break
+        some = which[doubtful]
+        unstable[doubtful], clear[doubtful] = count_outside(matrices(some, parts.at(share)[some]))
+    return unstable, clear
 
 
 def _wall(along, value, fixed):

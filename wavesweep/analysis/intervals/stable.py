@@ -7,8 +7,9 @@ import numpy as np
 from wavesweep.analysis.intervals.arcs import arc_crossings
 from wavesweep.analysis.intervals.crossings import crossings
 from wavesweep.analysis.intervals.curve import K_VE
+from wavesweep.analysis.intervals.hopeless import surely_unstable
 from wavesweep.analysis.intervals.polynomial import sampled_polynomial, warp_scale
-from wavesweep.analysis.intervals.regions import Regions, regions
+from wavesweep.analysis.intervals.regions import Regions, cut_span, regions
 from wavesweep.lifted.cut import Cut
 
 
@@ -54,13 +55,10 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), width)
     pending, done = np.arange(flat.size), []
     cut, overflown = _finite(cut)
-    for method in (_by_polynomial, _by_arcs):
+    for method in (_beyond_hope, _by_polynomial, _by_arcs):
+        parts, proved = method(cut, owner[pending], along, flat[pending], span)
         lost = overflown[owner[pending]]
-        found = method(cut, owner[pending], along, flat[pending], span)
-        parts = regions(cut, owner[pending], along, flat[pending], span, found)
-        parts = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable))
-        proved = found.complete & ~lost
-        proved[parts.column[~parts.sound]] = False
+        parts, proved = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable)), proved & ~lost
         kept = proved | lost | (method is _by_arcs)
         done.append((_select(parts, kept, pending), pending[proved]))
         pending = pending[~kept]
@@ -77,14 +75,30 @@ def _finite(cut) -> tuple[Cut, np.ndarray]:
     return cut, bad
 
 
+def _beyond_hope(cut, owner, along, fixed, span):
+    """Columns with a single region, unstable throughout; proved where that is sure."""
+    nowhere = np.zeros(0)
+    whole = cut_span(span, fixed.size, nowhere.astype(int), nowhere, nowhere, nowhere)
+    everything = np.ones(fixed.size, bool)
+    return whole.labelled(everything.astype(int), everything, nowhere > 0, nowhere), surely_unstable(cut, owner, along, fixed, span)
+
+
 def _by_polynomial(cut, owner, along, fixed, span):
     """One polynomial per loop, shared by all its columns."""
     polynomial = sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut), cut.batch))
-    return crossings(cut, owner, along, fixed, span, polynomial)
+    return _judged(cut, owner, along, fixed, span, crossings(cut, owner, along, fixed, span, polynomial))
 
 
-def _by_arcs(cut, owner, along, fixed, _):
-    return arc_crossings(cut.at(owner), along, fixed)
+def _by_arcs(cut, owner, along, fixed, span):
+    return _judged(cut, owner, along, fixed, span, arc_crossings(cut.at(owner), along, fixed, span))
+
+
+def _judged(cut, owner, along, fixed, span, found) -> tuple[Regions, np.ndarray]:
+    """The regions between the crossings, and which columns are proved."""
+    parts = regions(cut, owner, along, fixed, span, found)
+    proved = found.complete.copy()
+    proved[parts.column[~parts.sound]] = False
+    return parts, proved
 
 
 def _select(parts, kept, names) -> Regions:
