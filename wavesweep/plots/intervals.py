@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from wavesweep.plots.region import draw_region
 from wavesweep.plots.style import DOUBTFUL, ONE_COLUMN, TWO_COLUMNS, family_colours, figure, label, symbol
 
 _PANEL_HEIGHT = 2.3  # inches
+_LETTERS_PER_INCH = 16
 
 
 def zwidth(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path) -> None:
@@ -85,14 +87,12 @@ def _logarithmic(values: np.ndarray) -> bool:
 def _name_axes(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) -> None:
     along = label(str(columns["along"][0]))
     bars = layout.x is None
-    canvas.supxlabel(along if bars else label(layout.x), fontsize=8)
+    # The note is a further line of the label: the layout makes room for that, and for nothing that is placed by hand.
+    note = wrap(layout.left_out, int(_LETTERS_PER_INCH * canvas.get_figwidth()))
+    canvas.supxlabel("\n".join([along if bars else label(layout.x), *note]), fontsize=8)
     across = (label(layout.family) if layout.family else "") if bars else along
     if across:
         canvas.supylabel(across, fontsize=8)
-    if layout.left_out:
-        strip = 0.16 / canvas.get_figheight()
-        canvas.get_layout_engine().set(rect=(0, strip, 1, 1 - strip))
-        canvas.text(0.01, 0.25 * strip, layout.left_out, fontsize=7, color="0.35")
 
 
 def _add_legend(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) -> None:
@@ -106,5 +106,5 @@ def _add_legend(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) 
         handles.append(Line2D([], [], color=DOUBTFUL, linestyle="--", label="not certified"))
     if handles:
         title = label(layout.family) if len(handles) > 1 else None
-        place = {"loc": "outside upper center", "ncols": 5, "columnspacing": 1.0, "handlelength": 1.3}
+        place = {"loc": "outside upper center", "ncols": 6, "columnspacing": 1.0, "handlelength": 1.3}
         canvas.legend(handles=handles, title=title, **place)
