@@ -22,10 +22,10 @@ def connect(name: str, blocks, sums, inputs, outputs) -> Block:
     inverse = _loop_inverse(np.eye(len(ports)) - from_y @ D, name, ports)
     x_to_u, w_to_u = inverse @ (from_y @ C), inverse @ from_w
     states = tuple(f"{block.name}.{state}" for block in blocks for state in block.states)
+    with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
+        parts = {"E": E + B @ x_to_u, "B": B @ w_to_u, "C": out_y @ (C + D @ x_to_u), "D": out_w + out_y @ (D @ w_to_u)}
     return Block(
-        name, tuple(inputs), tuple(outputs), states,
-        E=E + B @ x_to_u, B=B @ w_to_u,
-        C=out_y @ (C + D @ x_to_u), D=out_w + out_y @ (D @ w_to_u),
+        name, tuple(inputs), tuple(outputs), states, **parts,
         positions=frozenset(f"{block.name}.{state}" for block in blocks for state in block.positions),
     )
 

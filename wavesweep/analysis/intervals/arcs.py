@@ -54,7 +54,7 @@ def _collect(cut, along, fixed, span, opened, found):
     """Polish, drop what overlapping arcs found twice, and add z = 1 and -1."""
     inside, complete = (found.x > 0) & (found.x < np.pi), found.complete
     column, seed, jump = found.column[inside], found.x[inside], 2.0 * found.slope_sign[inside]
-    theta, value, converged = polish(cut.at(column), along, fixed[column], seed)
+    theta, value, converged = polish(cut.at(column), along, fixed[column], seed, max(map(abs, span)))
     astray = np.abs(theta - seed) > found.within[inside] + 1e-9
     complete[column[~converged | astray]] = False
     order = np.lexsort((theta, column))

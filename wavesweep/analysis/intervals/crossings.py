@@ -42,7 +42,7 @@ def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) 
     roots = isolate(coefficients, noise * (n * (n + 1) / 2))
     column, which = np.nonzero(roots.inside)
     seed = angle(roots.value[column, which], polynomial.scale[owner[column]])
-    theta, value, converged = polish(cut.at(owner[column]), along, fixed[column], seed)
+    theta, value, converged = polish(cut.at(owner[column]), along, fixed[column], seed, max(map(abs, span)))
     complete = roots.proved & np.isfinite(coefficients).all(-1)
     # A polished angle far from its seed has left the root that the proof is about.
     astray = ~(np.abs(theta - seed) <= 1e-4 * np.minimum(seed, np.pi - seed)) | ~converged

@@ -9,11 +9,13 @@ from wavesweep.lifted.cut import ADVANCE, OFFSET, V, Cut
 ROUNDS = 12  # Newton from a seed of 8 digits needs 2; from the fallback's arcs a few more
 
 
-def polish(cut: Cut, along: str, fixed, theta):
+def polish(cut: Cut, along: str, fixed, theta, scale):
     """Newton on `Im K(theta) = 0`, `K = (one - fixed*other)/solved` (model.md), from the seeds theta.
 
-    cut: one loop per seed. fixed: the other wall parameter, per seed. Returns (theta, value, converged): the angle
-    (rad per frame), the wall parameter there, and whether Newton's last step is at rounding.
+    cut: one loop per seed. fixed: the other wall parameter, per seed. scale: the largest value of interest; where K is
+    beyond it, Newton runs on 1/K, since a crossing at a very large K lies next to a pole of K.
+    Returns (theta, value, converged): the angle (rad per frame), the wall parameter there, and whether Newton's last step
+    is at rounding.
     Accuracy: value good to about 1e-13 relative, less where the curve crosses the real axis at a grazing angle.
     """
     theta, value = theta.astype(float), np.full(theta.shape, np.nan)
@@ -22,12 +24,16 @@ def polish(cut: Cut, along: str, fixed, theta):
         if not active.size:
             break
         now, slope = _value_and_slope(cut.at(active), along, fixed[active], theta[active])
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            far = np.abs(now) > scale
+            now, slope = np.where(far, 1 / now, now), np.where(far, -slope / now**2, slope)
             step = -now.imag / slope.imag
         step = np.where(np.isfinite(step), step, 0.0)
         small = np.abs(step) <= 1e-9 * np.minimum(theta[active], np.pi - theta[active])
         theta[active] = np.clip(theta[active] + step, 1e-3 * theta[active], np.pi - 1e-3 * (np.pi - theta[active]))
-        value[active] = now.real + step * slope.real  # the step's error is its square: exact at 1e-9
+        with np.errstate(divide="ignore"):
+            estimate = now.real + step * slope.real  # the step's error is its square: exact at 1e-9
+            value[active] = np.where(far, 1 / estimate, estimate)
         done[active] = small & (slope.imag != 0)
         active = active[~small]
     return theta, value, done
