@@ -266,9 +266,11 @@ def spectral_radius(values, drift=1e-15):
     return max(abs(z) for z in eigenvalues if abs(z - 1) > drift)
 
 
-def response(values, frequency_hz):
-    """(admittance, impedance) at the hand's own frequency: the steady state under `exp(j w k T)`, and its component."""
-    whole = frame(values)
+def response(values, frequency_hz, whole):
+    """(admittance, impedance) at the hand's own frequency: the steady state under `exp(j w k T)`, and its component.
+
+    whole: `frame(values)`, which many frequencies share.
+    """
     K, B = values["environment.K_VE"], values["environment.B_VE"]
     n, M = len(whole.B), len(whole.ticks)
     turn = mp.expj(2 * mp.pi * mp.mpf(frequency_hz) / number(values["rates.fast_hz"]))
@@ -296,7 +298,8 @@ def run(whole, K, B, state, turn):
     return state, x / M, f_m / M
 
 
-def limit(values, frequency_hz, step=1e-14):
+def limit(values, frequency_hz, whole, step=1e-14):
     """`response` at a frequency where the formula is 0/0: the mean of both sides, whose error is of order step^2."""
-    pairs = [response(values, mp.mpf(frequency_hz) * (1 + sign * mp.mpf(step))) for sign in (-1, 1)]
+    sides = [mp.mpf(frequency_hz) * (1 + sign * mp.mpf(step)) for sign in (-1, 1)]
+    pairs = [response(values, side, whole) for side in sides]
     return tuple((left + right) / 2 for left, right in zip(*pairs, strict=True))
