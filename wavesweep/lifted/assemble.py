@@ -23,17 +23,27 @@ def slow_side(diagram: Diagram, outputs, injected=False, wall=None) -> tuple[Blo
     sampled = tuple(dict.fromkeys(diagram.samples.values()))
     fast = fast_side(diagram, sampled)
     frame = lift_held(fast, diagram.ratio, diagram.delay, tuple(diagram.holds), sampled)
-    delayed = diagram.holds if diagram.delay > 0 else ()
-    latches = [unit_delay(f"hold_{name}", name in diagram.held_positions) for name in delayed]
-    sums = dict(diagram.sums)
-    for name, source in diagram.holds.items():
-        sums |= {f"frame.{name}.old": {f"hold_{name}.y": 1}, f"frame.{name}.new": {source: 1}, f"hold_{name}.u": {source: 1}}
-    for name, source in diagram.samples.items():
-        sums[name] = {f"frame.{source}": 1} | ({f"inject.{name}": 1} if injected else {})
+    sums = slow_sums(diagram)
+    if injected:
+        sums |= {name: sums[name] | {f"inject.{name}": 1} for name in diagram.samples}
     sums |= wall or {}
     inputs = (() if wall else ("F_s",)) + (tuple(f"inject.{name}" for name in diagram.samples) if injected else ())
-    block, unread = prune(connect("slow", (frame, *diagram.slow, *latches), sums, inputs, tuple(outputs)))
+    block, unread = prune(connect("slow", (frame, *diagram.slow, *latches(diagram)), sums, inputs, tuple(outputs)))
     dropped_early = tuple(
         f"frame.{b.name}.{s}" for b in diagram.fast for s in b.states if f"{b.name}.{s}" not in fast.states
     )
     return block, dropped_early + unread
+
+
+def latches(diagram: Diagram) -> tuple[Block, ...]:
+    """What remembers the held signals of the frame before, where they are shown with a delay."""
+    delayed = diagram.holds if diagram.delay > 0 else ()
+    return tuple(unit_delay(f"hold_{name}", name in diagram.held_positions) for name in delayed)
+
+
+def slow_sums(diagram: Diagram) -> dict:
+    """The drawing's junctions and those that tie the lifted block "frame" to samplers and holds."""
+    sums = dict(diagram.sums)
+    for name, source in diagram.holds.items():
+        sums |= {f"frame.{name}.old": {f"hold_{name}.y": 1}, f"frame.{name}.new": {source: 1}, f"hold_{name}.u": {source: 1}}
+    return sums | {name: {f"frame.{source}": 1} for name, source in diagram.samples.items()}

@@ -31,19 +31,15 @@ def lift_held(fast: Block, ratio: int, delay: int, held, sampled) -> Block:
     rows = [fast.outputs.index(name) for name in sampled]
     B, C, D = fast.B[..., columns], fast.C[..., rows, :], fast.D[..., rows, :][..., columns]
     with np.errstate(over="ignore", invalid="ignore"):
-        whole, late = growth(fast.E, ratio), growth(fast.E, ratio - delay)
-        early = growth(fast.E, delay)
-        old = early @ B + fast.E @ (late @ (early @ B))  # A^(M-D) S_D B
+        whole, late, early = (growth(fast.E, ticks) for ticks in (ratio, ratio - delay, delay))
+        held_early = early @ B
+        old = held_early + fast.E @ (late @ held_early)  # A^(M-D) S_D B
         E, new = fast.E @ whole, late @ B
-    zero = np.zeros_like(D)
-    parts = []
-    if delay > 0:
-        parts.append(("old", old, D))
+    parts = [("old", old, D)] if delay > 0 else []
     if delay < ratio:
-        parts.append(("new", new, D if delay == 0 else zero))
+        parts.append(("new", new, D if delay == 0 else np.zeros_like(D)))
     return Block(
         "frame", tuple(f"{name}.{part}" for part, _, _ in parts for name in held), tuple(sampled), fast.states, E,
-        B=np.concatenate([b for _, b, _ in parts], axis=-1) if held else np.zeros((*E.shape[:-1], 0)),
-        C=C, D=np.concatenate([np.broadcast_to(d, np.broadcast_shapes(d.shape, zero.shape)) for _, _, d in parts], axis=-1),
-        positions=fast.positions,
+        B=np.concatenate([b for _, b, _ in parts], axis=-1), C=C,
+        D=np.concatenate([d for _, _, d in parts], axis=-1), positions=fast.positions,
     )
