@@ -1,0 +1,150 @@
+"""The two tables of words as Markdown, for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import product
+
+import numpy as np
+
+from wavesweep.paper.judging import VERDICTS
+from wavesweep.paper.verdicts import INFERRED
+
+Columns = Mapping[str, np.ndarray]
+
+_PREFACE = """# The paper's statements
+
+Each statement is tried under every reading of what the paper leaves open: how the wall is integrated, its delay, how
+velocity is measured, the order of LP1, or what the statement itself leaves open. A loop that is unstable under a
+reading does not show what is stated. A statement is *reproduced* where it holds under all readings, *contradicted* where under
+none; else the last column names those on which it hangs. How each is judged stands below.
+
+Numbers are those of the figure's spec, of an implicit wall without delay, exact velocity and LP1 of first order where
+nothing else is said; then, after a semicolon, those of the first reading that decides otherwise. Values that the paper
+sets (mass, damping, rates, K_VE, b) are no claims: they stand in the specs. DC is direct coupling at 1 kHz, the ideal;
+PMW is passive multirate wave control; PMW+LM is that with filter bank, local model and Kp. "Off by" is relative to DC.
+"""
+
+_CHOICES = """# What the paper leaves open
+
+The stiffest wall that passive multirate wave control renders at B_VE = 1 N·s/m (N/m), and in brackets by how much it
+rises for each N·s/m more of B_VE, on average up to 15; ~ where that is no straight line. "No limit": every wall to
+20000 N/m is stable. The paper reads 800 off its Figure 4. LP1 at 10 Hz.
+"""
+
+
+def counted(columns: Columns) -> str:
+    """How many statements have which verdict, in a line."""
+    verdicts = columns["verdict"].tolist()
+    return f"{len(verdicts)} statements: " + ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS)
+
+
+def statements_text(columns: Columns) -> str:
+    """The table of statements, and below it how each one is judged."""
+    rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    cells = [(r["number"], r["where"], r["statement"], f"**{r['verdict']}**", r["numbers"], _hangs_on(r)) for r in rows]
+    table = _table(("#", "where", "the paper says", "verdict", "numbers", "hangs on"), cells)
+    tests = "\n".join(f"{r['number']}. {r['test']}" for r in rows)
+    return f"{_PREFACE}\n{counted(columns)}.\n\n{table}\n\n## How each is judged\n\n{tests}\n"
+
+
+def _hangs_on(row: Mapping) -> str:
+    """Name the readings on the side that is said in fewer words, where they disagree."""
+    if row["verdict"] != INFERRED:
+        return ""
+    holds, fails = row["holds_under"], row["fails_under"]
+    if len(holds.split("; ")) < len(fails.split("; ")):
+        return f"holds only: {holds}"
+    return fails if fails.startswith("unstable") else f"does not hold: {fails}"
+
+
+def choices_text(columns: Columns) -> str:
+    """The study of the open choices on a page."""
+    ten_hertz = {name: column[columns["lp1_cutoff_hz"] == 10] for name, column in columns.items()}
+    near = _near_800(columns)
+    return (
+        f"{_CHOICES}\n{_by_design(ten_hertz)}\n\n## The cutoff of LP1\n\nExplicit wall, exact velocity, no delay.\n\n"
+        f"{_by_cutoff(columns)}\n\n## Within 1 % of 800 N/m\n\n{_served(columns)}\n\n{_table(near[0], near[1])}\n"
+    )
+
+
+def _by_design(columns: Columns) -> str:
+    """Rows: integration, velocity, delay; columns: b and LP1's order. Integrations without any limit take one row."""
+    places = list(product(np.unique(columns["b"]), np.unique(columns["lp1_order"])))
+    head = ("wall", "velocity", "delay", *(f"b = {b:g}, order {order}" for b, order in places))
+    rows = []
+    for wall in dict.fromkeys(columns["integration"].tolist()):
+        of_wall = _where(columns, integration=wall)
+        if np.isnan(of_wall["K_at_1"]).all():
+            rows.append((wall, "any", "any", *["no limit"] * len(places)))
+            continue
+        for velocity, delay in product(dict.fromkeys(of_wall["velocity"].tolist()), np.unique(of_wall["delay"])):
+            of_row = _where(of_wall, velocity=velocity, delay=delay)
+            cells = [_cell(_where(of_row, b=b, lp1_order=order)) for b, order in places]
+            rows.append((wall, velocity, delay, *cells))
+    return _table(head, rows)
+
+
+def _by_cutoff(columns: Columns) -> str:
+    chosen = _where(columns, integration="explicit", velocity="exact", delay=0)
+    cutoffs = np.unique(chosen["lp1_cutoff_hz"])
+    rows = [
+        (f"{b:g}", order, *(_cell(_where(chosen, b=b, lp1_order=order, lp1_cutoff_hz=hz)) for hz in cutoffs))
+        for b, order in product(np.unique(chosen["b"]), np.unique(chosen["lp1_order"]))
+    ]
+    return _table(("b", "order", *(f"{hz:g} Hz" for hz in cutoffs)), rows)
+
+
+def _near_800(columns: Columns) -> tuple[tuple[str, ...], list[tuple]]:
+    names = (
+        "integration",
+        "velocity",
+        "delay",
+        "b",
+        "lp1_order",
+        "lp1_cutoff_hz",
+        "K_at_1",
+        "slope",
+        "fig2_stable",
+        "fig6_stable",
+    )
+    near = np.abs(columns["K_at_1"] - 800) <= 8
+    picked = [columns[name][near] for name in names]
+    return names, [tuple(_short(value) for value in row) for row in zip(*picked, strict=True)]
+
+
+def _served(columns: Columns) -> str:
+    """Say whether some choices serve Figure 4 and the loops of Figures 2 and 6 at once."""
+    fits = np.abs(columns["K_at_1"] - 800) <= 8
+    both = int((fits & columns["fig2_stable"] & columns["fig6_stable"]).sum())
+    return (
+        f"{int(fits.sum())} of {len(fits)} choices give Figure 4's 800 N/m. With {both or 'none'} of them the loops of "
+        "Figures 2 and 6 (500 N/m, their own b) are all stable, which the paper's figures take for granted."
+    )
+
+
+def _cell(row: Columns) -> str:
+    """One design: the limit and how it rises, or that there is none."""
+    limit, slope, bend, top = (float(row[name][0]) for name in ("K_at_1", "slope", "bend", "K_at_15"))
+    if np.isnan(limit):
+        return "no limit"
+    if np.isnan(slope):
+        return f"{limit:.0f}"
+    return f"{limit:.0f} ({'~' if bend > 0.05 * top else ''}{slope:.0f})"
+
+
+def _short(value) -> str:
+    if isinstance(value, np.bool_):
+        return "yes" if value else "no"
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _where(columns: Columns, **wanted) -> Columns:
+    rows = np.logical_and.reduce([columns[name] == value for name, value in wanted.items()])
+    return {name: column[rows] for name, column in columns.items()}
+
+
+def _table(head: Iterable, rows: Iterable[Iterable]) -> str:
+    head = list(head)
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines)

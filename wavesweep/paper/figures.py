@@ -1,0 +1,184 @@
+"""The paper's figures, each from its specs, in the paper's axes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from wavesweep.paper.bench import Bench
+from wavesweep.paper.experiment import CONTROLLERS, METHODS, joined
+from wavesweep.paper.measures import HIGH, LOW, LOW_OF_FIGURE_2, WHOLE
+from wavesweep.paper.response import respond
+from wavesweep.paper.specs import load_paper
+from wavesweep.paper.tables import Table, table_of
+from wavesweep.plots.magnitudes import Line, Panel, draw_magnitudes
+from wavesweep.plots.planes import Plane, draw_planes
+from wavesweep.plots.style import symbol
+from wavesweep.sweep import Run, intervals, responses
+from wavesweep.sweep.run import facts_of
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the paper: its name, its caption in short, the commands that a user would type, and its tables."""
+
+    name: str
+    caption: str
+    commands: tuple[str, ...]
+    tables: Callable[[Bench], list[Table]]
+
+
+def figure_2(_: Bench) -> list[Table]:
+    """Admittance for four wave impedances."""
+    run = responses([load_paper(name) for name in ("fig2", "dc")])
+    pmw = run.columns["controller"] == "pmw"
+    family = [
+        _line(f"{symbol('b')} = {b:g}", run.columns, pmw & (run.columns["b"] == b), shade=shade)
+        for shade, b in enumerate(np.unique(run.columns["b"][pmw]))
+    ]
+    direct = np.flatnonzero(run.columns["controller"] == "dc")
+    lines = [*family, _line("DC", run.columns, direct, ideal=True)]
+    return [table_of("bode", "fig2", run, _magnitudes(lines, (LOW_OF_FIGURE_2, WHOLE)))]
+
+
+def figure_4(_: Bench) -> list[Table]:
+    """Z-width of passive multirate wave control, by both sets of inferred values."""
+    runs = {name: intervals(load_paper(name)) for name in ("fig4", "fig4-b25")}
+    plane = Plane("", "B_VE", [(_choices(name), run.columns) for name, run in runs.items()], 2000.0, (1.0, 800.0))
+    draw = partial(draw_planes, [plane])
+    return [table_of("zwidth", name, run, draw if name == "fig4" else None) for name, run in runs.items()]
+
+
+def _choices(name: str) -> str:
+    values = load_paper(name).values
+    return f"{name}: {symbol('b')} = {values['controller.b']:g}, delay {values['environment.delay']}"
+
+
+def figure_5(_: Bench) -> list[Table]:
+    """Stability region with the local model, the wall integrated implicitly and explicitly."""
+    runs = {name: intervals(load_paper(name)) for name in ("fig5", "fig5-explicit")}
+    planes = [
+        Plane(f"{name}: {_integration(run)} wall", "K_LM", _by_gain(run.columns), 3000.0, note=_without_limit(run))
+        for name, run in runs.items()
+    ]
+    draw = partial(draw_planes, planes)
+    return [table_of("zwidth", name, run, draw if name == "fig5" else None) for name, run in runs.items()]
+
+
+def _integration(run: Run) -> str:
+    return run.facts["spec"]["environment"]["integration"]
+
+
+def _without_limit(run: Run) -> str:
+    """What a region that fills its panel does not say."""
+    free = np.isnan(run.columns["high_omega"]) & (run.columns["low"] == 0) & (run.columns["intervals"] == 1)
+    if not free.all():
+        return ""
+    return f"stable up to {symbol('K_VE')} = {run.columns['high'].min():g} N/m"
+
+
+def _by_gain(columns: Mapping[str, np.ndarray]) -> list:
+    gains = np.unique(columns["Kp"])
+    return [(f"{symbol('Kp')} = {Kp:g}", {name: c[columns["Kp"] == Kp] for name, c in columns.items()}) for Kp in gains]
+
+
+def figure_6(_: Bench) -> list[Table]:
+    """Admittance with the local model, without it, and the ideal."""
+    run = responses([load_paper(name) for name in ("fig6", "pmw", "dc")])
+    return [table_of("bode", "fig6", run, _magnitudes(_three(run.columns), (LOW, HIGH)))]
+
+
+def figure_7(bench: Bench) -> list[Table]:
+    """Admittance as the simulated experiment shows it."""
+    started = time.perf_counter()
+    columns = joined([bench.experiment(name) for name in CONTROLLERS])
+    timings = {"compute_s": time.perf_counter() - started}
+    facts = facts_of(load_paper("fig7").as_simulated(), METHODS, {"computed": 3, "skipped": 0, "certified": 0}, timings)
+    lines = [*_analysis(), *_three(columns, dots=True)]
+    return [table_of("simulate-response", "fig7", Run(columns, facts), _magnitudes(lines, (LOW, (LOW[1], 2 * np.pi))))]
+
+
+def _analysis() -> list[Line]:
+    """The linear analysis of Figure 7's loops, dense enough for a line."""
+    lines = []
+    for hue, (name, overrides) in enumerate(CONTROLLERS.items()):
+        found = respond(load_paper("fig7", overrides), np.linspace(0.1, 49.9, 499))
+        lines.append(Line("", found.omega, 1e3 * np.abs(found.admittance), ideal=name == "DC", hue=hue))
+    return lines
+
+
+def figure_8(_: Bench) -> list[Table]:
+    """Transmitted impedance with the local model, without it, and the ideal."""
+    run = responses([load_paper(name) for name in ("fig8", "pmw", "dc")])
+    lines, level = _three(run.columns, "impedance_abs"), load_paper("fig8").values["environment.K_VE"]
+    panels = (Panel(LOW, logarithmic=False), Panel(WHOLE, logarithmic=True))
+    draw = partial(draw_magnitudes, lines, panels, "transmitted impedance (N/m)", level=(level, symbol("K_VE")))
+    return [table_of("bode", "fig8", run, draw)]
+
+
+def _three(columns: Mapping[str, np.ndarray], name: str = "admittance_abs", *, dots: bool = False) -> list[Line]:
+    lines = []
+    for hue, label in enumerate(CONTROLLERS):
+        rows = columns["controller"] == label.lower().replace("+", "-")
+        lines.append(_line(label, columns, rows, name, ideal=label == "DC", hue=hue, dots=dots))
+    return lines
+
+
+def _line(label: str, columns: Mapping[str, np.ndarray], rows, name: str = "admittance_abs", **style) -> Line:
+    """One curve, the rows in order of frequency; an axis that the loop ignores repeats its rows, once is enough."""
+    omega, first = np.unique(columns["omega_Ts"][rows], return_index=True)
+    scale = 1e3 if "admittance" in name else 1.0  # mm/N
+    return Line(label, omega, scale * columns[name][rows][first], **style)
+
+
+def _magnitudes(lines: list[Line], bands):
+    panels = tuple(Panel(band, logarithmic=False) for band in bands)
+    return partial(draw_magnitudes, lines, panels, "transmitted admittance (mm/N)")
+
+
+FIGURES = (
+    Figure(
+        "fig2",
+        "Admittance under passive multirate wave control for several wave impedances, at low and at high frequencies",
+        ("wavesweep bode sweeps/paper/fig2.toml sweeps/paper/dc.toml",),
+        figure_2,
+    ),
+    Figure(
+        "fig4",
+        "Z-width under passive multirate wave control; the cross is the paper's 800 N/m at 1 N·s/m",
+        ("wavesweep zwidth sweeps/paper/fig4.toml", "wavesweep zwidth sweeps/paper/fig4-b25.toml"),
+        figure_4,
+    ),
+    Figure(
+        "fig5",
+        "Stability region with filter bank and local model, the wall integrated implicitly and explicitly",
+        ("wavesweep zwidth sweeps/paper/fig5.toml", "wavesweep zwidth sweeps/paper/fig5-explicit.toml"),
+        figure_5,
+    ),
+    Figure(
+        "fig6",
+        "Admittance with the local model, without it, and under direct coupling, at low and at high frequencies",
+        ("wavesweep bode sweeps/paper/fig6.toml sweeps/paper/pmw.toml sweeps/paper/dc.toml",),
+        figure_6,
+    ),
+    Figure(
+        "fig7",
+        "The experiment, simulated tick by tick (dots), over the linear analysis (lines)",
+        (
+            "wavesweep simulate sweeps/paper/fig7.toml",
+            "wavesweep simulate sweeps/paper/fig7.toml --set controller.kind=pmw --set Kp=0 --out results/fig7-pmw",
+            "wavesweep simulate sweeps/paper/fig7.toml --set controller.kind=dc --out results/fig7-dc",
+        ),
+        figure_7,
+    ),
+    Figure(
+        "fig8",
+        "Transmitted impedance with the local model, without it, and under direct coupling",
+        ("wavesweep bode sweeps/paper/fig8.toml sweeps/paper/pmw.toml sweeps/paper/dc.toml",),
+        figure_8,
+    ),
+)

@@ -1,0 +1,110 @@
+"""What the paper leaves open, and how the stiffest wall of passive multirate wave control depends on it."""
+
+from __future__ import annotations
+
+import time
+from itertools import product
+
+import numpy as np
+
+from wavesweep.analysis.spectrum import spectral_radius
+from wavesweep.diagram import draw
+from wavesweep.lifted import cut_at_wall
+from wavesweep.paper.specs import load_paper
+from wavesweep.results import Field
+from wavesweep.spec import KEYS, Spec
+from wavesweep.sweep import Run, intervals
+from wavesweep.sweep.run import facts_of
+
+AXES = {  # column: axis of the spec
+    "delay": "environment.delay",
+    "b": "b",
+    "lp1_order": "filters.lp1.order",
+    "lp1_cutoff_hz": "filters.lp1.cutoff_hz",
+}
+_UNITS = {"delay": "tick", "b": "N*s/m", "lp1_order": "1", "lp1_cutoff_hz": "Hz"}
+
+FIELDS = (
+    Field("integration", "string", "", "how the avatar's velocity is integrated"),
+    Field("velocity", "string", "", "how the device's velocity is measured"),
+    *(
+        Field(name, "integer" if unit in ("tick", "1") else "number", unit, f"as the key {AXES[name]}")
+        for name, unit in _UNITS.items()
+    ),
+    Field("K_at_1", "number", "N/m", "end of the stable K_VE that begin at 0, B_VE = 1; missing where 20000 is stable"),
+    Field("K_at_15", "number", "N/m", "the same for B_VE = 15 N*s/m"),
+    Field("slope", "number", "1/s", "mean slope of that limit between B_VE = 1 and 15"),
+    Field("bend", "number", "N/m", "how far the limit is at most off the straight line between its ends"),
+    Field("island", "boolean", "", "beyond the limit there are stable K_VE again, for some B_VE"),
+    Field("fig2_stable", "boolean", "", "the loops of Figure 2 are stable with these choices, for all four b"),
+    Field("fig6_stable", "boolean", "", "the loops of Figure 6, PMW and PMW+LM, are stable with these choices"),
+)
+
+_FIGURE_2 = tuple(("fig2", {"controller.b": float(b)}) for b in (20, 40, 60, 80))
+_FIGURE_6 = (("pmw", {}), ("fig6", {}))
+
+
+def open_choices() -> Run:
+    """Sweep `open-choices.toml` under each integration and each velocity: a row per combination."""
+    started, parts, base = time.perf_counter(), [], load_paper("open-choices")
+    words = product(*(KEYS[path].choices for path in ("environment.integration", "device.velocity")))
+    certified = 0
+    for integration, velocity in words:
+        spec = base.with_values({"environment.integration": integration, "device.velocity": velocity})
+        run = intervals(spec)
+        certified += run.facts["slices"]["certified"]
+        parts.append({"integration": integration, "velocity": velocity, **_limits(run.columns)})
+        parts[-1] |= _others_stable(parts[-1])
+    columns = {
+        name: _joined([part[name] for part in parts], [part["K_at_1"].size for part in parts]) for name in parts[0]
+    }
+    walls = len(next(axis for axis in base.sweep if axis.name == "B_VE").values)
+    counts = {"computed": len(columns["b"]) * walls, "skipped": 0, "certified": certified}
+    return Run(columns, facts_of(base, run.facts["methods"], counts, {"compute_s": time.perf_counter() - started}))
+
+
+def _limits(columns) -> dict[str, np.ndarray]:
+    """A row per combination of the axes but B_VE, which is the innermost."""
+    damping = np.unique(columns["B_VE"])
+    first = np.flatnonzero(columns["interval"] == 0)
+    begins = (columns["intervals"][first] > 0) & (columns["low"][first] == 0)
+    ends = np.where(np.isnan(columns["high_omega"][first]), np.nan, columns["high"][first])
+    K = np.where(begins, ends, 0.0).reshape(-1, damping.size)
+    islands = (columns["intervals"][first] > 1).reshape(K.shape).any(axis=1)
+    slope = (K[:, -1] - K[:, 0]) / (damping[-1] - damping[0])
+    line = K[:, :1] + slope[:, None] * (damping - damping[0])
+    places = {name: columns[axis][first].reshape(K.shape)[:, 0] for name, axis in AXES.items()}
+    found = {"K_at_1": K[:, 0], "K_at_15": K[:, -1], "slope": slope, "bend": np.abs(K - line).max(axis=1)}
+    return {**places, **found, "island": islands}
+
+
+def _others_stable(part: dict) -> dict[str, np.ndarray]:
+    """Whether the loops of Figures 2 and 6 are stable, each with its own b, by what a row chooses besides b."""
+    known: dict[tuple, tuple[bool, bool]] = {}
+    rows = list(zip(*(part[name].tolist() for name in ("delay", "lp1_order", "lp1_cutoff_hz")), strict=True))
+    for delay, order, cutoff in set(rows):
+        choices = {
+            "environment.integration": part["integration"],
+            "device.velocity": part["velocity"],
+            "environment.delay": delay,
+            "filters.lp1.order": order,
+            "filters.lp1.cutoff_hz": cutoff,
+        }
+        known[delay, order, cutoff] = tuple(
+            all(_stable(load_paper(name).with_values({**choices, **more})) for name, more in loops)
+            for loops in (_FIGURE_2, _FIGURE_6)
+        )
+    found = np.array([known[row] for row in rows])
+    return {"fig2_stable": found[:, 0], "fig6_stable": found[:, 1]}
+
+
+def _stable(spec: Spec) -> bool:
+    values = spec.values
+    return bool(spectral_radius(cut_at_wall(draw(values)), values["environment.K_VE"], values["environment.B_VE"]) < 1)
+
+
+def _joined(parts: list, sizes: list[int]) -> np.ndarray:
+    """One column from its parts; a word stands for all rows of its part."""
+    if isinstance(parts[0], str):
+        return np.repeat(np.array(parts, dtype=object), sizes)
+    return np.concatenate(parts)

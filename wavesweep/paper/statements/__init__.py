@@ -1,0 +1,13 @@
+"""Every quantitative or comparative statement of the paper, in its order, and the functions that judge them."""
+
+from wavesweep.paper.statements import channel, experiments, figure2, introduction, labels, stability, transparency
+
+STATEMENTS = (
+    *introduction.STATEMENTS,
+    *channel.STATEMENTS,
+    *figure2.STATEMENTS,
+    *transparency.STATEMENTS,
+    *stability.STATEMENTS,
+    *experiments.STATEMENTS,
+    *labels.STATEMENTS,
+)
