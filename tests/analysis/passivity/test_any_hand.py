@@ -72,7 +72,7 @@ def test_waves_without_position_feedback_need_infinite_damping(values):
 
 def test_walls_that_are_passive_end_at_the_bound(values):
     found = any_hand_walls(values("dc", **ENCODER), (0.0, 9000.0), hand_damping=2.0)
-    np.testing.assert_allclose([found.low, found.high], [[0.0], [5000.0]], rtol=1e-8)
+    np.testing.assert_allclose([found.low, found.high], [[0.0], [5000.0]], rtol=1e-6)
     assert any_hand_walls(values("dc", **ENCODER), (0.0, 100.0), hand_damping=2.0).high == [100.0]
     held = port_passive_walls(values("dc", **ENCODER), (0.0, 9000.0))
     assert found.high[0] < 9000.0

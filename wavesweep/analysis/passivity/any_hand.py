@@ -13,7 +13,8 @@ from wavesweep.diagram import draw
 from wavesweep.diagram.arrays import matrix
 from wavesweep.diagram.block import Block
 
-SLACK = 1e-10  # of the damping and of 1 N*s/m
+SLACK = 1e-10  # of the damping and of 1 N*s/m: what no frequency exceeds
+SURE = 1e-7  # of the same: rounding at the lowest frequency, where the position's pole cancels, with room
 LOWEST = 1e-4  # rad per frame that stands for zero frequency, where a position's pole is
 
 
@@ -33,7 +34,7 @@ class DampingNeeded:
 
     def suffices(self, damping) -> np.ndarray:
         """Whether `damping` (N*s/m) of device and hand together makes the loop stable with every passive hand."""
-        return self.responsive & self.certified & (damping > self.damping + 2 * SLACK * (1 + np.abs(self.damping)))
+        return self.responsive & self.certified & (damping > self.damping + SURE * (1 + np.abs(self.damping)))
 
 
 def colgate_schenkel(stiffness, damping, period):
@@ -60,7 +61,7 @@ def damping_needed(values) -> DampingNeeded | None:
     asks nothing of hands whose force moves within the tick, and lets the device's mass help.
     Waves without position feedback need infinite damping at any LP1: a motion at a multiple of the slow rate aliases to
     a wave that moves the avatar, and the force that this builds up stays.
-    Accuracy: 1e-10 of d* and of 1 N*s/m.
+    Accuracy: 1e-10 of d* and of 1 N*s/m; where zero frequency asks for d*, 1e-8, the position's pole being near.
     """
     if values["device.velocity"] != "difference":
         return None
