@@ -44,7 +44,6 @@ def nothing(_, __):
 
 
 HARD = [nothing, close_pair, near_real, near_one, at_both_ends, multiple]
-FLIPPED = pytest.mark.xfail(reason="slopes are counted from the sign at 1, on the far side of a root that is left open")
 
 
 def check(coefficients, noise):
@@ -71,7 +70,7 @@ def check(coefficients, noise):
     return True
 
 
-@pytest.mark.parametrize("hard", [pytest.param(hard, marks=FLIPPED) if hard is near_one else hard for hard in HARD])
+@pytest.mark.parametrize("hard", HARD)
 def test_what_is_proved_is_so(hard):
     """Gaps from 1e-12 to 0.1, exact coefficients and noisy ones: the count of roots is exact, each in its place."""
     r, proved = np.random.default_rng(HARD.index(hard)), 0

@@ -89,7 +89,6 @@ FEEBLE = {
 }  # fmt: skip
 
 
-@pytest.mark.xfail(reason="a root left open next to z = 1 turns the directions of all other crossings round")
 def test_a_crossing_next_to_the_end_of_the_circle_does_not_turn_the_others_round():
     """Stable about 1e-4 N*s/m, by eigenvalues; a certified answer may not say otherwise."""
     values = values_of("pmw-lm", **FEEBLE)

@@ -60,7 +60,8 @@ def isolate(coefficients, noise) -> Roots:
     weight = np.arange(1, n + 1)
     ends = (coefficients * weight).sum(-1), (coefficients * (weight * (-1.0) ** np.arange(n))).sum(-1)
     open_ = [(edge & (side * roots.real > 0)).any(-1) | (np.abs(end) <= 2 * noise) for side, end in zip((1, -1), ends, strict=True)]
-    return Roots(roots.real, radius, inside, _slope_sign(coefficients, roots, inside), *map(np.sign, ends), proved, *open_)
+    inside &= (size > 0)[:, None]
+    return Roots(roots.real, radius, inside, _slope_sign(coefficients, roots), *map(np.sign, ends), proved, *open_)
 
 
 def _eigenvalues(coefficients):
@@ -138,8 +139,10 @@ def _discs(coefficients, roots, bound):
     return radius, apart
 
 
-def _slope_sign(coefficients, roots, inside):
-    """Sign of the derivative at simple real roots: it alternates from the right end, where the polynomial's sign is known."""
-    above = (inside[:, None, :] & (roots.real[:, None, :] > roots.real[:, :, None])).sum(-1)
-    at_one = np.sign((coefficients * np.arange(1, coefficients.shape[1] + 1)).sum(-1))
-    return at_one[:, None] * np.where(above % 2 == 0, 1, -1)
+def _slope_sign(coefficients, roots):
+    """Sign of the derivative at simple real roots: that of `lead prod (x_i - x_j)`, whatever is left open elsewhere."""
+    apart = roots[:, :, None] - roots[:, None, :]
+    index = np.arange(roots.shape[1])
+    apart[:, index, index] = 1.0
+    size = np.abs(apart)
+    return np.sign(coefficients[:, -1:] * (apart / np.where(size > 0, size, 1)).prod(-1).real)

@@ -94,7 +94,8 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
     """Cut the span at the crossings and label what lies between; loops `cut.at(owner)`, one per column.
 
     The eigenvalues of the first region of each column are counted; the counts of the others follow from the directions of
-    the crossings, and where one of them comes to 0, which makes an interval stable, it is counted too.
+    the crossings, and where one of them comes to 0, which makes an interval stable, it is counted too. Columns whose
+    crossings are not all proved have every region counted.
     """
     parts = cut_span(span, fixed.size, found.column, found.value, found.theta, found.jump)
     unstable, clear = np.zeros(parts.column.size, int), np.ones(parts.column.size, bool)
@@ -107,7 +108,7 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
     unstable[first], clear[first] = count(first)
     rise = np.cumsum(parts.gain)
     unstable += np.where(parts.later, rise - rise[first][parts.column] + unstable[first][parts.column], 0).astype(int)
-    claimed = np.flatnonzero(parts.later & (unstable <= 0))
+    claimed = np.flatnonzero(parts.later & ((unstable <= 0) | ~found.complete[parts.column]))
     seen, clear[claimed] = count(claimed)
     clear[claimed] &= seen == unstable[claimed]
     unstable[claimed] = seen
@@ -127,7 +128,9 @@ def count_where_clear(parts: Parts, which, matrices):
         if not doubtful.size:
             break
         some = which[doubtful]
-        unstable[doubtful], clear[doubtful] = count_outside(matrices(some, parts.at(share)[some]))
+        count, sure = count_outside(matrices(some, parts.at(share)[some]))
+        better = sure | (share == SHARES[0])
+        unstable[doubtful[better]], clear[doubtful[better]] = count[better], sure[better]
     return unstable, clear
 
 

@@ -1,6 +1,6 @@
 """Frequency response of one block, through its modes or by a solve per frequency."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,14 @@ class Modes:
 
 
 def modes_of(block: Block) -> Modes:
-    """Eigenvalues and modes; a defective matrix (pure delays) gives huge ones, which the caller finds out from `size`."""
+    """Eigenvalues and modes; a defective matrix (pure delays) gives huge ones, which the caller finds out from `size`.
+
+    A loop that overflowed within its frame has no response: NaN, by way of D.
+    """
+    lost = ~np.logical_and.reduce([np.isfinite(getattr(block, part)).all((-1, -2)) for part in "EBCD"])
+    if lost.any():
+        E, B, C, D = (np.where(lost[..., None, None], fill, getattr(block, part)) for part, fill in zip("EBCD", (-1, 0, 0, np.nan), strict=True))
+        block = replace(block, E=E, B=B, C=C, D=D)
     poles, vectors = np.linalg.eig(block.E)
     vectors = vectors.astype(complex)
     return Modes(block, poles, block.C @ vectors, solve(vectors, np.broadcast_to(block.B, vectors.shape[:-1] + block.B.shape[-1:])))
