@@ -70,7 +70,9 @@ def _exit_code(error: BaseException) -> int:
 
 def _with_notes(text: str, error: BaseException) -> str:
     """Add what those that the error passed on its way have to say, such as where half of the work is kept."""
-    return " ".join([text.rstrip(), *getattr(error, "__notes__", ())])
+    # click turns a KeyboardInterrupt into an Abort of its own; the notes stay with the former.
+    passed = error.__cause__ if isinstance(error, click.Abort) else error
+    return " ".join([text.rstrip(), *getattr(passed, "__notes__", ())])
 
 
 def _os_error(error: OSError) -> str:

@@ -14,10 +14,13 @@ import numpy as np
 
 from wavesweep.results.columns import checked
 from wavesweep.results.existing import existing_sha256, refuse_other_spec
+from wavesweep.results.leftovers import at_work_in, remove_leftovers
 from wavesweep.results.package import package_text
 from wavesweep.results.parquet import GROUP_ROWS, ParquetFile
 from wavesweep.results.schema import Field, fields_of
 from wavesweep.results.text import header, lines
+
+_PREFIX = ".wavesweep-"  # of the folders that tables are written in
 
 
 class TableWriter:
@@ -44,10 +47,12 @@ class TableWriter:
         self._pending: list[dict[str, np.ndarray]] = []
         self._rows = self._pending_rows = 0
         self._directory.mkdir(parents=True, exist_ok=True)
+        remove_leftovers(self._directory, _PREFIX)
         with ExitStack() as opened:
             # A folder in the same directory is on the same file system: a rename out of it cannot be half done.
-            self._folder = Path(tempfile.mkdtemp(prefix=".wavesweep-", dir=self._directory))
+            self._folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=self._directory))
             opened.callback(shutil.rmtree, self._folder, ignore_errors=True)
+            opened.enter_context(at_work_in(self._folder))
             self._csv = opened.enter_context((self._folder / f"{kind}.csv").open("wb"))
             self._csv.write(header(fields))
             lasting = {name: fact for name, fact in self._facts.items() if name != "timings"}

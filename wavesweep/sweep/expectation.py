@@ -7,20 +7,31 @@ import numpy as np
 from wavesweep.sweep.question import Question, cut_otherwise
 from wavesweep.sweep.slices import solve
 
-PROBES = 5  # samples of the sweep
-ENOUGH = 40  # columns of a sample, about: what a batch costs beside its columns should not decide
+PROBES = 6  # samples of the sweep
+SHARE = 10  # a sample is so many times smaller than a chunk: large enough that what a batch costs does not decide
+LONGEST = 0.3  # s; no further sample after that
 
 
 def expected_seconds(asked: Question) -> float:
     """Seconds of work in one process for the whole question, by solving a small part of it."""
-    chunks = asked.chunks
-    wide = min(chunks.walls, ENOUGH)
-    small = cut_otherwise(asked, deep=max(1, ENOUGH // wide) if wide == chunks.walls else 1, wide=wide)
-    numbers = np.unique(np.linspace(0, len(small.chunks) - 1, PROBES).round().astype(int)).tolist()
-    samples = [small.chunks[number] for number in numbers]
-    solve(small.work(samples[0]))  # the first call of everything costs more than it will later
-    started = time.perf_counter()
+    samples = _samples(asked)
+    solve(samples[0])  # the first call of everything costs more than it will later
+    started, seconds, columns = time.perf_counter(), 0.0, 0
     for sample in samples:
-        solve(small.work(sample))
-    seconds = time.perf_counter() - started
-    return seconds / sum(sample.columns for sample in samples) * asked.columns
+        solve(sample)
+        seconds = time.perf_counter() - started
+        columns += sum(members.size for members, _ in sample.groups) * len(next(iter(sample.walls.values())))
+        if seconds > LONGEST:
+            break
+    return seconds / columns * asked.columns
+
+
+def _samples(asked):
+    """Pieces of the work, alternately from its ends and its middle."""
+    chunks = asked.chunks
+    enough = max(1, chunks.deep * chunks.wide // SHARE)
+    wide = min(chunks.walls, enough)
+    small = cut_otherwise(asked, deep=max(1, enough // wide), wide=wide)
+    shares = np.linspace(0, 1, PROBES)[[0, 3, 5, 1, 4, 2]]
+    numbers = dict.fromkeys(np.rint(shares * (len(small.chunks) - 1)).astype(int).tolist())
+    return [small.work(small.chunks[number]) for number in numbers]

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from wavesweep.diagram import WALL
 from wavesweep.spec import Spec
 from wavesweep.sweep.expectation import expected_seconds
 from wavesweep.sweep.parts import MemoryParts, open_folder
@@ -99,7 +100,9 @@ def in_memory(asked: Question) -> Columns:
 
 def method(path) -> str:
     """How intervals along that key are found, in a line."""
-    return "crossings of the unit circle from one real polynomial, proved by Smith's discs, polished in state space"
+    if path in WALL:
+        return "crossings of the unit circle from one real polynomial, proved by Smith's discs, polished in state space"
+    return "roots of the eigenvalues' critical functions on Chebyshev panels, proved by Smith's discs, polished"
 
 
 def notices(grid) -> list[str]:

@@ -107,16 +107,16 @@ def open_folder(folder: Path, facts: Mapping[str, object], chunks: Chunks, force
 
 def _opened(folder, expected, chunks):
     folder.mkdir(parents=True, exist_ok=True)
-    parts = FolderParts(folder, chunks, _names(folder, len(chunks)))
     manifest = folder / MANIFEST
     if manifest.exists():
         _compare(folder, _read(manifest), expected)
-    elif parts.finished():
+    elif any(folder.glob("*.npy")):
         raise _unusable(folder, f"it has parts but no {MANIFEST}")
     else:
         temporary = folder / f"{MANIFEST}.{os.getpid()}.tmp"
         temporary.write_text(json.dumps(expected, indent=1), encoding="utf-8")
         temporary.replace(manifest)
+    parts = FolderParts(folder, chunks, _names(folder, len(chunks)))
     for number in parts.finished():
         parts.load(number)
     return parts

@@ -1,11 +1,16 @@
 """What a run would compute, said before it runs."""
 
+from functools import cache, partial
+
 from wavesweep.diagram import draw, keys_read
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
-from wavesweep.spec import Spec, sweep_axes
+from wavesweep.spec import Spec
+from wavesweep.sweep.expectation import expected_seconds
 from wavesweep.sweep.grid import make_grid
-from wavesweep.sweep.interval_table import method
+from wavesweep.sweep.interval_table import JOBS, method
+from wavesweep.sweep.question import ask
+from wavesweep.sweep.workers import choose
 
 
 def plan(spec: Spec) -> list[str]:
@@ -32,16 +37,24 @@ def _loop_lines(spec, diagram, cut):
 
 def _interval_lines(spec, command, along):
     try:
-        axis, others = sweep_axes(spec, along)
-        grid = make_grid(spec, others, axis.path)
+        asked = ask(spec, along)
     except (SpecError, UsageError) as error:
         return [f"  {command}: not possible with this spec: {error}"]
+    grid, axis, expected = asked.grid, asked.axis, cache(partial(expected_seconds, asked))
     product = " x ".join(f"{a.name}[{len(a.values)}]" for a in grid.axes) or "the spec's own values"
+    workers = choose(JOBS, None, None, len(asked.chunks), expected)
+    repeated = f", {grid.size - asked.columns} more are repeats" if grid.size > asked.columns else ""
+    who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
     return [
         f"  {command}: stable intervals along {axis.name} in ({axis.start:g}, {axis.stop:g}) for {product}: "
-        f"{grid.loops * grid.walls} slices over {grid.loops} compiled loops",
+        f"{asked.columns} slices over {grid.loops} compiled loops{repeated}",
         f"    method: {method(axis.path)}",
+        f"    work: {len(asked.chunks)} chunk{'' if len(asked.chunks) == 1 else 's'}, about {_duration(expected() / workers.count)}; {who}: {workers.why}",
     ]
+
+
+def _duration(seconds):
+    return f"{seconds:.2g} s" if seconds < 100 else f"{seconds / 60:.3g} min"
 
 
 def _bode_lines(spec):

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, replace
 from itertools import product
-from math import prod
 
 import numpy as np
 
@@ -53,8 +52,8 @@ def question(grid: Grid, axis: Axis, cut: Cut | None = None) -> Question:
     """The same for a grid; cut: its compiled loop, where it has only one."""
     if axis.structural:
         raise UsageError(
-            f"intervals along {axis.name}: a {KEYS[axis.path].type} that the loop is built from, not a number that it "
-            f"varies with; sweep it as values ({axis.name} = [...]) and look along another axis, such as K_VE"
+            f"intervals along {axis.name}: expected a number that the loop varies with smoothly, found one that decides "
+            f"how it is built; sweep it as values ({axis.name} = [...]) and look along another axis, such as K_VE"
         )
     resolved = _resolve_all(grid)
     ends = [next(iter(resolved.values())), *list(resolved.values())[-1:]]
@@ -73,10 +72,7 @@ def _resolve_all(grid) -> dict:
             resolved[tuple(changes.items())] = dict((grid.spec.with_values(changes) if changes else grid.spec).values)
         except SpecError as error:
             named = ", ".join(f"{axis.name} = {value!r}" for axis, value in zip(axes, values, strict=True))
-            raise UsageError(
-                f"the sweep's {prod(len(axis.values) for axis in axes)} combinations of "
-                f"{', '.join(axis.name for axis in axes)} are all computed, and {named} makes no loop: {error}"
-            ) from error
+            raise UsageError(f"[sweep]: every combination is computed, and {named} makes no loop: {error}") from error
     return resolved
 
 

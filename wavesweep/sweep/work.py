@@ -4,18 +4,35 @@ import os
 import signal
 import threading
 import time
+from functools import cache
 
 import numpy as np
 
 from wavesweep.sweep.records import records_of
 from wavesweep.sweep.slices import Work, solve
 
+WATCH = 0.5  # s between two looks at the parent
+
 
 def timed(number: int, work: Work, parent: int) -> tuple[int, np.ndarray, float]:
     """Solve a chunk: its number, its records, and the seconds that it took. parent: process id of whoever asks."""
-    if os.getpid() != parent and threading.current_thread() is threading.main_thread():
-        # Ctrl-C reaches every process of the terminal; the parent alone decides what becomes of the run.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if os.getppid() == parent:
+        _settle_in(parent)
     started = time.perf_counter()
     records = records_of(solve(work))
     return number, records, time.perf_counter() - started
+
+
+@cache  # once in a process
+def _settle_in(parent):
+    """Leave Ctrl-C, which reaches every process of a terminal, to the parent; and end when the parent is gone."""
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def watch():
+        while os.getppid() == parent:
+            time.sleep(WATCH)
+        # Killed without a word; a pool's worker would wait for work for minutes.
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -1,0 +1,69 @@
+"""Sweeps that are quick, with everything in them that can go wrong in the order of rows."""
+
+import numpy as np
+import pytest
+
+from wavesweep.spec import load
+
+TABLES = {
+    "environment": {"integration": "explicit"},
+    "controller": {"kind": "pmw"},
+    "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
+    "sweep": {
+        "along": "K_VE",
+        "K_VE": {"start": 0, "stop": 20000},
+        "b": [10.0, 25.0, 40.0],
+        "B_VE": {"start": 0, "stop": 15, "num": 7},
+        "K_LM": [100.0, 200.0],  # pmw has no local model: its rows are repeated
+        "environment.delay": [0, 3],
+        "Kp": [0.0, 20.0],
+    },
+}
+
+
+def changed(**sweep):
+    """The spec with other axes."""
+    return load({**TABLES, "sweep": {"along": "K_VE", "K_VE": TABLES["sweep"]["K_VE"], **sweep}})
+
+
+@pytest.fixture
+def mixed():
+    """The wall's axis between those of the loop, an axis that is not read, one in whole numbers, and holes."""
+    return load(TABLES)
+
+
+@pytest.fixture
+def long():
+    """Several chunks."""
+    return changed(b={"start": 5, "stop": 100, "num": 200}, B_VE={"start": 0, "stop": 15, "num": 81})
+
+
+@pytest.fixture
+def same():
+    """Whether two tables are equal to the bit."""
+
+    def compare(found, expected):
+        assert list(found) == list(expected)
+        for name, column in expected.items():
+            assert found[name].dtype == column.dtype, name
+            if column.dtype == object:
+                assert found[name].tolist() == column.tolist(), name
+            else:
+                assert np.ascontiguousarray(found[name]).tobytes() == np.ascontiguousarray(column).tobytes(), name
+
+    return compare
+
+
+@pytest.fixture
+def alike():
+    """Whether two tables have the same rows and numbers equal to rounding, as batches of another size may round."""
+
+    def compare(found, expected):
+        assert list(found) == list(expected)
+        for name, column in expected.items():
+            if found[name].dtype.kind == "f" and name != "residual":
+                np.testing.assert_allclose(found[name], column, rtol=1e-9, atol=1e-12, err_msg=name)
+            elif name != "residual":
+                assert found[name].tolist() == column.tolist(), name
+
+    return compare

@@ -1,0 +1,64 @@
+"""What cannot be answered is refused before anything is computed; `check` says what would be."""
+
+import pytest
+
+import wavesweep
+from wavesweep import sweep
+from wavesweep.errors import UsageError
+from wavesweep.spec import load
+from wavesweep.sweep import expectation
+from wavesweep.sweep.question import ask
+from wavesweep.sweep.workers import choose
+
+
+def spec_of(kind="pmw", **axes):
+    return load({"controller": {"kind": kind}, "sweep": axes})
+
+
+@pytest.mark.parametrize(
+    ("name", "span"), [("environment.delay", (0, 20)), ("rates.ratio", (1, 20)), ("rates.fast_hz", (500, 2000)), ("filters.lp1.order", (1, 4))]
+)
+def test_intervals_along_what_decides_the_drawing_are_refused(name, span):
+    spec = spec_of(along=name, **{name: {"start": span[0], "stop": span[1]}})
+    with pytest.raises(UsageError, match=f"intervals along {name}: .*sweep it as values"):
+        sweep.intervals(spec)
+    with pytest.raises(UsageError, match=f"intervals along {name}"):
+        wavesweep.compile(spec).stable_intervals(name, span=span)
+
+
+def test_a_combination_that_makes_no_loop_is_named():
+    spec = spec_of(**{"rates.ratio": [20, 10], "environment.delay": [0, 15]})
+    with pytest.raises(UsageError, match=r"rates.ratio = 10, environment.delay = 15 makes no loop: .*<= 10"):
+        sweep.intervals(spec)
+
+
+def test_whole_numbers_and_derived_keys_are_swept_as_values():
+    run = sweep.intervals(spec_of(**{"rates.slow_hz": [50.0, 100.0], "environment.delay": [0, 10], "filters.lp1.order": [1, 3]}))
+    assert run.facts["slices"] == {"computed": 8, "skipped": 0, "certified": 8}
+    assert run.columns["environment.delay"].dtype.kind == "i"
+
+
+@pytest.mark.parametrize(
+    ("jobs", "backend", "chunks", "seconds", "expected"),
+    [(2, None, 9, 10.0, (2, "loky")), (2, None, 9, 0.1, (1, None)), (1, None, 9, 10.0, (1, None)), (8, None, 3, 10.0, (3, "loky")),
+     (2, None, 1, 10.0, (1, None)), (2, "threading", 1, 0.1, (2, "threading"))],
+)  # fmt: skip
+def test_workers_are_chosen_where_the_work_is_worth_them(jobs, backend, chunks, seconds, expected):
+    chosen = choose(jobs, backend, None, chunks, lambda: seconds)
+    assert (chosen.count, chosen.backend) == expected
+    assert chosen.why
+
+
+def test_the_expectation_is_of_the_whole(long):
+    asked = ask(long)
+    assert 0.01 < expectation.expected_seconds(asked) < 30
+
+
+def test_check_says_slices_chunks_workers_and_why(mixed, long):
+    lines = "\n".join(sweep.plan(mixed))
+    assert "84 slices over 12 compiled loops, 84 more are repeats" in lines
+    assert "1 chunk, about" in lines
+    assert "no workers: the work is a single chunk" in lines
+    assert "4 chunks, about" in "\n".join(sweep.plan(long))
+    refused = "\n".join(sweep.plan(spec_of(along="rates.ratio", **{"rates.ratio": {"start": 1, "stop": 9}})))
+    assert "stability-region: not possible with this spec: intervals along rates.ratio" in refused

@@ -1,0 +1,100 @@
+"""Rows come in the order of the spec's axes with the same bits, wherever a chunk or a block of rows ends."""
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from wavesweep import sweep
+from wavesweep.spec import load
+from wavesweep.sweep import rows
+from wavesweep.sweep.chunks import Chunks, cut_up
+from wavesweep.sweep.interval_table import compute, in_memory
+from wavesweep.sweep.parts import MemoryParts
+from wavesweep.sweep.question import ask, cut_otherwise
+from wavesweep.sweep.run import joined
+from wavesweep.sweep.workers import Workers
+
+HERE = Workers(1, None, None, "a test")
+SIZES = [(1, 7), (5, 7), (1, 3), (1, 1), (100, 7)]
+
+
+def table_of(asked):
+    parts = MemoryParts()
+    compute(asked, parts, HERE)
+    return joined(rows.blocks(asked, parts))
+
+
+def one_by_one(spec):
+    """The same table from a sweep of its own for every combination."""
+    axes = [axis for axis in spec.sweep if axis.name != spec.along]
+    found = []
+    for values in product(*(axis.values for axis in axes)):
+        tables = spec.tables() | {"sweep": {"along": spec.along, spec.along: {"start": 0, "stop": 20000}}}
+        del tables["bode"]
+        changes = {axis.path: value for axis, value in zip(axes, values, strict=True)}
+        one = in_memory(ask(load(tables).with_values(changes)))
+        size = one["low"].size
+        found.append({axis.name: np.full(size, value) for axis, value in zip(axes, values, strict=True)} | one)
+    return joined(found)
+
+
+def test_the_table_is_that_of_every_combination_on_its_own_in_the_specs_order(mixed, alike):
+    table = table_of(ask(mixed))
+    assert (table["intervals"] > 1).any()
+    alike(table, one_by_one(mixed))
+
+
+@pytest.mark.parametrize(("deep", "wide"), SIZES)
+def test_borders_of_chunks_leave_no_trace(mixed, alike, deep, wide):
+    asked = ask(mixed)
+    alike(table_of(cut_otherwise(asked, deep=deep, wide=wide)), table_of(asked))
+
+
+@pytest.mark.parametrize("along", ["b", "Kp", "B_VE", "device.mass"])
+def test_they_leave_none_along_other_axes(alike, along):
+    spec = load({
+        "controller": {"kind": "pmw"}, "environment": {"integration": "explicit"},
+        "sweep": {"along": along, along: {"start": 0.05, "stop": 40}, "K_VE": [100.0, 900.0], "device.damping": [0.5, 1.0, 2.0]},
+    })  # fmt: skip
+    asked = ask(spec)
+    for deep, wide in ((1, 2), (1, 1), (2, 2)):
+        alike(table_of(cut_otherwise(asked, deep=deep, wide=wide)), table_of(asked))
+
+
+def test_borders_of_blocks_leave_no_trace(mixed, same, monkeypatch):
+    asked = ask(mixed)
+    whole = table_of(asked)
+    for size in (1, 5, 32):
+        monkeypatch.setattr(rows, "BLOCK", size)
+        same(table_of(asked), whole)
+
+
+def test_what_is_not_read_is_computed_once(mixed):
+    run = sweep.intervals(mixed)
+    assert run.facts["slices"] == {"computed": 84, "skipped": 84, "certified": 84}
+    assert run.facts["notices"] == ["K_LM is not read by pmw: evaluated once, its rows repeated"]
+
+
+@pytest.mark.parametrize(("loops", "walls"), [(1, 1), (10, 3), (3, 10_000), (5000, 1), (7, 4096)])
+def test_chunks_cover_every_column_once(loops, walls):
+    chunks = cut_up(loops, walls, cost=1e-6)
+    columns = [column for number in range(len(chunks)) for column in _columns(chunks, number)]
+    assert columns == list(range(loops * walls))
+    owner = np.concatenate([np.full(chunks[number].columns, number) for number in range(len(chunks))])
+    assert np.array_equal(chunks.of(np.arange(loops * walls)), owner)
+
+
+def _columns(chunks: Chunks, number):
+    chunk = chunks[number]
+    found = [loop * chunks.walls + wall for loop in chunk.loops for wall in chunk.walls]
+    assert (found[0], len(found)) == (chunk.first, chunk.columns)
+    return found
+
+
+def test_progress_counts_slices_up_to_all_of_them(long):
+    told = []
+    sweep.intervals(long, jobs=1, progress=lambda *counts: told.append(counts))
+    assert len(told) > 2
+    assert told[-1] == (16200, 16200, 16200)
+    assert told == sorted(told)

@@ -1,0 +1,101 @@
+"""A run that is stopped, however rudely, leaves nothing half done, goes on, and gives the same bytes.
+
+WAVESWEEP_KILLS=20 in the environment asks for more kills than the few of an ordinary test run.
+"""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+KILLS = int(os.environ.get("WAVESWEEP_KILLS", "4"))
+SPEC = """
+[environment]
+integration = "explicit"
+[controller]
+kind = "pmw"
+[sweep]
+K_VE = { start = 0, stop = 20000 }
+b = { start = 5, stop = 100, num = 500 }
+B_VE = { start = 0, stop = 15, num = 81 }
+"""
+FILES = ("zwidth.csv", "zwidth.parquet")
+
+
+@pytest.fixture
+def start(tmp_path):
+    """Start a run of one spec in a folder; Ctrl-C reaches it, and the signal goes to its whole group as on a terminal."""
+    (tmp_path / "wall.toml").write_text(SPEC)
+
+    def begin(out, *options):
+        arguments = [sys.executable, "-m", "wavesweep", "zwidth", "wall.toml", "--no-plot", "--out", str(out), *options]
+        return subprocess.Popen(
+            arguments, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True,
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
+        )  # fmt: skip
+
+    return begin
+
+
+def finish(process):
+    said = process.communicate(timeout=60)[1]
+    return process.returncode, said
+
+
+def contents(folder):
+    return [(folder / name).read_bytes() for name in FILES]
+
+
+def wait_for_parts(folder, number):
+    patience = time.monotonic() + 30
+    while len(list(folder.glob(".zwidth.parts/*.npy"))) < number:
+        assert time.monotonic() < patience, "no finished chunk in 30 s"
+        time.sleep(0.005)
+
+
+@pytest.fixture
+def undisturbed(start, tmp_path):
+    """The files of a run that nobody stopped."""
+    assert finish(start(tmp_path / "whole", "--jobs", "1"))[0] == 0
+    return contents(tmp_path / "whole")
+
+
+@pytest.mark.parametrize("options", [("--jobs", "1"), ("--jobs", "2", "--backend", "loky")], ids=["alone", "workers"])
+def test_a_run_killed_at_random_moments_gives_the_same_bytes(start, tmp_path, undisturbed, options):
+    moments, killed = random.Random(7), 0
+    while killed < KILLS:
+        out = tmp_path / f"out{killed}"
+        process = start(out, *options)
+        time.sleep(moments.uniform(0.2, 1.2))
+        os.killpg(process.pid, signal.SIGKILL)
+        finish(process)
+        killed += 1
+        if (out / "zwidth.csv").exists():
+            # Put in place one by one: whichever is there is whole.
+            assert (out / "zwidth.csv").read_bytes() == undisturbed[0]
+        code, said = finish(start(out, *options))
+        assert (code, said.count("Error")) == (0, 0)
+        assert contents(out) == undisturbed
+        assert sorted(file.name for file in out.iterdir()) == sorted([*FILES, "zwidth.datapackage.json"])
+
+
+@pytest.mark.parametrize(
+    ("number", "code", "word"), [(signal.SIGINT, 130, "Interrupted."), (signal.SIGTERM, 143, "Terminated.")]
+)
+@pytest.mark.parametrize("options", [("--jobs", "1"), ("--jobs", "2", "--backend", "loky")], ids=["alone", "workers"])
+def test_a_run_that_is_stopped_says_so_in_a_line_and_goes_on(start, tmp_path, undisturbed, number, code, word, options):
+    out = tmp_path / "out"
+    process = start(out, *options)
+    wait_for_parts(out, 1)
+    os.killpg(process.pid, number) if number == signal.SIGINT else process.send_signal(number)
+    found, said = finish(process)
+    # click leaves the line that the terminal has written ^C on.
+    assert (found, said.strip().count("\n")) == (code, 0), said
+    assert said.strip().startswith(word)
+    assert f"slices are kept in {out}/.zwidth.parts; the same command goes on from there." in said
+    assert finish(start(out, "--jobs", "1"))[0] == 0
+    assert contents(out) == undisturbed

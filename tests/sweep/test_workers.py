@@ -1,0 +1,110 @@
+"""The same bits from any number of workers on any backend; what is missing or dies is named."""
+
+import os
+import signal
+import sys
+import warnings
+
+import pytest
+
+from wavesweep import sweep
+from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.sweep import workers
+from wavesweep.sweep.slices import solve
+from wavesweep.sweep.workers import Workers, results
+
+
+@pytest.mark.parametrize(
+    ("jobs", "backend"), [(1, "loky"), (2, "loky"), (4, "loky"), (2, "threading"), (2, "multiprocessing")]
+)
+def test_workers_give_the_bits_that_none_give(long, same, jobs, backend, tmp_path):
+    run = sweep.intervals(long, jobs=jobs, backend=backend, checkpoint=tmp_path / "parts")
+    same(run.columns, sweep.intervals(long, jobs=1).columns)
+    assert run.facts["timings"]["workers"] == jobs
+
+
+def test_a_dask_cluster_of_two_processes_gives_the_same_bits(long, same):
+    from distributed import LocalCluster
+
+    with warnings.catch_warnings():
+        # Of the cluster's own making, and of no consequence for what it computes.
+        warnings.simplefilter("ignore")
+        with LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None
+        ) as cluster:
+            run = sweep.intervals(long, backend="dask", scheduler=cluster.scheduler_address)
+    same(run.columns, sweep.intervals(long, jobs=1).columns)
+
+
+def test_a_scheduler_that_is_not_there_is_named(mixed, monkeypatch):
+    from wavesweep.sweep import backends
+
+    monkeypatch.setattr(backends, "PATIENCE", "1s")
+    with pytest.raises(UsageError, match="--scheduler tcp://127.0.0.1:9: no dask scheduler answers there"):
+        sweep.intervals(mixed, backend="dask", scheduler="tcp://127.0.0.1:9")
+    with pytest.raises(UsageError, match="give the scheduler's address"):
+        sweep.intervals(mixed, backend="dask")
+
+
+def test_a_backend_that_joblib_does_not_know_is_refused_with_those_that_it_knows(mixed):
+    with pytest.raises(UsageError, match="--backend lokky: joblib knows no such backend, expected one of dask, loky, "):
+        sweep.intervals(mixed, backend="lokky")
+
+
+@pytest.mark.parametrize(("backend", "package"), [("ray", "ray"), ("dask", "distributed")])
+def test_a_missing_package_is_named_with_the_extra_that_brings_it(mixed, monkeypatch, backend, package):
+    for name in [name for name in sys.modules if name.split(".")[0] == package]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(UsageError, match=rf"the package {package} is missing; .*'wavesweep\[{backend}\]'"):
+        sweep.intervals(mixed, backend=backend)
+
+
+def die_once(mark):
+    """Kill this process, unless another one of this test has died already."""
+
+    def work(*given):
+        if not mark.exists():
+            mark.touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        return given
+
+    return work
+
+
+def test_a_worker_that_dies_is_an_error_and_what_is_finished_is_kept(long, same, monkeypatch, tmp_path):
+    # The worker gets the function by value: nothing in its own modules is changed.
+    monkeypatch.setattr(workers, "timed", die_once(tmp_path / "died"))
+    with pytest.raises(WavesweepError, match="a worker process died") as caught:
+        sweep.intervals(long, jobs=2, backend="loky", checkpoint=tmp_path / "parts")
+    assert "the same command goes on from there" in caught.value.__notes__[0]
+    monkeypatch.undo()
+    same(sweep.intervals(long, jobs=1, checkpoint=tmp_path / "parts").columns, sweep.intervals(long, jobs=1).columns)
+
+
+def test_what_fails_in_a_worker_fails_here(monkeypatch):
+    def fail(*_):
+        raise ZeroDivisionError("by zero")
+
+    monkeypatch.setattr(workers, "timed", fail)
+    with pytest.raises(ZeroDivisionError, match="by zero"):
+        list(results(Workers(2, "threading", None, ""), [0, 1], lambda number: number))
+
+
+def test_a_backend_that_gives_lists_only_works_in_blocks():
+    numbers = [number for number, _, _ in _echo(range(30))]
+    assert sorted(numbers) == list(range(30))
+
+
+def _echo(numbers, backend="multiprocessing"):
+    work = solve  # any function that a worker can import
+    del work
+    original, workers.timed = workers.timed, _give_back
+    try:
+        return list(results(Workers(2, backend, None, ""), numbers, lambda number: number))
+    finally:
+        workers.timed = original
+
+
+def _give_back(number, *_):
+    return number, None, 0.0
