@@ -15,6 +15,7 @@ from wavesweep.lifted import close, cut_at_wall
 
 TOLERANCE = 1e-9  # of the mean eigenvalue: by how much the margin may be negative for rounding's sake
 SLACK = 1e-10  # of the margin and of the mean eigenvalue: what the margin is good to
+HUGE = 1e10  # an unstable loop that grows by this much in a frame keeps no digit worth reporting
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -22,10 +23,11 @@ class PortMargin:
     """The hand's port, arrays over the batch of the values.
 
     margin: smallest eigenvalue, over all frequencies, of the Hermitian part of the lifted map from the held force to
-    the displacement in the tick, m/N; NaN for a loop so unstable that its frame overflows. omega: where, rad/s, in
-    [0, pi/T_s]. mean: of all eigenvalues over all frequencies (T^2/2m and a little less), which is the natural scale.
-    stable: every eigenvalue but drift inside the unit circle. certified: no frequency has an eigenvalue below the
-    margin by more than SLACK of it and of the mean.
+    the displacement in the tick, m/N; NaN for a loop so unstable that a frame of it overflows, or nearly.
+    omega: where, rad/s, in [0, pi/T_s].
+    mean: of all eigenvalues over all frequencies (T^2/2m and a little less), which is the natural scale, m/N.
+    stable: every eigenvalue but drift inside the unit circle.
+    certified: no frequency has an eigenvalue below the margin by more than SLACK of it and of the mean.
     """
 
     margin: np.ndarray
@@ -57,13 +59,16 @@ def port_margin(values) -> PortMargin:
     loop = port_loop(diagram, K, B)
     batch = loop.batch
     margin, theta, certified = lowest_eigenvalue(loop)
+    is_stable = np.broadcast_to(stable(diagram, K, B), batch)
+    lost = ~is_stable.reshape(-1) & (np.abs(loop.slow.E).max((-1, -2), initial=0) > HUGE)
+    margin, certified = np.where(lost, np.nan, margin), certified & ~lost
     held = np.broadcast_to(np.asarray(K) != 0, batch).reshape(-1) | diagram.held_by_spring
     theta = np.where(held & (margin > 0), 0.0, theta)
     margin = np.where(held, np.minimum(margin, 0.0), margin)
     period = np.broadcast_to(diagram.period * diagram.ratio, batch)
     return PortMargin(
         margin.reshape(batch), theta.reshape(batch) / period, loop.mean.reshape(batch),
-        np.broadcast_to(stable(diagram, K, B), batch), certified.reshape(batch),
+        is_stable, certified.reshape(batch),
     )
 
 
