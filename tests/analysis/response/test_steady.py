@@ -75,7 +75,6 @@ def test_a_millihertz_keeps_nine_digits(kind, changes):
     assert worst_error(values_of(kind, **changes), [1e-3], exact.response) < 1e-9
 
 
-@pytest.mark.xfail(reason="where the wall alone holds the hand, two large ways cancel like w^2")
 @pytest.mark.parametrize("kind", ["dc", "dc-slow"])
 @pytest.mark.parametrize("changes", [{}, {"damping": 0.1, "K_VE": 2000.0}])
 def test_a_millihertz_keeps_nine_digits_without_waves(kind, changes):

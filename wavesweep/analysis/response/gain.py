@@ -2,12 +2,14 @@
 
 import numpy as np
 
+from wavesweep.analysis.response.direct import inverse_map, is_direct
 from wavesweep.analysis.response.steady import Loop, frame_angle, held_response, held_share
 from wavesweep.analysis.response.transfer import modal_response, solved_response
 from wavesweep.lifted.circle import on_circle
 
 DENSE = 32  # up to this ratio LAPACK's singular values of the whole matrix are the quicker way
 STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
+REFERENCE = "frame.device.x"  # what the drawings without waves count positions from
 ASIDE = 1e-6  # cycles per frame
 BLOCK = 4_000_000  # entries of one batch of matrices
 
@@ -30,15 +32,19 @@ def worst_gain(loop: Loop, frequency_hz, ratio: int) -> np.ndarray:
     width = max(1, BLOCK // ratio**2) if ratio <= DENSE else max(1, BLOCK // (8 * ratio))
     for start in range(0, ticks.size, width):
         chunk = slice(start, start + width)
-        parts.append(_largest(*_diagonal_and_mixture(loop, ticks[chunk], aliases[chunk])))
+        if is_direct(loop.diagram):
+            parts.append(_largest_of_inverse(*inverse_map(loop, ticks[chunk], ratio)))
+        else:
+            parts.append(_largest(*_diagonal_and_mixture(loop, ticks[chunk], aliases[chunk])))
     gain = np.concatenate(parts, axis=-1)
     return np.where(at_slow_rate & _drifts(loop), np.nan, gain)
 
 
 def _drifts(loop):
     """Whether nothing in the loop holds the position: then a constant force, aliased or not, moves it for ever."""
-    has_waves = loop.diagram.reference != "frame.device.x"
-    return has_waves and "x_s" not in loop.fast.block.inputs and loop.diagram.ratio > 1
+    if loop.diagram.ratio > 1 and loop.diagram.reference != REFERENCE and "x_s" not in loop.fast.block.inputs:
+        return True
+    return (np.asarray(loop.wall[0]) == 0)[..., None] & ~np.asarray(loop.diagram.held_by_spring)
 
 
 def _diagonal_and_mixture(loop, ticks, aliases):
@@ -84,12 +90,43 @@ def _largest(diagonal, left, right):
         matrix[..., index, index] += diagonal
         value = np.linalg.svd(matrix, compute_uv=False)[..., 0]
     else:
-        value = _lanczos(diagonal, left, right)
+        value = _lanczos(*_products(diagonal, left, right), np.abs(diagonal) + np.abs(right).sum(-2))
     return np.where(finite, value, np.nan)
 
 
-def _lanczos(diagonal, left, right):
-    """Golub-Kahan-Lanczos on `diag(d) + left right` with full reorthogonalisation, all points at once."""
+def _largest_of_inverse(s, h, a):
+    """Largest singular value of the inverse of `diag(s) + h a^T`."""
+    if h is None:
+        return 1 / np.abs(s).min(-1)
+    if s.shape[-1] <= DENSE:
+        matrix = h[..., :, None] * a[..., None, :]
+        index = np.arange(s.shape[-1])
+        matrix[..., index, index] += s
+        return 1 / np.linalg.svd(matrix, compute_uv=False)[..., -1]
+    return _lanczos(_solver(s, h, a), _solver(s.conj(), a.conj(), h.conj()), 1 / (np.abs(s) + np.abs(h * a)))
+
+
+def _solver(s, h, a):
+    """x of `diag(s) x + h (a^T x) = f`, the alias of least s by itself: a free device's answer to it cancels otherwise."""
+    least = np.argmin(np.abs(s), axis=-1)[..., None]
+    others = np.ones(s.shape)
+    np.put_along_axis(others, least, 0.0, axis=-1)
+    weight = others * a / np.where(others > 0, s, 1)
+    through = 1 + (weight * h).sum(-1, keepdims=True)
+    s0, h0, a0 = (np.take_along_axis(part, least, axis=-1) for part in (s, h, a))
+
+    def solve(f):
+        seen = (weight * f).sum(-1, keepdims=True)
+        x0 = (np.take_along_axis(f, least, axis=-1) * through - h0 * seen) / (s0 * through + h0 * a0)
+        x = (f - h * ((a0 * x0 + seen) / through)) / np.where(others > 0, s, 1)
+        np.put_along_axis(x, least, x0, axis=-1)
+        return x
+
+    return solve
+
+
+def _products(diagonal, left, right):
+    """Functions that multiply by `diag(d) + left right` and by its adjoint."""
     def forward(v):
         return diagonal * v + (left @ (right @ v[..., None]))[..., 0]
 
@@ -97,9 +134,14 @@ def _lanczos(diagonal, left, right):
         inner = np.swapaxes(left.conj(), -1, -2) @ u[..., None]
         return diagonal.conj() * u + (np.swapaxes(right.conj(), -1, -2) @ inner)[..., 0]
 
-    v = np.abs(diagonal) + np.abs(right).sum(-2) + 0j  # leans to where the gain is
-    basis, band, best = [], [], np.zeros(diagonal.shape[:-1])
-    for _ in range(min(STEPS, diagonal.shape[-1])):
+    return forward, backward
+
+
+def _lanczos(forward, backward, start):
+    """Golub-Kahan-Lanczos with full reorthogonalisation, all points at once; start: where the gain is likely to be."""
+    v, best = start + 0j, np.zeros(start.shape[:-1])
+    basis, band = [], []
+    for _ in range(min(STEPS, start.shape[-1])):
         v = v / _norm(v)
         basis.append(v)
         band.append(forward(v))

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wavesweep.analysis.response.direct import direct_admittance, is_direct
 from wavesweep.analysis.response.transfer import Modes, modal_response, modes_of, solved_response
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
@@ -22,12 +23,14 @@ class Loop:
     fast: from `f_h` and the held signals to the tick's displacement `dx` (m), the control force `f_m` (N) and what is
     sampled; held signals that it does not read are left out. slow: from what the hand's force adds to the samples to the
     sources of the held signals, or with a `drift` from twice that (see `_without_drift`). drift: its gain past the states.
+    wall: K_VE (N/m) and B_VE (N*s/m).
     """
 
     diagram: Diagram
     fast: Modes
     slow: Modes
     drift: np.ndarray | None
+    wall: tuple
 
 
 def prepare(diagram: Diagram, K_VE, B_VE) -> Loop:
@@ -40,8 +43,8 @@ def prepare(diagram: Diagram, K_VE, B_VE) -> Loop:
     slow, _ = slow_side(diagram, tuple(diagram.holds[name] for name in fast.inputs[1:]), injected=True, wall=wall)
     if diagram.wall_drifts and diagram.reference in slow.states:
         slow, drift = _without_drift(slow, slow.states.index(diagram.reference))
-        return Loop(diagram, modes_of(fast), modes_of(slow), drift)
-    return Loop(diagram, modes_of(fast), modes_of(slow), None)
+        return Loop(diagram, modes_of(fast), modes_of(slow), drift, (K_VE, B_VE))
+    return Loop(diagram, modes_of(fast), modes_of(slow), None, (K_VE, B_VE))
 
 
 def _without_drift(slow: Block, ref: int):
@@ -84,10 +87,13 @@ def steady_state(loop: Loop, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
 
     The hand's force `exp(j w k T)` gives a sum over `w + 2 pi m/T_s`; both are its components at w itself. x is never
     formed as a state: it is the displacement in the tick over `exp(j w T) - 1`. Evaluated through modes; frequencies at
-    which these cancel, or all when they disagree with a solve at PROBES of the frequencies, are solved one by one.
+    which these cancel, or all when they disagree with a solve at PROBES of the frequencies, are solved one by one. Where the
+    wall alone holds a free device, `direct_admittance` does it.
     Accuracy: 1e-10 and better from 1e-3 Hz to the fast Nyquist frequency, at multiples of the slow rate too.
     """
     ticks = np.asarray(frequency_hz, float) * loop.diagram.period  # cycles per tick
+    if is_direct(loop.diagram):
+        return direct_admittance(loop, ticks)
     found, doubt = _own_component(loop, ticks, modal_response)
     probes = np.unique(np.linspace(0, ticks.size - 1, PROBES).astype(int))
     exact, _ = _own_component(loop, ticks[probes], solved_response)
