@@ -2,16 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isnan
 
 import numpy as np
 
-from wavesweep.diagram import WALL, draw
+from wavesweep.diagram import draw
 from wavesweep.errors import UsageError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.spec import KEYS, SYMBOLS, Axis, Spec, find_key, load
 
 
-def compile(source) -> "Loop":
+def compile(source) -> "Loop":  # noqa: A001 - the name that the interface gives it
     """Compile a spec (a `Spec`, a path, or the same nested tables as a dict) once, for any number of questions."""
     spec = source if isinstance(source, Spec) else load(source)
     diagram = draw(spec.values)
@@ -104,7 +105,7 @@ class Loop:
         if not numbers.size:
             raise UsageError(f"{name}: expected at least one value, found none")
         plain = tuple(number.item() for number in numbers)
-        for extreme in {min(plain), max(plain), *(x for x in plain if x != x)}:
+        for extreme in (min(plain), max(plain), *filter(isnan, plain)):
             self.spec.with_values({key.path: extreme})  # refuses what a spec would refuse
         plain = plain if key.type == "integer" else tuple(map(float, plain))
         return Axis(name, key.path, plain, min(plain), max(plain), key.structural)

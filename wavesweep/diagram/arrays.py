@@ -14,7 +14,7 @@ def matrix(rows) -> np.ndarray:
     """Stack rows of scalars and arrays to `(..., len(rows), len(rows[0]))`, entries broadcast together."""
     height, width = len(rows), len(rows[0])
     entries = [np.asarray(entry, dtype=float) for row in rows for entry in row]
-    out = np.empty(np.broadcast_shapes(*(e.shape for e in entries)) + (height, width))
+    out = np.empty((*np.broadcast_shapes(*(e.shape for e in entries)), height, width))
     for index, entry in enumerate(entries):
         out[..., index // width, index % width] = entry
     return out

@@ -18,7 +18,8 @@ def slow_side(diagram: Diagram, outputs, injected=False, wall=None) -> tuple[Blo
     """The frame, cut at the wall: from the wall's force `F_s` to the slow signals `outputs`.
 
     injected: adds an input `inject.NAME` for every sample, which is added to what the sampler reads (the hand's force
-    reaches the slow side by no other way). wall: a junction that makes `F_s`, which closes the loop. Returns the block and the names of the states that were left out.
+    reaches the slow side by no other way). wall: a junction that makes `F_s`, which closes the loop.
+    Returns the block and the names of the states that were left out.
     """
     sampled = tuple(dict.fromkeys(diagram.samples.values()))
     fast = fast_side(diagram, sampled)

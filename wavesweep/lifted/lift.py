@@ -12,7 +12,7 @@ def growth(E, ticks: int):
     """
     n = E.shape[-1]
     total, done = np.zeros_like(E), 0
-    for bit in bin(ticks)[2:] if ticks else "":
+    for bit in f"{ticks:b}" if ticks else "":
         if done:
             total, done = 2 * total + total @ E @ total, 2 * done  # S_2n = S_n (2I + E S_n)
         if bit == "1":

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.lifted.circle import solve
-from wavesweep.lifted.cut import ADVANCE, OFFSET, V, Cut
+from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 K_VE, B_VE = "K_VE", "B_VE"
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from wavesweep.analysis.intervals.curve import K_VE
-from wavesweep.lifted.cut import ADVANCE, OFFSET, V, Cut
+from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 
 def surely_unstable(cut: Cut, owner, along: str, fixed, span):

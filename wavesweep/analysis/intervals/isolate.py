@@ -11,10 +11,10 @@ EDGE = 1e-7  # so near to +-1 a root is not told from one at the end itself
 class Roots:
     """Roots per row of coefficients.
 
-    value: `(rows, n-1)`, real. radius: of the disc that the true root is in. inside: which of them are real roots in (-1, 1). slope_sign: sign of the polynomial's
-    derivative there. at_one, at_minus_one: sign of the polynomial at 1 and -1. proved: `(rows,)`, whether the list is
-    complete and right for every polynomial within the error bound, but for the ends: open_at_one, open_at_minus_one say
-    that a root may be there, within EDGE of the end on either side.
+    value: `(rows, n-1)`, real. radius: of the disc that the true root is in. inside: which of them are real roots in
+    (-1, 1). slope_sign: sign of the polynomial's derivative there. at_one, at_minus_one: sign of the polynomial at 1 and
+    -1. proved: `(rows,)`, whether the list is complete and right for every polynomial within the error bound, but for the
+    ends: open_at_one, open_at_minus_one say that a root may be there, within EDGE of the end on either side.
     """
 
     value: np.ndarray
@@ -59,7 +59,10 @@ def isolate(coefficients, noise) -> Roots:
     inside = (roots.imag == 0) & (np.abs(roots.real) < 1) & ~edge
     weight = np.arange(1, n + 1)
     ends = (coefficients * weight).sum(-1), (coefficients * (weight * (-1.0) ** np.arange(n))).sum(-1)
-    open_ = [(edge & (side * roots.real > 0)).any(-1) | (np.abs(end) <= 2 * noise) for side, end in zip((1, -1), ends, strict=True)]
+    open_ = [
+        (edge & (side * roots.real > 0)).any(-1) | (np.abs(end) <= 2 * noise)
+        for side, end in zip((1, -1), ends, strict=True)
+    ]
     inside &= (size > 0)[:, None]
     return Roots(roots.real, radius, inside, _slope_sign(coefficients, roots), *map(np.sign, ends), proved, *open_)
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from wavesweep.analysis.intervals.curve import transfer_and_slope
 from wavesweep.lifted.circle import on_circle
-from wavesweep.lifted.cut import ADVANCE, OFFSET, V, Cut
+from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 ROUNDS = 12  # Newton from a seed of 8 digits needs 2; from the fallback's arcs a few more
 

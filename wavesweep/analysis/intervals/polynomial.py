@@ -6,7 +6,7 @@ import numpy as np
 
 from wavesweep.analysis.intervals.curve import Terms
 from wavesweep.lifted.circle import solve
-from wavesweep.lifted.cut import ADVANCE, OFFSET, V, Cut
+from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all
 NEAREST, FARTHEST = 1e-3, 0.6  # scales r of the warp; r = 1 would leave roots at infinity when the loop has pure delays

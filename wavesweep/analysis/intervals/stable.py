@@ -80,7 +80,8 @@ def _beyond_hope(cut, owner, along, fixed, span):
     nowhere = np.zeros(0)
     whole = cut_span(span, fixed.size, nowhere.astype(int), nowhere, nowhere, nowhere)
     everything = np.ones(fixed.size, bool)
-    return whole.labelled(everything.astype(int), everything, nowhere > 0, nowhere), surely_unstable(cut, owner, along, fixed, span)
+    parts = whole.labelled(everything.astype(int), everything, nowhere > 0, nowhere)
+    return parts, surely_unstable(cut, owner, along, fixed, span)
 
 
 def _by_polynomial(cut, owner, along, fixed, span):

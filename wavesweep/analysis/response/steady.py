@@ -11,7 +11,6 @@ from wavesweep.diagram.drawing import Diagram
 from wavesweep.lifted.assemble import fast_side, slow_side
 from wavesweep.lifted.circle import on_circle
 
-
 PROBES = 8  # frequencies of a request at which the modal form is checked against a solve
 GOOD = 1e-11  # relative error, estimated or seen, up to which the modal form is believed
 

@@ -25,11 +25,13 @@ def modes_of(block: Block) -> Modes:
     """
     lost = ~np.logical_and.reduce([np.isfinite(getattr(block, part)).all((-1, -2)) for part in "EBCD"])
     if lost.any():
-        E, B, C, D = (np.where(lost[..., None, None], fill, getattr(block, part)) for part, fill in zip("EBCD", (-1, 0, 0, np.nan), strict=True))
-        block = replace(block, E=E, B=B, C=C, D=D)
+        fills = {"E": -1.0, "B": 0.0, "C": 0.0, "D": np.nan}
+        kept = {part: np.where(lost[..., None, None], fill, getattr(block, part)) for part, fill in fills.items()}
+        block = replace(block, **kept)
     poles, vectors = np.linalg.eig(block.E)
     vectors = vectors.astype(complex)
-    return Modes(block, poles, block.C @ vectors, solve(vectors, np.broadcast_to(block.B, vectors.shape[:-1] + block.B.shape[-1:])))
+    B = np.broadcast_to(block.B, vectors.shape[:-1] + block.B.shape[-1:])
+    return Modes(block, poles, block.C @ vectors, solve(vectors, B))
 
 
 def modal_response(modes: Modes, w):
