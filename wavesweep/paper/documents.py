@@ -16,8 +16,8 @@ _PREFACE = """# The paper's statements
 
 Each statement is tried under every reading of what the paper leaves open: how the wall is integrated, its delay, how
 velocity is measured, the order of LP1, or what the statement itself leaves open. A loop that is unstable under a
-reading does not show what is stated. A statement is *reproduced* where it holds under all readings, *contradicted* where under
-none; else the last column names those on which it hangs. How each is judged stands below.
+reading does not show what is stated. A statement is *reproduced* where it holds under all readings, *contradicted*
+where under none; else the last column names those on which it hangs. How each is judged stands below.
 
 Numbers are those of the figure's spec, of an implicit wall without delay, exact velocity and LP1 of first order where
 nothing else is said; then, after a semicolon, those of the first reading that decides otherwise. Values that the paper

@@ -50,9 +50,7 @@ def _parts(name: str, response: np.ndarray) -> dict[str, np.ndarray]:
 
 def worst_difference(columns: Columns) -> float:
     """Largest relative difference between simulated and linear admittance."""
-    seen, linear = (
-        columns[f"{prefix}admittance_re"] + 1j * columns[f"{prefix}admittance_im"] for prefix in ("", "linear_")
-    )
+    seen, linear = (columns[f"{prefix}admittance_re"] + 1j * columns[f"{prefix}admittance_im"] for prefix in ("", "linear_"))
     return float(np.max(np.abs(seen - linear) / np.abs(linear)))
 
 

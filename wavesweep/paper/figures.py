@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -20,16 +19,6 @@ from wavesweep.plots.planes import Plane, draw_planes
 from wavesweep.plots.style import symbol
 from wavesweep.sweep import Run, intervals, responses
 from wavesweep.sweep.run import facts_of
-
-
-@dataclass(frozen=True)
-class Figure:
-    """A figure of the paper: its name, its caption in short, the commands that a user would type, and its tables."""
-
-    name: str
-    caption: str
-    commands: tuple[str, ...]
-    tables: Callable[[Bench], list[Table]]
 
 
 def figure_2(_: Bench) -> list[Table]:
@@ -140,45 +129,4 @@ def _magnitudes(lines: list[Line], bands):
     return partial(draw_magnitudes, lines, panels, "transmitted admittance (mm/N)")
 
 
-FIGURES = (
-    Figure(
-        "fig2",
-        "Admittance under passive multirate wave control for several wave impedances, at low and at high frequencies",
-        ("wavesweep bode sweeps/paper/fig2.toml sweeps/paper/dc.toml",),
-        figure_2,
-    ),
-    Figure(
-        "fig4",
-        "Z-width under passive multirate wave control; the cross is the paper's 800 N/m at 1 N·s/m",
-        ("wavesweep zwidth sweeps/paper/fig4.toml", "wavesweep zwidth sweeps/paper/fig4-b25.toml"),
-        figure_4,
-    ),
-    Figure(
-        "fig5",
-        "Stability region with filter bank and local model, the wall integrated implicitly and explicitly",
-        ("wavesweep zwidth sweeps/paper/fig5.toml", "wavesweep zwidth sweeps/paper/fig5-explicit.toml"),
-        figure_5,
-    ),
-    Figure(
-        "fig6",
-        "Admittance with the local model, without it, and under direct coupling, at low and at high frequencies",
-        ("wavesweep bode sweeps/paper/fig6.toml sweeps/paper/pmw.toml sweeps/paper/dc.toml",),
-        figure_6,
-    ),
-    Figure(
-        "fig7",
-        "The experiment, simulated tick by tick (dots), over the linear analysis (lines)",
-        (
-            "wavesweep simulate sweeps/paper/fig7.toml",
-            "wavesweep simulate sweeps/paper/fig7.toml --set controller.kind=pmw --set Kp=0 --out results/fig7-pmw",
-            "wavesweep simulate sweeps/paper/fig7.toml --set controller.kind=dc --out results/fig7-dc",
-        ),
-        figure_7,
-    ),
-    Figure(
-        "fig8",
-        "Transmitted impedance with the local model, without it, and under direct coupling",
-        ("wavesweep bode sweeps/paper/fig8.toml sweeps/paper/pmw.toml sweeps/paper/dc.toml",),
-        figure_8,
-    ),
-)
+FIGURES = (figure_2, figure_4, figure_5, figure_6, figure_7, figure_8)

@@ -10,7 +10,6 @@ import numpy as np
 
 from wavesweep.paper.bench import Bench
 from wavesweep.paper.specs import folder, load_paper
-from wavesweep.paper.statements import STATEMENTS
 from wavesweep.paper.verdicts import CONTRADICTED, INFERRED, REPRODUCED, UNTESTABLE, Finding, Statement
 from wavesweep.results import Field
 from wavesweep.sweep import Run
@@ -31,7 +30,7 @@ FIELDS = (
 )
 
 
-def judge(bench: Bench, done: Callable[[], None] = lambda: None, statements: Sequence[Statement] = STATEMENTS) -> Run:
+def judge(bench: Bench, statements: Sequence[Statement], done: Callable[[], None] = lambda: None) -> Run:
     """Judge the statements in turn, calling `done` after each: a row each."""
     started, found = time.perf_counter(), []
     for statement in statements:

@@ -12,6 +12,8 @@ LOW = (0.0, 0.6)
 HIGH = (0.6, np.pi)
 WHOLE = (0.0, np.pi)
 
+_ROUNDING = 1e-13  # what is left of 0 in double precision, and differs from machine to machine
+
 
 def within(omega: np.ndarray, band: tuple[float, float]) -> np.ndarray:
     """Tell which frequencies are in the band; the last one may be off pi by rounding."""
@@ -60,6 +62,8 @@ def show(numbers, digits: int = 3) -> str:
 def _spell(number: float, digits: int) -> str:
     if np.isinf(number):
         return "no limit"
+    if abs(number) < _ROUNDING:
+        return "0"
     return f"{number:.0f}" if abs(number) >= 10**digits else f"{number:.{digits}g}"
 
 

@@ -7,13 +7,11 @@ from itertools import product
 
 import numpy as np
 
-from wavesweep.analysis.spectrum import spectral_radius
-from wavesweep.diagram import draw
-from wavesweep.lifted import cut_at_wall
 from wavesweep.paper.specs import load_paper
 from wavesweep.results import Field
 from wavesweep.spec import KEYS, Spec
 from wavesweep.sweep import Run, intervals
+from wavesweep.sweep.radius import radius_over
 from wavesweep.sweep.run import facts_of
 
 AXES = {  # column: axis of the spec
@@ -22,6 +20,7 @@ AXES = {  # column: axis of the spec
     "lp1_order": "filters.lp1.order",
     "lp1_cutoff_hz": "filters.lp1.cutoff_hz",
 }
+WORDS = ("environment.integration", "device.velocity")  # choices that are no numbers, and so no axes
 _UNITS = {"delay": "tick", "b": "N*s/m", "lp1_order": "1", "lp1_cutoff_hz": "Hz"}
 
 FIELDS = (
@@ -40,24 +39,18 @@ FIELDS = (
     Field("fig6_stable", "boolean", "", "the loops of Figure 6, PMW and PMW+LM, are stable with these choices"),
 )
 
-_FIGURE_2 = tuple(("fig2", {"controller.b": float(b)}) for b in (20, 40, 60, 80))
-_FIGURE_6 = (("pmw", {}), ("fig6", {}))
-
 
 def open_choices() -> Run:
     """Sweep `open-choices.toml` under each integration and each velocity: a row per combination."""
     started, parts, base = time.perf_counter(), [], load_paper("open-choices")
-    words = product(*(KEYS[path].choices for path in ("environment.integration", "device.velocity")))
     certified = 0
-    for integration, velocity in words:
-        spec = base.with_values({"environment.integration": integration, "device.velocity": velocity})
-        run = intervals(spec)
+    for integration, velocity in product(*(KEYS[path].choices for path in WORDS)):
+        words = dict(zip(WORDS, (integration, velocity), strict=True))
+        run = intervals(base.with_values(words))
         certified += run.facts["slices"]["certified"]
-        parts.append({"integration": integration, "velocity": velocity, **_limits(run.columns)})
-        parts[-1] |= _others_stable(parts[-1])
-    columns = {
-        name: _joined([part[name] for part in parts], [part["K_at_1"].size for part in parts]) for name in parts[0]
-    }
+        named = {"integration": integration, "velocity": velocity}
+        parts.append({**named, **_limits(run.columns), **_others_stable(base, words)})
+    columns = {name: _joined([part[name] for part in parts], [part["K_at_1"].size for part in parts]) for name in parts[0]}
     walls = len(next(axis for axis in base.sweep if axis.name == "B_VE").values)
     counts = {"computed": len(columns["b"]) * walls, "skipped": 0, "certified": certified}
     return Run(columns, facts_of(base, run.facts["methods"], counts, {"compute_s": time.perf_counter() - started}))
@@ -78,29 +71,24 @@ def _limits(columns) -> dict[str, np.ndarray]:
     return {**places, **found, "island": islands}
 
 
-def _others_stable(part: dict) -> dict[str, np.ndarray]:
+def _others_stable(base: Spec, words: dict[str, str]) -> dict[str, np.ndarray]:
     """Whether the loops of Figures 2 and 6 are stable, each with its own b, by what a row chooses besides b."""
-    known: dict[tuple, tuple[bool, bool]] = {}
-    rows = list(zip(*(part[name].tolist() for name in ("delay", "lp1_order", "lp1_cutoff_hz")), strict=True))
-    for delay, order, cutoff in set(rows):
-        choices = {
-            "environment.integration": part["integration"],
-            "device.velocity": part["velocity"],
-            "environment.delay": delay,
-            "filters.lp1.order": order,
-            "filters.lp1.cutoff_hz": cutoff,
-        }
-        known[delay, order, cutoff] = tuple(
-            all(_stable(load_paper(name).with_values({**choices, **more})) for name, more in loops)
-            for loops in (_FIGURE_2, _FIGURE_6)
-        )
-    found = np.array([known[row] for row in rows])
-    return {"fig2_stable": found[:, 0], "fig6_stable": found[:, 1]}
+    axes = [axis for axis in base.sweep if axis.name in AXES.values()]
+    shared = tuple(axis for axis in axes if axis.name != "b")
+    figure_2 = _stable("fig2", words, shared, load_paper("fig2").bode).all(axis=-1)
+    figure_6 = _stable("pmw", words, shared) & _stable("fig6", words, shared)
+    shape = tuple(len(axis.values) for axis in axes)
+    at_b = [axis.name for axis in axes].index("b")
+    return {
+        name: np.broadcast_to(np.expand_dims(found, at_b), shape).ravel()
+        for name, found in (("fig2_stable", figure_2), ("fig6_stable", figure_6))
+    }
 
 
-def _stable(spec: Spec) -> bool:
-    values = spec.values
-    return bool(spectral_radius(cut_at_wall(draw(values)), values["environment.K_VE"], values["environment.B_VE"]) < 1)
+def _stable(name: str, words: dict[str, str], axes: tuple, more: tuple = ()) -> np.ndarray:
+    """Whether the loops of a spec are stable, an axis per dimension."""
+    radius = radius_over(load_paper(name).with_values(words), (*axes, *more))
+    return (radius < 1).reshape([len(axis.values) for axis in (*axes, *more)])
 
 
 def _joined(parts: list, sizes: list[int]) -> np.ndarray:

@@ -27,10 +27,10 @@ def tables(progress: Callable[[int, int], None] | None = None) -> Iterator[Table
             progress(done, steps)
 
     for figure in FIGURES:
-        yield from figure.tables(bench)
+        yield from figure(bench)
         step()
     study = open_choices.open_choices()
     yield Table("open-choices", open_choices.FIELDS, study, text=choices_text(study.columns))
     step()
-    judged = judging.judge(bench, step)
+    judged = judging.judge(bench, STATEMENTS, step)
     yield Table("statements", judging.FIELDS, judged, text=statements_text(judged.columns))

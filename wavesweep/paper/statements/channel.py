@@ -63,7 +63,7 @@ def bank_divides(bench: Bench) -> Finding:
         low, high = (_gain(name, frequency, *reading) ** 2 for name in ("lp1", "hp"))
         off = np.abs(low + high - 1).max()
         apart = np.all((low > high) == (frequency < 10))
-        return Answer(bool(apart and off < 1e-9), f"powers add up to 1 within {show(off)}")
+        return Answer(bool(apart and off < 1e-9), f"powers add up to 1, off by {show(off)}")
 
     return over(check, (SPEC, *(_both(order) for order in (2, 4))))
 
@@ -98,20 +98,13 @@ def _gain(filter_name: str, frequency_hz: np.ndarray, *overrides: str) -> np.nda
 
 
 STATEMENTS = (
-    Statement(
-        "2", "Wave aliasing due to downsampling may inject energy and destroy passivity", aliasing_injects_energy
-    ),
+    Statement("2", "Wave aliasing due to downsampling may inject energy and destroy passivity", aliasing_injects_energy),
     Statement(
         "2",
-        "A low-pass filter with a cutoff below half the environment's update rate eliminates aliasing and "
-        "guarantees passivity",
+        "A low-pass filter with a cutoff below half the environment's update rate eliminates aliasing and guarantees passivity",
         low_pass_makes_passive,
     ),
-    Statement(
-        "Abstract; 3", "The filter bank divides the outgoing wave into its low and its high frequencies", bank_divides
-    ),
+    Statement("Abstract; 3", "The filter bank divides the outgoing wave into its low and its high frequencies", bank_divides),
     Statement("3", "The filter bank structure maintains the passivity of the wave-based channels", bank_keeps_passive),
-    Statement(
-        "3; 3.1", "LP2 reduces the wave reflections in the loop closed through the local model", lp2_reduces_reflections
-    ),
+    Statement("3; 3.1", "LP2 reduces the wave reflections in the loop closed through the local model", lp2_reduces_reflections),
 )

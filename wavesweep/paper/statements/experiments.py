@@ -21,9 +21,7 @@ def sampling_time_varies_negligibly(bench: Bench) -> Finding:
     """Largest relative change of PMW+LM's simulated admittance at 1, 5, 10 and 20 Hz when ticks are longer or
     shorter by up to a part of the period, against the linear analysis: whether it is below 1 %."""
     del bench
-    jitters = [
-        set_to(f"by up to {100 * part:g} % of the period", f"simulate.jitter={part}") for part in (0.02, 0.1, 0.5)
-    ]
+    jitters = [set_to(f"by up to {100 * part:g} % of the period", f"simulate.jitter={part}") for part in (0.02, 0.1, 0.5)]
 
     def check(*reading: str) -> Answer:
         change = worst_difference(estimated(load_paper("fig7", (FEW_TONES, *reading))))
@@ -83,9 +81,7 @@ STATEMENTS = (
         untestable("the rig is not here; its loops are simulated, with the device of the analysis"),
     ),
     Statement("4", "The variation of the sampling time is negligible", sampling_time_varies_negligibly),
-    Statement(
-        "Abstract; 4, Fig. 7; 5", "The experiments validate the analytical results", experiment_validates_the_analysis
-    ),
+    Statement("Abstract; 4, Fig. 7; 5", "The experiments validate the analytical results", experiment_validates_the_analysis),
     Statement(
         "4, Fig. 7 (i)",
         "PMW+LM increases the first natural frequency, and so renders stiffer contacts than PMW",

@@ -77,9 +77,7 @@ def _spring(spec: Spec) -> Answer:
     found = 1 / (np.abs(static.admittance[0]) - 1 / values["environment.K_VE"])
     wanted, whole = 2 * b * 2 * np.pi * cutoff, 2 * b / _delay_of_the_way(values)
     numbers = f"{show(found, 4)} N/m against {show(wanted, 4)}, {show(found / wanted)} of it"
-    return Answer(
-        bool(abs(found / wanted - 1) < CLOSE), f"{numbers}; 2 b/tau with hold and delay gives {show(whole, 4)}"
-    )
+    return Answer(bool(abs(found / wanted - 1) < CLOSE), f"{numbers}; 2 b/tau with hold and delay gives {show(whole, 4)}")
 
 
 def _delay_of_the_way(values) -> float:
@@ -193,9 +191,7 @@ STATEMENTS = (
         "Increasing the wave impedance degrades transparency at high frequencies",
         larger_b_hurts_at_high_frequency,
     ),
-    Statement(
-        "2", "Increasing the wave impedance is similar to adding damping to the haptic system", b_is_like_damping
-    ),
+    Statement("2", "Increasing the wave impedance is similar to adding damping to the haptic system", b_is_like_damping),
     Statement("2", "Added damping decreases the first natural frequency", damping_lowers_the_natural_frequency),
     Statement("2, Fig. 2b", "... and so does a larger wave impedance", larger_b_lowers_the_natural_frequency),
     Statement(

@@ -139,9 +139,7 @@ STATEMENTS = (
         "only below the wall's stiffness",
         no_stiffer_model_is_stable,
     ),
-    Statement(
-        "1", "A fixed-stiffness local model cannot increase the range of contact impedances [3]", model_adds_no_range
-    ),
+    Statement("1", "A fixed-stiffness local model cannot increase the range of contact impedances [3]", model_adds_no_range),
     Statement(
         "1",
         "Passive activation of passive local models guarantees stability [13]; reduced-order models serve "
@@ -154,7 +152,5 @@ STATEMENTS = (
         "model's accuracy [13]",
         substitution,
     ),
-    Statement(
-        "1", "A local model in conjunction with the slow environment may threaten stability [3]", conjunction_threatens
-    ),
+    Statement("1", "A local model in conjunction with the slow environment may threaten stability [3]", conjunction_threatens),
 )

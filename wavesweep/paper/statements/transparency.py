@@ -139,9 +139,7 @@ def _closer(bench: Bench, reading: tuple[str, ...], band: tuple[float, float], f
 
 
 STATEMENTS = (
-    Statement(
-        "3", "Filter bank and local model improve transparency at high frequencies", bank_helps_at_high_frequency
-    ),
+    Statement("3", "Filter bank and local model improve transparency at high frequencies", bank_helps_at_high_frequency),
     Statement("3", "... but have little effect at low frequencies", bank_does_little_at_low_frequency),
     Statement("3, eq. (3)", "The position term increases transparency at low frequencies", gain_helps_at_low_frequency),
     Statement(
@@ -161,8 +159,6 @@ STATEMENTS = (
         closer_at_high_frequency,
     ),
     Statement("Abstract; 3.2, Fig. 6b", "... and much (significantly) so", much_closer_at_high_frequency),
-    Statement(
-        "3.2, Fig. 6b", "The natural frequency approaches that of the ideal system", natural_frequency_approaches
-    ),
+    Statement("3.2, Fig. 6b", "The natural frequency approaches that of the ideal system", natural_frequency_approaches),
     Statement("3.2", "PMW+LM renders stiffer contact than PMW", renders_stiffer_contact),
 )

@@ -1,0 +1,59 @@
+"""`wavesweep paper`, with the figures and statements that are quick."""
+
+import json
+
+import pytest
+
+from wavesweep.paper import run
+from wavesweep.paper.figures import figure_4
+from wavesweep.paper.statements.stability import STATEMENTS
+from wavesweep.results import read
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch, tmp_path):
+    """One figure and the statements on it, in a new folder."""
+    monkeypatch.setattr(run, "FIGURES", (figure_4,))
+    monkeypatch.setattr(run, "STATEMENTS", STATEMENTS[:1])
+    monkeypatch.chdir(tmp_path)
+
+
+def test_figures_tables_and_verdicts_go_to_a_folder_of_their_own(wavesweep, tmp_path):
+    code, out, err = wavesweep("paper")
+    assert (code, out) == (0, "")
+    suffixes = (".csv", ".parquet", ".datapackage.json")
+    expected = {f"{name}{suffix}" for name in ("fig4", "fig4-b25", "open-choices", "statements") for suffix in suffixes}
+    found = {file.name for file in (tmp_path / "results/paper").iterdir()}
+    assert found == expected | {"fig4.png", "open-choices.md", "statements.md"}
+    assert err.splitlines()[-1].startswith("1 statements: 0 reproduced, 1 reproduced only under an inferred value")
+
+
+def test_the_table_of_statements_reads_back_and_names_all_specs(wavesweep, tmp_path):
+    wavesweep("paper", "--quiet", "--no-plot", "--out", "there")
+    csv, parquet = (read(tmp_path / f"there/statements{suffix}") for suffix in (".csv", ".parquet"))
+    assert {name: column.tolist() for name, column in csv.items()} == {
+        name: column.tolist() for name, column in parquet.items()
+    }
+    facts = json.loads((tmp_path / "there/statements.datapackage.json").read_text())["wavesweep"]
+    assert {"fig2", "fig4", "fig8", "pmw", "dc"} <= facts["specs"].keys()
+    assert not (tmp_path / "there/fig4.png").exists()
+
+
+def test_a_dash_writes_the_statements_to_stdout_and_no_file(wavesweep, tmp_path):
+    code, out, _ = wavesweep("paper", "--out", "-")
+    assert code == 0
+    assert out.startswith("number,where,statement,verdict,")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_quiet_says_nothing(wavesweep):
+    assert wavesweep("paper", "--quiet", "--no-plot") == (0, "", "")
+
+
+def test_somebody_elses_table_is_not_replaced(wavesweep, tmp_path):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there/fig4.csv").write_text("mine\n")
+    code, _, err = wavesweep("paper", "--out", "there")
+    assert code == 2
+    assert "--force" in err
+    assert (tmp_path / "there/fig4.csv").read_text() == "mine\n"

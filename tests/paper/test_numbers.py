@@ -1,0 +1,79 @@
+"""The numbers behind the statements, where a formula or another way to them is at hand."""
+
+import numpy as np
+import pytest
+
+from wavesweep.analysis.march import march
+from wavesweep.paper.measures import natural_frequency, peak
+from wavesweep.paper.response import respond
+from wavesweep.paper.specs import load_paper
+
+ONE = "sweep.B_VE=[1.0]"
+
+
+def test_both_sets_of_inferred_values_render_about_800(bench):
+    assert bench.limit("fig4", ONE) == pytest.approx(798.5, abs=0.05)
+    # The second set's stable walls have a hole: "the" stiffest wall is the end of the first interval.
+    (_, first), second = bench.stable("fig4-b25", ONE)
+    assert first == pytest.approx(799.713, abs=1e-3)
+    assert second == pytest.approx((2523.335, 4448.819), abs=1e-3)
+
+
+def test_the_limit_of_figure_4_is_a_line_of_slope_two_over_the_frame(bench):
+    # Forward Euler oscillates from frame to frame there: K_VE - 2 B_VE/T_s is all that the wall shows at z = -1.
+    low, high = bench.limits("fig4", "sweep.B_VE=[1.0, 15.0]")
+    assert (high - low) / 14 == pytest.approx(2 / 0.02, rel=1e-9)
+
+
+@pytest.mark.parametrize(("order", "norm"), [(1, 1.0533), (2, 1.0017), (4, 1.0000024)])
+def test_a_low_pass_lets_a_little_alias(order, norm, bench):
+    found = bench.channel("pmw", f"filters.lp1.order={order}")
+    assert found.norm == pytest.approx(norm, abs=0.51 * 10 ** -len(str(norm).split(".")[1]))
+    assert not found.passive
+
+
+def test_the_returned_waves_of_the_bank_add_up_to_the_root_of_two(bench):
+    # A constant wave from either side passes hold and LP2 alike; their sum over the root of their powers is sqrt(2).
+    assert bench.channel("fig6").inward == pytest.approx(np.sqrt(2), rel=1e-9)
+
+
+@pytest.mark.parametrize(("order", "aliased"), [(1, 1e-2), (4, 3e-4), (8, 1e-6)])
+def test_the_static_admittance_is_that_of_a_delay_between_waves(order, aliased):
+    spec = load_paper("pmw", (f"filters.lp1.order={order}",))
+    warped = 2000 * np.tan(np.pi * 10 / 1000)
+    delay = 1 / (warped * np.sin(np.pi / (2 * order))) + 9.5e-3  # LP1's at DC, and the mean of the hold
+    static = abs(respond(spec, [1e-3]).admittance[0])
+    # To what LP1 lets alias, which vanishes with its order.
+    assert static - 1 / 500 == pytest.approx(delay / 50, rel=aliased)
+
+
+def test_the_position_term_makes_the_static_stiffness_that_of_the_wall():
+    # Marched and not lifted: 1 N held on the device until nothing moves any more.
+    spec = load_paper("fig6")
+    assert 1 / march(spec.values, 1.0, 20_000).x[-1] == pytest.approx(500, rel=1e-6)
+
+
+def test_the_ideal_peaks_where_spring_and_mass_do(bench):
+    # sqrt(K/m - 2 (d/2m)^2) for K = 500, m = 0.1, and the damping of device and wall less what the hold takes from it.
+    damping = 1.5 + 1 - 500 * 1e-3 / 2
+    omega = np.sqrt(500 / 0.1 - damping**2 / (2 * 0.1**2))
+    assert peak(bench.response("dc")) == pytest.approx(omega * 0.02, abs=0.01)
+
+
+def test_a_natural_frequency_is_the_first_peaks_and_not_the_largest_ones():
+    omega = np.linspace(0, 3, 301)
+    two = 1 / np.hypot(omega - 1, 0.2) + 5 / np.hypot(omega - 2, 0.2)
+    assert natural_frequency(omega, two) == pytest.approx(1.0, abs=0.1)
+    assert natural_frequency(omega, np.exp(-omega)) == 0
+
+
+def test_no_choice_of_the_study_serves_all_figures():
+    from wavesweep.paper.open_choices import open_choices
+
+    columns = open_choices().columns
+    near = np.abs(columns["K_at_1"] - 800) <= 8
+    assert near.any()
+    assert (columns["fig2_stable"] & columns["fig6_stable"]).any()
+    # Walls with a limit are explicit, and before these Figure 6's loop with local model is unstable at 500 N/m.
+    assert not (near & columns["fig2_stable"] & columns["fig6_stable"]).any()
+    assert set(columns["integration"][~np.isnan(columns["K_at_1"])]) == {"explicit"}
