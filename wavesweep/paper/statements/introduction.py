@@ -43,7 +43,8 @@ def local_model_helps(bench: Bench) -> Finding:
 
 
 def stable_below_the_walls_stiffness(bench: Bench) -> Finding:
-    """Whether all K_LM below K_VE are stable with the power-domain local model, for walls of 50, 100, 200, 500 N/m."""
+    """Whether all K_LM below K_VE are stable with the power-domain local model (the controller `dc-lm`), for walls of
+    50, 100, 200, 500 N/m."""
     return over(lambda *reading: _covered(bench, reading, WALLS), DELAYS)
 
 
