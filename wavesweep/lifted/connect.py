@@ -84,12 +84,13 @@ def _block_diagonal(arrays):
 
 def _loop_inverse(loop, name, ports):
     """Inverse of the loop's return difference, refused where its condition number says that it is ill-posed."""
+    overflown = ~np.isfinite(loop).all((-1, -2))  # a frame that overflows is for the caller to see
     try:
-        inverse = np.linalg.inv(loop)
+        inverse = np.linalg.inv(np.where(overflown[..., None, None], np.nan, loop))
     except np.linalg.LinAlgError:
         inverse = np.full_like(loop, np.inf)
     condition = _condition(loop, inverse)
-    if not np.all(condition < WORST_CONDITION):
+    if not np.all((condition < WORST_CONDITION) | overflown):
         raise IllPosedLoopError(
             f"the algebraic loop of the {name} side through {', '.join(ports)} is ill-posed: condition number "
             f"{float(np.max(condition)):.1e}, expected below {WORST_CONDITION:.0e}; give the loop a delay "

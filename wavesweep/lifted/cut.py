@@ -7,6 +7,7 @@ import numpy as np
 from wavesweep.diagram.arrays import frozen
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.lifted.assemble import slow_side
+from wavesweep.lifted.circle import solve
 
 V, ADVANCE, OFFSET = 0, 1, 2  # rows of C and D
 
@@ -96,7 +97,7 @@ def _about_reference(block, ref):
 
 def _integrated(E, advance):
     """Row l of the combination `s - l x` that stays for ever: `l = advance E^-1` (its input `step - l B` is zero then)."""
-    return np.linalg.solve(np.swapaxes(E, -1, -2), advance[..., None])[..., 0]
+    return solve(np.swapaxes(E, -1, -2), advance[..., None])[..., 0]
 
 
 def open_in(cut: Cut, along: str, fixed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from wavesweep.analysis.response.transfer import Modes, modal_response, modes_of
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.lifted.assemble import fast_side, slow_side
-from wavesweep.lifted.circle import on_circle
+from wavesweep.lifted.circle import on_circle, solve
 
 PROBES = 8  # frequencies of a request at which the modal form is checked against a solve
 GOOD = 1e-11  # relative error, estimated or seen, up to which the modal form is believed
@@ -54,7 +54,7 @@ def _without_drift(slow: Block, ref: int):
     """
     rest = np.flatnonzero(np.arange(len(slow.states)) != ref)
     E, from_s = slow.E[..., rest[:, None], rest], slow.E[..., rest, ref : ref + 1]
-    along = np.linalg.solve(np.swapaxes(E, -1, -2), slow.E[..., ref, rest][..., None]).swapaxes(-1, -2)
+    along = solve(np.swapaxes(E, -1, -2), slow.E[..., ref, rest][..., None]).swapaxes(-1, -2)
     B, C_s = slow.B[..., rest, :], slow.C[..., ref : ref + 1]
     into_q = slow.B[..., ref : ref + 1, :] - along @ B
     block = Block(
