@@ -44,7 +44,7 @@ def test_a_run_goes_on_where_it_was_stopped(stopped, long, same):
     assert not stopped.exists()
 
 
-def test_a_checkpoint_of_another_spec_is_refused_and_thrown_away_with_force(stopped, mixed, long):
+def test_a_checkpoint_of_another_spec_is_refused_and_thrown_away_with_force(stopped, mixed):
     with pytest.raises(CheckpointError, match=rf"{stopped}.* of another run, which differs in spec_sha256.*--force"):
         sweep.intervals(mixed, checkpoint=stopped)
     assert len(parts_in(stopped)) == 2

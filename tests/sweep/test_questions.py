@@ -16,7 +16,13 @@ def spec_of(kind="pmw", **axes):
 
 
 @pytest.mark.parametrize(
-    ("name", "span"), [("environment.delay", (0, 20)), ("rates.ratio", (1, 20)), ("rates.fast_hz", (500, 2000)), ("filters.lp1.order", (1, 4))]
+    ("name", "span"),
+    [
+        ("environment.delay", (0, 20)),
+        ("rates.ratio", (1, 20)),
+        ("rates.fast_hz", (500, 2000)),
+        ("filters.lp1.order", (1, 4)),
+    ],
 )
 def test_intervals_along_what_decides_the_drawing_are_refused(name, span):
     spec = spec_of(along=name, **{name: {"start": span[0], "stop": span[1]}})
@@ -33,16 +39,23 @@ def test_a_combination_that_makes_no_loop_is_named():
 
 
 def test_whole_numbers_and_derived_keys_are_swept_as_values():
-    run = sweep.intervals(spec_of(**{"rates.slow_hz": [50.0, 100.0], "environment.delay": [0, 10], "filters.lp1.order": [1, 3]}))
+    axes = {"rates.slow_hz": [50.0, 100.0], "environment.delay": [0, 10], "filters.lp1.order": [1, 3]}
+    run = sweep.intervals(spec_of(**axes))
     assert run.facts["slices"] == {"computed": 8, "skipped": 0, "certified": 8}
     assert run.columns["environment.delay"].dtype.kind == "i"
 
 
 @pytest.mark.parametrize(
     ("jobs", "backend", "chunks", "seconds", "expected"),
-    [(2, None, 9, 10.0, (2, "loky")), (2, None, 9, 0.1, (1, None)), (1, None, 9, 10.0, (1, None)), (8, None, 3, 10.0, (3, "loky")),
-     (2, None, 1, 10.0, (1, None)), (2, "threading", 1, 0.1, (2, "threading"))],
-)  # fmt: skip
+    [
+        (2, None, 9, 10.0, (2, "loky")),
+        (8, None, 3, 10.0, (3, "loky")),
+        (2, None, 9, 0.1, (1, None)),
+        (1, None, 9, 10.0, (1, None)),
+        (2, None, 1, 10.0, (1, None)),
+        (2, "threading", 1, 0.1, (2, "threading")),
+    ],
+)
 def test_workers_are_chosen_where_the_work_is_worth_them(jobs, backend, chunks, seconds, expected):
     chosen = choose(jobs, backend, None, chunks, lambda: seconds)
     assert (chosen.count, chosen.backend) == expected

@@ -55,7 +55,9 @@ def test_borders_of_chunks_leave_no_trace(mixed, alike, deep, wide):
 def test_they_leave_none_along_other_axes(alike, along):
     spec = load({
         "controller": {"kind": "pmw"}, "environment": {"integration": "explicit"},
-        "sweep": {"along": along, along: {"start": 0.05, "stop": 40}, "K_VE": [100.0, 900.0], "device.damping": [0.5, 1.0, 2.0]},
+        "sweep": {
+            "along": along, along: {"start": 0.05, "stop": 40}, "K_VE": [100.0, 900.0], "device.damping": [0.5, 1.0, 2.0],
+        },
     })  # fmt: skip
     asked = ask(spec)
     for deep, wide in ((1, 2), (1, 1), (2, 2)):

@@ -59,7 +59,9 @@ def lay_out(axes: Mapping[str, Sequence[float]]) -> Layout:
     several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
     x = _along_the_figure(several)
     rest = [name for name in several if name != x]
-    panels, family = (rest[:2] + [None, None])[:2] if x else ((rest[1:2] + [None])[0], (rest[:1] + [None])[0])
+    # Bars have their family first, named on the axis across; lines have it in a legend, and panels are easier to read.
+    first, second, *_ = [*rest, None, None]
+    panels, family = (first, second) if x else (second, first)
     points = _evenly(several, x, MOST_POINTS)
     panel_values = _evenly(several, panels, MOST_PANELS)
     members = _evenly(several, family, MOST_MEMBERS if x else MOST_BARS)

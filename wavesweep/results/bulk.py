@@ -17,7 +17,7 @@ _SMALL, _MIDDLE, _LARGE = 1e-10, 1e-4, 1e9
 def bulk_lines(columns: Mapping[str, np.ndarray]) -> bytes:
     """The rows of checked columns, encoded; at least one row."""
     import pyarrow
-    import pyarrow.compute as compute
+    from pyarrow import compute
 
     texts = [_texts(column, pyarrow, compute) for column in columns.values()]
     texts[-1] = compute.binary_join_element_wise(texts[-1], "", "\n")

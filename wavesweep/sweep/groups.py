@@ -8,7 +8,9 @@ from wavesweep.diagram import ZERO_MATTERS
 from wavesweep.spec import Spec, find_key
 
 
-def groups(spec: Spec, changes: Mapping[str, np.ndarray], size: int, decides=(), resolved=None) -> Iterator[tuple[np.ndarray, dict]]:
+def groups(
+    spec: Spec, changes: Mapping[str, np.ndarray], size: int, decides=(), resolved=None
+) -> Iterator[tuple[np.ndarray, dict]]:
     """Yield (members, values): indices into the `size` loops, and flat values with arrays where these differ.
 
     changes: path -> value per loop. Loops of one group differ in floats only, and where zero decides the drawing they are

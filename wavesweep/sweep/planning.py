@@ -44,12 +44,14 @@ def _interval_lines(spec, command, along):
     product = " x ".join(f"{a.name}[{len(a.values)}]" for a in grid.axes) or "the spec's own values"
     workers = choose(JOBS, None, None, len(asked.chunks), expected)
     repeated = f", {grid.size - asked.columns} more are repeats" if grid.size > asked.columns else ""
+    slices = f"{asked.columns} slices over {grid.loops} compiled loops{repeated}"
+    span = f"({axis.start:g}, {axis.stop:g})"
     who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
+    chunks = f"{len(asked.chunks)} chunk{'' if len(asked.chunks) == 1 else 's'}"
     return [
-        f"  {command}: stable intervals along {axis.name} in ({axis.start:g}, {axis.stop:g}) for {product}: "
-        f"{asked.columns} slices over {grid.loops} compiled loops{repeated}",
+        f"  {command}: stable intervals along {axis.name} in {span} for {product}: {slices}",
         f"    method: {method(axis.path)}",
-        f"    work: {len(asked.chunks)} chunk{'' if len(asked.chunks) == 1 else 's'}, about {_duration(expected() / workers.count)}; {who}: {workers.why}",
+        f"    work: {chunks}, about {_duration(expected() / workers.count)}; {who}: {workers.why}",
     ]
 
 

@@ -1,6 +1,7 @@
 """Chunks on workers, through joblib; in this process where there are none."""
 
 import os
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor
 from contextlib import ExitStack
@@ -77,4 +78,7 @@ def _unordered(joblib, calls):
     try:
         yield from finished
     finally:
-        finished.close()
+        with warnings.catch_warnings():
+            # Of tasks that it cancels: that is what closing is for.
+            warnings.simplefilter("ignore", UserWarning)
+            finished.close()
