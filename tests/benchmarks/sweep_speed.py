@@ -1,0 +1,121 @@
+"""How fast a sweep is, where its time goes, and what a dense grid of eigenvalues would take instead.
+
+    python tests/benchmarks/sweep_speed.py [SPEC] [--jobs 1,2] [--out DIR]
+
+Runs `wavesweep zwidth SPEC` (sweeps/design-study.toml by default) once for each number of jobs, compares the bytes, and
+prints wall time, peak memory, slices per second per worker and the speed-up; then the profile of one chunk; then the
+time of the question's poor man's version: eigenvalues at 100 values of K_VE for a random thousandth of the slices.
+"""
+
+import argparse
+import cProfile
+import hashlib
+import json
+import pstats
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from wavesweep.diagram import draw
+from wavesweep.lifted import close, cut_at_wall
+from wavesweep.spec import load
+from wavesweep.sweep.question import ask
+from wavesweep.sweep.records import records_of
+from wavesweep.sweep.slices import solve, with_batch
+
+STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
+GRID, THOUSANDTH = 100, 1000
+PARTS = {  # function -> what it stands for; the time is that of the function and of all that it calls
+    "cut_at_wall": "compile the loops", "sampled_polynomial": "polynomial", "isolate": "roots and their proof",
+    "polish": "polish", "regions": "counts and residuals", "records_of": "records",
+}  # fmt: skip
+
+
+def main() -> None:
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("spec", nargs="?", default=str(STUDY))
+    options.add_argument("--jobs", default="1,2", help="numbers of jobs, e.g. 1,2,4; none runs no sweep")
+    options.add_argument("--out", help="keep the results there")
+    given = options.parse_args()
+    asked = ask(load(given.spec), "K_VE")
+    print(f"{given.spec}: {asked.columns} slices, {asked.grid.loops} loops, {len(asked.chunks)} chunks")
+    with tempfile.TemporaryDirectory() as folder:
+        jobs = [int(number) for number in given.jobs.split(",") if number]
+        times = {number: run(given.spec, number, Path(given.out or folder) / f"jobs{number}") for number in jobs}
+    for number in times:
+        print(f"  {number} jobs: {times[1] / times[number]:.2f} times as fast as one" if 1 in times else "")
+    profile(asked)
+    ratio(asked)
+
+
+def run(spec, jobs, out):
+    """Wall seconds of one sweep, in a process of its own."""
+    started = time.perf_counter()
+    command = [sys.executable, "-m", "wavesweep", "zwidth", spec, "--out", str(out), "--jobs", str(jobs), "--quiet", "--force"]
+    subprocess.run(command, check=True)  # noqa: S603 - the command that this times
+    wall = time.perf_counter() - started
+    facts = json.loads((out / "zwidth.datapackage.json").read_text())["wavesweep"]
+    timings, slices = facts["timings"], facts["slices"]
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    rate = slices["computed"] / timings["kernel_s"]
+    print(f"  {jobs} jobs ({timings['workers']} workers): wall {wall:.1f} s, of that computing {timings['compute_s']:.1f} s")
+    print(f"    {rate:,.0f} slices per processor second in the kernels, {slices['certified']} of {slices['computed']} certified")
+    print(f"    peak memory of the largest process so far {peak:.0f} MiB")
+    for name in ("zwidth.csv", "zwidth.parquet", "zwidth.png"):
+        with (out / name).open("rb") as file:
+            print(f"    {name}: {hashlib.file_digest(file, 'sha256').hexdigest()[:16]}, {(out / name).stat().st_size / 2**20:.1f} MiB")
+    return wall
+
+
+def profile(asked):
+    """Where a worker's time goes, on a chunk from the middle."""
+    work = asked.work(asked.chunks[len(asked.chunks) // 2])
+    solve(work)
+    profiler = cProfile.Profile()
+    started = time.thread_time()
+    profiler.runcall(lambda: records_of(solve(work)))
+    total = time.thread_time() - started
+    print(f"One chunk of {asked.chunks[len(asked.chunks) // 2].columns} slices: {1e3 * total:.0f} ms")
+    stats = pstats.Stats(profiler).stats
+    for function, meaning in PARTS.items():
+        seconds = sum(cumulated for (_, _, name), (_, _, _, cumulated, _) in stats.items() if name == function)
+        print(f"  {meaning:24} {100 * seconds / total:5.1f} %")
+    for name in ("eigvals", "solve", "slogdet"):
+        seconds = sum(own for (file, _, found), (_, _, own, _, _) in stats.items() if found == name and "linalg" in file)
+        print(f"  of all that, LAPACK {name:12} {100 * seconds / total:5.1f} %")
+
+
+def ratio(asked):
+    """This tool and a dense grid of eigenvalues on the same random slices."""
+    grid, random = asked.grid, np.random.default_rng(1)
+    count = max(1, asked.columns // THOUSANDTH)
+    column = np.sort(random.choice(asked.columns, count, replace=False))
+    loop, wall = np.divmod(column, grid.walls)
+    # A zero among other values would need a drawing of its own; for the time it makes no difference.
+    values = dict(grid.spec.values) | {path: np.maximum(v, 1e-9) for path, v in grid.loop_values(loop).items()}
+    wall_values = grid.wall_values()["environment.B_VE"][wall]
+    K = np.linspace(asked.axis.start, asked.axis.stop, GRID)
+    started = time.thread_time()
+    for start in range(0, count, 50):  # in the cache, as a careful user would
+        part = {path: v[start : start + 50] if np.ndim(v) else v for path, v in values.items()}
+        B = wall_values[start : start + 50]
+        E = close(with_batch(cut_at_wall(draw(part)), B.size).at((slice(None), None)), K, B[:, None])
+        np.abs(1 + np.linalg.eigvals(E)).max(-1) < 1  # noqa: B015 - for its time
+    dense = (time.thread_time() - started) / count * asked.columns
+    number = len(asked.chunks) // 2
+    work = asked.work(asked.chunks[number])
+    started = time.thread_time()
+    solve(work)
+    exact = (time.thread_time() - started) / asked.chunks[number].columns * asked.columns
+    print(f"The whole sweep in one process: a grid of {GRID} eigenvalue problems a slice {dense:.0f} s (a random thousandth,")
+    print(f"scaled), all intervals exactly {exact:.0f} s (one chunk, scaled): {dense / exact:.1f} times as fast, to 1e-12 in")
+    print(f"place of {100 / (GRID - 1):.1f} % of the range, and certified")
+
+
+if __name__ == "__main__":
+    main()
