@@ -1,0 +1,117 @@
+"""Stable intervals along numbers that enter the loop in any way, held against eigenvalues and against the exact way."""
+
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep.analysis.intervals.anywhere import stable_anywhere
+from wavesweep.analysis.intervals.bracket import bracketed_roots
+from wavesweep.errors import UsageError
+
+BANK = {"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit", "K_VE": 1000.0}}
+SPANS = {
+    "K_LM": (0, 5000), "B_LM": (0, 50), "Kp": (0, 200), "b": (0.5, 200), "device.mass": (0.01, 3),
+    "device.damping": (0, 20), "filters.lp1.cutoff_hz": (1, 100), "operator.stiffness": (0, 2000),
+    "operator.mass": (0, 1), "filters.lp2.cutoff_hz": (1, 200),
+}
+
+
+def margins(loop, axis, values):
+    """Spectral radius less 1 at each value of the axis."""
+    return loop.spectral_radius(**{axis: values}) - 1
+
+
+@pytest.mark.parametrize("axis", SPANS)
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
+def test_intervals_are_those_of_a_fine_scan(kind, axis):
+    """Every certified row agrees with the eigenvalues at 400 values, for the axes that the kind reads."""
+    stiffness = 100.0 if kind.startswith("dc") else 1000.0
+    environment = {"integration": "explicit", "K_VE": stiffness}
+    loop = wavesweep.compile({"controller": {"kind": kind, "Kp": 20.0}, "environment": environment})
+    low, high = SPANS[axis]
+    try:
+        table = loop.stable_intervals(along=axis, span=(low, high))
+    except UsageError:
+        assert kind in ("dc-slow", "dc-lm", "pmw")  # a key that this kind does not read
+        return
+    assert table.certified.all()
+    values = np.linspace(low, high, 402)[1:-1]
+    stable = np.zeros(values.size, bool)
+    for row in table.itertuples():
+        stable |= (values > row.low) & (values < row.high)
+    away = np.abs(margins(loop, axis, values)) > 1e-9
+    assert (stable == (margins(loop, axis, values) < 0))[away].all()
+
+
+@pytest.mark.parametrize("axis", ["K_LM", "Kp", "b", "device.damping", "filters.lp1.cutoff_hz"])
+def test_the_loop_is_stable_just_inside_and_unstable_just_outside_of_every_end(axis):
+    """A relative step of 1e-9, which is the accuracy that the documents promise."""
+    loop = wavesweep.compile(BANK)
+    table = loop.stable_intervals(along=axis, span=SPANS[axis], K_VE=[200.0, 500.0, 1000.0, 2000.0])
+    ends = [(row.K_VE, end, side) for row in table.itertuples() if row.intervals
+            for end, omega, side in ((row.low, row.low_omega, 1), (row.high, row.high_omega, -1))
+            if not np.isnan(omega) and end > 0]
+    assert ends
+    for stiffness, end, side in ends:
+        inside, outside = loop.spectral_radius(**{"K_VE": stiffness, axis: [end * (1 + side * 1e-9), end * (1 - side * 1e-9)]})
+        assert inside < 1 < outside
+
+
+def test_along_the_wall_it_finds_what_the_exact_way_finds():
+    """The general way, used on K_VE itself, whose ends are known exactly: holes and ends at z = -1 included."""
+    from wavesweep.diagram import draw
+    from wavesweep.lifted import close, cut_at_wall
+
+    spec = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit"},
+            "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}}}
+    loop = wavesweep.compile(spec)
+    cut = cut_at_wall(draw(loop.spec.values)).at(np.newaxis)
+    exact = loop.stable_intervals(span=(1.0, 20000.0))
+    found = stable_anywhere(lambda column, K: close(cut.at(column), K, 1.0), (1.0, 20000.0), 1, np.full(1, 0.02))
+    assert found.certified.all()
+    np.testing.assert_allclose(found.low, exact.low, rtol=1e-9)
+    np.testing.assert_allclose(found.high, exact.high, rtol=1e-9)
+    np.testing.assert_allclose(found.high_omega, exact.high_omega, rtol=1e-6)
+
+
+def test_a_pair_of_real_eigenvalues_with_product_one_is_no_end():
+    """diag(p, 1/2) crosses at p = 1; at p = 2 the two are reciprocal, which changes nothing."""
+    def evaluate(column, p):
+        E = np.zeros((p.size, 2, 2))
+        E[:, 0, 0], E[:, 1, 1] = p - 1, -0.5
+        return E
+
+    found = stable_anywhere(evaluate, (0.1, 5.0), 1, np.ones(1))
+    assert found.count.tolist() == [1]
+    assert found.certified.all()
+    np.testing.assert_allclose(found.high, 1.0, rtol=1e-12)
+
+
+def test_two_close_crossings_are_both_found():
+    """A pair of eigenvalues that leaves the circle for 1e-6 of the span only."""
+    def evaluate(column, p):
+        size = 1 + 1e-4 * (1e-12 - (p - 0.37) ** 2)
+        angle = 0.5
+        E = np.zeros((p.size, 2, 2))
+        E[:, 0, 0] = E[:, 1, 1] = size * np.cos(angle) - 1
+        E[:, 0, 1], E[:, 1, 0] = size * np.sin(angle), -size * np.sin(angle)
+        return E
+
+    found = stable_anywhere(evaluate, (0.0, 1.0), 1, np.ones(1))
+    if found.certified.all():
+        np.testing.assert_allclose(found.high[0], 0.37 - 1e-6, atol=1e-9)
+        np.testing.assert_allclose(found.low[1], 0.37 + 1e-6, atol=1e-9)
+    assert found.count[0] == 2 or not found.certified.any()
+
+
+def test_roots_are_found_inside_their_brackets_to_rounding():
+    """Functions whose sizes span 300 decades; a bracket without a change of sign says so."""
+    roots = np.array([0.1, 0.5, 1.0 - 1e-12, 0.3])
+
+    def value(at, x):
+        difference = np.where(at == 3, (x - roots[at]) ** 2 + 1, x - roots[at])
+        return np.sign(difference), np.log(np.maximum(np.abs(difference), 1e-300)) + 300 * at
+
+    found, valid = bracketed_roots(value, np.zeros(4), np.ones(4))
+    assert valid.tolist() == [True, True, True, False]
+    np.testing.assert_allclose(found[:3], roots[:3], rtol=1e-15, atol=1e-15)
