@@ -1,0 +1,93 @@
+"""The library as its users call it."""
+
+import subprocess
+import sys
+
+import control
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep import results
+from wavesweep.errors import SpecError, UsageError
+
+HOLE = {
+    "controller": {"kind": "pmw"}, "environment": {"integration": "explicit"},
+    "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
+}
+
+
+@pytest.fixture(scope="module")
+def hole():
+    """The loop whose stable set has a hole."""
+    return wavesweep.compile(HOLE)
+
+
+def test_importing_the_package_costs_nothing_until_a_name_is_touched():
+    code = "import sys, wavesweep; print(sorted({'numpy', 'pandas', 'scipy', 'click'} & set(sys.modules)))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
+
+
+def test_every_stable_interval_is_a_row(hole):
+    table = hole.stable_intervals(along="K_VE", span=(0, 20000), B_VE=[1.0, 5.0])
+    np.testing.assert_allclose(table.high, [799.7134000606709, 4448.818804163079, 4848.818804163079], rtol=1e-12)
+    assert table.intervals.tolist() == [2, 2, 1]
+    assert table.interval.tolist() == [0, 1, 0]
+    assert table.certified.all()
+
+
+def test_a_table_has_the_columns_of_the_command(hole):
+    names = [field.name for field in results.fields("zwidth", ("B_VE", "b"))]
+    assert list(hole.stable_intervals(B_VE=[1.0], b=[20.0, 40.0]).columns) == names
+    assert list(hole.response([1.0]).columns) == [field.name for field in results.fields("bode")]
+
+
+def test_an_axis_that_is_not_given_has_the_specs_value(hole):
+    assert hole.stable_intervals().high.tolist() == hole.stable_intervals(B_VE=[1.0], b=[25.0]).high.tolist()
+
+
+def test_scalars_take_no_dimension_of_the_spectral_radius(hole):
+    radius = hole.spectral_radius(K_VE=[100.0, 1000.0], B_VE=1.0)
+    assert radius.shape == (2,)
+    assert radius[0] < 1 < radius[1]
+    assert hole.spectral_radius(b=[20.0, 30.0, 40.0], K_VE=[1.0, 2.0]).shape == (3, 2)
+    assert hole.spectral_radius().shape == ()
+
+
+def test_the_product_of_axes_is_that_of_single_calls(hole):
+    both = hole.spectral_radius(b=[20.0, 40.0], **{"device.mass": [0.1, 0.3]})
+    single = [[wavesweep.compile({**HOLE, "controller": {"kind": "pmw", "b": b}, "device": {"mass": m}}).spectral_radius()
+               for m in (0.1, 0.3)] for b in (20.0, 40.0)]
+    np.testing.assert_allclose(both, np.array(single), rtol=1e-14)
+
+
+def test_the_ideal_coupling_counts_its_radius_per_frame_of_the_others():
+    """0.988767...^20, the reference value of the paper's ideal wall."""
+    loop = wavesweep.compile({"controller": {"kind": "dc"}})
+    assert loop.spectral_radius() == pytest.approx(0.7977853313905533, rel=1e-13)
+
+
+def test_python_control_gets_the_lifted_loop(hole):
+    system = hole.to_control()
+    assert isinstance(system, control.StateSpace)
+    assert system.dt == pytest.approx(0.02)
+    assert (system.ninputs, system.noutputs) == (20, 20)
+    radius = np.sort(np.abs(system.poles()))
+    assert radius[-1] == pytest.approx(1, abs=1e-12)  # the drift of a free hand, a pole like any other here
+    assert radius[-2] == pytest.approx(float(hole.spectral_radius()), rel=1e-12)
+
+
+@pytest.mark.parametrize(("call", "says"), [
+    (lambda loop: loop.stable_intervals(B_V=[1.0]), "did you mean B_VE"),
+    (lambda loop: loop.stable_intervals(along="K_LM", span=(0, 1)), "does not read"),
+    (lambda loop: loop.stable_intervals(along="b"), "span"),
+    (lambda loop: loop.stable_intervals(span=(5, 5)), "low < high"),
+    (lambda loop: loop.stable_intervals(B_VE=[]), "at least one value"),
+    (lambda loop: loop.stable_intervals(B_VE=[-1.0]), "B_VE"),
+    (lambda loop: loop.stable_intervals(B_VE=[np.nan]), "finite"),
+    (lambda loop: loop.response([0.0]), "> 0"),
+    (lambda loop: loop.spectral_radius(**{"device.velocity": [1]}), "numeric key"),
+])
+def test_what_a_spec_would_refuse_is_refused(hole, call, says):
+    with pytest.raises((UsageError, SpecError), match=says):
+        call(hole)
