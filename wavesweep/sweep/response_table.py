@@ -7,6 +7,7 @@ import numpy as np
 from wavesweep.analysis.response import prepare, steady_state, worst_gain
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw
+from wavesweep.errors import UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import find_key
 from wavesweep.sweep.grid import Grid, make_grid
@@ -16,10 +17,11 @@ from wavesweep.sweep.run import Run, facts_of
 BLOCK = 200_000  # responses in one batch
 
 
-def responses(specs, jobs=None, backend=None, scheduler=None, progress=None) -> Run:
+def responses(specs, **_work) -> Run:
     """Admittance, impedance, worst-case gain and verdict of every spec, for every combination of its [bode] axes.
 
-    An axis that only some of the specs have holds the spec's own value for the others.
+    An axis that only some of the specs have holds the spec's own value for the others. What is said of workers is not
+    read: thousands of curves take less time than starting one. Raises UsageError for a frequency beyond half the fast rate.
     """
     started = time.perf_counter()
     names = list(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
@@ -72,6 +74,7 @@ def _rows(grid: Grid, frequency, names) -> dict:
 
 def response_arrays(grid: Grid, frequency) -> dict[str, np.ndarray]:
     """Table columns from `omega_Ts` on, each `(loops * walls, points)`."""
+    _refuse_aliases(grid, frequency)
     size = grid.loops * grid.walls
     loop, wall = np.divmod(np.arange(size), grid.walls)
     changes = grid.loop_values(loop) | {path: values[wall] for path, values in grid.wall_values().items()}
@@ -84,6 +87,16 @@ def response_arrays(grid: Grid, frequency) -> dict[str, np.ndarray]:
             for name, array in _block(block, frequency).items():
                 out.setdefault(name, np.empty((size, frequency.size), array.dtype))[part] = array
     return out
+
+
+def _refuse_aliases(grid, frequency):
+    """A force that is held over a tick has no frequency beyond half the fast rate."""
+    rates = [axis.values for axis in grid.axes if axis.path == "rates.fast_hz"]
+    limit = min(*rates[0], np.inf) / 2 if rates else grid.spec.values["rates.fast_hz"] / 2
+    if frequency.size and frequency.max() > limit:
+        raise UsageError(
+            f"bode.frequency_hz: expected at most half of rates.fast_hz = {limit:g} Hz, found {frequency.max():g}"
+        )
 
 
 def _block(values, frequency):
