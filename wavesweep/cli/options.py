@@ -42,16 +42,13 @@ override = click.option(
 quiet = click.option("--quiet", is_flag=True, help="Say nothing but errors.")
 # Read by the entry, before any command runs; declared here so that it stands in each help.
 debug = click.option("--debug", is_flag=True, help="Show a traceback when something fails.")
-out = click.option(
-    "--out",
-    metavar="DIR",
-    help="Folder for the results [default: results/<spec's name>]; - writes the CSV to stdout.",
-)
-plot = click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure.")
-force = click.option("--force", is_flag=True, help="Replace results of another spec.")
 
 _COMMON = (
-    out,
+    click.option(
+        "--out",
+        metavar="DIR",
+        help="Folder for the results [default: results/<spec's name>]; - writes the CSV to stdout.",
+    ),
     override,
     click.option(
         "--jobs",
@@ -63,8 +60,8 @@ _COMMON = (
     ),
     click.option("--backend", metavar="NAME", help="Any joblib backend: loky, threading, dask, ray, ..."),
     click.option("--scheduler", metavar="ADDRESS", help="Address of the dask scheduler, with --backend dask."),
-    plot,
-    force,
+    click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure."),
+    click.option("--force", is_flag=True, help="Replace results of another spec."),
     quiet,
     debug,
 )

@@ -8,38 +8,37 @@ from pathlib import Path
 
 import click
 
-from wavesweep.cli.options import STDOUT, debug, force, out, plot, quiet
+from wavesweep.cli.options import Options, common
 
 
 @click.command("paper")
-@out
-@plot
-@force
-@quiet
-@debug
-def command(out: str | None, plot: bool, force: bool, quiet: bool, debug: bool) -> None:
+@common
+def command(options: Options) -> None:
     """Draw every figure of the paper and judge every statement of it.
 
-    Takes no SPEC: the paper's come with the program. Writes a table and a figure for each of Figures 2, 4, 5, 6, 7
-    and 8, the table open-choices of what the paper leaves open, and the table statements: for each one a verdict
-    with its numbers. The last two are also Markdown. With --out - the statements go to stdout.
+    Takes no SPEC: the paper's come with the program. Writes to results/paper, or to --out, a table and a figure for each
+    of Figures 2, 4, 5, 6, 7 and 8, the table open-choices of what the paper leaves open, and the table statements: for
+    each one a verdict with its numbers. The last two are also Markdown. With --out - the statements go to stdout. The
+    work is too little for workers.
     """
-    del debug
     from wavesweep import paper
     from wavesweep.cli.talk import progress, say, where
-    from wavesweep.results.text import stream_blocks
+    from wavesweep.results import stream_blocks
 
-    said = []
-    with progress(quiet) as report:
+    if options.overrides:
+        raise click.UsageError("--set: the paper's values are its own; change copies of its specs, one command at a time")
+    directory, said = Path(options.out or Path("results", "paper")), []
+    with progress(options.quiet) as report:
         started = time.perf_counter()
         for table in paper.tables(report):
-            if out != STDOUT:
-                written = paper.write_table(table, Path(out or Path("results", "paper")), force=force, plot=plot)
+            if not options.to_stdout:
+                written = paper.write_table(table, directory, force=options.force, plot=options.plot)
                 said.append(where(written, time.perf_counter() - started))
             started = time.perf_counter()
-    if out == STDOUT:
+    # The last table is that of the statements.
+    if options.to_stdout:
         stream_blocks(table.fields, [table.run.columns], sys.stdout.buffer)
         sys.stdout.buffer.flush()
-    if not quiet:
+    if not options.quiet:
         for line in [*said, paper.counted(table.run.columns)]:
             say(line)
