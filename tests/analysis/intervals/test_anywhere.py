@@ -76,7 +76,7 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
 
 def test_a_pair_of_real_eigenvalues_with_product_one_is_no_end():
     """diag(p, 1/2) crosses at p = 1; at p = 2 the two are reciprocal, which changes nothing."""
-    def evaluate(column, p):
+    def evaluate(_, p):
         E = np.zeros((p.size, 2, 2))
         E[:, 0, 0], E[:, 1, 1] = p - 1, -0.5
         return E
@@ -89,7 +89,7 @@ def test_a_pair_of_real_eigenvalues_with_product_one_is_no_end():
 
 def test_two_close_crossings_are_both_found():
     """A pair of eigenvalues that leaves the circle for 1e-6 of the span only."""
-    def evaluate(column, p):
+    def evaluate(_, p):
         size = 1 + 1e-4 * (1e-12 - (p - 0.37) ** 2)
         angle = 0.5
         E = np.zeros((p.size, 2, 2))
