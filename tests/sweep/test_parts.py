@@ -30,7 +30,7 @@ def stopped(long, tmp_path):
 
 
 def parts_in(folder):
-    return sorted(folder.glob("*.npy"))
+    return sorted(folder.glob("*.records"))
 
 
 def test_a_run_goes_on_where_it_was_stopped(stopped, long, same):
@@ -87,7 +87,7 @@ def come_from_another_version(folder):
 
 
 def slip_in_a_part(folder):
-    (folder / "0000099-12345678.npy").write_bytes(b"")
+    (folder / "0000099-12345678.records").write_bytes(b"")
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_a_damaged_checkpoint_is_refused_and_stays_as_it_is(stopped, long, damag
 
 
 def test_what_a_killed_run_was_writing_is_no_part(stopped, long):
-    (stopped / "0000003-12345678.npy.tmp").write_bytes(b"half")
+    (stopped / "0000003-12345678.records.tmp").write_bytes(b"half")
     run = sweep.intervals(long, jobs=1, checkpoint=stopped)
     assert run.facts["slices"]["computed"] == 16200
 

@@ -58,7 +58,7 @@ def contents(folder):
 
 def wait_for_parts(folder, number):
     patience = time.monotonic() + 30
-    while len(list(folder.glob(".zwidth.parts/*.npy"))) < number:
+    while len(list(folder.glob(".zwidth.parts/*.records"))) < number:
         assert time.monotonic() < patience, "no finished chunk in 30 s"
         time.sleep(0.005)
 

@@ -11,9 +11,10 @@ import numpy as np
 
 from wavesweep.errors import CheckpointError
 from wavesweep.sweep.chunks import Chunks
-from wavesweep.sweep.records import is_whole
+from wavesweep.sweep.records import DTYPE, is_whole
 
 MANIFEST = "manifest.json"
+SUFFIX = ".records"
 
 
 class MemoryParts:
@@ -53,6 +54,7 @@ class FolderParts:
 
     def __init__(self, folder: Path, chunks: Chunks, names: Mapping[int, str]):
         self._folder, self._chunks, self._names = folder, chunks, dict(names)
+        self._sound = set()  # of those whose checksum needs no second look
 
     @property
     def place(self) -> Path:
@@ -65,23 +67,23 @@ class FolderParts:
 
     def save(self, number: int, records: np.ndarray) -> None:
         """Write a finished chunk."""
-        name = f"{number:07d}-{zlib.crc32(records.tobytes()):08x}.npy"
+        content = records.tobytes()
+        name = f"{number:07d}-{zlib.crc32(content):08x}{SUFFIX}"
         temporary = self._folder / f"{name}.tmp"
-        with temporary.open("wb") as file:
-            np.save(file, records, allow_pickle=False)
+        temporary.write_bytes(content)
         temporary.replace(self._folder / name)
         self._names[number] = name
+        self._sound.add(number)
 
     def load(self, number: int) -> np.ndarray:
         """Read a finished chunk. Raises CheckpointError where it is not what was written."""
         path = self._folder / self._names[number]
-        try:
-            records = np.load(path, allow_pickle=False)
-            sound = f"{zlib.crc32(records.tobytes()):08x}" == path.stem.rpartition("-")[2]
-        except (ValueError, EOFError) as error:
-            raise _unusable(self._folder, f"{path.name} cannot be read ({error})") from error
-        if not (sound and is_whole(records, self._chunks[number].columns)):
-            raise _unusable(self._folder, f"{path.name} is not what was written")
+        records = np.fromfile(path, DTYPE)
+        if number not in self._sound:
+            checksum = path.stem.rpartition("-")[2]
+            if f"{zlib.crc32(records.tobytes()):08x}" != checksum or not is_whole(records, self._chunks[number].columns):
+                raise _unusable(self._folder, f"{path.name} is not what was written")
+            self._sound.add(number)
         return records
 
     def remove(self) -> None:
@@ -110,7 +112,7 @@ def _opened(folder, expected, chunks):
     manifest = folder / MANIFEST
     if manifest.exists():
         _compare(folder, _read(manifest), expected)
-    elif any(folder.glob("*.npy")):
+    elif any(folder.glob(f"*{SUFFIX}")):
         raise _unusable(folder, f"it has parts but no {MANIFEST}")
     else:
         temporary = folder / f"{MANIFEST}.{os.getpid()}.tmp"
@@ -124,7 +126,7 @@ def _opened(folder, expected, chunks):
 
 def _names(folder, chunks):
     names = {}
-    for path in folder.glob("*.npy"):
+    for path in folder.glob(f"*{SUFFIX}"):
         number = path.name.partition("-")[0]
         if not number.isdigit() or int(number) >= chunks:
             raise _unusable(folder, f"{path.name} is no part of this run")

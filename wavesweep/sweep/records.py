@@ -22,7 +22,7 @@ def records_of(found: Intervals) -> np.ndarray:
 
 def is_whole(records: np.ndarray, columns: int) -> bool:
     """Whether they are records and every one of the columns has as many as it says."""
-    if records.dtype != DTYPE or records.ndim != 1 or not records.size:
+    if not records.size:
         return False
     starts = np.flatnonzero(np.append(True, np.diff(records["column"]) != 0))
     rows = np.diff(np.append(starts, records.size))
