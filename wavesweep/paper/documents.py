@@ -119,7 +119,8 @@ def _served(columns: Columns) -> str:
     both = int((fits & columns["fig2_stable"] & columns["fig6_stable"]).sum())
     return (
         f"{int(fits.sum())} of {len(fits)} choices give Figure 4's 800 N/m. With {both or 'none'} of them the loops of "
-        "Figures 2 and 6 (500 N/m, their own b) are all stable, which the paper's figures take for granted."
+        "Figures 2 and 6 (500 N/m, their own b; HP, LP2 and local model as in fig6.toml) are all stable, which the paper's "
+        "figures take for granted."
     )
 
 
