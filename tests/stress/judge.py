@@ -1,0 +1,106 @@
+"""One question put to the package and to the certified witness, and what became of it."""
+
+import warnings
+from dataclasses import dataclass, field
+
+import numpy as np
+from support import certified
+from support.intervals import cut_of
+
+from wavesweep.analysis.intervals import stable_intervals
+from wavesweep.errors import IllPosedLoopError
+
+SAME = 1e-9  # relative, of an end; or this small a part of the span, times 1e-3
+LOOSE = 1e-6
+
+
+@dataclass
+class Verdict:
+    """Of one column. kind: "right", "loose" (an end off by SAME to LOOSE), "wrong", "undecided" (by the witness) or
+    "refused"; certified; rows; why it is not certified; what was answered and what is true."""
+
+    kind: str
+    certified: bool
+    rows: int = 0
+    why: str = ""
+    error: float = 0.0
+    answered: list = field(default_factory=list)
+    truth: list = field(default_factory=list)
+
+
+def judge(question, witness=None) -> list[Verdict]:
+    """A verdict per column. Warnings are errors, and so is a number that is not one."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            cut = cut_of(question.values)
+        except IllPosedLoopError:
+            return [Verdict("refused", False) for _ in question.fixed]
+        found = stable_intervals(cut, question.along, question.span, np.array(question.fixed)[None])
+    _must_be_numbers(found)
+    witness = witness or certified.Witness(question.values)
+    return [_column(question, cut, found, witness, index) for index in range(len(question.fixed))]
+
+
+def _must_be_numbers(found):
+    some = found.index >= 0
+    assert np.isfinite([found.low[some], found.high[some]]).all()
+    assert np.isfinite(found.residual).all()
+    assert (found.low[some] < found.high[some]).all()
+
+
+def _column(question, cut, found, witness, index):
+    mine = found.column == index
+    rows = [(float(a), float(b), float(s), float(t)) for a, b, s, t in zip(
+        found.low[mine], found.high[mine], found.low_omega[mine], found.high_omega[mine], strict=True)]
+    rows = [row for row in rows if row[0] == row[0]]
+    sure = bool(found.certified[mine].all())
+    verdict = Verdict("undecided", sure, max(len(rows), 1), "" if sure else reason(cut, question), answered=rows)
+    try:
+        regions = witness.regions(question.along, question.span, question.fixed[index])
+    except certified.Undecided:
+        return verdict
+    verdict.truth = [(float(r.low.mid()), float(r.high.mid()), *(np.nan if t is None else t / float(cut.period[0])
+                      for t in (r.low_theta, r.high_theta))) for r in regions if r.unstable == 0]
+    verdict.kind, verdict.error = _compared(verdict.answered, verdict.truth, question.span)
+    return verdict
+
+
+def _compared(rows, truth, span):
+    rows, truth = (_beyond_rounding(part, span) for part in (rows, truth))
+    if len(rows) != len(truth):
+        return "wrong", np.inf
+    if not rows:
+        return "right", 0.0
+    ours, theirs = np.array(rows), np.array(truth)
+    # A crossing at an end of the span to rounding may be named there or not.
+    if np.any((np.isnan(ours) != np.isnan(theirs))[:, 2:] & (ours[:, :2] != span[0]) & (ours[:, :2] != span[1])):
+        return "wrong", np.inf
+    gap = np.abs(ours - theirs)[:, :2]
+    gap = np.where(gap <= 1e-3 * SAME * (span[1] - span[0]), 0.0, gap)
+    with np.errstate(invalid="ignore"):
+        error = float(np.nanmax(gap / np.maximum(np.abs(theirs[:, :2]), 1e-300)))
+        angle = float(np.nanmax(np.abs(ours - theirs)[:, 2:] / np.abs(theirs[:, 2:]), initial=0.0, where=(theirs[:, 2:] > 0) & (ours[:, 2:] >= 0)))
+    worst = max(error, angle)
+    return ("right" if worst <= SAME else "loose" if worst <= LOOSE else "wrong"), worst
+
+
+def _beyond_rounding(rows, span):
+    """The intervals but for those at an end of the span that are narrower than SAME."""
+    at_edge = [low == span[0] or high == span[1] for low, high, *_ in rows]
+    return [row for row, edge in zip(rows, at_edge, strict=True) if not (edge and row[1] - row[0] <= SAME * abs(row[1]))]
+
+
+def reason(cut, question):
+    """Why a column may not be certified, in one word or two."""
+    values, size = question.values, np.abs(cut.E).max()
+    if not np.isfinite(size):
+        return "frame overflows"
+    if size > 1e6:
+        return "unstable inside the frame"
+    orders = sum(values[f"filters.{name}.order"] for name in ("lp1", "hp", "lp2"))
+    if values["controller.kind"].startswith("pmw") and orders > 12:
+        return "long filters"
+    if values["device.damping"] + values["operator.damping"] == 0:
+        return "undamped"
+    return "other"

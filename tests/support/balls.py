@@ -1,0 +1,253 @@
+"""The loop of the model in ball arithmetic (python-flint): every number with a proved bound on its error.
+
+Written down from the model's equations tick by tick, like `exact`, and shares no code with the package or with `exact`. What it
+gives is the characteristic polynomial `d - K_VE N_x - B_VE N_v` of a frame, which is linear in the wall.
+"""
+
+from dataclasses import dataclass
+
+from flint import arb, arb_mat, arb_poly
+
+SHARE = {"explicit": 0, "implicit": 1, "trapezoidal": arb(1) / 2}  # of the new step in the spring's displacement
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The loop cut at the wall: `s+ = A s + B F`, and rows over (s, F) of what the wall reads."""
+
+    A: arb_mat
+    B: arb_mat
+    x: arb_mat
+    v: arb_mat
+    size: int
+
+    def trace(self, K, B):
+        """(numerator, denominator) of the sum of the closed loop's eigenvalues."""
+        through, total = arb(1), arb(0)
+        for gain, row in ((arb(K), self.x), (arb(B), self.v)):
+            through -= gain * row[0, self.size]
+            total += gain * (_columns(row, 0, self.size) * self.B)[0, 0]
+        return self.A.trace() * through + total, through
+
+    def polynomials(self):
+        """(d, N_x, N_v), in z."""
+        d, rows = self.A.charpoly(), (self.x, self.v)
+        return d, *((self.A - self.B * _columns(row, 0, self.size)).charpoly() - d + d * row[0, self.size] for row in rows)
+
+
+class Forms:
+    """Signals of a tick as linear forms (rows) in the states, the wall's force and the wave that closes the tick's loop."""
+
+    def __init__(self, names):
+        self.size = len(names) + 2
+        self.names = names
+        self.now = {name: self.unit(i) for i, name in enumerate(names)}
+        self.after = {}
+        self.force, self.wave = self.unit(len(names)), self.unit(len(names) + 1)
+
+    def unit(self, index=None):
+        """The form that is one variable, or zero."""
+        return arb_mat(1, self.size, [int(i == index) for i in range(self.size)])
+
+    def run(self, name, sections, u):
+        """A filter's sections, `y = b0 u + p`, `p+ = b1 u - a1 y + q`, `q+ = b2 u - a2 y`."""
+        for k, (b0, b1, b2, a1, a2) in enumerate(sections):
+            p, q = f"{name}.p{k}", f"{name}.q{k}"
+            y = u * b0 + self.now[p]
+            self.after[p] = u * b1 - y * a1 + self.now.get(q, self.unit())
+            if q in self.now:
+                self.after[q] = u * b2 - y * a2
+            u = y
+        return u
+
+
+def butterworth(order, cutoff_hz, T, highpass):
+    """Sections (b0, b1, b2, a1, a2) with unit gain at DC, or at half the rate."""
+    w, found = (arb.pi() * arb(cutoff_hz) * T).tan(), []
+    far = -1 if highpass else 1  # 1 + far z^-1 is the zero of every pole
+    for k in range(order // 2):
+        cosine = (arb.pi() * (2 * k + 1) / (2 * order)).sin()  # poles w exp(+-j(pi/2 + angle))
+        bottom = 1 + 2 * cosine * w + w * w
+        gain = (1 if highpass else w * w) / bottom
+        found.append((gain, 2 * far * gain, gain, 2 * (w * w - 1) / bottom, (1 - 2 * cosine * w + w * w) / bottom))
+    if order % 2:
+        gain = (1 if highpass else w) / (1 + w)
+        found.append((gain, far * gain, None, (w - 1) / (w + 1), None))
+    return found
+
+
+def device(values, T):
+    """Rows of `(x, v)+` over `(x, v, f)`, in closed form: exponentials of large matrices have no useful bound."""
+    m, d, k = (arb(values[f"device.{a}"]) + arb(values[f"operator.{a}"]) if a != "stiffness" else
+               arb(values["operator.stiffness"]) for a in ("mass", "damping", "stiffness"))
+    if k == 0 and d == 0:
+        return (1, T, T * T / (2 * m)), (0, 1, T / m)
+    if k == 0:
+        gone = -(-d * T / m).expm1()
+        return (1, gone * m / d, (T - gone * m / d) / d), (0, 1 - gone, gone / d)
+    sigma = d / (2 * m)
+    square = sigma * sigma - k / m
+    if square < 0:
+        root = (-square).sqrt()
+        shrink = (-sigma * T).exp()
+        c, h = shrink * (root * T).cos(), shrink * (root * T).sin() / root
+    else:
+        root = square.sqrt()
+        slow, quick = ((root - sigma) * T).exp(), (-(root + sigma) * T).exp()
+        c, h = (slow + quick) / 2, (slow - quick) / (2 * root)
+    rest = c + sigma * h
+    return (rest, h, (1 - rest) / k), (-k / m * h, c - sigma * h, h / m)
+
+
+def frame(values) -> Frame:
+    """Multiply the ticks of a frame; its precision is `flint.ctx.prec` bits."""
+    direct = values["controller.kind"].startswith("dc")
+    alone = values["controller.kind"] == "dc"
+    ratio, delay = (1, 0) if alone else (values["rates.ratio"], values["environment.delay"])
+    T = 1 / arb(values["rates.fast_hz"])
+    sections = _sections(values, T)
+    names = _states(values, sections, delay)
+    draw = _direct if direct else _waves
+
+    def tick(phase):
+        forms = Forms(names)
+        read = draw(forms, values, sections, (phase, ratio, delay, T))
+        return forms, read
+
+    first, (f_m, v_m, x_tilde, x_dot) = tick(0)
+    put = _closer(first, v_m)
+    whole, n = _step(first, values, put(f_m), T, put), len(names)
+    for phase, times in _runs(ratio, delay):
+        forms, (f_m, v_m, *_) = tick(phase)
+        closer = _closer(forms, v_m)
+        whole = _columns(_step(forms, values, closer(f_m), T, closer), 0, n)**times * whole
+    A, B = _columns(whole, 0, n), _columns(whole, n, n + 1)
+    return Frame(A, B, put(x_tilde), put(x_dot), n)
+
+
+def _runs(ratio, delay):
+    """(phase, how often) of the ticks after the first, in order."""
+    usual = next((i for i in range(1, ratio) if i != delay), 0)
+    if not 0 < delay < ratio:
+        return [(usual, ratio - 1)] if ratio > 1 else []
+    runs = [(usual, delay - 1), (delay, 1), (usual, ratio - 1 - delay)]
+    return [(phase, times) for phase, times in runs if times]
+
+
+def _columns(matrix, start, stop):
+    return arb_mat([row[start:stop] for row in matrix.tolist()])
+
+
+def _closer(forms, v_m):
+    """A function that puts the solution of `wave = v_m` into a form and drops that column."""
+    n = forms.size - 1
+    loop = v_m * (1 / (1 - v_m[0, n])) if v_m is not None else forms.unit()
+    return lambda form: _columns(form + loop * form[0, n], 0, n)
+
+
+def _step(forms, values, f_m, T, put):
+    """The states after the tick, a row each, over the states and the wall's force."""
+    x_row, v_row = device(values, T)
+    now = [put(forms.now[name]) for name in ("x", "v")]
+    after = {name: put(form) for name, form in forms.after.items()}
+    for name, (of_x, of_v, of_f) in (("x", x_row), ("v", v_row)):
+        after[name] = now[0] * of_x + now[1] * of_v - f_m * of_f
+    after["x_before"] = now[0]
+    return arb_mat([after[name].tolist()[0] for name in forms.names])
+
+
+def _sections(values, T):
+    used = {"pmw": ("lp1",), "pmw-lm": ("lp1", "hp", "lp2")}.get(values["controller.kind"], ())
+    return {name: butterworth(values[f"filters.{name}.order"], values[f"filters.{name}.cutoff_hz"], T, name == "hp")
+            for name in used}
+
+
+def _states(values, sections, delay):
+    """Names of what a tick remembers."""
+    kind = values["controller.kind"]
+    names = ["x", "v"] + (["x_before"] if values["device.velocity"] == "difference" else [])
+    for name, parts in sections.items():
+        for k, part in enumerate(parts):
+            names += [f"{name}.p{k}"] + ([f"{name}.q{k}"] if part[2] is not None else [])
+    held = {"dc": [], "dc-slow": ["F"], "dc-lm": ["F", "x_ref", "v_ref"]}.get(kind, ["v_1", "x_bar"])
+    names += held + ([f"{name}.next" for name in held] if delay else [])
+    if kind.startswith("pmw"):
+        names += ["x_s", "x_dot"]
+    if kind == "pmw-lm":
+        names += ["x_l", "x_dot_l"] + (["v_2"] if values["local_model.delay"] else [])
+    return names
+
+
+def _velocity(forms, values, T):
+    return forms.now["v"] if values["device.velocity"] == "exact" else (forms.now["x"] - forms.now["x_before"]) * (1 / T)
+
+
+def _hold(forms, fresh, phase, ratio, delay):
+    """What the held signals show in this tick; fresh: their new values at phase 0, by name."""
+    shown = {}
+    for name, value in fresh.items():
+        waiting = forms.now.get(f"{name}.next")
+        shown[name] = waiting if delay and phase == delay % ratio else forms.now[name]
+        if phase == 0:
+            waiting = value
+            shown[name] = value if delay == 0 else shown[name]
+        forms.after[name] = shown[name]
+        if delay:
+            forms.after[f"{name}.next"] = waiting
+    return shown
+
+
+def _direct(forms, values, _sections, clock):
+    """`dc`, `dc-slow`, `dc-lm`: (f_m, nothing, what the wall reads)."""
+    *when, T = clock
+    x, v_hat = forms.now["x"], _velocity(forms, values, T)
+    if values["controller.kind"] == "dc":
+        return forms.force, None, x, v_hat
+    fresh = {"F": forms.force, "x_ref": x, "v_ref": v_hat}
+    held = _hold(forms, {name: fresh[name] for name in fresh if name in forms.now}, *when)
+    f_m = held["F"]
+    if values["controller.kind"] == "dc-lm":
+        f_m = f_m + (x - held["x_ref"]) * arb(values["local_model.K_LM"])
+        f_m = f_m + (v_hat - held["v_ref"]) * arb(values["local_model.B_LM"])
+    return f_m, None, x, v_hat
+
+
+def _waves(forms, values, sections, clock):
+    """`pmw`, `pmw-lm`: (f_m, v_m, what the wall reads)."""
+    phase, ratio, delay, T = clock
+    b = arb(values["controller.b"])
+    root = (2 * b).sqrt()
+    v_hat, v_m = _velocity(forms, values, T), forms.wave
+    u_m = v_hat * root - v_m
+    u_s = forms.run("lp1", sections["lp1"], u_m)
+    x_dot = (u_s * root - forms.force) * (1 / b)
+    x_tilde, x_s = _integrate(forms, "x_s", "x_dot", x_dot, ratio * T, values["environment.integration"], phase == 0)
+    held = _hold(forms, {"v_1": u_s - forms.force * (2 / b).sqrt(), "x_bar": x_s}, phase, ratio, delay)
+    total = held["v_1"] + (held["x_bar"] - forms.now["x"]) * arb(values["controller.Kp"])
+    if values["controller.kind"] == "pmw-lm":
+        y = _local(forms, values, sections, u_m, T)
+        total = total + forms.now.get("v_2", y)
+        forms.after["v_2"] = y
+        forms.after = {name: form for name, form in forms.after.items() if name in forms.names}
+    return v_hat * b - v_m * root, total, x_tilde, x_dot
+
+
+def _integrate(forms, position, velocity, x_dot, period, integration, runs):
+    """(what the spring sees, the new position), and the memory of both."""
+    x = forms.now[position]
+    push = (x_dot + forms.now[velocity]) * (arb(1) / 2) if integration == "trapezoidal" else x_dot
+    new = x + push * period
+    forms.after[position], forms.after[velocity] = (new, x_dot) if runs else (x, forms.now[velocity])
+    return (x if integration == "explicit" else new), new
+
+
+def _local(forms, values, sections, u_m, T):
+    """The wave that comes back from the local model, filtered."""
+    b, K, B = (arb(values[key]) for key in ("controller.b", "local_model.K_LM", "local_model.B_LM"))
+    integration = values["local_model.integration"]
+    u_h = forms.run("hp", sections["hp"], u_m)
+    x, before = forms.now["x_l"], forms.now["x_dot_l"]
+    known = x + before * (T / 2) if integration == "trapezoidal" else x
+    x_dot = (u_h * (2 * b).sqrt() - known * K) * (1 / (b + B + K * T * SHARE[integration]))
+    x_tilde, _ = _integrate(forms, "x_l", "x_dot_l", x_dot, T, integration, True)
+    return forms.run("lp2", sections["lp2"], u_h - (x_tilde * K + x_dot * B) * (2 / b).sqrt())
