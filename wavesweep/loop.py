@@ -68,6 +68,25 @@ class Loop:
         frequency = self._frequencies(frequency_hz)
         return _frame(one_spec(self.spec, self._axes(axes), frequency))
 
+    def passivity(self, **axes):
+        """Norm of the wave channel and margin at the hand's port: a DataFrame with the columns of `wavesweep passivity`.
+
+        Accuracy: see `analysis.passivity.channel_norm` and `port_margin`.
+        """
+        from wavesweep.sweep.passivity_table import in_memory
+
+        return _frame(in_memory(self.spec, self._axes(axes)))
+
+    def simulate(self, force=None, **options):
+        """Both loops run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
+
+        force: the hand's force (N) per tick, `(ticks,)`; what the spec's [simulate] names by default. options: its other
+        keys in place of the spec's (`wall=0.01, friction=0.2`). Errors: see `analysis.march.simulated_columns`.
+        """
+        from wavesweep.analysis.march import simulated_columns
+
+        return _frame(simulated_columns(self.spec, force, **options))
+
     def to_control(self):
         """The lifted closed loop as a `control.StateSpace`: a frame's M hand forces (N) in, its M positions (m) out, dt = T_s.
 

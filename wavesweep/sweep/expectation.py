@@ -5,7 +5,6 @@ import time
 import numpy as np
 
 from wavesweep.sweep.question import Question, cut_otherwise
-from wavesweep.sweep.slices import solve
 
 PROBES = 6  # samples of the sweep
 SHARE = 10  # a sample is so many times smaller than a chunk: large enough that what a batch costs does not decide
@@ -15,10 +14,10 @@ LONGEST = 0.3  # s; no further sample after that
 def expected_seconds(asked: Question) -> float:
     """Seconds of work in one process for the whole question, by solving a small part of it."""
     samples = _samples(asked)
-    solve(samples[0])  # the first call of everything costs more than it will later
+    samples[0].records()  # the first call of everything costs more than it will later
     started, seconds, columns = time.perf_counter(), 0.0, 0
     for sample in samples:
-        solve(sample)
+        sample.records()
         seconds = time.perf_counter() - started
         columns += sum(members.size for members, _ in sample.groups) * len(next(iter(sample.walls.values())))
         if seconds > LONGEST:

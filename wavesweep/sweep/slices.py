@@ -11,6 +11,7 @@ import numpy as np
 from wavesweep.analysis.intervals import Intervals, stable_anywhere, stable_intervals
 from wavesweep.diagram import WALL, draw
 from wavesweep.lifted import Cut, close, cut_at_wall
+from wavesweep.sweep.records import records_of
 
 TINY = 1e-300  # stands in for a zero that would take a state out of the loop
 SYMBOL = dict(zip(WALL, ("K_VE", "B_VE"), strict=True))
@@ -31,6 +32,10 @@ class Work:
     groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
     walls: Mapping[str, np.ndarray]
     cut: Cut | None = None
+
+    def records(self) -> np.ndarray:
+        """Solve it; the intervals as records."""
+        return records_of(solve(self))
 
 
 def solve(work: Work) -> Intervals:

@@ -5,13 +5,18 @@ import signal
 import threading
 import time
 from functools import cache
+from typing import Protocol
 
 import numpy as np
 
-from wavesweep.sweep.records import records_of
-from wavesweep.sweep.slices import Work, solve
-
 WATCH = 0.5  # s between two looks at the parent
+
+
+class Work(Protocol):
+    """Any piece of work: values and arrays that know what to do with themselves."""
+
+    def records(self) -> np.ndarray:
+        """Do it; a structured array."""
 
 
 def timed(number: int, work: Work, parent: int) -> tuple[int, np.ndarray, float]:
@@ -19,7 +24,7 @@ def timed(number: int, work: Work, parent: int) -> tuple[int, np.ndarray, float]
     if os.getppid() == parent:
         _settle_in(parent)
     started = time.thread_time()
-    records = records_of(solve(work))
+    records = work.records()
     return number, records, time.thread_time() - started
 
 

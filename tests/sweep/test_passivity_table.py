@@ -1,0 +1,101 @@
+"""Passivity over the axes of a sweep: each row is the loop's own, and what repeats is computed once."""
+
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep.analysis.march import simulated_columns
+from wavesweep.analysis.passivity import channel_norm, port_margin
+from wavesweep.spec import find_key, load
+from wavesweep.sweep import passivity, passivity_table, workers
+
+OWN = ["channel_norm", "channel_omega", "port_margin", "port_omega", "channel_passive", "port_passive"]
+AXES = {
+    "K_VE": [0.0, 300.0],
+    "filters.lp1.order": [1, 3],
+    "b": [10.0, 25.0, 40.0],
+    "K_LM": [100.0, 200.0],  # pmw has no local model: its rows are repeated
+    "rates.slow_hz": [50.0, 100.0],
+}
+
+
+def spec_of(kind="pmw", **axes):
+    return load({"controller": {"kind": kind}, "sweep": axes})
+
+
+def test_each_row_is_what_the_loop_of_its_values_has():
+    run = passivity(spec_of(**AXES))
+    assert list(run.columns) == [*AXES, *OWN]
+    assert run.facts["slices"] == {"computed": 24, "skipped": 24, "certified": 24}
+    for row in range(48):
+        at = {find_key(name).path: run.columns[name][row].item() for name in AXES}
+        values = dict(spec_of().with_values(at).values)
+        norm, port = channel_norm(values), port_margin(values)
+        expected = (norm.norm, norm.omega, port.margin, port.omega, norm.passive, port.passive)
+        for name, value in zip(OWN, expected, strict=True):
+            assert run.columns[name][row] == pytest.approx(value, rel=1e-9, abs=1e-15), name
+
+
+def test_a_channel_is_computed_once_for_all_loops_around_it(monkeypatch):
+    seen = []
+
+    def watched(values):
+        seen.append(np.size(values["filters.lp1.cutoff_hz"]))
+        return channel_norm(values)
+
+    monkeypatch.setattr(passivity_table, "channel_norm", watched)
+    passivity(spec_of("pmw-lm", b=[10.0, 25.0, 40.0], **{"filters.lp1.cutoff_hz": [5.0, 10.0]}, B_VE=[0.0, 1.0]))
+    assert seen == [2]
+
+
+@pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm"])
+def test_without_waves_there_is_no_norm_and_no_energy_is_added(kind):
+    run = passivity(spec_of(kind, B_VE=[0.5, 1.0]))
+    assert np.isnan(run.columns["channel_norm"]).all()
+    assert np.isnan(run.columns["channel_omega"]).all()
+    assert run.columns["channel_passive"].tolist() == [True, True]
+    assert any("no wave channel" in notice for notice in run.facts["notices"])
+
+
+def test_a_span_without_values_is_not_swept_and_said_so():
+    run = passivity(spec_of(K_VE={"start": 0, "stop": 20000}, B_VE=[0.5, 1.0]))
+    assert list(run.columns) == ["B_VE", *OWN]
+    assert run.facts["notices"] == ["K_VE has a span and no values: not swept, held at the spec's 500"]
+
+
+def test_a_spec_without_axes_has_one_row():
+    assert [column.shape for column in passivity(spec_of()).columns.values()] == [(1,)] * 6
+
+
+def test_a_loop_that_keeps_no_digit_has_no_margin():
+    run = passivity(spec_of("dc", K_VE=[100.0, 1e9], **{"rates.ratio": [1000]}))
+    assert np.isfinite(run.columns["port_margin"][0])
+    unstable = ~np.isfinite(run.columns["port_margin"])
+    assert np.array_equal(unstable, np.isnan(run.columns["port_omega"]))
+    assert run.columns["port_passive"].dtype == bool
+
+
+def test_workers_leave_no_trace(monkeypatch, same):
+    spec = spec_of(b={"start": 5, "stop": 60, "num": 12}, B_VE=[0.5, 1.0])
+    alone = passivity(spec, jobs=1)
+    monkeypatch.setattr(passivity_table, "CHUNK", 5)
+    monkeypatch.setattr(workers, "WORTH", -10.0)
+    shared = passivity(spec, jobs=2)
+    assert shared.facts["timings"]["workers"] == 2
+    same(shared.columns, alone.columns)
+
+
+def test_the_library_gives_the_same_table():
+    table = wavesweep.compile(spec_of()).passivity(b=[10.0, 25.0], **{"filters.lp1.order": [1, 2]})
+    columns = passivity(spec_of(b=[10.0, 25.0], **{"filters.lp1.order": [1, 2]})).columns
+    assert list(table.columns) == list(columns)
+    assert all(np.array_equal(table[name], column) for name, column in columns.items())
+
+
+def test_the_library_simulates_what_it_is_given():
+    spec = load({"controller": {"kind": "pmw"}, "simulate": {"duration_s": 0.1}})
+    table = wavesweep.compile(spec).simulate(np.ones(40), friction=0.1)
+    expected = simulated_columns(spec, np.ones(40), friction=0.1)
+    assert list(table.columns) == list(expected)
+    assert np.array_equal(table["x"], expected["x"])
+    assert len(wavesweep.compile(spec).simulate()) == 100

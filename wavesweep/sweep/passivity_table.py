@@ -1,0 +1,130 @@
+"""Passivity of the wave channel and of the hand's port over the axes of a sweep, as a table."""
+
+import time
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from wavesweep.analysis.passivity import channel_norm
+from wavesweep.spec import Spec
+from wavesweep.sweep.grid import Grid, make_grid
+from wavesweep.sweep.groups import groups
+from wavesweep.sweep.passivity_work import PORT, PortWork
+from wavesweep.sweep.run import Run, facts_of
+from wavesweep.sweep.workers import choose, results
+
+JOBS = 2
+CHUNK = 128  # loops handed to a worker at once: a third of a second
+READY = 1.5  # s that workers take longer than those of `intervals` to be ready and to load SciPy
+CHANNEL = ("rates.", "filters.")  # what the channel is made of; all else is outside its ports
+METHODS = {
+    "channel": "H-infinity norm by levels: the level just above it is met at no frequency (symplectic pencil of a frame)",
+    "port": "least eigenvalue of the Hermitian part by levels, the level just below it met at no frequency",
+}
+
+
+def passivity(spec: Spec, jobs=None, backend=None, scheduler=None, progress=None) -> Run:
+    """Channel norm and port margin for every combination of the axes of [sweep] that have values.
+
+    An axis with a span alone is not swept. What an axis does not change is computed once: the norm hangs on filters
+    and rates alone, the margin on what the controller reads. jobs, backend, scheduler, progress: as for `intervals`.
+    """
+    started = time.perf_counter()
+    grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
+    channel = _channel_columns(grid)
+    port, workers = _port_columns(grid, (jobs or JOBS, backend, scheduler), progress)
+    certified = port.pop("certified") & channel.pop("certified")
+    computed = grid.loops * grid.walls
+    counts = {"computed": computed, "skipped": grid.size - computed, "certified": int(certified.sum())}
+    timings = {"compute_s": time.perf_counter() - started, "workers": workers.count}
+    facts = facts_of(spec, METHODS, counts, timings, _notices(grid))
+    return Run(_rows(grid, {**channel, **port}), facts)
+
+
+def in_memory(spec: Spec, axes) -> dict:
+    """The table over `axes`, computed in this process."""
+    grid = make_grid(spec, axes)
+    found = _channel_columns(grid) | _port_columns(grid, (1, None, None), None)[0]
+    return _rows(grid, found)
+
+
+ORDER = ("channel_norm", "channel_omega", "port_margin", "port_omega", "channel_passive", "port_passive")
+
+
+def _rows(grid, found) -> dict:
+    loop, wall = grid.column_of(np.arange(grid.size))
+    column = loop * grid.walls + wall
+    return grid.axis_columns(np.arange(grid.size)) | {name: found[name][column] for name in ORDER}
+
+
+def _channel_columns(grid: Grid) -> dict[str, np.ndarray]:
+    """Table columns of the channel and `certified`, `(loops * walls,)`; each different channel is computed once."""
+    inside = make_grid(grid.spec, tuple(axis for axis in grid.loop_axes if axis.path.startswith(CHANNEL)))
+    size = inside.loops
+    found = {
+        "channel_norm": np.full(size, np.nan), "channel_omega": np.full(size, np.nan),
+        # A channel that is not there adds no energy.
+        "channel_passive": np.ones(size, bool), "certified": np.ones(size, bool),
+    }
+    for members, values in groups(grid.spec, inside.loop_values(np.arange(size)), size):
+        norm = channel_norm(values)
+        if norm is None:
+            break
+        for name, part in zip(found, (norm.norm, norm.omega, norm.passive, norm.certified), strict=True):
+            found[name][members] = part
+    return {name: part[_inner(grid, inside)] for name, part in found.items()}
+
+
+def _inner(grid, inside):
+    """For each column of the grid the loop of `inside`, whose axes are some of the grid's loop axes."""
+    shape = tuple(len(axis.values) for axis in grid.loop_axes)
+    digits = dict(zip(grid.loop_axes, np.unravel_index(np.arange(grid.loops), shape), strict=True)) if shape else {}
+    loop = np.zeros(grid.loops, int)
+    for axis in inside.loop_axes:
+        loop = loop * len(axis.values) + digits[axis]
+    return np.repeat(loop, grid.walls)
+
+
+def _port_columns(grid: Grid, wanted, progress):
+    """Table columns of the port and `certified`, `(loops * walls,)`, and the workers that computed them."""
+    size = grid.loops * grid.walls
+    work = list(_port_work(grid, size))
+    workers = choose(*wanted, len(work), partial(_expected_seconds, work))
+    found, done = np.zeros(size, PORT), 0
+    for _, records, _ in results(workers, range(len(work)), work.__getitem__):
+        found[records["column"]] = records
+        done += records.size
+        if progress:
+            progress(done, size, int(found["certified"].sum()))
+    return {name: np.ascontiguousarray(found[name]) for name in PORT.names if name != "column"}, workers
+
+
+def _port_work(grid, size) -> Iterator[PortWork]:
+    loop, wall = np.divmod(np.arange(size), grid.walls)
+    changes = grid.loop_values(loop) | {path: values[wall] for path, values in grid.wall_values().items()}
+    for members, values in groups(grid.spec, changes, size, decides=("environment.K_VE",)):
+        for start in range(0, members.size, CHUNK):
+            part = slice(start, start + CHUNK)
+            yield PortWork(members[part], {path: v[part] if np.ndim(v) else v for path, v in values.items()})
+
+
+def _expected_seconds(work) -> float:
+    """Seconds in one process beyond READY, from some loops of the first chunk and of the last."""
+    pieces = [each.first(16) for each in (work[0], work[-1])]
+    pieces[0].first(1).records()  # the first call of everything costs more than it will later
+    started = time.perf_counter()
+    loops = sum(piece.records().size for piece in pieces)
+    return (time.perf_counter() - started) / loops * sum(each.column.size for each in work) - READY
+
+
+def _notices(grid) -> Iterator[str]:
+    """Yield what a user should know before reading the table."""
+    kind, values = grid.spec.values["controller.kind"], grid.spec.values
+    for axis in grid.ignored:
+        yield f"{axis.name} is not read by {kind}: evaluated once, its rows repeated"
+    for axis in grid.spec.sweep:
+        if not axis.values:
+            yield f"{axis.name} has a span and no values: not swept, held at the spec's {values[axis.path]:g}"
+    if not kind.startswith("pmw"):
+        yield f"{kind} has no wave channel: its norm is missing, and what is not there adds no energy (channel_passive 1)"
