@@ -11,7 +11,7 @@ from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.errors import IllPosedLoopError
 
 SAME = 1e-9  # relative, of an end; or this small a part of the span, times 1e-3
-LOOSE = 1e-6
+LOOSE = 1e-6  # relative, of an end that is the right one; and of its angle, which may lie next to pi
 
 
 @dataclass
@@ -81,8 +81,8 @@ def _compared(rows, truth, span):
     with np.errstate(invalid="ignore"):
         error = float(np.nanmax(gap / np.maximum(np.abs(theirs[:, :2]), 1e-300)))
         angle = float(np.nanmax(np.abs(ours - theirs)[:, 2:] / np.abs(theirs[:, 2:]), initial=0.0, where=(theirs[:, 2:] > 0) & (ours[:, 2:] >= 0)))
-    worst = max(error, angle)
-    return ("right" if worst <= SAME else "loose" if worst <= LOOSE else "wrong"), worst
+    kind = "right" if error <= SAME else "loose" if error <= LOOSE else "wrong"
+    return (kind if angle <= LOOSE else "wrong"), max(error, angle) if angle > LOOSE else error
 
 
 def _beyond_rounding(rows, span):

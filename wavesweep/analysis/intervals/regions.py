@@ -6,10 +6,12 @@ import numpy as np
 
 from wavesweep.analysis.intervals.crossings import Crossings
 from wavesweep.analysis.intervals.curve import K_VE, residual, terms
+from wavesweep.analysis.intervals.rounding import shift
 from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.cut import Cut, close
 
 SMALL_RESIDUAL = 1e-9
+FIRM = 1e-9 / 16  # of an end, what one rounding of every entry of the loop may move it by; lifting a loop costs some more
 SHARES = (0.5, 0.1, 0.9, 1e-3, 0.999, 1e-6)  # of a region's width: the count is the same at all, and clearer at some
 
 
@@ -114,7 +116,11 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
     unstable[claimed] = seen
     column, value, theta = (part[parts.order] for part in (found.column, found.value, found.theta))
     error = _residual(cut.at(owner[column]), along, fixed[column], value, theta)
-    return parts.labelled(unstable, clear, np.ones(error.size, bool), error)
+    ends = np.flatnonzero((unstable[parts.later] == 0) | (unstable[parts.earlier] == 0))
+    firm, at = np.ones(error.size, bool), column[ends]
+    moved = shift(cut.at(owner[at]), along, fixed[at], _place(theta[ends]), np.isin(theta[ends], (0.0, np.pi)))
+    firm[ends] = moved <= FIRM * (np.abs(value[ends]) + 1e-3 * (span[1] - span[0]))
+    return parts.labelled(unstable, clear, firm, error)
 
 
 def count_where_clear(parts: Parts, which, matrices):
@@ -138,8 +144,13 @@ def _wall(along, value, fixed):
     return (value, fixed) if along == K_VE else (fixed, value)
 
 
+def _place(theta):
+    """`w = exp(j theta) - 1`, exactly at both ends of the circle."""
+    return np.where(theta == np.pi, -2.0, np.where(theta == 0.0, 0.0, on_circle(theta)))
+
+
 def _residual(cut, along, fixed, value, theta):
-    w = np.where(theta == np.pi, -2.0, np.where(theta == 0.0, 0.0, on_circle(theta)))
+    w = _place(theta)
     K, B = _wall(along, value, fixed)
     # At z = 1 an integrating loop meets the equation 0 = 0 at K_VE = 0, by structure.
     with np.errstate(invalid="ignore"):

@@ -1,0 +1,54 @@
+"""Ends that rounding of the loop can move: how far is told before they are certified."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.intervals import cut_of, intervals_of, pairs
+from support.specs import values_of
+
+from wavesweep.analysis.intervals import stable_intervals
+from wavesweep.analysis.intervals.rounding import shift
+from wavesweep.lifted.circle import on_circle
+
+# Two crossings that nearly merge in front of z = 1; the truth is from 512-bit ball arithmetic.
+GRAZING = {
+    "fast_hz": 5000.0, "ratio": 1, "mass": 1.609710866115498, "damping": 0.0, "velocity": "difference",
+    "b": 0.5461774323578017, "Kp": 10.248050227974543, "lp1_cutoff_hz": 255.725222378373,
+}  # fmt: skip
+# A device that next to nothing damps: its velocity term cancels the 1 of the equation at z = -1, where x is not seen.
+CANCELLING = {"mass": 0.5541900779754981, "damping": 1.6096963227382755e-08, "stiffness": 918.8466255643115}
+
+
+@pytest.mark.parametrize(
+    ("kind", "changes", "fixed", "high", "truth"),
+    [
+        ("pmw", GRAZING, 198.13918713960777, 1e7, (24.332997847437756, 24.535029316600586)),
+        ("dc", CANCELLING, 1108.2270106112346, 2.2e6, (0.0, 1461027.3392716222)),
+    ],
+)
+def test_an_end_that_rounding_moves_too_far_is_not_certified(kind, changes, fixed, high, truth):
+    """Both are off by more than 1e-9, the second by 3e-5, at residuals of 1e-13 and 0."""
+    found = intervals_of(values_of(kind, **changes), span=(0, high), fixed=fixed)
+    assert found.count.tolist() == [1]
+    assert np.abs(np.array(pairs(found)[0]) / np.array([truth[0] or 1, truth[1]]) - 1).max() > 1e-9
+    assert not found.certified[0]
+
+
+@pytest.mark.parametrize(("kind", "along"), [("pmw", "K_VE"), ("dc-slow", "K_VE"), ("dc-slow", "B_VE"), ("dc-lm", "B_VE")])
+def test_the_bound_is_that_of_perturbed_entries(kind, along):
+    """The end of a loop whose entries move by 1e-7 of themselves, at random: within the bound, and not far below it."""
+    values = values_of(kind, integration="explicit", lp1_cutoff_hz=8.57)
+    cut, r, ends = cut_of(values), np.random.default_rng(0), []
+    fixed = np.array([1.0 if along == "K_VE" else 200.0])
+
+    def end(loop):
+        found = stable_intervals(loop, along, (0.0, 2e3), fixed[None])
+        return found.high[0], found.high_omega[:1] * loop.period
+
+    value, theta = end(cut)
+    bound = shift(cut, along, fixed, on_circle(theta), np.zeros(1, bool))[0] * 1e-7 / np.finfo(float).eps
+    for _ in range(20):
+        moved = {part: getattr(cut, part) * (1 + 1e-7 * r.choice([-1, 1], getattr(cut, part).shape)) for part in "EBCD"}
+        ends.append(end(replace(cut, **moved))[0])
+    assert 0.05 * bound < np.abs(np.array(ends) - value).max() <= bound
