@@ -9,6 +9,7 @@ COMMANDS = MappingProxyType(
         "stability-region": "Find the stable intervals along any axis for every combination of the others.",
         "bode": "Compute transmitted admittance and impedance over frequency, a curve per spec.",
         "simulate": "Run both loops tick by tick, with what a real rig adds to the linear model.",
+        "passivity": "Find how far the wave channel and the hand's port are from passive.",
         "paper": "Draw every figure of the paper and judge every statement of it.",
         "check": "Validate a spec and say what would be computed, and how.",
     }

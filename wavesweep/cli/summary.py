@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.cli.passivity_summary import filter_choices, passivity
 from wavesweep.cli.simulation_summary import simulated_response, simulation
 
 Line = tuple[str, bool]
@@ -18,6 +19,10 @@ def summary(kind: str, columns: Mapping[str, np.ndarray], facts: Mapping[str, An
     match kind:
         case "bode":
             yield from _bode(columns)
+        case "passivity":
+            yield from passivity(columns, facts)
+        case "passivity-filters":
+            yield from filter_choices(columns)
         case "simulate":
             yield from simulation(columns, facts)
         case "simulate-response":

@@ -57,14 +57,14 @@ def lay_out(axes: Mapping[str, Sequence[float]]) -> Layout:
     B_VE or K_VE lies along the figure where it can: the plane of the wall is drawn so.
     """
     several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
-    x = _along_the_figure(several)
+    x = along_the_figure(several)
     rest = [name for name in several if name != x]
     # Bars have their family first, named on the axis across; lines have it in a legend, and panels are easier to read.
     first, second, *_ = [*rest, None, None]
     panels, family = (first, second) if x else (second, first)
-    points = _evenly(several, x, MOST_POINTS)
-    panel_values = _evenly(several, panels, MOST_PANELS)
-    members = _evenly(several, family, MOST_MEMBERS if x else MOST_BARS)
+    points = evenly(several, x, MOST_POINTS)
+    panel_values = evenly(several, panels, MOST_PANELS)
+    members = evenly(several, family, MOST_MEMBERS if x else MOST_BARS)
     fixed = {name: several[name][len(several[name]) // 2] for name in rest[2:]}
     shown = ((x, points), (panels, panel_values), (family, members))
     notes = [f"{len(v)} of {len(several[n])} values of {n}" for n, v in shown if n and len(v) < len(several[n])]
@@ -73,7 +73,7 @@ def lay_out(axes: Mapping[str, Sequence[float]]) -> Layout:
     return Layout(x, points, panels, panel_values, family, members, fixed, said)
 
 
-def _along_the_figure(several: Mapping[str, Sequence[float]]) -> str | None:
+def along_the_figure(several: Mapping[str, Sequence[float]]) -> str | None:
     for wall in ("B_VE", "K_VE"):
         if wall in several:
             return wall
@@ -82,7 +82,7 @@ def _along_the_figure(several: Mapping[str, Sequence[float]]) -> str | None:
     return longest if longest is not None and len(several[longest]) > MOST_BARS else None
 
 
-def _evenly(several: Mapping[str, Sequence[float]], name: str | None, most: int) -> tuple[float, ...]:
+def evenly(several: Mapping[str, Sequence[float]], name: str | None, most: int) -> tuple[float, ...]:
     if name is None:
         return ()
     values = np.asarray(several[name])

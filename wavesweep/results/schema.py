@@ -104,6 +104,17 @@ _PASSIVITY = (
     Field("port_passive", "boolean", "", "the whole loop gives the hand no more energy than it takes in"),
 )
 
+_PASSIVITY_FILTERS = (
+    Field("lp1_order", "integer", "1", "Butterworth order of LP1, and of the high-pass to the local model"),
+    Field("lp1_cutoff_hz", "number", "Hz", "-3 dB frequency of both"),
+    *_PASSIVITY[:2],
+    Field("excess", "number", "1", "channel_norm less 1: how far pmw is from passive"),
+    Field("energy_gain", "number", "1", "channel_norm^2 - 1: energy that aliasing can add to a wave, J per J, at most"),
+    Field("bank_norm", "number", "1", "norm of the way out of pmw-lm, with a high-pass of the same order and cutoff"),
+    Field("certified", "boolean", "", "no frequency exceeds either norm by more than 1e-10, relative"),
+    Field("sufficient_order", "number", "1", "least order at this cutoff with energy_gain <= 0.001; missing where none is"),
+)
+
 TABLES: Mapping[str, tuple[Field, ...]] = {
     "zwidth": _INTERVALS,
     "stability-region": _INTERVALS,
@@ -111,6 +122,7 @@ TABLES: Mapping[str, tuple[Field, ...]] = {
     "simulate": _SIMULATE,
     "simulate-response": _SIMULATE_RESPONSE,
     "passivity": _PASSIVITY,
+    "passivity-filters": _PASSIVITY_FILTERS,
 }
 
 

@@ -2,11 +2,12 @@
 
 from wavesweep.sweep.run import LongRun, Run
 
-__all__ = ["LongRun", "Run", "intervals", "passivity", "plan", "responses"]
+__all__ = ["LongRun", "Run", "filter_choices", "intervals", "passivity", "plan", "responses"]
 
 _HOMES = {
     "intervals": "wavesweep.sweep.interval_table",
     "responses": "wavesweep.sweep.response_table",
+    "filter_choices": "wavesweep.sweep.filter_choices",
     "passivity": "wavesweep.sweep.passivity_table",
     "plan": "wavesweep.sweep.planning",
 }

@@ -1,0 +1,97 @@
+"""`wavesweep passivity` from the spec to its files."""
+
+import json
+
+import numpy as np
+import pytest
+
+from wavesweep import results
+
+SPEC = """
+[controller]
+kind = "pmw"
+[sweep]
+filters.lp1.order = [1, 2, 4]
+Kp = [0, 20]
+K_VE = { start = 0, stop = 2000 }
+"""
+HEADER = "filters.lp1.order,Kp,channel_norm,channel_omega,port_margin,port_omega,channel_passive,port_passive"
+SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
+
+
+@pytest.fixture
+def filters(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "filters.toml").write_text(SPEC)
+    return "filters.toml"
+
+
+def files_of(folder):
+    return {file.name for file in folder.iterdir()}
+
+
+def test_a_row_per_combination_in_every_file(wavesweep, filters, tmp_path):
+    code, out, err = wavesweep("passivity", filters)
+    assert (code, out) == (0, "")
+    folder = tmp_path / "results/filters"
+    assert files_of(folder) == {f"passivity{suffix}" for suffix in SUFFIXES}
+    assert (folder / "passivity.csv").read_text().startswith(HEADER + "\n1,0.0,1.053277")
+    table = results.read(folder / "passivity.parquet")
+    assert len(table["channel_norm"]) == 6
+    assert table["channel_norm"][::2] == pytest.approx([1.0532774, 1.0016532, 1.0000024], abs=1e-7)
+    assert table["port_passive"].dtype == bool
+    facts = json.loads((folder / "passivity.datapackage.json").read_text())["wavesweep"]
+    assert facts["slices"] == {"computed": 6, "skipped": 0, "certified": 6}
+    assert "K_VE has a span and no values: not swept, held at the spec's 500" in err
+    assert "channel: passive in 0 of 6 rows; norm 1.000002 to 1.053277" in err
+    assert "hand's port: passive in 0 of 6 rows" in err
+
+
+def test_a_controller_without_waves_has_a_row_too(wavesweep, filters):
+    code, out, err = wavesweep("passivity", filters, "--set", "controller.kind=dc", "--out", "-")
+    assert code == 0
+    lines = out.splitlines()
+    assert lines[0] == HEADER
+    assert all(line.split(",")[2:4] == ["NaN", "NaN"] for line in lines[1:])
+    assert all(line.split(",")[6] == "1" for line in lines[1:])
+    assert "dc has no wave channel" in err
+
+
+def test_the_filter_choices_are_a_second_table(wavesweep, filters, tmp_path):
+    code, _, err = wavesweep("passivity", filters, "--filters")
+    assert code == 0
+    folder = tmp_path / "results/filters"
+    kinds = ("passivity", "passivity-filters")
+    assert files_of(folder) == {f"{kind}{suffix}" for kind in kinds for suffix in SUFFIXES}
+    table = results.read(folder / "passivity-filters.csv")
+    tenth = (table["lp1_cutoff_hz"] == 10) & (table["lp1_order"] == 1)
+    assert table["channel_norm"][tenth] == pytest.approx(1.0532774, abs=1e-7)
+    assert table["sufficient_order"][tenth] == [3]
+    assert np.isnan(table["sufficient_order"][table["lp1_cutoff_hz"] == 25]).all()
+    assert "2 at 2 Hz, 2 at 5 Hz, 3 at 8.57 Hz, 3 at 10 Hz, 4 at 15 Hz, 5 at 20 Hz" in err
+    assert "no order up to 8 is enough at 25 Hz" in err
+
+
+def test_cutoffs_that_the_rates_cannot_have_are_left_out(wavesweep, filters, tmp_path):
+    lower = [f"filters.{name}.cutoff_hz=5" for name in ("lp1", "hp", "lp2")]
+    settings = [part for setting in ("rates.fast_hz=30", "bode.frequency_hz=[1]", *lower) for part in ("--set", setting)]
+    assert wavesweep("passivity", filters, "--filters", "--no-plot", *settings)[0] == 0
+    table = results.read(tmp_path / "results/filters/passivity-filters.csv")
+    assert set(table["lp1_cutoff_hz"].tolist()) == {2.0, 5.0, 8.57, 10.0}
+
+
+@pytest.mark.parametrize(
+    "axes",
+    [
+        "Kp = [10]",
+        "B_VE = { start = 0, stop = 5, num = 12 }\nb = [20, 40]\ndevice.mass = [0.1, 0.2, 0.3]",
+        "b = { start = 20, stop = 40, num = 5 }\nKp = { start = 0, stop = 40, num = 5 }",
+    ],
+)
+@pytest.mark.parametrize("kind", ["pmw", "dc-slow"])
+def test_every_shape_of_table_has_a_figure(wavesweep, filters, tmp_path, axes, kind):
+    text = f'[controller]\nkind = "{kind}"\n[sweep]\n{axes}\n'
+    (tmp_path / "other.toml").write_text(text)
+    assert wavesweep("passivity", "other.toml")[0] == 0
+    assert (tmp_path / "results/other/passivity.png").stat().st_size > 5000
+    assert filters

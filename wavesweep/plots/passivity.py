@@ -1,0 +1,139 @@
+"""The figure of passivity: how much the wave channel exceeds 1, and beside it the margin at the hand's port."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from wavesweep.plots.layout import MOST_BARS, MOST_MEMBERS, MOST_POINTS, along_the_figure, evenly
+from wavesweep.plots.style import TWO_COLUMNS, distinct_colour, family_colours, figure, label, symbol
+
+Columns = Mapping[str, np.ndarray]
+
+_TOLERANCE = 1e-10  # of the norm: what is nearer to 1 counts as passive
+_LINEAR = 1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors
+_PASSIVE, _COLOUR = "#009E73", distinct_colour(0)  # the shade of what is passive, and the dots
+_NOTE = 100  # letters of a line
+
+
+def passivity(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
+    """Draw a `passivity` table as PNG: norm less 1 by factors, and the port's margin, where passive is shaded.
+
+    Over an axis with many values they are lines, a family for the next axis; otherwise a dot per combination.
+    """
+    del facts
+    axes = {name: tuple(np.unique(columns[name]).tolist()) for name in list(columns)[: list(columns).index("channel_norm")]}
+    several = {name: values for name, values in axes.items() if len(values) > 1}
+    x = along_the_figure(several)
+    rest = [name for name in several if name != x]
+    if x is not None:
+        _draw_lines(columns, several, x, rest, path)
+    else:
+        _draw_dots(columns, several, path)
+
+
+def _draw_lines(columns: Columns, several: Mapping[str, tuple], x: str, rest: list[str], path: Path) -> None:
+    family, held = (rest[0] if rest else None), {name: several[name][len(several[name]) // 2] for name in rest[1:]}
+    members = evenly(several, family, MOST_MEMBERS)
+    shown = {x: evenly(several, x, MOST_POINTS), **({family: members} if family else {}), **{n: (v,) for n, v in held.items()}}
+    columns = _where(columns, shown)
+    with figure(path, TWO_COLUMNS, 2.9) as canvas:
+        channel, port = canvas.subplots(1, 2)
+        for colour, value in zip(family_colours(max(1, len(members))), members or (None,), strict=True):
+            rows = _where(columns, {family: (value,)} if family else {})
+            order = np.argsort(rows[x], kind="stable")
+            name = None if value is None else f"{value:g}"
+            for panel, values in ((channel, _excess(rows)), (port, rows["port_margin"])):
+                panel.plot(rows[x][order], values[order], color=colour, label=name, marker=".", markersize=2.5, linewidth=1)
+        for panel in (channel, port):
+            panel.set_xlim(columns[x].min(), columns[x].max())
+        _finish(channel.yaxis, port.yaxis, (channel, port), columns)
+        _legend(canvas, port, family)
+        _note(canvas, label(x), _left_out(several, shown))
+
+
+def _draw_dots(columns: Columns, several: Mapping[str, tuple], path: Path) -> None:
+    rows = len(columns["channel_norm"])
+    # Axes that have one value, or that are not read, repeat nothing here: a row is a dot.
+    chosen = np.linspace(0, rows - 1, min(rows, 2 * MOST_BARS)).round().astype(int)
+    columns = {name: column[chosen] for name, column in columns.items()}
+    places = np.arange(len(chosen))
+    names = [", ".join(f"{symbol(name)} = {columns[name][row]:g}" for name in several) for row in range(len(chosen))]
+    note = f"Shown: {len(chosen)} of {rows} combinations." if len(chosen) < rows else ""
+    with figure(path, TWO_COLUMNS, 1.5 + 0.2 * len(chosen)) as canvas:
+        channel, port = canvas.subplots(1, 2, sharey=True)
+        panels = ((channel, _excess(columns), "channel_passive"), (port, columns["port_margin"], "port_passive"))
+        for panel, values, verdict in panels:
+            # Filled where passive: a margin just below zero looks like zero.
+            for rows_of, face in ((columns[verdict], _COLOUR), (~columns[verdict], "white")):
+                panel.plot(values[rows_of], places[rows_of], "o", color=_COLOUR, markerfacecolor=face, markersize=4)
+            panel.grid(visible=True, axis="y", color="0.9", linewidth=0.5)
+        channel.set_yticks(places, names)
+        channel.set_ylim(len(chosen) - 0.4, -0.6)
+        _finish(channel.xaxis, port.xaxis, (channel, port), columns)
+        _legend(canvas, port, None)
+        _note(canvas, "", note)
+
+
+def _excess(columns: Columns) -> np.ndarray:
+    """Norm less 1, nothing below the tolerance."""
+    return np.maximum(columns["channel_norm"] - 1, _TOLERANCE)
+
+
+def _finish(channel_axis: Any, port_axis: Any, panels: tuple[Any, Any], columns: Columns) -> None:
+    """Scale, shade and name both value axes, whichever way they run."""
+    channel, port = panels
+    upright = channel_axis.axis_name == "y"
+    if np.isnan(columns["channel_norm"]).all():
+        channel.text(0.5, 0.5, "no wave channel", ha="center", va="center", transform=channel.transAxes)
+        channel_axis.set_ticks([])
+    else:
+        top = 3 * _excess(columns)[~np.isnan(columns["channel_norm"])].max()
+        (channel.set_yscale if upright else channel.set_xscale)("log")
+        (channel.set_ylim if upright else channel.set_xlim)(_TOLERANCE / 10, max(top, 1e-2))
+        (channel.axhspan if upright else channel.axvspan)(_TOLERANCE / 10, _TOLERANCE, color=_PASSIVE, alpha=0.2, linewidth=0)
+    channel_axis.set_label_text("channel norm - 1")
+    _scale_margin(port, columns["port_margin"], upright)
+    port_axis.set_label_text("port margin (m/N)")
+
+
+def _scale_margin(port: Any, margin: np.ndarray, upright: bool) -> None:
+    known = margin[~np.isnan(margin)]
+    largest = float(np.abs(known).max(initial=0.0)) or 1.0
+    linear = _LINEAR * largest
+    (port.set_yscale if upright else port.set_xscale)("symlog", linthresh=linear)
+    bottom, top = min(float(known.min(initial=0.0)) * 2, -linear), max(float(known.max(initial=0.0)) * 2, linear)
+    (port.set_ylim if upright else port.set_xlim)(bottom, top)
+    (port.axhspan if upright else port.axvspan)(0, top, color=_PASSIVE, alpha=0.2, linewidth=0)
+
+
+def _where(columns: Columns, wanted: Mapping[str, tuple]) -> dict[str, np.ndarray]:
+    kept = np.ones(len(columns["channel_norm"]), bool)
+    for name, values in wanted.items():
+        kept &= np.isin(columns[name], values)
+    return {name: column[kept] for name, column in columns.items()}
+
+
+def _legend(canvas: Any, panel: Any, family: str | None) -> None:
+    from matplotlib.patches import Patch
+
+    handles, labels = panel.get_legend_handles_labels()
+    shade = Patch(color=_PASSIVE, alpha=0.2, linewidth=0)
+    title = f"{label(family)}" if family else None
+    canvas.legend([*handles, shade], [*labels, "passive"], title=title, loc="outside upper center", ncols=7)
+
+
+def _left_out(several: Mapping[str, tuple], shown: Mapping[str, tuple]) -> str:
+    parts = [f"{len(v)} of {len(several[n])} values of {n}" for n, v in shown.items() if 1 < len(v) < len(several[n])]
+    parts += [f"{n} at {v[0]:g} alone, of {len(several[n])} values" for n, v in shown.items() if len(v) == 1]
+    return f"Shown: {'; '.join(parts)}." if parts else ""
+
+
+def _note(canvas: Any, axis: str, note: str) -> None:
+    lines = [line for line in (axis, *wrap(note, _NOTE)) if line]
+    if lines:
+        canvas.supxlabel("\n".join(lines), fontsize=8)
