@@ -7,7 +7,7 @@ __all__ = ["LongRun", "Run", "filter_choices", "intervals", "passivity", "plan",
 _HOMES = {
     "intervals": "wavesweep.sweep.interval_table",
     "responses": "wavesweep.sweep.response_table",
-    "filter_choices": "wavesweep.sweep.filter_choices",
+    "filter_choices": "wavesweep.sweep.filter_choice_table",
     "passivity": "wavesweep.sweep.passivity_table",
     "plan": "wavesweep.sweep.planning",
 }
