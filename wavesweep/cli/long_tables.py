@@ -28,6 +28,8 @@ def produce_intervals(kind: str, source: str, options: Options, along: str | Non
     if not (options.force or options.to_stdout):
         # Asked before the work and not only after it: a refusal should not cost a long run.
         results.refuse_other_spec(kind, directory, asked.sha256)
+    if not options.to_stdout:
+        results.refuse_unusable(directory)
     with _checkpoint(kind, directory, options) as folder, progress(options.quiet) as report:
         run = sweep.intervals(
             asked, along=along, jobs=options.jobs, backend=options.backend, scheduler=options.scheduler,

@@ -54,6 +54,8 @@ def produce_tables(
         # Asked before the work and not only after it: a refusal should not cost a long run.
         for kind in draws:
             results.refuse_other_spec(kind, directory, specs[0].sha256)
+    if not options.to_stdout:
+        results.refuse_unusable(directory)
     with progress(options.quiet) as report:
         runs = compute(specs, jobs=options.jobs, backend=options.backend, scheduler=options.scheduler, progress=report)
     if options.to_stdout:

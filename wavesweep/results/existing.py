@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 from wavesweep.errors import UsageError
@@ -41,3 +42,14 @@ def discard(kind: str, directory: str | Path) -> None:
     """Remove the files of a table that is there, if one is; whose it is, `refuse_other_spec` has been asked before."""
     for suffix in SUFFIXES:
         (Path(directory) / f"{kind}{suffix}").unlink(missing_ok=True)
+
+
+def refuse_unusable(directory: str | Path) -> None:
+    """Raise UsageError where the folder for the results is none, or cannot be made or written to."""
+    place = Path(directory).absolute()
+    while not place.exists() and place != place.parent:
+        place = place.parent
+    if not place.is_dir():
+        raise UsageError(f"{directory}: {place} is a file; name another folder for the results")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise UsageError(f"{directory}: {place} may not be written to; name another folder for the results")

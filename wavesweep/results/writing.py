@@ -13,7 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from wavesweep.results.columns import checked
-from wavesweep.results.existing import existing_sha256, refuse_other_spec
+from wavesweep.results.existing import existing_sha256, refuse_other_spec, refuse_unusable
 from wavesweep.results.leftovers import at_work_in, remove_leftovers
 from wavesweep.results.package import package_text
 from wavesweep.results.parquet import GROUP_ROWS, ParquetFile
@@ -46,6 +46,7 @@ class TableWriter:
             refuse_other_spec(kind, directory, self._facts["spec_sha256"])
         self._pending: list[dict[str, np.ndarray]] = []
         self._rows = self._pending_rows = 0
+        refuse_unusable(self._directory)
         self._directory.mkdir(parents=True, exist_ok=True)
         remove_leftovers(self._directory, _PREFIX)
         with ExitStack() as opened:
