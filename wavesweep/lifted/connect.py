@@ -7,6 +7,8 @@ from wavesweep.errors import IllPosedLoopError
 
 WORST_CONDITION = 1e12  # beyond it a closed loop keeps fewer than 4 digits, which is no answer
 
+ROUNDING = 8 * np.finfo(float).eps  # of the terms of a sum, what is left of it when it should be zero
+
 
 def connect(name: str, blocks, sums, inputs, outputs) -> Block:
     """Close every junction among `blocks` and return one block from the signals `inputs` to the signals `outputs`.
@@ -23,11 +25,22 @@ def connect(name: str, blocks, sums, inputs, outputs) -> Block:
     x_to_u, w_to_u = inverse @ (from_y @ C), inverse @ from_w
     states = tuple(f"{block.name}.{state}" for block in blocks for state in block.states)
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
-        parts = {"E": E + B @ x_to_u, "B": B @ w_to_u, "C": out_y @ (C + D @ x_to_u), "D": out_w + out_y @ (D @ w_to_u)}
+        parts = {
+            "E": E + B @ x_to_u, "B": _through(0.0, B, w_to_u),
+            "C": out_y @ (C + D @ x_to_u), "D": _through(out_w, out_y @ D, w_to_u),
+        }
     return Block(
         name, tuple(inputs), tuple(outputs), states, **parts,
         positions=frozenset(f"{block.name}.{state}" for block in blocks for state in block.positions),
     )
+
+
+def _through(before, left, right):
+    """`before + left right`, and 0 where nothing is left but rounding: with no filter and no delay in the line the
+    wall's force reaches the avatar twice, by +1/b and -1/b, and eps/b is much where b is small."""
+    total = before + left @ right
+    size = np.abs(before) + np.abs(left) @ np.abs(right)
+    return np.where((np.abs(total) <= ROUNDING * size) & np.isfinite(size), 0.0, total)
 
 
 class _Tracer:

@@ -1,0 +1,26 @@
+"""Ways through the algebraic loop that cancel exactly leave nothing."""
+
+import numpy as np
+import pytest
+from support.intervals import intervals_of, pairs
+from support.specs import INTEGRATIONS, values_of
+
+from wavesweep.diagram import draw
+from wavesweep.lifted import cut_at_wall
+
+
+@pytest.mark.parametrize("b", [1e-6, 2.273804480282737e-06, 0.3, 1e6])
+@pytest.mark.parametrize("integration", INTEGRATIONS)
+def test_a_line_without_filter_and_delay_moves_the_avatar_by_the_hand_alone(b, integration):
+    """The wall's force reaches the avatar by +1/b and -1/b: its velocity is the hand's."""
+    cut = cut_at_wall(draw(values_of("pmw", b=b, lp1_order=0, integration=integration)))
+    assert not np.any(cut.D)
+
+
+def test_an_end_keeps_its_digits_at_a_tiny_wave_impedance():
+    """Truth from 512-bit ball arithmetic; eps/b left behind cost seven digits."""
+    values = values_of("pmw", ratio=5, mass=0.09899054365901827, damping=0.0, velocity="difference",
+                       b=2.273804480282737e-06, lp1_order=0)
+    found = intervals_of(values, fixed=6.741149374749543)
+    np.testing.assert_allclose(pairs(found), [(0.0, 9968.451663783808)], rtol=1e-11)
+    assert found.certified.all()
