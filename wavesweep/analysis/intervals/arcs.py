@@ -9,7 +9,7 @@ from wavesweep.lifted.circle import on_circle, solve
 from wavesweep.lifted.cut import Cut, open_in
 
 SMALLEST = 1e-9  # rad; an arc this small that proves nothing is given up
-END_BIT = 1e-4  # rad; so near to z = +-1 a crossing is not told from one at the end itself
+END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not told from one at the end itself
 MANY = 256  # so many open arcs of one column, and the column is given up
 
 
@@ -68,5 +68,7 @@ def _collect(cut, along, fixed, span, opened, found):
     np.maximum.at(last, column, theta)
     at_one, at_minus_one = (np.sign(_boundary(opened, a)[0]) for a in (first / 2, (np.pi + last) / 2))
     ends = at_both_ends(cut, np.arange(fixed.size), along, fixed, at_one, at_minus_one)
-    complete &= ~open_inside(ends[1], span, found.open_low, found.open_high)
+    bit = np.full(fixed.size, END_BIT)
+    hiding = ((found.open_low, bit), (found.open_high, bit))
+    complete &= ~open_inside(cut, np.arange(fixed.size), along, fixed, span, hiding)
     return Crossings(*(np.concatenate(pair) for pair in zip((column, value, theta, jump), ends, strict=True)), complete)

@@ -5,10 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.analysis.intervals.curve import K_VE, terms
-from wavesweep.analysis.intervals.isolate import isolate
+from wavesweep.analysis.intervals.isolate import EDGE, isolate
 from wavesweep.analysis.intervals.polish import polish
 from wavesweep.analysis.intervals.polynomial import Polynomial, angle
+from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.cut import Cut
+
+OCTAVES = 2.0 ** -np.arange(48)  # of an angle, at which the wall parameter is looked at
+SLIVER = 1e-12  # of the span, at either end of it, in which a crossing next to z = +-1 does not matter
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +37,8 @@ def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) 
     polynomial: of each loop, `(loops, ...)`.
     The eigenvalue moves outward with the sign of d Im K/d theta at an interior crossing (K analytic in z), which is the
     sign of the polynomial's derivative turned round; at z = 1 and -1 with the sign of the polynomial. Where a root may be
-    at such an end itself (an undamped device crosses twice at z = 1, at K_VE = 0), the column is complete only if the wall
-    parameter of that end is not inside the span.
+    at such an end itself (an undamped device crosses twice at z = 1, at K_VE = 0), the column is complete only if no wall
+    parameter of that bit of the circle is inside the span.
     """
     coefficients = polynomial.base[owner] + fixed[:, None] * polynomial.slope[owner]
     n = coefficients.shape[-1]
@@ -49,15 +53,26 @@ def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) 
     complete[column[astray]] = False
     jump = -2.0 * roots.slope_sign[column, which]
     ends = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
-    complete &= ~open_inside(ends[1], span, roots.open_at_one, roots.open_at_minus_one)
+    bits = [abs(place - angle(edge, polynomial.scale[owner])) for place, edge in ((0.0, 1 - EDGE), (np.pi, EDGE - 1))]
+    complete &= ~open_inside(cut, owner, along, fixed, span, zip((roots.open_at_one, roots.open_at_minus_one), bits, strict=True))
     return Crossings(*(np.concatenate(pair) for pair in zip((column, value, theta, jump), ends, strict=True)), complete)
 
 
-def open_inside(value, span, at_one, at_minus_one):
-    """Where a crossing that may hide at an end of the circle would be inside the span; value: as from `at_both_ends`."""
-    slack = 1e-9 * (span[1] - span[0])
-    within = (value > span[0] + slack) & (value < span[1] - slack)
-    return (np.concatenate([at_one, at_minus_one]) & within).reshape(2, -1).any(0)
+def open_inside(cut: Cut, owner, along: str, fixed, span, ends):
+    """Columns of which a crossing that may hide next to an end of the circle would be inside the span.
+
+    ends: for z = 1 and z = -1, whether one may (`(columns,)`), and within which angle of it (rad, `(columns,)`).
+    """
+    inside, slack = np.zeros(fixed.size, bool), SLIVER * (span[1] - span[0])
+    for (may, bit), place in zip(ends, (0.0, np.pi), strict=True):
+        at = np.flatnonzero(may)
+        theta = np.abs(place - bit[at, None] * OCTAVES)
+        t = terms(cut.at(np.repeat(owner[at], OCTAVES.size)), on_circle(theta.reshape(-1)))
+        solved, other = (part.reshape(theta.shape) for part in t.along(along))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            value = ((t.one.reshape(theta.shape) - fixed[at, None] * other) / solved).real
+        inside[at] |= ~((value.max(-1) <= span[0] + slack) | (value.min(-1) >= span[1] - slack))
+    return inside
 
 
 def at_both_ends(cut: Cut, owner, along: str, fixed, sign_at_one, sign_at_minus_one):
