@@ -54,7 +54,8 @@ def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) 
     jump = -2.0 * roots.slope_sign[column, which]
     ends = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
     bits = [abs(place - angle(edge, polynomial.scale[owner])) for place, edge in ((0.0, 1 - EDGE), (np.pi, EDGE - 1))]
-    complete &= ~open_inside(cut, owner, along, fixed, span, zip((roots.open_at_one, roots.open_at_minus_one), bits, strict=True))
+    hiding = zip((roots.open_at_one, roots.open_at_minus_one), bits, strict=True)
+    complete &= ~open_inside(cut, owner, along, fixed, span, hiding)
     return Crossings(*(np.concatenate(pair) for pair in zip((column, value, theta, jump), ends, strict=True)), complete)
 
 

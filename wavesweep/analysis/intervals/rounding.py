@@ -4,7 +4,7 @@ import numpy as np
 
 from wavesweep.analysis.intervals.curve import K_VE
 from wavesweep.lifted.circle import solve
-from wavesweep.lifted.cut import ADVANCE, OFFSET, V, Cut
+from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 
 def shift(cut: Cut, along: str, fixed, w, on_axis):
