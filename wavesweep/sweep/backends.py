@@ -1,6 +1,7 @@
 """The joblib backends: found, told their limits, and refused in words for users where they are not there."""
 
 import os
+from concurrent.futures import BrokenExecutor
 from contextlib import ExitStack, contextmanager
 
 from wavesweep.errors import UsageError
@@ -25,6 +26,13 @@ def enter(workers, opened: ExitStack) -> None:
     except ValueError as error:
         known = ", ".join(sorted({*joblib.parallel.BACKENDS, *EXTRAS} - {"sequential"}))
         raise UsageError(f"--backend {workers.backend}: joblib knows no such backend, expected one of {known}") from error
+
+
+def deaths(backend: str) -> tuple[type[Exception], ...]:
+    """The errors by which that backend says that a worker died."""
+    if backend == "dask":
+        return BrokenExecutor, _import("dask", "distributed").KilledWorker
+    return (BrokenExecutor,)
 
 
 def _client(address, opened):

@@ -3,7 +3,6 @@
 import os
 import warnings
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from itertools import islice
@@ -55,14 +54,14 @@ def results(workers: Workers, numbers, work_of: Callable) -> Iterator[tuple]:
 def _elsewhere(workers, numbers, work_of):
     import joblib
 
-    from wavesweep.sweep.backends import enter
+    from wavesweep.sweep.backends import deaths, enter
 
     with ExitStack() as opened:
         enter(workers, opened)
         calls = (joblib.delayed(timed)(number, work_of(number), os.getpid()) for number in numbers)
         try:
             yield from _unordered(joblib, calls)
-        except BrokenExecutor as error:
+        except deaths(workers.backend) as error:
             raise WavesweepError(DIED) from error
 
 
