@@ -7,11 +7,11 @@ from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
-from stress import constructed
+from stress import constructed, numbers
 from stress.judge import judge
 from stress.specs import FAMILIES, question
 
-NAMES = (*FAMILIES, "constructed")
+NAMES = (*FAMILIES, "constructed", "numbers")
 
 
 def main():
@@ -37,20 +37,29 @@ def attempt(families, number):
     family = families[number % len(families)]
     name = f"{family} {number}"
     try:
-        return name, judge(constructed.question(number) if family == "constructed" else question(number, family)), ""
+        return name, verdicts(family, number), ""
     except Exception:  # noqa: BLE001 a crash is a finding, and the others are still to run
         return name, [], traceback.format_exc()
+
+
+def verdicts(family, number):
+    """What became of every column of this spec."""
+    if family == "numbers":
+        return numbers.judge(number)
+    return judge(constructed.question(number) if family == "constructed" else question(number, family))
 
 
 def tally(results) -> int:
     """Print what is wrong as it comes, and the counts at the end."""
     counts, why, crashes, specs, worst = Counter(), Counter(), 0, 0, 0.0
-    for name, verdicts, crash in results:
+    for name, columns, crash in results:
         specs += 1
+        if specs % 1000 == 0:
+            print(specs, dict(counts), file=sys.stderr, flush=True)
         crashes += bool(crash)
         if crash:
-            print("CRASH", name, crash, flush=True)
-        for column, v in enumerate(verdicts):
+            print("CRASH", name, *crash.splitlines()[-3:], flush=True)
+        for column, v in enumerate(columns):
             counts[v.kind, v.certified] += v.rows
             if not v.certified and v.kind != "refused":
                 why[name.split()[0], v.why] += v.rows

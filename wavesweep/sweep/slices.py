@@ -70,7 +70,15 @@ def _along_number(work, values, size, walls):
 
     rate = np.broadcast_to(np.asarray(values["rates.fast_hz"], float), (size,))
     ticks = 1 if values["controller.kind"] == "dc" else values["rates.ratio"]
-    return stable_anywhere(evaluate, work.span, size * walls, np.repeat(ticks / rate, walls), work.bounds)
+    return stable_anywhere(evaluate, work.span, size * walls, np.repeat(ticks / rate, walls), _bounds(work, rate))
+
+
+def _bounds(work, rate):
+    """Beyond which values there is no loop; for a cutoff, half way from the span to half the fast rate (Hz)."""
+    low, high = work.bounds
+    if work.along.endswith("cutoff_hz"):
+        high = min(high, (work.span[1] + rate.min() / 2) / 2)
+    return low, high
 
 
 def with_batch(cut: Cut, size: int) -> Cut:

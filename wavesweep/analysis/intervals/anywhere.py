@@ -13,6 +13,7 @@ NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing gives 
 MANY = 128  # so many open panels of one column do so too
 PAIR, ONE, MINUS_ONE = 0, 1, 2  # the three functions: a complex pair, z = 1, z = -1
 WIDE = 6.0  # ratio of the span's ends above which its logarithm is the variable
+LARGEST = 1e150  # of an entry; products of two eigenvalues overflow beyond
 CLEAR = 1e-10  # | |z|^2 - 1 | at an end, up to which the end is believed
 
 
@@ -78,7 +79,7 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
 
 def _criticals(E):
     """Sign and logarithm of the three functions, `(3, n)` each, and how far rounding can reach, relative to each."""
-    finite = np.isfinite(E).all((-1, -2))
+    finite = (np.abs(E) < LARGEST).all((-1, -2))
     w = np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0)).astype(complex)
     i, j = np.triu_indices(w.shape[-1], 1)
     # An eigenvalue is good to eps times the size of the matrix, and a small factor has nothing else to stand on.

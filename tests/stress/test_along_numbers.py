@@ -1,0 +1,24 @@
+"""Faults that the stress found along other numbers than the wall's."""
+
+import numpy as np
+import pytest
+from stress.numbers import nested
+from support.specs import values_of
+
+import wavesweep
+
+
+@pytest.mark.parametrize("name", ["lp1", "hp", "lp2"])
+@pytest.mark.parametrize("order", [1, 2, 5])
+def test_cutoffs_may_be_searched_up_to_just_below_half_the_rate(name, order):
+    """What is sampled beyond the span to find its last crossings stays below half the rate, where filters end."""
+    loop = wavesweep.compile(nested(values_of("pmw-lm", integration="explicit", **{f"{name}_order": order})))
+    found = loop.stable_intervals(f"filters.{name}.cutoff_hz", span=(1.0, 499.9))
+    assert np.isfinite(found["low"]).all()
+
+
+def test_a_loop_that_nearly_overflows_is_no_warning():
+    """Eigenvalues of 1e200, whose products overflow."""
+    loop = wavesweep.compile(nested(values_of("dc-lm", ratio=1000, K_LM=5e5, velocity="difference")))
+    found = loop.stable_intervals("device.damping", span=(0.0, 5.0))
+    assert found["intervals"].tolist() == [0]
