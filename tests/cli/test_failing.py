@@ -97,7 +97,7 @@ def test_a_reader_that_leaves_early_is_no_error_to_talk_about(spec, tmp_path):
         "def stream(fields, blocks, out):\n"
         "    for _ in range(100000): out.write(b'0123456789' * 10)\n"
         "results.stream_blocks = stream\n"
-        "class Run: axes, along, blocks = {}, 'K_VE', list\n"
+        "class Run: axes, along, blocks, extra = {}, 'K_VE', list, ()\n"
         "sweep.intervals = lambda *_, **__: Run\n"
         f"sys.exit(main(['zwidth', {spec!r}, '--out', '-', '--quiet']))\n"
     )

@@ -42,20 +42,27 @@ class IntervalTally:
         holes = f", {_count(self._split, 'slice')} with a hole" if self._split else ""
         found = _count(self._intervals, "stable interval")
         yield f"{_count(slices['computed'], 'slice')}{skipped}: {found}{holes}", False
-        yield self._largest_line() if self._largest else (f"no stable {self._along} anywhere in the swept range", False)
+        yield self.largest(), False
+        if self._doubtful:
+            yield f"{self.certified()}: see the columns certified and residual", True
+        else:
+            yield self.certified(), False
+
+    def certified(self) -> str:
+        """Say how many rows are certified."""
         # Rows and not slices: an uncertified row names the interval that a user should not lean on.
         every = _count(self._rows, "row")
-        if self._doubtful:
-            yield f"{self._doubtful} of {every} not certified: see the columns certified and residual", True
-        else:
-            yield f"all {every} certified", False
+        return f"{self._doubtful} of {every} not certified" if self._doubtful else f"all {every} certified"
 
-    def _largest_line(self) -> Line:
+    def largest(self) -> str:
+        """Name the largest value that is stable, and where."""
+        if not self._largest:
+            return f"no stable {self._along} anywhere in the swept range"
         row = self._largest
         axes = list(row)[: list(row).index("along")]
         place = ", ".join(f"{axis} = {row[axis]:g}" for axis in axes)
         ended = ", where the swept range ends" if np.isnan(row["high_omega"]) else ""
-        return f"largest stable {self._along}: {row['high']:.6g}{f' at {place}' if place else ''}{ended}", False
+        return f"largest stable {self._along}: {row['high']:.6g}{f' at {place}' if place else ''}{ended}"
 
 
 def _count(number: int, noun: str) -> str:

@@ -12,16 +12,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from wavesweep import plots, results, spec, sweep
+from wavesweep.cli.hand_summary import HandTally
 from wavesweep.cli.interval_summary import IntervalTally
 from wavesweep.cli.options import Options
 from wavesweep.cli.talk import progress, say, where
 
 if TYPE_CHECKING:
     from wavesweep.sweep import LongRun
+    from wavesweep.sweep.guarantees import Holders
 
 
-def produce_intervals(kind: str, source: str, options: Options, along: str | None = None) -> None:
-    """Load the spec, find the intervals along `along` (its own by default), write the table to files or stdout."""
+def produce_intervals(
+    kind: str, source: str, options: Options, along: str | None = None, holders: Holders | None = None
+) -> None:
+    """Load the spec, find the intervals along `along` (its own by default), write the table to files or stdout.
+
+    `holders`: whose intervals are wanted beside those of the loop as it is.
+    """
     started = time.perf_counter()
     asked = spec.load(source, options.overrides)
     directory = Path(options.out or Path("results", asked.name))
@@ -30,14 +37,16 @@ def produce_intervals(kind: str, source: str, options: Options, along: str | Non
         results.refuse_other_spec(kind, directory, asked.sha256)
     if not options.to_stdout:
         results.refuse_unusable(directory)
-    with _checkpoint(kind, directory, options) as folder, progress(options.quiet) as report:
-        run = sweep.intervals(
+    find = sweep.intervals if holders is None else partial(sweep.held_intervals, holders=holders)
+    name = kind if holders is None else f"{kind}-hands"
+    with _checkpoint(name, directory, options) as folder, progress(options.quiet) as report:
+        run = find(
             asked, along=along, jobs=options.jobs, backend=options.backend, scheduler=options.scheduler,
             progress=report, checkpoint=folder, force=options.force,
         )  # fmt: skip
-        tally = IntervalTally()
+        tally = IntervalTally() if holders is None else HandTally()
         if options.to_stdout:
-            fields = results.fields(kind, run.axes, run.along)
+            fields = results.fields(kind, run.axes, run.along, run.extra)
             results.stream_blocks(fields, _passing(run, tally.add), sys.stdout.buffer)
             sys.stdout.buffer.flush()
             paths = []
@@ -70,10 +79,10 @@ def _passing(run: LongRun, *watchers: Any) -> Iterator[Mapping[str, Any]]:
         yield block
 
 
-def _write(kind: str, run: LongRun, directory: Path, options: Options, tally: IntervalTally) -> list[Path]:
+def _write(kind: str, run: LongRun, directory: Path, options: Options, tally: IntervalTally | HandTally) -> list[Path]:
     """Write all files; of the rows only those that the figure shows are kept."""
-    picture = plots.Picture(run.axes)
-    fields = results.fields(kind, run.axes, run.along)
+    picture = plots.Picture(run.axes, hands="hand" in run.extra)
+    fields = results.fields(kind, run.axes, run.along, run.extra)
     with results.TableWriter(kind, fields, run.facts, directory, options.force) as writer:
         watchers = [tally.add, picture.add] if options.plot else [tally.add]
         for block in _passing(run, *watchers):

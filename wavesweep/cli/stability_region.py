@@ -1,18 +1,27 @@
 """`wavesweep stability-region`."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import click
 
+from wavesweep.cli.hand_options import hands
 from wavesweep.cli.options import Options, common
+
+if TYPE_CHECKING:
+    from wavesweep.sweep.guarantees import Holders
 
 
 @click.command("stability-region")
 @click.argument("spec")
+@hands
 @common
-def command(spec: str, options: Options) -> None:
+def command(spec: str, options: Options, holders: Holders | None) -> None:
     """Find the stable intervals along any axis for every combination of the others.
 
     SPEC is a TOML file; sweep.along in it names the axis that the intervals lie on.
     """
     from wavesweep.cli.long_tables import produce_intervals
 
-    produce_intervals("stability-region", spec, options)
+    produce_intervals("stability-region", spec, options, holders=holders)

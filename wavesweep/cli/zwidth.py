@@ -1,14 +1,23 @@
 """`wavesweep zwidth`."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import click
 
+from wavesweep.cli.hand_options import hands
 from wavesweep.cli.options import Options, common
+
+if TYPE_CHECKING:
+    from wavesweep.sweep.guarantees import Holders
 
 
 @click.command("zwidth")
 @click.argument("spec")
+@hands
 @common
-def command(spec: str, options: Options) -> None:
+def command(spec: str, options: Options, holders: Holders | None) -> None:
     """Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.
 
     SPEC is a TOML file; its [sweep] table names the axes. All stable intervals are reported, not the first one, and
@@ -16,4 +25,4 @@ def command(spec: str, options: Options) -> None:
     """
     from wavesweep.cli.long_tables import produce_intervals
 
-    produce_intervals("zwidth", spec, options, along="K_VE")
+    produce_intervals("zwidth", spec, options, along="K_VE", holders=holders)

@@ -12,13 +12,16 @@ from wavesweep.plots.style import DOUBTFUL, family_colours
 _HALF = 0.32  # of the distance between two bars
 
 
-def draw_bars(axes: Any, members: Sequence[Mapping[str, np.ndarray]], names: Sequence[str]) -> None:
+def draw_bars(
+    axes: Any, members: Sequence[Mapping[str, np.ndarray]], names: Sequence[str], colours: Sequence[Any] = ()
+) -> None:
     """Draw a bar per stable interval, a line of bars per member, named at the left.
 
-    An end of the stable set has a stroke across; where the swept range ends the bar, it has none.
+    An end of the stable set has a stroke across; where the swept range ends the bar, it has none. `colours`: one for
+    each member; by default all have the same.
     """
-    colour = family_colours(1)[0]
-    for place, columns in enumerate(members):
+    alike = family_colours(1) * len(members)
+    for place, (columns, colour) in enumerate(zip(members, colours or alike, strict=True)):
         stable = np.flatnonzero(columns["intervals"] > 0).tolist()
         if not stable:
             axes.annotate("nowhere stable", (0, place), (3, 0), textcoords="offset points", va="center", color="0.35")

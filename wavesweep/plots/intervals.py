@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.bars import draw_bars
+from wavesweep.plots.hands import draw_hand_bars, draw_hand_regions, hand_handles, lay_out_hands, promised
 from wavesweep.plots.layout import Layout, axes_of, lay_out
 from wavesweep.plots.region import draw_region
 from wavesweep.plots.style import DOUBTFUL, ONE_COLUMN, TWO_COLUMNS, family_colours, figure, label, symbol
@@ -24,7 +25,7 @@ def zwidth(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Pa
     The stable region is filled, its holes stay white; its boundary is solid where certified, dashed red where not.
     Values of a further axis become panels, those of one more a family of lines; a note says what did not fit.
     """
-    layout = lay_out(axes_of(columns))
+    layout = (lay_out_hands if "hand" in columns else lay_out)(axes_of(columns))
     shown = layout.shows(columns)
     draw({name: column[shown] for name, column in columns.items()}, facts, path, layout)
 
@@ -55,12 +56,18 @@ def _draw_panel(axes: Any, columns: Mapping[str, np.ndarray], layout: Layout) ->
         axes.text(0.5, 0.5, "nowhere stable in the swept range", ha="center", va="center", transform=axes.transAxes)
     members = [_rows_where(columns, layout.family, value) for value in layout.members or (np.nan,)]
     if layout.x is None:
-        draw_bars(axes, members, [f"{v:g}" for v in layout.members])
+        if "hand" in columns:
+            draw_hand_bars(axes, columns)
+        else:
+            draw_bars(axes, members, [f"{v:g}" for v in layout.members])
         return
     if _logarithmic(columns[layout.x]):
         axes.set_xscale("log")
-    for colour, member in zip(family_colours(len(members)), members, strict=True):
-        draw_region(axes, member, layout.x, colour, alone=len(members) == 1)
+    if "hand" in columns:
+        draw_hand_regions(axes, columns, layout.x)
+    else:
+        for colour, member in zip(family_colours(len(members)), members, strict=True):
+            draw_region(axes, member, layout.x, colour, alone=len(members) == 1)
     axes.set_xlim(columns[layout.x].min(), columns[layout.x].max())
 
 
@@ -98,13 +105,14 @@ def _name_axes(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) -
 def _add_legend(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) -> None:
     from matplotlib.lines import Line2D
 
-    handles = []
+    handles = hand_handles(columns) if "hand" in columns else []
     if layout.x is not None and layout.family is not None:
         colours = family_colours(len(layout.members))
         handles = [Line2D([], [], color=c, label=f"{v:g}") for c, v in zip(colours, layout.members, strict=True)]
-    if not columns["certified"].all():
+    if not (columns["certified"] | promised(columns)).all():
         handles.append(Line2D([], [], color=DOUBTFUL, linestyle="--", label="not certified"))
     if handles:
-        title = label(layout.family) if len(handles) > 1 else None
-        place = {"loc": "outside upper center", "ncols": 6, "columnspacing": 1.0, "handlelength": 1.3}
+        title = label(layout.family) if layout.family is not None and len(handles) > 1 else None
+        across = 2 if "hand" in columns else 6
+        place = {"loc": "outside upper center", "ncols": across, "columnspacing": 1.0, "handlelength": 1.3}
         canvas.legend(handles=handles, title=title, **place)

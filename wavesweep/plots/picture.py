@@ -8,14 +8,18 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.plots.hands import lay_out_hands
 from wavesweep.plots.layout import lay_out
 
 
 class Picture:
-    """Give it every block of rows by `add`, then `draw`. `axes`: name -> values of the table's leading columns."""
+    """Give it every block of rows by `add`, then `draw`.
 
-    def __init__(self, axes: Mapping[str, Sequence[float]]) -> None:
-        self._layout = lay_out(axes)
+    `axes`: name -> values of the table's leading columns. `hands`: whether its rows are of several hands.
+    """
+
+    def __init__(self, axes: Mapping[str, Sequence[float]], hands: bool = False) -> None:
+        self._layout = (lay_out_hands if hands else lay_out)(axes)
         self._kept: list[dict[str, np.ndarray]] = []
 
     def add(self, columns: Mapping[str, np.ndarray]) -> None:

@@ -34,6 +34,17 @@ _INTERVALS = (
     Field("residual", "number", "1", "largest relative residual of the characteristic equation at the ends"),
 )
 
+# Only in tables that have rows for hands; see `wavesweep zwidth --hand`.
+_HAND = Field("hand", "string", "", "whose hand the row is for: free, operator, passive, box or port")
+_ENDS = (
+    *(
+        Field(f"{end}_hand_{part}", "number", unit, f"{part} of the hand that sets {end}; missing where none does")
+        for end in ("low", "high")
+        for part, unit in (("mass", "kg"), ("damping", "N*s/m"), ("stiffness", "N/m"))
+    ),
+    Field("settled", "boolean", "", "the last search found no hand that the interval does not hold for"),
+)
+
 _BODE = (
     Field("spec", "string", "", "file stem of the spec"),
     Field("controller", "string", "", "controller kind"),
@@ -126,30 +137,37 @@ TABLES: Mapping[str, tuple[Field, ...]] = {
 }
 
 
-def fields(kind: str, axes: Iterable[str] = (), along: str = "K_VE") -> tuple[Field, ...]:
+def fields(
+    kind: str, axes: Iterable[str] = (), along: str = "K_VE", extra: Iterable[str] = ()
+) -> tuple[Field, ...]:
     """Give the columns of a table in order: the swept axes, then those that every table of this kind has.
 
-    `along` names the axis that `low` and `high` are values of; they take its unit.
+    `along` names the axis that `low` and `high` are values of; they take its unit. `extra` names the columns that a
+    table of intervals has beyond that: `hand`, behind `along`, and what is known of the ends.
     Raises WavesweepError for a table or an axis that does not exist.
     """
     if kind not in TABLES:
         raise WavesweepError(f"no table is called {kind!r}, expected one of {', '.join(TABLES)}")
     unit = _axis(along).unit
     columns = [replace(field, unit=unit) if field.name in ("low", "high") else field for field in TABLES[kind]]
-    return (*map(_axis, axes), *columns)
+    wanted = set(extra)
+    columns[1:1] = [field for field in (_HAND,) if field.name in wanted]
+    return (*map(_axis, axes), *columns, *(field for field in _ENDS if field.name in wanted))
 
 
 def fields_of(kind: str, columns: Mapping[str, Any]) -> tuple[Field, ...]:
     """Give the columns of a table that is at hand: those that its kind does not have itself are its axes."""
-    own = {field.name for field in TABLES.get(kind, ())}
+    extra = [field.name for field in (_HAND, *_ENDS) if field.name in columns]
+    own = {field.name for field in TABLES.get(kind, ())}.union(extra)
     along = columns.get("along", ())
-    return fields(kind, [name for name in columns if name not in own], str(along[0]) if len(along) else "K_VE")
+    axes = [name for name in columns if name not in own]
+    return fields(kind, axes, str(along[0]) if len(along) else "K_VE", extra)
 
 
 def kinds_by_name() -> dict[str, FieldKind]:
     """Give what each column name stands for, in whichever table: a name means the same everywhere."""
     axes = {name: _axis(name).kind for name in (*SYMBOLS, *KEYS) if KEYS[SYMBOLS.get(name, name)].numeric}
-    return {**axes, **{field.name: field.kind for table in TABLES.values() for field in table}}
+    return {**axes, **{field.name: field.kind for table in (*TABLES.values(), (_HAND, *_ENDS)) for field in table}}
 
 
 def _axis(name: str) -> Field:

@@ -2,9 +2,11 @@
 
 from wavesweep.sweep.run import LongRun, Run
 
-__all__ = ["LongRun", "Run", "filter_choices", "intervals", "passivity", "plan", "responses"]
+__all__ = ["LongRun", "Run", "filter_choices", "held_intervals", "holders_of", "intervals", "passivity", "plan", "responses"]
 
 _HOMES = {
+    "held_intervals": "wavesweep.sweep.held_table",
+    "holders_of": "wavesweep.sweep.held_stages",
     "intervals": "wavesweep.sweep.interval_table",
     "responses": "wavesweep.sweep.response_table",
     "filter_choices": "wavesweep.sweep.filter_choice_table",

@@ -10,7 +10,7 @@ from wavesweep.spec import Spec
 from wavesweep.sweep.expectation import expected_seconds
 from wavesweep.sweep.parts import MemoryParts, open_folder
 from wavesweep.sweep.question import Question, ask
-from wavesweep.sweep.records import certified_columns
+from wavesweep.sweep.records import HELD, certified_columns
 from wavesweep.sweep.rows import blocks
 from wavesweep.sweep.run import Columns, LongRun, facts_of, joined
 from wavesweep.sweep.workers import Workers, choose, results
@@ -32,7 +32,7 @@ def intervals(
     """
     started = time.perf_counter()
     asked = ask(spec, along)
-    parts = _parts(asked, checkpoint, force)
+    parts = parts_of(asked, checkpoint, force)
     workers = choose(jobs or JOBS, backend, scheduler, len(asked.chunks), partial(expected_seconds, asked))
     tally = compute(asked, parts, workers, progress)
     timings = {"compute_s": time.perf_counter() - started, "kernel_s": tally.seconds, "workers": workers.count,
@@ -43,13 +43,16 @@ def intervals(
     return LongRun(axes, asked.axis.name, partial(blocks, asked, parts), facts, parts.remove)
 
 
-def _parts(asked, checkpoint, force):
+def parts_of(asked: Question, checkpoint: Path | None, force: bool):
+    """Where finished chunks are kept: in the folder `checkpoint`, or in memory without one or for a single chunk."""
     if checkpoint is None or (len(asked.chunks) < 2 and not checkpoint.exists()):
         return MemoryParts()
     from wavesweep import __version__
 
     run = {"spec_sha256": asked.grid.spec.sha256, "along": asked.axis.name, "tool_version": __version__, "layout": 1}
-    return open_folder(checkpoint, run, asked.chunks, force)
+    if asked.guarantee is None:
+        return open_folder(checkpoint, run, asked.chunks, force)
+    return open_folder(checkpoint, run | {"guarantee": repr(asked.guarantee)}, asked.chunks, force, HELD)
 
 
 class Tally:

@@ -52,8 +52,8 @@ class FolderParts:
     happens to the process, a part is there whole or not at all, and what the disk did to it later is seen.
     """
 
-    def __init__(self, folder: Path, chunks: Chunks, names: Mapping[int, str]):
-        self._folder, self._chunks, self._names = folder, chunks, dict(names)
+    def __init__(self, folder: Path, chunks: Chunks, names: Mapping[int, str], dtype=DTYPE):
+        self._folder, self._chunks, self._names, self._dtype = folder, chunks, dict(names), dtype
         self._sound = set()  # of those whose checksum needs no second look
 
     @property
@@ -78,7 +78,7 @@ class FolderParts:
     def load(self, number: int) -> np.ndarray:
         """Read a finished chunk. Raises CheckpointError where it is not what was written."""
         path = self._folder / self._names[number]
-        records = np.fromfile(path, DTYPE)
+        records = np.fromfile(path, self._dtype)
         if number not in self._sound:
             checksum = path.stem.rpartition("-")[2]
             if f"{zlib.crc32(records.tobytes()):08x}" != checksum or not is_whole(records, self._chunks[number].columns):
@@ -91,23 +91,25 @@ class FolderParts:
         shutil.rmtree(self._folder)
 
 
-def open_folder(folder: Path, facts: Mapping[str, object], chunks: Chunks, force: bool = False) -> FolderParts:
+def open_folder(
+    folder: Path, facts: Mapping[str, object], chunks: Chunks, force: bool = False, dtype=DTYPE
+) -> FolderParts:
     """Open the folder of a run, made if it is missing; `facts` (JSON-able) say which run it is.
 
-    force: throw away what is there where it is of no use. Raises CheckpointError where a checkpoint is torn or of
-    another run: it may be somebody's night of work, so it is not silently begun anew.
+    dtype: of its records. force: throw away what is there where it is of no use. Raises CheckpointError where a
+    checkpoint is torn or of another run: it may be somebody's night of work, so it is not silently begun anew.
     """
     expected = {**facts, "chunks": [chunks.loops, chunks.walls, chunks.deep, chunks.wide]}
     try:
-        return _opened(folder, expected, chunks)
+        return _opened(folder, expected, chunks, dtype)
     except CheckpointError:
         if not force:
             raise
         shutil.rmtree(folder)
-        return _opened(folder, expected, chunks)
+        return _opened(folder, expected, chunks, dtype)
 
 
-def _opened(folder, expected, chunks):
+def _opened(folder, expected, chunks, dtype):
     folder.mkdir(parents=True, exist_ok=True)
     manifest = folder / MANIFEST
     if manifest.exists():
@@ -118,7 +120,7 @@ def _opened(folder, expected, chunks):
         temporary = folder / f"{MANIFEST}.{os.getpid()}.tmp"
         temporary.write_text(json.dumps(expected, indent=1), encoding="utf-8")
         temporary.replace(manifest)
-    parts = FolderParts(folder, chunks, _names(folder, len(chunks)))
+    parts = FolderParts(folder, chunks, _names(folder, len(chunks)), dtype)
     for number in parts.finished():
         parts.load(number)
     return parts

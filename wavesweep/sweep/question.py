@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,12 +15,16 @@ from wavesweep.sweep.grid import Grid, make_grid
 from wavesweep.sweep.groups import groups, is_plain
 from wavesweep.sweep.slices import Work
 
+if TYPE_CHECKING:
+    from wavesweep.sweep.guarantees import Guarantee
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Question:
     """Stable intervals along `axis` for every column of the grid, cut into chunks.
 
     resolved: what the whole numbers and derived keys among the axes make of the spec, per combination of theirs.
+    guarantee: for whom the intervals shall hold; the loop as it is where there is none.
     """
 
     grid: Grid
@@ -27,6 +32,7 @@ class Question:
     chunks: Chunks
     resolved: dict
     cut: Cut | None = None
+    guarantee: "Guarantee | None" = None
 
     @property
     def columns(self) -> int:
@@ -39,7 +45,12 @@ class Question:
         parts = groups(self.grid.spec, changes, len(chunk.loops), resolved=self.resolved)
         walls = {path: v[chunk.walls.start : chunk.walls.stop] for path, v in self.grid.wall_values().items()}
         span = (float(self.axis.start), float(self.axis.stop))
-        return Work(self.axis.path, span, bounds_of(self.axis.path, span), tuple(parts), walls, self.cut)
+        given = self.axis.path, span, bounds_of(self.axis.path, span), tuple(parts), walls, self.cut
+        if self.guarantee is None:
+            return Work(*given)
+        from wavesweep.sweep.hand_work import HandWork
+
+        return HandWork(*given, self.guarantee)
 
 
 def ask(spec: Spec, along: str | None = None) -> Question:

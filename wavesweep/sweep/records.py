@@ -9,6 +9,9 @@ FIELDS = (
     ("low_omega", "<f8"), ("high_omega", "<f8"), ("certified", "?"), ("residual", "<f8"),
 )
 DTYPE = np.dtype(list(FIELDS))
+END_HANDS = {end: tuple(f"{end}_hand_{part}" for part in ("mass", "damping", "stiffness")) for end in ("low", "high")}
+# What holds for hands has besides the hand that sets an end, and whether the search for it came to its end.
+HELD = np.dtype([*FIELDS, *((name, "<f8") for names in END_HANDS.values() for name in names), ("settled", "?")])
 
 
 def records_of(found: Intervals) -> np.ndarray:

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from wavesweep.sweep.question import Question
-from wavesweep.sweep.records import FIELDS
 
 BLOCK = 1 << 17  # combinations; 13 columns of them take some 15 MB
 
@@ -47,6 +46,6 @@ def _gather(chunks, parts, column):
 
 
 def _columns(grid, along, combination, records):
-    found = {name: np.ascontiguousarray(records[name]) for name, _ in FIELDS if name != "column"}
+    found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "column"}
     leading = grid.axis_columns(combination)
     return leading | {"along": np.full(records.size, along, dtype=object)} | found

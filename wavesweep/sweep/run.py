@@ -22,7 +22,7 @@ class LongRun:
 
     axes: name -> values of each leading column. along: name of the axis that the intervals lie on. blocks: gives the
     columns in blocks of consecutive rows, as often as it is called. facts: as for `Run`. forget: removes what the rows
-    are made from, once they are safe elsewhere.
+    are made from, once they are safe elsewhere. extra: names of columns that not every table of its kind has.
     """
 
     axes: Mapping[str, tuple[float, ...]]
@@ -30,6 +30,7 @@ class LongRun:
     blocks: Callable[[], Iterator[Columns]]
     facts: Mapping[str, object]
     forget: Callable[[], None]
+    extra: tuple[str, ...] = ()
 
     @property
     def columns(self) -> Columns:

@@ -4,7 +4,7 @@ from wavesweep.analysis.passivity.any_hand import DampingNeeded, colgate_schenke
 from wavesweep.analysis.passivity.channel import ChannelNorm, channel_norm
 from wavesweep.analysis.passivity.example import Passage, run_back, run_out, worst_wave
 from wavesweep.analysis.passivity.filter_table import filter_table, sufficient_order
-from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox
+from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, swing_with_hand
 from wavesweep.analysis.passivity.held import HeldIntervals, box_intervals
 from wavesweep.analysis.passivity.passive_walls import PassiveWalls, any_hand_walls, port_passive_walls
 from wavesweep.analysis.passivity.port import PortMargin, port_margin
@@ -31,6 +31,7 @@ __all__ = [
     "run_back",
     "run_out",
     "sufficient_order",
+    "swing_with_hand",
     "worst_hand",
     "worst_wave",
 ]

@@ -82,6 +82,13 @@ def worst_modes(values, hands, K_VE, B_VE) -> tuple[np.ndarray, np.ndarray]:
     return radius, damping
 
 
+def swing_with_hand(values, hand, K_VE) -> float:
+    """Frequency (rad/s) of the mode that grows most, or decays slowest, with the hand `(3,)` and the wall K_VE (N/m)."""
+    cut = cut_with_hands(values, np.reshape(hand, (1, 3)))
+    delta = np.linalg.eigvals(close(cut, K_VE, values["environment.B_VE"])[0]).astype(complex)
+    return float(np.abs(np.angle(1 + delta[np.argmax(np.abs(1 + delta))])) / np.reshape(cut.period, -1)[0])
+
+
 def _measures(E):
     """Spectral radius of I + E and the least damping ratio; infinite and -1 where the frame overflowed."""
     finite = np.isfinite(E).all((-1, -2))

@@ -6,9 +6,11 @@ import numpy as np
 
 from wavesweep.analysis.passivity.any_hand import damping_needed
 from wavesweep.analysis.passivity.port import port_margin
+from wavesweep.diagram import ZERO_MATTERS
 
 POINTS = 33  # stiffnesses of the first look
 CUTS = 15  # points of one round of refinement
+TINY = 1e-300  # stands in for a zero that would take a state out of the loop
 FINEST = 1e-10  # of the range, where an end is placed
 
 
@@ -25,21 +27,33 @@ class PassiveWalls:
     method: str = "each stiffness looked at is proved; 33 of the range are looked at, and the ends refined"
 
 
-def port_passive_walls(values, span) -> PassiveWalls:
-    """Stiffnesses within `span` (low, high) with which the hand's port is passive for held forces (`port_margin`)."""
-    return _intervals(lambda K: port_margin(dict(values) | {"environment.K_VE": K}).passive, span)
+def port_passive_walls(values, span, path: str = "environment.K_VE") -> PassiveWalls:
+    """Stiffnesses within `span` (low, high) with which the hand's port is passive for held forces (`port_margin`).
+
+    path: another number to look along, in place of K_VE.
+    """
+    return _intervals(lambda p: port_margin(dict(values) | {path: _away_from_zero(path, p)}).passive, span)
 
 
-def any_hand_walls(values, span, hand_damping: float = 0.0) -> PassiveWalls | None:
+def any_hand_walls(values, span, hand_damping: float = 0.0, path: str = "environment.K_VE") -> PassiveWalls | None:
     """Stiffnesses within `span` stable with every passive hand of at least `hand_damping` (N*s/m).
 
     None where `damping_needed` is. The guarantee is for continuous hands of any mass and stiffness, nonlinear ones and
-    ones that change included.
+    ones that change included. path: another number to look along, in place of K_VE.
     """
     if values["device.velocity"] != "difference":
         return None
-    damping = values["device.damping"] + hand_damping
-    return _intervals(lambda K: damping_needed(dict(values) | {"environment.K_VE": K}).suffices(damping), span)
+
+    def passive(p):
+        at = dict(values) | {path: _away_from_zero(path, p)}
+        return damping_needed(at).suffices(at["device.damping"] + hand_damping)
+
+    return _intervals(passive, span)
+
+
+def _away_from_zero(path, p):
+    """A batch must not have a zero that takes a branch of the drawing out of some of its loops."""
+    return np.where(p == 0, TINY, p) if path in ZERO_MATTERS else p
 
 
 def _intervals(passive, span) -> PassiveWalls:

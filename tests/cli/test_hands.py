@@ -1,0 +1,110 @@
+"""`--hand`, `--hand-box` and `--passive` of the commands that find stable intervals."""
+
+import json
+
+import numpy as np
+import pytest
+
+from wavesweep import results
+from wavesweep.results import Field
+
+SPEC = """
+[device]
+velocity = "difference"
+damping = 3.0
+[operator]
+mass = 0.2
+damping = 5.0
+[controller]
+kind = "dc"
+[sweep]
+K_VE = { start = 0, stop = 20000 }
+B_VE = [0, 1]
+"""
+PLAIN = "B_VE,along,intervals,interval,low,high,low_omega,high_omega,certified,residual"
+WITH_HANDS = PLAIN.replace("along,", "along,hand,")
+ENDS = [f"{end}_hand_{part}" for end in ("low", "high") for part in ("mass", "damping", "stiffness")]
+
+
+@pytest.fixture
+def held(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "held.toml").write_text(SPEC)
+    return "held.toml"
+
+
+@pytest.mark.parametrize("kind", ["zwidth", "stability-region"])
+def test_without_the_flags_the_table_is_the_contracts(kind, wavesweep, held, tmp_path):
+    assert wavesweep(kind, held, "--no-plot", "--hand", "free")[0] == 0
+    assert (tmp_path / f"results/held/{kind}.csv").read_text().startswith(PLAIN + "\n")
+
+
+@pytest.mark.parametrize("kind", ["zwidth", "stability-region"])
+def test_free_held_guaranteed_and_passive_stand_in_one_table(kind, wavesweep, held, tmp_path):
+    code, out, err = wavesweep(kind, held, "--hand", "passive", "--passive")
+    assert (code, out) == (0, "")
+    folder = tmp_path / "results/held"
+    assert (folder / f"{kind}.csv").read_text().startswith(WITH_HANDS + "\n")
+    assert (folder / f"{kind}.png").stat().st_size > 5000
+    assert not list(folder.glob(".*"))
+    for name in ("csv", "parquet"):
+        table = results.read(folder / f"{kind}.{name}")
+        assert list(dict.fromkeys(table["hand"].tolist())) == ["free", "operator", "passive", "port"]
+        assert table["high"][table["hand"] == "passive"] == pytest.approx([6000, 4000], rel=1e-6)
+    assert "guaranteed for every passive hand (passive): largest stable K_VE: 6000 at B_VE = 0; all 2 rows certified" in err
+    assert "port passive for held forces (port): largest stable K_VE: " in err
+    package = json.loads((folder / f"{kind}.datapackage.json").read_text())
+    assert set(package["wavesweep"]["methods"]) == {"free", "operator", "passive", "port"}
+
+
+def test_the_box_is_told_beside_its_hands(wavesweep, held, tmp_path):
+    code, _, err = wavesweep("zwidth", held, "--hand", "box", "--hand-box", "mass=0.1..0.4, stiffness=100..100")
+    assert code == 0
+    text = (tmp_path / "results/held/zwidth.csv").read_text()
+    assert text.startswith(",".join([WITH_HANDS, *ENDS, "settled"]) + "\n")
+    table = results.read(tmp_path / "results/held/zwidth.parquet")
+    box = table["hand"] == "box"
+    assert table["high_hand_stiffness"][box].tolist() == [100, 100]
+    assert np.isnan(table["high_hand_mass"][~box]).all()
+    assert "found stable for every hand of the box (box): " in err
+    assert "2 of 2 rows not certified" in err
+    facts = json.loads((tmp_path / "results/held/zwidth.datapackage.json").read_text())["wavesweep"]
+    assert facts["hand_box"] == {"mass": [0.1, 0.4], "damping": [2, 10], "stiffness": [100, 100]}
+
+
+def test_a_dash_writes_the_same_table_to_stdout(wavesweep, held, tmp_path):
+    code, out, _ = wavesweep("zwidth", held, "--hand", "passive", "--out", "-")
+    assert code == 0
+    wavesweep("zwidth", held, "--hand", "passive", "--no-plot")
+    assert out == (tmp_path / "results/held/zwidth.csv").read_text()
+
+
+def test_a_figure_without_a_plane_has_a_bar_per_hand(wavesweep, held, tmp_path):
+    (tmp_path / "bars.toml").write_text(SPEC.replace("B_VE = [0, 1]", "rates.fast_hz = [500, 1000]"))
+    assert wavesweep("zwidth", "bars.toml", "--hand", "passive")[0] == 0
+    assert (tmp_path / "results/bars/zwidth.png").stat().st_size > 5000
+    assert held
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--hand", "strong"], "'strong' is not one of 'free', 'passive', 'box'"),
+        (["--hand-box", "mass=1..2"], "--hand-box needs --hand box, found --hand free"),
+        (["--hand", "box", "--hand-box", "mass=1"], "expected ranges such as mass=0.1..0.5"),
+        (["--hand", "box", "--hand-box", "weight=1..2"], "found 'weight=1..2'"),
+        (["--hand", "box", "--hand-box", "mass=2..1"], "mass expected 0 <= low <= high, found (2.0, 1.0)"),
+        (["--hand", "passive", "--set", "device.velocity=exact"], 'expected device.velocity = "difference"'),
+    ],
+)
+def test_what_makes_no_sense_is_a_usage_error(arguments, said, wavesweep, held):
+    code, out, err = wavesweep("zwidth", held, *arguments)
+    assert (code, out) == (2, "")
+    assert said in err
+
+
+def test_the_columns_of_hands_have_units():
+    fields = {field.name: field for field in results.fields("zwidth", ["B_VE"], "K_VE", ["hand", *ENDS, "settled"])}
+    assert fields["hand"] == Field("hand", "string", "", fields["hand"].description)
+    assert [fields[name].unit for name in ENDS[:3]] == ["kg", "N*s/m", "N/m"]
+    assert all(field.description for field in fields.values())

@@ -1,0 +1,138 @@
+"""Intervals for hands beside those of the loop as it is: which rows, how sure, whoever computes them."""
+
+import numpy as np
+import pytest
+
+from wavesweep import sweep
+from wavesweep.analysis.passivity import HandBox, box_intervals, colgate_schenkel
+from wavesweep.analysis.passivity.hand import worst_modes
+from wavesweep.errors import UsageError
+from wavesweep.spec import load
+from wavesweep.sweep import held_intervals, held_stages, holders_of, workers
+
+OPERATOR = {"mass": 0.2, "damping": 5.0, "stiffness": 300.0}
+BOX = {"mass": (0.1, 0.6), "damping": (2.0, 4.0), "stiffness": (100.0, 400.0)}
+
+
+def spec_of(kind="dc", operator=None, velocity="difference", **axes):
+    device = {"velocity": velocity, "damping": 3.0}
+    return load({"controller": {"kind": kind}, "device": device, "operator": operator or {}, "sweep": axes})
+
+
+def rows_of(run, hand):
+    rows = run.columns["hand"] == hand
+    return {name: column[rows] for name, column in run.columns.items()}
+
+
+@pytest.mark.parametrize(
+    ("operator", "hand", "port", "expected"),
+    [
+        (None, "box", False, ["free", "box"]),
+        (OPERATOR, "box", True, ["free", "operator", "box", "port"]),
+        (OPERATOR, "passive", False, ["free", "operator", "passive"]),
+        (OPERATOR, "free", True, ["operator", "port"]),
+        (None, "free", True, ["free", "port"]),
+    ],
+)
+def test_which_hands_have_rows(operator, hand, port, expected):
+    run = held_intervals(spec_of(operator=operator), holders_of(hand, {}, port))
+    assert list(dict.fromkeys(run.columns["hand"])) == expected
+
+
+def test_the_other_rows_are_those_of_the_plain_table(same):
+    spec = spec_of(operator=OPERATOR, B_VE=[0.0, 1.0])
+    run = held_intervals(spec, holders_of("passive", None, False))
+    for hand, loop in (("operator", spec), ("free", spec_of(B_VE=[0.0, 1.0]))):
+        rows = rows_of(run, hand)
+        del rows["hand"]
+        same(rows, sweep.intervals(loop).columns)
+
+
+def test_for_direct_coupling_the_walls_of_every_passive_hand_are_colgates_and_certified():
+    damping = np.array([0.0, 1.0, 2.9])
+    run = held_intervals(spec_of(B_VE=damping.tolist()), holders_of("passive", None, False))
+    rows = rows_of(run, "passive")
+    assert rows["certified"].all()
+    assert rows["low"].tolist() == [0, 0, 0]
+    assert colgate_schenkel(rows["high"], damping, 1e-3) == pytest.approx([3.0] * 3, rel=1e-6)
+    assert np.isnan(rows["low_omega"]).all()
+    assert rows["high_omega"][1:] == pytest.approx(np.pi * 1000)
+
+
+def test_what_nothing_proves_is_not_certified():
+    run = held_intervals(spec_of("pmw-lm", B_VE=[1.0]), holders_of("passive", None, True))
+    assert rows_of(run, "passive")["intervals"].tolist() == [0]
+    assert any("no damping is enough" in notice for notice in run.facts["notices"])
+    for hand in ("passive", "port"):
+        assert not rows_of(run, hand)["certified"].any()
+
+
+def test_along_another_number_the_least_damping_of_the_device_is_found():
+    spec = spec_of(along="device.damping", **{"device.damping": {"start": 0, "stop": 20}, "B_VE": [0.0, 2.0]})
+    rows = rows_of(held_intervals(spec, holders_of("passive", None, False)), "passive")
+    expected = colgate_schenkel(500.0, np.array([0.0, 2.0]), 1e-3)
+    assert rows["low"] == pytest.approx(expected, rel=1e-5)
+    assert rows["high"].tolist() == [20, 20]
+
+
+def test_the_box_names_the_hand_that_ends_it():
+    spec = spec_of("dc-slow", B_VE=[0.0, 1.0])
+    run = held_intervals(spec, holders_of("box", BOX, False))
+    rows = rows_of(run, "box")
+    assert not rows["certified"].any()
+    assert rows["settled"].all()
+    assert run.facts["hand_box"] == {name: list(ends) for name, ends in BOX.items()}
+    for row in range(2):
+        values = dict(spec.values) | {"environment.B_VE": rows["B_VE"][row]}
+        found = box_intervals(values, (0.0, 20000.0), HandBox(**BOX))
+        assert rows["high"][row] == found.high[0]
+        hand = [rows[f"high_hand_{part}"][row] for part in BOX]
+        walls = rows["high"][row] * np.array([1 - 1e-7, 1 + 1e-7])
+        radius, _ = worst_modes(values, np.array([hand, hand]), walls, values["environment.B_VE"])
+        assert radius[0] < 1 < radius[1]
+        assert 0 < rows["high_omega"][row] < np.pi * 50
+
+
+def test_the_rows_do_not_depend_on_workers_chunks_or_a_stop(tmp_path, monkeypatch, same):
+    spec = spec_of("dc-slow", B_VE=[0.0, 1.0, 2.0], **{"device.mass": [0.1, 0.2]})
+    holders = holders_of("box", BOX, True)
+    alone = held_intervals(spec, holders, jobs=1)
+    monkeypatch.setattr(held_stages, "FEW", 1)
+    monkeypatch.setattr(workers, "WORTH", -1.0)
+
+    def stop_at(done, _total, _certified):
+        if done == 14:  # all of the free device's six, and of the box's all and some of the port's
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        held_intervals(spec, holders, checkpoint=tmp_path / "parts", progress=stop_at, jobs=1)
+    run = held_intervals(spec, holders, checkpoint=tmp_path / "parts", jobs=2)
+    assert run.facts["timings"]["slices_from_checkpoint"] >= 7
+    same(run.columns, alone.columns)
+    run.forget()
+    assert not (tmp_path / "parts").exists()
+
+
+def test_progress_counts_all_hands_together():
+    seen = []
+    held_intervals(spec_of(B_VE=[0.0, 1.0]), holders_of("free", None, True), progress=lambda *now: seen.append(now[:2]))
+    assert seen[-1] == (4, 4)
+    assert {total for _, total in seen} == {4}
+
+
+@pytest.mark.parametrize(
+    ("spec", "hand", "said"),
+    [
+        (spec_of(velocity="exact"), "passive", 'expected device.velocity = "difference", found "exact"'),
+        (spec_of(**{"operator.mass": [0.1, 0.2]}), "box", "operator.mass cannot be an axis as well"),
+        (spec_of("pmw", along="b", b={"start": 5, "stop": 50}), "box", "expected intervals along K_VE, found b"),
+    ],
+)
+def test_what_cannot_be_answered_is_refused(spec, hand, said):
+    with pytest.raises(UsageError, match=said):
+        held_intervals(spec, holders_of(hand, {}, False))
+
+
+def test_an_empty_box_is_refused():
+    with pytest.raises(UsageError, match=r"mass expected 0 <= low <= high, found \(0.5, 0.1\)"):
+        holders_of("box", {"mass": (0.5, 0.1)}, False)

@@ -1,0 +1,104 @@
+"""Intervals that hold whoever holds the device: for every passive hand, for every hand of a box, for every held force."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.analysis.passivity import (
+    HandBox,
+    any_hand_walls,
+    box_intervals,
+    damping_needed,
+    port_margin,
+    port_passive_walls,
+    swing_with_hand,
+)
+from wavesweep.diagram import WALL
+from wavesweep.sweep.records import END_HANDS, HELD
+
+DIRECT = ("dc", "dc-slow", "dc-lm")
+METHODS = {
+    "passive": "damping that every passive hand asks for against the device's own; each value looked at is proved",
+    "box": "exact intervals of the hands found to matter, intersected; hands are searched for, without proof",
+    "port": "port margin; each value looked at is proved, what lies between two of the same kind is not",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Guarantee:
+    """For whom an interval holds: "passive", "box" (of `box`) or "port"; see `METHODS`."""
+
+    kind: str
+    box: HandBox | None = None
+
+    def records(self, values: Mapping[str, object], along: str, span: tuple[float, float]) -> np.ndarray:
+        """Intervals of the key `along` within `span` for one loop, as records of column 0.
+
+        values: flat keys, numbers. Certified are those for every passive hand of a direct coupling along the wall: its
+        force is linear in the wall, so the walls that a damping pays for are a convex set, which its ends prove. The
+        others are not: nothing proves that no smaller interval hides, or no worse hand.
+        """
+        if self.kind == "box":
+            return _for_box(values, span, self.box)
+        if self.kind == "port":
+            return _from_ends(port_passive_walls(values, span, along), span, lambda at: port_margin(_at(values, along, at)))
+        found = any_hand_walls(values, span, path=along)
+        convex = values["controller.kind"] in DIRECT and along in WALL
+        return _from_ends(found, span, lambda at: damping_needed(_at(values, along, at)), certified=convex)
+
+
+def _at(values, along, ends):
+    return {**values, along: ends}
+
+
+def _from_ends(found, span, measure, certified=False) -> np.ndarray:
+    records = _blank(found.low, found.high)
+    records["certified"] = certified and bool(found.low.size)
+    for end, border in zip(("low", "high"), span, strict=True):
+        real = np.flatnonzero(records[end] != border) if found.low.size else []
+        if len(real):
+            records[f"{end}_omega"][real] = measure(records[end][real]).omega
+    return records
+
+
+def _for_box(values, span, box) -> np.ndarray:
+    found = box_intervals(values, span, box)
+    records = _blank(found.low, found.high)
+    records["settled"] = found.settled
+    for end, hands in (("low", found.low_hand), ("high", found.high_hand)):
+        for row in np.flatnonzero(~np.isnan(hands[:, 0])):
+            records[f"{end}_omega"][row] = swing_with_hand(values, hands[row], records[end][row])
+            for name, number in zip(END_HANDS[end], hands[row], strict=True):
+                records[name][row] = number
+    return records
+
+
+def _blank(low, high) -> np.ndarray:
+    """Records with these ends, or the one of a column that has none."""
+    records = np.zeros(max(low.size, 1), HELD)
+    for name in HELD.names:
+        if HELD[name].kind == "f":
+            records[name] = np.nan
+    records["intervals"], records["settled"] = low.size, True
+    if low.size:
+        records["interval"], records["low"], records["high"] = np.arange(low.size), low, high
+    return records
+
+
+@dataclass(frozen=True, slots=True)
+class Holders:
+    """Whose intervals are asked for beside those of the free device.
+
+    hand: "free" (nobody's more), "passive" (guaranteed for every passive hand) or "box" (for every hand of `box`).
+    port: whether those too within which the port is passive for held forces.
+    """
+
+    hand: str = "free"
+    box: HandBox | None = None
+    port: bool = False
+
+    def guarantees(self) -> dict[str, Guarantee]:
+        """The guarantees asked for, by the name that their rows have in the column `hand`."""
+        asked = {} if self.hand == "free" else {self.hand: Guarantee(self.hand, self.box)}
+        return asked | ({"port": Guarantee("port")} if self.port else {})

@@ -1,0 +1,102 @@
+"""Stable intervals of the free device, of the one that is held, and those guaranteed for hands, as one table."""
+
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from wavesweep.spec import Spec
+from wavesweep.sweep.expectation import expected_seconds
+from wavesweep.sweep.guarantees import METHODS, Holders
+from wavesweep.sweep.held_stages import stages_of
+from wavesweep.sweep.interval_table import JOBS, Progress, compute, method, notices, parts_of
+from wavesweep.sweep.records import END_HANDS
+from wavesweep.sweep.rows import blocks
+from wavesweep.sweep.run import LongRun, facts_of
+from wavesweep.sweep.workers import choose
+
+
+def held_intervals(
+    spec: Spec, holders: Holders, along: str | None = None, jobs: int | None = None, backend: str | None = None,
+    scheduler: str | None = None, progress: Progress | None = None, checkpoint: Path | None = None, force: bool = False,
+) -> LongRun:
+    """The intervals of `intervals` and, in further rows, those that hold for hands; a column `hand` tells them apart.
+
+    hand: "free", the device alone; "operator", with the spec's operator, where it has one; "passive" and "box", see
+    `Holders`; "port", where the spec's own loop is stable and passive at the hand's port. Where only the port is asked
+    for, the other rows are those of the spec's loop as it is. All else as for `intervals`.
+    """
+    started = time.perf_counter()
+    stages = stages_of(spec, holders, along)
+    total, done, certified, tallies, kept = sum(stage.asked.columns for stage in stages), 0, 0, [], []
+    for stage in stages:
+        asked = stage.asked
+        parts = parts_of(asked, checkpoint and checkpoint / stage.hand, force)
+        workers = choose(jobs or JOBS, backend, scheduler, len(asked.chunks), partial(expected_seconds, asked))
+        report = progress and partial(_report, progress, done, total, certified)
+        tallies.append(compute(asked, parts, workers, report))
+        kept.append(parts)
+        done, certified = done + asked.columns, certified + tallies[-1].certified
+    facts = _facts(spec, holders, stages, tallies, time.perf_counter() - started)
+    first = stages[0].asked
+    axes = {axis.name: axis.values for axis in first.grid.axes}
+    extra = extra_columns(holders)
+    rows, forget = partial(_blocks, stages, kept, extra), partial(_forget, kept, checkpoint)
+    return LongRun(axes, first.axis.name, rows, facts, forget, extra)
+
+
+def _report(progress, done, total, certified, now, _, now_certified):
+    progress(done + now, total, certified + now_certified)
+
+
+def extra_columns(holders: Holders) -> tuple[str, ...]:
+    """Names of the columns that the table has beyond those of `intervals`."""
+    return ("hand", *END_HANDS["low"], *END_HANDS["high"], "settled") if holders.hand == "box" else ("hand",)
+
+
+def _blocks(stages, kept, extra) -> Iterator[dict[str, np.ndarray]]:
+    """The rows, hand by hand."""
+    for stage, parts in zip(stages, kept, strict=True):
+        for block in blocks(stage.asked, parts):
+            rows = len(block["along"])
+            blank = {name: np.full(rows, np.nan) for name in extra} | {"settled": np.ones(rows, bool)}
+            found = blank | block | {"hand": np.full(rows, stage.hand, dtype=object)}
+            yield {name: found[name] for name in _order(block, extra)}
+
+
+def _order(block, extra):
+    """The columns of `intervals`, `hand` behind the axes, what is known of the ends at the end."""
+    own = [name for name in block if name not in extra and name not in (*END_HANDS["low"], *END_HANDS["high"], "settled")]
+    at = own.index("along") + 1
+    return [*own[:at], "hand", *own[at:], *extra[1:]]
+
+
+def _forget(kept, checkpoint):
+    for parts in kept:
+        parts.remove()
+    if checkpoint and checkpoint.exists():
+        checkpoint.rmdir()
+
+
+def _facts(spec, holders, stages, tallies, seconds) -> dict:
+    computed = sum(stage.asked.columns for stage in stages)
+    skipped = sum(stage.asked.grid.size for stage in stages) - computed
+    counts = {"computed": computed, "skipped": skipped, "certified": sum(tally.certified for tally in tallies)}
+    timings = {"compute_s": seconds, "kernel_s": sum(tally.seconds for tally in tallies),
+               "slices_from_checkpoint": sum(tally.kept for tally in tallies)}
+    methods = {stage.hand: METHODS.get(stage.hand, method(stage.asked.axis.path)) for stage in stages}
+    said = [*notices(stages[0].asked.grid), *_hopeless(spec, stages[0].asked, holders)]
+    facts = facts_of(spec, methods, counts, timings, said)
+    if holders.box:
+        facts["hand_box"] = {name: list(getattr(holders.box, name)) for name in ("mass", "damping", "stiffness")}
+    return facts
+
+
+def _hopeless(spec, own, holders):
+    if holders.hand != "passive" or not spec.values["controller.kind"].startswith("pmw") or spec.values["rates.ratio"] == 1:
+        return
+    swept = any(axis.path == "controller.Kp" for axis in (*own.grid.axes, own.axis))
+    if not swept and spec.values["controller.Kp"] == 0:
+        yield "waves without Kp: a motion at a multiple of the slow rate drags the avatar along, and no damping is enough"
