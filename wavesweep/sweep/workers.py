@@ -1,9 +1,11 @@
 """Chunks on workers, through joblib; in this process where there are none."""
 
 import os
+import signal
+import threading
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import islice
 
@@ -73,11 +75,45 @@ def _unordered(joblib, calls):
         while block := list(islice(calls, BLOCK * joblib.effective_n_jobs())):
             yield from pool(block)
         return
-    finished = pool(calls)
-    try:
-        yield from finished
-    finally:
-        with warnings.catch_warnings():
-            # Of tasks that it cancels: that is what closing is for.
-            warnings.simplefilter("ignore", UserWarning)
+    with _deaf_children():
+        finished = pool(calls)
+    with _quiet_end():
+        try:
+            yield from finished
+        finally:
             finished.close()
+
+
+@contextmanager
+def _deaf_children():
+    """Let processes that are started here not hear Ctrl-C, which a terminal sends to all: it is the parent's to answer.
+
+    A worker that was still importing would write a traceback. What arrives meanwhile is heard afterwards.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _quiet_end():
+    """Say nothing of tasks that are cancelled when a run is stopped, which may be at any moment from here on: neither
+    joblib's warning, nor the traceback of loky's own thread when a task that it was about to hand out is gone."""
+    before = threading.excepthook
+
+    def hook(failed):
+        if not (failed.exc_type is KeyError and failed.thread and failed.thread.name == "ExecutorManagerThread"):
+            before(failed)
+
+    threading.excepthook = hook
+    try:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", ".*tasks? (which|have)", UserWarning, "joblib.parallel")
+            yield
+    finally:
+        threading.excepthook = before
