@@ -52,18 +52,3 @@ def same():
                 assert np.ascontiguousarray(found[name]).tobytes() == np.ascontiguousarray(column).tobytes(), name
 
     return compare
-
-
-@pytest.fixture
-def alike():
-    """Whether two tables have the same rows and numbers equal to rounding, as batches of another size may round."""
-
-    def compare(found, expected):
-        assert list(found) == list(expected)
-        for name, column in expected.items():
-            if found[name].dtype.kind == "f" and name != "residual":
-                np.testing.assert_allclose(found[name], column, rtol=1e-9, atol=1e-12, err_msg=name)
-            elif name != "residual":
-                assert found[name].tolist() == column.tolist(), name
-
-    return compare

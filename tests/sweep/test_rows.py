@@ -39,20 +39,20 @@ def one_by_one(spec):
     return joined(found)
 
 
-def test_the_table_is_that_of_every_combination_on_its_own_in_the_specs_order(mixed, alike):
+def test_the_table_is_that_of_every_combination_on_its_own_in_the_specs_order(mixed, same):
     table = table_of(ask(mixed))
     assert (table["intervals"] > 1).any()
-    alike(table, one_by_one(mixed))
+    same(table, one_by_one(mixed))
 
 
 @pytest.mark.parametrize(("deep", "wide"), SIZES)
-def test_borders_of_chunks_leave_no_trace(mixed, alike, deep, wide):
+def test_borders_of_chunks_leave_no_trace(mixed, same, deep, wide):
     asked = ask(mixed)
-    alike(table_of(cut_otherwise(asked, deep=deep, wide=wide)), table_of(asked))
+    same(table_of(cut_otherwise(asked, deep=deep, wide=wide)), table_of(asked))
 
 
 @pytest.mark.parametrize("along", ["b", "Kp", "B_VE", "device.mass"])
-def test_they_leave_none_along_other_axes(alike, along):
+def test_they_leave_none_along_other_axes(same, along):
     spec = load({
         "controller": {"kind": "pmw"}, "environment": {"integration": "explicit"},
         "sweep": {
@@ -61,7 +61,7 @@ def test_they_leave_none_along_other_axes(alike, along):
     })  # fmt: skip
     asked = ask(spec)
     for deep, wide in ((1, 2), (1, 1), (2, 2)):
-        alike(table_of(cut_otherwise(asked, deep=deep, wide=wide)), table_of(asked))
+        same(table_of(cut_otherwise(asked, deep=deep, wide=wide)), table_of(asked))
 
 
 def test_borders_of_blocks_leave_no_trace(mixed, same, monkeypatch):

@@ -39,20 +39,23 @@ def transfer(cut: Cut, w) -> np.ndarray:
     """`C (w I - E)^-1 B + D` for the rows V, ADVANCE, OFFSET: `(..., 3)`."""
     w = np.asarray(w)
     A = w[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
-    return read(cut, solve(A, cut.B + 0 * w[..., None, None])) + cut.D[..., 0]
+    return read(cut.C, solve(A, cut.B + 0 * w[..., None, None])) + cut.D[..., 0]
 
 
 def transfer_and_slope(cut: Cut, w) -> tuple[np.ndarray, np.ndarray]:
     """The same and its derivative by w."""
     A = w[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
     state = solve(A, cut.B + 0 * w[..., None, None])
-    return read(cut, state) + cut.D[..., 0], -read(cut, solve(A, state))
+    return read(cut.C, state) + cut.D[..., 0], -read(cut.C, solve(A, state))
 
 
-def read(cut: Cut, state):
-    """`C state`, `(..., 3)`, as a plain sum: BLAS may round it differently in another batch, and a sweep's bytes must not
-    depend on its chunks."""
-    return (cut.C * np.swapaxes(state, -1, -2)).sum(-1)
+def read(C, state):
+    """`C state`, `(..., 3)`, added up state by state: BLAS, and numpy's own sums, round differently in a batch of another
+    size, and a sweep's bytes must not depend on its chunks."""
+    total = C[..., :, 0] * state[..., 0, :]
+    for k in range(1, C.shape[-1]):
+        total = total + C[..., :, k] * state[..., k, :]
+    return total
 
 
 def residual(t: Terms, K, B):

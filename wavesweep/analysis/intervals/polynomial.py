@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.intervals.curve import Terms
+from wavesweep.analysis.intervals.curve import Terms, read
 from wavesweep.lifted.circle import solve
 from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
@@ -65,7 +65,7 @@ def _scaled(cut, zeta, scale, along):
     B, C, D = (part[..., None, :, :] for part in (cut.B, cut.C, cut.D))
     phase, log_size = np.linalg.slogdet(A)
     pole = phase * np.exp(log_size - log_size.max(-1, keepdims=True))
-    G = bottom[..., None] * (C * np.swapaxes(solve(A, B + 0j * A[..., :1]), -1, -2)).sum(-1) + D[..., 0]
+    G = bottom[..., None] * read(C, solve(A, B + 0j * A[..., :1])) + D[..., 0]
     if cut.integrates:
         terms = Terms(pole * top, pole * (bottom * G[..., ADVANCE] + top * G[..., OFFSET]), pole * top * G[..., V])
     else:
