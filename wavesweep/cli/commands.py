@@ -11,6 +11,7 @@ COMMANDS = MappingProxyType(
         "simulate": "Run both loops tick by tick, with what a real rig adds to the linear model.",
         "passivity": "Find how far the wave channel and the hand's port are from passive.",
         "paper": "Draw every figure of the paper and judge every statement of it.",
+        "bench": "Measure run time against error, this tool beside what a user would write instead.",
         "check": "Validate a spec and say what would be computed, and how.",
     }
 )

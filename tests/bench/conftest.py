@@ -1,0 +1,11 @@
+"""One quick run, which all tests of this folder read."""
+
+import pytest
+
+from wavesweep import bench
+
+
+@pytest.fixture(scope="session")
+def quick():
+    """The run of `wavesweep bench --quick`."""
+    return bench.measure(quick=True)

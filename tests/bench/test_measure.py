@@ -1,0 +1,110 @@
+"""The benchmark runs, and its errors and counts are what they must be; its run times are nobody's business here."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep import bench, results
+from wavesweep.bench.growth import exponent
+from wavesweep.bench.problems import PROBLEMS
+from wavesweep.bench.stiffness import COMMAND, LIBRARY, METHODS
+from wavesweep.bench.timing import Patience, interleaved
+from wavesweep.plots.bench import bench as draw
+
+
+def rows(run, **wanted):
+    chosen = np.logical_and.reduce([run.columns[name] == value for name, value in wanted.items()])
+    return {name: column[chosen] for name, column in run.columns.items()}
+
+
+def test_every_method_is_measured(quick):
+    seen = rows(quick, part="stiffness")
+    assert set(seen["method"]) == {LIBRARY, COMMAND, *(method.name for method in METHODS)}
+    assert (seen["seconds"] > 0).all()
+    assert set(quick.columns["part"]) == {"stiffness", "response", "compile", "slices", "start", "profile", "accuracy"}
+
+
+def test_this_tool_finds_every_interval_to_rounding(quick):
+    for method in (LIBRARY, COMMAND):
+        seen = rows(quick, part="stiffness", method=method)
+        assert (seen["found"] == seen["there"]).all()
+        assert (seen["wrong"] == 0).all()
+        assert (seen["error_max"] < 1e-12).all()
+
+
+def test_a_grid_is_as_good_as_its_step_and_bisection_misses_the_hole(quick):
+    grid = rows(quick, part="stiffness", method="numpy, batched grid")
+    assert 1e-3 < grid["error_max"][0] < 0.3  # half a step of 6000/25 N/m over stiffnesses from 400 N/m on
+    search = rows(quick, part="stiffness", method="bisection, all columns at once")
+    assert search["wrong"][0] > 0
+    assert search["found"][0] < search["there"][0]
+
+
+def test_methods_that_look_at_the_same_points_say_the_same(quick):
+    names = [method.name for method in METHODS[:4]]
+    seen = [rows(quick, part="stiffness", method=name) for name in names]
+    assert len({(one["error_max"][0], one["found"][0]) for one in seen}) == 1
+
+
+def test_all_responses_agree_and_this_tools_is_the_best(quick):
+    seen = rows(quick, part="response")
+    assert (seen["error_max"] < 1e-6).all()
+    assert (seen["error_max"][:2] < 1e-11).all()
+
+
+def test_the_table_is_written_and_drawn(quick, tmp_path):
+    with results.TableWriter("bench", bench.FIELDS, quick.facts, tmp_path) as writer:
+        writer.append(quick.columns)
+        writer.finish(figure=lambda path: draw(quick.columns, quick.facts, path))
+    assert (tmp_path / "bench.png").stat().st_size > 1000
+    back = results.read(tmp_path / "bench.parquet")
+    assert list(back) == [field.name for field in bench.FIELDS]
+
+
+def test_the_lines_name_every_method(quick):
+    said = "\n".join(bench.lines(quick.columns))
+    assert all(method.name in said for method in METHODS)
+    assert PROBLEMS[1].title in said
+
+
+def test_the_command_writes_what_was_measured(quick, tmp_path, monkeypatch, capfd):
+    from wavesweep.cli import main
+
+    monkeypatch.setattr(bench, "measure", lambda *, quick: quick and run)
+    run = quick
+    assert main(["bench", "--quick", "--no-plot", "--out", str(tmp_path / "out")]) == 0
+    assert (tmp_path / "out" / "bench.csv").exists()
+    assert "this tool finds" in capfd.readouterr().err
+
+
+def test_pairs_are_run_in_turn():
+    seen = []
+    pair = interleaved(lambda: seen.append("A"), lambda: seen.append("B"), Patience(0.0, 3, 5))
+    assert seen == ["A", "B"] * 3
+    assert pair.pairs == 3
+
+
+def test_a_power_law_has_its_exponent():
+    assert exponent([1, 10, 100], [2, 20 * 10, 200 * 100]) == pytest.approx(2)
+    assert np.isnan(exponent([1], [2]))
+
+
+def promises():
+    """(quantity, condition) -> what the document promises."""
+    found = {}
+    for line in (Path(wavesweep.__file__).parent / "ACCURACY.md").read_text(encoding="utf-8").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if line.startswith("| ") and re.fullmatch(r"1e-\d+", cells[-1]):
+            found[cells[0] if len(cells) == 3 else "end of a stable interval", cells[-2]] = float(cells[-1])
+    return found
+
+
+def test_the_document_promises_what_is_measured(quick):
+    seen = rows(quick, part="accuracy")
+    measured = dict(zip(zip(seen["problem"], seen["setting"], strict=True), seen["error_max"], strict=True))
+    promised = promises()
+    assert promised.keys() == measured.keys()
+    assert {case: error for case, error in measured.items() if not error <= promised[case]} == {}

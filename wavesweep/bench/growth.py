@@ -1,0 +1,78 @@
+"""How costs grow: compiling with the ratio and the filters' order, sweeping with slices and workers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from wavesweep import sweep
+from wavesweep.bench.table import Row
+from wavesweep.bench.timing import Patience, interleaved
+from wavesweep.diagram import draw
+from wavesweep.lifted import cut_at_wall
+from wavesweep.paper.specs import load_paper
+
+RATIOS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
+FILTERS = ("lp1", "hp", "lp2")
+ORDERS = tuple(range(1, 13))
+SLICES = (100, 300, 1000, 3000, 10_000)
+FOR_WORKERS = (3000, 10_000, 30_000)  # slices; below the first of them no workers are started by themselves
+
+
+def exponent(size: Sequence[float], seconds: Sequence[float]) -> float:
+    """p of the power law `seconds ~ size^p`, least squares on logarithms; NaN below two sizes."""
+    return float(np.polyfit(np.log(size), np.log(seconds), 1)[0]) if len(size) > 1 else np.nan
+
+
+def compile_rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
+    """Time from a loaded spec to the loop cut at the wall."""
+    base = load_paper("fig6").values
+    few = slice(None, 2 if quick else None)
+    ratios = {n: _compiling({**base, "rates.ratio": n}) for n in RATIOS[few]}
+    yield from _series("compile", "ratio of the rates", ratios, patience)
+    orders = {n: _compiling({**base, **{f"filters.{name}.order": n for name in FILTERS}}) for n in ORDERS[few]}
+    yield from _series("compile", "order of all filters", orders, patience)
+
+
+def _compiling(values: dict[str, Any]) -> Callable[[], Any]:
+    return lambda: cut_at_wall(draw(values))
+
+
+def slice_rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
+    """Time of a sweep over b, a loop per slice, in this process."""
+    calls = {n: partial(_swept, n, 1) for n in SLICES[: 2 if quick else None]}
+    yield from _series("slices", "sweep over b in one process", calls, patience)
+
+
+def worker_rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
+    """The same with one and two worker processes, the time that they need to start included."""
+    for n in () if quick else FOR_WORKERS:
+        alone = partial(_swept, n, 1)
+        pair = interleaved(partial(_swept, n, 2), alone, patience)
+        yield {
+            "part": "workers", "problem": "sweep over b", "method": "2 workers", "setting": f"{n} slices", "size": n,
+            "seconds": pair.first, "seconds_each": pair.first / n, "ratio": pair.ratio, "yardstick": "1 process",
+            "pairs": pair.pairs,
+        }  # fmt: skip
+
+
+def _swept(slices: int, jobs: int) -> Any:
+    axis = f"sweep.b={{ start = 5, stop = 80, num = {slices} }}"
+    spec = load_paper("fig5-explicit", ("sweep.K_LM=[500]", "sweep.Kp=[20]", axis))
+    return sweep.intervals(spec, along="K_VE", jobs=jobs, backend=None if jobs == 1 else "loky")
+
+
+def _series(part: str, name: str, calls: dict[int, Callable[[], Any]], patience: Patience) -> Iterator[Row]:
+    """A row for every size, timed in turn with the smallest."""
+    smallest = next(iter(calls.values()))
+    for size, call in calls.items():
+        call()  # warm
+        pair = interleaved(call, smallest, patience)
+        yield {
+            "part": part, "problem": name, "method": "this tool", "setting": str(size), "size": size,
+            "seconds": pair.first, "seconds_each": pair.first / size if part == "slices" else np.nan,
+            "ratio": pair.ratio, "yardstick": f"{next(iter(calls))}", "pairs": pair.pairs,
+        }  # fmt: skip

@@ -1,0 +1,114 @@
+"""The questions that every method is asked: a loop of the paper, its columns, and the stiffness to search in each."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.diagram import draw
+from wavesweep.lifted import Cut, cut_at_wall
+from wavesweep.paper.specs import load_paper
+from wavesweep.spec import Spec
+from wavesweep.sweep.groups import groups
+from wavesweep.sweep.question import ask
+from wavesweep.sweep.slices import with_batch
+
+COLUMNS = (25, 50, 100, 200)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """All stable intervals of K_VE in (0, stop) for each column, a combination of the values of `axes`.
+
+    spec: name of one of the paper's. axes: in the order of its [sweep] table, those that it does not have last; their
+    product has the largest of COLUMNS columns.
+    """
+
+    name: str
+    title: str
+    spec: str
+    stop: float
+    axes: Mapping[str, tuple[float, ...]]
+
+    def overrides(self, columns: int) -> tuple[str, ...]:
+        """What makes the paper's spec ask this, as for `--set`."""
+        axes = {**coarse(self.axes, columns)}
+        lists = (f"sweep.{name}={list(values)}" for name, values in axes.items())
+        return (f"sweep.K_VE={{ start = 0, stop = {self.stop!r} }}", *lists)
+
+    def ask(self, columns: int) -> Spec:
+        """The question as a spec."""
+        return load_paper(self.spec, self.overrides(columns))
+
+    def numbers(self, columns: int) -> np.ndarray:
+        """Where the columns of the coarser question stand among those of the finest."""
+        whole = np.arange(max(COLUMNS)).reshape([len(values) for values in self.axes.values()])
+        few = coarse(self.axes, columns)
+        steps = (slice(None, None, len(self.axes[name]) // len(few[name]) or 1) for name in self.axes)
+        return whole[tuple(steps)].ravel()
+
+
+def coarse(axes: Mapping[str, tuple[float, ...]], columns: int) -> dict[str, tuple[float, ...]]:
+    """Every second value of the first axis that has an even number of them, until only so many combinations are left."""
+    few = dict(axes)
+    while np.prod([len(values) for values in few.values()]) > columns:
+        name = next(name for name, values in few.items() if len(values) % 2 == 0)
+        few[name] = few[name][::2]
+    return few
+
+
+def _spaced(start: float, stop: float, number: int) -> tuple[float, ...]:
+    # Rounded, so that the values are the same doubles wherever they are computed.
+    return tuple(np.linspace(start, stop, number).round(6).tolist())
+
+
+PROBLEMS = (
+    Problem("fig4", "Fig. 4", "fig4", 2500.0, {"B_VE": _spaced(0, 15, 200)}),
+    Problem("fig4-b25", "Fig. 4 with b = 25: a hole", "fig4-b25", 6000.0, {"B_VE": _spaced(0, 15, 200)}),
+    Problem(
+        "pmw-lm", "pmw-lm, explicit wall", "fig5-explicit", 1500.0,
+        {"K_LM": _spaced(0, 3000, 50), "Kp": (0.0, 20.0, 10.0, 40.0)},
+    ),
+    Problem(
+        "five-axes", "slice of a five-axis sweep", "fig5-explicit", 1000.0,
+        {"K_LM": (0.0, 1000.0), "Kp": (20.0, 0.0), "B_VE": (2.0, 0.5),
+         "b": tuple(np.geomspace(5, 80, 25).round(6).tolist())},
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Bundle:
+    """Columns whose loops one drawing serves.
+
+    column: their numbers. cut: their loops, one for each, cut at the wall. B_VE: the damping of each, N*s/m.
+    """
+
+    column: np.ndarray
+    cut: Cut
+    B_VE: np.ndarray
+
+
+def bundles(spec: Spec) -> Iterator[Bundle]:
+    """Draw and compile the loops of all columns: what every method does first."""
+    grid = ask(spec, "K_VE").grid
+    B = grid.wall_values()["environment.B_VE"]
+    changes = grid.loop_values(np.arange(grid.loops))
+    column = np.empty(grid.loops * grid.walls, int)
+    loop, wall = grid.column_of(np.arange(grid.size))
+    column[loop * grid.walls + wall] = np.arange(grid.size)
+    for members, values in groups(spec, changes, grid.loops):
+        cut = with_batch(cut_at_wall(draw(values)), members.size)
+        owner = np.repeat(np.arange(members.size), B.size)
+        own = (members[:, None] * B.size + np.arange(B.size)).ravel()
+        yield Bundle(column[own], cut.at(owner), np.tile(B, members.size))
+
+
+def digest(spec: Spec) -> str:
+    """Digest of everything that the answer depends on."""
+    text = json.dumps({**spec.values, "sweep": [[axis.name, axis.values, axis.stop] for axis in spec.sweep]})
+    return hashlib.sha256(text.encode()).hexdigest()

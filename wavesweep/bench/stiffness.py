@@ -1,0 +1,106 @@
+"""Run time against error in the critical stiffness: every method that a user might choose, and this tool."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any
+
+from wavesweep.bench import ours, points, searches
+from wavesweep.bench.problems import COLUMNS, PROBLEMS, Problem, digest
+from wavesweep.bench.references import checked, references
+from wavesweep.bench.scoring import Answer, score
+from wavesweep.bench.table import Row
+from wavesweep.bench.timing import Pair, Patience, interleaved
+from wavesweep.spec import Spec
+
+PART = "stiffness"
+LIBRARY, COMMAND = "this tool", "this tool, whole command"
+_TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
+
+
+@dataclass(frozen=True)
+class Method:
+    """solve(spec, setting) answers; settings: (setting, its name, columns of the question) in order of their cost.
+
+    On a grid of N per axis there are N columns; a search is asked for all of them.
+    """
+
+    name: str
+    solve: Callable[[Spec, Any], Answer]
+    settings: tuple[tuple[Any, str, int], ...]
+
+
+def _grids(*sizes: int) -> tuple[tuple[Any, str, int], ...]:
+    return tuple((size, f"{size} per axis", size) for size in sizes)
+
+
+def _searches(*tolerances: Any) -> tuple[tuple[Any, str, int], ...]:
+    return tuple((each, f"to {each:g} of the range", max(COLUMNS)) for each in tolerances)
+
+
+def _refinements() -> tuple[tuple[Any, str, int], ...]:
+    return tuple(((25, each), f"25 points, to {each:g} of the range", max(COLUMNS)) for each in _TOLERANCES)
+
+
+METHODS = (
+    Method("python-control, interconnect per point", points.interconnected, _grids(25, 50)),
+    Method("python-control, feedback per point", points.feedback, _grids(25, 50, 100)),
+    Method("numpy, a loop over points", points.looped, _grids(25, 50, 100, 200)),
+    Method("numpy, batched grid", points.batched, _grids(25, 50, 100, 200)),
+    Method("bisection, column by column", searches.bisected, _searches(*_TOLERANCES)),
+    Method("bisection, all columns at once", searches.bisected_together, _searches(*_TOLERANCES)),
+    Method("batched grid, refined", searches.refined, _refinements()),
+)
+
+
+def rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
+    """Measure everything; quick: the smallest question of each kind, on the problem with the hole."""
+    for problem in PROBLEMS[1:2] if quick else PROBLEMS:
+        for columns in COLUMNS[:1] if quick else COLUMNS:
+            yield _own_row(problem, columns, patience)
+        for method in METHODS:
+            for setting, name, columns in method.settings[: 1 if quick else None]:
+                few = min(COLUMNS) if quick else columns
+                yield _row(problem, method, (setting, name, few), patience)
+        yield _command_row(problem, min(COLUMNS) if quick else max(COLUMNS), patience)
+
+
+def _row(problem: Problem, method: Method, chosen: tuple[Any, str, int], patience: Patience) -> Row:
+    setting, name, columns = chosen
+    spec = problem.ask(columns)
+    method.solve(problem.ask(min(COLUMNS)), method.settings[0][0])  # warm: imports, caches
+    answers: list[Answer] = []
+    pair = interleaved(lambda: answers.append(method.solve(spec, setting)), partial(ours.library, spec), patience)
+    return _measured(problem, (method.name, name), columns, pair) | _scored(problem, columns, answers[-1])
+
+
+def _own_row(problem: Problem, columns: int, patience: Patience) -> Row:
+    call = partial(ours.library, problem.ask(columns))
+    table = call()
+    pair = interleaved(call, call, patience)
+    named = (LIBRARY, f"{int(table.certified.sum())} of {len(table)} rows certified")
+    return _measured(problem, named, columns, pair) | _scored(problem, columns, ours.answer_of(table))
+
+
+def _command_row(problem: Problem, columns: int, patience: Patience) -> Row:
+    answers: list[Answer] = []
+    call = partial(ours.library, problem.ask(columns))
+    pair = interleaved(lambda: answers.append(ours.command(problem, columns)), call, patience)
+    return _measured(problem, (COMMAND, "zwidth --no-plot"), columns, pair) | _scored(problem, columns, answers[-1])
+
+
+def _measured(problem: Problem, named: tuple[str, str], columns: int, pair: Pair) -> dict[str, Any]:
+    return {
+        "part": PART, "problem": problem.name, "method": named[0], "setting": named[1], "size": columns,
+        "seconds": pair.first, "seconds_each": pair.first / columns, "ratio": pair.ratio, "yardstick": LIBRARY,
+        "pairs": pair.pairs,
+    }  # fmt: skip
+
+
+def _scored(problem: Problem, columns: int, answer: Answer) -> dict[str, Any]:
+    known = references()["intervals"][problem.name]
+    truth = checked(known, digest(problem.ask(max(COLUMNS))), problem.title)["columns"]
+    span = (0.0, problem.stop)
+    return asdict(score(answer, [truth[number] for number in problem.numbers(columns)], span))

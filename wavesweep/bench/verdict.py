@@ -1,0 +1,110 @@
+"""What the table says, in lines: how much faster at equal error, how much more accurate at equal time, how costs grow."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from wavesweep.bench.growth import exponent
+from wavesweep.bench.hotpath import LAPACK
+from wavesweep.bench.problems import PROBLEMS
+from wavesweep.bench.stiffness import COMMAND, LIBRARY, PART
+
+GOOD = 1e-9  # the error at which run times are compared
+FLOOR = np.finfo(float).eps  # nothing is called more accurate than this
+
+Columns = Mapping[str, np.ndarray]
+
+
+def lines(columns: Columns) -> Iterator[str]:
+    """Give the lines."""
+    for problem in PROBLEMS:
+        yield from _stiffness(_only(columns, part=PART, problem=problem.name), problem.title)
+    yield from _response(_only(columns, part="response"))
+    yield from _growth(columns)
+    for row in _rows(_only(columns, part="start")):
+        yield f"{row['method']}: {row['ratio']:.2f} times `{row['yardstick']}`"
+    for row in _rows(_only(columns, part="profile", method=LAPACK)):
+        yield f"profile, {row['problem']}: LAPACK alone takes {row['ratio']:.0%} of the call"
+    for row in _rows(_only(columns, part="accuracy")):
+        yield f"accuracy, {row['problem']}, {row['setting']}: {row['error_max']:.0e} {row['yardstick']}".rstrip()
+
+
+def _only(columns: Columns, **wanted: str) -> Columns:
+    chosen = np.logical_and.reduce([columns[name] == value for name, value in wanted.items()])
+    return {name: column[chosen] for name, column in columns.items()}
+
+
+def _rows(columns: Columns) -> Iterator[dict]:
+    for values in zip(*columns.values(), strict=True):
+        yield dict(zip(columns, values, strict=True))
+
+
+def _stiffness(here: Columns, title: str) -> Iterator[str]:
+    own = list(_rows(_only(here, method=LIBRARY)))
+    if not own:
+        return
+    ours = own[-1]
+    yield (
+        f"{title}: this tool finds {ours['found']:g} of {ours['there']:g} intervals, error {ours['error_max']:.0e}, "
+        f"{1e6 * ours['seconds_each']:.3g} us per column"
+    )
+    others = [row for row in _rows(here) if row["method"] not in (LIBRARY, COMMAND)]
+    for method in dict.fromkeys(row["method"] for row in others):
+        yield "  " + _against([row for row in others if row["method"] == method], method, ours)
+    yield "  " + _nearest(others)
+
+
+def _nearest(others: list[dict]) -> str:
+    """The method that comes closest at equal error, all intervals found."""
+    equal = [row for row in others if row["error_max"] <= GOOD and not row["wrong"]]
+    if not equal:
+        return f"no other method finds every interval to {GOOD:.0e}"
+    nearest = min(equal, key=lambda row: row["ratio"])
+    return f"nearest to {GOOD:.0e} with every interval: {nearest['method']}, {nearest['ratio']:.3g} times the run time"
+
+
+def _against(rows: list[dict], method: str, ours: dict) -> str:
+    """One method: at equal error where it gets there, else at its best; and at equal time."""
+    good = [row for row in rows if row["error_max"] <= GOOD]
+    best = min(good, key=lambda row: row["ratio"]) if good else min(rows, key=_error)
+    reached = f"error {best['error_max']:.0e}"
+    if not good and np.isfinite(best["error_max"]) and "per axis" in best["setting"]:
+        # A grid's error is its step, and the step is what it costs.
+        reached += f" ({GOOD:.0e} would take {best['ratio'] * best['error_max'] / GOOD:.0e} times, extrapolated)"
+    found = f"{best['found']:g} of {best['there']:g} intervals"
+    cheapest = min(rows, key=lambda row: row["ratio"])
+    more = max(cheapest["error_max"], FLOOR) / max(ours["error_max"], FLOOR)
+    text = f"{method}: {best['ratio']:.3g} times the run time for {reached}, {found}"
+    if np.isfinite(more):
+        text += f"; its fastest setting takes {cheapest['ratio']:.3g} times as long for {more:.0e} times the error"
+    return text
+
+
+def _error(row: dict) -> float:
+    """The largest error, or infinity where nothing was found that has one."""
+    return float(np.nan_to_num(row["error_max"], nan=np.inf))
+
+
+def _response(here: Columns) -> Iterator[str]:
+    for row in _rows(here):
+        yield (
+            f"response, {row['setting']}: {row['method']} {1e3 * row['seconds']:.3g} ms, {row['ratio']:.3g} times, "
+            f"error {row['error_max']:.0e}"
+        )
+
+
+def _growth(columns: Columns) -> Iterator[str]:
+    for part in ("compile", "slices"):
+        chosen = _only(columns, part=part)
+        for name in dict.fromkeys(chosen["problem"].tolist()):
+            one = _only(chosen, problem=name)
+            size, ratio = one["size"], one["ratio"]
+            # Relative to the smallest, each timed in turn with it: what else the machine does cancels.
+            yield (
+                f"{part}, {name}: grows as its power {exponent(size, ratio):.2f} from {size[0]:g} to {size[-1]:g} "
+                f"({1e3 * one['seconds'][0]:.3g} to {1e3 * one['seconds'][-1]:.3g} ms)"
+            )
+    for row in _rows(_only(columns, part="workers")):
+        yield f"workers, {row['setting']}: 2 workers are {1 / row['ratio']:.2f} times as fast as one process, start included"

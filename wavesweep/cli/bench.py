@@ -1,0 +1,57 @@
+"""`wavesweep bench`."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import click
+
+from wavesweep.cli.options import Options, common
+
+
+@click.command("bench")
+@click.option("--quick", is_flag=True, help="A few seconds: see that everything runs; the run times mean little.")
+@common
+def command(quick: bool, options: Options) -> None:
+    """Measure run time against error, this tool beside what a user would write instead.
+
+    Takes no SPEC, and about three minutes. Errors are against 50-digit arithmetic; all run times are of one thread, and
+    each ratio is of runs in turn. Writes to results/bench, or to --out, one table with a figure: stiffness and responses
+    against error, the cost of compiling, slices, workers and starting, a profile, and where digits are lost.
+    """
+    from wavesweep.sweep.backends import ONE_THREAD
+
+    if options.overrides:
+        raise click.UsageError("--set: the questions of the benchmark are fixed, so that runs compare")
+    # Before numpy is loaded; for whatever the benchmark starts as well.
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    from wavesweep import bench
+    from wavesweep.cli.talk import say, where
+    from wavesweep.results.text import stream_blocks
+
+    started = time.perf_counter()
+    run = bench.measure(quick=quick)
+    if options.to_stdout:
+        stream_blocks(bench.FIELDS, [run.columns], sys.stdout.buffer)
+        sys.stdout.buffer.flush()
+    written = [] if options.to_stdout else _write(run, options)
+    if options.quiet:
+        return
+    for line in bench.lines(run.columns):
+        say(line)
+    if written:
+        say(where(written, time.perf_counter() - started))
+
+
+def _write(run, options: Options) -> list[Path]:
+    from wavesweep import bench, results
+    from wavesweep.plots.bench import bench as draw
+
+    directory = Path(options.out or Path("results", "bench"))
+    with results.TableWriter("bench", bench.FIELDS, run.facts, directory, options.force) as writer:
+        writer.append(run.columns)
+        return writer.finish(figure=partial(draw, run.columns, run.facts) if options.plot else None)
