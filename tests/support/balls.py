@@ -6,7 +6,7 @@ gives is the characteristic polynomial `d - K_VE N_x - B_VE N_v` of a frame, whi
 
 from dataclasses import dataclass
 
-from flint import arb, arb_mat, arb_poly
+from flint import acb, acb_mat, arb, arb_mat, arb_poly
 
 SHARE = {"explicit": 0, "implicit": 1, "trapezoidal": arb(1) / 2}  # of the new step in the spring's displacement
 
@@ -36,14 +36,15 @@ class Frame:
 
 
 class Forms:
-    """Signals of a tick as linear forms (rows) in the states, the wall's force and the wave that closes the tick's loop."""
+    """Signals of a tick as linear forms (rows) in the states, the forces of the wall and of the hand, and the wave that
+    closes the tick's loop."""
 
     def __init__(self, names):
-        self.size = len(names) + 2
+        self.size = len(names) + 3
         self.names = names
         self.now = {name: self.unit(i) for i, name in enumerate(names)}
         self.after = {}
-        self.force, self.wave = self.unit(len(names)), self.unit(len(names) + 1)
+        self.force, self.hand, self.wave = (self.unit(len(names) + i) for i in range(3))
 
     def unit(self, index=None):
         """The form that is one variable, or zero."""
@@ -99,33 +100,53 @@ def device(values, T):
     return (rest, h, (1 - rest) / k), (-k / m * h, c - sigma * h, h / m)
 
 
-def frame(values) -> Frame:
-    """Multiply the ticks of a frame; its precision is `flint.ctx.prec` bits."""
-    direct = values["controller.kind"].startswith("dc")
+@dataclass(frozen=True)
+class Tick:
+    """One tick over (states, wall's force, hand's force): the next states, and rows of signals; the wall reads x_tilde, x_dot."""
+
+    step: arb_mat
+    x: arb_mat
+    f_m: arb_mat
+    x_tilde: arb_mat
+    x_dot: arb_mat
+
+    @property
+    def size(self):
+        """Number of states."""
+        return self.step.nrows()
+
+
+def clock(values):
+    """(ratio, delay, T) of the loop as it runs."""
     alone = values["controller.kind"] == "dc"
     ratio, delay = (1, 0) if alone else (values["rates.ratio"], values["environment.delay"])
-    T = 1 / arb(values["rates.fast_hz"])
+    return ratio, delay, 1 / arb(values["rates.fast_hz"])
+
+
+def tick(values, phase) -> Tick:
+    """The tick at `phase` of the frame."""
+    ratio, delay, T = clock(values)
     sections = _sections(values, T)
-    names = _states(values, sections, delay)
-    draw = _direct if direct else _waves
-
-    def tick(phase):
-        forms = Forms(names)
-        read = draw(forms, values, sections, (phase, ratio, delay, T))
-        return forms, read
-
-    first, (f_m, v_m, x_tilde, x_dot) = tick(0)
-    put = _closer(first, v_m)
-    whole, n = _step(first, values, put(f_m), T, put), len(names)
-    for phase, times in _runs(ratio, delay):
-        forms, (f_m, v_m, *_) = tick(phase)
-        closer = _closer(forms, v_m)
-        whole = _columns(_step(forms, values, closer(f_m), T, closer), 0, n)**times * whole
-    A, B = _columns(whole, 0, n), _columns(whole, n, n + 1)
-    return Frame(A, B, put(x_tilde), put(x_dot), n)
+    forms = Forms(_states(values, sections, delay))
+    draw = _direct if values["controller.kind"].startswith("dc") else _waves
+    f_m, v_m, x_tilde, x_dot = draw(forms, values, sections, (phase, ratio, delay, T))
+    put = _closer(forms, v_m)
+    f_m = put(f_m)
+    return Tick(_step(forms, values, f_m, T, put), put(forms.now["x"]), f_m, put(x_tilde), put(x_dot))
 
 
-def _runs(ratio, delay):
+def frame(values) -> Frame:
+    """Multiply the ticks of a frame; its precision is `flint.ctx.prec` bits."""
+    ratio, delay, _ = clock(values)
+    first = tick(values, 0)
+    n, whole = first.size, first.step
+    for phase, times in runs(ratio, delay):
+        whole = _columns(tick(values, phase).step, 0, n) ** times * whole
+    read = (_columns(row, 0, n + 1) for row in (first.x_tilde, first.x_dot))
+    return Frame(_columns(whole, 0, n), _columns(whole, n, n + 1), *read, n)
+
+
+def runs(ratio, delay):
     """(phase, how often) of the ticks after the first, in order."""
     usual = next((i for i in range(1, ratio) if i != delay), 0)
     if not 0 < delay < ratio:
@@ -146,12 +167,12 @@ def _closer(forms, v_m):
 
 
 def _step(forms, values, f_m, T, put):
-    """The states after the tick, a row each, over the states and the wall's force."""
+    """The states after the tick, a row each, over the states and both forces."""
     x_row, v_row = device(values, T)
-    now = [put(forms.now[name]) for name in ("x", "v")]
+    now, hand = [put(forms.now[name]) for name in ("x", "v")], put(forms.hand)
     after = {name: put(form) for name, form in forms.after.items()}
     for name, (of_x, of_v, of_f) in (("x", x_row), ("v", v_row)):
-        after[name] = now[0] * of_x + now[1] * of_v - f_m * of_f
+        after[name] = now[0] * of_x + now[1] * of_v + (hand - f_m) * of_f
     after["x_before"] = now[0]
     return arb_mat([after[name].tolist()[0] for name in forms.names])
 
@@ -251,3 +272,46 @@ def _local(forms, values, sections, u_m, T):
     x_dot = (u_h * (2 * b).sqrt() - known * K) * (1 / (b + B + K * T * SHARE[integration]))
     x_tilde, _ = _integrate(forms, "x_l", "x_dot_l", x_dot, T, integration, True)
     return forms.run("lp2", sections["lp2"], u_h - (x_tilde * K + x_dot * B) * (2 / b).sqrt())
+
+
+def response(values, frequency_hz):
+    """(admittance, impedance) at the hand's own frequency, as balls: the steady state under `exp(j w k T)`, its component.
+
+    frequency_hz: an arb; the loop has no pole there.
+    """
+    ratio, delay, T = clock(values)
+    ticks = [(tick(values, phase), times) for phase, times in [(0, 1), *runs(ratio, delay)]]
+    first = ticks[0][0]
+    n = first.size
+    wall = first.x_tilde * arb(values["environment.K_VE"]) + first.x_dot * arb(values["environment.B_VE"])
+    wall = _columns(wall, 0, n) * (1 / (1 - wall[0, n]))
+    turn = acb(0, 2 * arb.pi() * frequency_hz * T).exp()
+    parts = [(_ready(t, wall if i == 0 else None), times) for i, (t, times) in enumerate(ticks)]
+    A = acb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
+    for (step, *_), times in parts:
+        A = step**times * A
+    driven, *_ = _march(parts, acb_mat(n, 1, [0] * n), turn)
+    unit = acb_mat(n, n, [turn**ratio if i == j else 0 for i in range(n) for j in range(n)])
+    _, x, f_m = _march(parts, (unit - A).solve(driven), turn)
+    return x / ratio, f_m / x
+
+
+def _ready(t, wall):
+    """(states to states, hand to states, x row, f_m row) with the wall's force put in."""
+    n = t.size
+    states, hand = _columns(t.step, 0, n), _columns(t.step, n + 1, n + 2)
+    f_m = _columns(t.f_m, 0, n)
+    if wall is not None:
+        states, f_m = states + _columns(t.step, n, n + 1) * wall, f_m + wall * t.f_m[0, n]
+    return acb_mat(states), acb_mat(hand), acb_mat(_columns(t.x, 0, n)), acb_mat(f_m)
+
+
+def _march(parts, state, turn):
+    """The state after a frame, and the sums of x and f_m times turn^-i."""
+    x = f_m = acb(0)
+    force = acb(1)
+    for (step, hand, x_row, f_row), times in parts:
+        for _ in range(times):
+            x, f_m = x + (x_row * state)[0, 0] / force, f_m + (f_row * state)[0, 0] / force
+            state, force = step * state + hand * force, force * turn
+    return state, x, f_m

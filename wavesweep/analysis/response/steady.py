@@ -75,10 +75,11 @@ def held_response(loop: Loop, theta, respond):
     w = on_circle(theta)
     G, size = respond(loop.slow, w)
     w = w[:, None, None]
-    if loop.drift is None:
-        return w * G, np.abs(w) * size
-    half, past = G.shape[-1] // 2, loop.drift[..., None, :, :]
-    return w * G[..., :half] + G[..., half:] + past, np.abs(w) * size[..., :half] + size[..., half:] + np.abs(past)
+    with np.errstate(over="ignore", invalid="ignore"):  # modes of a defective or overflown frame, which count as doubtful
+        if loop.drift is None:
+            return w * G, np.abs(w) * size
+        half, past = G.shape[-1] // 2, loop.drift[..., None, :, :]
+        return w * G[..., :half] + G[..., half:] + past, np.abs(w) * size[..., :half] + size[..., half:] + np.abs(past)
 
 
 def steady_state(loop: Loop, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
@@ -111,8 +112,8 @@ def _own_component(loop, ticks, respond):
     fast, fast_size = respond(loop.fast, on_circle(2 * np.pi * ticks))
     held, held_size = held_response(loop, frame_angle(ticks, loop.diagram.ratio), respond)
     share = held_share(ticks, loop.diagram)[..., None, None]
-    total = fast[..., :2, 0] + (fast[..., :2, 1:] @ held @ fast[..., 2:, :1] * share)[..., 0]
     with np.errstate(all="ignore"):
+        total = fast[..., :2, 0] + (fast[..., :2, 1:] @ held @ fast[..., 2:, :1] * share)[..., 0]
         over = (fast_size[..., :2, 1:] @ np.abs(held) @ np.abs(fast[..., 2:, :1])
                 + np.abs(fast[..., :2, 1:]) @ (held_size @ np.abs(fast[..., 2:, :1]) + np.abs(held) @ fast_size[..., 2:, :1]))
         error = 8 * np.finfo(float).eps * (fast_size[..., :2, 0] + (over * np.abs(share))[..., 0])

@@ -31,7 +31,16 @@ def modes_of(block: Block) -> Modes:
     poles, vectors = np.linalg.eig(block.E)
     vectors = vectors.astype(complex)
     B = np.broadcast_to(block.B, vectors.shape[:-1] + block.B.shape[-1:])
-    return Modes(block, poles, block.C @ vectors, solve(vectors, B))
+    return Modes(block, poles, block.C @ vectors, _coordinates(vectors, B))
+
+
+def _coordinates(vectors, B):
+    """`V^-1 B`; NaN where the modes are so few directions that V is singular, which the caller finds doubtful too."""
+    try:
+        return np.linalg.solve(vectors, B)
+    except np.linalg.LinAlgError:
+        singular = (np.linalg.slogdet(vectors)[0] == 0)[..., None, None]
+        return np.where(singular, np.nan, np.linalg.solve(np.where(singular, np.eye(vectors.shape[-1]), vectors), B))
 
 
 def modal_response(modes: Modes, w):
