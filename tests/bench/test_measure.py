@@ -1,5 +1,6 @@
 """The benchmark runs, and its errors and counts are what they must be; its run times are nobody's business here."""
 
+import os
 import re
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from wavesweep.bench.growth import exponent
 from wavesweep.bench.problems import PROBLEMS
 from wavesweep.bench.stiffness import COMMAND, LIBRARY, METHODS
 from wavesweep.bench.timing import Patience, interleaved
+from wavesweep.cli import main
 from wavesweep.plots.bench import bench as draw
 
 
@@ -70,14 +72,33 @@ def test_the_lines_name_every_method(quick):
     assert PROBLEMS[1].title in said
 
 
-def test_the_command_writes_what_was_measured(quick, tmp_path, monkeypatch, capfd):
-    from wavesweep.cli import main
+@pytest.fixture
+def measured(quick, monkeypatch):
+    """Let the command have the quick run at once, and change this process's environment for the test alone."""
+    monkeypatch.setattr(os, "environ", dict(os.environ))
+    monkeypatch.setattr(bench, "measure", lambda **asked: quick if asked["quick"] else None)
 
-    monkeypatch.setattr(bench, "measure", lambda *, quick: quick and run)
-    run = quick
+
+@pytest.mark.usefixtures("measured")
+def test_the_command_writes_what_was_measured(tmp_path, capfd):
     assert main(["bench", "--quick", "--no-plot", "--out", str(tmp_path / "out")]) == 0
-    assert (tmp_path / "out" / "bench.csv").exists()
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert written == {"bench.csv", "bench.parquet", "bench.datapackage.json"}
     assert "this tool finds" in capfd.readouterr().err
+    assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
+
+
+@pytest.mark.usefixtures("measured")
+def test_a_dash_writes_the_table_to_stdout(capfd):
+    assert main(["bench", "--quick", "--quiet", "--out", "-"]) == 0
+    streams = capfd.readouterr()
+    assert streams.out.startswith(",".join(field.name for field in bench.FIELDS) + "\n")
+    assert streams.err == ""
+
+
+def test_the_questions_cannot_be_changed(capfd):
+    assert main(["bench", "--quick", "--set", "b=40"]) == 2
+    assert "fixed" in capfd.readouterr().err
 
 
 def test_pairs_are_run_in_turn():

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.diagram import draw
+from wavesweep.diagram import draw, keys_read
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.paper.specs import load_paper
 from wavesweep.spec import Spec
@@ -109,6 +109,7 @@ def bundles(spec: Spec) -> Iterator[Bundle]:
 
 
 def digest(spec: Spec) -> str:
-    """Digest of everything that the answer depends on."""
-    text = json.dumps({**spec.values, "sweep": [[axis.name, axis.values, axis.stop] for axis in spec.sweep]})
+    """Digest of everything that the answer depends on: what the loop reads, and the sweep."""
+    read = {path: spec.values[path] for path in sorted(keys_read(spec.values))}
+    text = json.dumps({**read, "sweep": [[axis.name, axis.values, axis.stop] for axis in spec.sweep]})
     return hashlib.sha256(text.encode()).hexdigest()

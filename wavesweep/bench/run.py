@@ -6,6 +6,7 @@ import hashlib
 import platform
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 
 from wavesweep import __version__
 from wavesweep.bench import accuracy, growth, hotpath, responses, start, stiffness
@@ -21,25 +22,28 @@ METHODS = {
 }
 
 
-def measure(*, quick: bool, progress: Callable[[int], None] | None = None) -> Run:
+def measure(*, quick: bool, progress: Callable[[int, int], None] | None = None) -> Run:
     """Measure everything and give the table; quick: a few seconds, enough to see that all of it works.
 
-    progress: told after each row how many there are.
+    progress: called with how many parts are done, and of how many.
     """
-    started, rows = time.perf_counter(), []
-    for row in _rows(quick):
-        rows.append(row)
+    started, rows, parts = time.perf_counter(), [], list(_parts(quick))
+    for done, part in enumerate(parts, start=1):
+        rows += part()
         if progress is not None:
-            progress(len(rows))
+            progress(done, len(parts))
     return Run(columns_of(rows), _facts(quick, time.perf_counter() - started))
 
 
-def _rows(quick: bool) -> Iterator[Row]:
+def _parts(quick: bool) -> Iterator[Callable[[], Iterator[Row]]]:
+    """The measurements, each to be called in its turn."""
     patience = QUICK if quick else FULL
-    for part in (stiffness.rows, responses.rows, growth.compile_rows, growth.slice_rows, growth.worker_rows, start.rows):
-        yield from part(patience, quick=quick)
-    yield from hotpath.rows(1 if quick else 20)
-    yield from accuracy.rows()
+    for problem in stiffness.problems(quick=quick):
+        yield partial(stiffness.rows, problem, patience, quick=quick)
+    for rows in (responses.rows, growth.compile_rows, growth.slice_rows, growth.worker_rows, start.rows):
+        yield partial(rows, patience, quick=quick)
+    yield partial(hotpath.rows, 1 if quick else 20)
+    yield accuracy.rows
 
 
 def _facts(quick: bool, seconds: float) -> dict:

@@ -55,16 +55,20 @@ METHODS = (
 )
 
 
-def rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
-    """Measure everything; quick: the smallest question of each kind, on the problem with the hole."""
-    for problem in PROBLEMS[1:2] if quick else PROBLEMS:
-        for columns in COLUMNS[:1] if quick else COLUMNS:
-            yield _own_row(problem, columns, patience)
-        for method in METHODS:
-            for setting, name, columns in method.settings[: 1 if quick else None]:
-                few = min(COLUMNS) if quick else columns
-                yield _row(problem, method, (setting, name, few), patience)
-        yield _command_row(problem, min(COLUMNS) if quick else max(COLUMNS), patience)
+def problems(*, quick: bool) -> tuple[Problem, ...]:
+    """Those that are measured; quick: the one with the hole."""
+    return PROBLEMS[1:2] if quick else PROBLEMS
+
+
+def rows(problem: Problem, patience: Patience, *, quick: bool) -> Iterator[Row]:
+    """Measure every method at every setting; quick: the smallest question of each kind."""
+    for columns in COLUMNS[:1] if quick else COLUMNS:
+        yield _own_row(problem, columns, patience)
+    for method in METHODS:
+        for setting, name, columns in method.settings[: 1 if quick else None]:
+            few = min(COLUMNS) if quick else columns
+            yield _row(problem, method, (setting, name, few), patience)
+    yield _command_row(problem, min(COLUMNS) if quick else max(COLUMNS), patience)
 
 
 def _row(problem: Problem, method: Method, chosen: tuple[Any, str, int], patience: Patience) -> Row:

@@ -30,11 +30,12 @@ def command(quick: bool, options: Options) -> None:
     # Before numpy is loaded; for whatever the benchmark starts as well.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     from wavesweep import bench
-    from wavesweep.cli.talk import say, where
+    from wavesweep.cli.talk import progress, say, where
     from wavesweep.results.text import stream_blocks
 
     started = time.perf_counter()
-    run = bench.measure(quick=quick)
+    with progress(options.quiet) as report:
+        run = bench.measure(quick=quick, progress=report)
     if options.to_stdout:
         stream_blocks(bench.FIELDS, [run.columns], sys.stdout.buffer)
         sys.stdout.buffer.flush()
