@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
+from math import pi
 
 from flint import acb, arb, arb_poly, ctx
 from support import balls
@@ -104,14 +105,17 @@ ZEROS = ("device.damping", "operator.damping", "operator.stiffness", "environmen
 
 def structure(values, along, fixed_is_zero):
     """Structure of all loops that are drawn alike, from one of them with tame numbers."""
-    ratio, delay = values["rates.ratio"], values["environment.delay"]
-    small = min(ratio, 3)
-    tame = {key: value if isinstance(value, str) or key.endswith("order") else TAME.get(key, value) for key, value in values.items()}
+    tame = {key: value if isinstance(value, str) or key.endswith("order") else TAME.get(key, value)
+            for key, value in values.items()}
     tame |= {key: TAME[key] if values[key] else 0.0 for key in ZEROS}
-    tame |= {"rates.ratio": small, "environment.delay": 0 if delay == 0 else small if delay == ratio else min(1, small)}
+    ratio, delay = values["rates.ratio"], values["environment.delay"]
+    if ratio > MOST_TICKS:  # few enough to be quick, a delay that is no special part of the frame left so
+        special = {0: 0, ratio: MOST_TICKS, ratio / 2: MOST_TICKS // 2}
+        tame |= {"rates.ratio": MOST_TICKS, "environment.delay": special.get(delay, 7)}
     return _structure(tuple(sorted(tame.items())), along, fixed_is_zero)
 
 
+MOST_TICKS = 40
 TAME = {
     "rates.fast_hz": 1000.0, "device.mass": 0.3, "device.damping": 1.7, "operator.mass": 0.1, "operator.damping": 0.6,
     "operator.stiffness": 70.0, "environment.K_VE": 40.0, "environment.B_VE": 1.3, "controller.b": 21.0, "controller.Kp": 3.0,
@@ -149,9 +153,11 @@ def divided(p, x, times):
     """`p / (z - x)^times`, by Horner, where the remainder is known to be 0."""
     for _ in range(times):
         carried, out = arb(0), []
-        for c in reversed(p.coeffs()[1:]):
+        first, *rest = p.coeffs()
+        for c in reversed(rest):
             carried = carried * x + c
             out.append(carried)
+        assert (carried * x + first).contains(0)
         p = arb_poly(out[::-1])
     return p
 
@@ -263,8 +269,10 @@ def _crossings(p, q, shape):
         if value is None or not value.is_finite():
             raise Undecided
         found.append((value, float((2 * ((1 - x) / 2).sqrt().asin()).mid())))
-    for x, angle, nowhere in ((1, 0.0, shape.q_at_one), (-1, 3.141592653589793, shape.q_at_minus_one)):
-        if not nowhere:
+    for x, angle, nowhere in ((1, 0.0, shape.q_at_one), (-1, pi, shape.q_at_minus_one)):
+        if nowhere:
+            assert q(arb(x)).contains(0)
+        else:
             found.append((p(arb(x)) / q(arb(x)), angle))
     return found
 
@@ -279,7 +287,10 @@ def _regions(p, q, shape, span):
             raise Undecided
     at_low = next((angle for value, angle in found if value.contains(low)), None)  # K_VE = 0 at z = 1, by structure
     ends = [(low, at_low), *inside, (high, None)]
-    return [Region(a, b, s, t, count_outside(p - q * ((a + b) / 2).mid())) for (a, s), (b, t) in pairwise(ends)]
+    parts = [Region(a, b, s, t, count_outside(p - q * ((a + b) / 2).mid())) for (a, s), (b, t) in pairwise(ends)]
+    for one, other in pairwise(parts):  # the witness before itself: 1 at z = 1 and -1, else 2
+        assert abs(one.unstable - other.unstable) == (1 if other.low_theta in {0.0, pi} else 2)
+    return parts
 
 
 def _is_inside(value, low, high):
