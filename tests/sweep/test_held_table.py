@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wavesweep import sweep
-from wavesweep.analysis.passivity import HandBox, box_intervals, colgate_schenkel
+from wavesweep.analysis.passivity import HandBox, box_intervals, colgate_schenkel, damping_needed
 from wavesweep.analysis.passivity.hand import worst_modes
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
@@ -57,6 +57,22 @@ def test_for_direct_coupling_the_walls_of_every_passive_hand_are_colgates_and_ce
     assert colgate_schenkel(rows["high"], damping, 1e-3) == pytest.approx([3.0] * 3, rel=1e-6)
     assert np.isnan(rows["low_omega"]).all()
     assert rows["high_omega"][1:] == pytest.approx(np.pi * 1000)
+
+
+@pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm"])
+@pytest.mark.parametrize("delay", [0, 2])
+def test_the_damping_asked_for_is_convex_over_the_walls_of_direct_coupling(kind, delay):
+    """Which is why the walls that a damping pays for are one interval, proved by its ends."""
+    values = load({"controller": {"kind": kind}, "device": {"velocity": "difference"}, "rates": {"ratio": 4}}).values
+    generator = np.random.default_rng(5)
+    K, B = generator.uniform(0, 5000, (2, 40)), generator.uniform(0, 20, (2, 40))
+
+    def needed(K, B):
+        walls = {"environment.K_VE": K, "environment.B_VE": B, "environment.delay": delay}
+        return damping_needed(dict(values) | walls).damping
+
+    middle = needed(K.mean(0), B.mean(0))
+    assert np.all(middle <= (needed(K[0], B[0]) + needed(K[1], B[1])) / 2 * (1 + 1e-7) + 1e-7)
 
 
 def test_what_nothing_proves_is_not_certified():

@@ -32,8 +32,8 @@ _OPTIONS = (
         "hand_box",
         metavar="RANGES",
         help=(
-            "With --hand box: mass=LOW..HIGH,damping=LOW..HIGH,stiffness=LOW..HIGH in kg, N*s/m, N/m "
-            "[default: mass=0.005..0.6,damping=2..10,stiffness=100..1000, from a fingertip to an arm]."
+            "With --hand box, e.g. mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m). What is not named: "
+            "mass 0.005..0.6, damping 2..10, stiffness 100..1000, from a fingertip to an arm."
         ),
     ),
     click.option(

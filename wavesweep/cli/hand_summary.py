@@ -38,6 +38,12 @@ class HandTally:
         """Give lines, each with whether it is a warning."""
         yield from ((str(notice), False) for notice in facts.get("notices", ()))
         for hand, tally in self._tallies.items():
-            yield f"{WORDS[hand]} ({hand}): {tally.largest()}; {tally.certified()}", False
+            yield f"{WORDS[hand]} ({hand}): {tally.largest()}{_ended_by(tally.row)}; {tally.certified()}", False
         if self._unsettled:
             yield f"{self._unsettled} rows of the box were still losing stiffness when the search ended: settled 0", True
+
+
+def _ended_by(row: Mapping[str, Any]) -> str:
+    """Name the hand that ends the interval, where one is known to."""
+    hand = [row.get(f"high_hand_{part}", np.nan) for part in ("mass", "damping", "stiffness")]
+    return "" if np.isnan(hand[0]) else ", ended by a hand of {:.4g} kg, {:.4g} N*s/m, {:.4g} N/m".format(*hand)

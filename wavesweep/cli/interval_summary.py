@@ -48,6 +48,11 @@ class IntervalTally:
         else:
             yield self.certified(), False
 
+    @property
+    def row(self) -> Mapping[str, Any]:
+        """The row of the largest stable value; empty where none is stable."""
+        return self._largest
+
     def certified(self) -> str:
         """Say how many rows are certified."""
         # Rows and not slices: an uncertified row names the interval that a user should not lean on.

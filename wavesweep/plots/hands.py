@@ -65,10 +65,14 @@ def hand_handles(columns: Mapping[str, np.ndarray]) -> list[Any]:
     """Entries of the legend; a region without a boundary is told there, since no line shows it."""
     from matplotlib.patches import Patch
 
+    members = _members(columns)
+    names = {hand: words for hand, (_, words) in HANDS.items()}
+    if "operator" in members:
+        names["port"] += " (operator)"  # it is that of the spec's own loop
     bottom = np.nanmin(columns["low"], initial=np.inf)
     return [
-        Patch(facecolor=(HANDS[hand][0], 0.15), edgecolor=HANDS[hand][0], label=HANDS[hand][1] + _extent(rows, bottom))
-        for hand, rows in _members(columns).items()
+        Patch(facecolor=(HANDS[hand][0], 0.15), edgecolor=HANDS[hand][0], label=names[hand] + _extent(rows, bottom))
+        for hand, rows in members.items()
     ]
 
 

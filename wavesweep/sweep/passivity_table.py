@@ -58,9 +58,14 @@ def _rows(grid, found) -> dict:
     return grid.axis_columns(np.arange(grid.size)) | {name: found[name][column] for name in ORDER}
 
 
+def channels_of(grid: Grid) -> Grid:
+    """The part of the grid that the wave channel reads: its loops are the different channels."""
+    return make_grid(grid.spec, tuple(axis for axis in grid.loop_axes if axis.path.startswith(CHANNEL)))
+
+
 def _channel_columns(grid: Grid) -> dict[str, np.ndarray]:
     """Table columns of the channel and `certified`, `(loops * walls,)`; each different channel is computed once."""
-    inside = make_grid(grid.spec, tuple(axis for axis in grid.loop_axes if axis.path.startswith(CHANNEL)))
+    inside = channels_of(grid)
     size = inside.loops
     found = {
         "channel_norm": np.full(size, np.nan), "channel_omega": np.full(size, np.nan),

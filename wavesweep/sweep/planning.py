@@ -9,6 +9,7 @@ from wavesweep.spec import Spec
 from wavesweep.sweep.expectation import expected_seconds
 from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.interval_table import JOBS, method
+from wavesweep.sweep.passivity_table import channels_of
 from wavesweep.sweep.question import ask
 from wavesweep.sweep.workers import choose
 
@@ -21,7 +22,7 @@ def plan(spec: Spec) -> list[str]:
     lines = [f"{where}: valid, controller {kind}", *_loop_lines(spec, diagram, cut)]
     for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
         lines += _interval_lines(spec, command, along)
-    return [*lines, *_bode_lines(spec), *_skipped_lines(spec)]
+    return [*lines, *_bode_lines(spec), _passivity_line(spec), *_skipped_lines(spec)]
 
 
 def _loop_lines(spec, diagram, cut):
@@ -65,6 +66,15 @@ def _bode_lines(spec):
         f"  bode: {grid.loops * grid.walls} curves of {len(points)} frequencies from {min(points):g} to {max(points):g} Hz; "
         "method: lifted resolvent of both rates"
     ]
+
+
+def _passivity_line(spec):
+    grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
+    channels = channels_of(grid).loops if spec.values["controller.kind"].startswith("pmw") else 0
+    return (
+        f"  passivity: hand's port of {grid.loops * grid.walls} loops, norm of {channels} wave channel"
+        f"{'' if channels == 1 else 's'}; method: levels of the frame's energy balance, met at no frequency"
+    )
 
 
 def _skipped_lines(spec):
