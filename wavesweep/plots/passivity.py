@@ -108,6 +108,10 @@ def _scale_margin(port: Any, margin: np.ndarray, upright: bool) -> None:
     (port.set_yscale if upright else port.set_xscale)("symlog", linthresh=linear)
     bottom, top = min(float(known.min(initial=0.0)) * 2, -linear), max(float(known.max(initial=0.0)) * 2, linear)
     (port.set_ylim if upright else port.set_xlim)(bottom, top)
+    # Decades next to the linear part would stand on the 0.
+    decades = 10.0 ** np.arange(np.ceil(np.log10(linear)) + 1, np.ceil(np.log10(largest)) + 1)
+    ticks = [tick for tick in (*-decades[::-1], 0.0, *decades) if bottom <= tick <= top]
+    (port.yaxis if upright else port.xaxis).set_ticks(ticks)
     (port.axhspan if upright else port.axvspan)(0, top, color=_PASSIVE, alpha=0.2, linewidth=0)
 
 
