@@ -1,7 +1,7 @@
 """Columns that are hard on purpose: next to a double crossing, or to one that reaches the end of the circle.
 
-The boundary polynomial is `P_0 - y P_1` in cos(theta), y the other wall parameter, so two crossings merge at the critical points
-of `y = P_0/P_1`, and one reaches z = +-1 where y has that value there. Both are known to all digits.
+The boundary polynomial is `P_0 - y P_1` in cos(theta), y the other wall parameter, so two crossings merge at the
+critical points of `y = P_0/P_1`, and one reaches z = +-1 where y has that value there. Both are known to all digits.
 """
 
 import numpy as np

@@ -78,9 +78,9 @@ def _compared(rows, truth, span):
         return "wrong", np.inf
     gap = np.abs(ours - theirs)[:, :2]
     gap = np.where(gap <= 1e-3 * SAME * (span[1] - span[0]), 0.0, gap)
-    with np.errstate(invalid="ignore"):
-        error = float(np.nanmax(gap / np.maximum(np.abs(theirs[:, :2]), 1e-300)))
-        angle = float(np.nanmax(np.abs(ours - theirs)[:, 2:] / np.abs(theirs[:, 2:]), initial=0.0, where=(theirs[:, 2:] > 0) & (ours[:, 2:] > 0)))
+    error = float((gap / np.maximum(np.abs(theirs[:, :2]), 1e-300)).max())
+    turning = (theirs[:, 2:] > 0) & (ours[:, 2:] > 0)
+    angle = float(np.max(np.abs(ours[:, 2:] / np.where(turning, theirs[:, 2:], 1.0) - 1), initial=0.0, where=turning))
     kind = "right" if error <= SAME else "loose" if error <= LOOSE else "wrong"
     return (kind if angle <= LOOSE else "wrong"), max(error, angle) if angle > LOOSE else error
 

@@ -1,12 +1,14 @@
 """Intervals along other numbers than the wall's, against certified counts just inside and just outside of every end."""
 
 import warnings
+from itertools import pairwise
 
 import numpy as np
-import wavesweep
 from stress.judge import Verdict
 from stress.specs import FAMILIES, spread
 from support import certified
+
+import wavesweep
 from wavesweep.diagram import keys_read
 from wavesweep.errors import IllPosedLoopError
 
@@ -40,7 +42,7 @@ def judge(seed) -> list[Verdict]:
             table = wavesweep.compile(nested(values)).stable_intervals(path, span)
         except IllPosedLoopError:
             return [Verdict("refused", certified=False)]
-    rows = [(low, high) for low, high in zip(table["low"], table["high"], strict=True) if low == low]
+    rows = [(low, high) for low, high in zip(table["low"], table["high"], strict=True) if np.isfinite(low)]
     sure = bool(table["certified"].all())
     assert np.isfinite(rows).all()
     wrong = [(p, count) for p, inside in points(seed, rows, span) if (count := unstable(values | {path: p})) is not None
@@ -52,7 +54,7 @@ def points(seed, rows, span):
     """(value, whether it is claimed to be stable): about every end, in the middle of every part, and at random."""
     low, high = span
     ends = sorted({low, high, *(end for row in rows for end in row)})
-    found = [(a + b) / 2 for a, b in zip(ends, ends[1:], strict=False)]
+    found = [(a + b) / 2 for a, b in pairwise(ends)]
     found += [end * (1 + s * ASIDE) for end in ends for s in (-1, 1)]
     r = np.random.default_rng(seed)
     found += [*r.uniform(low, high, 6), *(spread(r, max(low, 1e-6 * high), high) for _ in range(6))]

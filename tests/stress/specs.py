@@ -28,7 +28,7 @@ def maybe(r, number, never):
 
 def wild(r):
     """Every key over its whole range, gains of zero among them."""
-    ratio, fast = int(round(spread(r, 1, 1000))), float(r.choice([500.0, 1000.0, 2000.0, 5000.0]))
+    ratio, fast = round(spread(r, 1, 1000)), float(r.choice([500.0, 1000.0, 2000.0, 5000.0]))
     filters = {
         f"filters.{name}.{key}": value for name in ("lp1", "hp", "lp2")
         for key, value in (("order", int(r.integers(0, 13))), ("cutoff_hz", spread(r, 1e-3 * fast, 0.499 * fast)))
@@ -66,7 +66,7 @@ def long_filters(r):
 
 def unstable_inside(r):
     """A fast side that grows within the frame while the wall waits."""
-    values, ratio = usual(r), int(round(spread(r, 2, 1000)))
+    values, ratio = usual(r), round(spread(r, 2, 1000))
     return values | {
         "controller.kind": str(r.choice(["dc-lm", "pmw-lm"])), "rates.ratio": ratio,
         "environment.delay": int(r.integers(0, ratio + 1)), "local_model.K_LM": spread(r, 1e3, 1e7),
@@ -104,5 +104,5 @@ def question(seed, family) -> Question:
     along = str(r.choice(["K_VE", "K_VE", "B_VE"]))
     high = float(r.choice([2e3, 2e4, 1e9] if along == "K_VE" else [15.0, 300.0, 1e4]))
     other = (0.0, 15.0, 1e4) if along == "K_VE" else (0.0, 2e4, 1e9)
-    fixed = (other[0] if r.random() < 0.3 else spread(r, 1e-3, other[1]), float(r.uniform(0, other[1])), spread(r, 1e-3, other[2]))
-    return Question(values, along, (0.0, high), fixed)
+    first = other[0] if r.random() < 0.3 else spread(r, 1e-3, other[1])
+    return Question(values, along, (0.0, high), (first, float(r.uniform(0, other[1])), spread(r, 1e-3, other[2])))

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+
+pytest.importorskip("flint", reason="python-flint is the witness")
 from stress.numbers import nested
 from support.specs import values_of
 

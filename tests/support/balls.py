@@ -6,7 +6,7 @@ gives is the characteristic polynomial `d - K_VE N_x - B_VE N_v` of a frame, whi
 
 from dataclasses import dataclass
 
-from flint import acb, acb_mat, arb, arb_mat, arb_poly
+from flint import acb, acb_mat, arb, arb_mat
 
 SHARE = {"explicit": 0, "implicit": 1, "trapezoidal": arb(1) / 2}  # of the new step in the spring's displacement
 
@@ -102,7 +102,7 @@ def device(values, T):
 
 @dataclass(frozen=True)
 class Tick:
-    """One tick over (states, wall's force, hand's force): the next states, and rows of signals; the wall reads x_tilde, x_dot."""
+    """One tick over (states, wall's force, hand's force): the next states, and rows of signals."""
 
     step: arb_mat
     x: arb_mat

@@ -6,6 +6,7 @@ from itertools import pairwise
 from math import pi
 
 from flint import acb, arb, arb_poly, ctx
+
 from support import balls
 
 PRECISIONS = (512, 1024, 2048, 4096, 8192)
@@ -231,7 +232,7 @@ def _variations(P, low, high):
     if not signs[0] or not signs[-1]:
         raise Undecided
     sure = [s for s in signs if s]
-    least = sum(a != b for a, b in zip(sure, sure[1:], strict=False))
+    least = sum(a != b for a, b in pairwise(sure))
     unsure = len(signs) - len(sure)
     return least + 2 * unsure, least
 
