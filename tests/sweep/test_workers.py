@@ -46,7 +46,7 @@ def test_a_scheduler_that_is_not_there_is_named(mixed, monkeypatch):
     from wavesweep.sweep import backends
 
     monkeypatch.setattr(backends, "PATIENCE", "1s")
-    with pytest.raises(UsageError, match="--scheduler tcp://127.0.0.1:9: no dask scheduler answers there"):
+    with pytest.raises(UsageError, match=r"--scheduler tcp://127\.0\.0\.1:9: no dask scheduler answers there"):
         sweep.intervals(mixed, backend="dask", scheduler="tcp://127.0.0.1:9")
     with pytest.raises(UsageError, match="give the scheduler's address"):
         sweep.intervals(mixed, backend="dask")

@@ -62,10 +62,8 @@ def _duration(seconds):
 
 def _bode_lines(spec):
     grid, points = make_grid(spec, spec.bode), spec.frequency_hz
-    return [
-        f"  bode: {grid.loops * grid.walls} curves of {len(points)} frequencies from {min(points):g} to {max(points):g} Hz; "
-        "method: lifted resolvent of both rates"
-    ]
+    curves = f"{grid.loops * grid.walls} curves of {len(points)} frequencies from {min(points):g} to {max(points):g} Hz"
+    return [f"  bode: {curves}; method: lifted resolvent of both rates"]
 
 
 def _passivity_line(spec):
