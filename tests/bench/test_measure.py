@@ -2,6 +2,8 @@
 
 import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -94,6 +96,23 @@ def test_a_dash_writes_the_table_to_stdout(capfd):
     streams = capfd.readouterr()
     assert streams.out.startswith(",".join(field.name for field in bench.FIELDS) + "\n")
     assert streams.err == ""
+
+
+def test_the_threads_are_limited_before_numpy_is_loaded():
+    program = (
+        "import os, sys\n"
+        "class Watch:\n"
+        "    def find_spec(self, name, path, target=None):\n"
+        "        if name == 'numpy':\n"
+        "            print(os.environ.get('OPENBLAS_NUM_THREADS'))\n"
+        "            sys.exit(0)\n"
+        "sys.meta_path.insert(0, Watch())\n"
+        "from wavesweep.cli import main\n"
+        "main(['bench', '--quick'])\n"
+    )
+    inherited = {name: value for name, value in os.environ.items() if not name.endswith("_THREADS")}
+    done = subprocess.run([sys.executable, "-c", program], env=inherited, capture_output=True, text=True, check=True)
+    assert done.stdout == "1\n"
 
 
 def test_the_questions_cannot_be_changed(capfd):

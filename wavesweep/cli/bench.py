@@ -12,6 +12,8 @@ import click
 
 from wavesweep.cli.options import Options, common
 
+_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+
 
 @click.command("bench")
 @click.option("--quick", is_flag=True, help="A few seconds: see that everything runs; the run times mean little.")
@@ -23,12 +25,11 @@ def command(quick: bool, options: Options) -> None:
     each ratio is of runs in turn. Writes to results/bench, or to --out, one table with a figure: stiffness and responses
     against error, the cost of compiling, slices, workers and starting, a profile, and where digits are lost.
     """
-    from wavesweep.sweep.backends import ONE_THREAD
-
     if options.overrides:
         raise click.UsageError("--set: the questions of the benchmark are fixed, so that runs compare")
-    # Before numpy is loaded; for whatever the benchmark starts as well.
-    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+    # A BLAS reads this when numpy loads it, so nothing that imports numpy may stand above; processes that the benchmark
+    # starts inherit it.
+    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     from wavesweep import bench
     from wavesweep.cli.talk import progress, say, where
     from wavesweep.results.text import stream_blocks
