@@ -16,7 +16,8 @@ class Block:
 
     inputs, outputs: port names; elsewhere the port `p` of the block `name` is the signal `"name.p"`.
     states: one name per state. positions: the states that measure a position in space (m), which all move together
-    when the whole scene is shifted.
+    when the whole scene is shifted. condition: by how much the algebraic loops that were closed in it may have multiplied
+    the rounding of its entries, a number or an array over the batch.
     """
 
     name: str
@@ -28,6 +29,7 @@ class Block:
     C: np.ndarray
     D: np.ndarray
     positions: frozenset[str] = frozenset()
+    condition: object = 1.0
 
     def __post_init__(self):
         """Check the shapes once and make the arrays read-only."""

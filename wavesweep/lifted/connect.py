@@ -21,7 +21,9 @@ def connect(name: str, blocks, sums, inputs, outputs) -> Block:
     from_y, from_w = tracer.gains(ports)
     out_y, out_w = tracer.gains(outputs)
     E, B, C, D = (_block_diagonal([getattr(block, part) for block in blocks]) for part in "EBCD")
-    inverse = _loop_inverse(np.eye(len(ports)) - from_y @ D, name, ports)
+    inverse, condition = _loop_inverse(np.eye(len(ports)) - from_y @ D, name, ports)
+    for block in blocks:
+        condition = condition * block.condition
     x_to_u, w_to_u = inverse @ (from_y @ C), inverse @ from_w
     states = tuple(f"{block.name}.{state}" for block in blocks for state in block.states)
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
@@ -31,7 +33,7 @@ def connect(name: str, blocks, sums, inputs, outputs) -> Block:
         }
     return Block(
         name, tuple(inputs), tuple(outputs), states, **parts,
-        positions=frozenset(f"{block.name}.{state}" for block in blocks for state in block.positions),
+        positions=frozenset(f"{block.name}.{state}" for block in blocks for state in block.positions), condition=condition,
     )
 
 
@@ -96,7 +98,7 @@ def _block_diagonal(arrays):
 
 
 def _loop_inverse(loop, name, ports):
-    """Inverse of the loop's return difference, refused where its condition number says that it is ill-posed."""
+    """Inverse of the loop's return difference, refused where its condition number says that it is ill-posed, and that."""
     overflown = ~np.isfinite(loop).all((-1, -2))  # a frame that overflows is for the caller to see
     try:
         inverse = np.linalg.inv(np.where(overflown[..., None, None], np.nan, loop))
@@ -109,7 +111,7 @@ def _loop_inverse(loop, name, ports):
             f"{float(np.max(condition)):.1e}, expected below {WORST_CONDITION:.0e}; give the loop a delay "
             "(environment.delay or local_model.delay) or change the gain that closes it"
         )
-    return inverse
+    return inverse, condition
 
 
 def _condition(loop, inverse):

@@ -1,6 +1,6 @@
 """The lifted loop cut at the wall: one input, the wall's force; what the wall reads comes out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ class Cut:
     integrates: whether there is an ADVANCE. It is the exact eigenvalue 1 of the cut loop: the position of the whole scene
     when no spring holds the hand, or the avatar's when nothing but the wall reads it. Kept out of E, it is never rounded.
     period: of the frame, s (a number or an array over the batch). states, unread: names of what is kept and left out.
+    condition: by how much closing its algebraic loops may have multiplied the rounding of its entries.
     conserved: the drift that was folded away ("" if none): a combination of states that no wall force changes.
     """
 
@@ -33,9 +34,10 @@ class Cut:
     states: tuple[str, ...]
     unread: tuple[str, ...]
     conserved: str = ""
+    condition: np.ndarray = 1.0
 
     def __post_init__(self):
-        for name in ("E", "B", "C", "D", "period"):
+        for name in ("E", "B", "C", "D", "period", "condition"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @property
@@ -54,13 +56,13 @@ class Cut:
             return np.broadcast_to(array, self.batch + array.shape[array.ndim - tail :])[index]
         parts = {name: pick(getattr(self, name), 2) for name in "EBCD"}
         return Cut(**parts, integrates=self.integrates, period=pick(self.period, 0), states=self.states,
-                   unread=self.unread, conserved=self.conserved)
+                   unread=self.unread, conserved=self.conserved, condition=pick(self.condition, 0))
 
 
 def cut_at_wall(diagram: Diagram) -> Cut:
     """Lift the drawing and cut it at the wall."""
     block, unread = slow_side(diagram, diagram.wall)
-    facts = {"period": diagram.period * diagram.ratio, "unread": unread}
+    facts = {"period": diagram.period * diagram.ratio, "unread": unread, "condition": block.condition}
     ref = block.states.index(diagram.reference)
     moved = _about_reference(block, ref) if not diagram.held_by_spring else block
     others = np.flatnonzero(np.arange(len(block.states)) != ref)
@@ -92,7 +94,7 @@ def _about_reference(block, ref):
     E[..., :, ref] = 0  # the sum of the columns of all positions, which is zero when no spring tells where the scene is
     C[..., 0, ref] = 1
     C[..., 1, ref] = 0
-    return type(block)(block.name, block.inputs, block.outputs, block.states, E, B, C, block.D, block.positions)
+    return replace(block, E=E, B=B, C=C)
 
 
 def _integrated(E, advance):

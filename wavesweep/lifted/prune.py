@@ -23,6 +23,6 @@ def prune(block: Block) -> tuple[Block, tuple[str, ...]]:
     smaller = Block(
         block.name, block.inputs, block.outputs, names,
         E=block.E[..., index[:, None], index], B=block.B[..., index, :], C=block.C[..., index], D=block.D,
-        positions=block.positions & frozenset(names),
+        positions=block.positions & frozenset(names), condition=block.condition,
     )
     return smaller, tuple(s for s, keep in zip(block.states, kept, strict=True) if not keep)

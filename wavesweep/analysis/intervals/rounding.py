@@ -6,9 +6,12 @@ from wavesweep.analysis.intervals.curve import K_VE
 from wavesweep.lifted.circle import solve
 from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
+ORDINARY = 16.0  # condition of the algebraic loops up to which entries are good to a few roundings
+
 
 def shift(cut: Cut, along: str, fixed, w, on_axis):
-    """By how much the wall parameter at a crossing moves when every entry of the loop moves by a rounding.
+    """By how much the wall parameter at a crossing moves when every entry of the loop moves by a rounding, and by more
+    where the algebraic loops behind these entries are ill-conditioned.
 
     cut: one loop per crossing. w: `exp(j theta) - 1` there. on_axis: whether the crossing is held at z = 1 or -1. To first
     order an entry's change reaches `G` as `C R dE R B`, R the resolvent, and `K = (one - fixed*other)/solved` with it; where K
@@ -29,7 +32,7 @@ def shift(cut: Cut, along: str, fixed, w, on_axis):
         value = (one - fixed * v) / x
         moved = (np.abs(fixed) * of_v + np.abs(value) * of_x) / np.abs(x)
         turned = (d_one - fixed * dv - value * dx) / x * (1j * (1 + w))
-        return moved * np.where(on_axis, 1.0, np.abs(turned) / np.abs(turned.imag))
+        return np.maximum(1, cut.condition / ORDINARY) * moved * np.where(on_axis, 1.0, np.abs(turned) / np.abs(turned.imag))
 
 
 def _transfer(cut, w):
