@@ -22,6 +22,7 @@ def radius_over(spec, axes, cut=None) -> np.ndarray:
         loops = cut if cut is not None and not grid.loop_axes else cut_at_wall(draw(values))
         radius = spectral_radius(with_batch(loops, members.size).at((slice(None), None)), K, B)
         # The ideal coupling's frame is one tick; counted per frame of the others, controllers compare.
-        found[members] = radius ** values["rates.ratio"] if values["controller.kind"] == "dc" else radius
+        with np.errstate(over="ignore"):
+            found[members] = radius ** values["rates.ratio"] if values["controller.kind"] == "dc" else radius
     loop, wall = grid.column_of(np.arange(grid.size))
     return found[loop, wall]

@@ -108,6 +108,7 @@ def _largest_of_inverse(s, h, a):
 
 def _solver(s, h, a):
     """x of `diag(s) x + h (a^T x) = f`, the alias of least s by itself: a free device's answer to it cancels otherwise."""
+    s, h, a = np.broadcast_arrays(s, h, a)
     least = np.argmin(np.abs(s), axis=-1)[..., None]
     others = np.ones(s.shape)
     np.put_along_axis(others, least, 0.0, axis=-1)
