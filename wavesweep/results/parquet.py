@@ -55,9 +55,9 @@ def array_of(column: np.ndarray) -> Any:
     """Wrap a column's memory. `pyarrow.array` would do, but imports pandas, which costs more than a small run takes."""
     import pyarrow
 
-    def made(kind: Any, *buffers: Any, length: int = len(column)) -> Any:
+    def made(kind: Any, *buffers: Any) -> Any:
         wrapped = [None if buffer is None else pyarrow.py_buffer(buffer) for buffer in buffers]
-        return pyarrow.Array.from_buffers(kind, length, wrapped)
+        return pyarrow.Array.from_buffers(kind, len(column), wrapped)
 
     if column.dtype == np.float64:
         missing = np.isnan(column)
@@ -67,14 +67,12 @@ def array_of(column: np.ndarray) -> Any:
     if column.dtype == np.bool_:
         return made(pyarrow.bool_(), None, _bits(column))
     values = column.tolist()
-    different = {value: number for number, value in enumerate(dict.fromkeys(values))}
-    # Names repeat from row to row: each is encoded once.
-    texts = [str(value).encode("utf-8") for value in different]
-    offsets = np.zeros(len(texts) + 1, dtype=np.int32)
-    np.cumsum([len(text) for text in texts], out=offsets[1:])
-    names = made(pyarrow.string(), None, offsets, b"".join(texts), length=len(texts))
-    codes = np.fromiter(map(different.__getitem__, values), np.int64, len(values))
-    return pyarrow.DictionaryArray.from_arrays(array_of(codes), names).dictionary_decode()
+    # Names repeat from row to row: each is encoded once. (Arrow's own decoding of a dictionary imports its functions.)
+    texts = {value: str(value).encode("utf-8") for value in dict.fromkeys(values)}
+    rows = [texts[value] for value in values]
+    offsets = np.zeros(len(rows) + 1, dtype=np.int32)
+    np.cumsum(np.fromiter(map(len, rows), np.int32, len(rows)), out=offsets[1:])
+    return made(pyarrow.string(), None, offsets, b"".join(rows))
 
 
 def _bits(flags: np.ndarray) -> np.ndarray:
