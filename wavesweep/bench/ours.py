@@ -45,8 +45,9 @@ def command(problem: Problem, columns: int) -> Answer:
 
 
 def run(arguments: Sequence[str]) -> None:
-    """Run this Python with these arguments, this package within its reach."""
+    """Run this Python with these arguments, this package within its reach and its bytecode kept, as installing does."""
     reach = os.pathsep.join([str(Path(wavesweep.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     subprocess.run(  # noqa: S603 - our own command
-        [sys.executable, *arguments], check=True, stdout=subprocess.DEVNULL, env=os.environ | {"PYTHONPATH": reach}
+        [sys.executable, *arguments], check=True, stdout=subprocess.DEVNULL, env=kept | {"PYTHONPATH": reach}
     )
