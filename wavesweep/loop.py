@@ -6,7 +6,7 @@ from math import isnan
 
 import numpy as np
 
-from wavesweep.diagram import draw
+from wavesweep.diagram import draw, keys_read
 from wavesweep.errors import UsageError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.spec import KEYS, SYMBOLS, Axis, Spec, find_key, load
@@ -16,7 +16,7 @@ def compile(source) -> "Loop":  # noqa: A001 - the name that the interface gives
     """Compile a spec (a `Spec`, a path, or the same nested tables as a dict) once, for any number of questions."""
     spec = source if isinstance(source, Spec) else load(source)
     diagram = draw(spec.values)
-    return Loop(spec, cut_at_wall(diagram))
+    return Loop(spec, cut_at_wall(diagram), keys_read(spec.values))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,6 +30,7 @@ class Loop:
 
     spec: Spec
     cut: Cut
+    read: frozenset[str]
 
     def stable_intervals(self, along: str = "K_VE", span=None, **axes):
         """All stable intervals along an axis, for the product of the other axes given: a DataFrame, a row per interval.
@@ -44,7 +45,7 @@ class Loop:
         from wavesweep.sweep.question import question
 
         axis, others = self._along(along, span), self._axes(axes)
-        grid = make_grid(self.spec, others, axis.path)
+        grid = make_grid(self.spec, others, axis.path, self.read)
         return _frame(in_memory(question(grid, axis, None if grid.loop_axes else self.cut)))
 
     def spectral_radius(self, **axes) -> np.ndarray:

@@ -48,12 +48,17 @@ class Cut:
     @property
     def batch(self) -> tuple[int, ...]:
         """Shape of the leading axes."""
-        return np.broadcast_shapes(*(a.shape[:-2] for a in (self.E, self.B, self.C, self.D)))
+        shapes = {part.shape[:-2] for part in (self.E, self.B, self.C, self.D)}
+        return shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
 
     def at(self, index) -> "Cut":
         """The loops `index` (anything that indexes the leading axes) of the batch."""
+        batch = self.batch
+
         def pick(array, tail):
-            return np.broadcast_to(array, self.batch + array.shape[array.ndim - tail :])[index]
+            full = batch + array.shape[array.ndim - tail :]
+            return (array if array.shape == full else np.broadcast_to(array, full))[index]
+
         parts = {name: pick(getattr(self, name), 2) for name in "EBCD"}
         return Cut(**parts, integrates=self.integrates, period=pick(self.period, 0), states=self.states,
                    unread=self.unread, conserved=self.conserved, condition=pick(self.condition, 0))

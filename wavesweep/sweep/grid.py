@@ -64,9 +64,12 @@ class Grid:
         }
 
 
-def make_grid(spec: Spec, axes, along: str | None = None) -> Grid:
-    """Sort the axes by what they change; `along` (a path) is the axis that intervals lie on, not among `axes`."""
-    read = keys_read(spec.values)
+def make_grid(spec: Spec, axes, along: str | None = None, read=None) -> Grid:
+    """Sort the axes by what they change; `along` (a path) is the axis that intervals lie on, not among `axes`.
+
+    read: the keys that the controller reads, where they are known already.
+    """
+    read = keys_read(spec.values) if read is None else read
     if along is not None and not _is_read(along, read):
         raise UsageError(
             f"intervals along {along}: the controller {spec.values['controller.kind']} does not read it, so stability "
