@@ -80,7 +80,7 @@ def _compared(rows, truth, span):
     gap = np.where(gap <= 1e-3 * SAME * (span[1] - span[0]), 0.0, gap)
     error = float((gap / np.maximum(np.abs(theirs[:, :2]), 1e-300)).max())
     turning = (theirs[:, 2:] > 0) & (ours[:, 2:] > 0)
-    angle = float(np.max(np.abs(ours[:, 2:] / np.where(turning, theirs[:, 2:], 1.0) - 1), initial=0.0, where=turning))
+    angle = float((np.abs(ours - theirs)[:, 2:][turning] / theirs[:, 2:][turning]).max(initial=0.0))
     kind = "right" if error <= SAME else "loose" if error <= LOOSE else "wrong"
     return (kind if angle <= LOOSE else "wrong"), max(error, angle) if angle > LOOSE else error
 

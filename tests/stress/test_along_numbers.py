@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 pytest.importorskip("flint", reason="python-flint is the witness")
-from stress.numbers import nested
+from stress.numbers import judge, nested
 from support.specs import values_of
 
 import wavesweep
@@ -24,3 +24,9 @@ def test_a_loop_that_nearly_overflows_is_no_warning():
     loop = wavesweep.compile(nested(values_of("dc-lm", ratio=1000, K_LM=5e5, velocity="difference")))
     found = loop.stable_intervals("device.damping", span=(0.0, 5.0))
     assert found["intervals"].tolist() == [0]
+
+
+@pytest.mark.parametrize("seed", [1015, 1063, 1130])
+def test_samples_that_overflow_are_no_warning(seed):
+    """Beside some that do not, beyond all sizes in the error bound, and a damping just below zero at a milligram."""
+    assert judge(seed)[0].kind == "right" or not judge(seed)[0].certified

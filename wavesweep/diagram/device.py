@@ -52,12 +52,13 @@ def impulse_and_step(damping, stiffness, period):
     tau = period * 0.5**doublings
     s, g = _taylor(damping * tau, stiffness * tau * tau)
     s, g = s * tau, g * tau * tau
-    for step in range(int(doublings.max(initial=0))):
-        more = step < doublings
-        s, g = (
-            np.where(more, s * (2 - damping * s - 2 * stiffness * g), s),
-            np.where(more, g * (2 - stiffness * g) + s * s, g),
-        )
+    with np.errstate(over="ignore", invalid="ignore"):  # damping below zero, where an end at zero is looked for, may explode
+        for step in range(int(doublings.max(initial=0))):
+            more = step < doublings
+            s, g = (
+                np.where(more, s * (2 - damping * s - 2 * stiffness * g), s),
+                np.where(more, g * (2 - stiffness * g) + s * s, g),
+            )
     return s, g
 
 

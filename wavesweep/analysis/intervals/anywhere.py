@@ -56,8 +56,8 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
             part.reshape(3, *p.shape) for part in _criticals(evaluate(np.repeat(column, p.shape[-1]), p.ravel()))
         )
         peak = log.max(-1, keepdims=True)
-        with np.errstate(invalid="ignore"):
-            size = np.exp(log - np.where(np.isfinite(peak), peak, 0.0))
+        with np.errstate(invalid="ignore"):  # where a sample has overflowed the panel proves nothing
+            size = np.exp(np.where(np.isfinite(peak), log - peak, np.inf))
             return sign * size, size * error
 
     found = panel_roots(sample, everyone, np.full(columns, float(low)), np.full(columns, float(high)), columns,
@@ -89,7 +89,8 @@ def _criticals(E):
         magnitude = np.maximum(np.abs(factor), 1e-300)
         signs.append(np.where(finite, np.sign((factor / magnitude).prod(-1).real), np.nan))
         logs.append(np.where(finite, np.log(magnitude).sum(-1), np.inf))
-        errors.append(np.minimum(scale / np.maximum(magnitude.min(-1, initial=1.0), 1e-30), 1e12))
+        with np.errstate(over="ignore"):
+            errors.append(np.minimum(scale / np.maximum(magnitude.min(-1, initial=1.0), 1e-30), 1e12))
     return np.stack(signs), np.stack(logs), np.stack(errors)
 
 
