@@ -81,10 +81,10 @@ def _passing(run: LongRun, *watchers: Any) -> Iterator[Mapping[str, Any]]:
 
 def _write(kind: str, run: LongRun, directory: Path, options: Options, tally: IntervalTally | HandTally) -> list[Path]:
     """Write all files; of the rows only those that the figure shows are kept."""
-    picture = plots.Picture(run.axes, hands="hand" in run.extra)
+    picture = plots.Picture(run.axes, hands="hand" in run.extra) if options.plot else None
     fields = results.fields(kind, run.axes, run.along, run.extra)
     with results.TableWriter(kind, fields, run.facts, directory, options.force) as writer:
-        watchers = [tally.add, picture.add] if options.plot else [tally.add]
+        watchers = [tally.add, picture.add] if picture else [tally.add]
         for block in _passing(run, *watchers):
             writer.append(block)
-        return writer.finish(figure=partial(picture.draw, run.facts) if options.plot else None)
+        return writer.finish(figure=partial(picture.draw, run.facts) if picture else None)

@@ -33,13 +33,15 @@ def command(spec: str, options: Options, filters: bool) -> None:
     The port is that of a hand whose force is held over a tick. A hand that moves on within the tick can ask for more:
     see zwidth --hand passive.
     """
-    from wavesweep import plots, sweep
+    from wavesweep import sweep
     from wavesweep.cli.producing import produce_tables
+    from wavesweep.plots.filter_choices import filter_choices
+    from wavesweep.plots.passivity import passivity
 
     def compute(specs: Sequence[Spec], **work: Any) -> dict[str, Run]:
         (asked,) = specs
         runs = {"passivity": sweep.passivity(asked, **work)}
         return runs | ({"passivity-filters": sweep.filter_choices(asked)} if filters else {})
 
-    draws = {"passivity": plots.passivity} | ({"passivity-filters": plots.filter_choices} if filters else {})
+    draws = {"passivity": passivity} | ({"passivity-filters": filter_choices} if filters else {})
     produce_tables(draws, [spec], options, compute)
