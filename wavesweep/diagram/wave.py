@@ -10,7 +10,7 @@ _STEP = {"explicit": (0.0, 1.0), "implicit": (1.0, 1.0), "trapezoidal": (0.5, 0.
 
 
 def avatar(b, period, integration: str) -> Block:
-    """Decoder and avatar of the slow environment, cut at the wall's force (model.md: the slow virtual environment).
+    """Decoder and avatar of the slow environment, cut at the wall's force.
 
     `x_dot = (sqrt(2b) u - F)/b`, `v = u - sqrt(2/b) F`. The state `s` is what the step starts from, so that all three
     integrations share `s+ = s + period x_dot`: explicit reads x_tilde = s, implicit s + period x_dot, trapezoidal

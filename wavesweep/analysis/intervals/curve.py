@@ -24,7 +24,7 @@ class Terms:
 
 
 def terms(cut: Cut, w) -> Terms:
-    """Characteristic equation `1 = K_VE G_x + B_VE G_v` (model.md) at `w = z - 1`, times w where the loop integrates.
+    """Characteristic equation `1 = K_VE G_x + B_VE G_v` at `w = z - 1`, times w where the loop integrates.
 
     cut: one loop per point (leading axes as `w`). Accuracy: a backward stable solve in delta form, so relative to the
     distance of the nearest pole, however many poles crowd at z = 1.

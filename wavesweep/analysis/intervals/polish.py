@@ -10,7 +10,7 @@ ROUNDS = 12  # Newton from a seed of 8 digits needs 2; from the fallback's arcs 
 
 
 def polish(cut: Cut, along: str, fixed, theta, scale):
-    """Newton on `Im K(theta) = 0`, `K = (one - fixed*other)/solved` (model.md), from the seeds theta.
+    """Newton on `Im K(theta) = 0`, `K = (one - fixed*other)/solved`, from the seeds theta.
 
     cut: one loop per seed. fixed: the other wall parameter, per seed. scale: the largest value of interest; where K is
     beyond it, Newton runs on 1/K, since a crossing at a very large K lies next to a pole of K.

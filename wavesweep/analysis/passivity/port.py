@@ -47,7 +47,7 @@ class PortMargin:
 
 
 def port_margin(values) -> PortMargin:
-    """Margin of positive realness at the hand's port (model.md, Passivity) for every loop of the batch.
+    """Margin of positive realness at the hand's port for every loop of the batch.
 
     values: flat keys, numbers or arrays. A held force does the work `f_h[k] (x[k+1] - x[k])` in a tick, so the loop is
     passive exactly when the lifted map between the two is positive real. Not a grid: the level just below the margin is

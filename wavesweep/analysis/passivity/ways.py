@@ -31,7 +31,7 @@ OUTWARD, INWARD = ("lp1", "hp"), ("lp2", "late")
 
 
 def ways_of(diagram: Diagram) -> Ways | None:
-    """Cut the drawing at the channel's ports (model.md, Passivity): None for a controller without waves.
+    """Cut the drawing at the channel's ports: None for a controller without waves.
 
     The ports are `(u_m, v_s, v_l)` in and `(u_s, u_h, v_m)` out: the filters, the samplers and the holds. The device,
     both environments and the position feedback Kp (x_s - x), which reads positions and no wave, are outside.
