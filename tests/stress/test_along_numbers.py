@@ -30,3 +30,10 @@ def test_a_loop_that_nearly_overflows_is_no_warning():
 def test_samples_that_overflow_are_no_warning(seed):
     """Beside some that do not, beyond all sizes in the error bound, and a damping just below zero at a milligram."""
     assert judge(seed)[0].kind == "right" or not judge(seed)[0].certified
+
+
+def test_a_crossing_at_a_gain_of_zero_stays_there():
+    """Rounding of the eigenvalue at 1 that a vanishing gain leaves moved that end by 1e-10 of the span."""
+    (verdict,) = judge(70093)
+    assert verdict.kind == "right"
+    assert verdict.answered[0][0] == 0.0

@@ -9,6 +9,7 @@ from wavesweep.analysis.intervals.panels import panel_roots
 from wavesweep.analysis.intervals.regions import count_where_clear, cut_span
 from wavesweep.analysis.intervals.stable import Intervals, intervals_of
 
+ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
 NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing gives its column up
 MANY = 128  # so many open panels of one column do so too
 PAIR, ONE, MINUS_ONE = 0, 1, 2  # the three functions: a complex pair, z = 1, z = -1
@@ -46,7 +47,7 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
     must change by 2 or 1 accordingly.
     Certified rests on the panels' decay: two crossings can be missed together only if they are so close that no trace of
     them is left in 20 samples of a panel on which the functions are otherwise polynomials of degree 13 to nine digits.
-    Accuracy: ends to 1e-9 relative, usually 1e-13.
+    Accuracy: ends to 1e-9 relative, usually 1e-13; those within 1e-9 of the span of its low end are given as that end.
     """
     low, high = span
     everyone = np.arange(columns)
@@ -68,7 +69,7 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
     crossing = (kind != PAIR) | (theta > 0)  # a reciprocal pair of real eigenvalues crosses nothing
     column, kind, value, theta, miss = (part[crossing] for part in (column, kind, value, theta, miss))
     jump = np.where(kind == PAIR, 2.0, 1.0)
-    parts = cut_span(span, columns, column, value, theta, jump, slack=1e-12 * (high - low))
+    parts = cut_span(span, columns, column, value, theta, jump, slack=ATTACHED * (high - low))
     everywhere = np.arange(parts.column.size)
     unstable, clear = count_where_clear(parts, everywhere, lambda some, value: evaluate(parts.column[some], value))
     change = np.abs(unstable[parts.later] - unstable[parts.earlier])
