@@ -7,6 +7,7 @@ import numpy as np
 from stress.judge import Verdict
 from stress.specs import FAMILIES, spread
 from support import certified
+from support.specs import nested
 
 import wavesweep
 from wavesweep.diagram import keys_read
@@ -67,15 +68,3 @@ def unstable(values):
         return certified.Witness(values, BITS).unstable(values["environment.K_VE"], values["environment.B_VE"])
     except certified.Undecided:
         return None
-
-
-def nested(values):
-    """The tables that a spec is made of."""
-    tables = {}
-    for path, value in values.items():
-        *names, key = path.split(".")
-        table = tables
-        for name in names:
-            table = table.setdefault(name, {})
-        table[key] = value
-    return tables

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 pytest.importorskip("flint", reason="python-flint is the witness")
-from stress.numbers import judge, nested
-from support.specs import values_of
+from stress.numbers import judge
+from support.specs import nested, values_of
 
 import wavesweep
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 pytest.importorskip("flint", reason="python-flint is the witness of the other stress")
-from stress.numbers import nested
 from stress.specs import FAMILIES
+from support.specs import nested
 
 import wavesweep
 

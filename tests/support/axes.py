@@ -6,12 +6,16 @@ Every certified end is looked at just inside and just outside, and every certifi
 """
 
 import collections
+import pathlib
 import sys
 
 import numpy as np
 
 import wavesweep
 from wavesweep.errors import UsageError
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))  # as a program it finds `support` like the tests do
+from support.specs import nested, random_values
 
 STEP = 1e-8  # relative, from an end to the eigenvalues that are looked at there
 ROUNDING = 1e-11  # a spectral radius this near to 1 says nothing
@@ -20,18 +24,6 @@ SPANS = {
     "device.mass": (0.01, 3), "device.damping": (0, 20), "operator.stiffness": (0, 2000), "operator.mass": (0, 1),
     "filters.lp1.cutoff_hz": (1, 100), "filters.lp2.cutoff_hz": (1, 100),
 }  # fmt: skip
-
-
-def nested(values):
-    """Flat values as the tables that a spec is."""
-    tables = {}
-    for path, value in values.items():
-        *parents, last = path.split(".")
-        table = tables
-        for parent in parents:
-            table = table.setdefault(parent, {})
-        table[last] = value
-    return tables
 
 
 def faults_along(loop, axis, span):
@@ -75,8 +67,6 @@ def examine(values):
 
 def main(count):
     """Print the tally over the first `count` random specs; leave with 1 where a certified row is wrong."""
-    from support.specs import random_values
-
     total, faults = collections.Counter(), []
     for seed in range(count):
         wrong, counts = examine(random_values(seed))
@@ -90,7 +80,4 @@ def main(count):
 
 
 if __name__ == "__main__":
-    import pathlib
-
-    sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
     sys.exit(main(int(sys.argv[1]) if len(sys.argv) > 1 else 500))

@@ -62,3 +62,15 @@ def random_values(seed, kind=None):
         "local_model.K_LM": maybe(spread(10, 3000), 0.2), "local_model.B_LM": maybe(spread(0.1, 5), 0.4),
         "local_model.integration": str(r.choice(INTEGRATIONS)), "local_model.delay": int(r.integers(0, 2)),
     }  # fmt: skip
+
+
+def nested(values):
+    """Flat values as the tables that a spec is."""
+    tables = {}
+    for path, value in values.items():
+        *parents, last = path.split(".")
+        table = tables
+        for parent in parents:
+            table = table.setdefault(parent, {})
+        table[last] = value
+    return tables
