@@ -7,17 +7,12 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
-from wavesweep.analysis.march import Simulation, hand_force, simulated, table
-from wavesweep.analysis.march.estimation import estimate
+from wavesweep.analysis.march import hand_force, simulated, table
 from wavesweep.analysis.march.from_spec import record_path
-from wavesweep.analysis.march.inputs import Tone
-from wavesweep.analysis.response import prepare, steady_state
-from wavesweep.diagram import draw
 from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.sweep.run import Run, facts_of
+from wavesweep.sweep.seen_response import seen_response
 
 METHODS = {"simulate": "both loops marched tick by tick from rest, the device exact under forces held over a tick"}
 RESPONSE_METHODS = {
@@ -40,26 +35,10 @@ def simulate(specs: Sequence[Spec], **_: Any) -> dict[str, Run]:
     runs = {"simulate": Run(columns, facts)}
     tones = [tone for tone in hand.tones if tone.last <= rows]
     if tones:
-        response = response_columns(spec, simulation, tones)
+        response = seen_response(spec, simulation, tones)
         timings = {"estimate_s": time.perf_counter() - marched}
         runs["simulate-response"] = Run(response, _facts(spec, RESPONSE_METHODS, timings, []))
     return runs
-
-
-def response_columns(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> dict[str, np.ndarray]:
-    """Give the response that a simulation shows, and that of the linear loop at the same frequencies."""
-    values = spec.values
-    seen = estimate(simulation.signals, tones, values["rates.fast_hz"], simulation.frame)
-    # The normalised frequency is that of the slow rate, also for dc, whose frame is one tick.
-    seen["omega_Ts"] = 2 * np.pi * seen["frequency_hz"] * values["rates.ratio"] / values["rates.fast_hz"]
-    loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"])
-    named = {"spec": spec.name, "controller": values["controller.kind"]}
-    columns = {name: np.full(len(tones), word, dtype=object) for name, word in named.items()} | seen
-    for name, response in zip(("admittance", "impedance"), steady_state(loop, seen["frequency_hz"]), strict=True):
-        parts = {"re": response.real, "im": response.imag}
-        parts |= {"abs": np.abs(response), "deg": np.degrees(np.angle(response))}
-        columns |= {f"linear_{name}_{part}": column for part, column in parts.items()}
-    return columns
 
 
 def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]) -> dict[str, Any]:

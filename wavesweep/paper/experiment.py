@@ -7,10 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from wavesweep.analysis.march import hand_force, simulated
-from wavesweep.analysis.march.estimation import estimate
 from wavesweep.paper.measures import within
-from wavesweep.paper.response import respond
 from wavesweep.spec import Spec
+from wavesweep.sweep.seen_response import seen_response
 
 CONTROLLERS = {  # the paper's name -> overrides of Figure 7's spec; PMW has no position term, which is Section 3's
     "PMW+LM": ('controller.kind="pmw-lm"',),
@@ -27,25 +26,9 @@ Columns = Mapping[str, np.ndarray]
 
 
 def estimated(spec: Spec) -> Columns:
-    """Run the stepped sine of a spec and give what the columns of the table `simulate-response` hold.
-
-    Beside what is estimated from the run stands the response of the linear loop; see `estimate` for the accuracy.
-    """
+    """Run the stepped sine of a spec and give the columns of the table `simulate-response`."""
     hand = hand_force(spec)
-    simulation = simulated(spec, hand.force)
-    values = spec.values
-    seen = estimate(simulation.signals, hand.tones, values["rates.fast_hz"], simulation.frame)
-    linear = respond(spec, seen["frequency_hz"])
-    # The normalised frequency is that of the slow rate, also for dc, whose frame is one tick.
-    seen["omega_Ts"] = linear.omega
-    words = {"spec": spec.name, "controller": values["controller.kind"]}
-    columns = {name: np.full(len(linear.omega), word, dtype=object) for name, word in words.items()} | seen
-    return columns | _parts("admittance", linear.admittance) | _parts("impedance", linear.impedance)
-
-
-def _parts(name: str, response: np.ndarray) -> dict[str, np.ndarray]:
-    parts = {"re": response.real, "im": response.imag, "abs": np.abs(response), "deg": np.degrees(np.angle(response))}
-    return {f"linear_{name}_{part}": column for part, column in parts.items()}
+    return seen_response(spec, simulated(spec, hand.force), hand.tones)
 
 
 def worst_difference(columns: Columns) -> float:

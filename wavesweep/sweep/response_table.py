@@ -12,6 +12,7 @@ from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import find_key
 from wavesweep.sweep.grid import Grid, make_grid
 from wavesweep.sweep.groups import groups
+from wavesweep.sweep.response_columns import parts_of
 from wavesweep.sweep.run import Run, facts_of
 
 BLOCK = 200_000  # responses in one batch
@@ -108,10 +109,7 @@ def _block(values, frequency):
     omega = 2 * np.pi * frequency * (ratio * np.reshape(1 / np.asarray(values["rates.fast_hz"], float), (-1, 1)))
     columns = {"omega_Ts": omega}
     for name, response in (("admittance", admittance), ("impedance", impedance)):
-        columns |= {
-            f"{name}_re": response.real, f"{name}_im": response.imag, f"{name}_abs": np.abs(response),
-            f"{name}_deg": np.degrees(np.angle(response)),
-        }
+        columns |= parts_of(name, response)
     columns["worst_gain"] = worst_gain(loop, frequency, ratio)
     columns["stable"] = (radius < 1)[..., None]
     return columns
