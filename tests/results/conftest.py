@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.tables import same
 
 HARD = [
     0.1,
@@ -54,19 +55,7 @@ def columns():
     }
 
 
-@pytest.fixture
-def same():
-    """Whether two tables are equal to the bit, NaN being equal to NaN."""
-
-    def compare(found, expected):
-        assert list(found) == list(expected)
-        for name, column in expected.items():
-            assert found[name].dtype == column.dtype, name
-            if column.dtype == np.float64:
-                assert np.array_equal(np.isnan(found[name]), np.isnan(column)), name
-                known = ~np.isnan(column)
-                assert found[name][known].tobytes() == column[known].tobytes(), name
-            else:
-                assert found[name].tolist() == column.tolist(), name
-
-    return compare
+@pytest.fixture(name="same")
+def same_tables():
+    """Whether two tables are equal to the bit."""
+    return same

@@ -1,7 +1,7 @@
 """Sweeps that are quick, with everything in them that can go wrong in the order of rows."""
 
-import numpy as np
 import pytest
+from support.tables import same
 
 from wavesweep.spec import load
 
@@ -38,17 +38,7 @@ def long():
     return changed(b={"start": 5, "stop": 100, "num": 200}, B_VE={"start": 0, "stop": 15, "num": 81})
 
 
-@pytest.fixture
-def same():
+@pytest.fixture(name="same")
+def same_tables():
     """Whether two tables are equal to the bit."""
-
-    def compare(found, expected):
-        assert list(found) == list(expected)
-        for name, column in expected.items():
-            assert found[name].dtype == column.dtype, name
-            if column.dtype == object:
-                assert found[name].tolist() == column.tolist(), name
-            else:
-                assert np.ascontiguousarray(found[name]).tobytes() == np.ascontiguousarray(column).tobytes(), name
-
-    return compare
+    return same
