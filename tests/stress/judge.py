@@ -10,7 +10,8 @@ from support.intervals import cut_of
 from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.errors import IllPosedLoopError
 
-SAME = 1e-9  # relative, of an end; or this small a part of the span, times 1e-3
+SAME = 1e-9  # relative, of an end and a hundred-thousandth of the span together
+NEAR_ZERO = 1e-5
 LOOSE = 1e-6  # relative, of an end that is the right one; and of its angle, which may lie next to pi
 
 
@@ -77,8 +78,7 @@ def _compared(rows, truth, span):
     if np.any((np.isnan(ours) != np.isnan(theirs))[:, 2:] & (ours[:, :2] != span[0]) & (ours[:, :2] != span[1])):
         return "wrong", np.inf
     gap = np.abs(ours - theirs)[:, :2]
-    gap = np.where(gap <= 1e-3 * SAME * (span[1] - span[0]), 0.0, gap)
-    error = float((gap / np.maximum(np.abs(theirs[:, :2]), 1e-300)).max())
+    error = float((gap / (np.abs(theirs[:, :2]) + NEAR_ZERO * (span[1] - span[0]))).max())
     turning = (theirs[:, 2:] > 0) & (ours[:, 2:] > 0)
     angle = float((np.abs(ours - theirs)[:, 2:][turning] / theirs[:, 2:][turning]).max(initial=0.0))
     kind = "right" if error <= SAME else "loose" if error <= LOOSE else "wrong"

@@ -17,3 +17,22 @@ def solve(A, b):
         singular = np.linalg.slogdet(A)[0] == 0
         nudge = np.finfo(float).eps * np.maximum(np.abs(A).max((-1, -2)), 1) * singular
         return np.linalg.solve(A + nudge[..., None, None] * np.eye(A.shape[-1]), b)
+
+
+def inverse(A):
+    """Batched inverse; that of an exactly singular matrix is huge, not an error (see `solve`)."""
+    try:
+        return np.linalg.inv(A)
+    except np.linalg.LinAlgError:
+        return solve(A, np.broadcast_to(np.eye(A.shape[-1]), A.shape))
+
+
+def refined(A, inverse_of_A, b):
+    """`A^-1 b` with one step of iterative refinement.
+
+    One step makes the backward error small entry by entry (R. D. Skeel, Math. Comp. 35, 1980), where that of a plain solve
+    is small beside the largest entry only: states may differ in size by ten decades.
+    """
+    x = inverse_of_A @ b
+    with np.errstate(over="ignore", invalid="ignore"):  # at a pole the state is huge, and stays so
+        return x + inverse_of_A @ (b - A @ x)

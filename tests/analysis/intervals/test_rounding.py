@@ -65,3 +65,14 @@ def test_what_a_nearly_ill_posed_loop_lost_is_known():
     assert not found.certified.any()
     assert cut_of(values).condition > 1e11
     assert cut_of(values_of("pmw-lm")).condition < 16
+
+
+def test_states_of_very_different_size_cost_no_digits():
+    """A heavy device, a feeble wave line and a short frame: states span ten decades. The truth is from ball arithmetic."""
+    values = values_of(
+        "pmw", b=0.01380555495004686, Kp=10.993939173860973, fast_hz=10005.93260726145, ratio=2, integration="trapezoidal",
+        mass=60.39947498385882, damping=0.2181860780442409, operator__mass=99.62369697976477,
+        operator__damping=0.793333696708733, stiffness=0.11597251492688877, lp1_order=3, lp1_cutoff_hz=1177.7019556395662,
+    )  # fmt: skip
+    found = intervals_of(values, "B_VE", (0.0, 500.0), 81.27937391758607)
+    assert found.low[0] == pytest.approx(0.0802738091099253, rel=1e-11)

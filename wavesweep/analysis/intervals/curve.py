@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.lifted.circle import solve
+from wavesweep.lifted.circle import inverse, refined
 from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 K_VE, B_VE = "K_VE", "B_VE"
@@ -37,16 +37,21 @@ def terms(cut: Cut, w) -> Terms:
 
 def transfer(cut: Cut, w) -> np.ndarray:
     """`C (w I - E)^-1 B + D` for the rows V, ADVANCE, OFFSET: `(..., 3)`."""
-    w = np.asarray(w)
-    A = w[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
-    return read(cut.C, solve(A, cut.B + 0 * w[..., None, None])) + cut.D[..., 0]
+    A, _, state = _states(cut, w)
+    return read(cut.C, state) + cut.D[..., 0]
 
 
 def transfer_and_slope(cut: Cut, w) -> tuple[np.ndarray, np.ndarray]:
     """The same and its derivative by w."""
-    A = w[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
-    state = solve(A, cut.B + 0 * w[..., None, None])
-    return read(cut.C, state) + cut.D[..., 0], -read(cut.C, solve(A, state))
+    A, back, state = _states(cut, w)
+    return read(cut.C, state) + cut.D[..., 0], -read(cut.C, back @ state)
+
+
+def _states(cut, w):
+    """`w I - E`, its inverse, and the states for a unit force."""
+    A = np.asarray(w)[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
+    back = inverse(A)
+    return A, back, refined(A, back, cut.B + 0 * A[..., :1])
 
 
 def read(C, state):

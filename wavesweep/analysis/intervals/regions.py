@@ -10,8 +10,10 @@ from wavesweep.analysis.intervals.rounding import shift
 from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.cut import Cut, close
 
-SMALL_RESIDUAL = 1e-9
+SMALL_RESIDUAL = 1e-9  # of what crosses inside an unstable part, where only the count matters
+USUAL = 64.0  # times rounding: what a polished end may leave of its equation
 FIRM = 1e-9 / 16  # of an end, what one rounding of every entry of the loop may move it by; lifting a loop costs some more
+NEAR_ZERO = 1e-5  # of the span, which an end is given in addition: one next to zero has few digits of itself
 SHARES = (0.5, 0.1, 0.9, 1e-3, 0.999, 1e-6)  # of a region's width: the count is the same at all, and clearer at some
 
 
@@ -118,8 +120,9 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
     error = _residual(cut.at(owner[column]), along, fixed[column], value, theta)
     ends = np.flatnonzero((unstable[parts.later] == 0) | (unstable[parts.earlier] == 0))
     firm, at = np.ones(error.size, bool), column[ends]
-    moved = shift(cut.at(owner[at]), along, fixed[at], _place(theta[ends]), np.isin(theta[ends], (0.0, np.pi)))
-    firm[ends] = moved <= FIRM * (np.abs(value[ends]) + 1e-3 * (span[1] - span[0]))
+    moved, left_over = shift(cut.at(owner[at]), along, fixed[at], _place(theta[ends]), np.isin(theta[ends], (0.0, np.pi)))
+    usual = error[ends] <= USUAL * (left_over + np.finfo(float).eps)
+    firm[ends] = usual & (moved <= FIRM * (np.abs(value[ends]) + NEAR_ZERO * (span[1] - span[0])))
     return parts.labelled(unstable, clear, firm, error)
 
 

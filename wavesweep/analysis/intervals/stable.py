@@ -42,13 +42,13 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     Crossings are the roots of one real polynomial per column (`polynomial`), polished in state space (`polish`).
     Certified means: Smith's discs prove that the polynomial has no further real root, whatever its coefficients are
     within their measured error (`isolate`), so that no pair of crossings can hide; both ends satisfy the characteristic
-    equation to 1e-9, and rounding of the loop's own entries cannot move them by more (`rounding`); and eigenvalues,
+    equation to rounding, and rounding of the loop's own entries cannot move them by more (`rounding`); and eigenvalues,
     counted independently in the first region and in every stable one, agree with the counts that follow from region to
     region by the crossings' directions (`regions`). Columns that are unstable for every wall are certified so from their
     trace (`hopeless`). Columns that fail are done again on arcs in state space (`arcs`); what fails still is reported as
     not certified. A loop whose tick is so unstable that its frame overflows has no stable interval, not certified.
     Accuracy: ends to about 1e-12 relative, measured against 40-digit arithmetic; at the least 1e-9 of the end and a
-    thousandth of the span together.
+    hundred-thousandth of the span together.
     """
     fixed = np.asarray(fixed, float)
     if along != K_VE and cut.integrates and np.any(fixed == 0):
