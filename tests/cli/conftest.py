@@ -65,6 +65,7 @@ def intervals_table():
         "high_omega": np.array([40.0, 41.0, 157.0]),
         "certified": np.array([True, True, True]),
         "residual": np.full(3, 1e-15),
+        "doubt": np.full(3, "", dtype=object),
     }
 
 

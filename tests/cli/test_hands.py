@@ -21,7 +21,7 @@ kind = "dc"
 K_VE = { start = 0, stop = 20000 }
 B_VE = [0, 1]
 """
-PLAIN = "B_VE,along,intervals,interval,low,high,low_omega,high_omega,certified,residual"
+PLAIN = "B_VE,along,intervals,interval,low,high,low_omega,high_omega,certified,residual,doubt"
 WITH_HANDS = PLAIN.replace("along,", "along,hand,")
 ENDS = [f"{end}_hand_{part}" for end in ("low", "high") for part in ("mass", "damping", "stiffness")]
 

@@ -61,3 +61,12 @@ def test_roles_are_given_in_order_and_what_is_left_out_is_said():
         assert said in layout.left_out
     assert lay_out({"b": range(4), "Kp": [1.0]}).left_out == ""
     assert (lay_out({"b": range(4)}).x, lay_out({"b": range(4)}).family) == (None, "b")
+
+
+def test_what_is_not_known_is_hatched(plane, bars, tmp_path):
+    """A slice of which part could not be searched looks different from one that is unstable there."""
+    for name, table in (("plane", plane), ("bars", bars)):
+        doubt = np.where(np.arange(len(table["b" if name == "bars" else "B_VE"])) == 2, "search", table["doubt"]).astype(object)
+        plots.zwidth({**table, "doubt": doubt, "certified": doubt == ""}, {}, tmp_path / "hatched.png")
+        plots.zwidth({**table, "certified": doubt == ""}, {}, tmp_path / "plain.png")
+        assert (tmp_path / "hatched.png").read_bytes() != (tmp_path / "plain.png").read_bytes()

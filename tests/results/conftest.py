@@ -52,6 +52,7 @@ def columns():
         "high_omega": np.arange(length, dtype=float),
         "certified": np.arange(length) % 2 == 0,
         "residual": np.full(length, 1e-16),
+        "doubt": np.array(["", "rounding"] * (length // 2), dtype=object),
     }
 
 

@@ -37,7 +37,7 @@ def test_the_text_is_what_the_contract_says(columns, facts, tmp_path):
     assert b"\r" not in text
     assert b'"' not in text
     # A number with a whole value keeps its point: a reader that guesses types must not guess integers.
-    assert lines[3] == "20000.0,3,K_VE,0,0,9007199254740992.0,20000.0,NaN,3.0,0,1e-16"
+    assert lines[3] == "20000.0,3,K_VE,0,0,9007199254740992.0,20000.0,NaN,3.0,0,1e-16,rounding"
     assert lines[4].startswith("-0.0,4,")
 
 

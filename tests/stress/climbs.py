@@ -58,8 +58,8 @@ def _height(question):
         return -1.0, verdict
     if verdict.kind == "wrong":
         return np.inf, verdict
-    ours, theirs = (np.array(rows)[:, :2].reshape(-1) for rows in (verdict.answered or [(0.0,) * 4], verdict.truth or [(0.0,) * 4]))
-    if ours.size != theirs.size:  # but for slivers at an end of the span
+    ours, theirs = (np.array([row[:2] for row in rows]) for rows in (verdict.answered, verdict.truth))
+    if not ours.size or ours.size != theirs.size:  # none, or all but slivers at an end of the span
         return 0.0, verdict
     low, high = question.span
     return float((np.abs(ours - theirs) / (SAME * (np.abs(theirs) + NEAR_ZERO * (high - low)))).max()), verdict

@@ -7,11 +7,11 @@ from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
-from stress import climbs, constructed, numbers
+from stress import climbs, constructed, numbers, windows
 from stress.judge import judge
 from stress.specs import FAMILIES, question
 
-NAMES = (*FAMILIES, "constructed", "numbers", "climbs")
+NAMES = (*FAMILIES, "constructed", "numbers", "climbs", "windows")
 
 
 def main():
@@ -46,6 +46,8 @@ def verdicts(family, number):
     """What became of every column of this spec."""
     if family == "numbers":
         return numbers.judge(number)
+    if family == "windows":
+        return windows.judge(number)
     if family == "climbs":
         return [climbs.climb(number)]
     return judge(constructed.question(number) if family == "constructed" else question(number, family))

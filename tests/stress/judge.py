@@ -17,7 +17,9 @@ LOOSE = 1e-6  # relative, of an end that is the right one; and of its angle, whi
 
 @dataclass
 class Verdict:
-    """Of one column. kind: "right", "loose" (an end off by SAME to LOOSE), "wrong", "undecided" (by the witness) or
+    """Of one column; of one that is not certified only what it calls stable counts.
+
+    kind: "right", "loose" (an end off by SAME to LOOSE), "wrong", "undecided" (by the witness) or
     "refused"; certified; rows; why it is not certified; what was answered and what is true."""
 
     kind: str
@@ -63,8 +65,18 @@ def _column(question, cut, found, witness, index):
         return verdict
     verdict.truth = [(float(r.low.mid()), float(r.high.mid()), *(np.nan if t is None else t / float(cut.period[0])
                       for t in (r.low_theta, r.high_theta))) for r in regions if r.unstable == 0]
-    verdict.kind, verdict.error = _compared(verdict.answered, verdict.truth, question.span)
+    if sure:
+        verdict.kind, verdict.error = _compared(verdict.answered, verdict.truth, question.span)
+    else:
+        verdict.kind = "right" if _known(verdict.answered, verdict.truth, question.span) else "wrong"
     return verdict
+
+
+def _known(rows, truth, span):
+    """Whether what is called stable is so; what is not certified may leave something out."""
+    slack = LOOSE * (span[1] - span[0])
+    return all(any(a >= low - LOOSE * abs(low) - slack and b <= high + LOOSE * abs(high) + slack for low, high, *_ in truth)
+               for a, b, *_ in rows)
 
 
 def _compared(rows, truth, span):

@@ -46,9 +46,16 @@ def judge(seed) -> list[Verdict]:
     rows = [(low, high) for low, high in zip(table["low"], table["high"], strict=True) if np.isfinite(low)]
     sure = bool(table["certified"].all())
     assert np.isfinite(rows).all()
-    wrong = [(p, count) for p, inside in points(seed, rows, span) if (count := unstable(values | {path: p})) is not None
-             and (count == 0) != inside]
-    return [Verdict("wrong" if wrong else "right", sure, max(len(rows), 1), "" if sure else path, 0.0, rows, wrong)]
+    claims = [(p, inside) for p, inside in points(seed, rows, span) if inside or sure]
+    return [verdict_on(claims, values, path, table)]
+
+
+def verdict_on(claims, values, path, table) -> Verdict:
+    """The verdict from claims (value, whether it is stable), each held against the certified count."""
+    rows = [(low, high) for low, high in zip(table["low"], table["high"], strict=True) if np.isfinite(low)]
+    wrong = [(p, count) for p, claim in claims if (count := unstable(values | {path: p})) is not None and (count == 0) != claim]
+    why = table["doubt"][0]
+    return Verdict("wrong" if wrong else "right", not why, max(len(rows), 1), why, 0.0, rows, wrong)
 
 
 def points(seed, rows, span):

@@ -94,7 +94,17 @@ def feeble(r):
     }  # fmt: skip
 
 
-FAMILIES = {make.__name__: make for make in (wild, usual, long_filters, unstable_inside, nearly_ill_posed, feeble)}
+def slow(r):
+    """Two eigenvalues that nearly meet next to z = 1: next to nothing draws a heavy hand back, through a slow filter."""
+    values = usual(r)
+    return values | {
+        "controller.kind": str(r.choice(["pmw", "pmw-lm", "dc-slow", "dc-lm"])), "controller.Kp": spread(r, 1e-9, 1e-2),
+        "operator.mass": spread(r, 1.0, 1e3), "operator.damping": spread(r, 1e-6, 1.0),
+        "operator.stiffness": maybe(r, spread(r, 1e-6, 1e-1), 0.5), "filters.lp1.cutoff_hz": 1e-3 * values["rates.fast_hz"],
+    }  # fmt: skip
+
+
+FAMILIES = {make.__name__: make for make in (wild, usual, long_filters, unstable_inside, nearly_ill_posed, feeble, slow)}
 
 
 def question(seed, family) -> Question:

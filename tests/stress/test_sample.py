@@ -5,7 +5,7 @@ import pytest
 pytest.importorskip("flint", reason="python-flint is the witness")
 from stress.command import NAMES, verdicts
 
-MANY = {"numbers": 3, "constructed": 6, "long_filters": 6, "wild": 12, "climbs": 1}  # of the slow ones; else 20
+MANY = {"numbers": 3, "constructed": 6, "long_filters": 6, "wild": 12, "climbs": 1, "windows": 6}  # of the slow ones; else 20
 
 
 @pytest.mark.parametrize("family", NAMES)

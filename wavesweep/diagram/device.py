@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavesweep.diagram.arrays import matrix
+from wavesweep.diagram.arrays import matrix, numbers
 from wavesweep.diagram.block import Block
 
 
@@ -45,8 +45,8 @@ def impulse_and_step(damping, stiffness, period):
     `g2 = g (2 - stiffness g) + s^2`, `s2 = s (2 - damping s - 2 stiffness g)`, which add only positive terms where the
     device is overdamped.
     """
-    damping, stiffness, period = np.broadcast_arrays(*(np.asarray(a, float) for a in (damping, stiffness, period)))
-    reach = np.maximum(np.abs(damping) * period, 2 * np.sqrt(np.abs(stiffness)) * period)
+    damping, stiffness, period = np.broadcast_arrays(*(numbers(a) for a in (damping, stiffness, period)))
+    reach = np.maximum(np.abs(damping * period), 2 * np.sqrt(np.abs(stiffness)) * np.abs(period))
     # Each element has its own number of doublings: its bits must not depend on what else is in the batch.
     doublings = np.where(reach > 0.5, np.ceil(np.log2(np.maximum(reach, 0.5))) + 1, 0).astype(int)
     tau = period * 0.5**doublings

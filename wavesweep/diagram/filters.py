@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavesweep.diagram.arrays import matrix
+from wavesweep.diagram.arrays import matrix, numbers
 from wavesweep.diagram.block import Block
 
 
@@ -17,7 +17,7 @@ def butterworth(name: str, order: int, cutoff_hz, period, highpass: bool = False
     """
     if order == 0:
         return _assemble(name, [])
-    warped = np.tan(np.pi * np.asarray(cutoff_hz, float) * period)
+    warped = np.tan(np.pi * numbers(cutoff_hz) * period)
     sections = [_pair(warped, np.pi * (2 * k + order - 1) / (2 * order), highpass) for k in range(1, order // 2 + 1)]
     return _assemble(name, sections + ([_single(warped, highpass)] if order % 2 else []))
 
@@ -35,7 +35,7 @@ def _pair(warped, angle, highpass):
     alpha, beta = warped * np.cos(angle), warped * abs(np.sin(angle))
     if highpass:
         c1, c2, through = (alpha**2 - beta**2) / beta, 2 * alpha, 1.0
-        scale = np.sqrt(np.hypot(c1, c2))
+        scale = np.sqrt(np.hypot(np.abs(c1), np.abs(c2)))
     else:
         c1, c2, through = (alpha**2 + beta**2) / beta, 0.0 * alpha, 0.0
         scale = np.sqrt(c1)
@@ -58,8 +58,9 @@ def _assemble(name, sections) -> Block:
     """Series connection of sections, the first nearest to the input."""
     n = sum(E.shape[-1] for E, *_ in sections)
     batch = np.broadcast_shapes(*(E.shape[:-2] for E, *_ in sections)) if sections else ()
-    E, B = np.zeros((*batch, n, n)), np.zeros((*batch, n, 1))
-    C, D, at = np.zeros((*batch, 1, n)), np.ones((*batch, 1, 1)), 0
+    kind = np.result_type(float, *(part for section in sections for part in section))
+    E, B = np.zeros((*batch, n, n), kind), np.zeros((*batch, n, 1), kind)
+    C, D, at = np.zeros((*batch, 1, n), kind), np.ones((*batch, 1, 1), kind), 0
     for e, b, c, d in sections:
         here, size = slice(at, at + e.shape[-1]), e.shape[-1]
         E[..., here, :] = b @ C  # what the sections so far feed on

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from wavesweep.diagram.arrays import numbers
 from wavesweep.diagram.device import device
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.filters import butterworth
@@ -25,7 +26,7 @@ def pmw(values) -> Diagram:
 def encoder(values) -> dict:
     """Junctions at the user's side: f_m = b v_hat - sqrt(2b) v_m, u_m = sqrt(2b) v_hat - v_m; what feeds LP1 and the VE."""
     b = values["controller.b"]
-    root = np.sqrt(2 * np.asarray(b, float))
+    root = np.sqrt(2 * numbers(b))
     return {
         "device.f": {"f_h": 1, "f_m": -1},
         "f_m": {"device.v_hat": b, "v_m": -root},

@@ -2,11 +2,13 @@
 
 import numpy as np
 
+from wavesweep.diagram.arrays import numbers
+
 
 def hand(values) -> dict:
     """The tick and the hand, as keywords that a `Diagram` takes."""
     return {
-        "period": 1 / np.asarray(values["rates.fast_hz"], float),
+        "period": 1 / numbers(values["rates.fast_hz"]),
         "held_by_spring": bool(np.any(values["operator.stiffness"])),
     }
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavesweep.diagram.arrays import matrix
+from wavesweep.diagram.arrays import matrix, numbers
 from wavesweep.diagram.block import Block
 
 # (share of the new step in the spring's displacement, share of it in the position that is sent back)
@@ -34,7 +34,7 @@ def local_model(b, stiffness, damping, period, integration: str) -> Block:
     `x_dot = (sqrt(2b) u - F)/b`, `F = K_LM x_tilde + B_LM x_dot`, `v = u - sqrt(2/b) F`, solved for the step.
     """
     read = _STEP[integration][0] * period
-    along = np.sqrt(2 * np.asarray(b, float))
+    along = np.sqrt(2 * numbers(b))
     total = b + damping + stiffness * read
     # x_dot = (along u - K s)/total, and F = along u - b x_dot turns v into along x_dot - u.
     speed_u, speed_s = along / total, -stiffness / total

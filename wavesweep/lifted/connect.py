@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from wavesweep.diagram.arrays import numbers
 from wavesweep.diagram.block import Block
 from wavesweep.errors import IllPosedLoopError
 
@@ -58,8 +59,9 @@ class _Tracer:
         """Gain matrices `(..., len(signals), ny)` and `(..., len(signals), nw)`."""
         traced = [self.trace(signal) for signal in signals]
         shape = np.broadcast_shapes(*(np.shape(g) for terms in traced for g in terms.values()), ())
-        from_y = np.zeros((*shape, len(signals), len(self.y)))
-        from_w = np.zeros((*shape, len(signals), len(self.w)))
+        kind = np.result_type(float, *(g for terms in traced for g in terms.values()))
+        from_y = np.zeros((*shape, len(signals), len(self.y)), kind)
+        from_w = np.zeros((*shape, len(signals), len(self.w)), kind)
         for row, terms in enumerate(traced):
             for source, gain in terms.items():
                 if source in self.w:
@@ -77,7 +79,7 @@ class _Tracer:
             total = {}
             for source, gain in self.sums[signal].items():
                 for origin, factor in self.trace(source).items():
-                    total[origin] = total.get(origin, 0.0) + np.asarray(gain, float) * factor
+                    total[origin] = total.get(origin, 0.0) + numbers(gain) * factor
             self.known[signal] = total
         return self.known[signal]
 
@@ -89,7 +91,7 @@ def _ports(blocks):
 def _block_diagonal(arrays):
     """Block-diagonal of matrices whose batch axes broadcast."""
     batch = np.broadcast_shapes(*(a.shape[:-2] for a in arrays))
-    out = np.zeros((*batch, sum(a.shape[-2] for a in arrays), sum(a.shape[-1] for a in arrays)))
+    out = np.zeros((*batch, sum(a.shape[-2] for a in arrays), sum(a.shape[-1] for a in arrays)), np.result_type(*arrays))
     row = column = 0
     for a in arrays:
         out[..., row : row + a.shape[-2], column : column + a.shape[-1]] = a

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.diagram.arrays import frozen
+from wavesweep.diagram.arrays import frozen, numbers
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.lifted.assemble import slow_side
 from wavesweep.lifted.circle import solve
@@ -133,7 +133,11 @@ def close(cut: Cut, K_VE, B_VE) -> np.ndarray:
     K_VE (N/m), B_VE (N*s/m): numbers or arrays that broadcast with the batch. With K_VE = 0 nothing reads the position of
     the scene; its eigenvalue 1 is a drift and is replaced by 0 (a delta of -1).
     """
-    K, F = (np.asarray(a, float)[..., None, None] for a in (K_VE, B_VE))
+    with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
+        return _closed(cut, *(numbers(a)[..., None, None] for a in (K_VE, B_VE)))
+
+
+def _closed(cut, K, F):
     read = K * cut.C[..., OFFSET : OFFSET + 1, :] + F * cut.C[..., V : V + 1, :]
     through = 1 - K * cut.D[..., OFFSET : OFFSET + 1, :] - F * cut.D[..., V : V + 1, :]
     read = read / through

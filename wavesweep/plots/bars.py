@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import DOUBTFUL, family_colours
+from wavesweep.plots.style import DOUBTFUL, UNKNOWN, family_colours, incomplete
 
 _HALF = 0.32  # of the distance between two bars
 
@@ -23,8 +23,12 @@ def draw_bars(
     alike = family_colours(1) * len(members)
     for place, (columns, colour) in enumerate(zip(members, colours or alike, strict=True)):
         stable = np.flatnonzero(columns["intervals"] > 0).tolist()
+        unknown = bool(incomplete(columns).any())
+        if unknown:
+            axes.axhspan(place - _HALF, place + _HALF, **UNKNOWN)
         if not stable:
-            axes.annotate("nowhere stable", (0, place), (3, 0), textcoords="offset points", va="center", color="0.35")
+            said = "nothing known to be stable" if unknown else "nowhere stable"
+            axes.annotate(said, (0, place), (3, 0), textcoords="offset points", va="center", color="0.35")
         for row in stable:
             _draw_bar(axes, place, {name: column[row] for name, column in columns.items()}, colour)
     axes.set_yticks(range(len(names)), names)
@@ -33,7 +37,9 @@ def draw_bars(
 
 def _draw_bar(axes: Any, place: int, row: Mapping[str, Any], colour: Any) -> None:
     edge, style = (colour, "-") if row["certified"] else (DOUBTFUL, "--")
-    axes.barh(place, row["high"] - row["low"], left=row["low"], height=2 * _HALF, color=colour, alpha=0.25, linewidth=0)
+    bar = {"width": row["high"] - row["low"], "left": row["low"], "height": 2 * _HALF, "linewidth": 0}
+    axes.barh(place, **bar, color="white", zorder=0.5)
+    axes.barh(place, **bar, color=colour, alpha=0.25)
     for end in ("low", "high"):
         if not np.isnan(row[f"{end}_omega"]):
             axes.vlines(row[end], place - _HALF, place + _HALF, colors=edge, linestyles=style)

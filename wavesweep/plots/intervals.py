@@ -13,7 +13,7 @@ from wavesweep.plots.bars import draw_bars
 from wavesweep.plots.hands import draw_hand_bars, draw_hand_regions, hand_handles, lay_out_hands, promised
 from wavesweep.plots.layout import Layout, axes_of, lay_out
 from wavesweep.plots.region import draw_region
-from wavesweep.plots.style import DOUBTFUL, ONE_COLUMN, TWO_COLUMNS, family_colours, figure, label, symbol
+from wavesweep.plots.style import DOUBTFUL, ONE_COLUMN, TWO_COLUMNS, UNKNOWN, family_colours, figure, incomplete, label, symbol
 
 _PANEL_HEIGHT = 2.3  # inches
 _LETTERS_PER_INCH = 16
@@ -23,6 +23,7 @@ def zwidth(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Pa
     """Draw the stable intervals of a `zwidth` or `stability-region` table as PNG.
 
     The stable region is filled, its holes stay white; its boundary is solid where certified, dashed red where not.
+    Slices of which not all is known are hatched outside of their intervals.
     Values of a further axis become panels, those of one more a family of lines; a note says what did not fit.
     """
     layout = (lay_out_hands if "hand" in columns else lay_out)(axes_of(columns))
@@ -53,7 +54,8 @@ def draw(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path
 
 def _draw_panel(axes: Any, columns: Mapping[str, np.ndarray], layout: Layout) -> None:
     if layout.x is not None and not (columns["intervals"] > 0).any():
-        axes.text(0.5, 0.5, "nowhere stable in the swept range", ha="center", va="center", transform=axes.transAxes)
+        nothing = "nothing known to be stable" if incomplete(columns).any() else "nowhere stable in the swept range"
+        axes.text(0.5, 0.5, nothing, ha="center", va="center", transform=axes.transAxes)
     members = [_rows_where(columns, layout.family, value) for value in layout.members or (np.nan,)]
     if layout.x is None:
         if "hand" in columns:
@@ -104,6 +106,7 @@ def _name_axes(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) -
 
 def _add_legend(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) -> None:
     from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
 
     handles = hand_handles(columns) if "hand" in columns else []
     if layout.x is not None and layout.family is not None:
@@ -111,6 +114,8 @@ def _add_legend(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) 
         handles = [Line2D([], [], color=c, label=f"{v:g}") for c, v in zip(colours, layout.members, strict=True)]
     if not (columns["certified"] | promised(columns)).all():
         handles.append(Line2D([], [], color=DOUBTFUL, linestyle="--", label="not certified"))
+    if incomplete(columns).any():
+        handles.append(Patch(**UNKNOWN, label="not known outside the intervals"))
     if handles:
         title = label(layout.family) if layout.family is not None and len(handles) > 1 else None
         across = 2 if "hand" in columns else 6

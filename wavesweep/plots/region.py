@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import DOUBTFUL
+from wavesweep.plots.style import DOUBTFUL, UNKNOWN, incomplete
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,25 @@ def draw_region(axes: Any, columns: Mapping[str, np.ndarray], x: str, colour: An
     chains = _chains(columns, x)
     # Whole chains and not a polygon from each x to the next: seams between polygons show.
     outlines = [_outline(chain) for chain in chains]
+    cells = list(_cells(columns, x))
+    for left, right in cells:
+        axes.axvspan(left, right, **UNKNOWN)
+    if cells:  # no hatching under what is known
+        axes.add_collection(PolyCollection(outlines, facecolor="white", linewidth=0, zorder=0.5))
     axes.add_collection(PolyCollection(outlines, facecolor=colour, alpha=0.25 if alone else 0.07, linewidth=0))
     certain = [line for chain in chains for line in _boundary(chain, certified=True)]
     doubtful = [line for chain in chains for line in _boundary(chain, certified=False)]
     axes.add_collection(LineCollection(certain, colors=[colour], linewidths=1.2, capstyle="round"))
     axes.add_collection(LineCollection(doubtful, colors=DOUBTFUL, linewidths=1.2, linestyles="--", zorder=3))
+
+
+def _cells(columns: Mapping[str, np.ndarray], x: str) -> Iterator[tuple[float, float]]:
+    """Give the cells about the values of x of which not all is known, half way to the next values."""
+    values, which = np.unique(columns[x], return_inverse=True)
+    middle = (values[1:] + values[:-1]) / 2
+    left, right = np.concatenate([values[:1], middle]), np.concatenate([middle, values[-1:]])
+    for index in np.unique(which[incomplete(columns)]).tolist():
+        yield float(left[index]), float(right[index])
 
 
 def _chains(columns: Mapping[str, np.ndarray], x: str) -> list[Chain]:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from wavesweep.results import fields
 
@@ -14,6 +16,7 @@ TWO_COLUMNS = 7.0
 DOTS_PER_INCH = 200
 IDEAL = "black"
 DOUBTFUL = "#d62728"
+UNKNOWN = {"facecolor": "none", "edgecolor": "0.75", "hatch": "/////", "linewidth": 0, "zorder": 0}
 
 # Okabe and Ito's colours without black, which is the ideal's, and without yellow, which is faint on white.
 _DISTINCT = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
@@ -39,6 +42,14 @@ _STYLE = {
     "figure.constrained_layout.h_pad": 0.03,
     "figure.constrained_layout.w_pad": 0.03,
 }
+
+
+def incomplete(columns: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Rows of slices of which part may be stable or not: hatched under what is known to be stable."""
+    from wavesweep.analysis.doubt import INCOMPLETE
+
+    searched = np.isin(columns["hand"].astype(str), ("passive", "box", "port")) if "hand" in columns else False
+    return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(searched)
 
 
 @contextmanager

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from wavesweep.analysis.doubt import DOUBTS
 from wavesweep.errors import WavesweepError
 from wavesweep.spec import KEYS, SYMBOLS
 
@@ -22,6 +23,7 @@ class Field:
     description: str
 
 
+_REASONS = ", ".join(word for word in DOUBTS if word)
 _INTERVALS = (
     Field("along", "string", "", "name of the axis that the intervals lie on"),
     Field("intervals", "integer", "1", "number of stable intervals of this combination"),
@@ -32,6 +34,7 @@ _INTERVALS = (
     Field("high_omega", "number", "rad/s", "oscillation that starts at high; missing where the range ends it"),
     Field("certified", "boolean", "", "ends and label are verified, no crossing inside can have been missed"),
     Field("residual", "number", "1", "largest relative residual of the characteristic equation at the ends"),
+    Field("doubt", "string", "", f"why the row is not certified ({_REASONS}); empty where it is"),
 )
 
 # Only in tables that have rows for hands; see `wavesweep zwidth --hand`.

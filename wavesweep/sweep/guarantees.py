@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.analysis.doubt import NONE, SEARCH
 from wavesweep.analysis.passivity import (
     HandBox,
     any_hand_walls,
@@ -54,7 +55,8 @@ def _at(values, along, ends):
 
 def _from_ends(found, span, measure, certified=False) -> np.ndarray:
     records = _blank(found.low, found.high)
-    records["certified"] = certified and bool(found.low.size)
+    if certified and found.low.size:
+        records["certified"], records["doubt"] = True, NONE
     for end, border in zip(("low", "high"), span, strict=True):
         real = np.flatnonzero(records[end] != border) if found.low.size else []
         if len(real):
@@ -77,6 +79,7 @@ def _for_box(values, span, box) -> np.ndarray:
 def _blank(low, high) -> np.ndarray:
     """Records with these ends, or the one of a column that has none."""
     records = np.zeros(max(low.size, 1), HELD)
+    records["doubt"] = SEARCH
     for name in HELD.names:
         if HELD[name].kind == "f":
             records[name] = np.nan

@@ -49,7 +49,7 @@ def parts_of(asked: Question, checkpoint: Path | None, force: bool):
         return MemoryParts()
     from wavesweep import __version__
 
-    run = {"spec_sha256": asked.grid.spec.sha256, "along": asked.axis.name, "tool_version": __version__, "layout": 1}
+    run = {"spec_sha256": asked.grid.spec.sha256, "along": asked.axis.name, "tool_version": __version__, "layout": 2}
     if asked.guarantee is None:
         return open_folder(checkpoint, run, asked.chunks, force)
     return open_folder(checkpoint, run | {"guarantee": repr(asked.guarantee)}, asked.chunks, force, HELD)

@@ -6,7 +6,7 @@ from wavesweep.analysis.intervals import Intervals
 
 FIELDS = (
     ("column", "<i4"), ("intervals", "<i4"), ("interval", "<i4"), ("low", "<f8"), ("high", "<f8"),
-    ("low_omega", "<f8"), ("high_omega", "<f8"), ("certified", "?"), ("residual", "<f8"),
+    ("low_omega", "<f8"), ("high_omega", "<f8"), ("certified", "?"), ("residual", "<f8"), ("doubt", "i1"),
 )
 DTYPE = np.dtype(list(FIELDS))
 END_HANDS = {end: tuple(f"{end}_hand_{part}" for part in ("mass", "damping", "stiffness")) for end in ("low", "high")}
@@ -18,7 +18,7 @@ def records_of(found: Intervals) -> np.ndarray:
     """The intervals as records, sorted by column (numbered from 0 in the chunk)."""
     records = np.empty(found.column.size, DTYPE)
     records["intervals"], records["interval"] = found.count, np.maximum(found.index, 0)
-    for name in ("column", "low", "high", "low_omega", "high_omega", "certified", "residual"):
+    for name in ("column", "low", "high", "low_omega", "high_omega", "certified", "residual", "doubt"):
         records[name] = getattr(found, name)
     return records
 

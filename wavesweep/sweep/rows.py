@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from wavesweep.analysis.doubt import words
 from wavesweep.sweep.question import Question
 
 BLOCK = 1 << 17  # combinations; 13 columns of them take some 15 MB
@@ -47,5 +48,6 @@ def _gather(chunks, parts, column):
 
 def _columns(grid, along, combination, records):
     found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "column"}
+    found["doubt"] = words(found["doubt"])
     leading = grid.axis_columns(combination)
     return leading | {"along": np.full(records.size, along, dtype=object)} | found

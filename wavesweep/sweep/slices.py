@@ -62,15 +62,24 @@ def _along_number(work, values, size, walls):
 
     def evaluate(column, p):
         loop, wall = np.divmod(column, walls)
-        points, back = np.unique(loop + 1j * np.where(p == 0, TINY, p), return_inverse=True)
-        at = points.real.astype(int)
-        varied = {path: v[at] if np.ndim(v) else v for path, v in values.items()} | {work.along: points.imag}
-        cuts = with_batch(cut_at_wall(draw(varied)), points.size).at(back.reshape(-1))
+        first, back = _different(loop, p)
+        at, p = loop[first], np.where(p[first] == 0, TINY, p[first])
+        varied = {path: v[at] if np.ndim(v) else v for path, v in values.items()} | {work.along: p}
+        cuts = with_batch(cut_at_wall(draw(varied)), p.size).at(back)
         return close(cuts, K[wall], B[wall])
 
     rate = np.broadcast_to(np.asarray(values["rates.fast_hz"], float), (size,))
     ticks = 1 if values["controller.kind"] == "dc" else values["rates.ratio"]
     return stable_anywhere(evaluate, work.span, size * walls, np.repeat(ticks / rate, walls), _bounds(work, rate))
+
+
+def _different(loop, p):
+    """Where each different pair of loop and value stands first, and for all of them which of these they equal."""
+    order = np.lexsort((p.imag, p.real, loop))
+    new = np.append(True, (np.diff(loop[order]) != 0) | (np.diff(p[order]) != 0))[: p.size]
+    back = np.empty(p.size, int)
+    back[order] = np.cumsum(new) - 1
+    return order[new], back
 
 
 def _bounds(work, rate):

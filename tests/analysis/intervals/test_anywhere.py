@@ -77,7 +77,7 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
 def test_a_pair_of_real_eigenvalues_with_product_one_is_no_end():
     """diag(p, 1/2) crosses at p = 1; at p = 2 the two are reciprocal, which changes nothing."""
     def evaluate(_, p):
-        E = np.zeros((p.size, 2, 2))
+        E = np.zeros((p.size, 2, 2), p.dtype)
         E[:, 0, 0], E[:, 1, 1] = p - 1, -0.5
         return E
 
@@ -92,7 +92,7 @@ def test_two_close_crossings_are_both_found():
     def evaluate(_, p):
         size = 1 + 1e-4 * (1e-12 - (p - 0.37) ** 2)
         angle = 0.5
-        E = np.zeros((p.size, 2, 2))
+        E = np.zeros((p.size, 2, 2), p.dtype)
         E[:, 0, 0] = E[:, 1, 1] = size * np.cos(angle) - 1
         E[:, 0, 1], E[:, 1, 0] = size * np.sin(angle), -size * np.sin(angle)
         return E

@@ -4,24 +4,26 @@ from dataclasses import replace
 
 import numpy as np
 
+from wavesweep.analysis.doubt import COUNTS, NONE, OVERFLOW, SEARCH
 from wavesweep.analysis.intervals.bracket import bracketed_roots
 from wavesweep.analysis.intervals.panels import panel_roots
 from wavesweep.analysis.intervals.regions import count_where_clear, cut_span
-from wavesweep.analysis.intervals.stable import Intervals, intervals_of
+from wavesweep.analysis.intervals.stable import Intervals, doubts_of, intervals_of
 
 ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
-NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing gives its column up
-MANY = 128  # so many open panels of one column do so too
-PAIR, ONE, MINUS_ONE = 0, 1, 2  # the three functions: a complex pair, z = 1, z = -1
-WIDE = 6.0  # ratio of the span's ends above which its logarithm is the variable
+NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing is given up
+MANY = 512  # so many open panels of one column are, too
+PAIR, ONE, MINUS_ONE, BEYOND = 0, 1, 2, 3  # the functions: a complex pair, z = 1, z = -1; surely unstable
+WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
 LARGEST = 1e150  # of an entry; products of two eigenvalues overflow beyond
 CLEAR = 1e-10  # | |z|^2 - 1 | at an end, up to which the end is believed
+UNSTABLE, UNKNOWN = 1, -1  # labels of parts of the span that are not counted
 
 
 def stable_anywhere(evaluate, span, columns: int, period, bounds=(-np.inf, np.inf)) -> Intervals:
     """All stable intervals within span = (low, high) of a parameter that may enter in any smooth way; see `_stable`.
 
-    Over a span of several octaves its logarithm is the variable: masses, impedances and cutoffs act by their ratios.
+    Over a span of more than an octave its logarithm is the variable: masses, impedances and cutoffs act by their ratios.
     """
     low, high = span
     if not (low > 0 and high > WIDE * low):
@@ -37,62 +39,117 @@ def stable_anywhere(evaluate, span, columns: int, period, bounds=(-np.inf, np.in
 def _stable(evaluate, span, columns, period, bounds) -> Intervals:
     """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.
 
-    evaluate(column, p): `(n, order, order)` frame-to-frame matrices less identity of these columns at these values.
-    period: of the frame, s, `(columns,)`. bounds: p beyond them has no loop.
+    evaluate(column, p): `(n, order, order)` frame-to-frame matrices less identity of these columns at these values, real or
+    complex, analytic in p. period: of the frame, s, `(columns,)`. bounds: p beyond them has no loop.
 
     With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are real analytic
     functions of p that vanish where a complex pair, z = 1 or z = -1 is on the unit circle (the first also where two real
-    eigenvalues are reciprocal: then the counts do not change). Their roots are found and proved on Chebyshev panels
-    (`panels`), polished on the eigenvalue itself, and the counts of unstable eigenvalues at the middle of every region
-    must change by 2 or 1 accordingly.
-    Certified rests on the panels' decay: two crossings can be missed together only if they are so close that no trace of
-    them is left in 20 samples of a panel on which the functions are otherwise polynomials of degree 13 to nine digits.
+    eigenvalues are reciprocal: then the counts do not change). Their roots are found and proved on Chebyshev panels, with what
+    they are beside the real axis as the bound on what the samples do not show (`panels`); polished on the eigenvalue itself;
+    and the counts of unstable eigenvalues in every region must change by 2 or 1 accordingly. Where the sums of the
+    eigenvalues and of their products prove that one lies outside all over a panel, its crossings are not looked for.
+    A part of the span that could not be proved has no label; its column is in doubt, what is known of the rest is given.
     Accuracy: ends to 1e-9 relative, usually 1e-13; those within 1e-9 of the span of its low end are given as that end.
     """
     low, high = span
-    everyone = np.arange(columns)
+    everyone, width = np.arange(columns), high - low
 
     def sample(column, p):
-        sign, log, error = (
-            part.reshape(3, *p.shape) for part in _criticals(evaluate(np.repeat(column, p.shape[-1]), p.ravel()))
-        )
-        peak = log.max(-1, keepdims=True)
-        with np.errstate(invalid="ignore"):  # where a sample has overflowed the panel proves nothing
-            size = np.exp(np.where(np.isfinite(peak), log - peak, np.inf))
-            return sign * size, size * error
+        parts = _criticals(evaluate(np.repeat(column, p.shape[-1]), p.ravel()))
+        return tuple(part.reshape(len(part), *p.shape) for part in parts)
 
     found = panel_roots(sample, everyone, np.full(columns, float(low)), np.full(columns, float(high)), columns,
-                        NARROWEST * (high - low), MANY, bounds)
-    column, kind, value, theta, miss, good = _polished(evaluate, found, high - low)
-    proved = found.complete.copy()
-    proved[column[~good]] = False
-    crossing = (kind != PAIR) | (theta > 0)  # a reciprocal pair of real eigenvalues crosses nothing
+                        NARROWEST * width, MANY, bounds, settling=BEYOND)
+    column, kind, value, theta, miss, good = _polished(evaluate, found, width)
+    doubtful = tuple(part[~good] for part in (column, value - NARROWEST * width, value + NARROWEST * width))
+    labelled = [(*_merged(*some), label, doubt) for some, label, doubt in (
+        (found.settled, UNSTABLE, NONE), (found.lost, UNKNOWN, SEARCH), (found.overflown, UNKNOWN, OVERFLOW),
+        (doubtful, UNKNOWN, SEARCH))]
+    crossing = good & ((kind != PAIR) | (theta > 0))  # a reciprocal pair of real eigenvalues crosses nothing
     column, kind, value, theta, miss = (part[crossing] for part in (column, kind, value, theta, miss))
-    jump = np.where(kind == PAIR, 2.0, 1.0)
-    parts = cut_span(span, columns, column, value, theta, jump, slack=ATTACHED * (high - low))
-    everywhere = np.arange(parts.column.size)
-    unstable, clear = count_where_clear(parts, everywhere, lambda some, value: evaluate(parts.column[some], value))
+    for owner, left, right, _, _ in labelled:
+        free = ~_inside(column, value, owner, left, right)
+        column, kind, value, theta, miss = (part[free] for part in (column, kind, value, theta, miss))
+    edges = [np.concatenate([part for some in labelled for part in (some[0], some[0])]),
+             np.concatenate([part for some in labelled for part in some[1:3]])]
+    nowhere = np.full(edges[0].size, np.nan)
+    jump = np.concatenate([np.where(kind == PAIR, 2.0, 1.0), nowhere])
+    error = np.abs(np.concatenate([miss, np.zeros(nowhere.size)]))
+    parts = cut_span(span, columns, np.concatenate([column, edges[0]]), np.concatenate([value, edges[1]]),
+                     np.concatenate([theta, nowhere]), jump, slack=ATTACHED * width)
+    label, doubt = _given(parts, labelled)
+    counted = np.flatnonzero(label == 0)
+    unstable = label.copy()
+    unstable[counted] = count_where_clear(parts, counted, lambda some, value: evaluate(parts.column[some], value))
     change = np.abs(unstable[parts.later] - unstable[parts.earlier])
-    regions = parts.labelled(unstable, clear, change == parts.gain[parts.later], np.abs(miss[parts.order]))
-    proved[regions.column[~regions.sound]] = False
-    return intervals_of(regions, proved, period)
+    fits = np.isnan(parts.gain[parts.later]) | (change == parts.gain[parts.later])
+    regions = parts.labelled(unstable, doubt, np.where(fits, NONE, COUNTS), error[parts.order])
+    regions = replace(regions, unstable=np.where(regions.doubt == COUNTS, UNKNOWN, unstable))
+    return intervals_of(regions, doubts_of(regions, np.zeros(columns, int)), period)
+
+
+def _merged(column, left, right):
+    """Parts that touch as one; parts of a column do not overlap."""
+    order = np.lexsort((left, column))
+    column, left, right = column[order], left[order], right[order]
+    apart = (np.diff(column) != 0) | (left[1:] > right[:-1])
+    first, last = np.append(True, apart)[: column.size], np.append(apart, True)[: column.size]
+    return column[first], left[first], right[last]
+
+
+def _inside(column, value, owner, left, right):
+    """Which of the values of these columns lie in one of the parts (owner, left, right) of their column."""
+    place, who = np.concatenate([left, right, value]), np.concatenate([owner, owner, column])
+    step = np.repeat([1, -1, 0], [left.size, right.size, value.size])
+    order = np.lexsort((place, who))
+    depth = np.empty(place.size, int)
+    depth[order] = np.cumsum(step[order])
+    return depth[left.size + right.size :] > 0
+
+
+def _given(parts, labelled):
+    """Label and doubt of every region that lies in a part which is not to be counted; 0 and NONE elsewhere."""
+    label, doubt = np.zeros(parts.column.size, int), np.zeros(parts.column.size, int)
+    for owner, left, right, what, why in labelled:
+        inside = _inside(parts.column, parts.at(0.5), owner, left, right)
+        label, doubt = np.where(inside, what, label), np.where(inside, why, doubt)
+    return label, doubt
 
 
 def _criticals(E):
-    """Sign and logarithm of the three functions, `(3, n)` each, and how far rounding can reach, relative to each."""
+    """Phase and logarithm of the size of the four functions, `(4, n)` each, and how far rounding can reach, relatively."""
     finite = (np.abs(E) < LARGEST).all((-1, -2))
-    w = np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0)).astype(complex)
+    E = np.where(finite[:, None, None], E, 0.0)
+    w = np.linalg.eigvals(E).astype(complex)
     i, j = np.triu_indices(w.shape[-1], 1)
     # An eigenvalue is good to eps times the size of the matrix, and a small factor has nothing else to stand on.
     scale = np.maximum(1, np.abs(E).max((-1, -2)))
-    signs, logs, errors = [], [], []
+    phases, logs, errors = [], [], []
     for factor in (-(w[:, i] + w[:, j] + w[:, i] * w[:, j]), -w, 2 + w):
         magnitude = np.maximum(np.abs(factor), 1e-300)
-        signs.append(np.where(finite, np.sign((factor / magnitude).prod(-1).real), np.nan))
-        logs.append(np.where(finite, np.log(magnitude).sum(-1), np.inf))
+        phases.append((factor / magnitude).prod(-1))
+        logs.append(np.log(magnitude).sum(-1))
         with np.errstate(over="ignore"):
             errors.append(np.minimum(scale / np.maximum(magnitude.min(-1, initial=1.0), 1e-30), 1e12))
-    return np.stack(signs), np.stack(logs), np.stack(errors)
+    excess = _excess(1 + w, scale)
+    phases, logs, errors = (np.stack([*parts, part]) for parts, part in zip((phases, logs, errors), excess, strict=True))
+    return np.where(finite, phases, np.nan), np.where(finite, logs, np.inf), errors
+
+
+def _excess(z, scale):
+    """`(t/n)^2 + e/m - 2`, as in `_criticals`: t the sum of the n eigenvalues, e the sum of the m products of two of them.
+
+    Where it is positive |t| exceeds n or |e| exceeds m, so an eigenvalue exceeds 1. Where a complex pair dominates, t may
+    vanish, but e is its squared size.
+    """
+    n = z.shape[-1]
+    z = z / scale[:, None]
+    first, squares = z.sum(-1) ** 2, (z**2).sum(-1)
+    second = (first - squares) / max(n * (n - 1), 1)
+    total, least = first / n**2 + second, 2 * scale**-2.0
+    magnitude = np.maximum(np.abs(total - least), 1e-300)
+    size = 2 * np.abs(first) + np.abs(squares) + least
+    return (total - least) / magnitude, np.log(magnitude) + 2 * np.log(scale), 4 * n * np.minimum(size / magnitude, 1e12)
 
 
 def _polished(evaluate, found, width):
@@ -102,8 +159,8 @@ def _polished(evaluate, found, width):
     reach = np.minimum(found.within, 0.1 * width) + 1e-9 * width  # the disc, which no other root is in
 
     def value(at, x):
-        sign, log, _ = _criticals(evaluate(column[at], x))
-        return sign[kind[at], np.arange(at.size)], log[kind[at], np.arange(at.size)]
+        phase, log, _ = _criticals(evaluate(column[at], x))
+        return np.sign(phase[kind[at], np.arange(at.size)].real), log[kind[at], np.arange(at.size)]
 
     x, bracketed = bracketed_roots(value, found.x - reach, found.x + reach)
     miss, theta = _nearest(evaluate, column, x, kind)

@@ -11,6 +11,7 @@ from wavesweep.lifted.cut import Cut, open_in
 SMALLEST = 1e-9  # rad; an arc this small that proves nothing is given up
 END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not told from one at the end itself
 MANY = 256  # so many open arcs of one column, and the column is given up
+TINY = 1e-300
 
 
 def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
@@ -26,11 +27,13 @@ def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
 
     def sample(column, theta):
         value, size = _boundary([part[column][:, None] for part in opened], theta)
-        middle, half = theta.mean(-1), np.ptp(theta, axis=-1) / 2
-        distance = np.abs(on_circle(theta)[..., None] - poles[column][:, None, :])
-        typical = np.abs(on_circle(middle)[:, None] - poles[column])[:, None, :] + half[:, None, None]
-        weight = np.prod((distance / typical) ** 2, axis=-1)
-        return (value * weight)[None], (size * weight)[None]
+        # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle and analytic beside it.
+        distance = [on_circle(sign * theta)[..., None] - some for sign, some in (
+            (1, poles[column][:, None, :]), (-1, poles[column].conj()[:, None, :]))]
+        weight = distance[0] * distance[1]
+        magnitude, far = np.maximum(np.abs(value), TINY), np.maximum(np.abs(weight), TINY)
+        phase = value / magnitude * (weight / far).prod(-1)
+        return phase[None], (np.log(magnitude) + np.log(far).sum(-1))[None], (size / magnitude)[None]
 
     low, high = np.tile(edges[:-1], fixed.size), np.tile(edges[1:], fixed.size)
     found = panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT)
@@ -40,19 +43,22 @@ def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
 def _boundary(opened, theta):
     """`Im K / sin(theta)` times |H|^2, H = 1/K, and the size of what was added up for it.
 
-    `Im H(z) = -sin(theta) C (conj(w) I - E)^-1 (w I - E)^-1 B`, by the resolvent identity: nothing cancels, not even
-    where the circle meets the real axis.
+    `Im H(z) = -sin(theta) C (w(1/z) I - E)^-1 (w(z) I - E)^-1 B`, `w(z) = z - 1`, by the resolvent identity: nothing cancels,
+    not even where the circle meets the real axis. theta may be complex.
     """
     E, B, C = opened
-    A = on_circle(theta)[..., None, None] * np.eye(E.shape[-1]) - E
+    A, across = (on_circle(sign * theta)[..., None, None] * np.eye(E.shape[-1]) - E for sign in (1, -1))
     right = solve(A, B + 0 * A[..., :1])[..., 0]
-    left = solve(np.swapaxes(A.conj(), -1, -2), np.swapaxes(C, -1, -2) + 0 * A[..., :1])[..., 0]
-    return (left * right).sum(-1).real, np.abs(left * right).sum(-1)
+    left = solve(np.swapaxes(across, -1, -2), np.swapaxes(C, -1, -2) + 0 * A[..., :1])[..., 0]
+    value = (left * right).sum(-1)
+    return value if np.iscomplexobj(theta) else value.real, np.abs(left * right).sum(-1)
 
 
 def _collect(cut, along, fixed, span, opened, found):
     """Polish, drop what overlapping arcs found twice, and add z = 1 and -1."""
-    inside, complete = (found.x > 0) & (found.x < np.pi), found.complete
+    inside, complete = (found.x > 0) & (found.x < np.pi), np.ones(fixed.size, bool)
+    for lost in (found.lost, found.overflown):
+        complete[lost[0]] = False
     column, seed, jump = found.column[inside], found.x[inside], 2.0 * found.slope_sign[inside]
     theta, value, converged = polish(cut.at(column), along, fixed[column], seed, max(map(abs, span)))
     astray = np.abs(theta - seed) > found.within[inside] + 1e-9

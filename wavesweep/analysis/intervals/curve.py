@@ -37,13 +37,13 @@ def terms(cut: Cut, w) -> Terms:
 
 def transfer(cut: Cut, w) -> np.ndarray:
     """`C (w I - E)^-1 B + D` for the rows V, ADVANCE, OFFSET: `(..., 3)`."""
-    A, _, state = _states(cut, w)
+    _, _, state = _states(cut, w)
     return read(cut.C, state) + cut.D[..., 0]
 
 
 def transfer_and_slope(cut: Cut, w) -> tuple[np.ndarray, np.ndarray]:
     """The same and its derivative by w."""
-    A, back, state = _states(cut, w)
+    _, back, state = _states(cut, w)
     return read(cut.C, state) + cut.D[..., 0], -read(cut.C, back @ state)
 
 

@@ -101,7 +101,8 @@ def _proof(coefficients, noise, roots):
     radius, apart = _discs(coefficients, roots, np.abs(value) + rounding + 2 * noise[:, None])
     distance, beyond = _from_segment(roots)
     touching = ~(distance > radius)
-    lonely = ~np.any(apart <= radius[:, :, None] + radius[:, None, :], axis=-1)
+    with np.errstate(over="ignore"):
+        lonely = ~np.any(apart <= radius[:, :, None] + radius[:, None, :], axis=-1)
     settled = lonely & (roots.imag == 0) & (-beyond > radius)
     edge = touching & ~settled & (np.abs(np.abs(roots.real) - 1) + np.abs(roots.imag) + radius < EDGE)
     return np.all(~touching | settled | edge, axis=-1) & np.all(np.isfinite(radius), axis=-1), radius, edge

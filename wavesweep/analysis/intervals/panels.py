@@ -12,72 +12,176 @@ OVERLAP = 0.035  # of its width a panel reaches into each neighbour, so that no 
 DEGREES = (1, 2, 4, 7, 10, KEPT)  # an interpolant is cut to each of these in turn, what is cut away added to its error
 NODE = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
 TRANSFORM = np.cos(np.outer(np.arccos(NODE), np.arange(NODES))) * (2 / NODES)
-NODE.flags.writeable = TRANSFORM.flags.writeable = False
+ELLIPSE, OUTER = 2.5, 8  # sum of the semi-axes of the ellipse about a panel; points on its upper half
+RIM = (ELLIPSE * np.exp(1j * np.pi * (np.arange(OUTER) + 0.5) / OUTER))
+RIM = (RIM + 1 / RIM) / 2
+EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
+BEYOND = 4 * ELLIPSE ** (1 - NODES) / (ELLIPSE - 1)  # error of the interpolant, over the largest value on the ellipse
+for _array in (NODE, TRANSFORM, RIM):
+    _array.flags.writeable = False
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Roots found: which column, which function, where to within what, sign of the slope; which columns are all proved, but
-    for the first and the last bit of the interval, where roots may be left in the columns open_low and open_high."""
+    """Roots and what is known of the panels.
+
+    column, function, x, within, slope_sign: a root each: whose, of which function, where to within what, sign of the slope.
+    lost, overflown, settled: panels as (column, low, high): given up, given up since samples overflow there, and settled by
+    the function that settles. open_low, open_high: `(columns,)`, whether roots may be left in the first or the last bit of the
+    interval.
+    """
 
     column: np.ndarray
     function: np.ndarray
     x: np.ndarray
     within: np.ndarray
     slope_sign: np.ndarray
-    complete: np.ndarray
+    lost: tuple[np.ndarray, np.ndarray, np.ndarray]
+    overflown: tuple[np.ndarray, np.ndarray, np.ndarray]
+    settled: tuple[np.ndarray, np.ndarray, np.ndarray]
     open_low: np.ndarray
     open_high: np.ndarray
 
 
-def panel_roots(sample, column, low, high, columns, smallest, many, bounds=(-np.inf, np.inf), end_bit=0.0) -> Found:
-    """Find all roots of several functions of each column.
+def panel_roots(
+    sample, column, low, high, columns, smallest, many, bounds=(-np.inf, np.inf), end_bit=0.0, settling=None,
+) -> Found:
+    """Find all roots of several functions of each column, real analytic in x.
 
-    sample(column, x): for panels (their columns, `(panels,)`, and points, `(panels, NODES)`) the functions' values and the
-    size of what was added up for them, each `(functions, panels, NODES)`. column, low, high: the first panels.
-    columns: how many columns there are. smallest: a panel narrower than this that proves nothing gives its column up;
-    many: so many open panels of one column do so too. bounds: points beyond them are never asked for. end_bit: a panel at
-    an end of the interval that is narrower than this and proves nothing is left open.
+    sample(column, x): for panels (their columns, `(panels,)`, and points, `(panels, points)`, real or complex) the functions'
+    values as phase, logarithm of the size, and rounding error relative to the size, each `(functions, panels, points)`.
+    column, low, high: the first panels. columns: how many columns there are. smallest: a panel narrower than this that proves
+    nothing is given up; many: so many open panels of one column are too. bounds: no point beyond them is asked for. end_bit: a
+    panel at an end of the interval that is narrower than this and proves nothing is left open. settling: number of a function
+    that settles a panel on which it is proved to be positive, whatever the others do; its own roots do not count.
 
     On each panel the interpolant at NODES points must have decayed, and `isolate` must prove its roots for every function
-    within the error bound; else the panel is split. What could be missed is a feature so narrow that it leaves no trace in
-    the samples of a panel whose coefficients have decayed by nine digits.
+    within the error bound; else the panel is split. The bound has what rounding and the coefficients that are cut away can
+    do, and what can hide between the nodes: the interpolant of a function that is analytic and at most G inside an ellipse
+    about the panel with semi-axes of sum r is off by at most `4 G r^-n/(r - 1)`, n its degree (L. N. Trefethen,
+    Approximation Theory and Approximation Practice, Theorem 8.2). By the maximum principle G is that on the ellipse's rim,
+    where the functions are sampled at complex x; a mode of the tick that leaves no trace at the nodes, since it enters a
+    frame as a high power, is large there if it is large anywhere on the panel.
     """
-    complete, found, ends = np.ones(columns, bool), [], (low.min(initial=np.inf), high.max(initial=-np.inf))
+    found, ends = [], (low.min(initial=np.inf), high.max(initial=-np.inf))
+    given_up = {"lost": [], "overflown": [], "settled": []}
     open_low, open_high = np.zeros(columns, bool), np.zeros(columns, bool)
+
+    def give(kind, which):
+        given_up[kind].append((column[which], low[which], high[which]))
+
     while column.size:
         reach = OVERLAP * (high - low)
         left, right = np.maximum(low - reach, bounds[0]), np.minimum(high + reach, bounds[1])
-        middle, half = (left + right) / 2, (right - left) / 2
-        value, size = sample(column, middle[:, None] + half[:, None] * NODE)
-        good = np.ones(column.size, bool)
-        pieces = []
-        for function in range(value.shape[0]):
-            coefficients, noise, decayed = _interpolate(value[function], size[function])
-            proved = np.zeros(column.size, bool)
-            for rows, roots in _proved_roots(coefficients, noise):
-                proved[rows] = decayed[rows]
-                at, which = np.nonzero(roots.inside & decayed[rows, None])
-                panel = rows[at]
-                pieces.append((panel, np.full(panel.size, function), middle[panel] + half[panel] * roots.value[at, which],
-                               half[panel] * roots.radius[at, which], roots.slope_sign[at, which]))
-            good &= proved
-        found += [(column[panel][good[panel]], *(part[good[panel]] for part in rest)) for panel, *rest in pieces]
-        left_open = [~good & (end == ends[i]) & (high - low < end_bit) for i, end in enumerate((low, high))]
-        open_low[column[left_open[0]]], open_high[column[left_open[1]]] = True, True
-        good |= left_open[0] | left_open[1]
-        complete[column[~good & ~(high - low > smallest)]] = False
-        column, low, high = _halves(column, low, high, ~good & complete[column])
-        complete[np.bincount(column, minlength=columns) > many] = False
-        open_ = complete[column]
-        column, low, high = column[open_], low[open_], high[open_]
+        panels = _Panels(column, (left + right) / 2, (right - left) / 2)
+        proved, settled, finite, nothing, roots = _judged(sample, panels, bounds, settling)
+        found += roots
+        at_ends = [~proved & (end == ends[i]) & (high - low < end_bit) for i, end in enumerate((low, high))]
+        open_low[column[at_ends[0]]], open_high[column[at_ends[1]]] = True, True
+        give("settled", settled)
+        give("overflown", nothing)
+        open_ = ~(proved | settled | nothing | at_ends[0] | at_ends[1])
+        hopeless = open_ & ((high - low <= smallest) | (np.bincount(column[open_], minlength=columns)[column] > many // 2))
+        give("lost", hopeless & finite)
+        give("overflown", hopeless & ~finite)
+        column, low, high = _halves(column, low, high, open_ & ~hopeless)
     parts = [np.concatenate(part) for part in zip(*found, strict=True)] if found else [np.zeros(0, int)] * 2 + [np.zeros(0)] * 3
-    return Found(*parts, complete, open_low, open_high)
+    none = (np.zeros(0, int), np.zeros(0), np.zeros(0))
+    edges = {kind: tuple(map(np.concatenate, zip(*some, strict=True))) if some else none for kind, some in given_up.items()}
+    return Found(*parts, **edges, open_low=open_low, open_high=open_high)
+
+
+@dataclass(frozen=True, slots=True)
+class _Panels:
+    """Panels of a generation: whose, and middle and half-width of each, the overlap with its neighbours included."""
+
+    column: np.ndarray
+    middle: np.ndarray
+    half: np.ndarray
+
+    def at(self, place):
+        """Points of all panels, `(panels, points)`; place: where on [-1, 1], or beside it."""
+        return self.middle[:, None] + self.half[:, None] * place
+
+
+def _judged(sample, panels, bounds, settling):
+    """(proved, settled, finite, not finite anywhere) of every panel, and the roots on the panels that are proved."""
+    phase, log, error = sample(panels.column, panels.at(NODE))
+    functions, reached, finite = log.shape[0], np.isfinite(log).all(0).any(-1), np.isfinite(log).all((0, -1))
+    sign = np.where(finite[:, None], phase.real, 0.0)
+    trend = _trend(log, finite)
+    trend = np.where(_tail(sign, log, trend) < _tail(sign, log, 0 * trend), trend, 0.0)
+    value, peak = _scaled(sign, log, trend)
+    size = np.where(finite[:, None], np.abs(value) * error, np.inf)
+    parts = [_interpolate(value[function], size[function]) for function in range(functions)]
+    counted = [function for function in range(functions) if function != settling]
+    decayed = np.logical_and.reduce([parts[function][2] for function in counted])
+    worth = decayed | (parts[settling][2] if settling is not None else False)
+    hidden = _hidden(sample, panels, bounds, np.flatnonzero(worth & finite), trend, peak)
+    proved, settled, roots = decayed & finite, np.zeros(panels.column.size, bool), []
+    for function in range(functions):
+        coefficients, noise, _ = parts[function]
+        mine = np.flatnonzero((proved if function != settling else parts[function][2]) & np.isfinite(hidden[function]))
+        sure = np.zeros(panels.column.size, bool)
+        for rows, some in _proved_roots(coefficients[mine], noise[mine] + hidden[function, mine]):
+            panel = mine[rows]
+            if function == settling:
+                settled[panel] = ~some.inside.any(-1) & (value[function, panel] > 0).all(-1)
+                continue
+            sure[panel] = True
+            at, which = np.nonzero(some.inside)
+            at_panel, half = panel[at], panels.half[panel[at]]
+            roots.append((at_panel, np.full(at.size, function), panels.middle[at_panel] + half * some.value[at, which],
+                          half * some.radius[at, which], some.slope_sign[at, which]))
+        if function != settling:
+            proved &= sure
+    settled &= ~proved
+    kept = [(panels.column[at][proved[at]], *(part[proved[at]] for part in rest)) for at, *rest in roots]
+    return proved, settled, finite, ~reached, kept
+
+
+def _trend(log, finite):
+    """Exponential growth of each function over a panel, per half of its width. Taken out, it takes no roots, and may leave
+    what a polynomial follows more easily: functions of a frame are powers of those of a tick."""
+    ends = [log[..., side].max(-1) for side in (NODE > 0.5, NODE < -0.5)]
+    with np.errstate(invalid="ignore"):
+        return np.where(finite, (ends[0] - ends[1]) / 1.5, 0.0)
+
+
+def _scaled(sign, log, trend):
+    """Samples without their trend, the largest of a panel of size 1, and the logarithm of what they were divided by."""
+    log = np.where(np.isfinite(log), log - trend[..., None] * NODE, -np.inf)
+    peak = log.max(-1)
+    peak = np.where(np.isfinite(peak), peak, 0.0)
+    return sign * np.exp(log - peak[..., None]), peak
+
+
+def _tail(sign, log, trend):
+    """The largest of the last Chebyshev coefficients of the samples without their trend."""
+    value, _ = _scaled(sign, log, trend)
+    return np.abs((value[..., None] * TRANSFORM[:, KEPT:]).sum(-2)).max(-1)
+
+
+def _hidden(sample, panels, bounds, which, trend, peak):
+    """What may hide between the nodes of the panels `which`, in units of each function's largest sample; infinite elsewhere."""
+    hidden = np.full(peak.shape, np.inf)
+    inside = (panels.middle - EXTENT * panels.half >= bounds[0]) & (panels.middle + EXTENT * panels.half <= bounds[1])
+    which = which[inside[which]]
+    if not which.size:
+        return hidden
+    some = _Panels(panels.column[which], panels.middle[which], panels.half[which])
+    _, log, _ = sample(some.column, some.at(RIM))
+    log = log - trend[:, which, None] * RIM.real
+    with np.errstate(over="ignore", invalid="ignore"):
+        # Between two points of the rim it may be larger than at both, by no more than they differ, and twice for good measure.
+        steepest = np.abs(np.diff(log, axis=-1)).max(-1)
+        most = 2 * BEYOND * np.exp(log.max(-1) + steepest / 2 - peak[:, which])
+    hidden[:, which] = np.where(np.isfinite(most), most, np.inf)
+    return hidden
 
 
 def _interpolate(value, size):
     """Second-kind Chebyshev coefficients `(panels, KEPT)`, their error bound on the panel, and whether they decayed."""
-    value = np.where(np.isfinite(value), value, 0.0)
     # A sum and not a matrix product: BLAS may round a row differently in another batch, and bytes must not change.
     first = (value[..., None] * TRANSFORM).sum(-2)
     first[:, 0] /= 2
@@ -86,7 +190,7 @@ def _interpolate(value, size):
     second = first[:, :KEPT] / 2
     second[:, 0] *= 2
     second[:, :-2] -= first[:, 2:KEPT] / 2
-    return second, NODES * (8 * tail + floor), np.isfinite(size).all(-1) & (tail <= np.maximum(DECAYED * largest, floor))
+    return second, NODES * (8 * tail + floor), np.isfinite(floor) & (tail <= np.maximum(DECAYED * largest, floor))
 
 
 def _proved_roots(coefficients, noise):

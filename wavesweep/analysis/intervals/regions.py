@@ -1,9 +1,10 @@
 """Between the crossings: the count of unstable eigenvalues of each region, and whether it fits the crossings."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wavesweep.analysis.doubt import COUNTS, NONE, ROUNDING
 from wavesweep.analysis.intervals.crossings import Crossings
 from wavesweep.analysis.intervals.curve import K_VE, residual, terms
 from wavesweep.analysis.intervals.rounding import shift
@@ -15,6 +16,12 @@ USUAL = 64.0  # times rounding: what a polished end may leave of its equation
 FIRM = 1e-9 / 16  # of an end, what one rounding of every entry of the loop may move it by; lifting a loop costs some more
 NEAR_ZERO = 1e-5  # of the span, which an end is given in addition: one next to zero has few digits of itself
 SHARES = (0.5, 0.1, 0.9, 1e-3, 0.999, 1e-6)  # of a region's width: the count is the same at all, and clearer at some
+MANY_SHARES = (*np.linspace(0, 1, 18)[1:-1], 1e-2, 1e-3, 1e-4, 1e-6)  # where it may not be the same
+ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
+BACKWARD = 16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
+NEIGHBOURHOOD = 1e-3  # from the circle, where two eigenvalues may lose most of their digits when they nearly meet
+MEETING = 4  # how many of the nearest are looked at
+BALANCING = 3  # sweeps
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,9 +29,10 @@ class Regions:
     """Consecutive parts of the swept range, sorted by column and value; no eigenvalue crosses the circle inside one.
 
     column, low, high; low_theta, high_theta: angle of what crosses at that end, NaN where only the range ends there.
-    unstable: how many eigenvalues lie outside the unit circle; -1 where that cannot be told.
-    sound: the label stands clear of rounding, both ends satisfy the characteristic equation, and the counts change by
-    what the crossings say. residual: the larger of the two ends' relative residuals (0 at an end of the range).
+    unstable: how many eigenvalues lie outside the unit circle; -1 where that is not known.
+    doubt: why the region is in doubt (see `wavesweep.analysis.doubt`), NONE where the label stands clear of rounding, both ends
+    satisfy the characteristic equation, and the counts change by what the crossings say. residual: the larger of the two
+    ends' relative residuals (0 at an end of the range).
     """
 
     column: np.ndarray
@@ -33,7 +41,7 @@ class Regions:
     low_theta: np.ndarray
     high_theta: np.ndarray
     unstable: np.ndarray
-    sound: np.ndarray
+    doubt: np.ndarray
     residual: np.ndarray
 
 
@@ -60,16 +68,15 @@ class Parts:
         """A point of each region, a share of its width from its low end."""
         return self.low + share * (self.high - self.low)
 
-    def labelled(self, unstable, clear, fits, error) -> Regions:
-        """Regions from the counts, whether these are clear of rounding, whether each inner end's change of count fits
-        (`(inner ends,)`), and the residual of each inner end."""
-        sound, residual = clear.copy(), np.zeros(self.column.size)
-        good = fits & (error <= SMALL_RESIDUAL)
-        sound[self.later] &= good
-        sound[self.earlier] &= good
+    def labelled(self, unstable, doubt, end_doubt, error) -> Regions:
+        """Regions from the counts and the doubt of each, and the doubt and the residual of each inner end."""
+        doubt, residual = doubt.copy(), np.zeros(self.column.size)
+        end_doubt = np.where(error <= SMALL_RESIDUAL, end_doubt, np.maximum(end_doubt, ROUNDING))
+        doubt[self.later] = np.maximum(doubt[self.later], end_doubt)
+        doubt[self.earlier] = np.maximum(doubt[self.earlier], end_doubt)
         residual[self.later] = error
         residual[self.earlier] = np.maximum(residual[self.earlier], error)
-        return Regions(self.column, self.low, self.high, self.low_theta, self.high_theta, unstable, sound, residual)
+        return Regions(self.column, self.low, self.high, self.low_theta, self.high_theta, unstable, doubt, residual)
 
 
 def cut_span(span, columns: int, column, value, theta, jump, slack=0.0) -> Parts:
@@ -99,48 +106,63 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
 
     The eigenvalues of the first region of each column are counted; the counts of the others follow from the directions of
     the crossings, and where one of them comes to 0, which makes an interval stable, it is counted too. Columns whose
-    crossings are not all proved have every region counted.
+    crossings are not all proved have every region counted at many points, and a region has no label where these disagree.
     """
     parts = cut_span(span, fixed.size, found.column, found.value, found.theta, found.jump)
-    unstable, clear = np.zeros(parts.column.size, int), np.ones(parts.column.size, bool)
+    unstable, doubt = np.zeros(parts.column.size, int), np.zeros(parts.column.size, int)
 
-    def count(which):
-        return count_where_clear(parts, which, lambda some, value: close(
-            cut.at(owner[parts.column[some]]), *_wall(along, value, fixed[parts.column[some]])))
+    def matrices(some, value):
+        return close(cut.at(owner[parts.column[some]]), *_wall(along, value, fixed[parts.column[some]]))
 
     first = np.flatnonzero(~parts.later)
-    unstable[first], clear[first] = count(first)
+    unstable[first] = count_where_clear(parts, first, matrices)
     rise = np.cumsum(parts.gain)
     unstable += np.where(parts.later, rise - rise[first][parts.column] + unstable[first][parts.column], 0).astype(int)
-    claimed = np.flatnonzero(parts.later & ((unstable <= 0) | ~found.complete[parts.column]))
-    seen, clear[claimed] = count(claimed)
-    clear[claimed] &= seen == unstable[claimed]
-    unstable[claimed] = seen
+    doubt[np.isin(parts.column, parts.column[first[unstable[first] < 0]])] = ROUNDING
+    claimed = np.flatnonzero(parts.later & (unstable <= 0) & found.complete[parts.column])
+    seen = count_where_clear(parts, claimed, matrices)
+    doubt[claimed] = np.maximum(doubt[claimed], np.where(seen < 0, ROUNDING, np.where(seen == unstable[claimed], NONE, COUNTS)))
     column, value, theta = (part[parts.order] for part in (found.column, found.value, found.theta))
     error = _residual(cut.at(owner[column]), along, fixed[column], value, theta)
     ends = np.flatnonzero((unstable[parts.later] == 0) | (unstable[parts.earlier] == 0))
-    firm, at = np.ones(error.size, bool), column[ends]
+    end_doubt, at = np.zeros(error.size, int), column[ends]
     moved, left_over = shift(cut.at(owner[at]), along, fixed[at], _place(theta[ends]), np.isin(theta[ends], (0.0, np.pi)))
     usual = error[ends] <= USUAL * (left_over + np.finfo(float).eps)
-    firm[ends] = usual & (moved <= FIRM * (np.abs(value[ends]) + NEAR_ZERO * (span[1] - span[0])))
-    return parts.labelled(unstable, clear, firm, error)
+    firm = moved <= FIRM * (np.abs(value[ends]) + NEAR_ZERO * (span[1] - span[0]))
+    end_doubt[ends] = np.where(usual & firm, NONE, ROUNDING)
+    whole = parts.labelled(unstable, doubt, end_doubt, error)
+    worst = np.where(found.complete, NONE, COUNTS)
+    np.maximum.at(worst, whole.column, whole.doubt)
+    again = np.flatnonzero(worst[parts.column] >= COUNTS)
+    unstable[again] = count_where_all_agree(parts, again, matrices)
+    return replace(whole, unstable=unstable)
 
 
 def count_where_clear(parts: Parts, which, matrices):
-    """Count the regions `which`, at the first of SHARES where no eigenvalue is within rounding of the circle.
+    """Count the regions `which`, at the first of SHARES where no eigenvalue is within rounding of the circle; -1 where
+    there is none.
 
     matrices(regions, value): the frame-to-frame matrices less identity of these regions at these values.
     """
-    unstable, clear = np.zeros(which.size, int), np.zeros(which.size, bool)
+    unstable = np.full(which.size, -1)
     for share in SHARES:
-        doubtful = np.flatnonzero(~clear)
-        if not doubtful.size:
+        open_ = np.flatnonzero(unstable < 0)
+        if not open_.size:
             break
-        some = which[doubtful]
+        some = which[open_]
         count, sure = count_outside(matrices(some, parts.at(share)[some]))
-        better = sure | (share == SHARES[0])
-        unstable[doubtful[better]], clear[doubtful[better]] = count[better], sure[better]
-    return unstable, clear
+        unstable[open_[sure]] = count[sure]
+    return unstable
+
+
+def count_where_all_agree(parts: Parts, which, matrices):
+    """Count the regions `which` wherever among MANY_SHARES it is clear; -1 where it is clear nowhere, or differs."""
+    unstable, agreed = np.full(which.size, -1), np.ones(which.size, bool)
+    for share in MANY_SHARES:
+        count, sure = count_outside(matrices(which, parts.at(share)[which]))
+        agreed &= ~sure | (unstable < 0) | (count == unstable)
+        unstable = np.where(sure & (unstable < 0), count, unstable)
+    return np.where(agreed, unstable, -1)
 
 
 def _wall(along, value, fixed):
@@ -163,12 +185,46 @@ def _residual(cut, along, fixed, value, theta):
 def count_outside(E):
     """Number of eigenvalues outside the unit circle of `I + E`, and whether none lies within rounding of it.
 
-    The count is -1 where E is not finite.
+    The count is -1 where E is not finite. An eigenvalue is within rounding of the circle where its computed distance is, and,
+    since eigenvalues that nearly meet keep only a root of the digits, also where one that is anywhere near could be moved
+    onto the circle by a rounding of E: where the smallest singular value of `z I - (I + E)` at the nearest z of the circle is
+    that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1).
     """
     finite = np.isfinite(E).all((-1, -2))
     delta = np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0))
     with np.errstate(over="ignore"):
         outside = 2 * delta.real + delta.real**2 + delta.imag**2  # |z|^2 - 1, without cancellation for slow poles
-    tolerance = 256 * np.finfo(float).eps * np.maximum(1, np.abs(E).max((-1, -2), initial=0))
+    tolerance = ROUNDINGS * np.finfo(float).eps * np.maximum(1, np.abs(E).max((-1, -2), initial=0))
     count = np.where(finite, (outside > 0).sum(-1), -1)
-    return count, finite & (np.abs(outside).min(-1, initial=np.inf) > tolerance)
+    distance = np.abs(outside)
+    clear = finite & (distance.min(-1, initial=np.inf) > tolerance)
+    near = np.flatnonzero(clear & (np.sort(distance, axis=-1)[:, :2] < NEIGHBOURHOOD).all(-1)) if E.shape[-1] > 1 else []
+    if len(near):
+        closest = np.take_along_axis(delta[near], np.argsort(distance[near], axis=-1)[:, :MEETING], axis=-1)
+        balanced = _balanced(E[near])
+        rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2))
+        clear[near] = _from_circle(balanced, np.abs(np.angle(1 + closest))) > rounding
+    return count, clear
+
+
+def _from_circle(E, theta):
+    """Smallest singular value of `z I - (I + E)` over `z = exp(j theta)`, `(matrices,)`; theta: `(matrices, points)`."""
+    A = on_circle(theta)[..., None, None] * np.eye(E.shape[-1]) - E[:, None]
+    return np.linalg.svd(A, compute_uv=False)[..., -1].min(-1)
+
+
+def _balanced(E):
+    """E in states of such units that its rows and columns are of like size, by powers of two (Osborne 1960)."""
+    size = np.abs(E)
+    index = np.arange(E.shape[-1])
+    size[:, index, index] = 0
+    for _ in range(BALANCING):
+        for k in index:
+            row, column = size[:, k, :].sum(-1), size[:, :, k].sum(-1)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                factor = np.exp2(np.round(np.log2(row / column) / 2))
+            factor = np.where(np.isfinite(factor) & (factor > 0), factor, 1.0)[:, None]
+            size[:, :, k], size[:, k, :] = size[:, :, k] * factor, size[:, k, :] / factor
+            E = E.copy()
+            E[:, :, k], E[:, k, :] = E[:, :, k] * factor, E[:, k, :] / factor
+    return E

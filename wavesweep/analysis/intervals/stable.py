@@ -4,6 +4,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from wavesweep.analysis.doubt import CROWDED, NONE, OVERFLOW, ROUNDING
 from wavesweep.analysis.intervals.arcs import arc_crossings
 from wavesweep.analysis.intervals.crossings import crossings
 from wavesweep.analysis.intervals.curve import K_VE
@@ -19,8 +20,8 @@ class Intervals:
 
     column: index into the columns in C order, `slice * fixed.shape[-1] + position`. index: 0, 1, ... within the column.
     count: stable intervals of the column. low, high: ends (N/m or N*s/m), NaN without interval. low_omega, high_omega:
-    rad/s of the oscillation that starts there, NaN where the range ends the interval. certified, residual: see
-    `stable_intervals`.
+    rad/s of the oscillation that starts there, NaN where the range ends the interval, or what is known of it. doubt: why the
+    column is not certified, NONE where it is (codes of `wavesweep.analysis.doubt`). residual: see `stable_intervals`.
     """
 
     column: np.ndarray
@@ -30,8 +31,13 @@ class Intervals:
     high: np.ndarray
     low_omega: np.ndarray
     high_omega: np.ndarray
-    certified: np.ndarray
+    doubt: np.ndarray
     residual: np.ndarray
+
+    @property
+    def certified(self) -> np.ndarray:
+        """Whether each element's column is proved as a whole."""
+        return self.doubt == NONE
 
 
 def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
@@ -45,8 +51,8 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     equation to rounding, and rounding of the loop's own entries cannot move them by more (`rounding`); and eigenvalues,
     counted independently in the first region and in every stable one, agree with the counts that follow from region to
     region by the crossings' directions (`regions`). Columns that are unstable for every wall are certified so from their
-    trace (`hopeless`). Columns that fail are done again on arcs in state space (`arcs`); what fails still is reported as
-    not certified. A loop whose tick is so unstable that its frame overflows has no stable interval, not certified.
+    trace (`hopeless`). Columns that fail are done again on arcs in state space (`arcs`); what fails still is in doubt, and the
+    regions whose label is not known are left out. Of a loop whose frame overflows nothing is known.
     Accuracy: ends to about 1e-12 relative, measured against 40-digit arithmetic; at the least 1e-9 of the end and a
     hundred-thousandth of the span together.
     """
@@ -58,11 +64,12 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     pending, done = np.arange(flat.size), []
     cut, overflown = _finite(cut)
     for method in (_beyond_hope, _by_polynomial, _by_arcs):
-        parts, proved = method(cut, owner[pending], along, flat[pending], span)
+        parts, doubt = method(cut, owner[pending], along, flat[pending], span)
         lost = overflown[owner[pending]]
-        parts, proved = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable)), proved & ~lost
-        kept = proved | lost | (method is _by_arcs)
-        done.append((_select(parts, kept, pending), pending[proved]))
+        parts = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable))
+        doubt = np.where(lost, OVERFLOW, doubt)
+        kept = (doubt == NONE) | lost | (method is _by_arcs)
+        done.append((_select(parts, kept, pending), pending[kept], doubt[kept]))
         pending = pending[~kept]
         if not pending.size:
             break
@@ -81,9 +88,9 @@ def _beyond_hope(cut, owner, along, fixed, span):
     """Columns with a single region, unstable throughout; proved where that is sure."""
     nowhere = np.zeros(0)
     whole = cut_span(span, fixed.size, nowhere.astype(int), nowhere, nowhere, nowhere)
-    everything = np.ones(fixed.size, bool)
-    parts = whole.labelled(everything.astype(int), everything, nowhere > 0, nowhere)
-    return parts, surely_unstable(cut, owner, along, fixed, span)
+    everywhere = np.ones(fixed.size, int)
+    parts = whole.labelled(everywhere, 0 * everywhere, nowhere.astype(int), nowhere)
+    return parts, np.where(surely_unstable(cut, owner, along, fixed, span), NONE, CROWDED)
 
 
 def _by_polynomial(cut, owner, along, fixed, span):
@@ -97,11 +104,16 @@ def _by_arcs(cut, owner, along, fixed, span):
 
 
 def _judged(cut, owner, along, fixed, span, found) -> tuple[Regions, np.ndarray]:
-    """The regions between the crossings, and which columns are proved."""
+    """The regions between the crossings, and the doubt of each column."""
     parts = regions(cut, owner, along, fixed, span, found)
-    proved = found.complete.copy()
-    proved[parts.column[~parts.sound]] = False
-    return parts, proved
+    return parts, doubts_of(parts, np.where(found.complete, NONE, CROWDED))
+
+
+def doubts_of(parts: Regions, doubt) -> np.ndarray:
+    """The gravest doubt of each column: its own, and those of its regions; a region without a label leaves at least one."""
+    doubt = np.array(doubt)
+    np.maximum.at(doubt, parts.column, np.where(parts.unstable < 0, np.maximum(parts.doubt, ROUNDING), parts.doubt))
+    return doubt
 
 
 def _select(parts, kept, names) -> Regions:
@@ -112,21 +124,19 @@ def _select(parts, kept, names) -> Regions:
 
 
 def _sorted(done) -> tuple[Regions, np.ndarray]:
-    """All regions in the order of their columns, and which columns are proved; done: (regions, columns proved) pairs."""
-    parts = [part for part, _ in done]
-    column = np.concatenate([part.column for part in parts])
-    proved = np.zeros(column.max(initial=-1) + 1, bool)
-    proved[np.concatenate([names for _, names in done])] = True
+    """All regions in the order of their columns, and the doubt of each column; done: (regions, columns, their doubts)."""
+    parts = [part for part, _, _ in done]
+    doubt = np.concatenate([some for _, _, some in done])[np.argsort(np.concatenate([names for _, names, _ in done]))]
     if len(parts) == 1:
-        return parts[0], proved
-    order = np.argsort(column, kind="stable")
-    return Regions(*(np.concatenate([getattr(part, f.name) for part in parts])[order] for f in fields(Regions))), proved
+        return parts[0], doubt
+    order = np.argsort(np.concatenate([part.column for part in parts]), kind="stable")
+    return Regions(*(np.concatenate([getattr(part, f.name) for part in parts])[order] for f in fields(Regions))), doubt
 
 
-def intervals_of(r: Regions, proved, period) -> Intervals:
+def intervals_of(r: Regions, doubt, period) -> Intervals:
     """Runs of regions with no unstable eigenvalue, and an empty row for columns without any.
 
-    proved: `(columns,)`, whether a column's crossings are all known and its labels sound. period: of its frame, s.
+    doubt: `(columns,)`, codes. period: of each column's frame, s.
     """
     stable = r.unstable == 0
     same = np.append(np.diff(r.column) == 0, False)  # the next region is in the same column
@@ -145,7 +155,7 @@ def intervals_of(r: Regions, proved, period) -> Intervals:
     return Intervals(
         column, np.where(count[column] > 0, np.arange(column.size) - start[column], -1), count[column],
         *(np.concatenate([part, empty])[order] for part in (r.low[first], r.high[last], *omega)),
-        proved[column], error,
+        doubt[column], error,
     )
 
 
