@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from wavesweep.bench.problems import Bundle, bundles
@@ -39,7 +41,7 @@ def looped(spec: Spec, points: int) -> Answer:
 
 def feedback(spec: Spec, points: int) -> Answer:
     """python-control: `feedback` per point on a plant that is made once."""
-    return _one_by_one(spec, points, _feedback_test)
+    return _one_by_one(spec, points, feedback_test)
 
 
 def interconnected(spec: Spec, points: int) -> Answer:
@@ -79,7 +81,8 @@ def _numpy_test(part, row):
     return test
 
 
-def _feedback_test(part, row):
+def feedback_test(part: Bundle, row: int) -> Callable[[float], bool]:
+    """python-control: whether a column is stable at one K_VE, by `feedback` on a plant that is made once."""
     import control
 
     plant = control.ss(*_plant(part, row), float(part.cut.at(row).period))

@@ -12,9 +12,9 @@ import numpy as np
 from wavesweep.diagram import draw, keys_read
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.paper.specs import load_paper
-from wavesweep.spec import Spec
+from wavesweep.spec import Spec, sweep_axes
+from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.groups import groups
-from wavesweep.sweep.question import ask
 from wavesweep.sweep.slices import with_batch
 
 COLUMNS = (25, 50, 100, 200)
@@ -85,17 +85,25 @@ PROBLEMS = (
 class Bundle:
     """Columns whose loops one drawing serves.
 
-    column: their numbers. cut: their loops, one for each, cut at the wall. B_VE: the damping of each, N*s/m.
+    column: their numbers. loops: the loops that they share, cut at the wall. owner: which of these is whose. B_VE: the
+    damping of each, N*s/m.
     """
 
     column: np.ndarray
-    cut: Cut
+    loops: Cut
+    owner: np.ndarray
     B_VE: np.ndarray
+
+    @property
+    def cut(self) -> Cut:
+        """A loop for each column."""
+        return self.loops.at(self.owner)
 
 
 def bundles(spec: Spec) -> Iterator[Bundle]:
     """Draw and compile the loops of all columns: what every method does first."""
-    grid = ask(spec, "K_VE").grid
+    axis, others = sweep_axes(spec, "K_VE")
+    grid = make_grid(spec, others, axis.path)
     B = grid.wall_values()["environment.B_VE"]
     changes = grid.loop_values(np.arange(grid.loops))
     column = np.empty(grid.loops * grid.walls, int)
@@ -105,7 +113,7 @@ def bundles(spec: Spec) -> Iterator[Bundle]:
         cut = with_batch(cut_at_wall(draw(values)), members.size)
         owner = np.repeat(np.arange(members.size), B.size)
         own = (members[:, None] * B.size + np.arange(B.size)).ravel()
-        yield Bundle(column[own], cut.at(owner), np.tile(B, members.size))
+        yield Bundle(column[own], cut, owner, np.tile(B, members.size))
 
 
 def digest(spec: Spec) -> str:

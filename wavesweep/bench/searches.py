@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wavesweep.bench.points import answer_of, grid_of, is_stable
+from wavesweep.bench.points import answer_of, feedback_test, grid_of, is_stable
 from wavesweep.bench.problems import bundles
 from wavesweep.bench.scoring import Answer
 from wavesweep.lifted import close
@@ -43,6 +43,22 @@ def _narrowed(cut, B, stable, unstable, width):
         inside = is_stable(close(cut, middle, B))
         stable, unstable = np.where(inside, middle, stable), np.where(inside, unstable, middle)
     return (stable + unstable) / 2
+
+
+def bisected_by_feedback(spec: Spec, tolerance: float) -> Answer:
+    """The same with python-control, a `feedback` and its poles per step."""
+    stop = grid_of(spec, 1)[-1]
+    columns, ends = [], []
+    for part in bundles(spec):
+        for row in range(part.column.size):
+            test = feedback_test(part, row)
+            low, high = (stop, stop) if test(stop) else (0.0, stop)
+            while high - low > tolerance * stop:
+                middle = (low + high) / 2
+                low, high = (middle, high) if test(middle) else (low, middle)
+            columns.append(part.column[row])
+            ends.append((low + high) / 2)
+    return Answer(np.array(columns), np.zeros(len(ends)), np.array(ends))
 
 
 def refined(spec: Spec, setting: tuple[int, float]) -> Answer:

@@ -1,4 +1,4 @@
-"""Run time against error in the critical stiffness: every method that a user might choose, and this tool."""
+"""Run time against error in the critical stiffness: methods that a user might choose, and this tool."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from functools import partial
 from typing import Any
 
 from wavesweep.bench import ours, points, searches
-from wavesweep.bench.problems import COLUMNS, PROBLEMS, Problem, digest
+from wavesweep.bench.decomposition import decomposed
+from wavesweep.bench.problems import COLUMNS, PROBLEMS, Problem, bundles, digest
 from wavesweep.bench.references import checked, references
 from wavesweep.bench.scoring import Answer, score
 from wavesweep.bench.table import Row
@@ -17,6 +18,7 @@ from wavesweep.spec import Spec
 
 PART = "stiffness"
 LIBRARY, COMMAND = "this tool", "this tool, whole command"
+DECOMPOSITION = "D-decomposition, numpy"
 _TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 
 
@@ -40,6 +42,10 @@ def _searches(*tolerances: Any) -> tuple[tuple[Any, str, int], ...]:
     return tuple((each, f"to {each:g} of the range", max(COLUMNS)) for each in tolerances)
 
 
+def _angles(*numbers: int) -> tuple[tuple[Any, str, int], ...]:
+    return tuple((number, f"{number} angles", max(COLUMNS)) for number in numbers)
+
+
 def _refinements() -> tuple[tuple[Any, str, int], ...]:
     return tuple(((25, each), f"25 points, to {each:g} of the range", max(COLUMNS)) for each in _TOLERANCES)
 
@@ -52,6 +58,8 @@ METHODS = (
     Method("bisection, column by column", searches.bisected, _searches(*_TOLERANCES)),
     Method("bisection, all columns at once", searches.bisected_together, _searches(*_TOLERANCES)),
     Method("batched grid, refined", searches.refined, _refinements()),
+    Method("python-control, bisection with feedback", searches.bisected_by_feedback, _searches(1e-2, *_TOLERANCES[:-1])),
+    Method(DECOMPOSITION, decomposed, _angles(45, 90, 180, 450)),
 )
 
 
@@ -84,7 +92,9 @@ def _own_row(problem: Problem, columns: int, patience: Patience) -> Row:
     call = partial(ours.library, problem.ask(columns))
     table = call()
     pair = interleaved(call, call, patience)
-    named = (LIBRARY, f"{int(table.certified.sum())} of {len(table)} rows certified")
+    drawn = [part.loops.E.shape[0] for part in bundles(problem.ask(columns))]
+    shared = "one loop" if sum(drawn) == 1 else f"{sum(drawn)} loops"
+    named = (LIBRARY, f"{int(table.certified.sum())} of {len(table)} rows certified, columns of {shared}")
     return _measured(problem, named, columns, pair) | _scored(problem, columns, ours.answer_of(table))
 
 

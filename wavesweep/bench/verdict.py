@@ -48,7 +48,7 @@ def _stiffness(here: Columns, title: str) -> Iterator[str]:
     ours = own[-1]
     yield (
         f"{title}: this tool finds {ours['found']:g} of {ours['there']:g} intervals, error {ours['error_max']:.0e}, "
-        f"{1e6 * ours['seconds_each']:.3g} us per column"
+        f"{1e6 * ours['seconds_each']:.3g} us per column; {ours['setting']}"
     )
     others = [row for row in _rows(here) if row["method"] not in (LIBRARY, COMMAND)]
     for method in dict.fromkeys(row["method"] for row in others):
@@ -62,7 +62,10 @@ def _nearest(others: list[dict]) -> str:
     if not equal:
         return f"no other method finds every interval to {GOOD:.0e}"
     nearest = min(equal, key=lambda row: row["ratio"])
-    return f"nearest to {GOOD:.0e} with every interval: {nearest['method']}, {nearest['ratio']:.3g} times the run time"
+    return (
+        f"nearest to {GOOD:.0e} with every interval, none of them proved: {nearest['method']} ({nearest['setting']}), "
+        f"{nearest['ratio']:.3g} times the run time"
+    )
 
 
 def _against(rows: list[dict], method: str, ours: dict) -> str:

@@ -12,7 +12,7 @@ from wavesweep.plots.style import IDEAL, TWO_COLUMNS, distinct_colour, figure
 
 _LEAST = 1e-16  # errors below rounding, 0 among them, stand at the edge
 _MARKERS = "osv^D<"
-_OWN_MARKERS = "*Xp"
+_OWN_MARKERS = "*XpP"
 _OURS = "this tool"
 _ACROSS = 3
 

@@ -1,0 +1,38 @@
+"""The nearest rival is as good as it can be made, and proves nothing."""
+
+import numpy as np
+import pytest
+
+from wavesweep.bench import hard
+from wavesweep.bench.decomposition import decomposed
+from wavesweep.bench.problems import COLUMNS, PROBLEMS
+from wavesweep.bench.references import references
+from wavesweep.bench.scoring import score
+from wavesweep.bench.searches import bisected_by_feedback, bisected_together
+from wavesweep.spec import load
+
+
+@pytest.mark.parametrize("problem", PROBLEMS, ids=[problem.name for problem in PROBLEMS])
+def test_it_finds_every_interval_of_the_problems(problem):
+    truth = references()["intervals"][problem.name]["columns"]
+    found = score(decomposed(problem.ask(max(COLUMNS)), 180), truth, (0.0, problem.stop))
+    assert (found.found, found.wrong) == (found.there, 0)
+    assert found.error_max < 1e-12
+
+
+def two_crossings_about_to_merge():
+    """As a question of the benchmark's, and its truth."""
+    case = hard.ENDS[-1]
+    spec = load({**case.tables, "controller": {"kind": case.kind}, "sweep": {"K_VE": {"start": 0, "stop": case.span[1]}}})
+    return spec, [references()["hard_ends"][-1]], case.span
+
+
+def test_it_misses_what_lies_between_two_angles_without_a_word():
+    spec, truth, span = two_crossings_about_to_merge()
+    assert score(decomposed(spec, 180), truth, span).wrong == 1
+    assert score(decomposed(spec, 100_000), truth, span).wrong == 0
+
+
+def test_bisection_by_feedback_looks_at_the_same_points_as_numpys():
+    spec = PROBLEMS[0].ask(min(COLUMNS))
+    assert np.array_equal(bisected_by_feedback(spec, 1e-2).high, bisected_together(spec, 1e-2).high)
