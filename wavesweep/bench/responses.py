@@ -119,10 +119,10 @@ def _lifted(spec: Spec, frequency: np.ndarray):
     return lifted_system(draw(values), M, K, B), np.exp(angle * M), np.exp(-angle[:, None] * np.arange(M))
 
 
-OURS = "this tool, admittance and impedance"
+OURS = "this tool, two responses alone"
 METHODS = {
     OURS: admittance,
-    "this tool, the whole table of bode": everything,
+    "this tool, the whole table": everything,
     "numpy, batched solve": batched,
     "numpy, batched solve and worst gain": batched_with_gain,
     "python-control": controlled,

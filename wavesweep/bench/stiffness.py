@@ -58,7 +58,7 @@ METHODS = (
     Method("bisection, column by column", searches.bisected, _searches(*_TOLERANCES)),
     Method("bisection, all columns at once", searches.bisected_together, _searches(*_TOLERANCES)),
     Method("batched grid, refined", searches.refined, _refinements()),
-    Method("python-control, bisection with feedback", searches.bisected_by_feedback, _searches(1e-2, *_TOLERANCES[:-1])),
+    Method("python-control, bisection with feedback", searches.bisected_by_feedback, _searches(1e-2, 1e-6, 1e-9, 1e-10)),
     Method(DECOMPOSITION, decomposed, _angles(45, 90, 180, 450)),
 )
 

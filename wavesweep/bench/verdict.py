@@ -9,7 +9,7 @@ import numpy as np
 from wavesweep.bench.growth import exponent
 from wavesweep.bench.hotpath import LAPACK
 from wavesweep.bench.problems import PROBLEMS
-from wavesweep.bench.stiffness import COMMAND, LIBRARY, PART
+from wavesweep.bench.stiffness import COMMAND, DECOMPOSITION, LIBRARY, PART
 
 GOOD = 1e-9  # the error at which run times are compared
 FLOOR = np.finfo(float).eps  # nothing is called more accurate than this
@@ -52,8 +52,18 @@ def _stiffness(here: Columns, title: str) -> Iterator[str]:
     )
     others = [row for row in _rows(here) if row["method"] not in (LIBRARY, COMMAND)]
     for method in dict.fromkeys(row["method"] for row in others):
-        yield "  " + _against([row for row in others if row["method"] == method], method, ours)
+        say = _by_angles if method == DECOMPOSITION else _against
+        yield "  " + say([row for row in others if row["method"] == method], method, ours)
     yield "  " + _nearest(others)
+
+
+def _by_angles(rows: list[dict], method: str, _ours: dict) -> str:
+    """How many angles are enough is what its user cannot know, so each setting is named."""
+    each = (
+        f"{row['ratio']:.3g} times as long with {row['setting']} (error {row['error_max']:.0e}, {row['found']:g} intervals)"
+        for row in rows
+    )
+    return f"{method}, which proves nothing, takes {', '.join(each)}"
 
 
 def _nearest(others: list[dict]) -> str:
@@ -93,8 +103,8 @@ def _error(row: dict) -> float:
 def _response(here: Columns) -> Iterator[str]:
     for row in _rows(here):
         yield (
-            f"response, {row['setting']}: {row['method']} {1e3 * row['seconds']:.3g} ms, {row['ratio']:.3g} times, "
-            f"error {row['error_max']:.0e}"
+            f"response, {row['setting']}: {row['method']} {1e3 * row['seconds']:.3g} ms, {row['ratio']:.3g} times "
+            f"{row['yardstick']}, error {row['error_max']:.0e}"
         )
 
 

@@ -21,7 +21,7 @@ _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VE
 def command(quick: bool, options: Options) -> None:
     """Measure run time against error, this tool beside what a user would write instead.
 
-    Takes no SPEC, and about three minutes. Errors are against 50-digit arithmetic; all run times are of one thread, and
+    Takes no SPEC, and about four minutes. Errors are against 50-digit arithmetic; all run times are of one thread, and
     each ratio is of runs in turn. Writes to results/bench, or to --out, one table with a figure: stiffness and responses
     against error, the cost of compiling, slices, workers and starting, a profile, and where digits are lost.
     """

@@ -27,7 +27,7 @@ def bench(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Pat
     problems, methods = (list(dict.fromkeys(rows[name].tolist())) for name in ("problem", "method"))
     across = min(len(problems), _ACROSS)
     down = -(-len(problems) // across)
-    with figure(path, TWO_COLUMNS, 2.2 * down + 1.1) as canvas:
+    with figure(path, TWO_COLUMNS, 2.2 * down + 1.5) as canvas:
         grid = canvas.subplots(down, across, squeeze=False).ravel()
         for axes, problem in zip(grid, problems, strict=False):
             here = rows["problem"] == problem
@@ -70,13 +70,15 @@ def _look(method: str, methods: list[str]) -> dict[str, Any]:
     mine = method.startswith(_OURS)
     rank = [name for name in methods if name.startswith(_OURS) == mine].index(method)
     if mine:
-        return {"color": IDEAL, "marker": _OWN_MARKERS[rank], "markersize": 6, "zorder": 3}
+        # Behind the others, and larger: the nearest of them would be hidden.
+        return {"color": IDEAL, "marker": _OWN_MARKERS[rank], "markersize": 7, "zorder": 2.5}
     style, marker = "-" if rank < len(_MARKERS) else "--", _MARKERS[rank % len(_MARKERS)]
-    return {"color": distinct_colour(rank), "marker": marker, "markersize": 4, "linestyle": style, "linewidth": 0.9}
+    line = {"linestyle": style, "linewidth": 0.9, "zorder": 3}
+    return {"color": distinct_colour(rank), "marker": marker, "markersize": 4, **line}
 
 
 def _legend(canvas: Any, methods: list[str]) -> None:
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], **_look(name, methods)) for name in methods]
-    canvas.legend(handles, methods, loc="outside lower center", ncols=3)
+    canvas.legend(handles, methods, loc="outside lower center", ncols=2)
