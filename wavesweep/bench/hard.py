@@ -36,9 +36,9 @@ class Case:
 
 
 ENDS = (
-    Case("first-order filters", "pmw-lm", _EXPLICIT),
-    Case("first-order filters, along B_VE", "pmw-lm", _EXPLICIT, "B_VE", (0.0, 100.0)),
-    Case("direct coupling to the slow wall", "dc-slow", {}),
+    Case("pmw-lm with its defaults, explicit wall", "pmw-lm", _EXPLICIT),
+    Case("pmw-lm with its defaults, explicit wall, along B_VE", "pmw-lm", _EXPLICIT, "B_VE", (0.0, 100.0)),
+    Case("dc-slow with its defaults", "dc-slow", {}),
     Case("LP1 of 6th order at 3 Hz", "pmw", _EXPLICIT | _order(6, 3.0)),
     Case("LP1 of 12th order at 10 Hz", "pmw", _EXPLICIT | _order(12, 10.0)),
     Case("LP1 of 12th order at 1 Hz, poles within 1e-3 of each other", "pmw", _EXPLICIT | _order(12, 1.0)),

@@ -1,0 +1,52 @@
+"""The document's table of errors of ends, held against a small sample of the loops that made it."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wavesweep
+
+pytest.importorskip("flint", reason="python-flint is the witness")
+from benchmarks import end_errors
+from support.specs import values_of
+
+ENDS, MOST = 4, 30  # ends of each condition, and loops to find them in: some have none
+
+
+def stated():
+    """Condition -> (99 % quantile, worst), as the document has them."""
+    lines = (Path(wavesweep.__file__).parent / "ACCURACY.md").read_text(encoding="utf-8").splitlines()
+    found = (re.fullmatch(r"\| (.+) \| [\d,]+ of [\d,]+ \| [\d,]+ \| \S+ \| (\S+) \| (\S+) \|", line) for line in lines)
+    return {match[1]: (float(match[2]), float(match[3])) for match in found if match}
+
+
+def test_the_document_states_every_condition():
+    assert list(stated()) == [condition.name for condition in end_errors.CONDITIONS]
+
+
+@pytest.mark.parametrize("condition", end_errors.CONDITIONS, ids=lambda condition: condition.name)
+def test_a_sample_is_as_good_as_the_document_says(condition):
+    quantile, worst = stated()[condition.name]
+    outcomes, errors = [], []
+    while len(errors) < ENDS and len(outcomes) < MOST:
+        outcomes.append(condition.examine(len(outcomes)))
+        errors += outcomes[-1].errors
+    assert sum(one.wrong for one in outcomes) == 0
+    assert max(errors) <= worst
+    assert np.median(errors) <= quantile
+
+
+def test_both_ways_to_the_truth_agree():
+    """Newton's method on the determinant ends where ball arithmetic isolates the crossing."""
+    values = values_of("pmw-lm", integration="explicit", Kp=20.0)
+    crossing = end_errors.SharpWitness(values).regions("K_VE", (0.0, 20000.0), 1.0)[0]
+    exact = float(crossing.high.mid())
+    found = end_errors.true_end(values, "environment.K_VE", exact * (1 + 1e-9), crossing.high_theta * (1 + 1e-9))
+    assert found == pytest.approx(exact, rel=1e-15)
+
+
+@pytest.mark.parametrize(("error", "text"), [(0.0, "1e-16"), (1e-13, "1e-13"), (1.01e-13, "2e-13"), (9.5e-13, "1e-12")])
+def test_what_is_stated_is_never_less_than_the_error(error, text):
+    assert end_errors.rounded_up(error) == text
