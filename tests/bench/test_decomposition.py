@@ -36,3 +36,13 @@ def test_it_misses_what_lies_between_two_angles_without_a_word():
 def test_bisection_by_feedback_looks_at_the_same_points_as_numpys():
     spec = PROBLEMS[0].ask(min(COLUMNS))
     assert np.array_equal(bisected_by_feedback(spec, 1e-2).high, bisected_together(spec, 1e-2).high)
+
+
+def test_random_loops_that_it_misses_are_certified_here():
+    """A loop with filters of first order, and an angle for every degree."""
+    pytest.importorskip("flint", reason="python-flint is the witness")
+    from benchmarks.decomposition_misses import ANGLES, first_order, tally
+
+    columns, certified, wrong, *missed = tally(first_order, 9)
+    assert (columns, certified, wrong) == (3, 3, 0)
+    assert dict(zip(ANGLES, missed, strict=True)) == {45: 3, 180: 3, 450: 0, 2000: 0}
