@@ -5,11 +5,12 @@ import pytest
 
 from wavesweep.paper.documents import choices_text, counted, statements_text
 from wavesweep.paper.open_choices import FIELDS, open_choices
+from wavesweep.paper.readings import CHOICES
 
 
 def test_every_statement_has_a_row_and_a_line_on_how_it_is_judged(judged):
     table, tests = statements_text(judged).split("## How each is judged")
-    assert table.count("\n| ") == len(judged["number"]) + 2
+    assert table.count("\n| ") == len(judged["number"]) + 2 + len(dict.fromkeys(choice.path for choice in CHOICES)) + 2
     assert tests.strip().count("\n") == len(judged["number"]) - 1
     assert counted(judged) in table
 
@@ -17,7 +18,7 @@ def test_every_statement_has_a_row_and_a_line_on_how_it_is_judged(judged):
 def test_a_bar_in_a_cell_does_not_end_it(judged):
     text = statements_text(judged)
     rows = [line for line in text.splitlines() if line.startswith("| ")]
-    assert {line.replace("\\|", "").count("|") for line in rows} == {7}
+    assert {line.replace("\\|", "").count("|") for line in rows} == {8, 4}
 
 
 @pytest.fixture(scope="module")

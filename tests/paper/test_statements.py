@@ -6,52 +6,78 @@ import pytest
 from wavesweep.paper.statements import STATEMENTS
 from wavesweep.paper.verdicts import CONTRADICTED, INFERRED, REPRODUCED, UNTESTABLE
 
-# The beginning of a statement -> its verdict, and the reason that it has to be this one.
+# A part of a statement that no other has -> its verdict, and the reason that it has to be this one.
 EXPECTED = {
-    "The delay of the virtual": (REPRODUCED, "a sampled wall tolerates less stiffness the longer its force is held"),
-    "A power-domain local model is": (CONTRADICTED, "a wall of 500 N/m is unstable alone, and stays so with little K_LM"),
-    "... where that environment": (REPRODUCED, "K_LM up to K_VE only adds fast stiffness to it"),
-    "A fixed-stiffness local model cannot increase the gain": (CONTRADICTED, "stable K_LM go far beyond K_VE"),
-    "A fixed-stiffness local model cannot increase the range": (CONTRADICTED, "fast stiffness supports the slow wall"),
-    "Wave aliasing": (REPRODUCED, "without a filter all 20 aliases fold onto one sample"),
-    "A low-pass filter": (INFERRED, "a Butterworth filter lets something alias, at high orders less than 1e-10"),
-    "The filter bank divides": (REPRODUCED, "Butterworth filters of one order and cutoff are power-complementary"),
-    "The filter bank structure": (CONTRADICTED, "the two returned waves are added: two equal ones give sqrt(2)"),
-    "LP2 reduces": (REPRODUCED, "a low-pass lets less than all of a lossless reflection through"),
-    "The DC admittance": (REPRODUCED, "direct coupling is a spring at rest"),
-    "Increasing the wave impedance improves": (INFERRED, "the filter's spring grows with b"),
-    "At low frequencies the anti": (INFERRED, "the hold adds 9.5 ms; a wall at the fast rate has none"),
-    "Added damping": (REPRODUCED, "the peak of a damped spring and mass"),
-    "... at the expense of stability": (INFERRED, "implicit and trapezoidal walls behind waves have no limit"),
-    "... but have little effect": (CONTRADICTED, "the local model shortens the delay that is felt as a spring"),
-    "It makes the low-frequency": (INFERRED, "at rest Kp makes the avatar's position the hand's"),
-    "... and over the low": (CONTRADICTED, "Kp acts below its own bandwidth only"),
-    "At low frequencies the amplitude": (INFERRED, "wherever the loops are stable"),
-    "The natural frequency approaches": (INFERRED, "wherever the loops are stable"),
-    "... and much": (CONTRADICTED, "above LP2's cutoff b loads the device in both"),
-    "PMW+LM renders stiffer": (INFERRED, "wherever the loops are stable"),
-    "Passive multirate wave control renders": (INFERRED, "an implicit wall has no limit, an explicit one the right b"),
-    "The stiffness of the local": (INFERRED, "an implicit wall has no limit, that of an explicit one grows"),
-    "The gain Kp": (INFERRED, "no limit with an implicit wall"),
-    "... unlike the parameters": (REPRODUCED, "the limit of the power-domain model grows with K_LM"),
-    "Filter bank, local model and": (INFERRED, "with an implicit wall there is nothing to improve"),
-    "LP2 injects": (REPRODUCED, "a lossless reflection fed back undiminished rings"),
+    "The delay of computationally": (REPRODUCED, "a sampled wall tolerates less stiffness the longer its force is held"),
+    "the simulation loop is stable": (UNTESTABLE, "[3] has virtual coupling, which nothing here has"),
+    "increase the gain of the force": (UNTESTABLE, "as before"),
+    "increase the range of contact": (UNTESTABLE, "as before"),
+    "wave aliasing": (REPRODUCED, "without a filter all 20 aliases fold onto one sample"),
+    "To eliminate aliasing": (CONTRADICTED, "a Butterworth filter lets something alias, whatever its order and cutoff"),
+    "low-pass antialiasing filter": (CONTRADICTED, "as before, with HP's part on top"),
+    "The filter bank divides": (REPRODUCED, "a low-pass and a high-pass cross once"),
+    "this filter bank structure": (CONTRADICTED, "the two returned waves are added: two equal ones give the root of 2"),
+    "reduces the wave reflections": (REPRODUCED, "a low-pass lets less than all of a lossless reflection through"),
+    "the DC transmitted": (REPRODUCED, "direct coupling is a spring at rest"),
+    "increasing the wave impedance improves": (INFERRED, "the filter's spring grows with b, if the loop is stable"),
+    "lowpass anti-aliasing filter": (INFERRED, "the hold adds 9.5 ms; a wall at the fast rate has none"),
+    "(the first half, by the device": (REPRODUCED, "the peak of a damped spring and mass"),
+    "at the expense of stability": (INFERRED, "implicit and trapezoidal walls behind waves have no limit"),
+    "have little effect": (INFERRED, "a high-pass of second order keeps the local model out of what is felt at rest"),
+    "(towards 0 Hz)": (INFERRED, "at rest Kp makes the avatar's position the hand's"),
+    "(over the frequencies of Figure 2a)": (INFERRED, "Kp acts below its own bandwidth only, fast filters widen it"),
+    "In the low frequency range": (INFERRED, "wherever the loops are stable and HP lets the local model in"),
+    "In the high frequency range": (INFERRED, "wherever the loops are stable"),
+    "(at high frequencies: much better)": (
+        INFERRED,
+        "above LP2's cutoff b loads the device in both: it holds with LP2 at 160 Hz",
+    ),
+    "can render stiffer contact": (INFERRED, "wherever the loops are stable"),
+    "can stably render a maximum": (INFERRED, "an implicit wall has no limit, an explicit one the right b or cutoff"),
+    "The axes of Figure 4": (CONTRADICTED, "a line from 800 N/m rises by 100 N/m or more for each N s/m"),
+    "An axis of Figure 5": (INFERRED, "a region without limit, as an implicit wall has, ends nowhere"),
+    "the parameters of the local model have": (INFERRED, "no limit with an implicit wall and HP of first order"),
+    "the gain of the term": (INFERRED, "no limit with an implicit wall"),
+    "unlike the parameters": (REPRODUCED, "the limit of the power-domain model grows with K_LM"),
+    "position feedback improves": (INFERRED, "with an implicit wall there is nothing to improve"),
+    "has been introduced to reduce": (INFERRED, "a lossless reflection rings if it comes back a tick late; not without delay"),
     "The improvement is largely": (INFERRED, "only where there is an improvement"),
-    "The experiments validate": (REPRODUCED, "a settled linear loop answers as its analysis says"),
-    "PMW+LM increases": (REPRODUCED, "as in Figure 6"),
-    "At low frequency PMW+LM": (REPRODUCED, "as in Figure 6"),
-    "PMW+LM transmits": (INFERRED, "wherever the loops are stable"),
+    "Experiments with a Phantom Omni": (UNTESTABLE, "a simulation says nothing of a device"),
+    "increases the first natural": (INFERRED, "unstable with an explicit wall"),
+    "regardless of the low update": (INFERRED, "unstable with an explicit wall"),
+    "(at low frequencies)": (INFERRED, "wherever the loops are stable"),
     "The human touch": (UNTESTABLE, "no human here"),
     "Robust control": (UNTESTABLE, "no such controller here"),
 }
 
+# A part of a statement -> one smallest change that turns it, each found by another program.
+TURNED_BY = {
+    "have little effect": "HP of order 2",
+    "(at high frequencies: much better)": "LP2 at 160 Hz",
+    "has been introduced to reduce": "explicit wall + local model without delay",
+    "the parameters of the local model have": "HP of order 2",
+    "can stably render a maximum": "explicit wall + LP1 at 8.57 Hz",
+    "increases the first natural": "unstable: explicit wall",
+    "regardless of the low update": "unstable: explicit wall",
+}
 
-@pytest.mark.parametrize(("beginning", "expected"), EXPECTED.items(), ids=list(EXPECTED))
-def test_the_verdict_of_a_statement(beginning, expected, judged):
-    verdict, reason = expected
-    found = [row for row, says in enumerate(judged["statement"]) if says.startswith(beginning)]
+
+def row_of(judged, part):
+    found = [row for row, says in enumerate(judged["statement"]) if part in says]
     assert len(found) == 1
-    assert judged["verdict"][found[0]] == verdict, f"{reason}; found {judged['numbers'][found[0]]}"
+    return found[0]
+
+
+@pytest.mark.parametrize(("part", "expected"), EXPECTED.items(), ids=list(EXPECTED))
+def test_the_verdict_of_a_statement(part, expected, judged):
+    verdict, reason = expected
+    row = row_of(judged, part)
+    assert judged["verdict"][row] == verdict, f"{reason}; found {judged['numbers'][row]}"
+
+
+@pytest.mark.parametrize(("part", "change"), TURNED_BY.items(), ids=list(TURNED_BY))
+def test_the_smallest_change_that_turns_a_statement(part, change, judged):
+    assert change in judged["turned_by"][row_of(judged, part)].split("; ")
 
 
 def test_every_statement_says_where_it_is_made_and_how_it_is_judged(judged):
@@ -65,8 +91,18 @@ def test_a_verdict_that_hangs_on_a_reading_names_it(judged):
     hanging = judged["verdict"] == INFERRED
     assert all(judged["holds_under"][hanging])
     assert all(judged["fails_under"][hanging])
+    assert all(judged["turned_by"][hanging])
+    assert not any(judged["turned_by"][~hanging])
+    assert np.all((judged["held"] > 0) & (judged["held"] < judged["readings"]) == hanging)
     assert not any(judged["fails_under"][judged["verdict"] == REPRODUCED])
     assert not any(judged["holds_under"][judged["verdict"] == CONTRADICTED])
+
+
+def test_what_is_put_into_the_papers_mouth_stands_in_quotation_marks(judged):
+    for where, says in zip(judged["where"], judged["statement"], strict=True):
+        opened, closed = says.count("“"), says.count("”")
+        assert opened == closed
+        assert opened > 0 or "labels" in where  # tick labels are no sentences
 
 
 def test_every_section_and_figure_of_the_paper_has_statements(judged):

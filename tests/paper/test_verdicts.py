@@ -3,8 +3,8 @@
 import pytest
 
 from wavesweep.paper.bench import Bench
-from wavesweep.paper.readings import OWN, READINGS, set_to, summary
-from wavesweep.paper.statements.stability import bank_improves_stability, local_stiffness_matters_little
+from wavesweep.paper.readings import PMW_LM, Choice, Reading
+from wavesweep.paper.statements.stability import WITH_STIFFER_MODELS, bank_improves_stability, local_stiffness_matters_little
 from wavesweep.paper.verdicts import (
     CONTRADICTED,
     INFERRED,
@@ -15,14 +15,17 @@ from wavesweep.paper.verdicts import (
     Finding,
     Outcome,
     Statement,
-    once,
     over,
     untestable,
 )
 
 
+def reading(*words):
+    return Reading(tuple(Choice(f"key.{word}", word, word) for word in words))
+
+
 def finding(*held):
-    return Finding(tuple(Outcome(f"reading {n}", holds, f"{n} N/m") for n, holds in enumerate(held)))
+    return Finding(tuple(Outcome(reading(f"reading {n}"), holds, f"{n} N/m") for n, holds in enumerate(held)))
 
 
 @pytest.mark.parametrize(
@@ -41,19 +44,33 @@ def test_the_verdict_of_outcomes(held, verdict):
 
 def test_the_numbers_of_the_first_reading_and_of_the_first_that_decides_otherwise():
     assert finding(True, True, False, False).numbers == "reading 0: 0 N/m; reading 2: 2 N/m"
-    assert once(Answer(True, "5 N/m")).numbers == "5 N/m"
+    assert Finding((Outcome(reading(), True, "5 N/m"),)).numbers == "5 N/m"
 
 
-def test_unstable_readings_are_named_apart():
-    found = Finding((Outcome(OWN, True, "1 N/m"), Outcome("a", *UNSTABLE), Outcome("b", False, "2 N/m")))
-    assert found.readings(holds=False) == "b; unstable: a"
-    assert found.numbers == "1 N/m; b: 2 N/m"
+TURNED = Finding(
+    (
+        Outcome(reading(), True, "1 N/m"),
+        Outcome(reading("a"), *UNSTABLE),
+        Outcome(reading("b"), True, "2 N/m"),
+        Outcome(reading("a", "b"), *UNSTABLE),
+        Outcome(reading("b", "c"), False, "3 N/m"),
+        Outcome(reading("b", "c", "d"), False, "4 N/m"),
+        Outcome(reading("e", "f"), False, "5 N/m"),
+    )
+)
 
 
-def test_an_integration_is_named_once_where_all_its_delays_are_there():
-    labels = [reading.label for reading in READINGS]
-    assert summary(label for label in labels if label.startswith("explicit")) == "explicit wall"
-    assert summary(["explicit, delay 0", "explicit, delay 20"]) == "explicit, delay 0; explicit, delay 20"
+def test_the_smallest_changes_turn_a_verdict_and_unstable_ones_are_named_apart():
+    assert TURNED.verdict == INFERRED
+    assert TURNED.turned_by == "b + c; e + f; unstable: a"
+    assert TURNED.numbers == "1 N/m; b + c: 3 N/m"
+    assert finding(True, True).turned_by == finding(False).turned_by == ""
+
+
+def test_readings_that_contain_another_one_are_not_named():
+    assert TURNED.readings(holds=True) == "the spec's own values"
+    assert TURNED.readings(holds=False) == "a; b + c; e + f"
+    assert TURNED.held == 2
 
 
 def test_a_statement_shows_how_it_is_judged():
@@ -65,12 +82,15 @@ def test_a_statement_shows_how_it_is_judged():
 def test_each_reading_is_tried():
     seen = []
 
-    def check(*overrides):
-        seen.append(overrides)
-        return Answer(True, "")
+    def check(number, word):
+        seen.append((number, word))
+        return Answer(number > 0, "")
 
-    assert over(check, [set_to("a", "b=1"), set_to("c")]).verdict == REPRODUCED
-    assert seen == [("b=1",), ()]
+    tried = (reading(), reading("a"))
+    assert over(tried, check, [1, 2], ["x", "y"]).verdict == REPRODUCED
+    assert seen == [(1, "x"), (2, "y")]
+    with pytest.raises(ValueError, match="shorter"):
+        over(tried, check, [1], ["x"])
 
 
 class Told(Bench):
@@ -80,9 +100,9 @@ class Told(Bench):
         super().__init__()
         self.told = limits
 
-    def limits(self, name, *overrides):
-        del overrides
-        return self.told[name]
+    def limit_families(self, name, readings, changes):
+        del changes
+        return [self.told[name]] * len(readings)
 
 
 def test_other_numbers_give_another_verdict():
@@ -90,3 +110,4 @@ def test_other_numbers_give_another_verdict():
     assert bank_improves_stability(Told({"fig6": [400.0], "pmw": [500.0]})).verdict == CONTRADICTED
     assert local_stiffness_matters_little(Told({"fig6": [400.0, 420.0]})).verdict == REPRODUCED
     assert local_stiffness_matters_little(Told({"fig6": [400.0, 450.0]})).verdict == CONTRADICTED
+    assert len(bank_improves_stability(Told({"fig6": [1.0], "pmw": [2.0]})).outcomes) == len(WITH_STIFFER_MODELS) > len(PMW_LM)

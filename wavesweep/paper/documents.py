@@ -1,4 +1,4 @@
-"""The two tables of words as Markdown, for people."""
+"""The tables as Markdown, for people."""
 
 from __future__ import annotations
 
@@ -8,22 +8,32 @@ from itertools import product
 import numpy as np
 
 from wavesweep.paper.judging import VERDICTS
-from wavesweep.paper.verdicts import INFERRED
+from wavesweep.paper.readings import CHOICES
+from wavesweep.paper.specs import load_paper
 
 Columns = Mapping[str, np.ndarray]
 
 _PREFACE = """# The paper's statements
 
-Each statement is tried under every reading of what the paper leaves open: how the wall is integrated, its delay, how
-velocity is measured, the order of LP1, or what the statement itself leaves open. A loop that is unstable under a
-reading does not show what is stated. A statement is *reproduced* where it holds under all readings, *contradicted*
-where under none; else the last column names those on which it hangs. How each is judged stands below.
+Words in quotation marks are the paper's own; what follows them says which part is judged. Each statement is tried under
+many readings of what the paper leaves open, since its Table 1 is lost: the spec's own values, every single choice below in
+their place, and every pair of choices, as far as the loops in question read them.
 
-Numbers are those of the figure's spec, of an implicit wall without delay, exact velocity and LP1 of first order where
-nothing else is said; then, after a semicolon, those of the first reading that decides otherwise. Values that the paper
-sets (mass, damping, rates, K_VE, b) are no claims: they stand in the specs. DC is direct coupling at 1 kHz, the ideal;
-PMW is passive multirate wave control; PMW+LM is that with filter bank, local model and Kp. "Off by" is relative to DC.
+{choices}
+
+A statement is *reproduced* where it holds under all readings, *contradicted* where under none. Else it is reproduced only
+under an inferred value: "holds in" counts the readings, and the last column names the smallest changes of the spec's own
+values (the fewest choices) that turn what these say. A loop that is unstable under a reading does not show what is stated;
+changes that turn a statement in that way alone stand apart. How each is judged stands below.
+
+Numbers are those of the spec's own values: an implicit wall without delay, exact velocity, LP1 and HP of first order at 10
+Hz, LP2 of second order at 20 Hz, an implicit local model with a delay of a tick; then, after a semicolon, those of the first
+change that turns it. Values that the paper sets (mass, damping, rates, K_VE, b) are no claims: they stand in the specs. DC
+is direct coupling at 1 kHz, the ideal; PMW is passive multirate wave control; PMW+LM is that with filter bank, local model
+and Kp. "Off by" is relative to DC.
 """
+
+_NAMED = 4  # changes that the page names; the table has all
 
 _CHOICES = """# What the paper leaves open
 
@@ -42,20 +52,35 @@ def counted(columns: Columns) -> str:
 def statements_text(columns: Columns) -> str:
     """The table of statements, and below it how each one is judged."""
     rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-    cells = [(r["number"], r["where"], r["statement"], f"**{r['verdict']}**", r["numbers"], _hangs_on(r)) for r in rows]
-    table = _table(("#", "where", "the paper says", "verdict", "numbers", "hangs on"), cells)
+    cells = [
+        (r["number"], r["where"], r["statement"], f"**{r['verdict']}**", _held(r), r["numbers"], _few(r["turned_by"]))
+        for r in rows
+    ]
+    table = _table(("#", "where", "the paper says", "verdict", "holds in", "numbers", "smallest change that turns it"), cells)
     tests = "\n".join(f"{r['number']}. {r['test']}" for r in rows)
-    return f"{_PREFACE}\n{counted(columns)}.\n\n{table}\n\n## How each is judged\n\n{tests}\n"
+    preface = _PREFACE.format(choices=_table(("key", "own", "also"), _choices_tried()))
+    return f"{preface}\n{counted(columns)}.\n\n{table}\n\n## How each is judged\n\n{tests}\n"
 
 
-def _hangs_on(row: Mapping) -> str:
-    """Name the readings on the side that is said in fewer words, where they disagree."""
-    if row["verdict"] != INFERRED:
-        return ""
-    holds, fails = row["holds_under"], row["fails_under"]
-    if len(holds.split("; ")) < len(fails.split("; ")):
-        return f"holds only: {holds}"
-    return fails if fails.startswith("unstable") else f"does not hold: {fails}"
+def _choices_tried() -> list[tuple]:
+    own = load_paper("fig6").values
+    paths = dict.fromkeys(choice.path for choice in CHOICES)
+    others = {path: ", ".join(_short(choice.value) for choice in CHOICES if choice.path == path) for path in paths}
+    return [(f"`{path}`", _short(own[path]), others[path]) for path in paths]
+
+
+def _held(row: Mapping) -> str:
+    return f"{row['held']} of {row['readings']}" if row["readings"] else ""
+
+
+def _few(turned_by: str) -> str:
+    """Name some of the changes and count the others, of those with a response and of the unstable ones."""
+    seen, apart, unstable = turned_by.partition("unstable: ")
+    return "; ".join(
+        f"{before}{'; '.join(names[:_NAMED])}{f' and {len(names) - _NAMED} more' if len(names) > _NAMED else ''}"
+        for before, part in (("", seen), (apart, unstable))
+        if (names := [name for name in part.split("; ") if name])
+    )
 
 
 def choices_text(columns: Columns) -> str:

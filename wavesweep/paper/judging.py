@@ -24,9 +24,12 @@ FIELDS = (
     Field("statement", "string", "", "what the paper says"),
     Field("verdict", "string", "", ", ".join(VERDICTS)),
     Field("numbers", "string", "", "what was found"),
-    Field("holds_under", "string", "", "readings of what the paper leaves open under which it holds"),
-    Field("fails_under", "string", "", "readings under which it does not"),
+    Field("holds_under", "string", "", "readings of what the paper leaves open under which it holds, the smallest changes"),
+    Field("fails_under", "string", "", "readings under which it does not, the smallest changes"),
     Field("test", "string", "", "what is compared with what"),
+    Field("readings", "integer", "1", "how many readings were tried"),
+    Field("held", "integer", "1", "under how many of them it holds"),
+    Field("turned_by", "string", "", "the smallest changes of the first reading that decide otherwise"),
 )
 
 
@@ -36,13 +39,13 @@ def judge(bench: Bench, statements: Sequence[Statement], done: Callable[[], None
     for statement in statements:
         found.append(statement.judge(bench))
         done()
-    columns = {"number": np.arange(1, len(found) + 1), **_words(statements, found)}
+    columns = {"number": np.arange(1, len(found) + 1), **_rows(statements, found)}
     counts = {"computed": len(found), "skipped": 0, "certified": 0}
     return Run(columns, _facts(counts, time.perf_counter() - started))
 
 
-def _words(statements: Sequence[Statement], found: Sequence[Finding]) -> dict[str, np.ndarray]:
-    words = {
+def _rows(statements: Sequence[Statement], found: Sequence[Finding]) -> dict[str, np.ndarray]:
+    columns = {
         "where": [statement.where for statement in statements],
         "statement": [statement.says for statement in statements],
         "verdict": [finding.verdict for finding in found],
@@ -50,8 +53,12 @@ def _words(statements: Sequence[Statement], found: Sequence[Finding]) -> dict[st
         "holds_under": [finding.readings(holds=True) for finding in found],
         "fails_under": [finding.readings(holds=False) for finding in found],
         "test": [statement.test for statement in statements],
+        "readings": [len(finding.outcomes) for finding in found],
+        "held": [finding.held for finding in found],
+        "turned_by": [finding.turned_by for finding in found],
     }
-    return {name: np.array(column, dtype=object) for name, column in words.items()}
+    whole = ("readings", "held")
+    return {name: np.array(column, dtype=int if name in whole else object) for name, column in columns.items()}
 
 
 def _facts(counts: dict[str, int], seconds: float) -> dict:

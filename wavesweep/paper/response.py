@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from wavesweep.analysis.response import prepare, steady_state
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw
+from wavesweep.diagram.drawing import Diagram
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import Spec
 
@@ -29,9 +31,17 @@ class Response:
 
 def respond(spec: Spec, frequency_hz=None) -> Response:
     """Compute the response of one spec, at the frequencies (Hz) of its [bode] table unless others are given."""
-    values = spec.values
     frequency = np.asarray(spec.frequency_hz if frequency_hz is None else frequency_hz, float)
-    K, B, diagram = values["environment.K_VE"], values["environment.B_VE"], draw(values)
-    admittance, impedance = steady_state(prepare(diagram, K, B), frequency)
+    return respond_to(draw(spec.values), spec.values, 1, frequency)[0]
+
+
+def respond_to(diagram: Diagram, values: Mapping, size: int, frequency: np.ndarray) -> list[Response]:
+    """Compute the responses of `size` loops that one drawing serves.
+
+    values: flat keys -> one value for all loops, or an array over them; the wall and the rates are read from it.
+    """
+    K, B = values["environment.K_VE"], values["environment.B_VE"]
+    felt = [np.broadcast_to(part, (size, frequency.size)) for part in steady_state(prepare(diagram, K, B), frequency)]
+    stable = np.broadcast_to(spectral_radius(cut_at_wall(diagram), K, B) < 1, (size,)).tolist()
     omega = 2 * np.pi * frequency * values["rates.ratio"] / values["rates.fast_hz"]
-    return Response(omega, admittance, impedance, bool(spectral_radius(cut_at_wall(diagram), K, B) < 1))
+    return [Response(omega, *each) for each in zip(*felt, stable, strict=True)]

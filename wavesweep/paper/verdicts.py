@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from wavesweep.paper.bench import Bench
-from wavesweep.paper.readings import OWN, READINGS, Reading, summary
+from wavesweep.paper.readings import OWN, Reading
 
 REPRODUCED = "reproduced"
 INFERRED = "reproduced only under an inferred value"
 CONTRADICTED = "contradicted"
 UNTESTABLE = "not testable here"
-
-ONLY = "the paper's own values"
 
 
 class Answer(NamedTuple):
@@ -31,7 +29,7 @@ UNSTABLE = Answer(False, "unstable, so there is no steady response")
 class Outcome:
     """The answer under one reading of what the paper leaves open."""
 
-    reading: str
+    reading: Reading
     holds: bool
     numbers: str
 
@@ -43,7 +41,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Finding:
-    """All outcomes of a statement; none, and a reason, where it cannot be tested."""
+    """All outcomes of a statement, the spec's own values first; none, and a reason, where it cannot be tested."""
 
     outcomes: tuple[Outcome, ...]
     reason: str = ""
@@ -59,27 +57,49 @@ class Finding:
         return INFERRED if any(held) else CONTRADICTED
 
     @property
+    def held(self) -> int:
+        """Under how many readings it holds."""
+        return sum(outcome.holds for outcome in self.outcomes)
+
+    @property
     def numbers(self) -> str:
-        """The numbers of the first reading, and those of the first one that decides otherwise and has any."""
+        """The numbers of the first reading, and of the smallest change that decides otherwise and has any."""
         if not self.outcomes:
             return self.reason
-        first = self.outcomes[0]
-        others = [other for other in self.outcomes if other.holds != first.holds and not other.unstable]
-        own = first.numbers if first.reading in (OWN, ONLY) else f"{first.reading}: {first.numbers}"
-        return "; ".join([own, *(f"{other.reading}: {other.numbers}" for other in others[:1])])
+        first, *others = self.outcomes[0], *_smallest(self._others(unstable=False))
+        own = first.numbers if first.reading.label == OWN else f"{first.reading.label}: {first.numbers}"
+        return "; ".join([own, *(f"{other.reading.label}: {other.numbers}" for other in others[:1])])
+
+    @property
+    def turned_by(self) -> str:
+        """The smallest changes of the first reading that decide otherwise; those that make a loop unstable apart."""
+        seen, unstable = (_named(_smallest(self._others(unstable=each))) for each in (False, True))
+        return "; ".join([*([seen] if seen else []), *([f"unstable: {unstable}"] if unstable else [])])
 
     def readings(self, *, holds: bool) -> str:
-        """The readings under which the statement holds, or fails, in few words."""
+        """The readings under which it holds, or fails, but those that contain another one of these."""
         chosen = [outcome for outcome in self.outcomes if outcome.holds == holds]
-        unstable = summary(outcome.reading for outcome in chosen if outcome.unstable)
-        seen = summary(outcome.reading for outcome in chosen if not outcome.unstable)
-        return "; ".join([*([seen] if seen else []), *([f"unstable: {unstable}"] if unstable else [])])
+        return _named([one for one in chosen if not any(one.reading.contains(other.reading) for other in chosen)])
+
+    def _others(self, *, unstable: bool) -> list[Outcome]:
+        """The outcomes that decide otherwise than the first one."""
+        return [each for each in self.outcomes if each.holds != self.outcomes[0].holds and each.unstable == unstable]
+
+
+def _smallest(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    fewest = min((outcome.reading.size for outcome in outcomes), default=0)
+    return [outcome for outcome in outcomes if outcome.reading.size == fewest]
+
+
+def _named(outcomes: Sequence[Outcome]) -> str:
+    return "; ".join(outcome.reading.label for outcome in outcomes)
 
 
 @dataclass(frozen=True)
 class Statement:
     """One statement: where the paper makes it, what it says, and the function that judges it.
 
+    says: the paper's own words in quotation marks, which may leave out some ("..."), then which part of them is meant.
     The judge's docstring says what is compared with what; it stands in the table.
     """
 
@@ -93,14 +113,10 @@ class Statement:
         return " ".join((self.judge.__doc__ or "").split())
 
 
-def over(check: Callable[..., Answer], readings: Sequence[Reading] = READINGS) -> Finding:
-    """Try `check(*overrides)` under each reading."""
-    return Finding(tuple(Outcome(reading.label, *check(*reading.overrides)) for reading in readings))
-
-
-def once(answer: Answer) -> Finding:
-    """The finding of a statement on which nothing that is inferred has a say."""
-    return Finding((Outcome(ONLY, *answer),))
+def over(readings: Sequence[Reading], check: Callable[..., Answer], *found: Sequence) -> Finding:
+    """Try `check` on what was found under each reading; found: sequences with an element per reading."""
+    answers = (check(*each) for each in zip(*found, strict=True))
+    return Finding(tuple(Outcome(reading, *answer) for reading, answer in zip(readings, answers, strict=True)))
 
 
 def untestable(reason: str) -> Callable[[Bench], Finding]:

@@ -1,0 +1,79 @@
+"""The table of choices: around the specs' own values, complete, and answered the same in a batch as alone."""
+
+import numpy as np
+import pytest
+
+from wavesweep.diagram import WALL, keys_read
+from wavesweep.paper.bench import Bench
+from wavesweep.paper.readings import CHOICES, DIRECT, FILTERS, PMW, PMW_LM, SLOW, Reading, readings, under
+from wavesweep.paper.response import respond
+from wavesweep.paper.specs import load_paper
+from wavesweep.sweep import intervals
+
+PAPERS = {  # what the paper gives for the figures that the statements are on; its local model has a stiffness only
+    *("rates.fast_hz", "rates.ratio", "device.mass", "device.damping", "controller.kind", "controller.b", "controller.Kp"),
+    *("local_model.K_LM", "local_model.B_LM", "operator.mass", "operator.damping", "operator.stiffness"),
+    *WALL,
+}
+
+
+@pytest.mark.parametrize(("name", "tried"), [("fig6", PMW_LM), ("pmw", PMW), ("dc", DIRECT)], ids=["PMW+LM", "PMW", "DC"])
+def test_every_key_that_the_paper_leaves_open_and_the_loop_reads_has_choices(name, tried):
+    varied = {path for reading in tried for path in reading.changes}
+    assert varied == keys_read(load_paper(name).values) - PAPERS
+
+
+def test_the_slow_wall_is_read_with_its_delay():
+    read = keys_read(load_paper("dc", ('controller.kind="dc-lm"',)).values)
+    assert {path for reading in SLOW for path in reading.changes} == {"device.velocity", "environment.delay"}
+    assert {"device.velocity", "environment.delay"} <= read
+
+
+def test_no_choice_is_the_specs_own_and_every_one_makes_a_spec():
+    own = load_paper("fig6")
+    for choice in CHOICES:
+        assert own.values[choice.path] != choice.value
+        assert load_paper("fig6", Reading((choice,)).overrides).values[choice.path] == choice.value
+    assert len({choice.words for choice in CHOICES}) == len(CHOICES)
+
+
+def test_readings_are_the_base_the_singles_and_the_pairs_of_different_keys():
+    assert [reading.size for reading in PMW_LM] == sorted(reading.size for reading in PMW_LM)
+    assert PMW_LM[0] == Reading()
+    assert set(PMW_LM[1 : 1 + len(CHOICES)]) == {Reading((choice,)) for choice in CHOICES}
+    pairs = {(a.words, b.words) for a in CHOICES for b in CHOICES if a.path < b.path}
+    assert len(PMW_LM) == 1 + len(CHOICES) + len(pairs)
+    assert set(FILTERS) <= set(PMW_LM)
+    assert len(readings(under("environment."), 6)) == 3 * 3
+
+
+SOME = [PMW_LM[number] for number in np.random.default_rng(1).choice(len(PMW_LM), 12, replace=False)]
+
+
+@pytest.mark.parametrize("reading", SOME, ids=lambda reading: reading.label)
+def test_an_answer_in_a_batch_is_that_of_the_spec_alone(reading, bench):
+    found = bench.responses("fig6", PMW_LM, {"Kp": 0})[PMW_LM.index(reading)]
+    spec = load_paper("fig6", (*reading.overrides, "Kp=0"))
+    alone = respond(spec)
+    assert found.stable == alone.stable
+    # Where the loop is unstable the response means nothing, and may be far from rounding.
+    assert not found.stable or found.admittance == pytest.approx(alone.admittance, rel=1e-9)
+    limits = bench.limits("fig6", PMW_LM)[PMW_LM.index(reading)]
+    columns = intervals(load_paper("fig6", (*reading.overrides, "sweep.Kp=[20]", "sweep.K_LM=[500]"))).columns
+    expected = columns["high"][0] if columns["intervals"][0] and columns["low"][0] == 0 else 0.0
+    assert limits == pytest.approx(np.inf if np.isnan(columns["high_omega"][0]) and expected else expected, rel=1e-9)
+
+
+def test_a_change_goes_before_a_reading_and_what_a_loop_ignores_is_not_computed():
+    bench = Bench()
+    few = [reading for reading in PMW_LM if reading.size < 2]
+    felt = bench.responses("dc", few)
+    assert len({id(response) for response in felt}) == 2  # by the velocity alone
+    limits = bench.limits("fig6", few, {"filters.lp2.order": 4})
+    at = [reading.label for reading in few].index("LP2 of order 1")
+    assert limits[at] == limits[0]
+
+
+def test_every_limit_that_the_statements_ask_for_is_proved(judged, bench):
+    assert len(judged["verdict"]) > 50
+    assert bench.uncertified == 0
