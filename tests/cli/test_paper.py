@@ -23,9 +23,10 @@ def test_figures_tables_and_verdicts_go_to_a_folder_of_their_own(wavesweep, tmp_
     code, out, err = wavesweep("paper")
     assert (code, out) == (0, "")
     suffixes = (".csv", ".parquet", ".datapackage.json")
-    expected = {f"{name}{suffix}" for name in ("fig4", "fig4-b25", "open-choices", "statements") for suffix in suffixes}
+    names = ("fig4", "fig4-b25", "open-choices", "passive-bank", "statements")
+    expected = {f"{name}{suffix}" for name in names for suffix in suffixes}
     found = {file.name for file in (tmp_path / "results/paper").iterdir()}
-    assert found == expected | {"fig4.png", "open-choices.md", "statements.md"}
+    assert found == expected | {"fig4.png", "open-choices.md", "passive-bank.png", "passive-bank.md", "statements.md"}
     assert err.splitlines()[-1].startswith("1 statements: 0 reproduced, 1 reproduced only under an inferred value")
 
 

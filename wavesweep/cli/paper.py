@@ -17,9 +17,9 @@ def command(options: Options) -> None:
     """Draw every figure of the paper and judge every statement of it.
 
     Takes no SPEC: the paper's come with the program. Writes to results/paper, or to --out, a table and a figure for each
-    of Figures 2, 4, 5, 6, 7 and 8, the table open-choices of what the paper leaves open, and the table statements: for
-    each one a verdict with its numbers. The last two are also Markdown. With --out - the statements go to stdout. The
-    work is too little for workers.
+    of Figures 2, 4, 5, 6, 7 and 8, the table open-choices of what the paper leaves open, the table passive-bank of filter
+    banks whose way in is passive, and the table statements: for each one a verdict with its numbers. The last three are
+    also Markdown. With --out - the statements go to stdout. The work is too little for workers.
     """
     from wavesweep import paper
     from wavesweep.cli.talk import progress, say, where

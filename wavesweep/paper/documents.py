@@ -43,6 +43,34 @@ rises for each N·s/m more of B_VE, on average up to 15; ~ where that is no stra
 """
 
 
+_BANK = """# A filter bank whose way in is passive
+
+The paper says of its filter bank that it "maintains the passivity of the wave-based communication channels". It cannot, and
+no choice of LP2 can make it so. The way in adds two returned waves, `v_m = hold(v_s) + LP2 v_l`. Weigh each wave by the
+root of its own period and lift over a frame of M ticks: at the angle theta per frame, over its images
+`phi_m = (theta + 2 pi m)/M`, the map is `N = [c, diag(LP2_m)]`, where c is the hold, `sum |c_m|^2 = 1`.
+
+- **No LP2 makes it passive.** `N N* = c c* + diag |LP2_m|^2` is at most I only where `sum |c_m|^2/(1 - |LP2_m|^2) <= 1` (Schur
+  complement). The `|c_m|^2` add up to 1 and no denominator exceeds 1, so LP2 would have to be 0 at every frequency.
+- **With unit gain at 0 Hz the norm is the root of 2, whatever else LP2 is**: there the hold is (1, 0, ..., 0) and the first
+  entry of `N N*` is 1 + 1; and where |LP2| <= 1 it is no more than that.
+- **Two complementary filters make it exactly 1**: F1, a low-pass behind the hold, and F2, a high-pass in LP2's place, with
+  |F1|^2 + |F2|^2 = 1, as a Butterworth pair of one order and cutoff has. Since `c c* <= I`,
+  `N N* = diag(F1) c c* diag(F1)* + diag |F2|^2 <= I`, with equality at 0 Hz. A filter of gain 1 at most beside F2, such
+  as LP2, keeps both. Numbers do as well as filters: F1 = F2 = 1/sqrt(2) divides both waves by the root of 2.
+
+What it costs is below: the mean deviation of the admittance's magnitude from direct coupling's up to 0.6 rad/sample ("low")
+and above ("high"), and the stiffness that the hand feels at 0.05 Hz, for a wall of 500 N/m. F2 in LP2's place ("for LP2")
+lets the local model's high frequencies pass, and with a delay of a tick the loop is unstable; without that delay, or with
+LP2 kept before it ("after LP2"), it is stable. At low frequencies such a bank is about as far from the ideal as PMW, which
+has none, or farther: what the paper's bank gains there is lost. Waves over the root of 2 lose less of it on average, but
+half of the wall's stiffness at rest. The way out, which LP1 lets alias, is not passive either (statements 11, 12 and 14);
+nothing of this touches it.
+
+![Admittance with passive ways in, F1 and F2 of first order at 10 Hz](passive-bank.png)
+"""
+
+
 def counted(columns: Columns) -> str:
     """How many statements have which verdict, in a line."""
     verdicts = columns["verdict"].tolist()
@@ -91,6 +119,27 @@ def choices_text(columns: Columns) -> str:
         f"{_CHOICES}\n{_by_design(ten_hertz)}\n\n## The cutoff of LP1\n\nExplicit wall, exact velocity, no delay.\n\n"
         f"{_by_cutoff(columns)}\n\n## Within 1 % of 800 N/m\n\n{_served(columns)}\n\n{_table(near[0], near[1])}\n"
     )
+
+
+def bank_text(columns: Columns) -> str:
+    """The study of filter banks whose way in is passive on a page."""
+    head = ("design", "order", "cutoff", "local delay", "norm of the way in", "off, low", "off, high", "felt", "felt, Kp = 0")
+    stable = _where(columns, stable=True)
+    rows = []
+    for row in zip(*stable.values(), strict=True):
+        design, order, cutoff, delay, norm, _, low, high, felt, without = row
+        filters = (order, f"{cutoff:g} Hz") if order else ("", "")
+        found = [f"{value:.3g}" for value in (low, high)] + [f"{value:.4g} N/m" for value in (felt, without)]
+        rows.append((design, *filters, delay, f"{norm:.6g}", *found))
+    return f"{_BANK}\n{_unstable(columns)}\n\n{_table(head, rows)}\n"
+
+
+def _unstable(columns: Columns) -> str:
+    """Count the designs whose loops are unstable."""
+    apart = _where(columns, stable=False)
+    kinds = dict.fromkeys(zip(apart["design"].tolist(), apart["local_delay"].tolist(), strict=True))
+    named = " and ".join(f"{design} with a local delay of {delay}" for design, delay in kinds)
+    return f"{len(apart['design'])} of {len(columns['design'])} loops are unstable: {named}. The others:"
 
 
 def _by_design(columns: Columns) -> str:

@@ -77,8 +77,8 @@ def _gain_of_a_constant(values: Mapping) -> float:
 
 def bank_keeps_passive(bench: Bench) -> Finding:
     """Norm of the wave channel with filter bank and local model, ports (u_m, v_s, v_l) to (u_s, u_h, v_m): whether it is
-    at most 1. It is the root of 2 at least for every LP2 that passes 0 Hz whole: the two returned waves are added, and
-    constant ones pass hold and LP2."""
+    at most 1. It is the root of 2 at least for every LP2 that passes 0 Hz whole, as `passive-bank.md` proves: the two
+    returned waves are added, and constant ones pass hold and LP2."""
 
     def check(norm: ChannelNorm) -> Answer:
         numbers = f"norm 1 + {show(norm.inward - 1)} of the returned waves, 1 + {show(norm.outward - 1)} of the outgoing one"

@@ -1,0 +1,159 @@
+"""The way in of a filter bank: no LP2 makes it passive, two complementary filters do, and what that costs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wavesweep.analysis.march.filters import advance, at_rest, butterworth
+from wavesweep.diagram import draw
+from wavesweep.lifted.connect import connect
+from wavesweep.paper.bench import BASE
+from wavesweep.paper.documents import bank_text
+from wavesweep.paper.passive_bank import (
+    AS_DRAWN,
+    BEHIND,
+    DESIGNS,
+    FIELDS,
+    IN_PLACE,
+    PLAIN,
+    SCALED,
+    Design,
+    drawn,
+    inward_norm,
+    passive_bank,
+)
+from wavesweep.paper.specs import load_paper
+
+
+def lifted_gain(diagram, theta):
+    """Largest singular value of the way in over a frame, (v_s, v_l) -> v_m, tick after tick from the drawing's blocks.
+
+    A frame's input is the wave v_s over the root of M, so that it counts with its own period, and the M values of v_l.
+    """
+    blocks = [block for block in diagram.fast if block.name in ("lp2", "late", "f1", "f2")]
+    terms = {name: gain for name, gain in diagram.sums["v_m"].items() if name.split(".")[0] not in ("device", "x_s")}
+    way = connect("way", blocks, {**diagram.sums, "v_m": terms}, ("v_1", "local.v"), ("v_m",))
+    n, M = len(way.states), diagram.ratio
+    state, fed = np.eye(n), np.zeros((n, M + 1))
+    from_state, from_fed = [], []
+    for k in range(M):
+        wave = np.zeros((2, M + 1))
+        wave[0, 0], wave[1, 1 + k] = 1 / np.sqrt(M), 1
+        from_state.append(way.C @ state)
+        from_fed.append(way.C @ fed + way.D @ wave)
+        state, fed = state + way.E @ state, fed + way.E @ fed + way.B @ wave
+    C, D = np.concatenate(from_state), np.concatenate(from_fed)
+    z = np.exp(1j * np.asarray(theta))[:, None, None]
+    return np.linalg.norm(C @ np.linalg.solve(z * np.eye(n) - state, fed + 0 * z) + D, 2, axis=(-2, -1))
+
+
+def loop(**overrides):
+    return {**load_paper("fig6").values, **overrides}
+
+
+@pytest.mark.parametrize("local_delay", [0, 1])
+@pytest.mark.parametrize("design", [IN_PLACE, BEHIND])
+@pytest.mark.parametrize(("order", "cutoff"), [(1, 10.0), (2, 5.0), (4, 80.0)])
+def test_complementary_filters_make_the_way_in_exactly_passive(design, order, cutoff, local_delay):
+    values = loop(**{"local_model.delay": local_delay})
+    diagram = drawn(Design(design, order, cutoff, local_delay), values)
+    theta = np.random.default_rng(7).uniform(0, np.pi, 200)
+    gains = lifted_gain(diagram, theta)
+    assert gains.max() <= 1 + 1e-12
+    assert lifted_gain(diagram, [1e-7]) == pytest.approx(1, abs=1e-12)
+    assert inward_norm(diagram) == pytest.approx(1, abs=1e-12)
+
+
+@pytest.mark.parametrize(("order", "cutoff"), [(1, 1.0), (2, 20.0), (8, 160.0)])
+def test_every_low_pass_in_lp2s_place_gives_the_root_of_two(order, cutoff, bench):
+    diagram = draw(loop(**{"filters.lp2.order": order, "filters.lp2.cutoff_hz": cutoff}))
+    assert lifted_gain(diagram, [1e-6]) == pytest.approx(np.sqrt(2), rel=1e-6)
+    assert inward_norm(diagram) == pytest.approx(np.sqrt(2), rel=1e-12)
+    change = {"filters.lp2.order": order, "filters.lp2.cutoff_hz": cutoff}
+    assert bench.channels("fig6", BASE, change)[0].inward == pytest.approx(np.sqrt(2), rel=1e-9)
+
+
+def test_waves_over_the_root_of_two_are_exactly_passive():
+    diagram = drawn(Design(SCALED, 0, 0.0, 1), loop())
+    assert lifted_gain(diagram, np.linspace(0.01, np.pi, 100)).max() <= 1
+    assert lifted_gain(diagram, [1e-7]) == pytest.approx(1, abs=1e-12)
+    assert inward_norm(diagram) == pytest.approx(1, abs=1e-12)
+
+
+def test_a_high_pass_alone_is_not_enough():
+    """Without F1 even a high-pass, which stops a constant wave, leaves the way in above 1: the hold takes all the room."""
+    diagram = drawn(Design(IN_PLACE, 1, 10.0, 1), loop())
+    terms = {"v_1" if name == "f1.y" else name: gain for name, gain in diagram.sums["v_m"].items()}
+    fast = tuple(block for block in diagram.fast if block.name != "f1")
+    without = replace(diagram, fast=fast, sums={**diagram.sums, "v_m": terms})
+    assert lifted_gain(without, np.linspace(0.01, np.pi, 100)).min() > 1 + 1e-4
+
+
+def test_waves_marched_through_the_filters_gain_no_energy():
+    """The march's filters share no code with the drawing's: random and constant waves, energies added up tick by tick."""
+    rng, M, frames = np.random.default_rng(3), 20, 400
+    waves = {
+        "random": (rng.normal(size=frames), rng.normal(size=frames * M)),
+        "constant": (np.ones(frames), np.ones(frames * M)),
+    }
+    gains = {name: [marched_gain(slow, local, M, alone) for alone in (False, True)] for name, (slow, local) in waves.items()}
+    assert max(gain for gain, _ in gains.values()) <= 1
+    assert gains["constant"][0] == pytest.approx(0.5, abs=0.01)  # F1 passes the one wave, F2 stops the other
+    assert gains["constant"][1] == pytest.approx(2, abs=0.02)  # hold and LP2 pass both: their sum has twice the energy
+
+
+def marched_gain(slow, local, M, as_drawn):
+    """Energy of v_m over that of v_s and v_l, once with hold and LP2, once with F1 and F2."""
+    rest = np.zeros(4000)
+    sent = [np.concatenate([np.repeat(slow, M), rest]), np.concatenate([local, rest])]
+    names = [("low", 0, 10.0), ("low", 2, 20.0)] if as_drawn else [("low", 1, 10.0), ("high", 1, 10.0)]
+    total = np.zeros(sent[0].size)
+    for wave, (passes, order, cutoff) in zip(sent, names, strict=True):
+        filtered = butterworth(passes, order, cutoff, 1000.0)
+        state = at_rest(filtered)
+        for k, value in enumerate(wave.tolist()):
+            state, out = advance(filtered, state, value)
+            total[k] += out
+    return float(np.square(total).sum() / (M * np.square(slow).sum() + np.square(local).sum()))
+
+
+@pytest.fixture(scope="module")
+def banks():
+    return passive_bank().columns
+
+
+def test_the_table_has_every_design_and_its_norm(banks):
+    assert list(banks) == [field.name for field in FIELDS]
+    assert len(banks["design"]) == len(DESIGNS) == len(set(DESIGNS))
+    drawn_as_they_are = banks["design"] == AS_DRAWN
+    assert np.abs(banks["inward_norm"][~drawn_as_they_are] - 1).max() < 1e-12
+    assert banks["inward_norm"][drawn_as_they_are] == pytest.approx(np.sqrt(2), rel=1e-12)
+
+
+def test_a_passive_way_in_costs_what_the_bank_gains_at_low_frequencies(banks):
+    drawn_low, plain_low, scaled_low = (banks["low"][banks["design"] == name] for name in (AS_DRAWN, PLAIN, SCALED))
+    filtered = banks["low"][(banks["order"] > 0) & banks["stable"]]
+    assert drawn_low.max() < 0.1 * plain_low.min()
+    assert filtered.min() > 0.8 * plain_low.min()
+    # No filters, but less of each wave: nearer on average, and half as stiff at rest.
+    assert 5 * drawn_low.max() < scaled_low.min() < filtered.min()
+    assert banks["felt"][banks["design"] == SCALED].max() < 250
+    assert banks["felt"][banks["stable"] & (banks["order"] > 0)].min() > 490
+
+
+def test_a_high_pass_in_lp2s_place_rings_with_a_delayed_local_model(banks):
+    in_place = banks["design"] == IN_PLACE
+    assert not banks["stable"][in_place & (banks["local_delay"] == 1)].any()
+    assert banks["stable"][in_place & (banks["local_delay"] == 0)].all()
+    assert banks["stable"][banks["design"] == BEHIND].all()
+    assert np.isnan(banks["low"][~banks["stable"]]).all()
+
+
+def test_the_page_says_which_loops_are_unstable(banks):
+    text = bank_text(banks)
+    assert (
+        f"{np.count_nonzero(~banks['stable'])} of {len(DESIGNS)} loops are unstable: {IN_PLACE} with a local delay of 1."
+        in text
+    )
+    assert "| PMW+LM |  |  | 1 | 1.41421 | 0.0391 |" in text
