@@ -80,6 +80,10 @@ def test_the_smallest_change_that_turns_a_statement(part, change, judged):
     assert change in judged["turned_by"][row_of(judged, part)].split("; ")
 
 
+def test_no_reading_has_figure_5_end_within_its_axis_and_hang_little_on_the_local_model(judged):
+    assert "K_LM matters little under 0" in judged["numbers"][row_of(judged, "An axis of Figure 5")]
+
+
 def test_every_statement_says_where_it_is_made_and_how_it_is_judged(judged):
     for name in ("where", "statement", "numbers", "test"):
         assert all(judged[name]), name
