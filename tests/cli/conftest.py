@@ -80,6 +80,8 @@ def bode_table(specs):
         **{part: np.linspace(1, 2, length) for part in parts},
         "worst_gain": np.ones(length),
         "stable": np.ones(length, dtype=bool),
+        **{f"{name}_error": np.full(length, 1e-13) for name in ("admittance", "impedance", "worst_gain")},
+        "doubt": np.full(length, "", dtype=object),
     }
 
 

@@ -74,10 +74,12 @@ def _response(spec, controller, b, delay, lag, stable=True):
     for name, value in (("admittance", admittance), ("impedance", np.exp(-2 * delay * s) / admittance)):
         parts |= {f"{name}_re": value.real, f"{name}_im": value.imag, f"{name}_abs": abs(value)}
         parts[f"{name}_deg"] = np.degrees(np.angle(value))
-    constant = {"b": float(b), "spec": spec, "controller": controller, "stable": stable}
+    constant = {"b": float(b), "spec": spec, "controller": controller, "stable": stable, "doubt": "" if stable else "unstable"}
     types = {"b": float, "stable": bool}
     columns = {name: np.full(len(s), value, dtype=types.get(name, object)) for name, value in constant.items()}
     omega = 2 * np.pi * frequency * 0.02
     order = ["b", "spec", "controller", "frequency_hz", "omega_Ts", *parts, "worst_gain", "stable"]
+    order += [*(errors := [f"{name}_error" for name in ("admittance", "impedance", "worst_gain")]), "doubt"]
+    columns |= dict.fromkeys(errors, np.full(len(s), 1e-13))
     columns |= {"frequency_hz": frequency, "omega_Ts": omega, "worst_gain": abs(admittance), **parts}
     return {name: columns[name] for name in order}

@@ -315,3 +315,33 @@ def _march(parts, state, turn):
             x, f_m = x + (x_row * state)[0, 0] / force, f_m + (f_row * state)[0, 0] / force
             state, force = step * state + hand * force, force * turn
     return state, x, f_m
+
+
+def lifted(values, frequency_hz):
+    """The map from the frame's hand forces to its positions under `exp(j w j T_s)`, an acb_mat, M by M also for `dc`.
+
+    Raises ValueError where the bits do not give every entry to 18 digits of the largest.
+    """
+    ratio, delay, T = clock(values)
+    M = values["rates.ratio"]
+    first = tick(values, 0)
+    n = first.size
+    wall = first.x_tilde * arb(values["environment.K_VE"]) + first.x_dot * arb(values["environment.B_VE"])
+    wall = _columns(wall, 0, n) * (1 / (1 - wall[0, n]))
+    order = [(first, wall)] + [(tick(values, phase), None) for phase, times in runs(ratio, delay) for _ in range(times)]
+    ticks = [_ready(*part) for part in (order if ratio == M else order * M)]
+    state = acb_mat(n, n, [int(i == j) for i in range(n) for j in range(n)])
+    forces, rows, direct = [], [], []
+    for step, hand, x_row, _ in ticks:
+        rows.append(x_row * state)
+        direct.append([(x_row * force)[0, 0] for force in forces])
+        state, forces = step * state, [step * force for force in forces] + [hand]
+    turn = acb(0, 2 * arb.pi() * frequency_hz * T * M).exp()
+    unit = acb_mat(n, n, [turn if i == j else 0 for i in range(n) for j in range(n)])
+    reply = (unit - state).solve(acb_mat([[force[k, 0] for force in forces] for k in range(n)]))
+    found = [[e + (direct[i][j] if j < i else 0) for j, e in enumerate((row * reply).tolist()[0])]
+             for i, row in enumerate(rows)]
+    largest = max(e.abs_upper() for row in found for e in row)
+    if not all(e.is_finite() and e.real.rad() + e.imag.rad() < 1e-18 * largest for row in found for e in row):
+        raise ValueError("not enough bits")
+    return acb_mat(found)

@@ -61,4 +61,5 @@ def simulated_response(columns: Mapping[str, np.ndarray]) -> Iterator[Line]:
 def _off(columns: Mapping[str, np.ndarray], name: str) -> float:
     """Give the largest relative difference; NaN where nothing is known."""
     seen, linear = (columns[f"{kind}{name}_re"] + 1j * columns[f"{kind}{name}_im"] for kind in ("", "linear_"))
-    return float(np.max(np.abs(seen - linear) / np.abs(linear)))
+    off = np.abs(seen - linear) / np.abs(linear)
+    return float(np.max(off, initial=0.0, where=np.isfinite(off)))

@@ -37,6 +37,10 @@ def _bode(columns: Mapping[str, np.ndarray]) -> Iterator[Line]:
     if unstable.any():
         names = ", ".join(sorted(set(columns["spec"][unstable].tolist())))
         yield f"unstable, so no steady response would be seen: curves of {names}", True
+    doubted = np.isin(columns["doubt"], ["", "unstable"], invert=True)
+    if doubted.any():
+        words = ", ".join(sorted(set(columns["doubt"][doubted].tolist())))
+        yield f"not vouched for ({words}): {_count(int(doubted.sum()), 'row')}, see the column doubt", True
 
 
 def _count(number: int, noun: str) -> str:

@@ -24,6 +24,7 @@ class Diagram:
     position is then the integral of a signal whose steady value no wall force can change).
     reference: the state whose position stands for that of the scene when it is not held by a spring.
     held_positions: which of the held signals are positions.
+    rate: ticks per second (Hz) as it was given, which 1/period is not to the last bit; None stands for 1/period.
     """
 
     fast: tuple[Block, ...]
@@ -40,3 +41,4 @@ class Diagram:
     outputs: tuple[str, str] = ("device.dx", "f_m")
     reference: str = "frame.device.x"
     held_positions: frozenset[str] = frozenset({"x_s", "x_ref"})
+    rate: object = None

@@ -9,6 +9,7 @@ def hand(values) -> dict:
     """The tick and the hand, as keywords that a `Diagram` takes."""
     return {
         "period": 1 / numbers(values["rates.fast_hz"]),
+        "rate": values["rates.fast_hz"],
         "held_by_spring": bool(np.any(values["operator.stiffness"])),
     }
 

@@ -32,8 +32,8 @@ class Curve:
 def bode(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path) -> None:
     """Draw a `bode` table as PNG: magnitude and phase of admittance and impedance, over Hz below and omega T_s above.
 
-    Direct coupling at the fast rate is the ideal, dashed black; an unstable loop's curve is faint. Phases are
-    unwrapped.
+    Direct coupling at the fast rate is the ideal, dashed black; an unstable loop's curve is faint; numbers that rounding
+    may have spoilt are crossed out, and what is not known is left out. Phases are unwrapped.
     """
     del facts
     curves = list(_curves(columns))
@@ -57,6 +57,9 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str) -> None:
         values = curve.rows[name]
         drawn = _unwrapped(values) if name.endswith("_deg") else values
         axes.plot(curve.rows["frequency_hz"], drawn, label=curve.label, **curve.style)
+        doubted = curve.rows["doubt"] == "rounding"
+        if doubted.any():
+            axes.plot(curve.rows["frequency_hz"][doubted], drawn[doubted], "x", color=curve.style["color"], markersize=4)
     frequency = np.concatenate([curve.rows["frequency_hz"] for curve in curves])
     if frequency.min() > 0 and frequency.max() > 20 * frequency.min():
         axes.set_xscale("log")

@@ -37,6 +37,8 @@ _INTERVALS = (
     Field("doubt", "string", "", f"why the row is not certified ({_REASONS}); empty where it is"),
 )
 
+_DOUBT = Field("doubt", "string", "", f"why the row is not vouched for, {', '.join(DOUBTS)}; empty where it is")
+
 # Only in tables that have rows for hands; see `wavesweep zwidth --hand`.
 _HAND = Field("hand", "string", "", "whose hand the row is for: free, operator, passive, box or port")
 _ENDS = (
@@ -63,6 +65,10 @@ _BODE = (
     Field("impedance_deg", "number", "deg", "transmitted impedance, phase"),
     Field("worst_gain", "number", "m/N", "largest singular value of the lifted response"),
     Field("stable", "boolean", "", "every eigenvalue but drift is inside the unit circle"),
+    Field("admittance_error", "number", "1", "bound on the relative error of the admittance; missing with it"),
+    Field("impedance_error", "number", "1", "bound on the relative error of the impedance; missing with it"),
+    Field("worst_gain_error", "number", "1", "bound on the relative error of worst_gain; missing with it"),
+    _DOUBT,
 )
 
 _SIMULATE = (
@@ -97,16 +103,18 @@ _SIMULATE = (
     Field("energy_channel", "number", "J", "energy_user - energy_slow - energy_local; NaN without waves"),
 )
 
-_RESPONSE = tuple(field for field in _BODE if field.name not in ("worst_gain", "stable"))
+_RESPONSE = tuple(field for field in _BODE if not field.name.endswith(("worst_gain", "stable", "error", "doubt")))
+_BOUNDS = tuple(field for field in _BODE if field.name in ("admittance_error", "impedance_error"))
 
 # As seen in the simulation, beside what the linear analysis says of the same loop.
 _SIMULATE_RESPONSE = (
     *_RESPONSE,
     *(
         replace(field, name=f"linear_{field.name}", description=f"{field.description}, of the linear loop")
-        for field in _RESPONSE
+        for field in (*_RESPONSE, *_BOUNDS)
         if field.name.startswith(("admittance", "impedance"))
     ),
+    replace(_DOUBT, description="why the linear response is not vouched for; empty where it is"),
 )
 
 _PASSIVITY = (

@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from wavesweep.analysis.response import prepare, steady_state, worst_gain
+from wavesweep.analysis.response import prepare, respond, worst_gain
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw
 from wavesweep.errors import UsageError
@@ -12,7 +12,7 @@ from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import find_key
 from wavesweep.sweep.grid import Grid, make_grid
 from wavesweep.sweep.groups import groups
-from wavesweep.sweep.response_columns import parts_of
+from wavesweep.sweep.response_columns import doubt_of, parts_of
 from wavesweep.sweep.run import Run, facts_of
 
 BLOCK = 200_000  # responses in one batch
@@ -43,8 +43,9 @@ def responses(specs, **_work) -> Run:
 
 
 METHODS = {
-    "admittance": "lifted resolvent of both rates, displacement in the tick, component at the force's own frequency",
-    "worst_gain": "singular values over the aliases",
+    "admittance": "closed loop of the frame, displacement in the tick, component at the force's own frequency",
+    "worst_gain": "singular values of the lifted map from forces to positions",
+    "errors": "residual, rounding of all entries and size of the inverse, entry by entry",
 }
 
 
@@ -104,12 +105,13 @@ def _block(values, frequency):
     """The same for one drawing."""
     diagram, K, B, ratio = draw(values), values["environment.K_VE"], values["environment.B_VE"], values["rates.ratio"]
     loop = prepare(diagram, K, B)
-    admittance, impedance = steady_state(loop, frequency)
-    radius = spectral_radius(cut_at_wall(diagram), K, B)
+    found, radius = respond(loop, frequency), spectral_radius(cut_at_wall(diagram), K, B)
+    gain, gain_error = worst_gain(loop, frequency, ratio)
     omega = 2 * np.pi * frequency * (ratio * np.reshape(1 / np.asarray(values["rates.fast_hz"], float), (-1, 1)))
-    columns = {"omega_Ts": omega}
-    for name, response in (("admittance", admittance), ("impedance", impedance)):
-        columns |= parts_of(name, response)
-    columns["worst_gain"] = worst_gain(loop, frequency, ratio)
-    columns["stable"] = (radius < 1)[..., None]
-    return columns
+    columns = {"omega_Ts": omega} | parts_of("admittance", found.admittance) | parts_of("impedance", found.impedance)
+    errors = {"admittance": found.admittance_error, "impedance": found.impedance_error, "worst_gain": gain_error}
+    stable = (radius < 1)[..., None]
+    columns |= {"worst_gain": gain, "stable": stable}
+    # A gain without bound is missing, and that is known.
+    columns |= {f"{name}_error": np.where(np.isnan(columns.get(name, error)), np.nan, error) for name, error in errors.items()}
+    return columns | {"doubt": doubt_of(errors.values(), stable, loop.lost[..., None])}

@@ -12,7 +12,7 @@ from wavesweep.lifted.frame import lifted_system
 
 def gain(values, frequency_hz):
     loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"])
-    return worst_gain(loop, np.asarray(frequency_hz, float), values["rates.ratio"])
+    return worst_gain(loop, np.asarray(frequency_hz, float), values["rates.ratio"])[0]
 
 
 def dense(values, frequency_hz):

@@ -63,7 +63,7 @@ def test_a_conserved_combination_leaves_the_answer_whole(kind, changes):
     """At 1 mHz, between, and at multiples of the slow rate."""
     values = values_of(kind, stiffness=120.0, **changes)
     multiples = slow_multiples(values)
-    assert prepare(draw(values), 500.0, 1.0).drift is not None
+    assert prepare(draw(values), 500.0, 1.0).law is not None
     assert worst_error(values, [1e-3, 0.7, 33.3, 333.0], exact.response) < 1e-10
     assert worst_error(values, multiples, exact.limit) < 1e-10
 

@@ -1,160 +1,173 @@
-"""Worst-case gain: the largest singular value of the lifted response, without forming it tick by tick."""
+"""Worst-case gain: the largest singular value of the lifted response."""
 
 import numpy as np
 
-from wavesweep.analysis.response.direct import inverse_map, is_direct
-from wavesweep.analysis.response.steady import Loop, frame_angle, held_response, held_share
-from wavesweep.analysis.response.transfer import modal_response, solved_response
-from wavesweep.lifted.circle import on_circle
+from wavesweep.analysis.response.bordered import solved
+from wavesweep.analysis.response.frame import Loop, prepare
+from wavesweep.analysis.response.steady import LOST, respond
+from wavesweep.analysis.response.sums import circle
+from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, joined, plus, times, unrolled
 
 DENSE = 32  # up to this ratio LAPACK's singular values of the whole matrix are the quicker way
 STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
-REFERENCE = "frame.device.x"  # what the drawings without waves count positions from
-ASIDE = 1e-6  # cycles per frame
-BLOCK = 4_000_000  # entries of one batch of matrices
+SETTLED = 1e-13  # relative change of a singular value that counts as none
+STILL = 1e-13  # cycles per tick that stand for a constant force
+HUGE = 1e100
+BLOCK = 2_000_000  # entries of one batch of matrices
 
 
-def worst_gain(loop: Loop, frequency_hz, ratio: int) -> np.ndarray:
-    """Largest singular value (m/N) of the lifted map from the frame's hand forces to its positions, `(..., points)`.
+def worst_gain(loop: Loop, frequency_hz, ratio: int) -> tuple[np.ndarray, np.ndarray]:
+    """Largest singular value (m/N) of the lifted map from the frame's hand forces to its positions, and a bound on its error.
 
-    ratio: ticks in a frame. In the unitary basis of the aliases `w + 2 pi m/T_s` the map is a diagonal (the fast way of
-    each alias) plus a matrix of rank one or two (the way over the slow side, which mixes them), so a product with it costs
-    O(ratio). NaN where it is unbounded, at multiples of the slow rate when the position may drift.
-    Accuracy: 1e-9 relative, less where a position that no spring holds makes diagonal and mixture cancel.
+    Both `(..., points)`, the bound relative. ratio: ticks in a frame. The map is `T + O (w - E)^-1 G`: T what a force does
+    within its own frame, a Toeplitz matrix, G what it leaves in the state, O what the state shows in a frame; only the closed
+    loop has poles in it. NaN, with an error of 0, where it is unbounded, at multiples of the slow rate if the position may
+    drift; both NaN where it is not known.
+    Accuracy: as bounded, but for the Lanczos process beyond 32 ticks, which stops at changes of 1e-13.
     """
-    ticks = np.asarray(frequency_hz, float) * loop.diagram.period
-    at_slow_rate = frame_angle(ticks, ratio) == 0
-    # One alias is then a constant force, whose own way to the position is infinite although the loop's is not. The gain
-    # is even about that frequency: a small step aside costs its square.
-    ticks = np.where(at_slow_rate, ticks + ASIDE / ratio, ticks)
-    aliases = ticks[:, None] + np.arange(ratio) / ratio
-    parts = []
-    width = max(1, BLOCK // ratio**2) if ratio <= DENSE else max(1, BLOCK // (8 * ratio))
-    for start in range(0, ticks.size, width):
-        chunk = slice(start, start + width)
-        if is_direct(loop.diagram):
-            parts.append(_largest_of_inverse(*inverse_map(loop, ticks[chunk], ratio)))
-        else:
-            parts.append(_largest(*_diagonal_and_mixture(loop, ticks[chunk], aliases[chunk])))
-    gain = np.concatenate(parts, axis=-1)
-    return np.where(at_slow_rate & _drifts(loop), np.nan, gain)
+    frequency = np.atleast_1d(np.asarray(frequency_hz, float))
+    with np.errstate(all="ignore"):
+        if loop.diagram.ratio == 1:
+            return _over_aliases(loop, frequency, ratio)
+        whole = prepare(loop.diagram, *loop.wall, outputs=("device.x",))
+        frame, loops = Frame(whole), max(1, whole.lost.size)
+        width = max(1, BLOCK // (loops * ratio * (ratio if ratio <= DENSE else len(whole.states))))
+        parts = [frame.gain(frequency[start : start + width]) for start in range(0, frequency.size, width)]
+        gain, error = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+        relative = np.where(gain == np.inf, 0.0, error / gain + len(whole.states) * ROUNDING)
+        unknown = ~(relative < LOST) | whole.lost[..., None]
+        return np.where(unknown | (gain == np.inf), np.nan, gain), np.where(unknown, np.nan, relative)
 
 
-def _drifts(loop):
-    """Whether nothing in the loop holds the position: then a constant force, aliased or not, moves it for ever."""
-    if loop.diagram.ratio > 1 and loop.diagram.reference != REFERENCE and "x_s" not in loop.fast.block.inputs:
-        return True
-    return (np.asarray(loop.wall[0]) == 0)[..., None] & ~np.asarray(loop.diagram.held_by_spring)
+def _over_aliases(loop, frequency, ratio):
+    """A loop that is the same in every tick keeps every alias to itself."""
+    points = circle(loop, frequency)
+    rate, near = points.rate, (points.angle(ratio) / (2 * np.pi))[:, None]  # from the nearest multiple of the slow rate
+    aliases = np.abs(np.arange(ratio) - (ratio - 1) // 2 + near) * (rate / ratio)
+    constant = aliases == 0
+    found = respond(loop, np.where(constant, STILL * rate, aliases).reshape(-1))
+    gain, error = (part.reshape(*part.shape[:-1], *aliases.shape)
+                   for part in (np.abs(found.admittance), found.admittance_error))
+    held = loop.diagram.held_by_spring | (np.asarray(loop.wall[0]) != 0)[..., None, None]
+    unbounded = (constant & ~held).any(-1)
+    return np.where(unbounded, np.nan, gain.max(-1)), np.where(unbounded, 0.0, error.max(-1))
 
 
-def _diagonal_and_mixture(loop, ticks, aliases):
-    """d `(..., points, M)`, left `(..., points, M, held)` and right `(..., points, held, M)` of `diag(d) + left right`."""
-    ratio = aliases.shape[-1]
-    w = on_circle(2 * np.pi * (aliases - np.round(aliases)))
-    respond = modal_response if _modes_hold(loop, w) else solved_response
-    fast = respond(loop.fast, w.reshape(-1))[0]
-    fast = fast.reshape(*fast.shape[:-3], *aliases.shape, *fast.shape[-2:])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        diagonal = fast[..., 0, 0] / w
-        if loop.diagram.ratio == 1:  # no slow side: every alias keeps to itself, over the held wall force
-            held = held_response(loop, 2 * np.pi * aliases.reshape(-1), respond)[0]
-            held = held.reshape(*held.shape[:-3], *aliases.shape, *held.shape[-2:])
-            share = held_share(aliases, loop.diagram)
-            return diagonal + (fast[..., :1, 1:] @ held @ fast[..., 2:, :1])[..., 0, 0] * share / w, None, None
-        held = held_response(loop, frame_angle(ticks, ratio), solved_response)[0]
-        left = fast[..., 0, 1:] * (held_share(aliases, loop.diagram) / w)[..., None]
-        right = held @ np.swapaxes(fast[..., 2:, 0], -1, -2)
-    return diagonal, left, right
+class Frame:
+    """The lifted map in parts that no frequency changes, each a pair of a matrix and a bound on the error of its entries."""
+
+    def __init__(self, loop: Loop):
+        self.loop = loop
+        n, ratio = len(loop.fast.states), loop.diagram.ratio
+        reads, force, holds = unrolled(loop.fast, ratio)
+        unsure = (ENTRIES * np.asarray(loop.fast.condition, float))[..., None, None]
+        row, through = ((part, unsure * np.abs(part)) for part in (loop.fast.C[..., :1, :], loop.fast.D[..., :1, :]))
+        shown = plus(tuple(part[..., 0, :] for part in times(tuple(part[..., None, :, :] for part in row), holds)),
+                     tuple(part[..., 1:] for part in through))
+        after = times(reads, (loop.fast.B[..., :1], unsure * np.abs(loop.fast.B[..., :1])))
+        first = tuple(part[..., :1] + 0 * later[..., :1, :] for part, later in zip(through, after, strict=True))
+        self.impulse = tuple(part[..., :ratio, 0] for part in joined((first, after), -2))
+        self.O = self._seen(reads, shown, holds)
+        back = tuple(part[..., ::-1] for part in force)  # what is left of a force in the last tick is the least changed
+        into = np.eye(len(loop.states), n)
+        if loop.lead is not None and loop.lead < n:
+            into[:, loop.lead] -= loop.shift * loop.counted
+        self.G, self.law = times((into, 0 * into), back), None
+        if loop.law is not None:
+            self.law = times((loop.law[..., None, :], loop.dlaw[..., None, :]), back)
+            drift = times((-loop.shift[..., None], loop.dshift[..., None]), self.law)
+            self.G = plus(self.G, drift)
+        idle = (loop.E == 0).all(-2).any(-1)  # a state that nothing reads but the output, and that does not decay
+        self.drifts = loop.free | idle | (loop.law is not None)
+
+    def _seen(self, reads, shown, holds):
+        """What the state at the start of the frame shows in each of its ticks, `(..., ratio, n)`."""
+        loop, n, delay = self.loop, len(self.loop.fast.states), self.loop.diagram.delay
+        rest = loop.diagram.ratio - delay
+        none = tuple(0 * part[..., :delay, :] for part in shown)
+        old, new = tuple(part[..., :delay, :] for part in shown), none
+        if rest:
+            early = tuple(part[..., :rest, :] for part in reads)
+            old = joined((old, times(early, tuple(part[..., delay, :, :] for part in holds))), -2)
+            new = joined((none, tuple(part[..., :rest, :] for part in shown)), -2)
+        seen = plus(times(old, (loop.latched, 0 * loop.latched)), times(new, (loop.H, loop.dH)))
+        for part, read in zip(seen, reads, strict=True):
+            part[..., :n] += read * loop.counted[:n]
+        if loop.lead is not None:
+            seen[0][..., loop.lead] += 1
+        return seen
+
+    def gain(self, frequency):
+        """The largest singular value at each frequency (Hz), and a bound on its error (m/N)."""
+        loop, points = self.loop, circle(self.loop, frequency)
+        n, ratio = len(loop.states), loop.diagram.ratio
+        w = points.frame[:, None, None]
+        G, dG = (part[..., None, :, :] for part in self.G)
+        eye = np.eye(n)
+        X, dX = solved(w * eye - loop.E[..., None, :, :], loop.dE[..., None, :, :] + 0 * w.real, G + 0 * w, dG + 0 * w.real)
+        size, O, dO = np.abs(X), np.abs(self.O[0])[..., None, :, :], self.O[1][..., None, :, :]
+        error = _norm_of_product(O, dX) + _norm_of_product(dO + n * ROUNDING * O, size)
+        error = error + np.sqrt(ratio * (self.impulse[1] ** 2).sum(-1))[..., None]
+        still = None
+        if self.law is not None:
+            still = loop.still[..., None, :, None] * (self.law[0][..., None, :, :] / w)
+            unsure = (self.law[1] + 8 * ROUNDING * np.abs(self.law[0]))[..., None, :, :] / np.abs(w)
+            unsure = np.abs(loop.still)[..., None, :, None] * unsure
+            error = error + np.sqrt(ratio * (unsure**2).sum((-1, -2)))
+        value = self._dense(X, still) if ratio <= DENSE else self._lanczos(X, still)
+        drifting = (points.frame == 0) & self.drifts[..., None]
+        return np.where(drifting, np.inf, value), error
+
+    def _dense(self, X, still):
+        """By LAPACK, from the whole matrix."""
+        lag = np.subtract.outer(*[np.arange(self.loop.diagram.ratio)] * 2)
+        toeplitz = np.where(lag >= 0, self.impulse[0][..., lag], 0)
+        matrix = self.O[0][..., None, :, :] @ X + toeplitz[..., None, :, :]
+        matrix = matrix if still is None else matrix + still
+        finite = np.isfinite(matrix).all((-1, -2))
+        value = np.linalg.svd(np.where(finite[..., None, None], matrix, 0), compute_uv=False)[..., 0]
+        return np.where(finite, value, np.nan)
+
+    def _lanczos(self, X, still):
+        """Golub-Kahan-Lanczos with full reorthogonalisation, all points at once; T by way of its Fourier transform."""
+        ratio = self.loop.diagram.ratio
+        O = np.broadcast_to(self.O[0][..., None, :, :], (*X.shape[:-2], *self.O[0].shape[-2:]))
+        if still is not None:
+            X = np.concatenate([X, still], axis=-2)
+            O = np.concatenate([O, np.ones((*O.shape[:-1], 1))], axis=-1)
+        finite = (np.abs(X) < HUGE).all((-1, -2))  # beyond, squares overflow
+        X = np.where(finite[..., None, None], X, 0)
+        spectrum = np.fft.fft(self.impulse[0], 2 * ratio)[..., None, :]
+
+        def forward(v):
+            own = np.fft.ifft(spectrum * np.fft.fft(v, 2 * ratio))[..., :ratio]
+            return own + (O @ (X @ v[..., None]))[..., 0]
+
+        def backward(u):
+            own = np.fft.ifft(spectrum.conj() * np.fft.fft(u, 2 * ratio))[..., :ratio]
+            return own + (np.swapaxes(X.conj(), -1, -2) @ (np.swapaxes(O, -1, -2) @ u[..., None]))[..., 0]
+
+        v, best = np.abs(X).sum(-2) / _norm(np.abs(X).sum(-2)) + 0.1 * np.hanning(ratio) + 0j, 0.0
+        basis, band = [], []
+        for _ in range(min(STEPS, ratio)):
+            v = v / _norm(v)
+            basis.append(v)
+            band.append(forward(v))
+            span = np.stack(band, axis=-1)
+            value = np.sqrt(np.maximum(np.linalg.eigvalsh(np.swapaxes(span.conj(), -1, -2) @ span)[..., -1], 0))
+            if np.all(np.abs(value - best) <= SETTLED * value):
+                break
+            best = value
+            v = backward(band[-1])
+            for known in basis * 2:
+                v = v - known * (known.conj() * v).sum(-1, keepdims=True)
+        return np.where(finite, value, np.nan)
 
 
-def _modes_hold(loop, w):
-    """Whether the modal form is good enough for every alias (see `steady_state`)."""
-    probe = np.unique(np.linspace(0, w.size - 1, 16).astype(int))
-    points = w.reshape(-1)[probe]
-    if np.any(points == 0):
-        return False
-    found, exact = modal_response(loop.fast, points)[0], solved_response(loop.fast, points)[0]
-    return bool(np.all(np.abs(found - exact)[..., 0, :] <= 1e-10 * np.abs(exact[..., 0, :]).max(-1, keepdims=True)))
-
-
-def _largest(diagonal, left, right):
-    """Largest singular value of `diag(d) + left right`; NaN where an entry is not finite."""
-    if left is None:
-        return np.abs(diagonal).max(-1)
-    finite = np.isfinite(diagonal).all(-1) & np.isfinite(left).all((-1, -2)) & np.isfinite(right).all((-1, -2))
-    diagonal = np.where(finite[..., None], diagonal, 0)
-    left, right = (np.where(finite[..., None, None], part, 0) for part in (left, right))
-    if diagonal.shape[-1] <= DENSE:
-        matrix = left @ right
-        index = np.arange(diagonal.shape[-1])
-        matrix[..., index, index] += diagonal
-        value = np.linalg.svd(matrix, compute_uv=False)[..., 0]
-    else:
-        value = _lanczos(*_products(diagonal, left, right), np.abs(diagonal) + np.abs(right).sum(-2))
-    return np.where(finite, value, np.nan)
-
-
-def _largest_of_inverse(s, h, a):
-    """Largest singular value of the inverse of `diag(s) + h a^T`."""
-    if h is None:
-        return 1 / np.abs(s).min(-1)
-    if s.shape[-1] <= DENSE:
-        matrix = h[..., :, None] * a[..., None, :]
-        index = np.arange(s.shape[-1])
-        matrix[..., index, index] += s
-        return 1 / np.linalg.svd(matrix, compute_uv=False)[..., -1]
-    return _lanczos(_solver(s, h, a), _solver(s.conj(), a.conj(), h.conj()), 1 / (np.abs(s) + np.abs(h * a)))
-
-
-def _solver(s, h, a):
-    """x of `diag(s) x + h (a^T x) = f`, the alias of least s by itself: a free device's answer to it cancels otherwise."""
-    s, h, a = np.broadcast_arrays(s, h, a)
-    least = np.argmin(np.abs(s), axis=-1)[..., None]
-    others = np.ones(s.shape)
-    np.put_along_axis(others, least, 0.0, axis=-1)
-    weight = others * a / np.where(others > 0, s, 1)
-    through = 1 + (weight * h).sum(-1, keepdims=True)
-    s0, h0, a0 = (np.take_along_axis(part, least, axis=-1) for part in (s, h, a))
-
-    def solve(f):
-        seen = (weight * f).sum(-1, keepdims=True)
-        x0 = (np.take_along_axis(f, least, axis=-1) * through - h0 * seen) / (s0 * through + h0 * a0)
-        x = (f - h * ((a0 * x0 + seen) / through)) / np.where(others > 0, s, 1)
-        np.put_along_axis(x, least, x0, axis=-1)
-        return x
-
-    return solve
-
-
-def _products(diagonal, left, right):
-    """Functions that multiply by `diag(d) + left right` and by its adjoint."""
-    def forward(v):
-        return diagonal * v + (left @ (right @ v[..., None]))[..., 0]
-
-    def backward(u):
-        inner = np.swapaxes(left.conj(), -1, -2) @ u[..., None]
-        return diagonal.conj() * u + (np.swapaxes(right.conj(), -1, -2) @ inner)[..., 0]
-
-    return forward, backward
-
-
-def _lanczos(forward, backward, start):
-    """Golub-Kahan-Lanczos with full reorthogonalisation, all points at once; start: where the gain is likely to be."""
-    v, best = start + 0j, np.zeros(start.shape[:-1])
-    basis, band = [], []
-    for _ in range(min(STEPS, start.shape[-1])):
-        v = v / _norm(v)
-        basis.append(v)
-        band.append(forward(v))
-        span = np.stack(band, axis=-1)
-        value = np.sqrt(np.maximum(np.linalg.eigvalsh(np.swapaxes(span.conj(), -1, -2) @ span)[..., -1], 0))
-        if np.all(np.abs(value - best) <= 1e-13 * value):
-            break
-        best = value
-        v = backward(band[-1])
-        for known in basis * 2:
-            v = v - known * (known.conj() * v).sum(-1, keepdims=True)
-    return value
+def _norm_of_product(A, B):
+    """Frobenius norm of `A B`, entries not negative, without forming it."""
+    inner = np.swapaxes(A, -1, -2) @ A
+    return np.sqrt(((inner @ B) * B).sum((-1, -2)))
 
 
 def _norm(v):

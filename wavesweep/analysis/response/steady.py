@@ -1,134 +1,147 @@
-"""What the hand feels: steady response of the whole loop to a sinusoidal hand force."""
+"""What the hand feels: steady response of the whole loop to a sinusoidal hand force, and how far it can be trusted."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.response.direct import direct_admittance, is_direct
-from wavesweep.analysis.response.transfer import Modes, modal_response, modes_of, solved_response
-from wavesweep.diagram.block import Block
-from wavesweep.diagram.drawing import Diagram
-from wavesweep.lifted.assemble import fast_side, slow_side
-from wavesweep.lifted.circle import on_circle, solve
+from wavesweep.analysis.response.bordered import CLOSE, bordered
+from wavesweep.analysis.response.frame import Loop
+from wavesweep.analysis.response.sums import circle, conserved, runs, sizes_of_runs
+from wavesweep.analysis.response.ticks import ROUNDING
+from wavesweep.lifted.circle import solve
 
-PROBES = 8  # frequencies of a request at which the modal form is checked against a solve
-GOOD = 1e-11  # relative error, estimated or seen, up to which the modal form is believed
+GOOD = 1e-9  # bound on the relative error up to which the modes are believed; beyond, the larger system is solved
+LOST = 0.1  # relative error from which on a number has no digit
+BLOCK = 200_000  # entries of one batch of matrices
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Loop:
-    """Both rates of one loop, with the wall in place, ready to be evaluated at any frequency.
+class Response:
+    """admittance (m/N) and impedance (N/m), complex, `(..., points)`; bounds on their relative errors. NaN: not known."""
 
-    fast: from `f_h` and the held signals to the tick's displacement `dx` (m), the control force `f_m` (N) and what is
-    sampled; held signals that it does not read are left out. slow: from what the hand's force adds to the samples to the
-    sources of the held signals, or with a `drift` from twice that (see `_without_drift`). drift: its gain past the states.
-    wall: K_VE (N/m) and B_VE (N*s/m).
-    """
-
-    diagram: Diagram
-    fast: Modes
-    slow: Modes
-    drift: np.ndarray | None
-    wall: tuple
-
-
-def prepare(diagram: Diagram, K_VE, B_VE) -> Loop:
-    """Connect and lift once; `K_VE` (N/m), `B_VE` (N*s/m): numbers or arrays over the diagram's batch."""
-    samples = tuple(diagram.samples.values())
-    fast = fast_side(diagram, (*diagram.outputs, *samples))
-    keep = [i for i, name in enumerate(fast.inputs) if name == "f_h" or np.any(fast.B[..., i]) or np.any(fast.D[..., i])]
-    fast = replace(fast, inputs=tuple(fast.inputs[i] for i in keep), B=fast.B[..., keep], D=fast.D[..., keep])
-    wall = {"F_s": {diagram.wall[0]: K_VE, diagram.wall[1]: B_VE}}
-    slow, _ = slow_side(diagram, tuple(diagram.holds[name] for name in fast.inputs[1:]), injected=True, wall=wall)
-    if diagram.wall_drifts and diagram.reference in slow.states:
-        slow, drift = _without_drift(slow, slow.states.index(diagram.reference))
-        return Loop(diagram, modes_of(fast), modes_of(slow), drift, (K_VE, B_VE))
-    return Loop(diagram, modes_of(fast), modes_of(slow), None, (K_VE, B_VE))
-
-
-def _without_drift(slow: Block, ref: int):
-    """Count the reference from its conserved value q = s - l x: what remains has no pole at z = 1, and q only adds up.
-
-    l = E_sR E_RR^-1, from (-l, 1) E = 0. With `w q = B_q u` the response times w is that of the other states to
-    `w B_R u + E_Rq B_q u`, plus `C_q B_q u + w D u`: the block gets both inputs side by side, and C_q B_q is returned.
-    """
-    rest = np.flatnonzero(np.arange(len(slow.states)) != ref)
-    E, from_s = slow.E[..., rest[:, None], rest], slow.E[..., rest, ref : ref + 1]
-    along = solve(np.swapaxes(E, -1, -2), slow.E[..., ref, rest][..., None]).swapaxes(-1, -2)
-    B, C_s = slow.B[..., rest, :], slow.C[..., ref : ref + 1]
-    into_q = slow.B[..., ref : ref + 1, :] - along @ B
-    block = Block(
-        slow.name, slow.inputs + slow.inputs, slow.outputs, tuple(slow.states[i] for i in rest), E + from_s @ along,
-        np.concatenate(np.broadcast_arrays(B, from_s @ into_q), axis=-1), slow.C[..., rest] + C_s @ along,
-        np.concatenate([slow.D, 0 * slow.D], axis=-1),
-    )
-    return block, C_s @ into_q
-
-
-def held_response(loop: Loop, theta, respond):
-    """`w` times the response of the held sources to what the hand adds to the samples, and the size of its terms.
-
-    theta: `(points,)`, rad per frame, `w = exp(j theta) - 1`. Shapes `(..., points, held, samples)`. Times w because a
-    held signal's part at the hand's own frequency vanishes with w at multiples of the slow rate, while a conserved
-    combination of states grows without limit there: their product is finite and is what counts.
-    """
-    w = on_circle(theta)
-    G, size = respond(loop.slow, w)
-    w = w[:, None, None]
-    with np.errstate(over="ignore", invalid="ignore"):  # modes of a defective or overflown frame, which count as doubtful
-        if loop.drift is None:
-            return w * G, np.abs(w) * size
-        half, past = G.shape[-1] // 2, loop.drift[..., None, :, :]
-        return w * G[..., :half] + G[..., half:] + past, np.abs(w) * size[..., :half] + size[..., half:] + np.abs(past)
+    admittance: np.ndarray
+    impedance: np.ndarray
+    admittance_error: np.ndarray
+    impedance_error: np.ndarray
 
 
 def steady_state(loop: Loop, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
-    """Transmitted admittance (m/N) and impedance (N/m), complex, `(..., points)`.
+    """Transmitted admittance (m/N) and impedance (N/m), complex, `(..., points)`: see `respond`."""
+    found = respond(loop, frequency_hz)
+    return found.admittance, found.impedance
 
-    The hand's force `exp(j w k T)` gives a sum over `w + 2 pi m/T_s`; both are its components at w itself. x is never
-    formed as a state: it is the displacement in the tick over `exp(j w T) - 1`. Evaluated through modes; frequencies at
-    which these cancel, or all when they disagree with a solve at PROBES of the frequencies, are solved one by one. Where the
-    wall alone holds a free device, `direct_admittance` does it.
-    Accuracy: 1e-10 and better from 1e-3 Hz to the fast Nyquist frequency, at multiples of the slow rate too.
+
+def respond(loop: Loop, frequency_hz) -> Response:
+    """Transmitted admittance and impedance with bounds on their errors; frequency_hz: `(points,)`, Hz, above 0.
+
+    The hand's force `exp(j w k T)` gives a sum over `w + 2 pi m/T_s`; both are its components at w itself. The state at
+    the start of a frame solves `(w - E) X = g` with the loop closed, so nothing is taken through a pole of an open loop,
+    and a drift is set apart (see `Loop`). Through modes of E first; where these cancel too far, see `bordered`.
+    Accuracy: as bounded, from the residual of the solution, the errors of all entries and the size of the inverse.
     """
-    ticks = np.asarray(frequency_hz, float) * loop.diagram.period  # cycles per tick
-    if is_direct(loop.diagram):
-        return direct_admittance(loop, ticks)
-    found, doubt = _own_component(loop, ticks, modal_response)
-    probes = np.unique(np.linspace(0, ticks.size - 1, PROBES).astype(int))
-    exact, _ = _own_component(loop, ticks[probes], solved_response)
-    seen = np.abs(found[..., probes, :] - exact) > GOOD * np.abs(exact)
-    redo = np.arange(ticks.size) if seen.any() else np.flatnonzero(doubt)
-    if redo.size:
-        found[..., redo, :], _ = _own_component(loop, ticks[redo], solved_response)
-    admittance = found[..., 0] / on_circle(2 * np.pi * ticks)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return admittance, found[..., 1] / admittance
-
-
-def _own_component(loop, ticks, respond):
-    """(displacement in the tick, control force) at the hand's frequency, `(..., points, 2)`: the direct way and the way
-    over the slow side; and at which points the terms cancel too far."""
-    fast, fast_size = respond(loop.fast, on_circle(2 * np.pi * ticks))
-    held, held_size = held_response(loop, frame_angle(ticks, loop.diagram.ratio), respond)
-    share = held_share(ticks, loop.diagram)[..., None, None]
+    points = circle(loop, np.atleast_1d(frequency_hz))
     with np.errstate(all="ignore"):
-        total = fast[..., :2, 0] + (fast[..., :2, 1:] @ held @ fast[..., 2:, :1] * share)[..., 0]
-        over = (fast_size[..., :2, 1:] @ np.abs(held) @ np.abs(fast[..., 2:, :1])
-                + np.abs(fast[..., :2, 1:]) @ (held_size @ np.abs(fast[..., 2:, :1]) + np.abs(held) @ fast_size[..., 2:, :1]))
-        error = 8 * np.finfo(float).eps * (fast_size[..., :2, 0] + (over * np.abs(share))[..., 0])
-        doubt = ~(error <= GOOD * np.abs(total))
-    return total, doubt.any(axis=tuple(i for i in range(doubt.ndim) if i != doubt.ndim - 2))
+        found, error = _by_modes(loop, points)
+        doubtful = ~(error <= GOOD * np.abs(found)).all(-2)
+        some = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
+        width = max(1, BLOCK // _order(loop) ** 2 // max(1, doubtful.size // max(1, doubtful.shape[-1])))
+        for start in range(0, some.size, width):
+            index = some[start : start + width]
+            again, less = bordered(loop, points.at(index))
+            better = doubtful[..., None, index] & ~(less >= error[..., index])
+            found[..., index] = np.where(better, again, found[..., index])
+            error[..., index] = np.where(better, less, error[..., index])
+        return _read(loop, points, found, error)
 
 
-def frame_angle(ticks, ratio):
-    """Angle per frame, reduced to (-pi, pi] before it is rounded, so that multiples of the slow rate give exactly 0."""
-    frames = ticks * ratio
-    return 2 * np.pi * (frames - np.round(frames))
+def _read(loop, points, found, error):
+    """Admittance and impedance from displacement and force; what has no digit is missing."""
+    lost = loop.lost[..., None]
+    relative = np.where(error == 0, 0.0, error / np.abs(found)) + 4 * np.finfo(float).eps
+    relative = np.where(lost[..., None, :] | ~(relative < LOST), np.nan, relative)
+    admittance = np.where(np.isnan(relative[..., 0, :]), np.nan, found[..., 0, :] / points.tick)
+    impedance = np.where(np.isnan(relative[..., 1, :]), np.nan, found[..., 1, :] / admittance)
+    return Response(admittance, impedance, relative[..., 0, :], relative[..., 0, :] + relative[..., 1, :])
 
 
-def held_share(ticks, diagram):
-    """Component at the hand's frequency of a held signal, over w times its samples: `exp(-j w D T)/(M z (1 - exp(-j w T)))`."""
-    angle = 2 * np.pi * ticks
-    tail = np.exp(-1j * (angle * diagram.delay + frame_angle(ticks, diagram.ratio)))
-    return tail / (diagram.ratio * -on_circle(-angle))
+def _order(loop):
+    return loop.outputs + len(loop.fast.states) + len(loop.states)
+
+
+def _reading(loop, run, old, new):
+    """The component sums per state of the frame, `(..., p, points, n)`."""
+    n = len(loop.fast.states)
+    rows = old @ loop.latched + new @ loop.H[..., None, :, :]
+    rows[..., :n] += run.r * loop.counted[:n]
+    return rows
+
+
+def _reading_error(loop, run, old, new):
+    """Error of the same, `(..., p, n)`."""
+    H = np.abs(loop.H)
+    error = old[1] @ loop.latched + (new[1] + ROUNDING * new[0]) @ H + new[0] @ loop.dH
+    n = len(loop.fast.states)
+    error[..., :n] += run.dr * loop.counted[:n]
+    return error
+
+
+def _by_modes(loop, points):
+    """(displacement, force) at the hand's frequency, `(..., 2, points)`, and bounds on their errors."""
+    run, old, new = runs(loop, points, loop.fast, slice(0, loop.outputs))
+    size = sizes_of_runs(loop.before, loop.after)
+    rows, drows = _reading(loop, run, old, new), _reading_error(loop, *size)
+    g, dg, still = _forcing(loop, points, run.g, size[0])
+    X, dX = Modal(loop).solve(points.frame, g, dg)
+    seen, grown = np.swapaxes(X, -1, -2)[..., None, :, :], np.swapaxes(dX, -1, -2)[..., None, :, :]
+    terms = np.abs(rows) * np.abs(seen)
+    total = (rows * seen).sum(-1) + run.s + still[0]
+    error = (np.abs(rows) * grown + ROUNDING * terms).sum(-1) + drows @ np.abs(X)
+    error = error + size[0].ds + ROUNDING * np.abs(run.s) + still[1]
+    return total / points.ratio, error / points.ratio
+
+
+def _forcing(loop, points, g, size):
+    """What the force adds to the state in a frame, its error, and what the drift shows of it: (part of sums, error)."""
+    n, fast = loop.E.shape[-1], g.shape[-2]
+    into = np.zeros((n, fast))
+    into[:fast] = np.eye(fast)
+    if loop.law is None:
+        if loop.lead is not None and loop.lead < fast:
+            into[:, loop.lead] -= loop.shift * (np.arange(n) != loop.lead)
+        return into @ g, np.abs(into) @ size.dg + 0 * np.abs(points.frame), (0.0, 0.0)
+    q, dq = conserved(loop, g, size)
+    at_rest = loop.still[..., None] / points.tick * points.share * points.ratio
+    dN, N = loop.dshift[..., None], loop.shift[..., None]
+    error = np.abs(into) @ size.dg + np.abs(N) * dq + dN * np.abs(q)
+    return into @ g - N * q, error, (at_rest * q, np.abs(at_rest) * (dq + 8 * ROUNDING * np.abs(q)))
+
+
+class Modal:
+    """`(w - E)^-1` through the modes of E, as an approximate inverse whose error is known."""
+
+    def __init__(self, loop: Loop):
+        E, self.error = loop.E.copy(), loop.dE
+        if loop.lead is not None:  # where nothing reads the scene's position, its pole at 0 is nobody's
+            E[..., loop.lead, loop.lead] = np.where(loop.free, -1.0, E[..., loop.lead, loop.lead])
+        self.E = E
+        self.poles, self.vectors = np.linalg.eig(E)
+        self.vectors = self.vectors.astype(complex)
+        eye = np.broadcast_to(np.eye(E.shape[-1]), E.shape)
+        self.into = solve(self.vectors, eye)
+        self.defect = np.abs(self.into @ E @ self.vectors - self.poles[..., None, :] * eye).sum(-1)
+
+    def solve(self, w, b, db):
+        """X `(..., n, points)` and a bound on its error; b, db: right side and its error."""
+        factor = 1 / (w - self.poles[..., None])
+        X = self.vectors @ (factor * (self.into @ b))
+        for _ in range(2):
+            left = b - w * X + self.E @ X
+            step = self.vectors @ (factor * (self.into @ left))
+            X = X + step
+        left = b - w * X + self.E @ X
+        size = np.abs(X)
+        unsure = np.abs(left) + ROUNDING * (np.abs(w) * size + np.abs(self.E) @ size + np.abs(b)) + self.error @ size + db
+        gain = np.abs(factor)
+        off = (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0)
+        bound = np.abs(self.vectors) @ (gain * (np.abs(self.into) @ unsure)) * (1 + 2 * off)
+        return X, np.where(off <= CLOSE, bound, np.inf)

@@ -1,0 +1,141 @@
+"""The steady response from one system that holds both the fast states at the hand's frequency and the frame's states."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.analysis.response.frame import Loop
+from wavesweep.analysis.response.sums import Circle, conserved, runs, sizes_of_runs
+from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, repeated, size_of_both, size_of_tick
+from wavesweep.lifted.circle import solve
+
+CLOSE = 0.1  # by how much an inverse may be off for the error of what it gives to be bounded with it
+
+
+def bordered(loop: Loop, points: Circle):
+    """(displacement, force) at the hand's frequency, `(..., p, points)`, and bounds on their errors.
+
+    Unknowns: the outputs o and the fast states Y at the hand's frequency w, and the frame's state X at its start:
+    `w Y = E Y + B_h (sigma h) + B_f` (the tick's own equation), `M Y = r X + t h + s` (Y is X's component at w), and the
+    equations of the slow states, `h = H X`. Together they are as good as `(w - E) X = g`, but no mode of the fast side that
+    has an alias at w, damped by nothing or by little, takes a digit of Y, and none that has w itself does.
+    """
+    A, dA, b, db, still, dstill = _system(loop, points)
+    found, error = (part[..., 0] for part in solved(A, dA, b[..., None], db[..., None]))
+    p = loop.outputs
+    o, do = found[..., :p], error[..., :p]
+    return np.swapaxes(o + still, -1, -2), np.swapaxes(do + dstill, -1, -2)
+
+
+def _system(loop, points):
+    """Matrix, errors, right side, errors; and what the drift adds to the outputs, with its error."""
+    fast, n, f, p, P = loop.fast, loop.E.shape[-1], len(loop.fast.states), loop.outputs, points.frequency.size
+    states = replace(fast, outputs=fast.states, C=np.eye(f) + 0 * fast.E[..., :1], D=0 * fast.B)
+    run, old, new = runs(loop, points, states, slice(0, f))
+    one = size_of_tick(states, slice(0, f))
+    delay, ratio = loop.diagram.delay, loop.diagram.ratio
+    size, old_size, new_size = sizes_of_runs(*(repeated(one, k, size_of_both) for k in (delay, ratio - delay)))
+    batch = loop.E.shape[:-2]
+    A = np.zeros((*batch, P, p + f + n, p + f + n), complex)
+    dA = np.zeros(A.shape)
+    b, db = np.zeros((*batch, P, p + f + n), complex), np.zeros((*batch, P, p + f + n))
+    out, own, sums, slow = slice(0, p), slice(p, p + f), slice(p + f, p + 2 * f), slice(p + 2 * f, None)
+    Y, X = own, slice(p + f, None)
+    w, z = points.tick[:, None, None], points.frame[:, None, None]
+    unsure = (ENTRIES * np.asarray(fast.condition, float))[..., None, None]
+    H, dH = loop.H, loop.dH
+    shares = _shares(points, delay)
+    held = shares[0] * loop.latched + shares[1] * H[..., None, :, :]
+    held_size = np.abs(shares[0]) * loop.latched + np.abs(shares[1]) * np.abs(H)[..., None, :, :]
+    dheld = np.abs(shares[1]) * dH[..., None, :, :] + ROUNDING * held_size
+    C, D, B = fast.C[..., :p, :], fast.D[..., :p, :], fast.B
+    # what the outputs and the fast states are at the hand's frequency
+    A[..., out, out] = np.eye(p)
+    A[..., out, Y], A[..., out, X] = -C[..., None, :, :], -(D[..., None, :, 1:] @ held)
+    dA[..., out, Y] = (unsure * np.abs(C))[..., None, :, :]
+    dA[..., out, X] = np.abs(D[..., None, :, 1:]) @ (dheld + unsure[..., None] * held_size)
+    b[..., out], db[..., out] = D[..., None, :, 0], (unsure * np.abs(D))[..., None, :, 0]
+    A[..., own, Y] = w * np.eye(f) - fast.E[..., None, :, :]
+    A[..., own, X] = -(B[..., None, :, 1:] @ held)
+    dA[..., own, Y] = (unsure * np.abs(fast.E))[..., None, :, :]
+    dA[..., own, X] = np.abs(B[..., None, :, 1:]) @ (dheld + unsure[..., None] * held_size)
+    b[..., own], db[..., own] = B[..., None, :, 0], (unsure * np.abs(B))[..., None, :, 0]
+    if "device.x" in fast.states and fast.outputs[0] == "device.dx":  # the displacement is w times the position
+        x = p + fast.states.index("device.x")
+        for array in (A, dA, b[..., None], db[..., None]):
+            array[..., x, :] = 0
+        A[..., x, x], A[..., x, 0] = points.tick, -1
+    # the component at w of the fast states in the frame
+    A[..., sums, Y] = points.ratio * np.eye(f)
+    A[..., sums, X] = -(old @ loop.latched + new @ H[..., None, :, :]).swapaxes(-3, -2)
+    A[..., sums, p + f : p + 2 * f] -= run.r.swapaxes(-3, -2) * loop.counted[:f]
+    sum_error = old_size[1] @ loop.latched + (new_size[1] + ROUNDING * new_size[0]) @ np.abs(H) + new_size[0] @ dH
+    sum_error[..., :f] += size.dr * loop.counted[:f]
+    dA[..., sums, X] = sum_error[..., None, :, :]
+    b[..., sums], db[..., sums] = np.swapaxes(run.s, -1, -2), size.ds[..., None, :, 0]
+    # the slow states
+    A[..., slow, X] = z * np.eye(n)[f:] - loop.rows[..., None, f:, :]
+    dA[..., slow, X] = loop.drows[..., None, f:, :]
+    return (A, dA, b, db, *_with_drift(loop, points, (A, b, db), (own, slow), (run.g, size)))
+
+
+def _shares(points, delay):
+    """Components at w of the old and of the new held signals, each `(points, 1, 1)`."""
+    def constant(count):  # the sum of exp(-j w i) over `count` ticks
+        angle = points.steps(count)
+        return np.where(points.tick == 0, count, angle.conj() / np.where(points.tick == 0, 1, points.tick.conj()))
+
+    parts = constant(delay), points.turn(delay).conj() * constant(points.ratio - delay)
+    return [(part / points.ratio)[:, None, None] for part in parts]
+
+
+def _with_drift(loop, points, system, places, forcing):
+    """Put what the drift does into the system, and give what it adds to the outputs."""
+    (A, b, db), (own, slow) = system, places
+    f, p = len(loop.fast.states), loop.outputs
+    at_own, at_slow = points.share[:, None] * loop.shift[..., None, :f], loop.shift[..., None, f:]
+    if loop.law is not None:
+        q, dq = (part[..., 0, :, None] for part in conserved(loop, *forcing))
+        b[..., own] -= at_own * q
+        b[..., slow] -= at_slow * q
+        unsure = np.abs(loop.shift)[..., None, :] * dq + loop.dshift[..., None, :] * np.abs(q)
+        db[..., own] += unsure[..., :f] / points.ratio
+        db[..., slow] += unsure[..., f:]
+        at_rest = loop.still[..., None, :] * (points.share / points.tick)[:, None]
+        return at_rest * q, np.abs(at_rest) * (dq + 8 * ROUNDING * np.abs(q))
+    if loop.lead is not None:
+        lead = p + f + loop.lead
+        # Where the scene's position is read, it is the unknown; where nothing reads it, its step is, which stays finite.
+        step = np.where(loop.free[..., None], 1.0, points.frame)[..., None]
+        A[..., own, lead] += step * at_own
+        A[..., slow, lead] = step * at_slow - loop.rows[..., None, f:, loop.lead]
+    return 0.0, 0.0
+
+
+def solved(A, dA, b, db):
+    """`X` of `A X = b` `(..., n, k)` and a bound on its error, entry by entry; dA, db: bounds on the errors of A and b.
+
+    Rows and columns are scaled to ones, the inverse is refined and so is the solution, which leaves it a backward error
+    that is small in every entry (Skeel 1980); the bound is `|A^-1| (|residual| + dA |X| + db)`.
+    """
+    column = 1 / _largest(A, -2)
+    row = 1 / _largest(A * column[..., None, :], -1)
+    column = column / _largest(A * row[..., :, None] * column[..., None, :], -2)
+    S = A * row[..., :, None] * column[..., None, :]
+    unsure = dA * row[..., :, None] * column[..., None, :]
+    b, db, eye = b * row[..., None], db * row[..., None], np.eye(A.shape[-1])
+    inverse = solve(S, np.broadcast_to(eye, S.shape))
+    inverse = inverse + inverse @ (eye - S @ inverse)  # so that small rows of it are right as well, and bound small unknowns
+    X = inverse @ b
+    for _ in range(2):
+        X = X + inverse @ (b - S @ X)
+    size = np.abs(X)
+    left = np.abs(b - S @ X) + (ROUNDING * np.abs(S) + unsure) @ size + ROUNDING * np.abs(b) + db
+    off = np.abs(eye - inverse @ S).sum(-1).max(-1, initial=0)[..., None, None]
+    bound = np.where(off <= CLOSE, np.abs(inverse) @ left * (1 + 2 * off), np.inf)
+    return X * column[..., None], bound * column[..., None]
+
+
+def _largest(A, axis):
+    size = np.abs(A).max(axis, initial=0)
+    return np.where(size > 0, size, 1)

@@ -1,0 +1,192 @@
+"""The closed loop of a frame, ready for any frequency: what recurs from frame to frame, and what a tick shows of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, Sizes, repeated, size_of_both, size_of_tick
+from wavesweep.diagram.block import Block
+from wavesweep.diagram.drawing import Diagram
+from wavesweep.errors import WavesweepError
+from wavesweep.lifted.assemble import fast_side, latches, slow_sums
+from wavesweep.lifted.circle import solve
+from wavesweep.lifted.connect import connect
+from wavesweep.lifted.lift import lift_held
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loop:
+    """Both rates of one loop with the wall in place: `w X = E X + g`, w = z - 1, g what the hand's force adds in a frame.
+
+    fast: the tick, from `f_h` and the held signals to the first `outputs` of its outputs and the samples. Its states come
+    first in X. E, dE `(..., n, n)`: the closed frame, every position counted from the reference, and a bound on the error
+    of its entries; rows, drows: the same before the step of the reference is taken from those of the other positions. H,
+    dH `(..., held, n)`: the newest held signals; latched: which of X are those of the frame before. shift, dshift
+    `(..., n)`: the drift that is set apart, a shift of the whole scene, or the state in which a combination `law X` is seen
+    that no wall force changes (then one state is left out of X). still: the outputs in that state. lead: the state that
+    stands for the scene; None if a spring holds it. free: nothing reads that state. before, after: sizes of the ticks until
+    the held signals change and from then on. lost: the frame overflowed.
+    """
+
+    diagram: Diagram
+    wall: tuple
+    fast: Block
+    outputs: int
+    states: tuple[str, ...]
+    E: np.ndarray
+    dE: np.ndarray
+    rows: np.ndarray
+    drows: np.ndarray
+    H: np.ndarray
+    dH: np.ndarray
+    latched: np.ndarray
+    shift: np.ndarray
+    dshift: np.ndarray
+    still: np.ndarray
+    lead: int | None
+    free: np.ndarray
+    law: np.ndarray | None
+    dlaw: np.ndarray | None
+    before: Sizes | None
+    after: Sizes | None
+    lost: np.ndarray
+
+    @property
+    def counted(self) -> np.ndarray:
+        """0 for the state that others are counted from, whose place in the frame is the origin; 1 for the others, `(n,)`."""
+        return np.array([float(index != self.lead) for index in range(len(self.states))])
+
+
+def prepare(diagram: Diagram, K_VE, B_VE, outputs=None) -> Loop:
+    """Connect and lift once; `K_VE` (N/m), `B_VE` (N*s/m): numbers or arrays over the diagram's batch.
+
+    outputs: signals of the fast side; by default those of the drawing, the displacement in the tick and the control force.
+    """
+    outputs = tuple(outputs or diagram.outputs)
+    samples = tuple(dict.fromkeys(diagram.samples.values()))
+    fast = fast_side(diagram, (*outputs, *(name for name in samples if name not in outputs)))
+    if np.any(fast.D[..., [fast.outputs.index(name) for name in samples], :1]):
+        raise WavesweepError("a sampler reads the hand's force in the same tick: the response of such a loop is not known")
+    with np.errstate(all="ignore"):  # a frame that overflows is found below
+        one = size_of_tick(fast, slice(0, len(outputs)))
+        before, after = (repeated(one, n, size_of_both) for n in (diagram.delay, diagram.ratio - diagram.delay))
+        parts = _closed(diagram, fast, samples, (before, after), (K_VE, B_VE))
+        if diagram.wall_drifts and diagram.reference in parts["states"]:
+            parts |= _conserved(parts, fast, parts["states"].index(diagram.reference))
+        parts["still"] = _still(parts, fast, outputs)
+    lost = ~np.logical_and.reduce([np.isfinite(parts[name]).all((-1, -2)) for name in ("E", "dE", "H", "dH")])
+    for name in ("E", "dE", "rows", "drows", "H", "dH"):
+        parts[name] = np.where(lost[..., None, None], 0.0, parts[name])
+    return Loop(diagram, (K_VE, B_VE), fast, len(outputs), before=before, after=after, lost=lost, **parts)
+
+
+def _closed(diagram, fast, samples, sizes, wall) -> dict:
+    """The frame with the wall closed, positions counted from the reference if no spring holds the scene."""
+    frame = lift_held(fast, diagram.ratio, diagram.delay, tuple(diagram.holds), samples)
+    sources, fast_states = tuple(diagram.holds.values()), len(fast.states)
+    block = connect("slow", (frame, *diagram.slow, *latches(diagram)), slow_sums(diagram), ("F_s",), (*diagram.wall, *sources))
+    names, E, C = block.states, block.E.copy(), block.C.copy()
+    latched = np.array([[f"hold_{name}.u_before" == state for state in names] for name in diagram.holds], float)
+    latched = latched.reshape(len(sources), len(names))
+    shift, lead = np.zeros(len(names)), None
+    if not diagram.held_by_spring:
+        lead = names.index(diagram.reference)
+        shift[[names.index(name) for name in block.positions]] = 1
+        E[..., lead] = C[..., lead] = 0  # the sum of the columns of all positions, zero where nothing holds the scene
+        C[..., 0, lead] = 1
+    unsure = (ENTRIES * np.asarray(block.condition * fast.condition, float))[..., None, None]
+    K, F = (np.asarray(value, float)[..., None, None] for value in wall)
+    (x, v), (D_x, D_v) = (C[..., :1, :], C[..., 1:2, :]), (block.D[..., :1, :], block.D[..., 1:2, :])
+    through = 1 - K * D_x - F * D_v
+    read = (K * x + F * v) / through
+    bold = unsure * (1 + np.abs(K * D_x) + np.abs(F * D_v)) / through**2 * (np.abs(K * x) + np.abs(F * v))
+    H, dH = C[..., 2:, :] + block.D[..., 2:, :] * read, unsure * np.abs(C[..., 2:, :]) + np.abs(block.D[..., 2:, :]) * bold
+    rows, drows = E + block.B * read, unsure * np.abs(E) + np.abs(block.B) * bold
+    drows[..., :fast_states, :] += _frame_error(sizes, latched, np.abs(H), unsure, fast_states)
+    E, dE, free = rows, drows, np.zeros((), bool)
+    if lead is not None:
+        others = (shift * (np.arange(len(names)) != lead))[:, None]
+        E, dE = rows - others * rows[..., lead : lead + 1, :], drows + others * drows[..., lead : lead + 1, :]
+        free = K[..., 0, 0] == 0
+    found = {"states": names, "E": E, "dE": dE, "rows": rows, "drows": drows, "H": H, "dH": dH, "latched": latched,
+             "shift": shift, "dshift": 0 * shift, "lead": lead, "free": free, "law": None, "dlaw": None}
+    return _without_unread(found, fast_states)
+
+
+def _frame_error(sizes, latched, held, unsure, n):
+    """Error of the rows of the fast states: of the frame's own matrix and of what the held signals do in it."""
+    before, after = sizes
+    none = np.zeros((n, held.shape[-2]))
+    new, dnew = (after.k, after.dk) if after else (none, none)
+    old, dold, dE = (before.k, before.dk, before.dE) if before else (none, none, 0)
+    if after:
+        ahead = np.abs(np.eye(n) + after.E)
+        old, dold = ahead @ old, ahead @ dold + after.dE @ old
+        dE = size_of_both(before, after).dE if before else after.dE
+    wide = np.zeros((*np.broadcast_shapes(np.shape(dE)[:-2], held.shape[:-2]), n, held.shape[-1]))
+    wide[..., :n] += dE
+    return wide + (dnew + unsure * new) @ held + (dold + unsure * old) @ latched
+
+
+def _without_unread(found, fast_states) -> dict:
+    """Leave out slow states that nothing reads; they may drift."""
+    batch = tuple(range(found["rows"].ndim - 2))
+    reads, kept = np.any(found["rows"] != 0, axis=batch), np.any(found["H"] != 0, axis=(*batch, found["H"].ndim - 2))
+    kept = kept | found["latched"].any(0)
+    kept[:fast_states] = True
+    if found["lead"] is not None:
+        kept[found["lead"]] = True
+    for _ in found["states"]:
+        kept = kept | np.any(reads[kept], axis=0)
+    index = np.flatnonzero(kept)
+    lead = None if found["lead"] is None else int(np.flatnonzero(index == found["lead"])[0])
+    square = {name: found[name][..., index[:, None], index] for name in ("E", "dE", "rows", "drows")}
+    wide = {name: found[name][..., index] for name in ("H", "dH", "latched", "shift", "dshift")}
+    return found | square | wide | {"states": tuple(found["states"][i] for i in index), "lead": lead}
+
+
+def _conserved(found, fast, ref) -> dict:
+    """Set `q = s - l x` apart, which stays for ever: s is that state, l = E_sR E_RR^-1, and (-l, 1) E = 0.
+
+    The state in which q is seen, (N, 1 + l N) with E (N, 1 + l N) = 0, is constant within the frame; what is left of the
+    other states goes by E_RR + E_Rs l, which has no eigenvalue 0.
+    """
+    rest = np.flatnonzero(np.arange(len(found["states"])) != ref)
+    (inner, from_s, into_s), (dinner, dfrom, dinto) = (
+        (part[..., rest[:, None], rest], part[..., rest, ref : ref + 1], part[..., ref : ref + 1, :][..., rest])
+        for part in (found["rows"], found["drows"])
+    )
+    inverse = _inverse(inner)
+    along = into_s @ inverse
+    along = along + (into_s - along @ inner) @ inverse
+    left = ROUNDING * (np.abs(into_s) + np.abs(along) @ np.abs(inner))
+    dalong = (dinto + np.abs(along) @ dinner + left) @ np.abs(inverse)
+    moved = inner + from_s @ along
+    dmoved = dinner + dfrom @ np.abs(along) + np.abs(from_s) @ dalong + ROUNDING * (np.abs(from_s) @ np.abs(along))
+    own = _inverse(moved)
+    N = -own @ from_s
+    N = N - own @ (from_s + moved @ N)
+    dN = np.abs(own) @ (dfrom + dmoved @ np.abs(N) + ROUNDING * (np.abs(from_s) + np.abs(moved) @ np.abs(N)))
+    n = len(fast.states)
+    of_s, dof = (found[name][..., ref : ref + 1] for name in ("H", "dH"))
+    H = found["H"][..., rest] + of_s @ along
+    dH = found["dH"][..., rest] + dof @ np.abs(along) + np.abs(of_s) @ dalong
+    return {
+        "states": tuple(found["states"][i] for i in rest), "E": moved, "dE": dmoved, "rows": moved, "drows": dmoved,
+        "H": H, "dH": dH, "latched": found["latched"][:, rest], "shift": N[..., 0], "dshift": dN[..., 0],
+        "still_held": (H @ N + of_s)[..., 0], "law": -along[..., 0, :n], "dlaw": dalong[..., 0, :n],
+    }
+
+
+def _still(found, fast, outputs):
+    """The outputs in the state `shift`, which is at rest: nothing is displaced, and a shift of the scene is not felt."""
+    n, p = len(fast.states), len(outputs)
+    held = found.pop("still_held", None)
+    if held is None:
+        return np.array([float(name == "device.x") for name in outputs])
+    seen = fast.C[..., :p, :] @ found["shift"][..., :n, None] + fast.D[..., :p, 1:] @ held[..., None]
+    return seen[..., 0] * [float(name != "device.dx") for name in outputs]
+
+
+def _inverse(A):
+    return solve(A, np.broadcast_to(np.eye(A.shape[-1]), A.shape))
