@@ -6,7 +6,7 @@ import numpy as np
 
 from wavesweep.analysis.response.frame import Loop
 from wavesweep.analysis.response.sums import Circle, conserved, runs, sizes_of_runs
-from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, repeated, size_of_both, size_of_tick
+from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, holding, repeated, size_of_both, size_of_tick
 from wavesweep.lifted.circle import solve
 
 CLOSE = 0.1  # by how much an inverse may be off for the error of what it gives to be bounded with it
@@ -30,11 +30,11 @@ def bordered(loop: Loop, points: Circle):
 def _system(loop, points):
     """Matrix, errors, right side, errors; and what the drift adds to the outputs, with its error."""
     fast, n, f, p, P = loop.fast, loop.E.shape[-1], len(loop.fast.states), loop.outputs, points.frequency.size
-    states = replace(fast, outputs=fast.states, C=np.eye(f) + 0 * fast.E[..., :1], D=0 * fast.B)
-    run, old, new = runs(loop, points, states, slice(0, f))
-    one = size_of_tick(states, slice(0, f))
+    states = holding(replace(fast, outputs=fast.states, C=np.eye(f) + 0 * fast.E[..., :1], D=0 * fast.B), f)
+    run, old, new = runs(loop, points, states)
+    one = size_of_tick(states)
     delay, ratio = loop.diagram.delay, loop.diagram.ratio
-    size, old_size, new_size = sizes_of_runs(*(repeated(one, k, size_of_both) for k in (delay, ratio - delay)))
+    size, old_size, new_size = sizes_of_runs(*(repeated(one, k, size_of_both) for k in (delay, ratio - delay)), f)
     batch = loop.E.shape[:-2]
     A = np.zeros((*batch, P, p + f + n, p + f + n), complex)
     dA = np.zeros(A.shape)
@@ -68,15 +68,15 @@ def _system(loop, points):
     # the component at w of the fast states in the frame
     A[..., sums, Y] = points.ratio * np.eye(f)
     A[..., sums, X] = -(old @ loop.latched + new @ H[..., None, :, :]).swapaxes(-3, -2)
-    A[..., sums, p + f : p + 2 * f] -= run.r.swapaxes(-3, -2) * loop.counted[:f]
+    A[..., sums, p + f : p + 2 * f] -= run.r[..., :f].swapaxes(-3, -2) * loop.counted[:f]
     sum_error = old_size[1] @ loop.latched + (new_size[1] + ROUNDING * new_size[0]) @ np.abs(H) + new_size[0] @ dH
-    sum_error[..., :f] += size.dr * loop.counted[:f]
+    sum_error[..., :f] += size.dr[..., :f] * loop.counted[:f]
     dA[..., sums, X] = sum_error[..., None, :, :]
     b[..., sums], db[..., sums] = np.swapaxes(run.s, -1, -2), size.ds[..., None, :, 0]
     # the slow states
     A[..., slow, X] = z * np.eye(n)[f:] - loop.rows[..., None, f:, :]
     dA[..., slow, X] = loop.drows[..., None, f:, :]
-    return (A, dA, b, db, *_with_drift(loop, points, (A, b, db), (own, slow), (run.g, size)))
+    return (A, dA, b, db, *_with_drift(loop, points, (A, b, db), (own, slow), (run.g[..., :f, :], size)))
 
 
 def _shares(points, delay):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, Sizes, repeated, size_of_both, size_of_tick
+from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, Sizes, holding, repeated, size_of_both, size_of_tick
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.errors import WavesweepError
@@ -68,7 +68,7 @@ def prepare(diagram: Diagram, K_VE, B_VE, outputs=None) -> Loop:
     if np.any(fast.D[..., [fast.outputs.index(name) for name in samples], :1]):
         raise WavesweepError("a sampler reads the hand's force in the same tick: the response of such a loop is not known")
     with np.errstate(all="ignore"):  # a frame that overflows is found below
-        one = size_of_tick(fast, slice(0, len(outputs)))
+        one = size_of_tick(holding(fast, len(outputs)))
         before, after = (repeated(one, n, size_of_both) for n in (diagram.delay, diagram.ratio - diagram.delay))
         parts = _closed(diagram, fast, samples, (before, after), (K_VE, B_VE))
         if diagram.wall_drifts and diagram.reference in parts["states"]:
@@ -117,15 +117,15 @@ def _frame_error(sizes, latched, held, unsure, n):
     """Error of the rows of the fast states: of the frame's own matrix and of what the held signals do in it."""
     before, after = sizes
     none = np.zeros((n, held.shape[-2]))
-    new, dnew = (after.k, after.dk) if after else (none, none)
-    old, dold, dE = (before.k, before.dk, before.dE) if before else (none, none, 0)
+    new, dnew = (np.abs(after.E[..., :n, n:]), after.dE[..., :n, n:]) if after else (none, none)
+    old, dold = (np.abs(before.E[..., :n, n:]), before.dE[..., :n, n:]) if before else (none, none)
+    whole = size_of_both(before, after) if before and after else before or after
     if after:
-        ahead = np.abs(np.eye(n) + after.E)
-        old, dold = ahead @ old, ahead @ dold + after.dE @ old
-        dE = size_of_both(before, after).dE if before else after.dE
-    wide = np.zeros((*np.broadcast_shapes(np.shape(dE)[:-2], held.shape[:-2]), n, held.shape[-1]))
-    wide[..., :n] += dE
-    return wide + (dnew + unsure * new) @ held + (dold + unsure * old) @ latched
+        ahead = np.abs(np.eye(n) + after.E[..., :n, :n])
+        old, dold = ahead @ old, ahead @ dold + after.dE[..., :n, :n] @ old
+    error = (dnew + unsure * new) @ held + (dold + unsure * old) @ latched
+    error[..., :n] += whole.dE[..., :n, :n]
+    return error
 
 
 def _without_unread(found, fast_states) -> dict:

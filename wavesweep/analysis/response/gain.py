@@ -6,7 +6,7 @@ from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.response.frame import Loop, prepare
 from wavesweep.analysis.response.steady import LOST, respond
 from wavesweep.analysis.response.sums import circle
-from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, joined, plus, times, unrolled
+from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, holding, joined, plus, times, unrolled
 
 DENSE = 32  # up to this ratio LAPACK's singular values of the whole matrix are the quicker way
 STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
@@ -58,17 +58,13 @@ class Frame:
 
     def __init__(self, loop: Loop):
         self.loop = loop
-        n, ratio = len(loop.fast.states), loop.diagram.ratio
-        reads, force, holds = unrolled(loop.fast, ratio)
-        unsure = (ENTRIES * np.asarray(loop.fast.condition, float))[..., None, None]
-        row, through = ((part, unsure * np.abs(part)) for part in (loop.fast.C[..., :1, :], loop.fast.D[..., :1, :]))
-        shown = plus(tuple(part[..., 0, :] for part in times(tuple(part[..., None, :, :] for part in row), holds)),
-                     tuple(part[..., 1:] for part in through))
-        after = times(reads, (loop.fast.B[..., :1], unsure * np.abs(loop.fast.B[..., :1])))
-        first = tuple(part[..., :1] + 0 * later[..., :1, :] for part, later in zip(through, after, strict=True))
+        n, ratio, tick = len(loop.fast.states), loop.diagram.ratio, holding(loop.fast, 1)
+        unsure = (ENTRIES * np.asarray(tick.condition, float))[..., None, None]
+        reads, force = unrolled(tick, ratio)
+        first, after = (tick.D, unsure * np.abs(tick.D)), times(reads, (tick.B, unsure * np.abs(tick.B)))
         self.impulse = tuple(part[..., :ratio, 0] for part in joined((first, after), -2))
-        self.O = self._seen(reads, shown, holds)
-        back = tuple(part[..., ::-1] for part in force)  # what is left of a force in the last tick is the least changed
+        self.O = self._seen(reads)
+        back = tuple(part[..., :n, ::-1] for part in force)  # the last tick's force is the one that nothing has changed yet
         into = np.eye(len(loop.states), n)
         if loop.lead is not None and loop.lead < n:
             into[:, loop.lead] -= loop.shift * loop.counted
@@ -80,18 +76,20 @@ class Frame:
         idle = (loop.E == 0).all(-2).any(-1)  # a state that nothing reads but the output, and that does not decay
         self.drifts = loop.free | idle | (loop.law is not None)
 
-    def _seen(self, reads, shown, holds):
+    def _seen(self, reads):
         """What the state at the start of the frame shows in each of its ticks, `(..., ratio, n)`."""
         loop, n, delay = self.loop, len(self.loop.fast.states), self.loop.diagram.delay
-        rest = loop.diagram.ratio - delay
+        own, shown = (tuple(part[..., which] for part in reads) for which in (slice(0, n), slice(n, None)))
         none = tuple(0 * part[..., :delay, :] for part in shown)
         old, new = tuple(part[..., :delay, :] for part in shown), none
-        if rest:
-            early = tuple(part[..., :rest, :] for part in reads)
-            old = joined((old, times(early, tuple(part[..., delay, :, :] for part in holds))), -2)
+        if rest := loop.diagram.ratio - delay:
+            change = loop.before and (loop.before.E[..., :n, n:], loop.before.dE[..., :n, n:])
+            early = tuple(part[..., :rest, :] for part in own)
+            later = times(early, change) if change else tuple(0 * part[..., :rest, :] for part in shown)
+            old = joined((old, later), -2)
             new = joined((none, tuple(part[..., :rest, :] for part in shown)), -2)
         seen = plus(times(old, (loop.latched, 0 * loop.latched)), times(new, (loop.H, loop.dH)))
-        for part, read in zip(seen, reads, strict=True):
+        for part, read in zip(seen, own, strict=True):
             part[..., :n] += read * loop.counted[:n]
         if loop.lead is not None:
             seen[0][..., loop.lead] += 1

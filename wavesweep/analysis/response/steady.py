@@ -7,11 +7,12 @@ import numpy as np
 from wavesweep.analysis.response.bordered import CLOSE, bordered
 from wavesweep.analysis.response.frame import Loop
 from wavesweep.analysis.response.sums import circle, conserved, runs, sizes_of_runs
-from wavesweep.analysis.response.ticks import ROUNDING
+from wavesweep.analysis.response.ticks import ROUNDING, holding
 from wavesweep.lifted.circle import solve
 
 GOOD = 1e-9  # bound on the relative error up to which the modes are believed; beyond, the larger system is solved
 LOST = 0.1  # relative error from which on a number has no digit
+NOISE = 1e-13  # of the sizes of the modes, what rounding may leave of an entry of their sum
 BLOCK = 200_000  # entries of one batch of matrices
 
 
@@ -41,17 +42,23 @@ def respond(loop: Loop, frequency_hz) -> Response:
     """
     points = circle(loop, np.atleast_1d(frequency_hz))
     with np.errstate(all="ignore"):
-        found, error = _by_modes(loop, points)
-        doubtful = ~(error <= GOOD * np.abs(found)).all(-2)
-        some = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
-        width = max(1, BLOCK // _order(loop) ** 2 // max(1, doubtful.size // max(1, doubtful.shape[-1])))
-        for start in range(0, some.size, width):
-            index = some[start : start + width]
-            again, less = bordered(loop, points.at(index))
-            better = doubtful[..., None, index] & ~(less >= error[..., index])
-            found[..., index] = np.where(better, again, found[..., index])
-            error[..., index] = np.where(better, less, error[..., index])
+        modal = Modal(loop)
+        found, error = _by_modes(loop, points, modal.solve)
+        for method in (lambda some: _by_modes(loop, some, modal.solve_carefully), lambda some: bordered(loop, some)):
+            _improve(found, error, points, method, max(1, BLOCK // _order(loop) ** 2 // max(1, loop.lost.size)))
         return _read(loop, points, found, error)
+
+
+def _improve(found, error, points, method, width):
+    """Put what another method knows better in the place of what is not good enough; width: points at a time."""
+    doubtful = ~(error <= GOOD * np.abs(found)).all(-2)
+    some = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
+    for start in range(0, some.size, width):
+        index = some[start : start + width]
+        again, less = method(points.at(index))
+        better = doubtful[..., None, index] & ~(less >= error[..., index])
+        found[..., index] = np.where(better, again, found[..., index])
+        error[..., index] = np.where(better, less, error[..., index])
 
 
 def _read(loop, points, found, error):
@@ -72,7 +79,7 @@ def _reading(loop, run, old, new):
     """The component sums per state of the frame, `(..., p, points, n)`."""
     n = len(loop.fast.states)
     rows = old @ loop.latched + new @ loop.H[..., None, :, :]
-    rows[..., :n] += run.r * loop.counted[:n]
+    rows[..., :n] += run.r[..., :n] * loop.counted[:n]
     return rows
 
 
@@ -81,17 +88,17 @@ def _reading_error(loop, run, old, new):
     H = np.abs(loop.H)
     error = old[1] @ loop.latched + (new[1] + ROUNDING * new[0]) @ H + new[0] @ loop.dH
     n = len(loop.fast.states)
-    error[..., :n] += run.dr * loop.counted[:n]
+    error[..., :n] += run.dr[..., :n] * loop.counted[:n]
     return error
 
 
-def _by_modes(loop, points):
+def _by_modes(loop, points, solve_frame):
     """(displacement, force) at the hand's frequency, `(..., 2, points)`, and bounds on their errors."""
-    run, old, new = runs(loop, points, loop.fast, slice(0, loop.outputs))
-    size = sizes_of_runs(loop.before, loop.after)
+    run, old, new = runs(loop, points, holding(loop.fast, loop.outputs))
+    size = sizes_of_runs(loop.before, loop.after, len(loop.fast.states))
     rows, drows = _reading(loop, run, old, new), _reading_error(loop, *size)
     g, dg, still = _forcing(loop, points, run.g, size[0])
-    X, dX = Modal(loop).solve(points.frame, g, dg)
+    X, dX = solve_frame(points.frame, g, dg)
     seen, grown = np.swapaxes(X, -1, -2)[..., None, :, :], np.swapaxes(dX, -1, -2)[..., None, :, :]
     terms = np.abs(rows) * np.abs(seen)
     total = (rows * seen).sum(-1) + run.s + still[0]
@@ -102,17 +109,18 @@ def _by_modes(loop, points):
 
 def _forcing(loop, points, g, size):
     """What the force adds to the state in a frame, its error, and what the drift shows of it: (part of sums, error)."""
-    n, fast = loop.E.shape[-1], g.shape[-2]
+    n, fast = loop.E.shape[-1], len(loop.fast.states)
+    g, dg = g[..., :fast, :], size.dg[..., :fast, :]
     into = np.zeros((n, fast))
     into[:fast] = np.eye(fast)
     if loop.law is None:
         if loop.lead is not None and loop.lead < fast:
             into[:, loop.lead] -= loop.shift * (np.arange(n) != loop.lead)
-        return into @ g, np.abs(into) @ size.dg + 0 * np.abs(points.frame), (0.0, 0.0)
+        return into @ g, np.abs(into) @ dg + 0 * np.abs(points.frame), (0.0, 0.0)
     q, dq = conserved(loop, g, size)
     at_rest = loop.still[..., None] / points.tick * points.share * points.ratio
     dN, N = loop.dshift[..., None], loop.shift[..., None]
-    error = np.abs(into) @ size.dg + np.abs(N) * dq + dN * np.abs(q)
+    error = np.abs(into) @ dg + np.abs(N) * dq + dN * np.abs(q)
     return into @ g - N * q, error, (at_rest * q, np.abs(at_rest) * (dq + 8 * ROUNDING * np.abs(q)))
 
 
@@ -132,16 +140,26 @@ class Modal:
 
     def solve(self, w, b, db):
         """X `(..., n, points)` and a bound on its error; b, db: right side and its error."""
+        X, unsure, gain, off = self._solved(w, b, db)
+        bound = np.abs(self.vectors) @ (gain * (np.abs(self.into) @ unsure))
+        return X, np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)
+
+    def solve_carefully(self, w, b, db):
+        """The same with a bound from the inverse itself, in which modes cancel, and not from the sizes of its modes."""
+        X, unsure, gain, off = self._solved(w, b, db)
+        factor = np.swapaxes(1 / (w - self.poles[..., None]), -1, -2)[..., None, :]
+        inverse = (self.vectors[..., None, :, :] * factor) @ self.into[..., None, :, :]
+        bound = (np.abs(inverse) @ np.swapaxes(unsure, -1, -2)[..., None])[..., 0]
+        bound = np.swapaxes(bound, -1, -2) + NOISE * (np.abs(self.vectors) @ (gain * (np.abs(self.into) @ unsure)))
+        return X, np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)
+
+    def _solved(self, w, b, db):
+        """The solution, what its equations are not sure of, and the size and the error of the inverse."""
         factor = 1 / (w - self.poles[..., None])
         X = self.vectors @ (factor * (self.into @ b))
         for _ in range(2):
             left = b - w * X + self.E @ X
-            step = self.vectors @ (factor * (self.into @ left))
-            X = X + step
-        left = b - w * X + self.E @ X
-        size = np.abs(X)
+            X = X + self.vectors @ (factor * (self.into @ left))
+        left, size, gain = b - w * X + self.E @ X, np.abs(X), np.abs(factor)
         unsure = np.abs(left) + ROUNDING * (np.abs(w) * size + np.abs(self.E) @ size + np.abs(b)) + self.error @ size + db
-        gain = np.abs(factor)
-        off = (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0)
-        bound = np.abs(self.vectors) @ (gain * (np.abs(self.into) @ unsure)) * (1 + 2 * off)
-        return X, np.where(off <= CLOSE, bound, np.inf)
+        return X, unsure, gain, (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0)

@@ -80,31 +80,36 @@ def _halves(a):
     return high, a - high
 
 
-def runs(loop: Loop, points: Circle, fast, rows):
-    """The frame's ticks as one run, and the component sums of the held signals of the last frame and of this one."""
-    one, turn, delay = tick(fast, rows, points.frequency.size), points.turn, loop.diagram.delay
-    before, after = (repeated(one, n, lambda a, b: then(a, b, turn)) for n in (delay, loop.diagram.ratio - delay))
+def runs(loop: Loop, points: Circle, fast):
+    """The frame's ticks as one run, and what the held signals of the last frame and of this one add to its sums.
+
+    fast: the tick with its held inputs as states. The last two are `(..., p, points, held)`.
+    """
+    one, turn, delay, n = tick(fast, points.frequency.size), points.turn, loop.diagram.delay, len(loop.fast.states)
+    before, after = (repeated(one, count, lambda a, b: then(a, b, turn)) for count in (delay, loop.diagram.ratio - delay))
     if before is None:
-        return after, 0 * after.t, after.t
+        return after, 0 * after.r[..., n:], after.r[..., n:]
     if after is None:
-        return before, before.t, 0 * before.t
+        return before, before.r[..., n:], 0 * before.r[..., n:]
     back = turn(delay).conj()[:, None]
-    return then(before, after, turn), before.t + back * (after.r @ before.k[..., None, :, :]), back * after.t
+    old = before.r[..., n:] + back * (after.r[..., :n] @ before.E[..., None, :n, n:])
+    return then(before, after, turn), old, back * after.r[..., n:]
 
 
-def sizes_of_runs(before: Sizes | None, after: Sizes | None):
-    """Sizes of the same: of the run, and (size, error) of the sums of the old and of the new held signals."""
+def sizes_of_runs(before: Sizes | None, after: Sizes | None, n: int):
+    """Sizes of the same, n fast states: of the run, and (size, error) of what the old and the new held signals add."""
     if before is None:
-        return after, (0 * after.t, 0 * after.t), (after.t, after.dt)
+        return after, (0 * after.r[..., n:], 0 * after.r[..., n:]), (after.r[..., n:], after.dr[..., n:])
     if after is None:
-        return before, (before.t, before.dt), (0 * before.t, 0 * before.t)
-    old = before.t + after.r @ before.k
-    dold = before.dt + after.dr @ before.k + after.r @ before.dk + ROUNDING * old
-    return size_of_both(before, after), (old, dold), (after.t, after.dt)
+        return before, (before.r[..., n:], before.dr[..., n:]), (0 * before.r[..., n:], 0 * before.r[..., n:])
+    k, dk = np.abs(before.E[..., :n, n:]), before.dE[..., :n, n:]
+    old = before.r[..., n:] + after.r[..., :n] @ k
+    dold = before.dr[..., n:] + after.dr[..., :n] @ k + after.r[..., :n] @ dk + ROUNDING * old
+    return size_of_both(before, after), (old, dold), (after.r[..., n:], after.dr[..., n:])
 
 
 def conserved(loop, g, size):
     """By how much the force changes the conserved combination in a frame, `(..., 1, points)`, and its error."""
-    law = loop.law[..., None, :]
-    error = loop.dlaw[..., None, :] @ np.abs(g) + np.abs(law) @ (size.dg + ROUNDING * np.abs(g))
+    law, n = loop.law[..., None, :], len(loop.fast.states)
+    error = loop.dlaw[..., None, :] @ np.abs(g) + np.abs(law) @ (size.dg[..., :n, :] + ROUNDING * np.abs(g))
     return law @ g, error

@@ -1,6 +1,6 @@
 """Sums over the ticks of a frame under a sinusoidal force, by doubling, and what rounding can have made of them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,88 +12,83 @@ ENTRIES = 4 * np.finfo(float).eps  # of the entries of a block, relative, before
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Ticks:
-    """Some ticks in a row, begun in the state x, under the hand's force `z^i` and constant held inputs h.
+    """Some ticks in a row, begun in the state x (held inputs included, which stay), under the hand's force `z^i`.
 
-    The state becomes `x + E x + k h + g`; the outputs, each times z^-i, sum up to `r x + t h + s`. No pole is divided by.
-    Shapes: E `(..., n, n)`, k `(..., n, held)`, g `(..., n, points)`, r `(..., p, points, n)`, s `(..., p, points)`,
-    t `(..., p, points, held)`.
+    The state becomes `x + E x + g`; the outputs, each times z^-i, sum up to `r x + s`. No pole is divided by. Shapes:
+    E `(..., n, n)`, g `(..., n, points)`, r `(..., p, points, n)`, s `(..., p, points)`.
     """
 
     count: int
     E: np.ndarray
-    k: np.ndarray
     g: np.ndarray
     r: np.ndarray
     s: np.ndarray
-    t: np.ndarray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sizes:
-    """Bounds for every frequency on the sizes of the sums of `Ticks`, without its points, and on their errors (d...)."""
+    """E of the same ticks; bounds for every frequency on the sizes of the others, without points, and on errors (d...)."""
 
     E: np.ndarray
-    k: np.ndarray
     g: np.ndarray
     r: np.ndarray
     s: np.ndarray
-    t: np.ndarray
     dE: np.ndarray
-    dk: np.ndarray
     dg: np.ndarray
     dr: np.ndarray
     ds: np.ndarray
-    dt: np.ndarray
 
 
-def tick(fast: Block, rows, points: int) -> Ticks:
-    """One tick of a block whose first input is the hand's force; rows: which of its outputs."""
-    C, D = fast.C[..., rows, :], fast.D[..., rows, :]
+def holding(fast: Block, outputs: int) -> Block:
+    """The tick with its held inputs as states that stay: from the hand's force, its first input, to its first outputs."""
+    n, held, batch = len(fast.states), len(fast.inputs) - 1, fast.batch
+    E, B = np.zeros((*batch, n + held, n + held)), np.zeros((*batch, n + held, 1))
+    C, D = np.zeros((*batch, outputs, n + held)), np.zeros((*batch, outputs, 1))
+    E[..., :n, :n], E[..., :n, n:], B[..., :n, :] = fast.E, fast.B[..., 1:], fast.B[..., :1]
+    C[..., :n], C[..., n:], D[...] = fast.C[..., :outputs, :], fast.D[..., :outputs, 1:], fast.D[..., :outputs, :1]
+    return replace(fast, inputs=fast.inputs[:1], outputs=fast.outputs[:outputs], states=(*fast.states, *fast.inputs[1:]),
+                   E=E, B=B, C=C, D=D)
+
+
+def tick(fast: Block, points: int) -> Ticks:
+    """One tick of such a block."""
     ones = np.ones((points, 1))
-    return Ticks(
-        1, fast.E, fast.B[..., 1:], fast.B[..., :1] * ones[:, 0], C[..., None, :] * ones,
-        D[..., 0, None] * ones[:, 0], D[..., None, 1:] * ones,
-    )
+    return Ticks(1, fast.E, fast.B * ones[:, 0] + 0j, fast.C[..., None, :] * ones + 0j, fast.D * ones[:, 0] + 0j)
 
 
 def then(first: Ticks, second: Ticks, turn) -> Ticks:
     """One run of ticks after the other; turn: gives `z^count` at every point."""
     ahead = turn(first.count)
-    back = ahead.conj()[:, None]
+    back = ahead.conj()
+    met = (second.r * np.swapaxes(first.g, -1, -2)[..., None, :, :]).sum(-1)
     return Ticks(
         first.count + second.count,
         first.E + second.E + second.E @ first.E,
-        first.k + second.k + second.E @ first.k,
         first.g + second.E @ first.g + ahead * second.g,
-        first.r + back * (second.r + second.r @ first.E[..., None, :, :]),
-        first.s + second.s + back[:, 0] * (second.r * np.swapaxes(first.g, -1, -2)[..., None, :, :]).sum(-1),
-        first.t + back * (second.t + second.r @ first.k[..., None, :, :]),
+        first.r + back[:, None] * (second.r + second.r @ first.E[..., None, :, :]),
+        first.s + second.s + back * met,
     )
 
 
-def size_of_tick(fast: Block, rows) -> Sizes:
+def size_of_tick(fast: Block) -> Sizes:
     """The same of one tick."""
-    parts = (fast.E, fast.B[..., 1:], fast.B[..., :1], fast.C[..., rows, :], fast.D[..., rows, :1], fast.D[..., rows, 1:])
+    parts = (fast.E, fast.B, fast.C, fast.D)
     unsure = (ENTRIES * np.asarray(fast.condition, float))[..., None, None]
     return Sizes(fast.E, *map(np.abs, parts[1:]), *(unsure * np.abs(part) for part in parts))
 
 
 def size_of_both(first: Sizes, second: Sizes) -> Sizes:
     """The same of one run after the other."""
-    E = first.E + second.E + second.E @ first.E
-    ahead, before = (np.abs(np.eye(E.shape[-1]) + part) for part in (second.E, first.E))
-    grown, seen = np.abs(second.E), np.eye(E.shape[-1]) + np.abs(first.E)
-    k, g = (getattr(first, name) + getattr(second, name) for name in "kg")
-    r, s, t = first.r + second.r @ seen, first.s + second.s + second.r @ first.g, first.t + second.t + second.r @ first.k
+    eye = np.eye(first.E.shape[-1])
+    E, one, two = first.E + second.E + second.E @ first.E, np.abs(first.E), np.abs(second.E)
+    before, ahead, seen = np.abs(eye + first.E), np.abs(eye + second.E), second.r @ (eye + one)
+    s = first.s + second.s + second.r @ first.g
     return Sizes(
-        E, ahead @ first.k + second.k,
-        ahead @ first.g + second.g, first.r + second.r @ before, s, t,
-        ahead @ first.dE + second.dE @ before + ROUNDING * (np.abs(first.E) + grown + grown @ np.abs(first.E)),
-        ahead @ first.dk + second.dk + second.dE @ first.k + ROUNDING * (k + grown @ first.k),
-        ahead @ first.dg + second.dg + second.dE @ first.g + ROUNDING * (g + grown @ first.g),
-        first.dr + second.dr @ before + second.r @ first.dE + ROUNDING * r,
+        E, ahead @ first.g + second.g, first.r + second.r @ before, s,
+        ahead @ first.dE + second.dE @ before + ROUNDING * (one + two + two @ one),
+        ahead @ first.dg + second.dg + second.dE @ first.g + ROUNDING * (first.g + second.g + two @ first.g),
+        first.dr + second.dr @ before + second.r @ first.dE + ROUNDING * (first.r + seen),
         first.ds + second.ds + second.dr @ first.g + second.r @ first.dg + ROUNDING * s,
-        first.dt + second.dt + second.dr @ first.k + second.r @ first.dk + ROUNDING * t,
     )
 
 
@@ -124,24 +119,13 @@ def joined(parts, axis):
 
 
 def unrolled(fast: Block, count: int):
-    """Of `count` ticks from 0 on, as such pairs: what the first output shows of the state then, `C A^i` `(..., count, n)`;
-    what a force leaves in the state, `A^i B` `(..., n, count)`; and what held inputs do, `(1 + ... + A^(i-1)) B`,
-    `(..., count, n, held)`."""
-    one = size_of_tick(fast, slice(0, 1))
+    """Of `count` ticks of a block with its held inputs as states, as such pairs: what the output shows of the state in each,
+    `C A^i` `(..., count, n)`, and what a force leaves in the state after i more, `A^i B` `(..., n, count)`."""
+    one = size_of_tick(fast)
     unsure = (ENTRIES * np.asarray(fast.condition, float))[..., None, None]
-    reads, force, held = ((part, unsure * np.abs(part)) for part in (fast.C[..., :1, :], fast.B[..., :1], fast.B[..., 1:]))
-    holds, batch = tuple(0 * part[..., None, :, :] for part in held), np.broadcast_shapes(fast.E.shape[:-2], fast.batch)
-    reads, force, held, holds = (
-        tuple(np.broadcast_to(part, (*batch, *part.shape[-tail:])) for part in pair)
-        for pair, tail in ((reads, 2), (force, 2), (held, 2), (holds, 3))
-    )
+    reads, force = ((part, unsure * np.abs(part)) for part in (fast.C, fast.B))
     for _ in range((count - 1).bit_length()):
         A = (np.eye(one.E.shape[-1]) + one.E, one.dE)
         reads, force = joined((reads, times(reads, A)), -2), joined((force, times(A, force)), -1)
-        later = plus(times(tuple(part[..., None, :, :] for part in A), holds), tuple(part[..., None, :, :] for part in held))
-        holds, held = joined((holds, later), -3), plus(times(A, held), held)
         one = size_of_both(one, one)
-    return (
-        tuple(part[..., :count, :] for part in reads), tuple(part[..., :count] for part in force),
-        tuple(part[..., :count, :, :] for part in holds),
-    )
+    return tuple(part[..., :count, :] for part in reads), tuple(part[..., :count] for part in force)
