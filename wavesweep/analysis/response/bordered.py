@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.analysis.response.frame import Loop
-from wavesweep.analysis.response.sums import Circle, conserved, runs, sizes_of_runs
-from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, holding, repeated, size_of_both, size_of_tick
+from wavesweep.analysis.response.circle import Circle
+from wavesweep.analysis.response.frame import Loop, shown
+from wavesweep.analysis.response.ticks import ROUNDING, entries_error, holding
 from wavesweep.lifted.circle import solve
 
 CLOSE = 0.1  # by how much an inverse may be off for the error of what it gives to be bounded with it
@@ -31,10 +31,7 @@ def _system(loop, points):
     """Matrix, errors, right side, errors; and what the drift adds to the outputs, with its error."""
     fast, n, f, p, P = loop.fast, loop.E.shape[-1], len(loop.fast.states), loop.outputs, points.frequency.size
     states = holding(replace(fast, outputs=fast.states, C=np.eye(f) + 0 * fast.E[..., :1], D=0 * fast.B), f)
-    run, old, new = runs(loop, points, states)
-    one = size_of_tick(states)
-    delay, ratio = loop.diagram.delay, loop.diagram.ratio
-    size, old_size, new_size = sizes_of_runs(*(repeated(one, k, size_of_both) for k in (delay, ratio - delay)), f)
+    (rows, drows), (alone, dalone), _, law = shown(loop, states).sums(points.ladder)
     batch = loop.E.shape[:-2]
     A = np.zeros((*batch, P, p + f + n, p + f + n), complex)
     dA = np.zeros(A.shape)
@@ -42,9 +39,9 @@ def _system(loop, points):
     out, own, sums, slow = slice(0, p), slice(p, p + f), slice(p + f, p + 2 * f), slice(p + 2 * f, None)
     Y, X = own, slice(p + f, None)
     w, z = points.tick[:, None, None], points.frame[:, None, None]
-    unsure = (ENTRIES * np.asarray(fast.condition, float))[..., None, None]
+    unsure = entries_error(fast)
     H, dH = loop.H, loop.dH
-    shares = _shares(points, delay)
+    shares = _shares(points, loop.diagram.delay)
     held = shares[0] * loop.latched + shares[1] * H[..., None, :, :]
     held_size = np.abs(shares[0]) * loop.latched + np.abs(shares[1]) * np.abs(H)[..., None, :, :]
     dheld = np.abs(shares[1]) * dH[..., None, :, :] + ROUNDING * held_size
@@ -67,16 +64,13 @@ def _system(loop, points):
         A[..., x, x], A[..., x, 0] = points.tick, -1
     # the component at w of the fast states in the frame
     A[..., sums, Y] = points.ratio * np.eye(f)
-    A[..., sums, X] = -(old @ loop.latched + new @ H[..., None, :, :]).swapaxes(-3, -2)
-    A[..., sums, p + f : p + 2 * f] -= run.r[..., :f].swapaxes(-3, -2) * loop.counted[:f]
-    sum_error = old_size[1] @ loop.latched + (new_size[1] + ROUNDING * new_size[0]) @ np.abs(H) + new_size[0] @ dH
-    sum_error[..., :f] += size.dr[..., :f] * loop.counted[:f]
-    dA[..., sums, X] = sum_error[..., None, :, :]
-    b[..., sums], db[..., sums] = np.swapaxes(run.s, -1, -2), size.ds[..., None, :, 0]
+    A[..., sums, X] = -rows.swapaxes(-3, -2)
+    dA[..., sums, X] = drows[..., None, :, :]
+    b[..., sums], db[..., sums] = np.swapaxes(alone, -1, -2), dalone[..., None, :, 0]
     # the slow states
     A[..., slow, X] = z * np.eye(n)[f:] - loop.rows[..., None, f:, :]
     dA[..., slow, X] = loop.drows[..., None, f:, :]
-    return (A, dA, b, db, *_with_drift(loop, points, (A, b, db), (own, slow), (run.g[..., :f, :], size)))
+    return (A, dA, b, db, *_with_drift(loop, points, (A, b, db), (own, slow), law))
 
 
 def _shares(points, delay):
@@ -89,20 +83,19 @@ def _shares(points, delay):
     return [(part / points.ratio)[:, None, None] for part in parts]
 
 
-def _with_drift(loop, points, system, places, forcing):
+def _with_drift(loop, points, system, places, law):
     """Put what the drift does into the system, and give what it adds to the outputs."""
     (A, b, db), (own, slow) = system, places
     f, p = len(loop.fast.states), loop.outputs
     at_own, at_slow = points.share[:, None] * loop.shift[..., None, :f], loop.shift[..., None, f:]
-    if loop.law is not None:
-        q, dq = (part[..., 0, :, None] for part in conserved(loop, *forcing))
+    if law is not None:
+        q, dq = (np.swapaxes(part, -1, -2) for part in law)
         b[..., own] -= at_own * q
         b[..., slow] -= at_slow * q
         unsure = np.abs(loop.shift)[..., None, :] * dq + loop.dshift[..., None, :] * np.abs(q)
         db[..., own] += unsure[..., :f] / points.ratio
         db[..., slow] += unsure[..., f:]
-        at_rest = loop.still[..., None, :] * (points.share / points.tick)[:, None]
-        return at_rest * q, np.abs(at_rest) * (dq + 8 * ROUNDING * np.abs(q))
+        return tuple(np.swapaxes(part, -1, -2) for part in at_rest(loop, points, law))
     if loop.lead is not None:
         lead = p + f + loop.lead
         # Where the scene's position is read, it is the unknown; where nothing reads it, its step is, which stays finite.
@@ -110,6 +103,12 @@ def _with_drift(loop, points, system, places, forcing):
         A[..., own, lead] += step * at_own
         A[..., slow, lead] = step * at_slow - loop.rows[..., None, f:, loop.lead]
     return 0.0, 0.0
+
+
+def at_rest(loop, points, law):
+    """What the outputs show at the hand's frequency of the conserved combination, `(..., p, points)`, and its error."""
+    share = loop.still[..., None] * (points.share / points.tick)
+    return share * law[0], np.abs(share) * (law[1] + 8 * ROUNDING * np.abs(law[0]))
 
 
 def solved(A, dA, b, db):

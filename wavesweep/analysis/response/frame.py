@@ -1,10 +1,23 @@
 """The closed loop of a frame, ready for any frequency: what recurs from frame to frame, and what a tick shows of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, Sizes, holding, repeated, size_of_both, size_of_tick
+from wavesweep.analysis.response.ticks import (
+    ENTRIES,
+    ROUNDING,
+    both,
+    entries_error,
+    holding,
+    joined,
+    long_sum,
+    plus,
+    repeated,
+    taken,
+    times,
+    unrolled,
+)
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.errors import WavesweepError
@@ -24,8 +37,8 @@ class Loop:
     dH `(..., held, n)`: the newest held signals; latched: which of X are those of the frame before. shift, dshift
     `(..., n)`: the drift that is set apart, a shift of the whole scene, or the state in which a combination `law X` is seen
     that no wall force changes (then one state is left out of X). still: the outputs in that state. lead: the state that
-    stands for the scene; None if a spring holds it. free: nothing reads that state. before, after: sizes of the ticks until
-    the held signals change and from then on. lost: the frame overflowed.
+    stands for the scene; None if a spring holds it. free: nothing reads that state. before: E of the ticks until the held
+    signals change, with these as states. shown: what the ticks show and leave. lost: the frame overflowed.
     """
 
     diagram: Diagram
@@ -47,14 +60,45 @@ class Loop:
     free: np.ndarray
     law: np.ndarray | None
     dlaw: np.ndarray | None
-    before: Sizes | None
-    after: Sizes | None
+    before: tuple | None
     lost: np.ndarray
+    shown: "Shown | None" = None
 
     @property
     def counted(self) -> np.ndarray:
         """0 for the state that others are counted from, whose place in the frame is the origin; 1 for the others, `(n,)`."""
         return np.array([float(index != self.lead) for index in range(len(self.states))])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shown:
+    """A frame tick by tick, pairs of arrays and bounds on the errors of their entries.
+
+    seen: `(..., p, ticks, n)`, what the outputs show in each tick of the state at the frame's start. impulse: `(..., p,
+    ticks)`, what they show of a force that many ticks ago. left: `(..., n, ticks)`, what the force of each tick adds to the
+    state after the frame; law: `(..., 1, ticks)`, to the conserved combination.
+    """
+
+    seen: tuple
+    impulse: tuple
+    left: tuple
+    law: tuple | None
+
+    def sums(self, z):
+        """At each point the outputs' sums over the frame, each tick's times z^-i, under the force z^i; z: `(ticks, points)`.
+
+        Pairs of: what of them there is per state `(..., p, points, n)`, what without `(..., p, points)`, and what is added to
+        the state `(..., n, points)` and to the conserved combination `(..., 1, points)`.
+        """
+        ticks, real, imag = z.shape[0], z.real.copy(), z.imag.copy()  # contiguous, as BLAS wants them
+        rough, weight = long_sum(ticks), np.arange(ticks, 0, -1)
+        (seen, dseen), impulse = self.seen, tuple(part * weight for part in self.impulse)
+        rows = real.T @ seen - 1j * (imag.T @ seen)
+        own = impulse[0] @ real - 1j * (impulse[0] @ imag)
+        made = [part and (part[0] @ real + 1j * (part[0] @ imag), (part[1] + rough * np.abs(part[0])).sum(-1, keepdims=True))
+                for part in (self.left, self.law)]
+        return ((rows, (dseen + rough * np.abs(seen)).sum(-2)),
+                (own, (impulse[1] + rough * np.abs(impulse[0])).sum(-1, keepdims=True)), *made)
 
 
 def prepare(diagram: Diagram, K_VE, B_VE, outputs=None) -> Loop:
@@ -68,8 +112,9 @@ def prepare(diagram: Diagram, K_VE, B_VE, outputs=None) -> Loop:
     if np.any(fast.D[..., [fast.outputs.index(name) for name in samples], :1]):
         raise WavesweepError("a sampler reads the hand's force in the same tick: the response of such a loop is not known")
     with np.errstate(all="ignore"):  # a frame that overflows is found below
-        one = size_of_tick(holding(fast, len(outputs)))
-        before, after = (repeated(one, n, size_of_both) for n in (diagram.delay, diagram.ratio - diagram.delay))
+        tick = holding(fast, len(outputs))
+        one = (tick.E, entries_error(tick) * np.abs(tick.E))
+        before, after = (repeated(one, n) for n in (diagram.delay, diagram.ratio - diagram.delay))
         parts = _closed(diagram, fast, samples, (before, after), (K_VE, B_VE))
         if diagram.wall_drifts and diagram.reference in parts["states"]:
             parts |= _conserved(parts, fast, parts["states"].index(diagram.reference))
@@ -77,7 +122,46 @@ def prepare(diagram: Diagram, K_VE, B_VE, outputs=None) -> Loop:
     lost = ~np.logical_and.reduce([np.isfinite(parts[name]).all((-1, -2)) for name in ("E", "dE", "H", "dH")])
     for name in ("E", "dE", "rows", "drows", "H", "dH"):
         parts[name] = np.where(lost[..., None, None], 0.0, parts[name])
-    return Loop(diagram, (K_VE, B_VE), fast, len(outputs), before=before, after=after, lost=lost, **parts)
+    loop = Loop(diagram, (K_VE, B_VE), fast, len(outputs), before=before, lost=lost, **parts)
+    with np.errstate(all="ignore"):
+        return replace(loop, shown=shown(loop, tick))
+
+
+def shown(loop: Loop, tick: Block) -> Shown:
+    """What the outputs of a tick with held inputs as states show in a frame of this loop."""
+    n, ratio, unsure = len(loop.fast.states), loop.diagram.ratio, entries_error(tick)
+    reads, force = unrolled(tick, ratio)
+    later = times(reads, tuple(part[..., None, :, :] for part in (tick.B, unsure * np.abs(tick.B))))
+    impulse = joined(((tick.D, unsure * np.abs(tick.D)), taken(later, (..., slice(0, ratio - 1), 0))), -1)
+    # The last tick's force is the one that nothing has changed yet.
+    back = taken(force, (..., slice(0, n), slice(None, None, -1)))
+    into, law = np.eye(len(loop.states), n), None
+    if loop.lead is not None and loop.lead < n:
+        into[:, loop.lead] -= loop.shift * loop.counted
+    left = times((into, 0 * into), back)
+    if loop.law is not None:
+        law = times((loop.law[..., None, :], loop.dlaw[..., None, :]), back)
+        left = plus(left, times((-loop.shift[..., None], loop.dshift[..., None]), law))
+    return Shown(_seen(loop, reads), impulse, left, law)
+
+
+def _seen(loop, reads):
+    """What the state at the start of a frame shows: by itself, and through the held signals, old and new."""
+    n, delay, rest = len(loop.fast.states), loop.diagram.delay, loop.diagram.ratio - loop.diagram.delay
+    own, held = taken(reads, (..., slice(0, n))), taken(reads, (..., slice(n, None)))
+    new = old = taken(held, (..., slice(0, delay), slice(None)))
+    new = tuple(0 * part for part in new)
+    if rest:
+        later = tuple(0 * part[..., :rest, :] for part in held)
+        if loop.before:
+            change = tuple(part[..., None, :n, n:] for part in loop.before)
+            later = times(taken(own, (..., slice(0, rest), slice(None))), change)
+        old, new = joined((old, later), -2), joined((new, taken(held, (..., slice(0, rest), slice(None)))), -2)
+    H = tuple(part[..., None, :, :] for part in (loop.H, loop.dH))
+    seen = plus(times(old, (loop.latched, 0 * loop.latched)), times(new, H))
+    for part, of_state in zip(seen, own, strict=True):
+        part[..., :n] += of_state * loop.counted[:n]
+    return seen
 
 
 def _closed(diagram, fast, samples, sizes, wall) -> dict:
@@ -116,15 +200,14 @@ def _closed(diagram, fast, samples, sizes, wall) -> dict:
 def _frame_error(sizes, latched, held, unsure, n):
     """Error of the rows of the fast states: of the frame's own matrix and of what the held signals do in it."""
     before, after = sizes
+    whole = both(before, after) if before and after else before or after
     none = np.zeros((n, held.shape[-2]))
-    new, dnew = (np.abs(after.E[..., :n, n:]), after.dE[..., :n, n:]) if after else (none, none)
-    old, dold = (np.abs(before.E[..., :n, n:]), before.dE[..., :n, n:]) if before else (none, none)
-    whole = size_of_both(before, after) if before and after else before or after
-    if after:
-        ahead = np.abs(np.eye(n) + after.E[..., :n, :n])
-        old, dold = ahead @ old, ahead @ dold + after.dE[..., :n, :n] @ old
-    error = (dnew + unsure * new) @ held + (dold + unsure * old) @ latched
-    error[..., :n] += whole.dE[..., :n, :n]
+    new = taken(after, (..., slice(0, n), slice(n, None))) if after else (none, none)
+    old = taken(before, (..., slice(0, n), slice(n, None))) if before else (none, none)
+    if before and after:
+        old = times((np.eye(n) + after[0][..., :n, :n], after[1][..., :n, :n]), old)
+    error = (new[1] + unsure * np.abs(new[0])) @ held + (old[1] + unsure * np.abs(old[0])) @ latched
+    error[..., :n] += whole[1][..., :n, :n]
     return error
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 
 from wavesweep.analysis.response.bordered import solved
+from wavesweep.analysis.response.circle import circle
 from wavesweep.analysis.response.frame import Loop, prepare
 from wavesweep.analysis.response.steady import LOST, respond
-from wavesweep.analysis.response.sums import circle
-from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, holding, joined, plus, times, unrolled
+from wavesweep.analysis.response.ticks import ROUNDING, taken
 
 DENSE = 32  # up to this ratio LAPACK's singular values of the whole matrix are the quicker way
 STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
@@ -54,62 +54,31 @@ def _over_aliases(loop, frequency, ratio):
 
 
 class Frame:
-    """The lifted map in parts that no frequency changes, each a pair of a matrix and a bound on the error of its entries."""
+    """The lifted map in parts that no frequency changes: see `Shown`."""
 
     def __init__(self, loop: Loop):
-        self.loop = loop
-        n, ratio, tick = len(loop.fast.states), loop.diagram.ratio, holding(loop.fast, 1)
-        unsure = (ENTRIES * np.asarray(tick.condition, float))[..., None, None]
-        reads, force = unrolled(tick, ratio)
-        first, after = (tick.D, unsure * np.abs(tick.D)), times(reads, (tick.B, unsure * np.abs(tick.B)))
-        self.impulse = tuple(part[..., :ratio, 0] for part in joined((first, after), -2))
-        self.O = self._seen(reads)
-        back = tuple(part[..., :n, ::-1] for part in force)  # the last tick's force is the one that nothing has changed yet
-        into = np.eye(len(loop.states), n)
-        if loop.lead is not None and loop.lead < n:
-            into[:, loop.lead] -= loop.shift * loop.counted
-        self.G, self.law = times((into, 0 * into), back), None
-        if loop.law is not None:
-            self.law = times((loop.law[..., None, :], loop.dlaw[..., None, :]), back)
-            drift = times((-loop.shift[..., None], loop.dshift[..., None]), self.law)
-            self.G = plus(self.G, drift)
+        self.loop, self.O = loop, taken(loop.shown.seen, (..., 0, slice(None), slice(None)))
+        self.impulse = taken(loop.shown.impulse, (..., 0, slice(None)))
+        if loop.lead is not None:
+            self.O[0][..., loop.lead] += 1  # the scene's position is everybody's
         idle = (loop.E == 0).all(-2).any(-1)  # a state that nothing reads but the output, and that does not decay
         self.drifts = loop.free | idle | (loop.law is not None)
-
-    def _seen(self, reads):
-        """What the state at the start of the frame shows in each of its ticks, `(..., ratio, n)`."""
-        loop, n, delay = self.loop, len(self.loop.fast.states), self.loop.diagram.delay
-        own, shown = (tuple(part[..., which] for part in reads) for which in (slice(0, n), slice(n, None)))
-        none = tuple(0 * part[..., :delay, :] for part in shown)
-        old, new = tuple(part[..., :delay, :] for part in shown), none
-        if rest := loop.diagram.ratio - delay:
-            change = loop.before and (loop.before.E[..., :n, n:], loop.before.dE[..., :n, n:])
-            early = tuple(part[..., :rest, :] for part in own)
-            later = times(early, change) if change else tuple(0 * part[..., :rest, :] for part in shown)
-            old = joined((old, later), -2)
-            new = joined((none, tuple(part[..., :rest, :] for part in shown)), -2)
-        seen = plus(times(old, (loop.latched, 0 * loop.latched)), times(new, (loop.H, loop.dH)))
-        for part, read in zip(seen, own, strict=True):
-            part[..., :n] += read * loop.counted[:n]
-        if loop.lead is not None:
-            seen[0][..., loop.lead] += 1
-        return seen
 
     def gain(self, frequency):
         """The largest singular value at each frequency (Hz), and a bound on its error (m/N)."""
         loop, points = self.loop, circle(self.loop, frequency)
         n, ratio = len(loop.states), loop.diagram.ratio
         w = points.frame[:, None, None]
-        G, dG = (part[..., None, :, :] for part in self.G)
+        law, (G, dG) = loop.shown.law, (part[..., None, :, :] for part in loop.shown.left)
         eye = np.eye(n)
         X, dX = solved(w * eye - loop.E[..., None, :, :], loop.dE[..., None, :, :] + 0 * w.real, G + 0 * w, dG + 0 * w.real)
         size, O, dO = np.abs(X), np.abs(self.O[0])[..., None, :, :], self.O[1][..., None, :, :]
         error = _norm_of_product(O, dX) + _norm_of_product(dO + n * ROUNDING * O, size)
         error = error + np.sqrt(ratio * (self.impulse[1] ** 2).sum(-1))[..., None]
         still = None
-        if self.law is not None:
-            still = loop.still[..., None, :, None] * (self.law[0][..., None, :, :] / w)
-            unsure = (self.law[1] + 8 * ROUNDING * np.abs(self.law[0]))[..., None, :, :] / np.abs(w)
+        if law is not None:
+            still = loop.still[..., None, :, None] * (law[0][..., None, :, :] / w)
+            unsure = (law[1] + 8 * ROUNDING * np.abs(law[0]))[..., None, :, :] / np.abs(w)
             unsure = np.abs(loop.still)[..., None, :, None] * unsure
             error = error + np.sqrt(ratio * (unsure**2).sum((-1, -2)))
         value = self._dense(X, still) if ratio <= DENSE else self._lanczos(X, still)

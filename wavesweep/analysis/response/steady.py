@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.response.bordered import CLOSE, bordered
+from wavesweep.analysis.response.bordered import CLOSE, at_rest, bordered
+from wavesweep.analysis.response.circle import circle
 from wavesweep.analysis.response.frame import Loop
-from wavesweep.analysis.response.sums import circle, conserved, runs, sizes_of_runs
-from wavesweep.analysis.response.ticks import ROUNDING, holding
+from wavesweep.analysis.response.ticks import ROUNDING
 from wavesweep.lifted.circle import solve
 
 GOOD = 1e-9  # bound on the relative error up to which the modes are believed; beyond, the larger system is solved
@@ -75,53 +75,18 @@ def _order(loop):
     return loop.outputs + len(loop.fast.states) + len(loop.states)
 
 
-def _reading(loop, run, old, new):
-    """The component sums per state of the frame, `(..., p, points, n)`."""
-    n = len(loop.fast.states)
-    rows = old @ loop.latched + new @ loop.H[..., None, :, :]
-    rows[..., :n] += run.r[..., :n] * loop.counted[:n]
-    return rows
-
-
-def _reading_error(loop, run, old, new):
-    """Error of the same, `(..., p, n)`."""
-    H = np.abs(loop.H)
-    error = old[1] @ loop.latched + (new[1] + ROUNDING * new[0]) @ H + new[0] @ loop.dH
-    n = len(loop.fast.states)
-    error[..., :n] += run.dr[..., :n] * loop.counted[:n]
-    return error
-
-
 def _by_modes(loop, points, solve_frame):
     """(displacement, force) at the hand's frequency, `(..., 2, points)`, and bounds on their errors."""
-    run, old, new = runs(loop, points, holding(loop.fast, loop.outputs))
-    size = sizes_of_runs(loop.before, loop.after, len(loop.fast.states))
-    rows, drows = _reading(loop, run, old, new), _reading_error(loop, *size)
-    g, dg, still = _forcing(loop, points, run.g, size[0])
+    (rows, drows), (own, down), (g, dg), law = loop.shown.sums(points.ladder)
     X, dX = solve_frame(points.frame, g, dg)
-    seen, grown = np.swapaxes(X, -1, -2)[..., None, :, :], np.swapaxes(dX, -1, -2)[..., None, :, :]
-    terms = np.abs(rows) * np.abs(seen)
-    total = (rows * seen).sum(-1) + run.s + still[0]
-    error = (np.abs(rows) * grown + ROUNDING * terms).sum(-1) + drows @ np.abs(X)
-    error = error + size[0].ds + ROUNDING * np.abs(run.s) + still[1]
+    seen, grown = (np.swapaxes(part, -1, -2)[..., None, :, :] for part in (X, dX))
+    size = np.abs(rows)
+    total = (rows * seen).sum(-1) + own
+    error = (size * (grown + ROUNDING * np.abs(seen))).sum(-1) + drows @ np.abs(X) + down + ROUNDING * np.abs(own)
+    if law is not None:
+        still, dstill = at_rest(loop, points, law)
+        total, error = total + points.ratio * still, error + points.ratio * dstill
     return total / points.ratio, error / points.ratio
-
-
-def _forcing(loop, points, g, size):
-    """What the force adds to the state in a frame, its error, and what the drift shows of it: (part of sums, error)."""
-    n, fast = loop.E.shape[-1], len(loop.fast.states)
-    g, dg = g[..., :fast, :], size.dg[..., :fast, :]
-    into = np.zeros((n, fast))
-    into[:fast] = np.eye(fast)
-    if loop.law is None:
-        if loop.lead is not None and loop.lead < fast:
-            into[:, loop.lead] -= loop.shift * (np.arange(n) != loop.lead)
-        return into @ g, np.abs(into) @ dg + 0 * np.abs(points.frame), (0.0, 0.0)
-    q, dq = conserved(loop, g, size)
-    at_rest = loop.still[..., None] / points.tick * points.share * points.ratio
-    dN, N = loop.dshift[..., None], loop.shift[..., None]
-    error = np.abs(into) @ dg + np.abs(N) * dq + dN * np.abs(q)
-    return into @ g - N * q, error, (at_rest * q, np.abs(at_rest) * (dq + 8 * ROUNDING * np.abs(q)))
 
 
 class Modal:

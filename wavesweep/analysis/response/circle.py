@@ -1,11 +1,10 @@
-"""Frequencies on the circles of the tick and of the frame, and a frame's sums under a force at each."""
+"""Frequencies on the circles of the tick and of the frame."""
 
 from functools import cached_property
 
 import numpy as np
 
 from wavesweep.analysis.response.frame import Loop
-from wavesweep.analysis.response.ticks import ROUNDING, Sizes, repeated, size_of_both, then, tick
 from wavesweep.lifted.circle import on_circle
 
 
@@ -22,7 +21,6 @@ class Circle:
         product, error = _product(self.cycles, rate)
         self.high, self.low = _halves(self.cycles)
         self.rest = ((frequency - product) - error) / rate
-        self.turns = {}
 
     def at(self, index) -> "Circle":
         """Some of the frequencies."""
@@ -35,14 +33,22 @@ class Circle:
 
     def turn(self, count: int):
         """`exp(j w count T)`."""
-        if count not in self.turns:
-            angle = self.angle(count)
-            self.turns[count] = np.cos(angle) + 1j * np.sin(angle)
-        return self.turns[count]
+        angle = self.angle(count)
+        return np.cos(angle) + 1j * np.sin(angle)
 
     def steps(self, count: int):
         """`exp(j w count T) - 1`, to all digits."""
         return on_circle(self.angle(count))
+
+    @cached_property
+    def ladder(self):
+        """`exp(j w i T)` for every tick i of a frame, `(ratio, points)`."""
+        z, known = np.ones((self.ratio, self.cycles.size), complex), 1
+        while known < self.ratio:
+            more = min(known, self.ratio - known)
+            np.multiply(z[:more], self.turn(known), out=z[known : known + more])
+            known += more
+        return z
 
     @cached_property
     def tick(self):
@@ -78,38 +84,3 @@ def _halves(a):
     far = 134217729.0 * a
     high = far - (far - a)
     return high, a - high
-
-
-def runs(loop: Loop, points: Circle, fast):
-    """The frame's ticks as one run, and what the held signals of the last frame and of this one add to its sums.
-
-    fast: the tick with its held inputs as states. The last two are `(..., p, points, held)`.
-    """
-    one, turn, delay, n = tick(fast, points.frequency.size), points.turn, loop.diagram.delay, len(loop.fast.states)
-    before, after = (repeated(one, count, lambda a, b: then(a, b, turn)) for count in (delay, loop.diagram.ratio - delay))
-    if before is None:
-        return after, 0 * after.r[..., n:], after.r[..., n:]
-    if after is None:
-        return before, before.r[..., n:], 0 * before.r[..., n:]
-    back = turn(delay).conj()[:, None]
-    old = before.r[..., n:] + back * (after.r[..., :n] @ before.E[..., None, :n, n:])
-    return then(before, after, turn), old, back * after.r[..., n:]
-
-
-def sizes_of_runs(before: Sizes | None, after: Sizes | None, n: int):
-    """Sizes of the same, n fast states: of the run, and (size, error) of what the old and the new held signals add."""
-    if before is None:
-        return after, (0 * after.r[..., n:], 0 * after.r[..., n:]), (after.r[..., n:], after.dr[..., n:])
-    if after is None:
-        return before, (before.r[..., n:], before.dr[..., n:]), (0 * before.r[..., n:], 0 * before.r[..., n:])
-    k, dk = np.abs(before.E[..., :n, n:]), before.dE[..., :n, n:]
-    old = before.r[..., n:] + after.r[..., :n] @ k
-    dold = before.dr[..., n:] + after.dr[..., :n] @ k + after.r[..., :n] @ dk + ROUNDING * old
-    return size_of_both(before, after), (old, dold), (after.r[..., n:], after.dr[..., n:])
-
-
-def conserved(loop, g, size):
-    """By how much the force changes the conserved combination in a frame, `(..., 1, points)`, and its error."""
-    law, n = loop.law[..., None, :], len(loop.fast.states)
-    error = loop.dlaw[..., None, :] @ np.abs(g) + np.abs(law) @ (size.dg[..., :n, :] + ROUNDING * np.abs(g))
-    return law @ g, error
