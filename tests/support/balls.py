@@ -345,3 +345,12 @@ def lifted(values, frequency_hz):
     if not all(e.is_finite() and e.real.rad() + e.imag.rad() < 1e-18 * largest for row in found for e in row):
         raise ValueError("not enough bits")
     return acb_mat(found)
+
+
+def displacements(values, theta):
+    """The map from the frame's hand forces to the displacements in its ticks at theta (rad per frame), M by M, complex."""
+    M = values["rates.ratio"]
+    positions = lifted(values, theta / (2 * arb.pi() * M) * arb(values["rates.fast_hz"])).tolist()
+    turn = acb(0, theta).exp()
+    after = [*positions[1:], [turn * entry for entry in positions[0]]]
+    return [[complex(b - a) for a, b in zip(*rows, strict=True)] for rows in zip(positions, after, strict=True)]

@@ -32,9 +32,8 @@ def test_200_random_loops_agree_with_a_scan(random_values, block):
         assert seen >= found.margin - noise, seed
         if seen < -noise - TOLERANCE * found.mean:
             assert not found.passive, seed
-        if found.margin < -TOLERANCE * found.mean:  # the lifted system has the violation where it is said to be
-            theta = np.array([max(found.omega * v["rates.ratio"] / v["rates.fast_hz"], 1e-7)])
-            theta = theta / v["rates.ratio"] if v["controller.kind"] == "dc" else theta
+        theta = np.array([found.omega * (1 if v["controller.kind"] == "dc" else v["rates.ratio"]) / v["rates.fast_hz"]])
+        if found.margin < -TOLERANCE * found.mean and theta > 1e-7:  # the lifted system has the violation where it is said
             assert scan(v, theta)[0] == pytest.approx(found.margin, rel=1e-5, abs=1e-8 * found.mean), seed
 
 
@@ -45,6 +44,24 @@ def test_the_response_by_aliases_is_that_of_the_lifted_system(random_values, see
     theta = np.array([0.01, 0.3, 1.0, 3.0])
     found = PortResponse(loop).smallest(np.zeros(4, int), theta)
     np.testing.assert_allclose(found, scan(v, theta), rtol=1e-8, atol=1e-9 * loop.mean[0])
+
+
+@pytest.mark.parametrize("seed", [141, 143, 146, 152, 156, 158, 159])
+def test_the_response_next_to_rest_is_that_of_ball_arithmetic(random_values, seed):
+    """From 1e-13 rad per frame on, where the position's pole takes all digits of a lifted system in doubles."""
+    pytest.importorskip("flint", reason="python-flint is the witness")
+    from flint import arb, ctx
+    from support import balls
+
+    ctx.prec = 512
+    v = random_values(seed)
+    v |= {"rates.ratio": 1} if v["controller.kind"] == "dc" else {}  # its frame is one tick
+    loop = port_loop(draw(v), v["environment.K_VE"], v["environment.B_VE"])
+    angles = [1e-13, 1e-9, 0.9e-7, 1.1e-7]
+    maps = (np.array(balls.displacements(v, arb(angle))) for angle in angles)
+    wanted = [np.linalg.eigvalsh((G + G.conj().T) / 2)[0] for G in maps]
+    found = PortResponse(loop).smallest(np.zeros(4, int), np.array(angles))
+    np.testing.assert_allclose(found, wanted, rtol=1e-10, atol=1e-12 * loop.mean[0])
 
 
 def test_the_mean_eigenvalue_is_the_direct_term(values):

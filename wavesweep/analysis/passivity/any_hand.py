@@ -68,7 +68,7 @@ def damping_needed(values) -> DampingNeeded | None:
     diagram = _without_device(draw(values))
     loop = port_loop(diagram, values["environment.K_VE"], values["environment.B_VE"])
     period = np.broadcast_to(diagram.period, loop.batch).reshape(-1)
-    response = PortResponse(loop, LOWEST)
+    response = PortResponse(loop, LOWEST, to_rest=False)
     summit = climb(
         lambda owner, theta: -period[owner] * response.smallest(owner, theta),
         lambda owner, level: angles(level_frame(loop, owner, -level / period[owner])), loop.loops,

@@ -21,6 +21,7 @@ class PortLoop:
     event: what happens at phase 0: its states are those of `fast` and of the slow blocks, its inputs the held signals
     as shown (none without delay), its outputs their sources.
     finite: `(loops,)`, false where the frame overflowed; the slow block is zero there.
+    source: the drawing and its wall (K_VE, B_VE).
     """
 
     fast: Block
@@ -30,6 +31,7 @@ class PortLoop:
     delay: int
     batch: tuple[int, ...]
     finite: np.ndarray
+    source: tuple
 
     @property
     def loops(self) -> int:
@@ -56,7 +58,7 @@ def port_loop(diagram: Diagram, K_VE, B_VE) -> PortLoop:
     fast, slow, event = (flattened(block, batch) for block in (fast, slow, event))
     finite = np.logical_and.reduce([np.isfinite(getattr(slow, name)).all((-1, -2)) for name in "EBCD"])
     slow = replace(slow, **{name: np.where(finite[:, None, None], getattr(slow, name), 0) for name in "EBCD"})
-    return PortLoop(fast, slow, event, diagram.ratio, diagram.delay, batch, finite)
+    return PortLoop(fast, slow, event, diagram.ratio, diagram.delay, batch, finite, (diagram, K_VE, B_VE))
 
 
 def _without_idle(fast: Block) -> Block:

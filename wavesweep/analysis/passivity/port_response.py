@@ -1,15 +1,19 @@
 """The lifted map at the hand's port, frequency by frequency, in the basis of the aliases."""
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
 from wavesweep.analysis.passivity.aliases import alias_angles, response_of
 from wavesweep.analysis.passivity.port_loop import PortLoop
 from wavesweep.analysis.passivity.secular import smallest_hermitian
+from wavesweep.analysis.response.bordered import solved
+from wavesweep.analysis.response.frame import prepare
 from wavesweep.lifted.circle import on_circle
 
-LOWEST = 1e-7  # rad per frame that stands for zero frequency, where shares are 0/0 and a drift has its pole
+HUGE = 1e100  # entries of a frame that overflows, or nearly
+LOWEST = 1e-7  # rad per frame below which shares are 0/0 and a drift has its pole
 
 
 class PortResponse:
@@ -20,8 +24,9 @@ class PortResponse:
     by p is to shift the state x by p, and that is an input (z - 1) p of the closed loop.
     """
 
-    def __init__(self, loop: PortLoop, lowest: float = LOWEST):
-        self.ratio, self.delay, self.lowest = loop.ratio, loop.delay, lowest
+    def __init__(self, loop: PortLoop, lowest: float = LOWEST, *, to_rest: bool = True):
+        self.to_rest = to_rest  # whether there is anything below `lowest` to look at
+        self.loop, self.ratio, self.delay, self.lowest = loop, loop.ratio, loop.delay, lowest
         fast, slow = loop.fast, loop.slow
         self.shifted = _drifts(fast)
         if self.shifted:
@@ -43,7 +48,57 @@ class PortResponse:
 
     def smallest(self, owner, theta):
         """Smallest eigenvalue of the Hermitian part (m/N) of the loops `owner` at `theta` (rad per frame)."""
-        return smallest_hermitian(*self.parts(owner, np.maximum(theta, self.lowest)))
+        found = smallest_hermitian(*self.parts(owner, np.maximum(theta, self.lowest)))
+        low = np.flatnonzero((theta < self.lowest) & self.to_rest)
+        if low.size:
+            seen = self.at_rest.smallest(owner[low], theta[low])
+            found[low] = np.where(np.isfinite(seen), seen, found[low])
+        return found
+
+    @cached_property
+    def at_rest(self) -> "AtRest":
+        """What takes over below `lowest`."""
+        return AtRest(self.loop)
+
+
+class AtRest:
+    """The same map without aliases, `T + O (w - E)^-1 G` of the closed loop, which stays finite down to zero frequency.
+
+    T is a Toeplitz matrix that no frequency changes (see `response.frame.Shown`): its symmetric part is diagonal in its own
+    eigenvectors, found once, and the rest is of low rank.
+    """
+
+    def __init__(self, loop: PortLoop):
+        diagram, K_VE, B_VE = loop.source
+        frame = prepare(diagram, K_VE, B_VE, diagram.outputs[:1])
+        E = frame.E.copy()
+        if frame.lead is not None:  # where nothing reads the scene's position, its pole at 0 is nobody's
+            E[..., frame.lead, frame.lead] = np.where(frame.free, -1.0, E[..., frame.lead, frame.lead])
+        lag = np.abs(np.subtract.outer(*[np.arange(loop.ratio)] * 2))
+        toeplitz = frame.shown.impulse[0][..., 0, :][..., lag] * np.where(lag == 0, 1.0, 0.5)
+        lost = ~np.isfinite(toeplitz).all((-1, -2), keepdims=True) | frame.lost[..., None, None]
+        diagonal, vectors = np.linalg.eigh(np.where(lost, 0.0, toeplitz))
+        left, right = np.swapaxes(vectors, -1, -2) @ frame.shown.seen[0][..., 0, :, :], frame.shown.left[0] @ vectors
+        parts = E, frame.dE, np.where(lost, np.nan, diagonal[..., None, :]), left, right
+        self.E, self.dE, self.diagonal, self.left, self.right = (_flattened(part, loop) for part in parts)
+
+    def smallest(self, owner, theta):
+        """Smallest eigenvalue of the Hermitian part (m/N) of the loops `owner` at `theta` (rad per frame)."""
+        w = on_circle(theta)[:, None, None]
+        with np.errstate(all="ignore"):
+            A, right = w * np.eye(self.E.shape[-1]) - self.E[owner], self.right[owner] + 0 * w
+            state, _ = solved(A, self.dE[owner], right, np.zeros(right.shape))
+            parts = self.diagonal[owner][:, 0] + 0j, self.left[owner] + 0j, state
+            good = np.logical_and.reduce([(np.abs(part) < HUGE).all(tuple(range(1, part.ndim))) for part in parts])
+            found = np.full(owner.size, np.nan)
+            if good.any():
+                found[good] = smallest_hermitian(*(part[good] for part in parts))
+            return found
+
+
+def _flattened(array, loop):
+    """An array of matrices with its batch, broadcast to that of the loop, in one axis."""
+    return np.broadcast_to(array, (*loop.batch, *array.shape[-2:])).reshape(loop.loops, *array.shape[-2:])
 
 
 def _drifts(fast):
