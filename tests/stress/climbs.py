@@ -1,10 +1,11 @@
 """Loops whose certified ends are as wrong as a search can make them: random steps that keep what enlarges the error."""
 
 import numpy as np
-from stress.judge import NEAR_ZERO, SAME, Verdict, judge
+from stress.judge import NEAR_ZERO, SAME, Verdict
+from stress.judge import judge as verdict_of
 from stress.specs import Question, maybe, spread, usual
 
-STEPS = 40  # tries of one climb; a long run asks for more through `climb`
+STEPS = 40  # tries of one climb; a long run asks for more
 HEAVIEST, FEEBLEST = 100.0, 1e-3  # kg, and N*s/m of a wave impedance
 RANGES = {
     "device.mass": (1e-3, HEAVIEST), "device.damping": (1e-3, 1e2), "operator.mass": (1e-3, HEAVIEST),
@@ -38,7 +39,7 @@ def moved(r, question) -> Question:
     return Question(values, question.along, question.span, fixed)
 
 
-def climb(seed, steps=STEPS) -> Verdict:
+def judge(seed, steps=STEPS) -> list[Verdict]:
     """The verdict on the column of the way whose certified ends were farthest off."""
     r = np.random.default_rng(seed)
     here = start(r)
@@ -48,12 +49,12 @@ def climb(seed, steps=STEPS) -> Verdict:
         height, verdict = _height(there)
         if height >= best:
             here, best, worst = there, height, verdict
-    return worst
+    return [worst]
 
 
 def _height(question):
     """How far a certified end is off, in units of what is promised, below zero where nothing is certified; the verdict."""
-    verdict = judge(question)[0]
+    verdict = verdict_of(question)[0]
     if not verdict.certified or verdict.kind == "undecided":
         return -1.0, verdict
     if verdict.kind == "wrong":

@@ -7,11 +7,15 @@ from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
-from stress import climbs, constructed, numbers, windows
+from stress import climbs, constructed, numbers, responses, windows
 from stress.judge import judge
 from stress.specs import FAMILIES, question
 
-NAMES = (*FAMILIES, "constructed", "numbers", "climbs", "windows")
+JUDGES = {
+    "numbers": numbers.judge, "windows": windows.judge, "climbs": climbs.judge, "responses": responses.verdicts,
+    "constructed": lambda number: judge(constructed.question(number)),
+}  # fmt: skip
+NAMES = (*FAMILIES, *JUDGES)
 
 
 def main():
@@ -44,13 +48,7 @@ def attempt(families, number):
 
 def verdicts(family, number):
     """What became of every column of this spec."""
-    if family == "numbers":
-        return numbers.judge(number)
-    if family == "windows":
-        return windows.judge(number)
-    if family == "climbs":
-        return [climbs.climb(number)]
-    return judge(constructed.question(number) if family == "constructed" else question(number, family))
+    return JUDGES[family](number) if family in JUDGES else judge(question(number, family))
 
 
 def tally(results) -> int:

@@ -5,12 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from flint import arb, ctx
+from stress.judge import Verdict
 from stress.specs import FAMILIES, maybe, spread, usual
 from support import balls
 
 from wavesweep.analysis.response import prepare, respond
 from wavesweep.diagram import draw
 from wavesweep.errors import IllPosedLoopError
+from wavesweep.sweep.response_columns import SPARED
 
 BITS = (256, 512, 1024, 2048, 4096)
 STEP = arb(10) ** -25  # relative, to either side of a frequency where the formula is 0/0
@@ -88,6 +90,20 @@ def judge(seed, family) -> list[Judged] | None:
             bound = (float(found.admittance_error[i]), float(found.impedance_error[i]))
             judged.append(Judged(float(f), tuple(map(relative, ours, truth)), bound))
     return judged
+
+
+def verdicts(seed) -> list[Verdict]:
+    """One per response of the family "resonant": right if no number is further off than it says."""
+    found = judge(seed, "resonant")
+    if found is None:
+        return [Verdict("refused", certified=False)]
+    return [_verdict(judged) for judged in found]
+
+
+def _verdict(judged):
+    sure = max(judged.bound) <= SPARED
+    numbers = ([judged.frequency, *judged.error], [*judged.bound])
+    return Verdict("wrong" if judged.excess > 1 else "right", sure, 1, "" if sure else "rounding", max(judged.error), *numbers)
 
 
 def relative(ours, truth):

@@ -6,6 +6,9 @@ import pytest
 pytest.importorskip("flint", reason="python-flint is the witness")
 from stress import responses
 
+from wavesweep.analysis.response import prepare, worst_gain
+from wavesweep.diagram import draw
+
 
 @pytest.mark.parametrize(("family", "seed"), [("wild", 7), ("unstable_inside", 45), ("unstable_inside", 147)])
 def test_modes_that_overflow_or_are_too_few_are_no_warning(family, seed):
@@ -15,7 +18,38 @@ def test_modes_that_overflow_or_are_too_few_are_no_warning(family, seed):
 
 @pytest.mark.parametrize("seed", range(12))
 def test_responses_of_usual_loops_hold_in_ball_arithmetic(seed):
-    """Any delay, from 1 mHz to half the fast rate, multiples of the slow rate among them."""
-    worst, _, frequency = responses.judge(seed, "usual")
-    assert worst < 1e-8, frequency
-    assert np.isfinite(worst)
+    """Any delay, from 1 mHz to half the fast rate, multiples of the slow rate among them; all of them are known."""
+    for judged in responses.judge(seed, "usual"):
+        assert judged.excess <= 1, judged
+        assert max(judged.bound) < 1e-6, judged
+        assert max(judged.error) < 1e-8, judged
+
+
+@pytest.mark.parametrize("family", responses.RESPONSES)
+@pytest.mark.parametrize("seed", range(8))
+def test_no_response_is_further_off_than_its_bound(family, seed):
+    for judged in responses.judge(seed, family) or []:
+        assert judged.excess <= 1, judged
+
+
+@pytest.mark.parametrize("seed", range(100, 125))
+def test_resonances_and_drifts_take_no_digits(seed):
+    """No wall, no damping, multiples of the slow rate and their neighbours: hardly an admittance is missing."""
+    found = responses.judge(seed, "resonant")
+    assert max(judged.excess for judged in found) <= 1
+    known = [judged.bound[0] for judged in found if not np.isnan(judged.bound[0])]
+    assert len(known) >= len(found) - 2
+    assert np.median(known) < 1e-8
+
+
+@pytest.mark.parametrize("seed", [3, 5, 8, 12, 38, 48, 60])
+def test_the_worst_case_gain_is_within_its_bound(seed):
+    values, frequency = responses.question(seed, "resonant")
+    values |= {"rates.ratio": min(values["rates.ratio"], 40)}
+    values |= {"environment.delay": min(values["environment.delay"], values["rates.ratio"])}
+    loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"])
+    for f, gain, bound in zip(frequency, *worst_gain(loop, frequency, values["rates.ratio"]), strict=True):
+        multiple = f * values["rates.ratio"] / values["rates.fast_hz"]
+        if multiple != round(multiple):
+            truth = responses.exact_gain(values, f)
+            assert abs(gain / truth - 1) <= bound, (f, gain, truth)

@@ -12,7 +12,7 @@ DENSE = 32  # up to this ratio LAPACK's singular values of the whole matrix are 
 STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
 SETTLED = 1e-13  # relative change of a singular value that counts as none
 STILL = 1e-13  # cycles per tick that stand for a constant force
-HUGE = 1e100
+HUGE = 1e100  # entries whose squares are next to overflow
 BLOCK = 2_000_000  # entries of one batch of matrices
 
 
@@ -91,7 +91,7 @@ class Frame:
         toeplitz = np.where(lag >= 0, self.impulse[0][..., lag], 0)
         matrix = self.O[0][..., None, :, :] @ X + toeplitz[..., None, :, :]
         matrix = matrix if still is None else matrix + still
-        finite = np.isfinite(matrix).all((-1, -2))
+        finite = (np.abs(matrix) < HUGE).all((-1, -2))
         value = np.linalg.svd(np.where(finite[..., None, None], matrix, 0), compute_uv=False)[..., 0]
         return np.where(finite, value, np.nan)
 
@@ -102,9 +102,10 @@ class Frame:
         if still is not None:
             X = np.concatenate([X, still], axis=-2)
             O = np.concatenate([O, np.ones((*O.shape[:-1], 1))], axis=-1)
-        finite = (np.abs(X) < HUGE).all((-1, -2))  # beyond, squares overflow
-        X = np.where(finite[..., None, None], X, 0)
-        spectrum = np.fft.fft(self.impulse[0], 2 * ratio)[..., None, :]
+        impulse = self.impulse[0][..., None, :]
+        finite = (np.abs(impulse) < HUGE).all(-1) & np.logical_and(*((np.abs(part) < HUGE).all((-1, -2)) for part in (X, O)))
+        X, O = (np.where(finite[..., None, None], part, 0) for part in (X, O))
+        spectrum = np.fft.fft(np.where(finite[..., None], impulse, 0), 2 * ratio)
 
         def forward(v):
             own = np.fft.ifft(spectrum * np.fft.fft(v, 2 * ratio))[..., :ratio]
