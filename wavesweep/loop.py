@@ -62,7 +62,7 @@ class Loop:
         """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.
 
         frequency_hz: Hz, those of the spec's [bode] table by default; 0 < f, up to the fast Nyquist frequency.
-        Accuracy: see `analysis.response.steady_state` and `worst_gain`.
+        Accuracy: as each row says of itself, by bounds on relative errors or by a word of doubt; see `analysis.doubt`.
         """
         from wavesweep.sweep.response_table import one_spec
 

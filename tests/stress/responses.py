@@ -15,7 +15,7 @@ from wavesweep.errors import IllPosedLoopError
 from wavesweep.sweep.response_columns import SPARED
 
 BITS = (256, 512, 1024, 2048, 4096)
-STEP = arb(10) ** -25  # relative, to either side of a frequency where the formula is 0/0
+STEP = arb(2) ** -83  # relative and exact, to either side of a frequency where the formula is 0/0
 NOTHING = 1e-40  # control force per hand force that is none; next to a multiple of the slow rate 1e-24 is some
 
 

@@ -17,7 +17,8 @@ class Block:
     inputs, outputs: port names; elsewhere the port `p` of the block `name` is the signal `"name.p"`.
     states: one name per state. positions: the states that measure a position in space (m), which all move together
     when the whole scene is shifted. condition: by how much the algebraic loops that were closed in it may have multiplied
-    the rounding of its entries, a number or an array over the batch.
+    the rounding of its entries, a number or an array over the batch. terms: of E, B, C and D, the sizes of the terms that
+    an entry is the sum of, where they are more than the entry's own.
     """
 
     name: str
@@ -30,6 +31,7 @@ class Block:
     D: np.ndarray
     positions: frozenset[str] = frozenset()
     condition: object = 1.0
+    terms: tuple | None = None
 
     def __post_init__(self):
         """Check the shapes once and make the arrays read-only."""

@@ -35,7 +35,16 @@ def connect(name: str, blocks, sums, inputs, outputs) -> Block:
     return Block(
         name, tuple(inputs), tuple(outputs), states, **parts,
         positions=frozenset(f"{block.name}.{state}" for block in blocks for state in block.positions), condition=condition,
+        terms=_terms((E, B, C, D), (from_y, from_w), (out_y, out_w), inverse),
     )
+
+
+def _terms(parts, inward, outward, inverse):
+    """Sizes of the terms that the entries of the connected block are sums of: where these cancel, rounding is left."""
+    (E, B, C, D), (from_y, from_w), (out_y, out_w) = (tuple(map(np.abs, group)) for group in (parts, inward, outward))
+    with np.errstate(over="ignore", invalid="ignore"):
+        x_to_u, w_to_u = np.abs(inverse) @ (from_y @ C), np.abs(inverse) @ from_w
+        return E + B @ x_to_u, B @ w_to_u, out_y @ (C + D @ x_to_u), out_w + out_y @ (D @ w_to_u)
 
 
 def _through(before, left, right):

@@ -6,7 +6,7 @@ import numpy as np
 
 from wavesweep.analysis.response.circle import Circle
 from wavesweep.analysis.response.frame import Loop, shown
-from wavesweep.analysis.response.ticks import ROUNDING, entries_error, holding
+from wavesweep.analysis.response.ticks import ROUNDING, entries_errors, holding
 from wavesweep.lifted.circle import solve
 
 CLOSE = 0.1  # by how much an inverse may be off for the error of what it gives to be bounded with it
@@ -30,8 +30,9 @@ def bordered(loop: Loop, points: Circle):
 def _system(loop, points):
     """Matrix, errors, right side, errors; and what the drift adds to the outputs, with its error."""
     fast, n, f, p, P = loop.fast, loop.E.shape[-1], len(loop.fast.states), loop.outputs, points.frequency.size
-    states = holding(replace(fast, outputs=fast.states, C=np.eye(f) + 0 * fast.E[..., :1], D=0 * fast.B), f)
-    (rows, drows), (alone, dalone), _, law = shown(loop, states).sums(points.ladder)
+    states = holding(replace(fast, outputs=fast.states, C=np.eye(f) + 0 * fast.E[..., :1], D=0 * fast.B,
+                             terms=fast.terms and (*fast.terms[:2], np.eye(f) + 0 * fast.E[..., :1], 0 * fast.B)), f)
+    (rows, drows), (alone, dalone), _, law = shown(loop, states).sums(points.ladder, alone=True)
     batch = loop.E.shape[:-2]
     A = np.zeros((*batch, P, p + f + n, p + f + n), complex)
     dA = np.zeros(A.shape)
@@ -39,7 +40,7 @@ def _system(loop, points):
     out, own, sums, slow = slice(0, p), slice(p, p + f), slice(p + f, p + 2 * f), slice(p + 2 * f, None)
     Y, X = own, slice(p + f, None)
     w, z = points.tick[:, None, None], points.frame[:, None, None]
-    unsure = entries_error(fast)
+    dE, dB, dC, dD = entries_errors(fast)
     H, dH = loop.H, loop.dH
     shares = _shares(points, loop.diagram.delay)
     held = shares[0] * loop.latched + shares[1] * H[..., None, :, :]
@@ -49,14 +50,14 @@ def _system(loop, points):
     # what the outputs and the fast states are at the hand's frequency
     A[..., out, out] = np.eye(p)
     A[..., out, Y], A[..., out, X] = -C[..., None, :, :], -(D[..., None, :, 1:] @ held)
-    dA[..., out, Y] = (unsure * np.abs(C))[..., None, :, :]
-    dA[..., out, X] = np.abs(D[..., None, :, 1:]) @ (dheld + unsure[..., None] * held_size)
-    b[..., out], db[..., out] = D[..., None, :, 0], (unsure * np.abs(D))[..., None, :, 0]
+    dA[..., out, Y] = dC[..., None, :p, :]
+    dA[..., out, X] = np.abs(D[..., None, :, 1:]) @ dheld + dD[..., None, :p, 1:] @ held_size
+    b[..., out], db[..., out] = D[..., None, :, 0], dD[..., None, :p, 0]
     A[..., own, Y] = w * np.eye(f) - fast.E[..., None, :, :]
     A[..., own, X] = -(B[..., None, :, 1:] @ held)
-    dA[..., own, Y] = (unsure * np.abs(fast.E))[..., None, :, :]
-    dA[..., own, X] = np.abs(B[..., None, :, 1:]) @ (dheld + unsure[..., None] * held_size)
-    b[..., own], db[..., own] = B[..., None, :, 0], (unsure * np.abs(B))[..., None, :, 0]
+    dA[..., own, Y] = dE[..., None, :, :]
+    dA[..., own, X] = np.abs(B[..., None, :, 1:]) @ dheld + dB[..., None, :, 1:] @ held_size
+    b[..., own], db[..., own] = B[..., None, :, 0], dB[..., None, :, 0]
     if "device.x" in fast.states and fast.outputs[0] == "device.dx":  # the displacement is w times the position
         x = p + fast.states.index("device.x")
         for array in (A, dA, b[..., None], db[..., None]):

@@ -8,7 +8,7 @@ from wavesweep.analysis.response.ticks import (
     ENTRIES,
     ROUNDING,
     both,
-    entries_error,
+    entries_errors,
     holding,
     joined,
     long_sum,
@@ -84,19 +84,25 @@ class Shown:
     left: tuple
     law: tuple | None
 
-    def sums(self, z):
+    def sums(self, z, *, alone=False):
         """At each point the outputs' sums over the frame, each tick's times z^-i, under the force z^i; z: `(ticks, points)`.
 
         Pairs of: what of them there is per state `(..., p, points, n)`, what without `(..., p, points)`, and what is added to
-        the state `(..., n, points)` and to the conserved combination `(..., 1, points)`.
+        the state `(..., n, points)` and to the conserved combination `(..., 1, points)`. alone: no product of matrices is of
+        several points, so that a point's bits do not depend on which others there are.
         """
         ticks, real, imag = z.shape[0], z.real.copy(), z.imag.copy()  # contiguous, as BLAS wants them
         rough, weight = long_sum(ticks), np.arange(ticks, 0, -1)
         (seen, dseen), impulse = self.seen, tuple(part * weight for part in self.impulse)
-        rows = real.T @ seen - 1j * (imag.T @ seen)
-        own = impulse[0] @ real - 1j * (impulse[0] @ imag)
-        made = [part and (part[0] @ real + 1j * (part[0] @ imag), (part[1] + rough * np.abs(part[0])).sum(-1, keepdims=True))
-                for part in (self.left, self.law)]
+        if alone:
+            rows = (z.conj().T[:, None, :] @ seen[..., None, :, :])[..., 0, :]
+            own, *made = ((part[..., None, :] * turn).sum(-1) for part, turn in (
+                (impulse[0], z.conj().T), (self.left[0], z.T), *(((self.law[0], z.T),) if self.law else ())))
+        else:
+            rows, own = real.T @ seen - 1j * (imag.T @ seen), impulse[0] @ real - 1j * (impulse[0] @ imag)
+            made = [part[0] @ real + 1j * (part[0] @ imag) for part in (self.left, self.law) if part]
+        made = [(sums, (part[1] + rough * np.abs(part[0])).sum(-1, keepdims=True))
+                for sums, part in zip(made, (self.left, self.law), strict=False)] + [None] * (self.law is None)
         return ((rows, (dseen + rough * np.abs(seen)).sum(-2)),
                 (own, (impulse[1] + rough * np.abs(impulse[0])).sum(-1, keepdims=True)), *made)
 
@@ -113,7 +119,7 @@ def prepare(diagram: Diagram, K_VE, B_VE, outputs=None) -> Loop:
         raise WavesweepError("a sampler reads the hand's force in the same tick: the response of such a loop is not known")
     with np.errstate(all="ignore"):  # a frame that overflows is found below
         tick = holding(fast, len(outputs))
-        one = (tick.E, entries_error(tick) * np.abs(tick.E))
+        one = (tick.E, entries_errors(tick)[0])
         before, after = (repeated(one, n) for n in (diagram.delay, diagram.ratio - diagram.delay))
         parts = _closed(diagram, fast, samples, (before, after), (K_VE, B_VE))
         if diagram.wall_drifts and diagram.reference in parts["states"]:
@@ -129,10 +135,10 @@ def prepare(diagram: Diagram, K_VE, B_VE, outputs=None) -> Loop:
 
 def shown(loop: Loop, tick: Block) -> Shown:
     """What the outputs of a tick with held inputs as states show in a frame of this loop."""
-    n, ratio, unsure = len(loop.fast.states), loop.diagram.ratio, entries_error(tick)
+    n, ratio, (_, dB, _, dD) = len(loop.fast.states), loop.diagram.ratio, entries_errors(tick)
     reads, force = unrolled(tick, ratio)
-    later = times(reads, tuple(part[..., None, :, :] for part in (tick.B, unsure * np.abs(tick.B))))
-    impulse = joined(((tick.D, unsure * np.abs(tick.D)), taken(later, (..., slice(0, ratio - 1), 0))), -1)
+    later = times(reads, tuple(part[..., None, :, :] for part in (tick.B, dB)))
+    impulse = joined(((tick.D, dD), taken(later, (..., slice(0, ratio - 1), 0))), -1)
     # The last tick's force is the one that nothing has changed yet.
     back = taken(force, (..., slice(0, n), slice(None, None, -1)))
     into, law = np.eye(len(loop.states), n), None
@@ -179,13 +185,19 @@ def _closed(diagram, fast, samples, sizes, wall) -> dict:
         E[..., lead] = C[..., lead] = 0  # the sum of the columns of all positions, zero where nothing holds the scene
         C[..., 0, lead] = 1
     unsure = (ENTRIES * np.asarray(block.condition * fast.condition, float))[..., None, None]
+    E_terms, B_terms, C_terms, D_terms = (unsure * part for part in block.terms)
+    if lead is not None:  # these entries are exact
+        E_terms[..., lead] = C_terms[..., lead] = 0
     K, F = (np.asarray(value, float)[..., None, None] for value in wall)
     (x, v), (D_x, D_v) = (C[..., :1, :], C[..., 1:2, :]), (block.D[..., :1, :], block.D[..., 1:2, :])
     through = 1 - K * D_x - F * D_v
     read = (K * x + F * v) / through
-    bold = unsure * (1 + np.abs(K * D_x) + np.abs(F * D_v)) / through**2 * (np.abs(K * x) + np.abs(F * v))
-    H, dH = C[..., 2:, :] + block.D[..., 2:, :] * read, unsure * np.abs(C[..., 2:, :]) + np.abs(block.D[..., 2:, :]) * bold
-    rows, drows = E + block.B * read, unsure * np.abs(E) + np.abs(block.B) * bold
+    vague = K * D_terms[..., :1, :] + F * D_terms[..., 1:2, :] + unsure * (1 + np.abs(K * D_x) + np.abs(F * D_v))
+    dread = (K * C_terms[..., :1, :] + F * C_terms[..., 1:2, :] + unsure * (np.abs(K * x) + np.abs(F * v))) / np.abs(through)
+    dread = dread + vague / np.abs(through) * np.abs(read)
+    H, rows = C[..., 2:, :] + block.D[..., 2:, :] * read, E + block.B * read
+    dH = C_terms[..., 2:, :] + D_terms[..., 2:, :] * np.abs(read) + np.abs(block.D[..., 2:, :]) * dread
+    drows = E_terms + B_terms * np.abs(read) + np.abs(block.B) * dread
     drows[..., :fast_states, :] += _frame_error(sizes, latched, np.abs(H), unsure, fast_states)
     E, dE, free = rows, drows, np.zeros((), bool)
     if lead is not None:

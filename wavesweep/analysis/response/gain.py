@@ -116,20 +116,20 @@ class Frame:
             return own + (np.swapaxes(X.conj(), -1, -2) @ (np.swapaxes(O, -1, -2) @ u[..., None]))[..., 0]
 
         v, best = np.abs(X).sum(-2) / _norm(np.abs(X).sum(-2)) + 0.1 * np.hanning(ratio) + 0j, 0.0
-        basis, band = [], []
+        basis, band, settled = [], [], ~finite  # a point that has settled keeps its value, whichever others have not
         for _ in range(min(STEPS, ratio)):
             v = v / _norm(v)
             basis.append(v)
             band.append(forward(v))
             span = np.stack(band, axis=-1)
             value = np.sqrt(np.maximum(np.linalg.eigvalsh(np.swapaxes(span.conj(), -1, -2) @ span)[..., -1], 0))
-            if np.all(np.abs(value - best) <= SETTLED * value):
+            best, settled = np.where(settled, best, value), settled | (np.abs(value - best) <= SETTLED * value)
+            if settled.all():
                 break
-            best = value
             v = backward(band[-1])
             for known in basis * 2:
                 v = v - known * (known.conj() * v).sum(-1, keepdims=True)
-        return np.where(finite, value, np.nan)
+        return np.where(finite, best, np.nan)
 
 
 def _norm_of_product(A, B):

@@ -13,6 +13,7 @@ from wavesweep.lifted.circle import solve
 GOOD = 1e-9  # bound on the relative error up to which the modes are believed; beyond, the larger system is solved
 LOST = 0.1  # relative error from which on a number has no digit
 NOISE = 1e-13  # of the sizes of the modes, what rounding may leave of an entry of their sum
+TERMS = 2_000_000  # ticks times frequencies at a time
 BLOCK = 200_000  # entries of one batch of matrices
 
 
@@ -40,25 +41,27 @@ def respond(loop: Loop, frequency_hz) -> Response:
     and a drift is set apart (see `Loop`). Through modes of E first; where these cancel too far, see `bordered`.
     Accuracy: as bounded, from the residual of the solution, the errors of all entries and the size of the inverse.
     """
-    points = circle(loop, np.atleast_1d(frequency_hz))
+    frequency, width = np.atleast_1d(np.asarray(frequency_hz, float)), max(1, TERMS // loop.diagram.ratio)
     with np.errstate(all="ignore"):
         modal = Modal(loop)
-        found, error = _by_modes(loop, points, modal.solve)
-        for method in (lambda some: _by_modes(loop, some, modal.solve_carefully), lambda some: bordered(loop, some)):
-            _improve(found, error, points, method, max(1, BLOCK // _order(loop) ** 2 // max(1, loop.lost.size)))
-        return _read(loop, points, found, error)
+        parts = [_responses(loop, modal, circle(loop, frequency[at : at + width])) for at in range(0, frequency.size, width)]
+    return Response(*(np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)))
 
 
-def _improve(found, error, points, method, width):
-    """Put what another method knows better in the place of what is not good enough; width: points at a time."""
-    doubtful = ~(error <= GOOD * np.abs(found)).all(-2)
-    some = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
-    for start in range(0, some.size, width):
-        index = some[start : start + width]
-        again, less = method(points.at(index))
-        better = doubtful[..., None, index] & ~(less >= error[..., index])
-        found[..., index] = np.where(better, again, found[..., index])
-        error[..., index] = np.where(better, less, error[..., index])
+def _responses(loop, modal, points):
+    """The same of some frequencies, as a tuple."""
+    found, error, again = _by_modes(loop, points, modal)
+    for improve in (again, lambda index: bordered(loop, points.at(index))):
+        doubtful = ~(error <= GOOD * np.abs(found)).all(-2)
+        some = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
+        width = max(1, BLOCK // (loop.outputs + len(loop.fast.states) + len(loop.states)) ** 2 // max(1, loop.lost.size))
+        for start in range(0, some.size, width):
+            index = some[start : start + width]
+            number, less = improve(index)
+            better = doubtful[..., None, index] & ~(less >= error[..., index])
+            found[..., index] = np.where(better, number, found[..., index])
+            error[..., index] = np.where(better, less, error[..., index])
+    return _read(loop, points, found, error)
 
 
 def _read(loop, points, found, error):
@@ -68,25 +71,30 @@ def _read(loop, points, found, error):
     relative = np.where(lost[..., None, :] | ~(relative < LOST), np.nan, relative)
     admittance = np.where(np.isnan(relative[..., 0, :]), np.nan, found[..., 0, :] / points.tick)
     impedance = np.where(np.isnan(relative[..., 1, :]), np.nan, found[..., 1, :] / admittance)
-    return Response(admittance, impedance, relative[..., 0, :], relative[..., 0, :] + relative[..., 1, :])
+    return admittance, impedance, relative[..., 0, :], relative[..., 0, :] + relative[..., 1, :]
 
 
-def _order(loop):
-    return loop.outputs + len(loop.fast.states) + len(loop.states)
-
-
-def _by_modes(loop, points, solve_frame):
-    """(displacement, force) at the hand's frequency, `(..., 2, points)`, and bounds on their errors."""
+def _by_modes(loop, points, modal):
+    """(displacement, force) at the hand's frequency, `(..., 2, points)`, bounds on their errors, and a function that gives
+    some of them again with a better bound."""
     (rows, drows), (own, down), (g, dg), law = loop.shown.sums(points.ladder)
-    X, dX = solve_frame(points.frame, g, dg)
-    seen, grown = (np.swapaxes(part, -1, -2)[..., None, :, :] for part in (X, dX))
-    size = np.abs(rows)
+    X, unsure, gain, off = modal.solve(points.frame, g, dg)
+    size, seen = np.abs(rows), np.swapaxes(X, -1, -2)[..., None, :, :]
     total = (rows * seen).sum(-1) + own
-    error = (size * (grown + ROUNDING * np.abs(seen))).sum(-1) + drows @ np.abs(X) + down + ROUNDING * np.abs(own)
+    rest = (size * (ROUNDING * np.abs(seen))).sum(-1) + drows @ np.abs(X) + down + ROUNDING * np.abs(own)
     if law is not None:
         still, dstill = at_rest(loop, points, law)
-        total, error = total + points.ratio * still, error + points.ratio * dstill
-    return total / points.ratio, error / points.ratio
+        total, rest = total + points.ratio * still, rest + points.ratio * dstill
+
+    def error(bound, index):
+        grown = np.swapaxes(bound, -1, -2)[..., None, :, :]
+        return ((size[..., index, :] * grown).sum(-1) + rest[..., index]) / points.ratio
+
+    def again(index):
+        chosen = (part[..., index] for part in (unsure, gain, off))
+        return total[..., index] / points.ratio, error(modal.careful_bound(points.frame[index], *chosen), index)
+
+    return total / points.ratio, error(modal.bound(unsure, gain, off), slice(None)), again
 
 
 class Modal:
@@ -104,22 +112,8 @@ class Modal:
         self.defect = np.abs(self.into @ E @ self.vectors - self.poles[..., None, :] * eye).sum(-1)
 
     def solve(self, w, b, db):
-        """X `(..., n, points)` and a bound on its error; b, db: right side and its error."""
-        X, unsure, gain, off = self._solved(w, b, db)
-        bound = np.abs(self.vectors) @ (gain * (np.abs(self.into) @ unsure))
-        return X, np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)
-
-    def solve_carefully(self, w, b, db):
-        """The same with a bound from the inverse itself, in which modes cancel, and not from the sizes of its modes."""
-        X, unsure, gain, off = self._solved(w, b, db)
-        factor = np.swapaxes(1 / (w - self.poles[..., None]), -1, -2)[..., None, :]
-        inverse = (self.vectors[..., None, :, :] * factor) @ self.into[..., None, :, :]
-        bound = (np.abs(inverse) @ np.swapaxes(unsure, -1, -2)[..., None])[..., 0]
-        bound = np.swapaxes(bound, -1, -2) + NOISE * (np.abs(self.vectors) @ (gain * (np.abs(self.into) @ unsure)))
-        return X, np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)
-
-    def _solved(self, w, b, db):
-        """The solution, what its equations are not sure of, and the size and the error of the inverse."""
+        """X `(..., n, points)` of `(w - E) X = b`; what its equations are not sure of; sizes of the modes' factors; and by
+        how much the inverse may be off. db: error of b."""
         factor = 1 / (w - self.poles[..., None])
         X = self.vectors @ (factor * (self.into @ b))
         for _ in range(2):
@@ -128,3 +122,17 @@ class Modal:
         left, size, gain = b - w * X + self.E @ X, np.abs(X), np.abs(factor)
         unsure = np.abs(left) + ROUNDING * (np.abs(w) * size + np.abs(self.E) @ size + np.abs(b)) + self.error @ size + db
         return X, unsure, gain, (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0)
+
+    def bound(self, unsure, gain, off):
+        """Bound on the error of X, from the sizes of the modes."""
+        bound = np.abs(self.vectors) @ (gain * (np.abs(self.into) @ unsure))
+        return np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)
+
+    def careful_bound(self, w, unsure, gain, off):
+        """The same from the inverse itself, in which modes cancel; every product of matrices is of one point."""
+        factor = np.swapaxes(1 / (w - self.poles[..., None]), -1, -2)[..., None, :]
+        unsure, gain = (np.swapaxes(part, -1, -2)[..., None] for part in (unsure, gain))
+        vectors, into = self.vectors[..., None, :, :], self.into[..., None, :, :]
+        noise = NOISE * (np.abs(vectors) @ (gain * (np.abs(into) @ unsure)))
+        bound = np.swapaxes((np.abs((vectors * factor) @ into) @ unsure + noise)[..., 0], -1, -2)
+        return np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)

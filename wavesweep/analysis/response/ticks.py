@@ -10,9 +10,10 @@ ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to th
 ENTRIES = 4 * np.finfo(float).eps  # of the entries of a block, relative, before its algebraic loops were closed
 
 
-def entries_error(block: Block) -> np.ndarray:
-    """Relative error of a block's entries, `(..., 1, 1)`."""
-    return (ENTRIES * np.asarray(block.condition, float))[..., None, None]
+def entries_errors(block: Block):
+    """Bounds on the errors of a block's E, B, C and D."""
+    unsure = (ENTRIES * np.asarray(block.condition, float))[..., None, None]
+    return tuple(unsure * np.abs(part) for part in block.terms or (block.E, block.B, block.C, block.D))
 
 
 def long_sum(count: int) -> float:
@@ -43,13 +44,20 @@ def taken(pair, index):
 
 def holding(fast: Block, outputs: int) -> Block:
     """The tick with its held inputs as states that stay: from the hand's force, its first input, to its first outputs."""
-    n, held, batch = len(fast.states), len(fast.inputs) - 1, fast.batch
-    E, B = np.zeros((*batch, n + held, n + held)), np.zeros((*batch, n + held, 1))
-    C, D = np.zeros((*batch, outputs, n + held)), np.zeros((*batch, outputs, 1))
-    E[..., :n, :n], E[..., :n, n:], B[..., :n, :] = fast.E, fast.B[..., 1:], fast.B[..., :1]
-    C[..., :n], C[..., n:], D[...] = fast.C[..., :outputs, :], fast.D[..., :outputs, 1:], fast.D[..., :outputs, :1]
+    parts = _holding((fast.E, fast.B, fast.C, fast.D), outputs)
+    terms = fast.terms and _holding(fast.terms, outputs)
     return replace(fast, inputs=fast.inputs[:1], outputs=fast.outputs[:outputs], states=(*fast.states, *fast.inputs[1:]),
-                   E=E, B=B, C=C, D=D)
+                   terms=terms, **dict(zip("EBCD", parts, strict=True)))
+
+
+def _holding(parts, outputs):
+    """The arrays of the same."""
+    E, B, C, D = parts
+    n, held, batch = E.shape[-1], B.shape[-1] - 1, np.broadcast_shapes(*(part.shape[:-2] for part in parts))
+    whole = np.zeros((*batch, n + held, n + held)), np.zeros((*batch, n + held, 1)), np.zeros((*batch, outputs, n + held))
+    whole[0][..., :n, :n], whole[0][..., :n, n:], whole[1][..., :n, :] = E, B[..., 1:], B[..., :1]
+    whole[2][..., :n], whole[2][..., n:] = C[..., :outputs, :], D[..., :outputs, 1:]
+    return *whole, D[..., :outputs, :1]
 
 
 def both(first, second):
@@ -73,9 +81,8 @@ def repeated(one, count: int):
 def unrolled(tick: Block, count: int):
     """Of `count` ticks of such a block, as pairs: what each output shows of the first state in each tick, `C A^i`
     `(..., p, count, n)`, and what a force leaves in the state after i more ticks, `A^i B` `(..., n, count)`."""
-    unsure = entries_error(tick)
-    run = (tick.E, unsure * np.abs(tick.E))
-    reads, force = (tick.C[..., None, :], (unsure * np.abs(tick.C))[..., None, :]), (tick.B, unsure * np.abs(tick.B))
+    dE, dB, dC, _ = entries_errors(tick)
+    run, reads, force = (tick.E, dE), (tick.C[..., None, :], dC[..., None, :]), (tick.B, dB)
     for _ in range((count - 1).bit_length()):
         A = (np.eye(run[0].shape[-1]) + run[0], run[1])
         reads = joined((reads, times(reads, taken(A, (..., None, slice(None), slice(None))))), -2)

@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.analysis.passivity import ChannelNorm
 from wavesweep.analysis.passivity.channel import TOLERANCE
-from wavesweep.analysis.response.transfer import modes_of, solved_response
+from wavesweep.analysis.response.transfer import solved_response
 from wavesweep.diagram.filters import butterworth
 from wavesweep.lifted.circle import on_circle
 from wavesweep.paper.bench import BASE, Bench
@@ -121,7 +121,7 @@ def _gain(filter_name: str, frequency_hz: np.ndarray, values: Mapping) -> np.nda
     order, cutoff = (values[f"filters.{filter_name}.{part}"] for part in ("order", "cutoff_hz"))
     block = butterworth(filter_name, order, cutoff, 1 / values["rates.fast_hz"], filter_name == "hp")
     angle = on_circle(2 * np.pi * frequency_hz / values["rates.fast_hz"])
-    return np.abs(solved_response(modes_of(block), angle)[0][:, 0, 0])
+    return np.abs(solved_response(block, angle)[:, 0, 0])
 
 
 STATEMENTS = (
