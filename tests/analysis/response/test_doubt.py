@@ -1,6 +1,7 @@
 """Bounds and doubts of response rows, and the loops on which digits or the answer used to be lost."""
 
 import numpy as np
+import pandas
 import pytest
 from support.specs import KINDS, nested, values_of
 
@@ -99,3 +100,17 @@ def test_the_gain_of_a_held_loop_does_not_notice_a_multiple_of_the_slow_rate(cha
 def test_the_gain_next_to_the_nyquist_frequency_of_a_short_frame():
     rows = table("dc-lm", [500 * (1 - 1e-12)], ratio=2, K_LM=0.0)
     assert rows["worst_gain"][0] == pytest.approx(0.0020, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("ratio", [20, 40])
+def test_the_bits_of_a_row_do_not_depend_on_what_else_is_in_the_table(kind, ratio):
+    """A loop alone, and one of seven of which some need the larger system and the longer iteration."""
+    stiffness = [0.0, 1e-6, 20.0, 90.0, 100.0, 300.0, 5000.0]
+    frequency = [1e-5, 0.3, 1000 / ratio, 1000 / ratio * (1 + 1e-9), 333.3]
+    loop = wavesweep.compile(nested(values_of(kind, damping=1e-6, ratio=ratio)))
+    together = loop.response(frequency, K_VE=stiffness).drop(columns="K_VE")
+    for index, K in enumerate(stiffness):
+        alone = loop.response(frequency, K_VE=[K]).drop(columns="K_VE")
+        rows = together.iloc[index * len(frequency) : (index + 1) * len(frequency)].reset_index(drop=True)
+        pandas.testing.assert_frame_equal(alone, rows, check_exact=True)

@@ -95,9 +95,10 @@ class Shown:
         rough, weight = long_sum(ticks), np.arange(ticks, 0, -1)
         (seen, dseen), impulse = self.seen, tuple(part * weight for part in self.impulse)
         if alone:
-            rows = (z.conj().T[:, None, :] @ seen[..., None, :, :])[..., 0, :]
-            own, *made = ((part[..., None, :] * turn).sum(-1) for part, turn in (
-                (impulse[0], z.conj().T), (self.left[0], z.T), *(((self.law[0], z.T),) if self.law else ())))
+            turn = z.T.copy()  # its order in memory decides in which order sums are taken
+            rows = (turn.conj()[:, None, :] @ seen[..., None, :, :])[..., 0, :]
+            own, *made = ((part[..., None, :] * each).sum(-1) for part, each in (
+                (impulse[0], turn.conj()), (self.left[0], turn), *(((self.law[0], turn),) if self.law else ())))
         else:
             rows, own = real.T @ seen - 1j * (imag.T @ seen), impulse[0] @ real - 1j * (impulse[0] @ imag)
             made = [part[0] @ real + 1j * (part[0] @ imag) for part in (self.left, self.law) if part]
