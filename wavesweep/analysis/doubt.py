@@ -10,6 +10,8 @@ DOUBTS = {
     "unstable": "the loop is unstable, so no steady response exists: the numbers are those of its equations",
 }
 """Word -> meaning, the gravest last; tables show the gravest of a slice."""
+OF_INTERVALS = ("rounding", "counts", "crowded", "search", "overflow")
+OF_RESPONSES = ("rounding", "overflow", "unstable")
 INCOMPLETE = ("counts", "crowded", "search", "overflow")
 """Those with which part of a range may be neither known to be stable nor known to be unstable."""
 

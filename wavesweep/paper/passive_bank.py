@@ -34,7 +34,7 @@ import numpy as np
 
 from wavesweep.analysis.passivity.aliases import alias_angles
 from wavesweep.analysis.passivity.secular import largest
-from wavesweep.analysis.response.transfer import modes_of, solved_response
+from wavesweep.analysis.response.transfer import solved_response
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
@@ -152,7 +152,7 @@ def held_power(theta, phi):
 
 
 def _power(block: Block, phi) -> np.ndarray:
-    found, _ = solved_response(modes_of(block), on_circle(phi.reshape(-1)))
+    found = solved_response(block, on_circle(phi.reshape(-1)))
     return np.abs(found[:, 0, 0].reshape(phi.shape)) ** 2
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
-from wavesweep.analysis.doubt import DOUBTS
+from wavesweep.analysis.doubt import OF_INTERVALS, OF_RESPONSES
 from wavesweep.errors import WavesweepError
 from wavesweep.spec import KEYS, SYMBOLS
 
@@ -23,7 +23,6 @@ class Field:
     description: str
 
 
-_REASONS = ", ".join(word for word in DOUBTS if word)
 _INTERVALS = (
     Field("along", "string", "", "name of the axis that the intervals lie on"),
     Field("intervals", "integer", "1", "number of stable intervals of this combination"),
@@ -34,10 +33,10 @@ _INTERVALS = (
     Field("high_omega", "number", "rad/s", "oscillation that starts at high; missing where the range ends it"),
     Field("certified", "boolean", "", "ends and label are verified, no crossing inside can have been missed"),
     Field("residual", "number", "1", "largest relative residual of the characteristic equation at the ends"),
-    Field("doubt", "string", "", f"why the row is not certified ({_REASONS}); empty where it is"),
+    Field("doubt", "string", "", f"why the row is not certified: {', '.join(OF_INTERVALS)}; empty where it is"),
 )
 
-_DOUBT = Field("doubt", "string", "", f"why the row is not vouched for, {', '.join(DOUBTS)}; empty where it is")
+_DOUBT = Field("doubt", "string", "", f"why the row is not vouched for: {', '.join(OF_RESPONSES)}; empty where it is")
 
 # Only in tables that have rows for hands; see `wavesweep zwidth --hand`.
 _HAND = Field("hand", "string", "", "whose hand the row is for: free, operator, passive, box or port")

@@ -6,7 +6,6 @@ import pytest
 from support.specs import KINDS, nested, values_of
 
 import wavesweep
-from wavesweep.analysis.doubt import DOUBTS
 
 
 def table(kind, frequency, **changes):
@@ -79,13 +78,6 @@ def test_ordinary_rows_are_vouched_for(kind):
     rows = table(kind, np.geomspace(1e-3, 499, 200), K_VE=100.0, Kp=20.0)
     assert set(rows["doubt"]) == {""}
     assert rows[["admittance_error", "impedance_error", "worst_gain_error"]].max(axis=None) < 1e-7
-
-
-def test_every_word_of_doubt_has_a_meaning_and_stands_in_the_documents():
-    from importlib.resources import files
-
-    text = files("wavesweep").joinpath("ACCURACY.md").read_text(encoding="utf-8")
-    assert all(f"`{word}`" in text and meaning for word, meaning in DOUBTS.items())
 
 
 @pytest.mark.parametrize("changes", [{}, {"delay": 7}, {"ratio": 2, "delay": 1}])
