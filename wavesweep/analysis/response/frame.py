@@ -20,10 +20,10 @@ from wavesweep.analysis.response.ticks import (
 )
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
-from wavesweep.errors import WavesweepError
+from wavesweep.errors import IllPosedLoopError, WavesweepError
 from wavesweep.lifted.assemble import fast_side, latches, slow_sums
 from wavesweep.lifted.circle import solve
-from wavesweep.lifted.connect import connect
+from wavesweep.lifted.connect import WORST_CONDITION, connect
 from wavesweep.lifted.lift import lift_held
 
 
@@ -192,6 +192,7 @@ def _closed(diagram, fast, samples, sizes, wall) -> dict:
     K, F = (np.asarray(value, float)[..., None, None] for value in wall)
     (x, v), (D_x, D_v) = (C[..., :1, :], C[..., 1:2, :]), (block.D[..., :1, :], block.D[..., 1:2, :])
     through = 1 - K * D_x - F * D_v
+    _refuse_ill_posed(block.condition, (1 + np.abs(K * D_x) + np.abs(F * D_v)) / np.abs(through))
     read = (K * x + F * v) / through
     vague = K * D_terms[..., :1, :] + F * D_terms[..., 1:2, :] + unsure * (1 + np.abs(K * D_x) + np.abs(F * D_v))
     dread = (K * C_terms[..., :1, :] + F * C_terms[..., 1:2, :] + unsure * (np.abs(K * x) + np.abs(F * v))) / np.abs(through)
@@ -208,6 +209,17 @@ def _closed(diagram, fast, samples, sizes, wall) -> dict:
     found = {"states": names, "E": E, "dE": dE, "rows": rows, "drows": drows, "H": H, "dH": dH, "latched": latched,
              "shift": shift, "dshift": 0 * shift, "lead": lead, "free": free, "law": None, "dlaw": None}
     return _without_unread(found, fast_states)
+
+
+def _refuse_ill_posed(condition, gain):
+    """A wall that answers itself in the same instant, and cancels what it answers to, has no solution."""
+    worst = condition * gain[..., 0, 0]
+    worst = float(np.max(np.where(np.isfinite(worst) | (gain[..., 0, 0] == np.inf), worst, 0.0)))
+    if worst > WORST_CONDITION:
+        raise IllPosedLoopError(
+            f"the algebraic loop through the wall is ill-posed: condition number {worst:.1e}, expected below "
+            f"{WORST_CONDITION:.0e}; give the loop a delay (environment.delay or local_model.delay) or change the wall"
+        )
 
 
 def _frame_error(sizes, latched, held, unsure, n):
