@@ -10,13 +10,22 @@ def on_circle(theta):
 
 
 def solve(A, b):
-    """Batched solve; a matrix that is exactly singular (a pole at this very point) gives a huge state, not an error."""
+    """Batched solve; a matrix that is exactly singular (a pole at this very point) gives a huge state, or NaN, not an error."""
     try:
         return np.linalg.solve(A, b)
     except np.linalg.LinAlgError:
         singular = np.linalg.slogdet(A)[0] == 0
         nudge = np.finfo(float).eps * np.maximum(np.abs(A).max((-1, -2)), 1) * singular
-        return np.linalg.solve(A + nudge[..., None, None] * np.eye(A.shape[-1]), b)
+        return _solved_where_possible(A + nudge[..., None, None] * np.eye(A.shape[-1]), b)
+
+
+def _solved_where_possible(A, b):
+    """The same where no nudge helps, as where rows differ by more decades than a double has digits: NaN there."""
+    try:
+        return np.linalg.solve(A, b)
+    except np.linalg.LinAlgError:
+        lost = (np.linalg.slogdet(A)[0] == 0)[..., None, None]
+        return np.where(lost, np.nan, np.linalg.solve(np.where(lost, np.eye(A.shape[-1]), A), b))
 
 
 def inverse(A):

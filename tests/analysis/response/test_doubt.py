@@ -65,6 +65,14 @@ def test_a_frame_that_overflows_has_no_number_and_says_so():
     assert rows[["admittance_abs", "impedance_abs", "admittance_error"]].isna().all(axis=None)
 
 
+@pytest.mark.parametrize(("kind", "changes"), [("pmw", {"b": 300.0}), ("pmw", {"b": 3000.0}), ("dc-lm", {"K_LM": 1e7})])
+def test_a_frame_next_to_overflow_is_no_crash(kind, changes):
+    """Rows of its matrix differ by hundreds of decades; warnings are errors here."""
+    rows = table(kind, [1.0, 50.0], ratio=200, **changes)
+    assert set(rows["doubt"]) <= {"unstable", "overflow"}
+    assert rows["admittance_abs"].isna().all()
+
+
 def test_a_resonance_that_nothing_damps_is_not_known():
     """The device's own frequency, no wall, no damping: infinite, or whatever rounding makes of it."""
     rows = table("dc-slow", [np.sqrt(1000.0) / 2 / np.pi], damping=0.0, stiffness=100.0, K_VE=0.0, B_VE=0.0)
