@@ -35,11 +35,23 @@ class HandBox:
         return np.array([self.mass[1], self.damping[1], self.stiffness[1]], float)
 
     def points(self, share) -> np.ndarray:
-        """Hands at `share` (`(..., 3)`, 0 to 1) of each range, evenly in the logarithm where the range allows it."""
-        ratio = np.where(self.low > 0, self.high / np.where(self.low > 0, self.low, 1), 1)
-        even = self.low + share * (self.high - self.low)
-        hands = np.where(self.low > 0, self.low * ratio**share, even)
+        """Hands at `share` (`(..., 3)`, 0 to 1) of each range: evenly in the logarithm, from 0 on in the cube root."""
+        log, start, ratio = self._log()
+        hands = np.where(log, start * ratio**share, self.high * share**3)
         return np.clip(hands, self.low, self.high)
+
+    def shares(self, hands) -> np.ndarray:
+        """The shares that `points` makes these hands of, 0 where the range is a point."""
+        hands, free = np.clip(hands, self.low, self.high), self.high > self.low
+        log, start, ratio = self._log()
+        evenly = np.log(np.where(log, hands, 1) / start) / np.log(np.where(free & log, ratio, 2))
+        return np.where(log, evenly, np.cbrt(hands / np.where(free, self.high, 1))) * free
+
+    def _log(self):
+        """Which ranges do not begin at 0, their lower ends and the ratio of both, else 1."""
+        log = self.low > 0
+        start = np.where(log, self.low, 1)
+        return log, start, np.where(log, self.high / start, 1)
 
 
 HOLDING_A_DEVICE = HandBox(mass=(0.005, 0.6), damping=(2.0, 10.0), stiffness=(100.0, 1000.0))
