@@ -7,13 +7,12 @@ from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 
-from stress import climbs, constructed, numbers, responses, windows
+from stress import climbs, constructed, hands, numbers, responses, windows
 from stress.judge import judge
 from stress.specs import FAMILIES, question
 
 JUDGES = {
-    "numbers": numbers.judge, "windows": windows.judge, "climbs": climbs.judge, "responses": responses.verdicts,
-    "constructed": lambda number: judge(constructed.question(number)),
+    "numbers": numbers.judge, "windows": windows.judge, "climbs": climbs.judge, "hands": hands.judge, "responses": responses.verdicts, "constructed": lambda number: judge(constructed.question(number)),
 }  # fmt: skip
 NAMES = (*FAMILIES, *JUDGES)
 

@@ -5,7 +5,9 @@ import pytest
 pytest.importorskip("flint", reason="python-flint is the witness")
 from stress.command import NAMES, verdicts
 
-MANY = {"numbers": 3, "constructed": 6, "long_filters": 6, "wild": 12, "climbs": 1, "windows": 6}  # of the slow ones; else 20
+MANY = {  # of the slow ones; else 20
+    "climbs": 1, "hands": 3, "numbers": 3, "constructed": 6, "long_filters": 6, "windows": 6, "wild": 12,
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("family", NAMES)

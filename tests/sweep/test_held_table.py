@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from wavesweep import sweep
-from wavesweep.analysis.passivity import HandBox, box_intervals, colgate_schenkel, damping_needed
+from wavesweep.analysis.passivity import HandBox, box_intervals, colgate_schenkel, damping_needed, held
 from wavesweep.analysis.passivity.hand import worst_modes
+from wavesweep.cli.hand_summary import HandTally
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
 from wavesweep.sweep import held_intervals, held_stages, holders_of, workers
@@ -97,6 +98,8 @@ def test_the_box_names_the_hand_that_ends_it():
     rows = rows_of(run, "box")
     assert not rows["certified"].any()
     assert rows["settled"].all()
+    free = rows_of(run, "free")
+    assert free["settled"].tolist() == free["certified"].tolist()
     assert run.facts["hand_box"] == {name: list(ends) for name, ends in BOX.items()}
     for row in range(2):
         values = dict(spec.values) | {"environment.B_VE": rows["B_VE"][row]}
@@ -107,6 +110,16 @@ def test_the_box_names_the_hand_that_ends_it():
         radius, _ = worst_modes(values, np.array([hand, hand]), walls, values["environment.B_VE"])
         assert radius[0] < 1 < radius[1]
         assert 0 < rows["high_omega"][row] < np.pi * 50
+
+
+def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
+    monkeypatch.setattr(held, "WORK", 1000)
+    run = held_intervals(spec_of("dc-slow"), holders_of("box", BOX, False))
+    rows = rows_of(run, "box")
+    assert not rows["settled"].any()
+    tally = HandTally()
+    tally.add(rows)
+    assert ("1 rows of the box are searched alone, some hand may do worse: settled 0", True) in list(tally.lines({}))
 
 
 def test_the_rows_do_not_depend_on_workers_chunks_or_a_stop(tmp_path, monkeypatch, same):

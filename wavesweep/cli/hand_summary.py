@@ -13,7 +13,7 @@ WORDS = {
     "free": "free device",
     "operator": "held by the spec's operator",
     "passive": "guaranteed for every passive hand",
-    "box": "found stable for every hand of the box",
+    "box": "stable for every hand of the box",
     "port": "port passive for held forces",
 }
 
@@ -31,7 +31,7 @@ class HandTally:
             return
         rows = {name: column for name, column in columns.items() if name != "hand"}
         self._tallies.setdefault(str(columns["hand"][0]), IntervalTally()).add(rows)
-        if "settled" in columns:
+        if "settled" in columns and columns["hand"][0] == "box":
             self._unsettled += int((~columns["settled"]).sum())
 
     def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
@@ -40,7 +40,7 @@ class HandTally:
         for hand, tally in self._tallies.items():
             yield f"{WORDS[hand]} ({hand}): {tally.largest()}{_ended_by(tally.row)}; {tally.certified()}", False
         if self._unsettled:
-            yield f"{self._unsettled} rows of the box were still losing stiffness when the search ended: settled 0", True
+            yield f"{self._unsettled} rows of the box are searched alone, some hand may do worse: settled 0", True
 
 
 def _ended_by(row: Mapping[str, Any]) -> str:

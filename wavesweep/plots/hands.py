@@ -16,7 +16,7 @@ from wavesweep.plots.region import draw_region
 HANDS = {
     "free": ("#0072B2", "free device"),
     "operator": ("#56B4E9", "operator"),
-    "box": ("#D55E00", "hands of the box (searched)"),
+    "box": ("#D55E00", "hands of the box"),
     "passive": ("#009E73", "every passive hand"),
     "port": ("#CC79A7", "passive port"),
 }
@@ -69,6 +69,8 @@ def hand_handles(columns: Mapping[str, np.ndarray]) -> list[Any]:
     names = {hand: words for hand, (_, words) in HANDS.items()}
     if "operator" in members:
         names["port"] += " (operator)"  # it is that of the spec's own loop
+    if "settled" in columns and "box" in members:
+        names["box"] += " (settled)" if members["box"]["settled"].all() else " (searched)"
     bottom = np.nanmin(columns["low"], initial=np.inf)
     return [
         Patch(facecolor=(HANDS[hand][0], 0.15), edgecolor=HANDS[hand][0], label=names[hand] + _extent(rows, bottom))

@@ -11,7 +11,7 @@ from wavesweep.sweep.slices import Work
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HandWork(Work):
-    """Intervals of a guarantee, a loop and a wall at a time; each takes some tenths of a second."""
+    """Intervals of a guarantee, a loop and a wall at a time; each takes from tenths of a second to some seconds."""
 
     guarantee: Guarantee | None = None
 

@@ -9,7 +9,7 @@ from wavesweep.spec import Spec
 from wavesweep.sweep.guarantees import Guarantee, Holders
 from wavesweep.sweep.question import Question, ask, cut_otherwise
 
-FEW = 4  # columns of a chunk: they take some tenths of a second each
+FEW = 4  # columns of a chunk: they take from tenths of a second to some seconds each
 OPERATOR = ("operator.mass", "operator.damping", "operator.stiffness")
 
 

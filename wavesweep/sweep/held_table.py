@@ -61,7 +61,7 @@ def _blocks(stages, kept, extra) -> Iterator[dict[str, np.ndarray]]:
     for stage, parts in zip(stages, kept, strict=True):
         for block in blocks(stage.asked, parts):
             rows = len(block["along"])
-            blank = {name: np.full(rows, np.nan) for name in extra} | {"settled": np.ones(rows, bool)}
+            blank = {name: np.full(rows, np.nan) for name in extra} | {"settled": block["certified"]}
             found = blank | block | {"hand": np.full(rows, stage.hand, dtype=object)}
             yield {name: found[name] for name in _order(block, extra)}
 

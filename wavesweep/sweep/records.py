@@ -10,7 +10,7 @@ FIELDS = (
 )
 DTYPE = np.dtype(list(FIELDS))
 END_HANDS = {end: tuple(f"{end}_hand_{part}" for part in ("mass", "damping", "stiffness")) for end in ("low", "high")}
-# What holds for hands has besides the hand that sets an end, and whether the search for it came to its end.
+# What holds for hands has besides the hand that sets an end, and whether it is proved for all that it is for.
 HELD = np.dtype([*FIELDS, *((name, "<f8") for names in END_HANDS.values() for name in names), ("settled", "?")])
 
 

@@ -62,6 +62,13 @@ def test_a_box_that_is_a_point_is_that_hand(values):
     assert found.spectral_radius == worst_modes(v, np.array([[0.2, 3.0, 300.0]]), 900.0, 1.0)[0][0]
 
 
+def test_shares_are_those_that_the_points_were_made_of():
+    box = HandBox(mass=(0.0, 0.8), damping=(2.0, 20.0), stiffness=(300.0, 300.0))
+    share = np.random.default_rng(2).random((50, 3)) * [1, 1, 0]
+    assert box.shares(box.points(share)) == pytest.approx(share, abs=1e-12)
+    assert (box.points(box.shares([[0.9, 1.0, 5.0]])) == [[0.8, 2.0, 300.0]]).all()
+
+
 def test_a_box_with_a_negative_or_empty_range_is_refused():
     with pytest.raises(ValueError, match="stiffness expected 0 <= low <= high"):
         HandBox((0.1, 0.2), (1.0, 2.0), (5.0, 1.0))
@@ -71,7 +78,7 @@ def test_a_box_with_a_negative_or_empty_range_is_refused():
 def test_walls_for_the_box_are_stable_for_sampled_hands_and_end_where_the_named_hand_says(values, kind):
     v = loop_of(values, kind)
     found = box_intervals(v, (0.0, 20000.0), HOLDING_A_DEVICE)
-    assert found.settled
+    assert found.settled == (kind != "pmw-lm")  # its pieces are too many: what is left of it is a search's word
     assert found.each
     assert found.low.size
     hands = sampled(HOLDING_A_DEVICE, 400)

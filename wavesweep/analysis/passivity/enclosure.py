@@ -1,0 +1,166 @@
+"""Matrices that depend on parameters, enclosed over a box of them: a polynomial of second degree, and a bound beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Enclosure:
+    """Matrices within `rest` of `centre + sum_k slopes_k e_k + sum_(i<=j) curves_ij e_i e_j`, e in [-1, 1]^k a point.
+
+    centre, rest: `(..., rows, columns)`, rest at least 0; slopes, curves: the same with an axis before the last two, for
+    k parameters and their pairs as `np.triu_indices(k)` has them. Sums and products enclose those of every two matrices
+    at the same e: a Taylor model of second order (M. Berz, K. Makino, Verified integration of ODEs and flows using
+    differential algebraic methods on high-order Taylor models, Reliable Computing 4, 361-369, 1998). A plain array in a
+    sum or a product is a matrix that depends on nothing.
+    Accuracy: rounding of the sums is not enclosed; whoever draws a conclusion leaves room for it.
+    """
+
+    centre: np.ndarray
+    slopes: np.ndarray
+    curves: np.ndarray
+    rest: np.ndarray
+
+    __array_ufunc__ = None  # an array on the left leaves the operation to us
+
+    @property
+    def parts(self) -> tuple[np.ndarray, ...]:
+        """All four."""
+        return self.centre, self.slopes, self.curves, self.rest
+
+    @property
+    def radius(self) -> np.ndarray:
+        """How far an entry may be from the centre's."""
+        return np.abs(self.slopes).sum(-3) + np.abs(self.curves).sum(-3) + self.rest
+
+    def __add__(self, other) -> Enclosure:
+        if isinstance(other, Enclosure):
+            return Enclosure(*(a + b for a, b in zip(self.parts, other.parts, strict=True)))
+        return Enclosure(self.centre + other, self.slopes, self.curves, self.rest)
+
+    __radd__ = __add__
+
+    def __neg__(self) -> Enclosure:
+        return Enclosure(-self.centre, -self.slopes, -self.curves, self.rest)
+
+    def __sub__(self, other) -> Enclosure:
+        return self + (-other)
+
+    def __rsub__(self, other) -> Enclosure:
+        return -self + other
+
+    def __matmul__(self, other) -> Enclosure:
+        return _product(self, other, np.matmul)
+
+    def __rmatmul__(self, other) -> Enclosure:
+        each = other[..., None, :, :]
+        return Enclosure(other @ self.centre, each @ self.slopes, each @ self.curves, np.abs(other) @ self.rest)
+
+    def __mul__(self, other) -> Enclosure:
+        """Entry by entry, a number being `(..., 1, 1)`."""
+        return _product(self, other, np.multiply)
+
+    __rmul__ = __mul__
+
+    def part(self, rows, columns) -> Enclosure:
+        """The entries at `rows` and `columns`, lists of indices."""
+        at = (..., np.asarray(rows)[:, None], np.asarray(columns))
+        return Enclosure(*(part[at] for part in self.parts))
+
+
+def _product(x: Enclosure, y, times) -> Enclosure:
+    if not isinstance(y, Enclosure):
+        y = np.asarray(y)
+        each = y if y.ndim < 3 else y[..., None, :, :]
+        return Enclosure(times(x.centre, y), times(x.slopes, each), times(x.curves, each), times(x.rest, np.abs(y)))
+    x0, y0 = x.centre[..., None, :, :], y.centre[..., None, :, :]
+    i, j = np.triu_indices(x.slopes.shape[-3])
+    curves = times(x0, y.curves) + times(x.curves, y0) + times(x.slopes[..., i, :, :], y.slopes[..., j, :, :])
+    mixed = np.flatnonzero(i != j)
+    curves[..., mixed, :, :] += times(x.slopes[..., j[mixed], :, :], y.slopes[..., i[mixed], :, :])
+    x1, y1, x2, y2 = (np.abs(part).sum(-3) for part in (x.slopes, y.slopes, x.curves, y.curves))
+    rest = times(np.abs(x.centre) + x1 + x2, y.rest) + times(x.rest, np.abs(y.centre) + y1 + y2 + y.rest)
+    rest = rest + times(x1, y2) + times(x2, y1 + y2)
+    return Enclosure(times(x.centre, y.centre), times(x0, y.slopes) + times(x.slopes, y0), curves, rest)
+
+
+def solved_left(E: Enclosure, row: Enclosure) -> Enclosure:
+    """Enclosure of `row E^-1`: solved order by order, and what that leaves divided by the least that E can be.
+
+    `|E^-1| <= |E0^-1| (I - R |E0^-1|)^-1`, R the radius of E, where the inverse on the right is not negative; else the
+    rest is infinite.
+    """
+    inverse = inverted(E.centre)
+    each = inverse[..., None, :, :]
+    l0 = row.centre @ inverse
+    l1 = (row.slopes - l0[..., None, :, :] @ E.slopes) @ each
+    i, j = np.triu_indices(E.slopes.shape[-3])
+    pairs = l1[..., i, :, :] @ E.slopes[..., j, :, :]
+    mixed = np.flatnonzero(i != j)
+    pairs[..., mixed, :, :] += l1[..., j[mixed], :, :] @ E.slopes[..., i[mixed], :, :]
+    guess = Enclosure(l0, l1, (row.curves - l0[..., None, :, :] @ E.curves - pairs) @ each, np.zeros(l0.shape))
+    left = row - guess @ E
+    size = np.abs(inverse)
+    shrink = inverted(np.eye(size.shape[-1]) - E.radius @ size)
+    sure = np.isfinite(shrink).all((-1, -2)) & (shrink >= 0).all((-1, -2))
+    error = (np.abs(left.centre) + left.radius) @ size @ np.where(sure[..., None, None], shrink, 0.0)
+    return Enclosure(guess.centre, guess.slopes, guess.curves, np.where(sure[..., None, None], error, np.inf))
+
+
+def inverted(A):
+    """The inverse, infinite where there is none."""
+    sign, size = np.linalg.slogdet(A)
+    regular = ((sign != 0) & np.isfinite(size))[..., None, None]
+    return np.where(regular, np.linalg.inv(np.where(regular, A, np.eye(A.shape[-1]))), np.inf)
+
+
+def stacked(blocks) -> Enclosure:
+    """Rows of enclosures and arrays side by side, put below each other."""
+    some = [block for row in blocks for block in row if isinstance(block, Enclosure)]
+    batch = np.broadcast_shapes(*(block.rest.shape[:-2] for block in some))
+    count = some[0].slopes.shape[-3]
+    parts = [[_whole(block, batch, count) for block in row] for row in blocks]
+    return Enclosure(*(
+        np.concatenate([np.concatenate([part[i] for part in row], axis=-1) for row in parts], axis=-2) for i in range(4)
+    ))  # fmt: skip
+
+
+def _whole(block, batch, count):
+    """The four parts over the whole batch."""
+    if not isinstance(block, Enclosure):
+        block = constant(block, count)
+    tails = (part.shape[-axes:] for part, axes in zip(block.parts, (2, 3, 3, 2), strict=True))
+    return [np.broadcast_to(part, (*batch, *tail)) for part, tail in zip(block.parts, tails, strict=True)]
+
+
+def constant(array, count) -> Enclosure:
+    """What depends on none of `count` parameters."""
+    array = np.asarray(array)
+    zero = np.zeros((*array.shape[:-2], count * (count + 1) // 2, *array.shape[-2:]))
+    return Enclosure(array, zero[..., :count, :, :], zero, np.zeros(array.shape))
+
+
+def over_box(low, high) -> list[Enclosure]:
+    """A parameter each of the last axis of `low` and `high` (`(..., k)`): numbers `(..., 1, 1)`."""
+    count = low.shape[-1]
+    found = []
+    for k in range(count):
+        plain = constant(((low + high) / 2)[..., k, None, None], count)
+        slopes = ((high - low) / 2)[..., k, None] * np.eye(count)[k]
+        found.append(Enclosure(plain.centre, slopes[..., None, None], plain.curves, plain.rest))
+    return found
+
+
+def with_another(X: Enclosure, Y: Enclosure, middle, half) -> Enclosure:
+    """`X + t Y`, t another parameter, last of all: within `half` of `middle` (`(..., 1, 1)`)."""
+    count = X.slopes.shape[-3]
+    at, more = X + middle * Y, half * Y
+    i, j = np.triu_indices(count + 1)
+    curves = np.zeros((*at.curves.shape[:-3], len(i), *at.curves.shape[-2:]), at.curves.dtype)
+    curves[..., j < count, :, :] = at.curves
+    curves[..., (j == count) & (i < count), :, :] = more.slopes
+    slopes = np.concatenate([at.slopes, more.centre[..., None, :, :]], axis=-3)
+    return Enclosure(at.centre, slopes, curves, at.rest + np.abs(more.curves).sum(-3) + more.rest)
