@@ -12,7 +12,8 @@ from stress.judge import judge
 from stress.specs import FAMILIES, question
 
 JUDGES = {
-    "numbers": numbers.judge, "windows": windows.judge, "climbs": climbs.judge, "hands": hands.judge, "responses": responses.verdicts, "constructed": lambda number: judge(constructed.question(number)),
+    "numbers": numbers.judge, "windows": windows.judge, "climbs": climbs.judge, "hands": hands.judge,
+    "responses": responses.verdicts, "constructed": lambda number: judge(constructed.question(number)),
 }  # fmt: skip
 NAMES = (*FAMILIES, *JUDGES)
 

@@ -30,10 +30,10 @@ def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
         # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle and analytic beside it.
         distance = [on_circle(sign * theta)[..., None] - some for sign, some in (
             (1, poles[column][:, None, :]), (-1, poles[column].conj()[:, None, :]))]
-        weight = distance[0] * distance[1]
-        magnitude, far = np.maximum(np.abs(value), TINY), np.maximum(np.abs(weight), TINY)
-        phase = value / magnitude * (weight / far).prod(-1)
-        return phase[None], (np.log(magnitude) + np.log(far).sum(-1))[None], (size / magnitude)[None]
+        magnitude, far = np.maximum(np.abs(value), TINY), [np.maximum(np.abs(some), TINY) for some in distance]
+        phase = value / magnitude * (distance[0] / far[0] * (distance[1] / far[1])).prod(-1)
+        log = np.log(magnitude) + sum(np.log(some).sum(-1) for some in far)
+        return phase[None], log[None], (size / magnitude)[None]
 
     low, high = np.tile(edges[:-1], fixed.size), np.tile(edges[1:], fixed.size)
     found = panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT)
