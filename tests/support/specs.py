@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from wavesweep.controllers import CONTROLLERS
+
 DEFAULTS = {
     "rates.fast_hz": 1000.0, "rates.ratio": 20,
     "device.mass": 0.1, "device.damping": 1.5, "device.velocity": "exact",
@@ -13,7 +15,7 @@ DEFAULTS = {
     "filters.lp2.order": 2, "filters.lp2.cutoff_hz": 20.0,
     "local_model.K_LM": 500.0, "local_model.B_LM": 0.0, "local_model.integration": "implicit", "local_model.delay": 1,
 }  # fmt: skip
-KINDS = ("dc", "dc-slow", "dc-lm", "pmw", "pmw-lm")
+KINDS = tuple(CONTROLLERS)
 INTEGRATIONS = ("explicit", "implicit", "trapezoidal")
 _SHORT = {path.split(".", 1)[1]: path for path in DEFAULTS}
 _SHORT |= {"delay": "environment.delay", "integration": "environment.integration", "kind": "controller.kind"}

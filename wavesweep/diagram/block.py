@@ -15,8 +15,8 @@ class Block:
     are `1 + eig(E)`. Arrays are `(..., n, n)`, `(..., n, m)`, `(..., p, n)`, `(..., p, m)`, leading axes being a batch.
 
     inputs, outputs: port names; elsewhere the port `p` of the block `name` is the signal `"name.p"`.
-    states: one name per state. positions: the states that measure a position in space (m), which all move together
-    when the whole scene is shifted. condition: by how much the algebraic loops that were closed in it may have multiplied
+    states: one name per state. waves: the input port and the output port that carry waves, if there are any.
+    condition: by how much the algebraic loops that were closed in it may have multiplied
     the rounding of its entries, a number or an array over the batch. terms: of E, B, C and D, the sizes of the terms that
     an entry is the sum of, where they are more than the entry's own.
     """
@@ -29,7 +29,7 @@ class Block:
     B: np.ndarray
     C: np.ndarray
     D: np.ndarray
-    positions: frozenset[str] = frozenset()
+    waves: tuple[str, str] | None = None
     condition: object = 1.0
     terms: tuple | None = None
 

@@ -9,6 +9,34 @@ Sum = Mapping[str, object]
 """A summing junction: source signal -> gain (a number or an array over the batch)."""
 
 
+@dataclass(frozen=True, slots=True)
+class Hand:
+    """The hand's port: the device that it holds, and the signals there.
+
+    device: name of a block with the ports of `wavesweep.diagram.device.device`. force: the external signal (N). reaction: the
+    force that the controller puts against it (N).
+    """
+
+    device: str = "device"
+    force: str = "f_h"
+    reaction: str = "f_m"
+
+    @property
+    def push(self) -> str:
+        """The force on the device, N."""
+        return f"{self.device}.f"
+
+    @property
+    def position(self) -> str:
+        """The device's position, m; its state has the same name."""
+        return f"{self.device}.x"
+
+    @property
+    def displacement(self) -> str:
+        """The displacement in the tick, m."""
+        return f"{self.device}.dx"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagram:
     """Who feeds whom, at which rate; time is counted in fast ticks.
@@ -17,14 +45,11 @@ class Diagram:
     sums: junctions by the signal that they make, read by either side; a block's input `"block.port"` is such a signal.
     samples: slow signal -> the fast signal that it is the value of at phase 0.
     holds: fast signal -> the slow signal whose latest value it shows from phase `delay` of the frame on.
-    wall: the slow signals (displacement in m, velocity in m/s) that the wall reads; its force is the signal `F_s`.
-    outputs: what an analysis may ask of the fast side: `dx` (m, the displacement in the tick) and `f_m` (N).
-    held_by_spring: the operator's stiffness is not zero, so a shift of the whole scene is felt.
-    wall_drifts: with a spring in the hand and no position fed back, a combination of states is conserved (the avatar's
-    position is then the integral of a signal whose steady value no wall force can change).
-    reference: the state whose position stands for that of the scene when it is not held by a spring.
-    held_positions: which of the held signals are positions.
+    wall: the slow signals (displacement in m, velocity in m/s) that the wall reads. wall_force: the signal of its force (N).
+    hand: the hand's port.
+    waves: the waves that leave and reach the user's side, if there are any; blocks say which of their ports carry others.
     rate: ticks per second (Hz) as it was given, which 1/period is not to the last bit; None stands for 1/period.
+    structure: a diagram that is drawn alike from tame numbers, in which drift is looked for; None stands for this one.
     """
 
     fast: tuple[Block, ...]
@@ -36,9 +61,8 @@ class Diagram:
     ratio: int
     delay: int
     period: object
-    held_by_spring: bool = False
-    wall_drifts: bool = False
-    outputs: tuple[str, str] = ("device.dx", "f_m")
-    reference: str = "frame.device.x"
-    held_positions: frozenset[str] = frozenset({"x_s", "x_ref"})
+    hand: Hand = Hand()
+    wall_force: str = "F_s"
+    waves: tuple[str, str] | None = None
     rate: object = None
+    structure: "Diagram | None" = None

@@ -18,8 +18,7 @@ def pmw(values) -> Diagram:
         slow=(slow_avatar(values, facts["period"]),),
         sums=encoder(values) | {"v_m": {"v_1": 1} | position_term(values)},
         samples={"u_s": "lp1.y"}, holds={"v_1": "avatar.v", "x_s": "avatar.x"},
-        wall=("avatar.x_tilde", "avatar.x_dot"), reference="avatar.s",
-        wall_drifts=wall_drifts(values, facts["held_by_spring"], True), **facts,
+        wall=("avatar.x_tilde", "avatar.x_dot"), waves=("u_m", "v_m"), **facts,
     )
 
 
@@ -52,10 +51,3 @@ def slow_avatar(values, period):
     """The avatar, which runs once a frame."""
     return avatar(values["controller.b"], period * values["rates.ratio"], values["environment.integration"])
 
-
-def wall_drifts(values, held_by_spring: bool, no_static_branch: bool) -> bool:
-    """Whether hand and avatar keep a position offset for ever although a spring holds the hand (see Diagram).
-
-    Only without position feedback, and only where nothing but LP1 and the line carries a constant wave.
-    """
-    return held_by_spring and no_static_branch and not np.any(values["controller.Kp"])

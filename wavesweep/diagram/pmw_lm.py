@@ -4,7 +4,7 @@ from wavesweep.diagram.delay import unit_delay
 from wavesweep.diagram.device import device
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.filters import butterworth
-from wavesweep.diagram.pmw import antialiasing, encoder, position_term, slow_avatar, wall_drifts
+from wavesweep.diagram.pmw import antialiasing, encoder, position_term, slow_avatar
 from wavesweep.diagram.signals import hand, rates
 from wavesweep.diagram.wave import local_model
 
@@ -30,6 +30,5 @@ def pmw_lm(values) -> Diagram:
         slow=(slow_avatar(values, period),),
         sums=encoder(values) | junctions,
         samples={"u_s": "lp1.y"}, holds={"v_1": "avatar.v", "x_s": "avatar.x"},
-        wall=("avatar.x_tilde", "avatar.x_dot"), reference="avatar.s",
-        wall_drifts=wall_drifts(values, facts["held_by_spring"], values["filters.hp.order"] > 0), **facts,
+        wall=("avatar.x_tilde", "avatar.x_dot"), waves=("u_m", "v_m"), **facts,
     )

@@ -1,7 +1,5 @@
 """What every controller's drawing has in common."""
 
-import numpy as np
-
 from wavesweep.diagram.arrays import numbers
 
 
@@ -10,7 +8,6 @@ def hand(values) -> dict:
     return {
         "period": 1 / numbers(values["rates.fast_hz"]),
         "rate": values["rates.fast_hz"],
-        "held_by_spring": bool(np.any(values["operator.stiffness"])),
     }
 
 

@@ -24,7 +24,7 @@ def avatar(b, period, integration: str) -> Block:
         E=matrix([[0]]), B=matrix([[period * along, period * against]]),
         C=matrix([[1], [0], [0], [1]]),
         D=matrix([[read * along, read * against], [along, against], [1, -along], [sent * along, sent * against]]),
-        positions=frozenset({"s"}),
+        waves=("u", "v"),
     )
 
 
@@ -41,5 +41,5 @@ def local_model(b, stiffness, damping, period, integration: str) -> Block:
     return Block(
         "local", ("u",), ("v",), ("s",),
         E=matrix([[period * speed_s]]), B=matrix([[period * speed_u]]),
-        C=matrix([[along * speed_s]]), D=matrix([[along * speed_u - 1]]),
+        C=matrix([[along * speed_s]]), D=matrix([[along * speed_u - 1]]), waves=("u", "v"),
     )

@@ -3,22 +3,23 @@
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.delay import unit_delay
 from wavesweep.diagram.drawing import Diagram
+from wavesweep.diagram.drift import latch
 from wavesweep.lifted.connect import connect
 from wavesweep.lifted.lift import lift_held
 from wavesweep.lifted.prune import prune
 
 
 def fast_side(diagram: Diagram, outputs) -> Block:
-    """The tick: from the hand's force `f_h` and the held signals to `outputs`; states that these do not read are left out."""
-    block, _ = prune(connect("fast", diagram.fast, diagram.sums, ("f_h", *diagram.holds), tuple(outputs)))
+    """The tick: from the hand's force and the held signals to `outputs`; states that these do not read are left out."""
+    block, _ = prune(connect("fast", diagram.fast, diagram.sums, (diagram.hand.force, *diagram.holds), tuple(outputs)))
     return block
 
 
 def slow_side(diagram: Diagram, outputs, injected=False, wall=None) -> tuple[Block, tuple[str, ...]]:
-    """The frame, cut at the wall: from the wall's force `F_s` to the slow signals `outputs`.
+    """The frame, cut at the wall: from the wall's force to the slow signals `outputs`.
 
     injected: adds an input `inject.NAME` for every sample, which is added to what the sampler reads (the hand's force
-    reaches the slow side by no other way). wall: a junction that makes `F_s`, which closes the loop.
+    reaches the slow side by no other way). wall: a junction that makes that force, which closes the loop.
     Returns the block and the names of the states that were left out.
     """
     sampled = tuple(dict.fromkeys(diagram.samples.values()))
@@ -28,7 +29,7 @@ def slow_side(diagram: Diagram, outputs, injected=False, wall=None) -> tuple[Blo
     if injected:
         sums |= {name: sums[name] | {f"inject.{name}": 1} for name in diagram.samples}
     sums |= wall or {}
-    inputs = (() if wall else ("F_s",)) + (tuple(f"inject.{name}" for name in diagram.samples) if injected else ())
+    inputs = (() if wall else (diagram.wall_force,)) + (tuple(f"inject.{name}" for name in diagram.samples) if injected else ())
     block, unread = prune(connect("slow", (frame, *diagram.slow, *latches(diagram)), sums, inputs, tuple(outputs)))
     dropped_early = tuple(
         f"frame.{b.name}.{s}" for b in diagram.fast for s in b.states if f"{b.name}.{s}" not in fast.states
@@ -39,7 +40,12 @@ def slow_side(diagram: Diagram, outputs, injected=False, wall=None) -> tuple[Blo
 def latches(diagram: Diagram) -> tuple[Block, ...]:
     """What remembers the held signals of the frame before, where they are shown with a delay."""
     delayed = diagram.holds if diagram.delay > 0 else ()
-    return tuple(unit_delay(f"hold_{name}", name in diagram.held_positions) for name in delayed)
+    return tuple(unit_delay(latch(name).removesuffix(".u_before")) for name in delayed)
+
+
+def wall_sum(diagram: Diagram, K_VE, B_VE) -> dict:
+    """The junction that makes the wall's force, `K_VE` (N/m) and `B_VE` (N*s/m) being numbers or arrays."""
+    return {diagram.wall_force: {diagram.wall[0]: K_VE, diagram.wall[1]: B_VE}}
 
 
 def slow_sums(diagram: Diagram) -> dict:

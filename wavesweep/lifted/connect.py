@@ -34,7 +34,7 @@ def connect(name: str, blocks, sums, inputs, outputs) -> Block:
         }
     return Block(
         name, tuple(inputs), tuple(outputs), states, **parts,
-        positions=frozenset(f"{block.name}.{state}" for block in blocks for state in block.positions), condition=condition,
+        condition=condition,
         terms=_terms((E, B, C, D), (from_y, from_w), (out_y, out_w), inverse),
     )
 

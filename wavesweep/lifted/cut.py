@@ -6,6 +6,7 @@ import numpy as np
 
 from wavesweep.diagram.arrays import frozen, numbers
 from wavesweep.diagram.drawing import Diagram
+from wavesweep.diagram.drift import drift_of
 from wavesweep.lifted.assemble import slow_side
 from wavesweep.lifted.circle import solve
 
@@ -68,37 +69,38 @@ def cut_at_wall(diagram: Diagram) -> Cut:
     """Lift the drawing and cut it at the wall."""
     block, unread = slow_side(diagram, diagram.wall)
     facts = {"period": diagram.period * diagram.ratio, "unread": unread, "condition": block.condition}
-    ref = block.states.index(diagram.reference)
-    moved = _about_reference(block, ref) if not diagram.held_by_spring else block
-    others = np.flatnonzero(np.arange(len(block.states)) != ref)
-    x, v = moved.C[..., 0, :], moved.C[..., 1, :]
-    alone = not np.any(moved.E[..., :, ref])
-    if not alone:  # a spring in the hand reads the position: nothing drifts
+    drift = drift_of(diagram)
+    if drift.lead not in block.states:
+        x, v = block.C[..., 0, :], block.C[..., 1, :]
         C = np.stack([v, np.zeros_like(x), x], axis=-2)
-        D = np.stack([moved.D[..., 1, :], 0 * moved.D[..., 0, :], moved.D[..., 0, :]], axis=-2)
-        return Cut(moved.E, moved.B, C, D, False, states=block.states, **facts)
+        D = np.stack([block.D[..., 1, :], 0 * block.D[..., 0, :], block.D[..., 0, :]], axis=-2)
+        return Cut(block.E, block.B, C, D, False, states=block.states, **facts)
+    lead = block.states.index(drift.lead)
+    moved, others = _about_lead(block, drift, lead), np.flatnonzero(np.arange(len(block.states)) != lead)
+    x, v = moved.C[..., 0, others], moved.C[..., 1, others]
     E, B = moved.E[..., others[:, None], others], moved.B[..., others, :]
-    advance, step = moved.E[..., ref, others], moved.B[..., ref, :]
-    x, v = x[..., others], v[..., others]
+    advance, step = moved.E[..., lead, others], moved.B[..., lead, :]
     names = tuple(block.states[i] for i in others)
-    if diagram.wall_drifts:
+    if not drift.driven:
         C = np.stack([v, np.zeros_like(x), x + _integrated(E, advance)], axis=-2)
         D = np.stack([moved.D[..., 1, :], 0 * step, moved.D[..., 0, :]], axis=-2)
-        return Cut(E, B, C, D, False, states=names, conserved=f"{block.states[ref]} less what the hand has moved", **facts)
+        return Cut(E, B, C, D, False, states=names, conserved=f"{drift.lead} less what the hand has moved", **facts)
     C = np.stack(np.broadcast_arrays(v, advance, x), axis=-2)
     D = np.stack(np.broadcast_arrays(moved.D[..., 1, :], step, moved.D[..., 0, :]), axis=-2)
     return Cut(E, B, C, D, True, states=names, **facts)
 
 
-def _about_reference(block, ref):
-    """Count every position from the reference's: a shift of the whole scene then moves the reference alone, exactly."""
-    index = [block.states.index(name) for name in block.positions if block.states.index(name) != ref]
+def _about_lead(block, drift, lead):
+    """Count every state that drifts from the lead: the drift then moves the lead alone, exactly."""
     E, B, C = (a.copy() for a in (block.E, block.B, block.C))
-    E[..., index, :] -= E[..., ref : ref + 1, :]
-    B[..., index, :] -= B[..., ref : ref + 1, :]
-    E[..., :, ref] = 0  # the sum of the columns of all positions, which is zero when no spring tells where the scene is
-    C[..., 0, ref] = 1
-    C[..., 1, ref] = 0
+    for name, distance in drift.shift.items():
+        if name != drift.lead and name in block.states:
+            row = block.states.index(name)
+            E[..., row, :] -= distance / drift.shift[drift.lead] * E[..., lead, :]
+            B[..., row, :] -= distance / drift.shift[drift.lead] * B[..., lead, :]
+    E[..., :, lead] = 0  # the sum of the columns of all that drifts, which is zero by structure
+    C[..., 0, lead] = 1 / drift.shift[drift.lead]
+    C[..., 1, lead] = 0
     return replace(block, E=E, B=B, C=C)
 
 

@@ -4,25 +4,26 @@ import numpy as np
 
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
-from wavesweep.lifted.assemble import latches, slow_sums
+from wavesweep.lifted.assemble import latches, slow_sums, wall_sum
 from wavesweep.lifted.connect import connect
 
 
-def lifted_system(diagram: Diagram, ratio: int, K_VE, B_VE, output: str = "device.x") -> Block:
+def lifted_system(diagram: Diagram, ratio: int, K_VE, B_VE, output: str | None = None) -> Block:
     """The closed loop as one block per frame of `ratio` ticks: inputs `f_h[0..ratio-1]` (N), outputs `x[0..ratio-1]`.
 
-    K_VE (N/m), B_VE (N*s/m): the wall. output: a signal of the fast side, "device.x" (m), "device.dx" (m) or "f_m" (N).
+    K_VE (N/m), B_VE (N*s/m): the wall. output: a signal of the fast side, by default the position of the hand's device (m).
     Position is a state here, its drift included. Nothing is left out, so poles are those of the tick-by-tick loop.
     """
+    output, force = output or diagram.hand.position, diagram.hand.force
     if diagram.ratio == 1 and ratio > 1:  # one tick is the loop's own frame: close it, then repeat it
         tick = lifted_system(diagram, 1, K_VE, B_VE, output)
-        return unrolled(tick, np.eye(ratio)[:, None, :], _numbered("f_h", ratio), _numbered(_short(output), ratio))
+        return unrolled(tick, np.eye(ratio)[:, None, :], _numbered(force, ratio), _numbered(_short(output), ratio))
     sampled = tuple(dict.fromkeys(diagram.samples.values()))
-    fast = connect("fast", diagram.fast, diagram.sums, ("f_h", *diagram.holds), (output, *sampled))
-    forces = _numbered("f_h", ratio)
+    fast = connect("fast", diagram.fast, diagram.sums, (force, *diagram.holds), (output, *sampled))
+    forces = _numbered(force, ratio)
     held, picks = _inputs_of_ticks(diagram)
     frame = unrolled(fast, picks, (*held, *forces), _numbered(_short(output), ratio), sampled)
-    sums = slow_sums(diagram) | {"F_s": {diagram.wall[0]: K_VE, diagram.wall[1]: B_VE}}
+    sums = slow_sums(diagram) | wall_sum(diagram, K_VE, B_VE)
     sums |= {f"frame.{name}": {name: 1} for name in forces}
     outputs = tuple(f"frame.{name}" for name in _numbered(_short(output), ratio))
     return connect("lifted", (frame, *diagram.slow, *latches(diagram)), sums, forces, outputs)
@@ -46,7 +47,7 @@ def unrolled(tick: Block, picks, inputs, each, first=()) -> Block:
     C, D = ([rows[0][..., 1:, :]] + [row[..., :1, :] for row in rows] for rows in (C, D))
     batch = np.broadcast_shapes(*(part.shape[:-2] for part in (*C, *D)))
     C, D = (np.concatenate([np.broadcast_to(row, (*batch, *row.shape[-2:])) for row in rows], axis=-2) for rows in (C, D))
-    return Block("frame", tuple(inputs), (*first, *each), tick.states, change, drive, C, D, tick.positions)
+    return Block("frame", tuple(inputs), (*first, *each), tick.states, change, drive, C, D)
 
 
 def _inputs_of_ticks(diagram):

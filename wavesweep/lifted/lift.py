@@ -41,5 +41,5 @@ def lift_held(fast: Block, ratio: int, delay: int, held, sampled) -> Block:
     return Block(
         "frame", tuple(f"{name}.{part}" for part, _, _ in parts for name in held), tuple(sampled), fast.states, E,
         B=np.concatenate([b for _, b, _ in parts], axis=-1), C=C,
-        D=np.concatenate([d for _, _, d in parts], axis=-1), positions=fast.positions, condition=fast.condition,
+        D=np.concatenate([d for _, _, d in parts], axis=-1), condition=fast.condition,
     )

@@ -23,7 +23,7 @@ def prune(block: Block) -> tuple[Block, tuple[str, ...]]:
     smaller = Block(
         block.name, block.inputs, block.outputs, names,
         E=block.E[..., index[:, None], index], B=block.B[..., index, :], C=block.C[..., index], D=block.D,
-        positions=block.positions & frozenset(names), condition=block.condition, terms=_kept(block.terms, index),
+        condition=block.condition, terms=_kept(block.terms, index),
     )
     return smaller, tuple(s for s, keep in zip(block.states, kept, strict=True) if not keep)
 

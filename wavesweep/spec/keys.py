@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from wavesweep.controllers import CONTROLLERS
 from wavesweep.spec.devices import DEVICES
 
-KINDS = ("dc", "dc-slow", "dc-lm", "pmw", "pmw-lm")
 INTEGRATIONS = ("explicit", "implicit", "trapezoidal")
 VELOCITIES = ("exact", "difference")
 INPUTS = ("sine", "stepped-sine", "chirp", "step", "pulse", "noise", "record")
@@ -122,7 +122,7 @@ _TABLE = [
         high=None,
         unit="tick",
     ),
-    _choice("controller.kind", None, "how hand and environment are coupled", KINDS),
+    _choice("controller.kind", None, "how hand and environment are coupled", CONTROLLERS.keys()),
     _positive("controller.b", 25.0, "N*s/m", "wave impedance"),
     _gain("controller.Kp", 0.0, "N^(1/2)*m^(-1/2)*s^(-1/2)", "gain of the position correction in the returned wave"),
     *_filter("lp1", 1, 10.0, "the anti-aliasing low-pass before the downsampler"),

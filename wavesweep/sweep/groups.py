@@ -4,23 +4,22 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from wavesweep.diagram import ZERO_MATTERS
 from wavesweep.spec import Spec, find_key
 
 
 def groups(
-    spec: Spec, changes: Mapping[str, np.ndarray], size: int, decides=(), resolved=None
+    spec: Spec, changes: Mapping[str, np.ndarray], size: int, resolved=None
 ) -> Iterator[tuple[np.ndarray, dict]]:
     """Yield (members, values): indices into the `size` loops, and flat values with arrays where these differ.
 
-    changes: path -> value per loop. Loops of one group differ in floats only, and where zero decides the drawing they are
-    zero together; decides: further paths whose zero does. Whole numbers and keys that others derive from go through the
+    changes: path -> value per loop. Loops of one group differ in floats only, and where one is zero, which may take a branch
+    out of the drawing, all are. Whole numbers and keys that others derive from go through the
     spec, once per distinct combination; resolved: a dict that remembers these from call to call.
     """
     structural = {path: column for path, column in changes.items() if not is_plain(spec, path)}
     plain = {path: column for path, column in changes.items() if path not in structural}
     for members, settled in _by_structure(spec, structural, size, {} if resolved is None else resolved):
-        zeros = [plain[path][members] == 0 for path in (*ZERO_MATTERS, *decides) if path in plain]
+        zeros = [column[members] == 0 for column in plain.values()]
         for part in _distinct(zeros, members.size):
             index = members[part]
             yield index, {**settled, **{path: column[index] for path, column in plain.items()}}

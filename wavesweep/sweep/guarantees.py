@@ -15,10 +15,9 @@ from wavesweep.analysis.passivity import (
     port_passive_walls,
     swing_with_hand,
 )
-from wavesweep.diagram import WALL
+from wavesweep.diagram import WALL, draw
 from wavesweep.sweep.records import END_HANDS, HELD
 
-DIRECT = ("dc", "dc-slow", "dc-lm")
 METHODS = {
     "passive": "damping that every passive hand asks for against the device's own; each value looked at is proved",
     "box": "exact intervals of the hands found to matter, intersected; where settled, a cover of the box by pieces, each "
@@ -46,7 +45,7 @@ class Guarantee:
         if self.kind == "port":
             return _from_ends(port_passive_walls(values, span, along), span, lambda at: port_margin(_at(values, along, at)))
         found = any_hand_walls(values, span, path=along)
-        convex = values["controller.kind"] in DIRECT and along in WALL
+        convex = not draw(values).slow and along in WALL
         return _from_ends(found, span, lambda at: damping_needed(_at(values, along, at)), certified=convex)
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wavesweep.diagram import draw, drift_of
 from wavesweep.spec import Spec
 from wavesweep.sweep.expectation import expected_seconds
 from wavesweep.sweep.guarantees import METHODS, Holders
@@ -95,8 +96,9 @@ def _facts(spec, holders, stages, tallies, seconds) -> dict:
 
 
 def _hopeless(spec, own, holders):
-    if holders.hand != "passive" or not spec.values["controller.kind"].startswith("pmw") or spec.values["rates.ratio"] == 1:
+    diagram = draw(spec.values)
+    if holders.hand != "passive" or diagram.waves is None or diagram.ratio == 1:
         return
     swept = any(axis.path == "controller.Kp" for axis in (*own.grid.axes, own.axis))
-    if not swept and spec.values["controller.Kp"] == 0:
+    if not swept and f"frame.{diagram.hand.position}" not in drift_of(diagram).shift:
         yield "waves without Kp: a motion at a multiple of the slow rate drags the avatar along, and no damping is enough"

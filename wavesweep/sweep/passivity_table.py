@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 
 from wavesweep.analysis.passivity import channel_norm
+from wavesweep.diagram import draw
 from wavesweep.spec import Spec
 from wavesweep.sweep.grid import Grid, make_grid
 from wavesweep.sweep.groups import groups
@@ -108,7 +109,7 @@ def _port_columns(grid: Grid, wanted, progress):
 def _port_work(grid, size) -> Iterator[PortWork]:
     loop, wall = np.divmod(np.arange(size), grid.walls)
     changes = grid.loop_values(loop) | {path: values[wall] for path, values in grid.wall_values().items()}
-    for members, values in groups(grid.spec, changes, size, decides=("environment.K_VE",)):
+    for members, values in groups(grid.spec, changes, size):
         for start in range(0, members.size, CHUNK):
             part = slice(start, start + CHUNK)
             yield PortWork(members[part], {path: v[part] if np.ndim(v) else v for path, v in values.items()})
@@ -131,5 +132,5 @@ def _notices(grid) -> Iterator[str]:
     for axis in grid.spec.sweep:
         if not axis.values:
             yield f"{axis.name} has a span and no values: not swept, held at the spec's {values[axis.path]:g}"
-    if not kind.startswith("pmw"):
+    if draw(values).waves is None:
         yield f"{kind} has no wave channel: its norm is missing, and what is not there adds no energy (channel_passive 1)"

@@ -68,7 +68,7 @@ def _bode_lines(spec):
 
 def _passivity_line(spec):
     grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
-    channels = channels_of(grid).loops if spec.values["controller.kind"].startswith("pmw") else 0
+    channels = channels_of(grid).loops if draw(spec.values).waves else 0
     return (
         f"  passivity: hand's port of {grid.loops * grid.walls} loops, norm of {channels} wave channel"
         f"{'' if channels == 1 else 's'}; method: levels of the frame's energy balance, met at no frequency"

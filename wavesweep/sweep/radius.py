@@ -19,10 +19,11 @@ def radius_over(spec, axes, cut=None) -> np.ndarray:
     K, B = grid.wall_values().values()
     found = np.empty((grid.loops, grid.walls))
     for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):
-        loops = cut if cut is not None and not grid.loop_axes else cut_at_wall(draw(values))
+        diagram = draw(values)
+        loops = cut if cut is not None and not grid.loop_axes else cut_at_wall(diagram)
         radius = spectral_radius(with_batch(loops, members.size).at((slice(None), None)), K, B)
-        # The ideal coupling's frame is one tick; counted per frame of the others, controllers compare.
+        # A loop may have a frame of fewer ticks, as the ideal coupling has; counted per frame of the spec, controllers compare.
         with np.errstate(over="ignore"):
-            found[members] = radius ** values["rates.ratio"] if values["controller.kind"] == "dc" else radius
+            found[members] = radius ** (values["rates.ratio"] // diagram.ratio)
     loop, wall = grid.column_of(np.arange(grid.size))
     return found[loop, wall]

@@ -81,7 +81,7 @@ def response_arrays(grid: Grid, frequency) -> dict[str, np.ndarray]:
     loop, wall = np.divmod(np.arange(size), grid.walls)
     changes = grid.loop_values(loop) | {path: values[wall] for path, values in grid.wall_values().items()}
     out = {}
-    for members, values in groups(grid.spec, changes, size, decides=("environment.K_VE",)):
+    for members, values in groups(grid.spec, changes, size):
         width = max(1, BLOCK // frequency.size)
         for start in range(0, members.size, width):
             part = members[start : start + width]

@@ -69,7 +69,7 @@ def _along_number(work, values, size, walls):
         return close(cuts, K[wall], B[wall])
 
     rate = np.broadcast_to(np.asarray(values["rates.fast_hz"], float), (size,))
-    ticks = 1 if values["controller.kind"] == "dc" else values["rates.ratio"]
+    ticks = draw(values).ratio
     return stable_anywhere(evaluate, work.span, size * walls, np.repeat(ticks / rate, walls), _bounds(work, rate))
 
 

@@ -66,7 +66,7 @@ def damping_needed(values) -> DampingNeeded | None:
     if values["device.velocity"] != "difference":
         return None
     diagram = _without_device(draw(values))
-    loop = port_loop(diagram, values["environment.K_VE"], values["environment.B_VE"])
+    loop = port_loop(diagram, values["environment.K_VE"], values["environment.B_VE"], diagram.hand.reaction)
     period = np.broadcast_to(diagram.period, loop.batch).reshape(-1)
     response = PortResponse(loop, LOWEST, to_rest=False)
     summit = climb(
@@ -84,14 +84,15 @@ def damping_needed(values) -> DampingNeeded | None:
 
 
 def _without_device(diagram):
-    """The drawing with a ruler for a device: the input `f_h` is the displacement in the tick (m)."""
-    period = diagram.period
+    """The drawing with a ruler for a device: the hand's force is the displacement in the tick (m), and is not pushed back."""
+    period, hand = diagram.period, diagram.hand
     ruler = Block(
-        "device", ("f",), ("x", "v_hat", "dx"), ("w", "x"), E=matrix([[-1, 0], [0, 0]]), B=matrix([[1 / period], [1]]),
-        C=matrix([[0, 1], [1, 0], [0, 0]]), D=matrix([[0], [0], [1]]), positions=frozenset({"x"}),
+        hand.device, ("f",), ("x", "v_hat", "dx"), ("w", "x"), E=matrix([[-1, 0], [0, 0]]), B=matrix([[1 / period], [1]]),
+        C=matrix([[0, 1], [1, 0], [0, 0]]), D=matrix([[0], [0], [1]]),
     )
-    fast = tuple(ruler if block.name == "device" else block for block in diagram.fast)
-    return replace(diagram, fast=fast, sums=dict(diagram.sums) | {"device.f": {"f_h": 1}}, outputs=("f_m", "f_m"))
+    fast = tuple(ruler if block.name == hand.device else block for block in diagram.fast)
+    structure = diagram.structure and _without_device(diagram.structure)
+    return replace(diagram, fast=fast, sums=dict(diagram.sums) | {hand.push: {hand.force: 1}}, structure=structure)
 
 
 def _builds_up(response, loops):
@@ -109,6 +110,6 @@ def _builds_up(response, loops):
 
 def _responsive(loop):
     """Whether all that follows from a prescribed position dies out: every state but the position itself."""
-    rest = [i for i, name in enumerate(loop.slow.states) if name != "frame.device.x"]
+    rest = [i for i, name in enumerate(loop.slow.states) if name != f"frame.{loop.source[0].hand.position}"]
     delta = np.linalg.eigvals(loop.slow.E[:, rest][:, :, rest]) if rest else np.zeros((loop.loops, 0))
     return (2 * delta.real + delta.real**2 + delta.imag**2 < 0).all(-1)

@@ -8,6 +8,7 @@ from wavesweep.analysis.passivity.enclosure import Enclosure, inverted, over_box
 from wavesweep.analysis.passivity.hand import HandBox, cut_with_hands, with_hands
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
+from wavesweep.diagram.drift import drift_of
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.lifted.assemble import fast_side, latches, slow_sums
 from wavesweep.lifted.connect import connect
@@ -30,7 +31,8 @@ class HeldLoop:
     own: mass (kg) and damping (N*s/m) of the device. tick: the fast side with some hand; device: its states there, as
     {"v": row}. force: `(1, n + m)`, on the device, from the n states of the tick and the m held inputs. slow: the slow
     side with a frame of zeros, from the wall's force; feeds: the inputs of that frame, from its states and from the
-    wall's force. kept: the states that the loop has, the reference among them. kind: "integrates" and "conserved" as in
+    wall's force. kept: the states that the loop has, the lead of its drift among them.
+    shift: how far the states drift beside it. kind: "integrates" and "conserved" as in
     `Cut`, or "plain". doublings: of the device's series, enough for every hand of the box.
     """
 
@@ -45,8 +47,8 @@ class HeldLoop:
     slow: Block
     feeds: tuple[np.ndarray, np.ndarray]
     kept: list[int]
-    reference: int
-    by_spring: bool
+    lead: int | None
+    shift: np.ndarray
     kind: str
     doublings: int
 
@@ -87,21 +89,24 @@ def held_loop(values, box: HandBox) -> HeldLoop:
     cut = cut_at_wall(diagram)
     sampled = tuple(dict.fromkeys(diagram.samples.values()))
     tick = fast_side(diagram, sampled)
-    pushed = connect("fast", diagram.fast, diagram.sums, ("f_h", *diagram.holds), ("device.f",))
+    pushed = connect("fast", diagram.fast, diagram.sums, (diagram.hand.force, *diagram.holds), (diagram.hand.push,))
     at = [pushed.states.index(name) for name in tick.states]
     frame = lift_held(tick, diagram.ratio, diagram.delay, tuple(diagram.holds), sampled)
     still = Block("frame", frame.inputs, frame.outputs, frame.states, np.zeros_like(frame.E), np.zeros_like(frame.B),
-                  frame.C, frame.D, frame.positions)
+                  frame.C, frame.D)
     ports = tuple(f"frame.{name}" for name in frame.inputs)
-    slow = connect("slow", (still, *diagram.slow, *latches(diagram)), slow_sums(diagram), ("F_s",), (*diagram.wall, *ports))
-    known = cut.states + ((diagram.reference,) if diagram.reference not in cut.states else ())
+    blocks, reads = (still, *diagram.slow, *latches(diagram)), (*diagram.wall, *ports)
+    slow = connect("slow", blocks, slow_sums(diagram), (diagram.wall_force,), reads)
+    drift, own = drift_of(diagram), f"{diagram.hand.device}."
+    known = (*cut.states, drift.lead)
     kept = [i for i, name in enumerate(slow.states) if name in known]
     period = float(np.reshape(diagram.period, -1)[0])
     return HeldLoop(
         dict(values), (float(values["device.mass"]), float(values["device.damping"])), period, diagram.ratio, diagram.delay,
-        _one(tick), {name.split(".")[1]: i for i, name in enumerate(tick.states) if name.startswith("device.")},
+        _one(tick), {name.removeprefix(own): i for i, name in enumerate(tick.states) if name.startswith(own)},
         np.concatenate([_at(pushed.C)[:, at], _at(pushed.D)[:, 1:]], -1), _one(slow), (_at(slow.C)[2:], _at(slow.D)[2:]),
-        kept, slow.states.index(diagram.reference), diagram.held_by_spring,
+        kept, slow.states.index(drift.lead) if drift.shift else None,
+        np.array([drift.shift.get(name, 0.0) for name in slow.states]) / (drift.shift[drift.lead] if drift.shift else 1.0),
         "integrates" if cut.integrates else "conserved" if cut.conserved else "plain", _doublings(values, box, period),
     )  # fmt: skip
 
@@ -113,7 +118,7 @@ def _at(array):
 def _one(block):
     """The block of the only element of the batch."""
     parts = (_at(getattr(block, name)) for name in "EBCD")
-    return Block(block.name, block.inputs, block.outputs, block.states, *parts, block.positions)
+    return Block(block.name, block.inputs, block.outputs, block.states, *parts)
 
 
 def frame_over(loop: HeldLoop, low, high) -> tuple[Enclosure, np.ndarray]:
@@ -248,26 +253,26 @@ def _closed(loop, frame, V, back, cut):
     kept = loop.kept
     if loop.kind == "plain":
         return side.closed(kept, kept, back, V, v[:, kept] @ V), side.pushed_by(kept, back, x[:, kept] @ V)
-    others = [i for i in kept if i != loop.reference]
+    others = [i for i in kept if i != loop.lead]
     x, v = x[:, others], v[:, others]
     if loop.kind == "integrates":
-        last, rows = np.eye(len(others) + 1)[-1:], [*others, loop.reference]
+        last, rows = np.eye(len(others) + 1)[-1:], [*others, loop.lead]
         x, v = (np.pad(row, ((0, 0), (0, 1))) for row in (x, v))
         return side.closed(rows, [*others, None], back, V, v @ V), side.pushed_by(rows, back, (x + last) @ V)
     U, inverse = basis(np.where(np.isfinite(cut.E).all((-1, -2), keepdims=True), cut.E, 0.0))
     E = side.closed(others, others, inverse, U, None)
-    advance = side.closed([loop.reference], others, np.eye(1), U, None)
+    advance = side.closed([loop.lead], others, np.eye(1), U, None)
     moved = solved_left(E, advance) @ (inverse @ V)
     return side.closed(others, others, back, V, v @ V), side.pushed_by(others, back, moved + x @ V)
 
 
 def _side(loop, frame):
-    """The slow side, and the rows of it that the wall reads, every position counted from the reference's."""
-    states, n, ref = len(loop.slow.states), len(loop.tick.states), loop.reference
+    """The slow side, and the rows of it that the wall reads, what drifts counted from the state that leads it."""
+    states, n, lead = len(loop.slow.states), len(loop.tick.states), loop.lead
     moved, C = np.eye(states), loop.slow.C[:2].copy()
-    if not loop.by_spring:
-        moved[[i for i, name in enumerate(loop.slow.states) if name in loop.slow.positions and i != ref], ref] = -1
-        C[0, ref], C[1, ref] = 1, 0
+    if lead is not None:
+        moved[:, lead] -= loop.shift * (np.arange(states) != lead)
+        C[0, lead], C[1, lead] = C[0] @ loop.shift, 0
     X, W = loop.feeds
     still = moved @ (loop.slow.E - np.eye(states, n) @ np.eye(n, states))
     columns, pushed = np.concatenate([np.eye(n, states), X]), np.concatenate([np.zeros((n, 1)), W])

@@ -6,7 +6,7 @@ import numpy as np
 
 from wavesweep.analysis.passivity.any_hand import damping_needed
 from wavesweep.analysis.passivity.port import port_margin
-from wavesweep.diagram import ZERO_MATTERS
+from wavesweep.diagram import WALL
 
 POINTS = 33  # stiffnesses of the first look
 CUTS = 15  # points of one round of refinement
@@ -53,7 +53,7 @@ def any_hand_walls(values, span, hand_damping: float = 0.0, path: str = "environ
 
 def _away_from_zero(path, p):
     """A batch must not have a zero that takes a branch of the drawing out of some of its loops."""
-    return np.where(p == 0, TINY, p) if path in ZERO_MATTERS else p
+    return p if path in WALL else np.where(p == 0, TINY, p)
 
 
 def _intervals(passive, span) -> PassiveWalls:

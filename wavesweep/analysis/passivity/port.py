@@ -11,6 +11,7 @@ from wavesweep.analysis.passivity.port_response import PortResponse
 from wavesweep.analysis.passivity.scattering import angles
 from wavesweep.diagram import draw
 from wavesweep.diagram.drawing import Diagram
+from wavesweep.diagram.drift import hand_drifts
 from wavesweep.lifted import close, cut_at_wall
 
 TOLERANCE = 1e-9  # of the mean eigenvalue: by how much the margin may be negative for rounding's sake
@@ -62,7 +63,7 @@ def port_margin(values) -> PortMargin:
     is_stable = np.broadcast_to(stable(diagram, K, B), batch)
     lost = ~is_stable.reshape(-1) & (np.abs(loop.slow.E).max((-1, -2), initial=0) > HUGE)
     margin, certified = np.where(lost, np.nan, margin), certified & ~lost
-    held = np.broadcast_to(np.asarray(K) != 0, batch).reshape(-1) | diagram.held_by_spring
+    held = np.broadcast_to(np.asarray(K) != 0, batch).reshape(-1) | (not hand_drifts(diagram))
     theta = np.where(held & (margin > 0), 0.0, theta)
     margin = np.where(held, np.minimum(margin, 0.0), margin)
     period = np.broadcast_to(diagram.period * diagram.ratio, batch)

@@ -8,7 +8,7 @@ import numpy as np
 from wavesweep.analysis.passivity.aliases import flattened
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
-from wavesweep.lifted.assemble import fast_side, slow_side
+from wavesweep.lifted.assemble import fast_side, slow_side, wall_sum
 from wavesweep.lifted.connect import connect
 
 
@@ -44,13 +44,16 @@ class PortLoop:
         return self.fast.D[:, 0, 0]
 
 
-def port_loop(diagram: Diagram, K_VE, B_VE) -> PortLoop:
-    """Connect both rates; `K_VE` (N/m), `B_VE` (N*s/m): numbers or arrays over the diagram's batch."""
+def port_loop(diagram: Diagram, K_VE, B_VE, seen: str | None = None) -> PortLoop:
+    """Connect both rates; `K_VE` (N/m), `B_VE` (N*s/m): numbers or arrays over the diagram's batch.
+
+    seen: the fast signal that the port shows, by default the displacement of the hand's device.
+    """
     samples = tuple(diagram.samples.values())
-    fast = _without_idle(fast_side(diagram, (diagram.outputs[0], *samples)))
+    fast = _without_idle(fast_side(diagram, (seen or diagram.hand.displacement, *samples)))
     held = fast.inputs[1:]
     sources = tuple(diagram.holds[name] for name in held)
-    wall = {"F_s": {diagram.wall[0]: K_VE, diagram.wall[1]: B_VE}}
+    wall = wall_sum(diagram, K_VE, B_VE)
     with np.errstate(over="ignore", invalid="ignore"):
         slow, _ = slow_side(diagram, sources, injected=True, wall=wall)
     event = _event(diagram, fast, held, sources, wall)

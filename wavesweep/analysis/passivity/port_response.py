@@ -28,9 +28,10 @@ class PortResponse:
         self.to_rest = to_rest  # whether there is anything below `lowest` to look at
         self.loop, self.ratio, self.delay, self.lowest = loop, loop.ratio, loop.delay, lowest
         fast, slow = loop.fast, loop.slow
-        self.shifted = _drifts(fast)
+        hand = loop.source[0].hand
+        self.shifted = _drifts(fast, hand)
         if self.shifted:
-            fast, slow = _from_displacements(fast, slow)
+            fast, slow = _from_displacements(fast, slow, hand.position)
         self.fast, self.slow = response_of(fast, loop.loops), response_of(slow, loop.loops)
 
     def parts(self, owner, theta):
@@ -70,7 +71,7 @@ class AtRest:
 
     def __init__(self, loop: PortLoop):
         diagram, K_VE, B_VE = loop.source
-        frame = prepare(diagram, K_VE, B_VE, diagram.outputs[:1])
+        frame = prepare(diagram, K_VE, B_VE, (diagram.hand.displacement,))
         E = frame.E.copy()
         if frame.lead is not None:  # where nothing reads the scene's position, its pole at 0 is nobody's
             E[..., frame.lead, frame.lead] = np.where(frame.free, -1.0, E[..., frame.lead, frame.lead])
@@ -101,23 +102,23 @@ def _flattened(array, loop):
     return np.broadcast_to(array, (*loop.batch, *array.shape[-2:])).reshape(loop.loops, *array.shape[-2:])
 
 
-def _drifts(fast):
+def _drifts(fast, hand):
     """Whether a sampled position is held by nothing on the fast side, and its displacement comes out of it."""
-    if fast.outputs[0] != "device.dx":
+    if fast.outputs[0] != hand.displacement:
         return False
-    return "device.x" in fast.states and not np.any(fast.E[..., fast.states.index("device.x")])
+    return hand.position in fast.states and not np.any(fast.E[..., fast.states.index(hand.position)])
 
 
-def _from_displacements(fast, slow):
+def _from_displacements(fast, slow, position):
     """The fast side without its position; the slow side with an input that shifts the position of the scene."""
-    x = fast.states.index("device.x")
+    x = fast.states.index(position)
     rest = [i for i in range(len(fast.states)) if i != x]
     fast = replace(
-        fast, states=tuple(fast.states[i] for i in rest), positions=frozenset(), E=fast.E[..., rest, :][..., rest],
-        B=fast.B[..., rest, :], C=fast.C[..., rest],
+        fast, states=tuple(fast.states[i] for i in rest), E=fast.E[..., rest, :][..., rest], B=fast.B[..., rest, :],
+        C=fast.C[..., rest],
     )
     push = np.zeros((*slow.B.shape[:-1], 1))
-    push[..., [i for i, name in enumerate(slow.states) if name == "frame.device.x"], 0] = 1
+    push[..., [i for i, name in enumerate(slow.states) if name == f"frame.{position}"], 0] = 1
     return fast, replace(
         slow, inputs=(*slow.inputs, "shift"), B=np.concatenate([slow.B, push], axis=-1),
         D=np.concatenate([slow.D, np.zeros((*slow.D.shape[:-1], 1))], axis=-1),

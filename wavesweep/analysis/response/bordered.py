@@ -58,8 +58,9 @@ def _system(loop, points):
     dA[..., own, Y] = dE[..., None, :, :]
     dA[..., own, X] = np.abs(B[..., None, :, 1:]) @ dheld + dB[..., None, :, 1:] @ held_size
     b[..., own], db[..., own] = B[..., None, :, 0], dB[..., None, :, 0]
-    if "device.x" in fast.states and fast.outputs[0] == "device.dx":  # the displacement is w times the position
-        x = p + fast.states.index("device.x")
+    hand = loop.diagram.hand
+    if hand.position in fast.states and fast.outputs[0] == hand.displacement:  # which is w times the position
+        x = p + fast.states.index(hand.position)
         for array in (A, dA, b[..., None], db[..., None]):
             array[..., x, :] = 0
         A[..., x, x], A[..., x, 0] = points.tick, -1

@@ -20,6 +20,7 @@ from wavesweep.analysis.response.ticks import (
 )
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
+from wavesweep.diagram.drift import drift_of, latch, scene_drift
 from wavesweep.errors import IllPosedLoopError, WavesweepError
 from wavesweep.lifted.assemble import fast_side, latches, slow_sums
 from wavesweep.lifted.circle import solve
@@ -113,7 +114,7 @@ def prepare(diagram: Diagram, K_VE, B_VE, outputs=None) -> Loop:
 
     outputs: signals of the fast side; by default those of the drawing, the displacement in the tick and the control force.
     """
-    outputs = tuple(outputs or diagram.outputs)
+    outputs = tuple(outputs or (diagram.hand.displacement, diagram.hand.reaction))
     samples = tuple(dict.fromkeys(diagram.samples.values()))
     fast = fast_side(diagram, (*outputs, *(name for name in samples if name not in outputs)))
     if np.any(fast.D[..., [fast.outputs.index(name) for name in samples], :1]):
@@ -123,9 +124,10 @@ def prepare(diagram: Diagram, K_VE, B_VE, outputs=None) -> Loop:
         one = (tick.E, entries_errors(tick)[0])
         before, after = (repeated(one, n) for n in (diagram.delay, diagram.ratio - diagram.delay))
         parts = _closed(diagram, fast, samples, (before, after), (K_VE, B_VE))
-        if diagram.wall_drifts and diagram.reference in parts["states"]:
-            parts |= _conserved(parts, fast, parts["states"].index(diagram.reference))
-        parts["still"] = _still(parts, fast, outputs)
+        drift = drift_of(diagram)
+        if not drift.driven and drift.lead in parts["states"]:
+            parts |= _conserved(parts, fast, parts["states"].index(drift.lead))
+        parts["still"] = _still(parts, fast, outputs, diagram.hand)
     lost = ~np.logical_and.reduce([np.isfinite(parts[name]).all((-1, -2)) for name in ("E", "dE", "H", "dH")])
     for name in ("E", "dE", "rows", "drows", "H", "dH"):
         parts[name] = np.where(lost[..., None, None], 0.0, parts[name])
@@ -172,19 +174,21 @@ def _seen(loop, reads):
 
 
 def _closed(diagram, fast, samples, sizes, wall) -> dict:
-    """The frame with the wall closed, positions counted from the reference if no spring holds the scene."""
+    """The frame with the wall closed, what drifts counted from the state that leads it."""
     frame = lift_held(fast, diagram.ratio, diagram.delay, tuple(diagram.holds), samples)
     sources, fast_states = tuple(diagram.holds.values()), len(fast.states)
-    block = connect("slow", (frame, *diagram.slow, *latches(diagram)), slow_sums(diagram), ("F_s",), (*diagram.wall, *sources))
+    outputs = (*diagram.wall, *sources)
+    block = connect("slow", (frame, *diagram.slow, *latches(diagram)), slow_sums(diagram), (diagram.wall_force,), outputs)
     names, E, C = block.states, block.E.copy(), block.C.copy()
-    latched = np.array([[f"hold_{name}.u_before" == state for state in names] for name in diagram.holds], float)
+    latched = np.array([[latch(name) == state for state in names] for name in diagram.holds], float)
     latched = latched.reshape(len(sources), len(names))
     shift, lead = np.zeros(len(names)), None
-    if not diagram.held_by_spring:
-        lead = names.index(diagram.reference)
-        shift[[names.index(name) for name in block.positions]] = 1
-        E[..., lead] = C[..., lead] = 0  # the sum of the columns of all positions, zero where nothing holds the scene
-        C[..., 0, lead] = 1
+    if drift_of(diagram).driven:
+        drift = scene_drift(diagram)
+        lead = names.index(drift.lead)
+        shift = np.array([drift.shift.get(name, 0.0) for name in names]) / drift.shift[drift.lead]
+        E[..., lead] = C[..., lead] = 0  # the sum of the columns of all that drifts, zero by structure
+        C[..., 0, lead] = 1 / drift.shift[drift.lead]
     unsure = (ENTRIES * np.asarray(block.condition * fast.condition, float))[..., None, None]
     E_terms, B_terms, C_terms, D_terms = (unsure * part for part in block.terms)
     if lead is not None:  # these entries are exact
@@ -286,14 +290,15 @@ def _conserved(found, fast, ref) -> dict:
     }
 
 
-def _still(found, fast, outputs):
+def _still(found, fast, outputs, hand):
     """The outputs in the state `shift`, which is at rest: nothing is displaced, and a shift of the scene is not felt."""
     n, p = len(fast.states), len(outputs)
     held = found.pop("still_held", None)
     if held is None:
-        return np.array([float(name == "device.x") for name in outputs])
+        moved = dict(zip(found["states"], found["shift"], strict=True)).get(f"frame.{hand.position}", 0.0)
+        return np.array([moved * (name == hand.position) for name in outputs])
     seen = fast.C[..., :p, :] @ found["shift"][..., :n, None] + fast.D[..., :p, 1:] @ held[..., None]
-    return seen[..., 0] * [float(name != "device.dx") for name in outputs]
+    return seen[..., 0] * [float(name != hand.displacement) for name in outputs]
 
 
 def _inverse(A):

@@ -7,6 +7,7 @@ from wavesweep.analysis.response.circle import circle
 from wavesweep.analysis.response.frame import Loop, prepare
 from wavesweep.analysis.response.steady import LOST, respond
 from wavesweep.analysis.response.ticks import ROUNDING, taken
+from wavesweep.diagram.drift import hand_drifts
 
 DENSE = 32  # up to this ratio LAPACK's singular values of the whole matrix are the quicker way
 STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
@@ -29,7 +30,7 @@ def worst_gain(loop: Loop, frequency_hz, ratio: int) -> tuple[np.ndarray, np.nda
     with np.errstate(all="ignore"):
         if loop.diagram.ratio == 1:
             return _over_aliases(loop, frequency, ratio)
-        whole = prepare(loop.diagram, *loop.wall, outputs=("device.x",))
+        whole = prepare(loop.diagram, *loop.wall, outputs=(loop.diagram.hand.position,))
         frame, loops = Frame(whole), max(1, whole.lost.size)
         width = max(1, BLOCK // (loops * ratio * (ratio if ratio <= DENSE else len(whole.states))))
         parts = [frame.gain(frequency[start : start + width]) for start in range(0, frequency.size, width)]
@@ -48,7 +49,7 @@ def _over_aliases(loop, frequency, ratio):
     found = respond(loop, np.where(constant, STILL * rate, aliases).reshape(-1))
     gain, error = (part.reshape(*part.shape[:-1], *aliases.shape)
                    for part in (np.abs(found.admittance), found.admittance_error))
-    held = loop.diagram.held_by_spring | (np.asarray(loop.wall[0]) != 0)[..., None, None]
+    held = (not hand_drifts(loop.diagram)) | (np.asarray(loop.wall[0]) != 0)[..., None, None]
     unbounded = (constant & ~held).any(-1)
     return np.where(unbounded, np.nan, gain.max(-1)), np.where(unbounded, 0.0, error.max(-1))
 

@@ -1,0 +1,21 @@
+"""The controllers that a spec may name. A name decides nothing else: what a loop is follows from its drawing."""
+
+from importlib import import_module
+
+CONTROLLERS = {
+    "dc": "wavesweep.diagram.direct:dc",
+    "dc-slow": "wavesweep.diagram.direct:dc_slow",
+    "dc-lm": "wavesweep.diagram.direct:dc_lm",
+    "pmw": "wavesweep.diagram.pmw:pmw",
+    "pmw-lm": "wavesweep.diagram.pmw_lm:pmw_lm",
+}
+"""Kind -> the function that draws it, or "module:function"; text, so that a spec is checked without loading numpy."""
+
+
+def drawing_of(kind: str):
+    """The function from flat values to the `Diagram` of that kind."""
+    drawn = CONTROLLERS[kind]
+    if callable(drawn):
+        return drawn
+    module, name = drawn.split(":")
+    return getattr(import_module(module), name)

@@ -1,0 +1,176 @@
+"""What a loop never brings back: found in its drawing, by elimination that knows which zeros are exact.
+
+Waves carry velocities, and a free hand is held by nothing: a shift of positions may stay for ever, an eigenvalue at exactly 1
+whatever the wall is. It is a solution of the drawing with all signals constant.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from wavesweep.diagram.drawing import Diagram
+
+ROUNDING = 64 * np.finfo(float).eps  # of the terms of a sum, what is left of it where it is zero
+FORCE = ""  # stands for the wall's force among the unknowns
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """A shift of states that nothing in the loop, cut at the wall, opposes.
+
+    shift: state of the lifted frame -> how far it moves while what the wall reads moves by 1; empty where there is none.
+    lead: the state that the others are counted from, one that the wall reads if it reads any of them.
+    driven: whether the wall's force moves the loop along the shift. If not, a combination of the states is conserved.
+    """
+
+    shift: Mapping[str, float]
+    lead: str | None
+    driven: bool
+
+
+def latch(held: str) -> str:
+    """Name of the state that remembers the held signal of the frame before."""
+    return f"hold_{held}.u_before"
+
+
+def drift_of(diagram: Diagram, signals=()) -> Drift:
+    """The drift of what the wall and these signals read, from the numbers of the first loop of the batch.
+
+    Unknowns are all states and block inputs; the equations say that no state changes, and that an input is what is wired to
+    it. Their null space is the drift, and the rank grows with the column of the wall's force where that force drives it.
+    Elimination keeps, beside each entry, the size of what was added up for it: an entry is zero only where its terms cancel to
+    rounding, so that a slow pole or a feeble spring is no drift. Several shifts that have no state in common are one, of all of
+    them. Raises ValueError where they have.
+    """
+    return _drift(diagram.structure or diagram, tuple(signals))
+
+
+def scene_drift(diagram: Diagram) -> Drift:
+    """The same with the hand's position and all that is held: the shift of the whole scene, if nothing holds the hand."""
+    return drift_of(diagram, (*diagram.holds.values(), diagram.hand.position))
+
+
+def hand_drifts(diagram: Diagram) -> bool:
+    """Whether nothing but the wall holds the hand's position."""
+    return f"frame.{diagram.hand.position}" in scene_drift(diagram).shift
+
+
+@lru_cache(maxsize=256)
+def _drift(diagram, signals):
+    rows = _equations(diagram)
+    names = _read_by(rows, [name for signal in (*diagram.wall, *signals) for name in _traced(diagram, signal)])
+    A = np.array([[rows[name].get(other, 0.0) for other in names] for name in names]).reshape(len(names), len(names))
+    reduced, pivots = _eliminated(A)
+    ways = [_moved(names, reduced, pivots, column) for column in range(len(names)) if column not in pivots]
+    shift = {name: value for way in ways for name, value in way.items()}
+    if len(shift) < sum(map(len, ways)):
+        raise ValueError(f"the drawing drifts in several ways that share a state: {ways}; expected shifts of different states")
+    force = np.array([rows[name].get(FORCE, 0.0) for name in names])
+    driven = bool(ways) and len(_eliminated(np.column_stack([A, force]))[1]) > len(pivots)
+    seen = {name: factor * shift[name] for name, factor in _traced(diagram, diagram.wall[0]).items() if name in shift}
+    scale = _sum(seen.values()) or 1.0
+    shift = {name: _simple(shift[name] / scale) for name in _states(diagram) if name in shift}
+    fast = tuple(f"{block.name}." for block in diagram.fast)
+    lifted = {name: f"frame.{name}" if name.startswith(fast) else name for name in shift}
+    lead = next((name for name in seen if name in shift), next(iter(shift), None))
+    return Drift({lifted[name]: value for name, value in shift.items()}, lifted.get(lead), driven)
+
+
+def _moved(names, reduced, pivots, free):
+    """The unknowns that move when the free one does: name -> by how much."""
+    moved = {free: 1.0} | {column: -reduced[row, free] for column, row in pivots.items()}
+    return {names[i]: value for i, value in moved.items() if value}
+
+
+def _states(diagram):
+    own = [f"{block.name}.{state}" for block in (*diagram.fast, *diagram.slow) for state in block.states]
+    return [*own, *(latch(held) for held in diagram.holds if diagram.delay > 0)]
+
+
+def _equations(diagram):
+    """Unknown -> the terms (unknown -> factor) of its equation: how a state changes, and an input less what feeds it."""
+    rows = {}
+    for block in (*diagram.fast, *diagram.slow):
+        columns = [f"{block.name}.{name}" for name in (*block.states, *block.inputs)]
+        change = np.hstack([_first(block.E), _first(block.B)])
+        for i, state in enumerate(block.states):
+            rows[f"{block.name}.{state}"] = _terms(zip(columns, change[i], strict=True))
+        for port in block.inputs:
+            fed = _traced(diagram, f"{block.name}.{port}")
+            rows[f"{block.name}.{port}"] = {f"{block.name}.{port}": 1.0} | {
+                name: -factor + (name == f"{block.name}.{port}") for name, factor in fed.items()
+            }
+    for held, source in diagram.holds.items() if diagram.delay > 0 else ():
+        rows[latch(held)] = _traced(diagram, source) | {latch(held): -1.0}
+    return rows
+
+
+def _traced(diagram, signal):
+    """What a signal is when all are constant: unknown -> factor."""
+    if signal == diagram.wall_force:
+        return {FORCE: 1.0}
+    if signal in diagram.samples:
+        return _traced(diagram, diagram.samples[signal])
+    if signal in diagram.holds:
+        return {latch(signal): 1.0} if diagram.delay > 0 else _traced(diagram, diagram.holds[signal])
+    for block in (*diagram.fast, *diagram.slow):
+        if signal in (f"{block.name}.{port}" for port in block.outputs):
+            row = block.outputs.index(signal.removeprefix(f"{block.name}."))
+            columns = [f"{block.name}.{name}" for name in (*block.states, *block.inputs)]
+            return _terms(zip(columns, np.hstack([_first(block.C), _first(block.D)])[row], strict=True))
+    total = {}
+    for source, gain in diagram.sums.get(signal, {}).items():
+        for name, factor in _traced(diagram, source).items():
+            total.setdefault(name, []).append(float(np.ravel(gain)[0].real) * factor)
+    return _terms((name, _sum(parts)) for name, parts in total.items())
+
+
+def _read_by(rows, read):
+    """The unknowns that these read, directly or through others, in the drawing's order."""
+    known, left = set(), list(read)
+    while left:
+        name = left.pop()
+        if name and name not in known:
+            known.add(name)
+            left += list(rows[name])
+    return [name for name in rows if name in known]
+
+
+def _eliminated(A):
+    """Reduced row echelon form with unit pivots, and column -> row of the pivots."""
+    A, size, pivots, free = A.copy(), np.abs(A), {}, list(range(A.shape[0]))
+    for _ in range(min(A.shape)):
+        relative = np.abs(A[free]) / np.maximum(size[free].max(1, keepdims=True), np.finfo(float).tiny)
+        relative[:, list(pivots)] = 0
+        if not relative.any():
+            break
+        at, column = np.unravel_index(np.argmax(relative), relative.shape)
+        row = free.pop(at)
+        A[row], size[row] = A[row] / A[row, column], size[row] / abs(A[row, column])
+        factor = np.where(np.arange(A.shape[0]) == row, 0.0, A[:, column])[:, None]
+        A, size = A - factor * A[row], size + np.abs(factor) * size[row]
+        A[np.abs(A) <= ROUNDING * size] = 0
+        pivots[int(column)] = row
+    return A, pivots
+
+
+def _sum(parts):
+    parts = list(parts)
+    total = sum(parts)
+    return total if abs(total) > ROUNDING * sum(map(abs, parts)) else 0.0
+
+
+def _terms(pairs):
+    return {name: float(factor) for name, factor in pairs if factor}
+
+
+def _simple(value):
+    """The number without its rounding, where it is a small fraction."""
+    return round(value * 12) / 12 if abs(value * 12 - round(value * 12)) < 1e-9 else value
+
+
+def _first(array):
+    """The first matrix of a batch."""
+    return array[(0,) * (array.ndim - 2)].real
