@@ -65,8 +65,9 @@ def _along_number(work, values, size, walls):
         first, back = _different(loop, p)
         at, p = loop[first], np.where(p[first] == 0, TINY, p[first])
         varied = {path: v[at] if np.ndim(v) else v for path, v in values.items()} | {work.along: p}
-        cuts = with_batch(cut_at_wall(draw(varied)), p.size).at(back)
-        return close(cuts, K[wall], B[wall])
+        with np.errstate(all="ignore"):  # beside the real axis a loop may explode: what is not finite is seen by the panels
+            cuts = with_batch(cut_at_wall(draw(varied)), p.size).at(back)
+            return close(cuts, K[wall], B[wall])
 
     rate = np.broadcast_to(np.asarray(values["rates.fast_hz"], float), (size,))
     ticks = draw(values).ratio
