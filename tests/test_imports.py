@@ -56,8 +56,8 @@ def test_the_rule_would_see_an_import_that_points_right(tmp_path):
     assert {layer_of(name) for name in imports_of(tmp_path / "wrong.py")} == {LAYERS.index("plots"), TOP}
 
 
-def test_the_witness_that_marches_knows_nothing_of_lifting():
-    names = {name for source in (PACKAGE / "analysis" / "march").rglob("*.py") for name in imports_of(source)}
+def test_the_simulator_knows_nothing_of_drawings_and_lifting():
+    names = {name for source in (PACKAGE / "analysis" / "simulation").rglob("*.py") for name in imports_of(source)}
     assert [name for name in names if layer_of(name) in (LAYERS.index("diagram"), LAYERS.index("lifted"))] == []
 
 

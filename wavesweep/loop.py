@@ -82,9 +82,9 @@ class Loop:
         """Both loops run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
 
         force: the hand's force (N) per tick, `(ticks,)`; what the spec's [simulate] names by default. options: its other
-        keys in place of the spec's (`wall=0.01, friction=0.2`). Errors: see `analysis.march.simulated_columns`.
+        keys in place of the spec's (`wall=0.01, friction=0.2`). Errors: see `analysis.simulation.simulated_columns`.
         """
-        from wavesweep.analysis.march import simulated_columns
+        from wavesweep.analysis.simulation import simulated_columns
 
         return _frame(simulated_columns(self.spec, force, **options))
 

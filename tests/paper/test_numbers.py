@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from support.march import march
 
-from wavesweep.analysis.march import march
 from wavesweep.diagram.filters import butterworth
 from wavesweep.paper.bench import BASE
 from wavesweep.paper.measures import natural_frequency, peak

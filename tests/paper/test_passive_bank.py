@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from wavesweep.analysis.march.filters import advance, at_rest, butterworth
+from wavesweep.analysis.simulation.cascade import advance, at_rest, butterworth
 from wavesweep.diagram import draw
 from wavesweep.lifted.connect import connect
 from wavesweep.paper.bench import BASE

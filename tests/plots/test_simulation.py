@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wavesweep import plots
-from wavesweep.analysis.march import simulated_columns
+from wavesweep.analysis.simulation import simulated_columns
 from wavesweep.plots.simulation import _extremes, _spans
 from wavesweep.results import fields
 from wavesweep.spec import load

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.analysis.march import simulated_columns
 from wavesweep.analysis.passivity import channel_norm, port_margin
+from wavesweep.analysis.simulation import simulated_columns
 from wavesweep.spec import find_key, load
 from wavesweep.sweep import passivity, passivity_table, workers
 

@@ -7,8 +7,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from wavesweep.analysis.march import hand_force, simulated, table
-from wavesweep.analysis.march.from_spec import record_path
+from wavesweep.analysis.simulation import hand_force, record_path, simulated, table
 from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.sweep.run import Run, facts_of

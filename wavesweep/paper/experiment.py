@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from wavesweep.analysis.march import hand_force, simulated
+from wavesweep.analysis.simulation import hand_force, simulated
 from wavesweep.paper.measures import within
 from wavesweep.spec import Spec
 from wavesweep.sweep.seen_response import seen_response

@@ -4,10 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wavesweep.analysis.march import Simulation
-from wavesweep.analysis.march.estimation import estimate
-from wavesweep.analysis.march.inputs import Tone
 from wavesweep.analysis.response import prepare, respond
+from wavesweep.analysis.simulation import Simulation, Tone, estimate
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw
 from wavesweep.lifted import cut_at_wall

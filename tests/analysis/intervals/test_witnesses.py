@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from support import exact
+from support.growth import growth
 from support.intervals import cut_of, excess, intervals_of, mislabelled, pairs
 from support.specs import KINDS, random_values, values_of
 
 from wavesweep.analysis.intervals import stable, stable_intervals
-from wavesweep.analysis.march import growth
 
 K_SPAN, B_SPAN = (0, 20000.0), (0, 300.0)
 

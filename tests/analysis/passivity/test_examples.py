@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from support.waves_through import run_back, run_out, worst_wave
 
-from wavesweep.analysis.passivity import channel_norm, filter_table, run_back, run_out, sufficient_order, worst_wave
+from wavesweep.analysis.passivity import channel_norm, filter_table, sufficient_order
 
 
 @pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from support.march import march
 
-from wavesweep.analysis.march import march
 from wavesweep.analysis.passivity.port import TOLERANCE, port_margin
 from wavesweep.analysis.passivity.port_loop import port_loop
 from wavesweep.analysis.passivity.port_response import PortResponse

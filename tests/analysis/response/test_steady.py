@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from support import exact
+from support.march import march
 from support.specs import INTEGRATIONS, KINDS, random_values, values_of
 
-from wavesweep.analysis.march import march
 from wavesweep.analysis.response import prepare, steady_state
 from wavesweep.diagram import draw
 

@@ -2,7 +2,6 @@
 
 from wavesweep.analysis.passivity.any_hand import DampingNeeded, colgate_schenkel, damping_needed
 from wavesweep.analysis.passivity.channel import ChannelNorm, channel_norm
-from wavesweep.analysis.passivity.example import Passage, run_back, run_out, worst_wave
 from wavesweep.analysis.passivity.filter_table import filter_table, sufficient_order
 from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, swing_with_hand
 from wavesweep.analysis.passivity.held import HeldIntervals, box_intervals
@@ -16,7 +15,6 @@ __all__ = [
     "DampingNeeded",
     "HandBox",
     "HeldIntervals",
-    "Passage",
     "PassiveWalls",
     "PortMargin",
     "WorstHand",
@@ -28,10 +26,7 @@ __all__ = [
     "filter_table",
     "port_margin",
     "port_passive_walls",
-    "run_back",
-    "run_out",
     "sufficient_order",
     "swing_with_hand",
     "worst_hand",
-    "worst_wave",
 ]

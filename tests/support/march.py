@@ -1,16 +1,18 @@
-"""The plain march: every tick of both loops in turn, as the equations stand."""
+"""The plain march: every tick of both loops in turn, without the effects of hardware that a simulation may add.
+
+The control laws are the simulator's. Around them this is the shortest program that runs them, from any state, and the
+state of a loop as a row of real numbers, and back.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavesweep.analysis.march.device import zero_order_hold
-from wavesweep.analysis.march.direct import DirectLaw, DirectMemory, direct_law, direct_memory, direct_tick
-from wavesweep.analysis.march.waves import WaveLaw, WaveMemory, wave_law, wave_memory, wave_tick
+from wavesweep.analysis.simulation.both_loops import SimulatedLoop, compile_loop
 
 
 class State(NamedTuple):
@@ -20,21 +22,7 @@ class State(NamedTuple):
     x: float
     v: float
     x_before: float
-    control: WaveMemory | DirectMemory
-
-
-class Loop(NamedTuple):
-    """The constants of a loop: tick (s), how velocity is measured, the plant's increments, the controller."""
-
-    T: float
-    velocity: str
-    plant: tuple[float, ...]
-    law: WaveLaw | DirectLaw
-
-    @property
-    def frame(self) -> int:
-        """Ticks in a frame; 1 for `dc`, which has no slow loop."""
-        return self.law.ratio
+    control: Any
 
 
 @dataclass(frozen=True)
@@ -62,31 +50,16 @@ class March:
     state: State
 
 
-def compile_loop(values: Mapping, surface: float | None = None) -> Loop:
-    """Give the loop of a spec's flat values (``spec.values``, or any mapping with those keys).
-
-    `surface` makes the wall one-sided, to be touched above that position (m).
-    """
-    T = 1.0 / values["rates.fast_hz"]
-    whole = (values[f"device.{name}"] + values[f"operator.{name}"] for name in ("mass", "damping"))
-    plant = tuple(zero_order_hold(*whole, values["operator.stiffness"], T).tolist())
-    with_waves = values["controller.kind"].startswith("pmw")
-    law = wave_law(values, surface) if with_waves else direct_law(values, surface)
-    return Loop(T, values["device.velocity"], plant, law)
-
-
-def at_rest(loop: Loop, x: float = 0.0) -> State:
+def at_rest(loop: SimulatedLoop, x: float = 0.0) -> State:
     """Give the loop at rest with the hand at ``x`` metres; the avatar, and all that remembers, is at zero."""
-    control = wave_memory(loop.law) if isinstance(loop.law, WaveLaw) else direct_memory(loop.law)
-    return State(0, x, 0.0, x, control)
+    return State(0, x, 0.0, x, loop.control.memory(loop.law))
 
 
-def tick(loop: Loop, state: State, f_h: float):
+def tick(loop: SimulatedLoop, state: State, f_h: float):
     """March one tick under the hand force ``f_h`` (N): the state after it, the measured velocity, the signals."""
     k, x, v, x_before, control = state
     v_hat = v if loop.velocity == "exact" else (x - x_before) / loop.T
-    step = wave_tick if isinstance(loop.law, WaveLaw) else direct_tick
-    control, seen = step(loop.law, control, k, x, v_hat)
+    control, seen = loop.control.tick(loop.law, control, k, x, v_hat)
     a, b, c, d, e, g = loop.plant
     f = f_h - seen.f_m
     return State(k + 1, x + (a * x + b * v + c * f), v + (d * x + e * v + g * f), x, control), v_hat, seen
@@ -141,3 +114,41 @@ def _column(numbers: list) -> np.ndarray | None:
     present = np.array([number for number in numbers if number is not None])
     present.flags.writeable = False
     return present if len(present) else None
+
+
+def random_state(loop: SimulatedLoop, seed: int) -> State:
+    """Give a state with every number drawn from the standard normal distribution, the same for the same seed."""
+    rest = at_rest(loop)
+    return with_numbers(rest, np.random.default_rng(seed).standard_normal(len(numbers_of(rest))))
+
+
+def numbers_of(state: State) -> np.ndarray:
+    """Give the state's real numbers in a row; whole numbers are ticks and no part of the motion."""
+    found: list[float] = []
+
+    def visit(part: Any) -> None:
+        if isinstance(part, tuple):
+            for inner in part:
+                visit(inner)
+        elif isinstance(part, complex):
+            found.extend((part.real, part.imag))
+        elif not isinstance(part, int):
+            found.append(part)
+
+    visit(state)
+    return np.array(found)
+
+
+def with_numbers(state: State, numbers: np.ndarray) -> State:
+    """Give the state with other numbers in the same places."""
+    left = iter(numbers.tolist())
+
+    def fill(part: Any) -> Any:
+        if isinstance(part, tuple):
+            inner = [fill(one) for one in part]
+            return type(part)(*inner) if hasattr(part, "_fields") else tuple(inner)
+        if isinstance(part, complex):
+            return complex(next(left), next(left))
+        return part if isinstance(part, int) else next(left)
+
+    return fill(state)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.analysis.march import hand_force, simulated, simulated_columns, table
+from wavesweep.analysis.simulation import hand_force, simulated, simulated_columns, table
 from wavesweep.errors import UsageError
 from wavesweep.results import fields
 from wavesweep.spec import load

@@ -2,13 +2,13 @@ import math
 
 import numpy as np
 import pytest
+from support.march import march
+from support.specs import KINDS
 
-from wavesweep.analysis.march import march
-from wavesweep.analysis.march.experiment import simulate
-from wavesweep.analysis.march.options import Options
+from wavesweep import diagram
+from wavesweep.analysis.simulation import CONTROLLERS, Options, simulate
+from wavesweep.diagram.direct import dc_slow
 from wavesweep.errors import UsageError
-
-KINDS = ["dc", "dc-slow", "dc-lm", "pmw", "pmw-lm"]
 
 
 @pytest.fixture
@@ -170,3 +170,18 @@ def test_no_force_at_all_is_an_experiment_too(values):
 def test_an_option_without_meaning_is_refused(option, text):
     with pytest.raises(UsageError, match=text):
         Options(**option)
+
+
+def test_a_kind_without_a_law_is_refused_and_never_simulated_as_another_kind(values, push, monkeypatch):
+    """A sixth kind that every other analysis draws: the simulator says which kinds it knows."""
+    monkeypatch.setitem(diagram.CONTROLLERS, "slow-wall", dc_slow)
+    loop = values("slow-wall")
+    assert diagram.draw(loop).fast
+    known = "dc, dc-slow, dc-lm, pmw, pmw-lm"
+    with pytest.raises(UsageError, match=rf"a law for \({known}\), found slow-wall;") as refused:
+        simulate(loop, push)
+    assert refused.value.exit_code == 2
+
+
+def test_the_simulator_has_a_law_for_every_kind_of_the_package():
+    assert set(CONTROLLERS) == set(KINDS) == set(diagram.CONTROLLERS)

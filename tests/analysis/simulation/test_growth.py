@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-
-from wavesweep.analysis.march.growth import growth, growth_rate
+from support.growth import disagreements, growth, growth_rate
+from support.specs import random_values
 
 EXPLICIT = {"environment.integration": "explicit", "lp1.cutoff_hz": 8.57}
 
@@ -64,3 +64,14 @@ def test_the_seed_decides_nothing_but_the_start(values):
 def test_a_loop_that_overflows_within_a_frame_grows_without_bound(values):
     """A tick of the local wall multiplies by thousands; 400 of them leave the range of doubles."""
     assert growth_rate(values("dc-lm", K_LM=1e9, ratio=400)) == np.inf
+
+
+@pytest.mark.parametrize("seed", range(0, 200, 20))
+def test_growth_and_decay_in_time_agree_with_every_reported_end(seed):
+    """A thousandth to either side of each end along K_VE, for a sample of random specs; support/growth.py takes any number."""
+    wrong, _ = disagreements(random_values(seed))
+    assert wrong == []
+
+
+def test_the_sample_has_ends_to_look_at():
+    assert sum(disagreements(random_values(seed))[1] for seed in range(0, 80, 20)) > 0

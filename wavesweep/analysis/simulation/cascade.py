@@ -64,7 +64,7 @@ def at_rest(sections: tuple[Section, ...]) -> tuple[complex, ...]:
 
 
 def output(sections: tuple[Section, ...], state: tuple[complex, ...], u: float) -> float:
-    """What the cascade gives for the sample ``u``, its state left alone."""
+    """The cascade's output for the sample ``u``; its state stays as it is."""
     for (_, _, r, d), q in zip(sections, state, strict=True):
         u = (r * q).real + d * u
     return u

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from wavesweep.analysis.march import Options, simulate
+from wavesweep.analysis.simulation import Options, simulate
 
 T = 1e-3
 
@@ -38,14 +38,14 @@ def push():
     return np.sin(k / 90.0) + 0.3 * np.random.default_rng(8).standard_normal(1500)
 
 
-RIGS = [
+EXPERIMENTS = [
     Options(),
     Options(wall=0.001, resolution=5e-5, max_force=1.5, friction=0.05, jitter=0.2, seed=3),
 ]
 
 
 @pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
-@pytest.mark.parametrize("options", RIGS, ids=["linear", "rig"])
+@pytest.mark.parametrize("options", EXPERIMENTS, ids=["linear", "hardware"])
 def test_storage_and_dissipation_make_up_what_is_kept(values, push, kind, options):
     """Storage in filters and delay, dissipation in filters, and what sampling and adding up the waves leave out."""
     loop = values(kind, K_VE=150.0, Kp=10.0, **{"lp2.order": 1})

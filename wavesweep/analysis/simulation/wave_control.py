@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from wavesweep.analysis.march.avatar import (
+from wavesweep.analysis.simulation.avatar import (
     Avatar,
     Contact,
     Port,
@@ -19,8 +19,8 @@ from wavesweep.analysis.march.avatar import (
     pressed,
     touch,
 )
-from wavesweep.analysis.march.clock import Mail, collect, post
-from wavesweep.analysis.march.filters import Section, advance, at_rest, butterworth, output
+from wavesweep.analysis.simulation.cascade import Section, advance, at_rest, butterworth, output
+from wavesweep.analysis.simulation.hardware import Mail, collect, post
 from wavesweep.errors import IllPosedLoopError
 
 
@@ -66,31 +66,41 @@ class WaveTick(NamedTuple):
     v_2: float | None
 
 
-def wave_law(values: Mapping, surface: float | None = None) -> WaveLaw:
-    """Give the controller of a spec's flat values, with a one-sided wall at `surface` (m) where one is given."""
-    b, fast_hz, ratio = values["controller.b"], values["rates.fast_hz"], values["rates.ratio"]
-    with_local = values["controller.kind"] == "pmw-lm"
-
-    def design(name, passes):
-        return butterworth(passes, values[f"filters.{name}.order"], values[f"filters.{name}.cutoff_hz"], fast_hz)
-
-    def spring(table, letters, period):
-        constants = (values[f"{table}.K_{letters}"], values[f"{table}.B_{letters}"])
-        return port(*constants, b, period, values[f"{table}.integration"])
-
-    wall = spring("environment", "VE", ratio / fast_hz)
+def pmw(values: Mapping, surface: float | None = None) -> WaveLaw:
+    """Give the law of `pmw`, its wall one-sided from `surface` (m) on where one is given."""
+    wall = _spring(values, "environment", "VE", values["rates.ratio"] / values["rates.fast_hz"])
     return WaveLaw(
-        b=b,
+        b=values["controller.b"],
         Kp=values["controller.Kp"],
-        ratio=ratio,
+        ratio=values["rates.ratio"],
         delay=values["environment.delay"],
-        lp1=design("lp1", "low"),
+        lp1=_filter(values, "lp1", "low"),
         wall=wall if surface is None else wall._replace(position=surface, one_sided=True),
-        local=spring("local_model", "LM", 1 / fast_hz) if with_local else None,
-        hp=design("hp", "high") if with_local else (),
-        lp2=design("lp2", "low") if with_local else (),
-        local_delay=values["local_model.delay"] if with_local else 1,
+        local=None,
+        hp=(),
+        lp2=(),
+        local_delay=1,
     )
+
+
+def pmw_lm(values: Mapping, surface: float | None = None) -> WaveLaw:
+    """Give the law of `pmw-lm`: that of `pmw` with filter bank and local model."""
+    return pmw(values, surface)._replace(
+        local=_spring(values, "local_model", "LM", 1 / values["rates.fast_hz"]),
+        hp=_filter(values, "hp", "high"),
+        lp2=_filter(values, "lp2", "low"),
+        local_delay=values["local_model.delay"],
+    )
+
+
+def _filter(values: Mapping, name: str, passes: str) -> tuple[Section, ...]:
+    order, cutoff_hz = (values[f"filters.{name}.{part}"] for part in ("order", "cutoff_hz"))
+    return butterworth(passes, order, cutoff_hz, values["rates.fast_hz"])
+
+
+def _spring(values: Mapping, table: str, letters: str, period: float) -> Port:
+    constants = (values[f"{table}.K_{letters}"], values[f"{table}.B_{letters}"])
+    return port(*constants, values["controller.b"], period, values[f"{table}.integration"])
 
 
 def wave_memory(law: WaveLaw) -> WaveMemory:
@@ -103,7 +113,7 @@ def wave_memory(law: WaveLaw) -> WaveMemory:
 def wave_tick(
     law: WaveLaw, memory: WaveMemory, k: int, x: float, v_hat: float, late: int | None = 0
 ) -> tuple[WaveMemory, WaveTick]:
-    """March one tick: ``f_m = b·v̂ - √(2b)·v_m``, ``u_m = √(2b)·v̂ - v_m``, and what ``u_m`` then sets in motion.
+    """Run one tick: ``f_m = b·v̂ - √(2b)·v_m``, ``u_m = √(2b)·v̂ - v_m``, and the answers to ``u_m``.
 
     Parameters: `k` the tick, `x` the position (m), `v_hat` the measured velocity (m/s), `late` how many ticks a slow
     result computed now comes later than its delay, None when it never comes.
@@ -127,7 +137,7 @@ def wave_tick(
 
 
 def _local_tick(law: WaveLaw, memory: WaveMemory, u_m: float):
-    """Answer ``u_m`` with the local model: its waves, and what it remembers of them."""
+    """Answer ``u_m`` with the local model: its waves, and its new state."""
     if law.local is None:
         return None, None, None, {}
     hp, u_h = advance(law.hp, memory.hp, u_m)
@@ -145,8 +155,8 @@ def _local_answer(law: WaveLaw, memory: WaveMemory, u_h: float) -> Avatar:
 def _outgoing(law: WaveLaw, memory: WaveMemory, x: float, sent: float, *, closes: bool) -> tuple[float, Contact | None]:
     """Find the ``u_m`` with ``u_m = √(2b)·v̂ - v_m``, where ``v_m`` may itself come from ``u_m`` within the tick.
 
-    For each way of meeting the wall ``v_m`` is affine in ``u_m``: its slope is what a loop at rest gives back of a unit
-    wave. The first way that its own solution allows is taken; they are tried in the order in which `contact` decides.
+    For each way of meeting the wall ``v_m`` is affine in ``u_m``: its slope is the part of a unit wave that a loop at rest
+    returns. The first way that its own solution allows is taken; they are tried in the order in which `contact` decides.
     Returns the wave, and the way when the slow loop is part of it.
     """
     if not closes and law.local_delay:

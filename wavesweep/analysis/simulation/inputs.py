@@ -1,13 +1,18 @@
-"""What the hand does: records of force, one number per fast tick."""
+"""Forces of the hand, one number per fast tick: made here, or recorded elsewhere and read from a CSV file."""
 
 from __future__ import annotations
 
+import csv
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from wavesweep.errors import UsageError
+
+_TOLERANCE = 0.01  # of a tick: times rounded to a few digits pass, a clock that drifts or loses samples does not
 
 
 @dataclass(frozen=True)
@@ -27,7 +32,7 @@ class Input:
     tones: tuple[Tone, ...] = ()
 
     def __post_init__(self) -> None:
-        """Nobody changes what was recorded."""
+        """Make the record read-only."""
         self.force.flags.writeable = False
 
 
@@ -54,7 +59,7 @@ def stepped_sine(
     periods: int = 5,
     least: float = 1.0,
 ) -> Input:
-    """Give one sine after the other without a jump in phase, as a sine sweep on a rig does.
+    """Give one sine after the other without a jump in phase, as a measured sine sweep does.
 
     Parameters: `frequencies_hz` above 0 and below half the fast rate, `amplitude` (N), `settle` seconds before each
     measurement, which then takes `periods` (at least 1) whole periods and at least `least` seconds of them.
@@ -114,7 +119,7 @@ def given(force) -> Input:
 
 
 def lasting(record: Input, ticks: int) -> Input:
-    """Give the record cut off at `ticks`, or followed by no force up to there; what is not whole is not measured."""
+    """Give the record cut off at `ticks`, or followed by no force up to there; a tone that is not whole is not measured."""
     force = np.zeros(ticks)
     force[: len(record.force)] = record.force[:ticks]
     return Input(force, tuple(tone for tone in record.tones if tone.last <= ticks))
@@ -130,3 +135,62 @@ def _ticks(fast_hz: float, seconds: float) -> int:
     if not 0.0 <= seconds < np.inf:
         raise UsageError(f"duration: expected 0 s or more, found {seconds} s")
     return round(seconds * fast_hz)
+
+
+def read_force(path: str | Path, fast_hz: float) -> Input:
+    """Read a record of hand force from a CSV file with a header line.
+
+    Column ``force_N`` holds the force of each fast tick (N). If there is a column ``time_s`` its times must go up by
+    exactly one fast period from row to row, within 1 % of it; they may start anywhere. Other columns are left alone.
+
+    Errors: `UsageError` naming the file, the line, the value found and the values expected.
+    """
+    try:
+        with Path(path).open(newline="", encoding="utf-8-sig") as stream:
+            rows = csv.reader(stream)
+            header = [name.strip() for name in next(rows, [])]
+            lines = [(rows.line_num, row) for row in rows if any(map(str.strip, row))]
+    except OSError as error:
+        raise UsageError(f"{path}: expected a readable file, found: {error.strerror}") from error
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise UsageError(f"{path}: expected a CSV file in UTF-8, found: {error}") from error
+    if "force_N" not in header:
+        raise UsageError(f"{path}:1: expected a column force_N in the header, found {', '.join(header) or 'nothing'}")
+    if not lines:
+        raise UsageError(f"{path}: expected at least one row of numbers below the header, found none")
+    force = _column(path, lines, header, "force_N")
+    if "time_s" in header:
+        _check_times(path, lines, _column(path, lines, header, "time_s"), fast_hz)
+    return Input(force)
+
+
+def _column(path: str | Path, lines: list, header: list, name: str) -> np.ndarray:
+    """Read a column as finite numbers."""
+    place, numbers = header.index(name), []
+    for line, row in lines:
+        cell = row[place].strip() if place < len(row) else ""
+        number = _number(cell)
+        if not math.isfinite(number):
+            raise UsageError(f"{path}:{line}: {name}: expected a number, found {cell or 'nothing'}")
+        numbers.append(number)
+    return np.array(numbers)
+
+
+def _number(cell: str) -> float:
+    """Read a number; NaN for a cell without one."""
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan
+
+
+def _check_times(path: str | Path, lines: list, times: np.ndarray, fast_hz: float) -> None:
+    """Refuse times that are not the ticks of the fast loop, at the first row that is off."""
+    expected = times[0] + np.arange(len(times)) / fast_hz
+    off = np.abs(times - expected) > _TOLERANCE / fast_hz
+    if off.any():
+        row = int(off.argmax())
+        raise UsageError(
+            f"{path}:{lines[row][0]}: time_s: expected {expected[row]:.9g}, a row every {1 / fast_hz:.9g} s as at the "
+            f"fast rate, found {times[row]:.9g}; resample the record or set rates.fast_hz"
+        )

@@ -4,7 +4,7 @@ import math
 import numpy as np
 import pytest
 
-from wavesweep.analysis.march.filters import advance, at_rest, butterworth, output
+from wavesweep.analysis.simulation.cascade import advance, at_rest, butterworth, output
 
 
 def response(sections, z):

@@ -1,10 +1,8 @@
 import numpy as np
 import pytest
 
-from wavesweep.analysis.march.estimation import estimate
-from wavesweep.analysis.march.experiment import simulate
-from wavesweep.analysis.march.inputs import Tone, sine, stepped_sine
-from wavesweep.analysis.march.options import Options
+from wavesweep.analysis.simulation import Options, Tone, estimate, simulate
+from wavesweep.analysis.simulation.inputs import sine, stepped_sine
 from wavesweep.errors import UsageError
 
 # The loop of Fig. 6 (`pmw-lm`, Kp = 20, the rest by default): exact responses, from 40-digit arithmetic.

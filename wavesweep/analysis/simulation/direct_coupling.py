@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from wavesweep.analysis.march.clock import Mail, collect, post
+from wavesweep.analysis.simulation.hardware import Mail, collect, post
 
 
 class DirectLaw(NamedTuple):
@@ -24,7 +24,7 @@ class DirectLaw(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """A force of the slow wall (N), the position (m) and velocity (m/s) that it comes from, and if it touched."""
+    """A force of the slow wall (N), the position (m) and velocity (m/s) that it comes from, and whether it touched."""
 
     F: float = 0.0
     x: float = 0.0
@@ -33,7 +33,7 @@ class Sample(NamedTuple):
 
 
 class DirectMemory(NamedTuple):
-    """What a direct coupling keeps from tick to tick."""
+    """State of a direct coupling between ticks: the held sample, and those on their way."""
 
     held: Sample = Sample()
     mail: Mail = ()
@@ -47,19 +47,19 @@ class DirectTick(NamedTuple):
     touching: bool
 
 
-def direct_law(values: Mapping, surface: float | None = None) -> DirectLaw:
-    """Give the controller of a spec's flat values, with a one-sided wall at `surface` (m) where one is given."""
-    kind = values["controller.kind"]
-    with_local = kind == "dc-lm"
-    return DirectLaw(
-        K=values["environment.K_VE"],
-        B=values["environment.B_VE"],
-        K_LM=values["local_model.K_LM"] if with_local else 0.0,
-        B_LM=values["local_model.B_LM"] if with_local else 0.0,
-        ratio=1 if kind == "dc" else values["rates.ratio"],
-        delay=0 if kind == "dc" else values["environment.delay"],
-        surface=surface,
-    )
+def dc(values: Mapping, surface: float | None = None) -> DirectLaw:
+    """Give the law of `dc`, the wall at the fast rate, one-sided from `surface` (m) on where one is given."""
+    return DirectLaw(values["environment.K_VE"], values["environment.B_VE"], 0.0, 0.0, 1, 0, surface)
+
+
+def dc_slow(values: Mapping, surface: float | None = None) -> DirectLaw:
+    """Give the law of `dc-slow`: the same wall once a frame, its force held."""
+    return dc(values, surface)._replace(ratio=values["rates.ratio"], delay=values["environment.delay"])
+
+
+def dc_lm(values: Mapping, surface: float | None = None) -> DirectLaw:
+    """Give the law of `dc-lm`: that of `dc-slow` with a local model around the samples behind the held force."""
+    return dc_slow(values, surface)._replace(K_LM=values["local_model.K_LM"], B_LM=values["local_model.B_LM"])
 
 
 def direct_memory(law: DirectLaw) -> DirectMemory:
@@ -70,7 +70,7 @@ def direct_memory(law: DirectLaw) -> DirectMemory:
 def direct_tick(
     law: DirectLaw, memory: DirectMemory, k: int, x: float, v_hat: float, late: int | None = 0
 ) -> tuple[DirectMemory, DirectTick]:
-    """March one tick: ``f_m = F_s + K_LM·(x - x_ref) + B_LM·(v̂ - v̂_ref)`` with the held ``F_s = K·x_ref + B·v̂_ref``.
+    """Run one tick: ``f_m = F_s + K_LM·(x - x_ref) + B_LM·(v̂ - v̂_ref)`` with the held ``F_s = K·x_ref + B·v̂_ref``.
 
     The local model is that of a contact: there is none while the held force is of a wall that was not touched.
 

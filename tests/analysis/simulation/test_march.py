@@ -2,9 +2,9 @@ import math
 
 import numpy as np
 import pytest
+from support.march import at_rest, march, numbers_of, random_state, with_numbers
 
-from wavesweep.analysis.march import at_rest, compile_loop, march, random_state
-from wavesweep.analysis.march.coordinates import numbers_of, with_numbers
+from wavesweep.analysis.simulation import compile_loop
 from wavesweep.errors import IllPosedLoopError
 
 

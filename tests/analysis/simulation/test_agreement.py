@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from wavesweep.analysis.march import simulate
-from wavesweep.analysis.march.estimation import estimate
-from wavesweep.analysis.march.inputs import stepped_sine
 from wavesweep.analysis.response import prepare, steady_state
+from wavesweep.analysis.simulation import estimate, simulate
+from wavesweep.analysis.simulation.inputs import stepped_sine
 from wavesweep.diagram import draw
 
 FREQUENCIES = np.linspace(1.3, 48.8, 20)

@@ -25,7 +25,7 @@ class Port(NamedTuple):
 
 
 class Avatar(NamedTuple):
-    """What an update leaves: position (m), velocity (m/s), force (N), the returned wave (√W), and if it touches."""
+    """The avatar after an update: position (m), velocity (m/s), force (N), the returned wave (√W), and whether it touches."""
 
     x: float = 0.0
     x_dot: float = 0.0

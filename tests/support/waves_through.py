@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.march.filters import advance, at_rest, butterworth
 from wavesweep.analysis.passivity.aliases import alias_angles, response_of
 from wavesweep.analysis.passivity.channel import channel_norm
 from wavesweep.analysis.passivity.ways import ways_of
+from wavesweep.analysis.simulation.cascade import advance, at_rest, butterworth
 from wavesweep.diagram import draw
 
 
@@ -52,7 +52,7 @@ def worst_wave(values, frames: int) -> np.ndarray:
 def run_out(values, sent, tail_frames: int = 200) -> Passage:
     """Send the wave u_m (`(ticks,)`) to the environment, tick by tick, then nothing for `tail_frames` frames.
 
-    Filters as the march has them, which knows nothing of lifting: a witness of `channel_norm`.
+    The filters are those of the simulator, which knows nothing of lifting: a witness of `channel_norm`.
     """
     fast_hz, ratio = values["rates.fast_hz"], values["rates.ratio"]
     local = values["controller.kind"] == "pmw-lm"

@@ -8,12 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.analysis.march import inputs
-from wavesweep.analysis.march.experiment import Simulation, simulate
-from wavesweep.analysis.march.inputs import Input
-from wavesweep.analysis.march.options import Options, changed
-from wavesweep.analysis.march.recording import read_force
-from wavesweep.analysis.march.table import table
+from wavesweep.analysis.simulation import inputs
+from wavesweep.analysis.simulation.both_loops import simulate
+from wavesweep.analysis.simulation.hardware import Options, changed
+from wavesweep.analysis.simulation.inputs import Input
+from wavesweep.analysis.simulation.record import Simulation, table
 from wavesweep.spec import Spec
 
 
@@ -37,7 +36,7 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
 
 
 def options_of(spec: Spec) -> Options:
-    """Give what the spec adds to the linear model."""
+    """Give the effects that the spec adds to the linear model."""
     return Options(**{field.name: spec.simulate[field.name] for field in fields(Options)})
 
 
@@ -66,6 +65,6 @@ def _made(spec: Spec, fast_hz: float) -> Input:
         "step": lambda: inputs.step(fast_hz, size, seconds, at),
         "pulse": lambda: inputs.pulse(fast_hz, size, seconds, at, values["width_s"]),
         "noise": lambda: inputs.noise(fast_hz, size, seconds, values["seed"]),
-        "record": lambda: read_force(record_path(spec), fast_hz),
+        "record": lambda: inputs.read_force(record_path(spec), fast_hz),
     }
     return makers[values["input"]]()

@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from wavesweep.analysis.march.avatar import Avatar, allows, contact, free, grazing, port, pressed, touch
+from wavesweep.analysis.simulation.avatar import Avatar, allows, contact, free, grazing, port, pressed, touch
 
 
 @pytest.mark.parametrize("integration", ["explicit", "implicit", "trapezoidal"])

@@ -1,0 +1,133 @@
+"""Effects of hardware and real-time systems: sensing, actuation, timing, and slow results on their way.
+
+Every feature of a simulated experiment is off unless it is asked for. Time is a whole number of fast ticks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+
+_EXACT_STEPS = 2.0**53  # beyond this many encoder steps every double is one
+
+
+@dataclass(frozen=True)
+class Options:
+    """Features of a simulated experiment. With all of them off a simulation is that of the linear model.
+
+    Parameters:
+    `wall` the position (m) above which a one-sided wall stands, None for the model's wall on both sides of 0;
+    `resolution` of the encoder (m), 0 for none: position is the nearest step, velocity its difference where the spec
+    says ``difference`` (an ``exact`` velocity stays exact);
+    `max_force` of the motors (N), None for no limit: the device exerts ``f_m`` cut off there, the controller knows
+    nothing of it;
+    `friction` Coulomb's (N), at rest as in motion;
+    `jitter` (part of a tick, below 1): every fast tick is longer or shorter by up to that part, evenly spread; the
+    device moves for the real length, the controller counts with the nominal one;
+    `late` the most ticks by which a slow result can be late, evenly spread over 0 to `late`;
+    `dropped` the probability (0 to 1) that a slow result never comes: the fast loop holds the one before;
+    `seed` of jitter, lateness and drops, which do not change each other's numbers.
+
+    Errors: `UsageError` for a number out of range.
+    """
+
+    wall: float | None = None
+    resolution: float = 0.0
+    max_force: float | None = None
+    friction: float = 0.0
+    jitter: float = 0.0
+    late: int = 0
+    dropped: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse a value without meaning; the message names the option, the value found and the values expected."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if value is not None and not math.isfinite(value):
+                raise UsageError(f"option {field.name}: expected a finite number, found {value}")
+            if value is not None and field.name != "wall" and value < 0:
+                raise UsageError(f"option {field.name}: expected a number >= 0, found {value}")
+        if self.jitter >= 1:
+            raise UsageError(f"option jitter: expected a part of a tick below 1, found {self.jitter}")
+        if self.dropped > 1:
+            raise UsageError(f"option dropped: expected a probability of at most 1, found {self.dropped}")
+        if self.late != int(self.late):
+            raise UsageError(f"option late: expected a whole number of ticks, found {self.late}")
+
+
+def changed(options: Options, changes: Mapping[str, float | None]) -> Options:
+    """Give the options with some of them changed.
+
+    Errors: `UsageError` for a name that is no option, or a number out of range.
+    """
+    known = [field.name for field in fields(Options)]
+    unknown = [name for name in changes if name not in known]
+    if unknown:
+        raise UsageError(f"option {', '.join(unknown)}: expected some of {', '.join(known)}, found an unknown name")
+    return replace(options, **changes)
+
+
+def encoder(resolution: float) -> Callable[[float], float]:
+    """Give the position as the nearest step of the encoder."""
+    if resolution == 0.0:
+        return lambda x: x
+    return lambda x: resolution * math.floor(x / resolution + 0.5) if abs(x) < _EXACT_STEPS * resolution else x
+
+
+def motor(max_force: float | None) -> Callable[[float], float]:
+    """Give the force that the motors exert."""
+    if max_force is None:
+        return lambda f: f
+    return lambda f: min(max(f, -max_force), max_force)
+
+
+def tick_lengths(options: Options, T: float, ticks: int) -> np.ndarray:
+    """Give the length of every fast tick (s), ``T·(1 + jitter·U)`` with ``U`` evenly spread over -1 to 1."""
+    if options.jitter == 0:
+        return np.full(ticks, T)
+    source = _source(options, 0)
+    return T * (1 + options.jitter * source.uniform(-1.0, 1.0, ticks))
+
+
+def lateness(options: Options, frames: int) -> list[int | None]:
+    """Give by how many ticks each slow result is late, None for one that never comes."""
+    late = _source(options, 1).integers(0, int(options.late), frames, endpoint=True).tolist()
+    lost = _source(options, 2).uniform(size=frames) < options.dropped
+    return [None if gone else ticks for ticks, gone in zip(late, lost.tolist(), strict=True)]
+
+
+def _source(options: Options, stream: int) -> np.random.Generator:
+    """Each feature has its own stream, so that switching one on leaves the others' numbers as they were."""
+    return np.random.default_rng(np.random.SeedSequence(int(options.seed), spawn_key=(stream,)))
+
+
+Mail = tuple[tuple[int, Any], ...]
+"""Results in the order in which they were computed, each with the tick from which it is held."""
+
+
+def post(mail: Mail, result: Any, k: int, delay: int | None) -> Mail:
+    """Send a result computed at tick ``k``, to be held from tick ``k + delay`` on; with None it is lost.
+
+    Without delay nothing travels: the caller holds the result at once, and it overtakes those still on their way.
+    """
+    if delay is None:
+        return mail
+    return (*mail, (k + delay, result)) if delay else ()
+
+
+def collect(held: Any, mail: Mail, k: int) -> tuple[Any, Mail]:
+    """Give the result held at tick ``k``, and those still on their way.
+
+    Of the results that are due the one computed last wins, and one that was overtaken is not held any more.
+    """
+    for place in range(len(mail) - 1, -1, -1):
+        if mail[place][0] <= k:
+            return mail[place][1], mail[place + 1 :]
+    return held, mail
