@@ -1,4 +1,4 @@
-"""How often D-decomposition by hand (`wavesweep.bench.decomposition`) misses intervals of random loops.
+"""How often D-decomposition by hand (`wavesweep.bench.rivals.decomposed`) misses intervals of random loops.
 
     OPENBLAS_NUM_THREADS=1 python tests/benchmarks/decomposition_misses.py [--specs 300]
 
@@ -19,7 +19,7 @@ from stress.judge import judge
 from stress.specs import Question, long_filters
 from support.specs import nested
 
-from wavesweep.bench.decomposition import decomposed
+from wavesweep.bench.rivals import decomposed
 from wavesweep.spec import load
 
 ANGLES = (45, 180, 450, 2000)

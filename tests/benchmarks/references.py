@@ -15,9 +15,8 @@ from itertools import pairwise, product
 
 from support.exact import frame, limit, mp, number, response
 
-from wavesweep.bench import hard
-from wavesweep.bench.problems import COLUMNS, PROBLEMS, digest
-from wavesweep.bench.references import FILE
+from wavesweep.bench import accuracy
+from wavesweep.bench.problems import COLUMNS, FILE, PROBLEMS, digest
 from wavesweep.bench.responses import problem as response_problem
 
 DIGITS = 60
@@ -225,8 +224,8 @@ def main():
     for problem in PROBLEMS:
         found = columns_of(problem)
         out["intervals"][problem.name] = {"digest": digest(problem.ask(max(COLUMNS))), "columns": list(found.values())}
-    out["hard_ends"] = [ends_of(case) for case in hard.ENDS]
-    out["hard_responses"] = [respond(case.values(), [case.frequency_hz]) for case in hard.RESPONSES]
+    out["hard_ends"] = [ends_of(case) for case in accuracy.ENDS]
+    out["hard_responses"] = [respond(case.values(), [case.frequency_hz]) for case in accuracy.RESPONSES]
     asked = response_problem()
     values = {str(size): respond(asked.spec.values, asked.checked(size)) for size in asked.sizes}
     out["responses"] = {"digest": digest(asked.spec), "values": values}

@@ -1,7 +1,6 @@
-"""Run time against error, this tool beside what a user would write instead; and where digits are lost."""
+"""Run time against error, this tool beside the methods that a user would write instead; and hard cases."""
 
-from wavesweep.bench.run import measure
-from wavesweep.bench.table import FIELDS
-from wavesweep.bench.verdict import lines
+from wavesweep.bench.measuring import FIELDS
+from wavesweep.bench.report import lines, measure
 
 __all__ = ["FIELDS", "lines", "measure"]

@@ -1,20 +1,74 @@
-"""Where digits are lost: hard cases against 50 digits."""
+"""Hard cases, where digits are lost, against 50 digits; each names its difficulty."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from wavesweep.analysis.response import prepare, steady_state
-from wavesweep.bench import hard, ours
-from wavesweep.bench.references import references
-from wavesweep.bench.scoring import score
-from wavesweep.bench.table import Row
+from wavesweep.bench.measuring import Row
+from wavesweep.bench.problems import references, score
+from wavesweep.bench.this_tool import answer_of
 from wavesweep.diagram import draw
 from wavesweep.loop import compile as compile_loop
-from wavesweep.spec import load
+from wavesweep.spec import Spec, load
 
+_EXPLICIT = {"environment": {"integration": "explicit"}}
+
+
+def _order(order: int, cutoff_hz: float) -> dict[str, Any]:
+    return {"filters": {"lp1": {"order": order, "cutoff_hz": cutoff_hz}}}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A loop and the condition that makes it hard; tables: as in a spec's file, besides the controller's kind."""
+
+    condition: str
+    kind: str
+    tables: Mapping[str, Any]
+    along: str = "K_VE"
+    span: tuple[float, float] = (0.0, 20000.0)
+    frequency_hz: float = 10.0
+
+    def spec(self) -> Spec:
+        """The loop as a spec."""
+        return load({**self.tables, "controller": {"kind": self.kind}})
+
+    def values(self) -> dict[str, Any]:
+        """Flat values of the loop."""
+        return dict(self.spec().values)
+
+
+ENDS = (
+    Case("pmw-lm with its defaults, explicit wall", "pmw-lm", _EXPLICIT),
+    Case("pmw-lm with its defaults, explicit wall, along B_VE", "pmw-lm", _EXPLICIT, "B_VE", (0.0, 100.0)),
+    Case("dc-slow with its defaults", "dc-slow", {}),
+    Case("LP1 of 6th order at 3 Hz", "pmw", _EXPLICIT | _order(6, 3.0)),
+    Case("LP1 of 12th order at 10 Hz", "pmw", _EXPLICIT | _order(12, 10.0)),
+    Case("LP1 of 12th order at 1 Hz, poles within 1e-3 of each other", "pmw", _EXPLICIT | _order(12, 1.0)),
+    Case("ratio 200", "pmw", _EXPLICIT | {"rates": {"fast_hz": 10000.0, "ratio": 200}}),
+    Case("ratio 1000", "pmw", _EXPLICIT | {"rates": {"fast_hz": 50000.0, "ratio": 1000}}),
+    Case("a device of 1 mg", "dc-slow", {"device": {"mass": 1e-6}}),
+    Case(
+        "two crossings close together, about to merge", "pmw",
+        {"environment": {"integration": "explicit", "B_VE": 2.16304}, "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}}},
+    ),
+)  # fmt: skip
+
+RESPONSES = (
+    Case("10 Hz", "pmw-lm", {}, frequency_hz=10.0),
+    Case("1e-3 Hz, next to the drift pole", "pmw-lm", {}, frequency_hz=1e-3),
+    Case("50 Hz, the slow rate itself", "pmw-lm", {}, frequency_hz=50.0),
+    Case("100.00001 Hz, next to twice the slow rate", "pmw-lm", {}, frequency_hz=100.00001),
+    Case("499.9 Hz, next to the fast Nyquist frequency", "pmw-lm", {}, frequency_hz=499.9),
+    Case("LP1 of 10th order at 1 Hz, seen at 0.1 Hz", "pmw", _order(10, 1.0), frequency_hz=0.1),
+    Case("LP1 of 12th order at 10 Hz", "pmw", _order(12, 10.0), frequency_hz=10.0),
+    Case("ratio 200", "pmw", {"rates": {"fast_hz": 10000.0, "ratio": 200}}, frequency_hz=10.0),
+)
 ANYWHERE = {"b": (5.0, 60.0), "K_LM": (10.0, 3000.0), "Kp": (1.0, 60.0), "device.mass": (0.02, 1.0)}
 
 
@@ -31,9 +85,9 @@ def _row(quantity: str, condition: str, error: float, certified: str = "") -> Ro
 
 
 def _ends() -> Iterator[Row]:
-    for case, truth in zip(hard.ENDS, references()["hard_ends"], strict=True):
+    for case, truth in zip(ENDS, references()["hard_ends"], strict=True):
         table = compile_loop(case.spec()).stable_intervals(case.along, case.span)
-        found = score(ours.answer_of(table), [truth], case.span)
+        found = score(answer_of(table), [truth], case.span)
         error = found.error_max if found.found == found.there and not found.wrong else np.nan
         yield _row("end of a stable interval", case.condition, error, _said(table))
 
@@ -56,7 +110,7 @@ def _ends_anywhere() -> Iterator[Row]:
 
 
 def _responses() -> Iterator[Row]:
-    for case, ((Y_re, Y_im, Z_re, Z_im),) in zip(hard.RESPONSES, references()["hard_responses"], strict=True):
+    for case, ((Y_re, Y_im, Z_re, Z_im),) in zip(RESPONSES, references()["hard_responses"], strict=True):
         values = case.values()
         loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"])
         Y, Z = (part[0] for part in steady_state(loop, np.array([case.frequency_hz])))

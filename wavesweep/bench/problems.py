@@ -1,15 +1,23 @@
-"""The questions that every method is asked: a loop of the paper, its columns, and the stiffness to search in each."""
+"""Problems for every method, the reference answers at 50 digits, and the score of an answer.
+
+A problem asks for all stable K_VE in each column of a sweep over a loop of the paper. `references.json` is shipped with the
+package; `tests/benchmarks/references.py` makes it.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from wavesweep.diagram import draw, keys_read
+from wavesweep.errors import WavesweepError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.paper.specs import load_paper
 from wavesweep.spec import Spec, sweep_axes
@@ -18,6 +26,7 @@ from wavesweep.sweep.groups import groups
 from wavesweep.sweep.slices import with_batch
 
 COLUMNS = (25, 50, 100, 200)
+FILE = Path(__file__).with_name("references.json")
 
 
 @dataclass(frozen=True)
@@ -35,7 +44,7 @@ class Problem:
     axes: Mapping[str, tuple[float, ...]]
 
     def overrides(self, columns: int) -> tuple[str, ...]:
-        """What makes the paper's spec ask this, as for `--set`."""
+        """Settings that turn the paper's spec into this question, as for `--set`."""
         axes = {**coarse(self.axes, columns)}
         lists = (f"sweep.{name}={list(values)}" for name, values in axes.items())
         return (f"sweep.K_VE={{ start = 0, stop = {self.stop!r} }}", *lists)
@@ -85,7 +94,7 @@ PROBLEMS = (
 class Bundle:
     """Columns whose loops one drawing serves.
 
-    column: their numbers. loops: the loops that they share, cut at the wall. owner: which of these is whose. B_VE: the
+    column: their numbers. loops: the loops that they share, cut at the wall. owner: the index of each column's loop. B_VE: the
     damping of each, N*s/m.
     """
 
@@ -101,7 +110,7 @@ class Bundle:
 
 
 def bundles(spec: Spec) -> Iterator[Bundle]:
-    """Draw and compile the loops of all columns: what every method does first."""
+    """Draw and compile the loops of all columns, the first step of every method."""
     axis, others = sweep_axes(spec, "K_VE")
     grid = make_grid(spec, others, axis.path)
     B = grid.wall_values()["environment.B_VE"]
@@ -117,7 +126,65 @@ def bundles(spec: Spec) -> Iterator[Bundle]:
 
 
 def digest(spec: Spec) -> str:
-    """Digest of everything that the answer depends on: what the loop reads, and the sweep."""
+    """Digest of everything that the answer depends on: the keys that the loop reads, and the sweep."""
     read = {path: spec.values[path] for path in sorted(keys_read(spec.values))}
     text = json.dumps({**read, "sweep": [[axis.name, axis.values, axis.stop] for axis in spec.sweep]})
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+@cache
+def references() -> dict[str, Any]:
+    """Read the file of references."""
+    return json.loads(FILE.read_text(encoding="utf-8"))
+
+
+def checked(part: dict[str, Any], digest: str, name: str) -> dict[str, Any]:
+    """Give the part back; WavesweepError where the question has changed since the references were made."""
+    if part["digest"] != digest:
+        raise WavesweepError(
+            f"the references of {name} belong to another question than the benchmark now asks; "
+            "tests/benchmarks/references.py makes them anew"
+        )
+    return part
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """Stable intervals: numbers of their columns, `(n,)`, and their ends in N/m, `(n,)` each."""
+
+    column: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+@dataclass(frozen=True)
+class Score:
+    """error_max, error_median: relative, over the critical stiffnesses of intervals that were found; NaN without any.
+
+    found: intervals of the reference that overlap exactly one interval of the answer, which overlaps no other.
+    there: intervals of the reference. wrong: columns that have another number of intervals than there are.
+    """
+
+    error_max: float
+    error_median: float
+    found: int
+    there: int
+    wrong: int
+
+
+def score(answer: Answer, truth: Sequence[Sequence[tuple[float, float]]], span: tuple[float, float]) -> Score:
+    """Compare with the reference; truth: the intervals of each column. An end that the range ends is no critical one."""
+    errors: list[float] = []
+    found = wrong = 0
+    for number, there in enumerate(truth):
+        mine = np.flatnonzero(answer.column == number)
+        claimed = list(zip(answer.low[mine].tolist(), answer.high[mine].tolist(), strict=True))
+        wrong += len(claimed) != len(there)
+        meets = np.array([[a < d and c < b for c, d in claimed] for a, b in there]).reshape(len(there), len(claimed))
+        for i, j in zip(*np.nonzero(meets), strict=True):
+            if meets[i].sum() == 1 and meets[:, j].sum() == 1:
+                found += 1
+                pairs = zip(claimed[j], there[i], strict=True)
+                errors += [abs(got - true) / abs(true) for got, true in pairs if true not in span]
+    known = (max(errors), float(np.median(errors))) if errors else (np.nan, np.nan)
+    return Score(*known, found, sum(map(len, truth)), wrong)

@@ -10,10 +10,8 @@ import numpy as np
 
 import wavesweep
 from wavesweep.analysis.response import prepare, steady_state
-from wavesweep.bench.problems import digest
-from wavesweep.bench.references import checked, references
-from wavesweep.bench.table import Row
-from wavesweep.bench.timing import Patience, interleaved
+from wavesweep.bench.measuring import Patience, Row, interleaved
+from wavesweep.bench.problems import checked, digest, references
 from wavesweep.diagram import draw
 from wavesweep.lifted.frame import lifted_system
 from wavesweep.paper.specs import load_paper
@@ -25,7 +23,7 @@ CHECKED = 10  # frequencies of each request that the references know
 
 @dataclass(frozen=True, eq=False)
 class ResponseProblem:
-    """Admittance of one loop at many frequencies; sizes: how many."""
+    """Admittance of one loop at many frequencies; sizes: their numbers."""
 
     spec: Spec
     sizes: tuple[int, ...] = (500, 50_000)
@@ -89,7 +87,7 @@ def batched(spec: Spec, frequency: np.ndarray) -> np.ndarray:
 
 
 def batched_with_gain(spec: Spec, frequency: np.ndarray) -> np.ndarray:
-    """numpy: the same and the largest singular values, what is slow in the whole table: a batched solve for all ticks."""
+    """numpy: the same and the largest singular values, the slow part of the whole table: a batched solve for all ticks."""
     block, z, turns = _lifted(spec, frequency)
     found = []
     for some in np.array_split(np.arange(z.size), -(-z.size // 5000)):

@@ -7,13 +7,9 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
 
-from wavesweep.bench import ours, points, searches
-from wavesweep.bench.decomposition import decomposed
-from wavesweep.bench.problems import COLUMNS, PROBLEMS, Problem, bundles, digest
-from wavesweep.bench.references import checked, references
-from wavesweep.bench.scoring import Answer, score
-from wavesweep.bench.table import Row
-from wavesweep.bench.timing import Pair, Patience, interleaved
+from wavesweep.bench import rivals, this_tool
+from wavesweep.bench.measuring import Pair, Patience, Row, interleaved
+from wavesweep.bench.problems import COLUMNS, PROBLEMS, Answer, Problem, bundles, checked, digest, references, score
 from wavesweep.spec import Spec
 
 PART = "stiffness"
@@ -51,15 +47,15 @@ def _refinements() -> tuple[tuple[Any, str, int], ...]:
 
 
 METHODS = (
-    Method("python-control, interconnect per point", points.interconnected, _grids(25, 50)),
-    Method("python-control, feedback per point", points.feedback, _grids(25, 50, 100)),
-    Method("numpy, a loop over points", points.looped, _grids(25, 50, 100, 200)),
-    Method("numpy, batched grid", points.batched, _grids(25, 50, 100, 200)),
-    Method("bisection, column by column", searches.bisected, _searches(*_TOLERANCES)),
-    Method("bisection, all columns at once", searches.bisected_together, _searches(*_TOLERANCES)),
-    Method("batched grid, refined", searches.refined, _refinements()),
-    Method("python-control, bisection with feedback", searches.bisected_by_feedback, _searches(1e-2, 1e-6, 1e-9, 1e-10)),
-    Method(DECOMPOSITION, decomposed, _angles(45, 90, 180, 450)),
+    Method("python-control, interconnect per point", rivals.interconnected, _grids(25, 50)),
+    Method("python-control, feedback per point", rivals.feedback, _grids(25, 50, 100)),
+    Method("numpy, a loop over points", rivals.looped, _grids(25, 50, 100, 200)),
+    Method("numpy, batched grid", rivals.batched, _grids(25, 50, 100, 200)),
+    Method("bisection, column by column", rivals.bisected, _searches(*_TOLERANCES)),
+    Method("bisection, all columns at once", rivals.bisected_together, _searches(*_TOLERANCES)),
+    Method("batched grid, refined", rivals.refined, _refinements()),
+    Method("python-control, bisection with feedback", rivals.bisected_by_feedback, _searches(1e-2, 1e-6, 1e-9, 1e-10)),
+    Method(DECOMPOSITION, rivals.decomposed, _angles(45, 90, 180, 450)),
 )
 
 
@@ -84,24 +80,24 @@ def _row(problem: Problem, method: Method, chosen: tuple[Any, str, int], patienc
     spec = problem.ask(columns)
     method.solve(problem.ask(min(COLUMNS)), method.settings[0][0])  # warm: imports, caches
     answers: list[Answer] = []
-    pair = interleaved(lambda: answers.append(method.solve(spec, setting)), partial(ours.library, spec), patience)
+    pair = interleaved(lambda: answers.append(method.solve(spec, setting)), partial(this_tool.library, spec), patience)
     return _measured(problem, (method.name, name), columns, pair) | _scored(problem, columns, answers[-1])
 
 
 def _own_row(problem: Problem, columns: int, patience: Patience) -> Row:
-    call = partial(ours.library, problem.ask(columns))
+    call = partial(this_tool.library, problem.ask(columns))
     table = call()
     pair = interleaved(call, call, patience)
     drawn = [part.loops.E.shape[0] for part in bundles(problem.ask(columns))]
     shared = "one loop" if sum(drawn) == 1 else f"{sum(drawn)} loops"
     named = (LIBRARY, f"{int(table.certified.sum())} of {len(table)} rows certified, columns of {shared}")
-    return _measured(problem, named, columns, pair) | _scored(problem, columns, ours.answer_of(table))
+    return _measured(problem, named, columns, pair) | _scored(problem, columns, this_tool.answer_of(table))
 
 
 def _command_row(problem: Problem, columns: int, patience: Patience) -> Row:
     answers: list[Answer] = []
-    call = partial(ours.library, problem.ask(columns))
-    pair = interleaved(lambda: answers.append(ours.command(problem, columns)), call, patience)
+    call = partial(this_tool.library, problem.ask(columns))
+    pair = interleaved(lambda: answers.append(this_tool.command(problem, columns)), call, patience)
     return _measured(problem, (COMMAND, "zwidth --no-plot"), columns, pair) | _scored(problem, columns, answers[-1])
 
 

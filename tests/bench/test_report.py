@@ -11,10 +11,10 @@ import pytest
 
 import wavesweep
 from wavesweep import bench, results
-from wavesweep.bench.growth import exponent
+from wavesweep.bench.costs import exponent
+from wavesweep.bench.measuring import Patience, interleaved
 from wavesweep.bench.problems import PROBLEMS
 from wavesweep.bench.stiffness import COMMAND, LIBRARY, METHODS
-from wavesweep.bench.timing import Patience, interleaved
 from wavesweep.cli import main
 from wavesweep.plots.bench import bench as draw
 

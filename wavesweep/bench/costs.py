@@ -1,7 +1,8 @@
-"""How costs grow: compiling with the ratio and the filters' order, sweeping with slices and workers."""
+"""Costs: compiling over the ratio and the filters' order, sweeping over slices and workers, and starting a process."""
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any
@@ -9,17 +10,20 @@ from typing import Any
 import numpy as np
 
 from wavesweep import sweep
-from wavesweep.bench.table import Row
-from wavesweep.bench.timing import Patience, interleaved
+from wavesweep.bench.measuring import Patience, Row, interleaved
+from wavesweep.bench.this_tool import run
 from wavesweep.diagram import draw
 from wavesweep.lifted import cut_at_wall
-from wavesweep.paper.specs import load_paper
+from wavesweep.paper.specs import folder, load_paper
 
 RATIOS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 FILTERS = ("lp1", "hp", "lp2")
 ORDERS = tuple(range(1, 13))
 SLICES = (100, 300, 1000, 3000, 10_000)
 FOR_WORKERS = (3000, 10_000, 30_000)  # slices; below the first of them no workers are started by themselves
+_IMPORTS = "import numpy, click, pyarrow.parquet"
+_FIGURE = f"{_IMPORTS}; from matplotlib.backends.backend_agg import FigureCanvasAgg; from matplotlib.figure import Figure"
+ROUNDS = Patience(6.0, 5, 15)  # of whole processes
 
 
 def exponent(size: Sequence[float], seconds: Sequence[float]) -> float:
@@ -57,6 +61,23 @@ def worker_rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
             "seconds": pair.first, "seconds_each": pair.first / n, "ratio": pair.ratio, "yardstick": "1 process",
             "pairs": pair.pairs,
         }  # fmt: skip
+
+
+def start_rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
+    """Time of whole processes against the imports that they need at least; quick: the help alone."""
+    rounds = patience if quick else ROUNDS
+    with tempfile.TemporaryDirectory() as out:
+        zwidth = ["-m", "wavesweep", "zwidth", str(folder() / "fig4.toml"), "--quiet", "--force", "--out", out]
+        for name, arguments, yardstick in (
+            ("wavesweep --help", ["-m", "wavesweep", "--help"], "import click"),
+            ("wavesweep zwidth fig4.toml --no-plot", [*zwidth, "--no-plot"], _IMPORTS),
+            ("wavesweep zwidth fig4.toml", zwidth, _FIGURE),
+        )[: 1 if quick else None]:
+            pair = interleaved(partial(run, arguments), partial(run, ["-c", yardstick]), rounds)
+            yield {
+                "part": "start", "problem": "whole process", "method": name, "seconds": pair.first,
+                "ratio": pair.ratio, "yardstick": yardstick, "pairs": pair.pairs,
+            }  # fmt: skip
 
 
 def _swept(slices: int, jobs: int) -> Any:

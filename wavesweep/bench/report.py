@@ -1,24 +1,76 @@
-"""What the table says, in lines: how much faster at equal error, how much more accurate at equal time, how costs grow."""
+"""All measurements in turn, and in lines: speed at equal error, accuracy at equal time, and the growth of costs."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import hashlib
+import platform
+import time
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 
 import numpy as np
 
-from wavesweep.bench.growth import exponent
-from wavesweep.bench.hotpath import LAPACK
-from wavesweep.bench.problems import PROBLEMS
+from wavesweep import __version__
+from wavesweep.bench import accuracy, responses, stiffness
+from wavesweep.bench.costs import compile_rows, exponent, slice_rows, start_rows, worker_rows
+from wavesweep.bench.measuring import FULL, QUICK, Row, columns_of
+from wavesweep.bench.problems import FILE, PROBLEMS
 from wavesweep.bench.stiffness import COMMAND, DECOMPOSITION, LIBRARY, PART
+from wavesweep.bench.this_tool import LAPACK, profile_rows
+from wavesweep.sweep import Run
 
+METHODS = {
+    "run_time": "wall time, medians; ratios from pairs that were run in turn, in one process with one thread",
+    "error": "relative, against 50-digit arithmetic",
+}
 GOOD = 1e-9  # the error at which run times are compared
 FLOOR = np.finfo(float).eps  # nothing is called more accurate than this
 
 Columns = Mapping[str, np.ndarray]
 
 
+def measure(*, quick: bool, progress: Callable[[int, int], None] | None = None) -> Run:
+    """Measure everything and give the table; quick: a few seconds, enough to see that all of it works.
+
+    progress: called with how many parts are done, and of how many.
+    """
+    started, rows, parts = time.perf_counter(), [], list(_parts(quick))
+    for done, part in enumerate(parts, start=1):
+        rows += part()
+        if progress is not None:
+            progress(done, len(parts))
+    return Run(columns_of(rows), _facts(quick, time.perf_counter() - started))
+
+
+def _parts(quick: bool) -> Iterator[Callable[[], Iterator[Row]]]:
+    """The measurements, each to be called in its turn."""
+    patience = QUICK if quick else FULL
+    for problem in stiffness.problems(quick=quick):
+        yield partial(stiffness.rows, problem, patience, quick=quick)
+    for rows in (responses.rows, compile_rows, slice_rows, worker_rows, start_rows):
+        yield partial(rows, patience, quick=quick)
+    yield partial(profile_rows, 1 if quick else 20)
+    yield accuracy.rows
+
+
+def _facts(quick: bool, seconds: float) -> dict:
+    import control
+
+    return {
+        "schema_version": 1, "tool_version": __version__, "spec_sha256": hashlib.sha256(FILE.read_bytes()).hexdigest(),
+        "methods": METHODS, "quick": quick, "titles": _titles(), "timings": {"total_s": round(seconds, 3)},
+        "versions": {"python": platform.python_version(), "numpy": np.__version__, "control": control.__version__},
+        "machine": platform.machine(),
+    }  # fmt: skip
+
+
+def _titles() -> dict[str, str]:
+    """Problem -> its title in a figure."""
+    return {problem.name: problem.title for problem in PROBLEMS} | {"fig6": "response of Fig. 6"}
+
+
 def lines(columns: Columns) -> Iterator[str]:
-    """Give the lines."""
+    """Give the result of each measurement as a line for a reader."""
     for problem in PROBLEMS:
         yield from _stiffness(_only(columns, part=PART, problem=problem.name), problem.title)
     yield from _response(_only(columns, part="response"))
@@ -58,7 +110,7 @@ def _stiffness(here: Columns, title: str) -> Iterator[str]:
 
 
 def _by_angles(rows: list[dict], method: str, _ours: dict) -> str:
-    """How many angles are enough is what its user cannot know, so each setting is named."""
+    """Each setting is named, since its user cannot know how many angles are enough."""
     each = (
         f"{row['ratio']:.3g} times as long with {row['setting']} (error {row['error_max']:.0e}, {row['found']:g} intervals)"
         for row in rows
@@ -114,7 +166,7 @@ def _growth(columns: Columns) -> Iterator[str]:
         for name in dict.fromkeys(chosen["problem"].tolist()):
             one = _only(chosen, problem=name)
             size, ratio = one["size"], one["ratio"]
-            # Relative to the smallest, each timed in turn with it: what else the machine does cancels.
+            # Relative to the smallest, each timed in turn with it: other loads of the machine cancel.
             yield (
                 f"{part}, {name}: grows as its power {exponent(size, ratio):.2f} from {size[0]:g} to {size[-1]:g} "
                 f"({1e3 * one['seconds'][0]:.3g} to {1e3 * one['seconds'][-1]:.3g} ms)"

@@ -1,8 +1,11 @@
-"""The benchmark's table: a row per measurement."""
+"""Two calls timed side by side, so that a disturbance of the machine meets both; and the table, a row per measurement."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -31,7 +34,7 @@ Row = Mapping[str, Any]
 
 
 def columns_of(rows: Iterable[Row]) -> dict[str, np.ndarray]:
-    """The rows as columns; what a row does not say is missing."""
+    """The rows as columns; a field that a row does not have is missing."""
     rows = list(rows)
     out = {}
     for field in FIELDS:
@@ -40,3 +43,44 @@ def columns_of(rows: Iterable[Row]) -> dict[str, np.ndarray]:
         else:
             out[field.name] = np.array([row.get(field.name, np.nan) for row in rows], dtype=float)
     return out
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Medians over the pairs: seconds of either side, and of the quotient of each pair, first by second."""
+
+    first: float
+    second: float
+    ratio: float
+    pairs: int
+
+
+@dataclass(frozen=True)
+class Patience:
+    """How long a pair is measured: at least `fewest` pairs, then on until `seconds` are over or `most` are done."""
+
+    seconds: float
+    fewest: int
+    most: int
+
+
+FULL = Patience(0.8, 2, 25)
+QUICK = Patience(0.0, 1, 1)
+
+
+def interleaved(first: Callable[[], Any], second: Callable[[], Any], patience: Patience) -> Pair:
+    """Run A B A B ..., both of them warm already, and give medians."""
+    started, times = time.perf_counter(), []
+    while len(times) < patience.fewest or (
+        len(times) < patience.most and time.perf_counter() - started < patience.seconds
+    ):
+        times.append((_timed(first), _timed(second)))
+    return Pair(
+        median(a for a, _ in times), median(b for _, b in times), median(a / b for a, b in times), len(times)
+    )
+
+
+def _timed(call: Callable[[], Any]) -> float:
+    started = time.perf_counter()
+    call()
+    return time.perf_counter() - started

@@ -3,12 +3,9 @@
 import numpy as np
 import pytest
 
-from wavesweep.bench import hard
-from wavesweep.bench.decomposition import decomposed
-from wavesweep.bench.problems import COLUMNS, PROBLEMS
-from wavesweep.bench.references import references
-from wavesweep.bench.scoring import score
-from wavesweep.bench.searches import bisected_by_feedback, bisected_together
+from wavesweep.bench.accuracy import ENDS
+from wavesweep.bench.problems import COLUMNS, PROBLEMS, references, score
+from wavesweep.bench.rivals import bisected_by_feedback, bisected_together, decomposed
 from wavesweep.spec import load
 
 
@@ -22,7 +19,7 @@ def test_it_finds_every_interval_of_the_problems(problem):
 
 def two_crossings_about_to_merge():
     """As a question of the benchmark's, and its truth."""
-    case = hard.ENDS[-1]
+    case = ENDS[-1]
     spec = load({**case.tables, "controller": {"kind": case.kind}, "sweep": {"K_VE": {"start": 0, "stop": case.span[1]}}})
     return spec, [references()["hard_ends"][-1]], case.span
 

@@ -1,0 +1,117 @@
+"""This tool: as a library, as a command, and a profile of one call, with the share that LAPACK takes alone."""
+
+from __future__ import annotations
+
+import cProfile
+import os
+import pstats
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import wavesweep
+from wavesweep import results
+from wavesweep.analysis.intervals.hopeless import surely_unstable
+from wavesweep.analysis.intervals.isolate import isolate
+from wavesweep.analysis.intervals.polish import polish
+from wavesweep.analysis.intervals.polynomial import sampled_polynomial
+from wavesweep.analysis.intervals.regions import regions
+from wavesweep.bench.measuring import Row
+from wavesweep.bench.problems import COLUMNS, PROBLEMS, Answer, Problem
+from wavesweep.diagram import draw
+from wavesweep.lifted import cut_at_wall
+from wavesweep.paper.specs import folder
+from wavesweep.spec import Spec
+
+STAGES = {  # function -> the stage that it is; together they are the whole call
+    draw: "draw and discretise",
+    cut_at_wall: "connect, lift and cut",
+    surely_unstable: "screen",
+    sampled_polynomial: "polynomial from samples",
+    isolate: "roots and their proof",
+    polish: "polish",
+    regions: "count and label",
+}
+LAPACK = "LAPACK alone"
+_ROUTINES = ("eigvals", "eig", "solve", "inv", "slogdet")
+
+
+def library(spec: Spec) -> Any:
+    """Compile and ask for all stable intervals, certificate included: the DataFrame that a user gets."""
+    (along,) = (axis for axis in spec.sweep if axis.name == "K_VE")
+    axes = {axis.name: axis.values for axis in spec.sweep if axis is not along}
+    return wavesweep.compile(spec).stable_intervals("K_VE", (along.start, along.stop), **axes)
+
+
+def answer_of(table: Mapping[str, Any]) -> Answer:
+    """The answer in a table of intervals."""
+    interval = np.asarray(table["interval"])
+    stable = np.asarray(table["intervals"]) > 0
+    column = np.cumsum(interval <= 0) - 1
+    return Answer(column[stable], np.asarray(table["low"])[stable], np.asarray(table["high"])[stable])
+
+
+def command(problem: Problem, columns: int) -> Answer:
+    """`wavesweep zwidth` as a process of its own, and its table read back."""
+    settings = [word for setting in problem.overrides(columns) for word in ("--set", setting)]
+    with tempfile.TemporaryDirectory() as out:
+        spec = folder() / f"{problem.spec}.toml"
+        run(["-m", "wavesweep", "zwidth", str(spec), "--no-plot", "--quiet", "--out", out, *settings])
+        return answer_of(results.read(Path(out) / "zwidth.parquet"))
+
+
+def run(arguments: Sequence[str]) -> None:
+    """Run this Python with these arguments, this package within its reach and its bytecode kept, as installing does."""
+    reach = os.pathsep.join([str(Path(wavesweep.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    subprocess.run(  # noqa: S603 - our own command
+        [sys.executable, *arguments], check=True, stdout=subprocess.DEVNULL, env=kept | {"PYTHONPATH": reach}
+    )
+
+
+def profile_rows(repeats: int = 20) -> Iterator[Row]:
+    """Profile this tool on every problem: seconds of a call, and the share of each stage."""
+    for problem in PROBLEMS:
+        spec = problem.ask(max(COLUMNS))
+        call = partial(library, spec)
+        call()
+        profile = cProfile.Profile()
+        profile.enable()
+        for _ in range(repeats):
+            call()
+        profile.disable()
+        stats = pstats.Stats(profile)
+        seconds = {**_stages(stats), LAPACK: _lapack(stats)}
+        for name, spent in seconds.items():
+            yield {
+                "part": "profile", "problem": problem.name, "method": name, "size": max(COLUMNS),
+                "seconds": spent / repeats, "ratio": spent / stats.total_tt, "yardstick": "the whole call, profiled",
+                "pairs": repeats,
+            }  # fmt: skip
+
+
+def _stages(stats: pstats.Stats) -> dict[str, float]:
+    """Cumulative seconds of each stage, and of all that is in none of them."""
+    spent = {stage: stats.stats[_profiled(function)][3] for function, stage in STAGES.items()}
+    return {**spent, "tables and the rest": stats.total_tt - sum(spent.values())}
+
+
+def _profiled(function: Callable) -> tuple[str, int, str]:
+    """Key of a function in a profile."""
+    code = function.__code__
+    return code.co_filename, code.co_firstlineno, code.co_name
+
+
+def _lapack(stats: pstats.Stats) -> float:
+    """Own time of numpy's calls into LAPACK."""
+    return sum(
+        own
+        for (file, _, function), (_, _, own, _, _) in stats.stats.items()
+        if function in _ROUTINES and "linalg" in file
+    )
