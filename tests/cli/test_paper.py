@@ -5,8 +5,7 @@ import json
 import pytest
 
 from wavesweep.cli.group import group
-from wavesweep.paper import run
-from wavesweep.paper.figures import figure_4
+from wavesweep.paper import figures
 from wavesweep.paper.statements.stability import STATEMENTS
 from wavesweep.results import read
 
@@ -14,8 +13,8 @@ from wavesweep.results import read
 @pytest.fixture(autouse=True)
 def short(monkeypatch, tmp_path):
     """One figure and the statements on it, in a new folder."""
-    monkeypatch.setattr(run, "FIGURES", (figure_4,))
-    monkeypatch.setattr(run, "STATEMENTS", STATEMENTS[:1])
+    monkeypatch.setattr(figures, "FIGURES", (figures.figure_4,))
+    monkeypatch.setattr(figures, "STATEMENTS", STATEMENTS[:1])
     monkeypatch.chdir(tmp_path)
 
 

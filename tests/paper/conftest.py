@@ -3,8 +3,8 @@
 import pytest
 
 from wavesweep.paper.bench import Bench
-from wavesweep.paper.judging import judge
 from wavesweep.paper.statements import STATEMENTS
+from wavesweep.paper.verdicts import judge
 
 
 @pytest.fixture(scope="session")

@@ -6,8 +6,7 @@ from support.march import march
 
 from wavesweep.diagram.filters import butterworth
 from wavesweep.paper.bench import BASE
-from wavesweep.paper.measures import natural_frequency, peak
-from wavesweep.paper.response import respond
+from wavesweep.paper.responses import natural_frequency, peak, respond
 from wavesweep.paper.specs import load_paper
 from wavesweep.paper.statements.channel import _gain_of_a_constant
 

@@ -6,7 +6,7 @@ import pytest
 from wavesweep.diagram import WALL, keys_read
 from wavesweep.paper.bench import Bench
 from wavesweep.paper.readings import CHOICES, DIRECT, FILTERS, PMW, PMW_LM, SLOW, Reading, readings, under
-from wavesweep.paper.response import respond
+from wavesweep.paper.responses import respond
 from wavesweep.paper.specs import load_paper
 from wavesweep.sweep import intervals
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from wavesweep.cli import main
-from wavesweep.paper.experiment import CONTROLLERS
 from wavesweep.paper.figures import FIGURES, figure_7
+from wavesweep.paper.responses import CONTROLLERS
 from wavesweep.paper.specs import load_paper
 from wavesweep.paper.tables import write_table
 from wavesweep.spec import load

@@ -10,9 +10,8 @@ from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.analysis.passivity import ChannelNorm, channel_norm
 from wavesweep.diagram import draw, keys_read
 from wavesweep.lifted import cut_at_wall
-from wavesweep.paper.experiment import CONTROLLERS, estimated
 from wavesweep.paper.readings import Reading
-from wavesweep.paper.response import Response, respond_to
+from wavesweep.paper.responses import CONTROLLERS, Response, estimated, respond_to
 from wavesweep.paper.specs import load_paper
 from wavesweep.spec import Spec, find_key
 from wavesweep.spec.spec import K_VE_SPAN
@@ -27,7 +26,7 @@ BASE = (Reading(),)
 class Bench:
     """Answers about the paper's specs under many readings at once; it remembers them, and does nothing else.
 
-    A reading changes what the loop of a spec reads; `change` (symbols or paths -> values) goes before it.
+    A reading changes keys that the loop of a spec reads; `change` (symbols or paths -> values) goes before it.
     """
 
     def __init__(self) -> None:
@@ -102,7 +101,7 @@ class Bench:
         return self._specs[name]
 
     def _ask(self, key: tuple, name: str, readings: Sequence[Reading], changes, solve: Callable) -> list[list]:
-        """Answer from what is known, after everything that is missing has been computed in batches.
+        """Answer from known results, after all missing ones have been computed in batches.
 
         solve(values, size): the answers to `size` loops whose values are numbers or arrays over them.
         """
@@ -116,7 +115,7 @@ class Bench:
         return [[known[each] for each in family] for family in wanted]
 
     def _asked(self, name: str, reading: Reading, change: Change) -> tuple:
-        """What differs from the spec: of the reading, only what the loop reads; the change goes before it."""
+        """The differences from the spec: of the reading, only keys that the loop reads; the change goes before it."""
         base = self._own(name).values
         key = (name, *change.items())
         if key not in self._read:
@@ -161,6 +160,6 @@ def _batches(loops: Sequence[Mapping]) -> Iterator[tuple[list[int], dict]]:
 
 
 def _structure(values: Mapping) -> tuple:
-    """What one drawing must agree in: all that is no float, and which of the numbers that decide it are zero."""
+    """Values that loops of one drawing share: all that are no floats, and which of the numbers that decide it are zero."""
     fixed: Iterable = ((path, value) for path, value in values.items() if not isinstance(value, float))
     return (*fixed, *(value == 0 for _, value in sorted(values.items()) if isinstance(value, float)))

@@ -7,9 +7,9 @@ from itertools import product
 
 import numpy as np
 
-from wavesweep.paper.judging import VERDICTS
 from wavesweep.paper.readings import CHOICES
 from wavesweep.paper.specs import load_paper
+from wavesweep.paper.verdicts import VERDICTS
 
 Columns = Mapping[str, np.ndarray]
 

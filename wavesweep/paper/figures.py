@@ -1,18 +1,19 @@
-"""The paper's figures, each from its specs, in the paper's axes."""
+"""All tables of the paper: its figures, each from its specs and in the paper's axes, then the studies and the statements."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 import numpy as np
 
+from wavesweep.paper import open_choices, passive_bank, verdicts
 from wavesweep.paper.bench import Bench
-from wavesweep.paper.experiment import CONTROLLERS, METHODS, joined
-from wavesweep.paper.measures import HIGH, LOW, LOW_OF_FIGURE_2, WHOLE
-from wavesweep.paper.response import respond
+from wavesweep.paper.documents import bank_text, choices_text, statements_text
+from wavesweep.paper.responses import CONTROLLERS, HIGH, LOW, LOW_OF_FIGURE_2, METHODS, WHOLE, joined, respond
 from wavesweep.paper.specs import load_paper
+from wavesweep.paper.statements import STATEMENTS
 from wavesweep.paper.tables import Table, table_of
 from wavesweep.plots.magnitudes import Line, Panel, draw_magnitudes
 from wavesweep.plots.planes import Plane, draw_planes
@@ -63,7 +64,7 @@ def _integration(run: Run) -> str:
 
 
 def _without_limit(run: Run) -> str:
-    """What a region that fills its panel does not say."""
+    """Give the note that a region without limit needs, since it fills its panel."""
     free = np.isnan(run.columns["high_omega"]) & (run.columns["low"] == 0) & (run.columns["intervals"] == 1)
     if not free.all():
         return ""
@@ -130,3 +131,30 @@ def _magnitudes(lines: list[Line], bands):
 
 
 FIGURES = (figure_2, figure_4, figure_5, figure_6, figure_7, figure_8)
+
+
+def tables(progress: Callable[[int, int], None] | None = None) -> Iterator[Table]:
+    """Give the tables of the figures, of the open choices, of passive filter banks and, last, of the statements; each is
+    computed when it is asked for.
+
+    progress: called with how many steps are done, and of how many.
+    """
+    bench, done, steps = Bench(), 0, len(FIGURES) + 2 + len(STATEMENTS)
+
+    def step() -> None:
+        nonlocal done
+        done += 1
+        if progress is not None:
+            progress(done, steps)
+
+    for figure in FIGURES:
+        yield from figure(bench)
+        step()
+    study = open_choices.open_choices()
+    yield Table("open-choices", open_choices.FIELDS, study, text=choices_text(study.columns))
+    step()
+    banks = passive_bank.passive_bank()
+    yield Table("passive-bank", passive_bank.FIELDS, banks, passive_bank.figure(), bank_text(banks.columns))
+    step()
+    judged = verdicts.judge(bench, STATEMENTS, step)
+    yield Table("statements", verdicts.FIELDS, judged, text=statements_text(judged.columns))

@@ -1,4 +1,4 @@
-"""What the paper leaves open, and how the stiffest wall of passive multirate wave control depends on it."""
+"""A study of the open choices: how the stiffest wall of passive multirate wave control depends on them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A filter bank whose way in is passive, which the paper's is not, and what that costs in transparency.
+"""A filter bank whose way in is passive, which the paper's is not, and its cost in transparency.
 
 The way in adds two returned waves: `v_m = hold(v_s) + LP2 v_l`. Weigh each wave by the root of its own period and lift
 over a frame of M ticks. At the angle theta per frame, in the basis of its images `phi_m = (theta + 2 pi m)/M`, the map
@@ -40,8 +40,7 @@ from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.filters import butterworth
 from wavesweep.lifted.circle import on_circle
-from wavesweep.paper.measures import HIGH, LOW, deviation
-from wavesweep.paper.response import Response, respond, respond_to
+from wavesweep.paper.responses import HIGH, LOW, Response, deviation, respond, respond_to
 from wavesweep.paper.specs import load_paper
 from wavesweep.plots.magnitudes import Line, Panel, draw_magnitudes
 from wavesweep.results import Field
@@ -167,7 +166,7 @@ def passive_bank() -> Run:
 
 
 def _row(design: Design, ideal: Response) -> dict:
-    """What a design is, and what it does; no response where its loop is unstable."""
+    """A design and its effects; no response where its loop is unstable."""
     found, without = (_response(design, Kp) for Kp in (20.0, 0.0))
     facts = {
         "low": deviation(found, ideal, LOW),

@@ -1,4 +1,4 @@
-"""The ways to fill what the paper leaves open: each statement is tried under all of them that its loops read."""
+"""Readings: ways to fill the gaps of the paper; each statement is tried under all of them that its loops read."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Reading:
-    """One way to fill what the paper leaves open: the choices that differ from the spec's own values."""
+    """One way to fill the gaps of the paper: the choices that differ from the spec's own values."""
 
     choices: tuple[Choice, ...] = ()
 
@@ -31,7 +31,7 @@ class Reading:
 
     @property
     def changes(self) -> Mapping[str, float | int | str]:
-        """Give path -> value of what it changes."""
+        """Give path -> value of its changes."""
         return {choice.path: choice.value for choice in self.choices}
 
     @property
@@ -69,7 +69,7 @@ CHOICES = (
     Choice("local_model.integration", "trapezoidal", "trapezoidal local model"),
     Choice("local_model.delay", 0, "local model without delay"),
 )
-"""What the paper does not say, since its Table 1 is lost, and values around the specs' own."""
+"""Values around the specs' own for the gaps of the paper, whose Table 1 is lost."""
 
 NO_HOLD = Choice("rates.ratio", 1, "wall at the fast rate (no hold)")
 IMPEDANCES_OF_FIGURE_4 = _numbers("controller.b", "b = {:g}", 10.0, 40.0)  # the paper gives b for Figures 5 to 8 only

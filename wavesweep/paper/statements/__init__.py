@@ -1,6 +1,6 @@
 """Every quantitative or comparative statement of the paper, in its order, and the functions that judge them."""
 
-from wavesweep.paper.statements import channel, experiments, figure2, introduction, labels, stability, transparency
+from wavesweep.paper.statements import channel, experiments, figure2, introduction, stability, transparency
 
 STATEMENTS = (
     *introduction.STATEMENTS,
@@ -9,5 +9,5 @@ STATEMENTS = (
     *transparency.STATEMENTS,
     *stability.STATEMENTS,
     *experiments.STATEMENTS,
-    *labels.STATEMENTS,
+    *transparency.LABELS,
 )

@@ -12,8 +12,8 @@ from wavesweep.analysis.response.transfer import solved_response
 from wavesweep.diagram.filters import butterworth
 from wavesweep.lifted.circle import on_circle
 from wavesweep.paper.bench import BASE, Bench
-from wavesweep.paper.measures import show
 from wavesweep.paper.readings import ANTI_ALIASING, FILTERS, Reading, readings, under
+from wavesweep.paper.responses import show
 from wavesweep.paper.verdicts import Answer, Finding, Statement, over
 
 HIGHEST_HZ = 24.0

@@ -7,10 +7,22 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from wavesweep.paper.bench import Bench
-from wavesweep.paper.experiment import CONTROLLERS, deviation_of, estimated, worst_difference
-from wavesweep.paper.measures import LOW, WHOLE, deviation, natural_frequency, peak, show, stiffness_error, within
 from wavesweep.paper.readings import PMW_LM, Choice, Reading
-from wavesweep.paper.response import Response
+from wavesweep.paper.responses import (
+    CONTROLLERS,
+    LOW,
+    WHOLE,
+    Response,
+    deviation,
+    deviation_of,
+    estimated,
+    natural_frequency,
+    peak,
+    show,
+    stiffness_error,
+    within,
+    worst_difference,
+)
 from wavesweep.paper.specs import load_paper
 from wavesweep.paper.statements.transparency import MUCH
 from wavesweep.paper.verdicts import UNSTABLE, Answer, Finding, Outcome, Statement, over, untestable

@@ -1,4 +1,4 @@
-"""Section 2 and Figure 2: what the wave impedance and the anti-aliasing filter do to the transmitted admittance."""
+"""Section 2, Figure 2: effects of the wave impedance and the anti-aliasing filter on the transmitted admittance."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from itertools import pairwise
 import numpy as np
 
 from wavesweep.paper.bench import Bench
-from wavesweep.paper.measures import (
+from wavesweep.paper.readings import DIRECT, NO_HOLD, PMW, Reading, readings, under
+from wavesweep.paper.responses import (
     HIGH,
     LOW_OF_FIGURE_2,
     WHOLE,
+    Response,
     deviation,
     falls,
     peak,
@@ -20,8 +22,6 @@ from wavesweep.paper.measures import (
     show_limits,
     within,
 )
-from wavesweep.paper.readings import DIRECT, NO_HOLD, PMW, Reading, readings, under
-from wavesweep.paper.response import Response
 from wavesweep.paper.verdicts import UNSTABLE, Answer, Finding, Statement, over
 
 IMPEDANCES = (20, 40, 60, 80)

@@ -1,4 +1,4 @@
-"""Section 1: what delay does to direct coupling, and what local models in the power domain can do."""
+"""Section 1: effects of delay on direct coupling, and the use of local models in the power domain."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from wavesweep.paper.bench import Bench
-from wavesweep.paper.measures import LOW, deviation, show, show_limits
 from wavesweep.paper.readings import SLOW
+from wavesweep.paper.responses import LOW, deviation, show, show_limits
 from wavesweep.paper.verdicts import UNSTABLE, Answer, Finding, Statement, over, untestable
 
 SLOW_WALL, WITH_MODEL = {"controller.kind": "dc-slow"}, {"controller.kind": "dc-lm"}

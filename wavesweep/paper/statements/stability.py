@@ -1,11 +1,10 @@
-"""Section 3.1, Figures 4 and 5: the stiffest wall, and what the local model and Kp do to it."""
+"""Section 3.1, Figures 4 and 5: the stiffest wall, and the effects of local model and Kp on it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 from wavesweep.paper.bench import Bench
-from wavesweep.paper.measures import show, show_limits
 from wavesweep.paper.readings import (
     CHOICES,
     IMPEDANCES_OF_FIGURE_4,
@@ -15,6 +14,7 @@ from wavesweep.paper.readings import (
     readings,
     under,
 )
+from wavesweep.paper.responses import show, show_limits
 from wavesweep.paper.statements.introduction import WITH_MODEL
 from wavesweep.paper.verdicts import Answer, Finding, Statement, over
 

@@ -1,15 +1,18 @@
-"""Sections 3 and 3.2, Figure 6: what filter bank, local model and Kp do to the transmitted admittance."""
+"""Sections 3 and 3.2, Figure 6: effects of filter bank, local model and Kp on the transmitted admittance.
+
+And the tick labels of Figures 2 and 6, all that is left of them, from which the size of the curves can be told.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from wavesweep.paper.bench import Bench
-from wavesweep.paper.measures import HIGH, LOW, LOW_OF_FIGURE_2, deviation, peak, show, within
-from wavesweep.paper.readings import PMW_LM
-from wavesweep.paper.response import Response
+from wavesweep.paper.readings import PMW, PMW_LM
+from wavesweep.paper.responses import HIGH, LOW, LOW_OF_FIGURE_2, WHOLE, Response, deviation, peak, show, within
 from wavesweep.paper.specs import load_paper
 from wavesweep.paper.statements.figure2 import FAMILY
 from wavesweep.paper.verdicts import UNSTABLE, Answer, Finding, Statement, over
@@ -133,6 +136,46 @@ def _closer(bench: Bench, band: tuple[float, float], factor: float, change=None)
     return _both(bench, check, change)
 
 
+@dataclass(frozen=True)
+class Axis:
+    """A vertical axis: the figure, the band that it shows, its highest tick label and the one below, mm/N."""
+
+    figure: str
+    band: tuple[float, float]
+    below: float
+    top: float
+
+
+AXES = (
+    Axis("2a", LOW_OF_FIGURE_2, 2, 4),
+    Axis("2b", WHOLE, 10, 15),
+    Axis("6a", LOW, 4, 5),
+    Axis("6b", HIGH, 5, 10),
+)
+
+
+def fits(axis: Axis) -> Callable[[Bench], Finding]:
+    """Give the judge of one axis."""
+
+    def judge(bench: Bench) -> Finding:
+        """Largest magnitude among the figure's curves: whether it lies between the two highest legible tick labels,
+        in mm/N."""
+
+        def check(loops: Sequence[Response]) -> Answer:
+            if not all(loop.stable for loop in loops):
+                return UNSTABLE
+            curves = [*loops, bench.response("dc")]
+            largest = max(1e3 * np.abs(curve.admittance[within(curve.omega, axis.band)]).max() for curve in curves)
+            return Answer(bool(axis.below < largest <= axis.top), f"{show(largest)} mm/N")
+
+        if axis.figure.startswith("2"):
+            return over(PMW, check, bench.families("fig2", PMW, FAMILY))
+        both = zip(*(bench.responses(name, PMW_LM) for name in ("fig6", "pmw")), strict=True)
+        return over(PMW_LM, check, list(both))
+
+    return judge
+
+
 _INDEPENDENT = (
     "“The additional term in Equation (3) makes the low-frequency control performance independent of the wave impedance.”"
 )
@@ -176,4 +219,14 @@ STATEMENTS = (
         "of interaction”",
         renders_stiffer_contact,
     ),
+)
+
+LABELS = tuple(
+    Statement(
+        f"Fig. {axis.figure}, labels",
+        f"The axis of Figure {axis.figure} goes to {axis.top:g} mm/N, the label below is {axis.below:g}, as far as they are "
+        "legible, and the curves fill it",
+        fits(axis),
+    )
+    for axis in AXES
 )
