@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from wavesweep import results
+from wavesweep.analysis.simulation import CONTROLLERS, both_loops
 
 EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"
 SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
@@ -167,3 +168,12 @@ def test_a_minute_with_everything_on_runs_as_it_stands(wavesweep, tmp_path, monk
     monkeypatch.chdir(tmp_path)
     _, _, err = wavesweep("simulate", str(EXAMPLES / "rig.toml"))
     assert "pmw-lm under sine: 60000 ticks, 60 s" in err
+
+
+def test_a_kind_without_a_law_is_refused_in_a_sentence(simulate, monkeypatch):
+    """The spec and the drawings know `pmw`, the simulator here does not."""
+    monkeypatch.setattr(both_loops, "CONTROLLERS", {kind: law for kind, law in CONTROLLERS.items() if kind != "pmw"})
+    code, out, err = simulate()
+    assert (code, out) == (2, "")
+    assert "expected one that the simulator has a law for (dc, dc-slow, dc-lm, pmw-lm), found pmw" in err
+    assert not Path("there").exists()

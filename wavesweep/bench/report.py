@@ -136,7 +136,7 @@ def _against(rows: list[dict], method: str, ours: dict) -> str:
     best = min(good, key=lambda row: row["ratio"]) if good else min(rows, key=_error)
     reached = f"error {best['error_max']:.0e}"
     if not good and np.isfinite(best["error_max"]) and "per axis" in best["setting"]:
-        # A grid's error is its step, and the step is what it costs.
+        # A grid's error is its step, and its cost grows as the step shrinks.
         reached += f" ({GOOD:.0e} would take {best['ratio'] * best['error_max'] / GOOD:.0e} times, extrapolated)"
     found = f"{best['found']:g} of {best['there']:g} intervals"
     cheapest = min(rows, key=lambda row: row["ratio"])

@@ -72,7 +72,7 @@ def _limits(columns) -> dict[str, np.ndarray]:
 
 
 def _others_stable(base: Spec, words: dict[str, str]) -> dict[str, np.ndarray]:
-    """Whether the loops of Figures 2 and 6 are stable, each with its own b, by what a row chooses besides b."""
+    """Stability of the loops of Figures 2 and 6, each with its own b and with the other choices of a row."""
     axes = [axis for axis in base.sweep if axis.name in AXES.values()]
     shared = tuple(axis for axis in axes if axis.name != "b")
     figure_2 = _stable("fig2", words, shared, load_paper("fig2").bode).all(axis=-1)
@@ -86,7 +86,7 @@ def _others_stable(base: Spec, words: dict[str, str]) -> dict[str, np.ndarray]:
 
 
 def _stable(name: str, words: dict[str, str], axes: tuple, more: tuple = ()) -> np.ndarray:
-    """Whether the loops of a spec are stable, an axis per dimension."""
+    """Stability of the loops of a spec, an axis per dimension."""
     radius = radius_over(load_paper(name).with_values(words), (*axes, *more))
     return (radius < 1).reshape([len(axis.values) for axis in (*axes, *more)])
 

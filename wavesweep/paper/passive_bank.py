@@ -68,7 +68,7 @@ FIELDS = (
     Field("felt", "number", "N/m", "stiffness that the hand feels at 0.05 Hz"),
     Field("felt_without_Kp", "number", "N/m", "the same with Kp = 0"),
 )
-_HELD, _LOCAL = ("v_1", "f1.y"), ("lp2.y", "f2.y", "late.y")  # what reaches v_m of either wave
+_HELD, _LOCAL = ("v_1", "f1.y"), ("lp2.y", "f2.y", "late.y")  # the parts of v_m that come from either wave
 RETURNED = (*_HELD, *_LOCAL)
 METHODS = {
     "inward_norm": "largest eigenvalue over the images of each angle",
@@ -144,7 +144,7 @@ def inward_norm(diagram: Diagram) -> float:
 
 
 def held_power(theta, phi):
-    """`|c_m|^2`, what a hold puts into each image of its frequency."""
+    """`|c_m|^2`, the power that a hold puts into each image of its frequency."""
     ratio = phi.shape[-1]
     below = ratio * np.sin(phi / 2)
     return np.where(below == 0, 1.0, np.sin(theta / 2)[..., None] / np.where(below == 0, 1.0, below)) ** 2

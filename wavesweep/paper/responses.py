@@ -25,7 +25,7 @@ LOW = (0.0, 0.6)
 HIGH = (0.6, np.pi)
 WHOLE = (0.0, np.pi)
 
-_ROUNDING = 1e-13  # what is left of 0 in double precision, and differs from machine to machine
+_ROUNDING = 1e-13  # rounding of a number that is 0, which differs from machine to machine
 
 CONTROLLERS = {  # the paper's name -> overrides of Figure 7's spec; PMW has no position term, which is Section 3's
     "PMW+LM": ('controller.kind="pmw-lm"',),

@@ -51,7 +51,7 @@ UNSTABLE = Answer(False, "unstable, so there is no steady response")
 
 @dataclass(frozen=True)
 class Outcome:
-    """The answer under one reading of what the paper leaves open."""
+    """The answer under one reading."""
 
     reading: Reading
     holds: bool
@@ -59,7 +59,7 @@ class Outcome:
 
     @property
     def unstable(self) -> bool:
-        """Whether it fails because there is no response to look at."""
+        """Whether it fails because the loop is unstable and has no response."""
         return self.numbers == UNSTABLE.numbers
 
 

@@ -1,4 +1,4 @@
-"""Both loops, tick by tick: the model's equations in their order, with what hardware adds to them.
+"""Both loops, tick by tick: the model's equations in their order, with the effects of hardware.
 
 `CONTROLLERS` lists the kinds of controller that the simulator has a law for. It is the only place outside the drawings
 that asks for a kind by name, because no law here is derived from a drawing (see the package).
@@ -76,7 +76,7 @@ def compile_loop(values: Mapping, surface: float | None = None) -> SimulatedLoop
 def simulate(values: Mapping, force, options: Options | None = None, x: float = 0.0) -> Simulation:
     """Run the experiment under a record of hand forces.
 
-    The equations are those of the model, in their order; `options` adds what the linear model leaves out. A tick is
+    The equations are those of the model, in their order; `options` adds effects outside the linear model. A tick is
     about a hundred operations on plain Python floats (filters as one-pole sections, walls solved in closed form for each
     way of touching, the plant by coefficients made for all ticks at once), which takes no longer than a few calls of
     numpy would and keeps the equations readable: about 1 s for a minute at 1 kHz with everything on.
