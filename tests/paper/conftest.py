@@ -2,18 +2,18 @@
 
 import pytest
 
-from wavesweep.paper.bench import Bench
+from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.statements import STATEMENTS
 from wavesweep.paper.verdicts import judge
 
 
 @pytest.fixture(scope="session")
-def bench():
+def paper():
     """Answers about the paper's specs, remembered over the tests."""
-    return Bench()
+    return PaperLoops()
 
 
 @pytest.fixture(scope="session")
-def judged(bench):
+def judged(paper):
     """The columns of the table of statements."""
-    return judge(bench, STATEMENTS).columns
+    return judge(paper, STATEMENTS).columns

@@ -5,46 +5,46 @@ import pytest
 from support.march import march
 
 from wavesweep.diagram.filters import butterworth
-from wavesweep.paper.bench import BASE
-from wavesweep.paper.responses import natural_frequency, peak, respond
+from wavesweep.paper.felt_responses import natural_frequency, peak, respond
+from wavesweep.paper.paper_loops import BASE
 from wavesweep.paper.specs import load_paper
 from wavesweep.paper.statements.channel import _gain_of_a_constant
 
 
-def test_both_sets_of_inferred_values_render_about_800(bench):
-    assert bench.limit("fig4") == pytest.approx(798.5, abs=0.05)
+def test_both_sets_of_inferred_values_render_about_800(paper):
+    assert paper.limit("fig4") == pytest.approx(798.5, abs=0.05)
     # The second set's stable walls have a hole: "the" stiffest wall is the end of the first interval.
-    (((_, first), second),) = bench.stable_families("fig4-b25", BASE, [{}])[0]
+    (((_, first), second),) = paper.stable_families("fig4-b25", BASE, [{}])[0]
     assert first == pytest.approx(799.713, abs=1e-3)
     assert second == pytest.approx((2523.335, 4448.819), abs=1e-3)
 
 
-def test_the_limit_of_figure_4_is_a_line_of_slope_two_over_the_frame(bench):
+def test_the_limit_of_figure_4_is_a_line_of_slope_two_over_the_frame(paper):
     # Forward Euler oscillates from frame to frame there: K_VE - 2 B_VE/T_s is all that the wall shows at z = -1.
-    ((low, high),) = bench.limit_families("fig4", BASE, [{"B_VE": 1}, {"B_VE": 15}])
+    ((low, high),) = paper.limit_families("fig4", BASE, [{"B_VE": 1}, {"B_VE": 15}])
     assert (high - low) / 14 == pytest.approx(2 / 0.02, rel=1e-9)
 
 
-def test_limits_that_hang_on_the_filters_and_on_the_local_models_delay(bench):
+def test_limits_that_hang_on_the_filters_and_on_the_local_models_delay(paper):
     # As another program has them: Figure 5 with HP of second order and LP2 at 80 Hz, LP2 without a delay to ring with.
     walls = [{"K_LM": K, "filters.hp.order": 2} for K in (0, 500, 1000, 2000, 3000)]
-    assert bench.limit_families("fig6", BASE, walls)[0] == pytest.approx([np.inf, 5415, 7978, np.inf, np.inf], rel=1e-4)
+    assert paper.limit_families("fig6", BASE, walls)[0] == pytest.approx([np.inf, 5415, 7978, np.inf, np.inf], rel=1e-4)
     walls = [{"K_LM": K, "filters.lp2.cutoff_hz": 80} for K in (0, 500, 1000, 2000, 3000)]
-    assert bench.limit_families("fig6", BASE, walls)[0] == pytest.approx([5300, 5163, 6452, 9988, 6196], rel=1e-4)
+    assert paper.limit_families("fig6", BASE, walls)[0] == pytest.approx([5300, 5163, 6452, 9988, 6196], rel=1e-4)
     prompt = {"environment.integration": "explicit", "local_model.delay": 0}
-    both = bench.limit_families("fig6", BASE, [prompt, {**prompt, "filters.lp2.order": 0}])
+    both = paper.limit_families("fig6", BASE, [prompt, {**prompt, "filters.lp2.order": 0}])
     assert both[0] == pytest.approx([435.4, 686.6], abs=0.05)
 
 
 @pytest.mark.parametrize(("order", "norm"), [(1, 1.0533), (2, 1.0017), (4, 1.0000024)])
-def test_a_low_pass_lets_a_little_alias(order, norm, bench):
-    (found,) = bench.channels("pmw", BASE, {"filters.lp1.order": order})
+def test_a_low_pass_lets_a_little_alias(order, norm, paper):
+    (found,) = paper.channels("pmw", BASE, {"filters.lp1.order": order})
     assert found.norm == pytest.approx(norm, abs=0.51 * 10 ** -len(str(norm).split(".")[1]))
     assert not found.passive
 
 
 @pytest.mark.parametrize(("order", "cutoff", "excess"), [(1, 10.0, None), (8, 10.0, 5.85e-12), (12, 24.0, None)])
-def test_what_a_constant_wave_gains_is_what_lp1_lets_alias(order, cutoff, excess, bench):
+def test_what_a_constant_wave_gains_is_what_lp1_lets_alias(order, cutoff, excess, paper):
     values = {**load_paper("pmw").values, "filters.lp1.order": order, "filters.lp1.cutoff_hz": cutoff}
     found = _gain_of_a_constant(values)
     block = butterworth("lp1", order, cutoff, 1e-3)
@@ -52,13 +52,13 @@ def test_what_a_constant_wave_gains_is_what_lp1_lets_alias(order, cutoff, excess
     power = sum(abs((block.C @ np.linalg.solve(w * np.eye(order) - block.E, block.B) + block.D)[0, 0]) ** 2 for w in images)
     assert found == pytest.approx(np.sqrt(1 + power) - 1, rel=1e-6 if found > 1e-9 else 1e-3)
     assert excess is None or found == pytest.approx(excess, rel=1e-2)
-    (norm,) = bench.channels("pmw", BASE, {"filters.lp1.order": order, "filters.lp1.cutoff_hz": cutoff})
+    (norm,) = paper.channels("pmw", BASE, {"filters.lp1.order": order, "filters.lp1.cutoff_hz": cutoff})
     assert 0 < found <= norm.norm - 1 + 1e-10
 
 
-def test_the_returned_waves_of_the_bank_add_up_to_the_root_of_two(bench):
+def test_the_returned_waves_of_the_bank_add_up_to_the_root_of_two(paper):
     # A constant wave from either side passes hold and LP2 alike; their sum over the root of their powers is sqrt(2).
-    assert bench.channels("fig6", BASE)[0].inward == pytest.approx(np.sqrt(2), rel=1e-9)
+    assert paper.channels("fig6", BASE)[0].inward == pytest.approx(np.sqrt(2), rel=1e-9)
 
 
 @pytest.mark.parametrize(("order", "aliased"), [(1, 1e-2), (4, 3e-4), (8, 1e-6)])
@@ -77,11 +77,11 @@ def test_the_position_term_makes_the_static_stiffness_that_of_the_wall():
     assert 1 / march(spec.values, 1.0, 20_000).x[-1] == pytest.approx(500, rel=1e-6)
 
 
-def test_the_ideal_peaks_where_spring_and_mass_do(bench):
+def test_the_ideal_peaks_where_spring_and_mass_do(paper):
     # sqrt(K/m - 2 (d/2m)^2) for K = 500, m = 0.1, and the damping of device and wall less what the hold takes from it.
     damping = 1.5 + 1 - 500 * 1e-3 / 2
     omega = np.sqrt(500 / 0.1 - damping**2 / (2 * 0.1**2))
-    assert peak(bench.response("dc")) == pytest.approx(omega * 0.02, abs=0.01)
+    assert peak(paper.response("dc")) == pytest.approx(omega * 0.02, abs=0.01)
 
 
 def test_a_natural_frequency_is_the_first_peaks_and_not_the_largest_ones():

@@ -8,8 +8,8 @@ import pytest
 from wavesweep.analysis.simulation.cascade import advance, at_rest, butterworth
 from wavesweep.diagram import draw
 from wavesweep.lifted.connect import connect
-from wavesweep.paper.bench import BASE
 from wavesweep.paper.documents import bank_text
+from wavesweep.paper.paper_loops import BASE
 from wavesweep.paper.passive_bank import (
     AS_DRAWN,
     BEHIND,
@@ -66,12 +66,12 @@ def test_complementary_filters_make_the_way_in_exactly_passive(design, order, cu
 
 
 @pytest.mark.parametrize(("order", "cutoff"), [(1, 1.0), (2, 20.0), (8, 160.0)])
-def test_every_low_pass_in_lp2s_place_gives_the_root_of_two(order, cutoff, bench):
+def test_every_low_pass_in_lp2s_place_gives_the_root_of_two(order, cutoff, paper):
     diagram = draw(loop(**{"filters.lp2.order": order, "filters.lp2.cutoff_hz": cutoff}))
     assert lifted_gain(diagram, [1e-6]) == pytest.approx(np.sqrt(2), rel=1e-6)
     assert inward_norm(diagram) == pytest.approx(np.sqrt(2), rel=1e-12)
     change = {"filters.lp2.order": order, "filters.lp2.cutoff_hz": cutoff}
-    assert bench.channels("fig6", BASE, change)[0].inward == pytest.approx(np.sqrt(2), rel=1e-9)
+    assert paper.channels("fig6", BASE, change)[0].inward == pytest.approx(np.sqrt(2), rel=1e-9)
 
 
 def test_waves_over_the_root_of_two_are_exactly_passive():

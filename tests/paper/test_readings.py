@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from wavesweep.diagram import WALL, keys_read
-from wavesweep.paper.bench import Bench
+from wavesweep.paper.felt_responses import respond
+from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.readings import CHOICES, DIRECT, FILTERS, PMW, PMW_LM, SLOW, Reading, readings, under
-from wavesweep.paper.responses import respond
 from wavesweep.paper.specs import load_paper
 from wavesweep.sweep import intervals
 
@@ -51,29 +51,29 @@ SOME = [PMW_LM[number] for number in np.random.default_rng(1).choice(len(PMW_LM)
 
 
 @pytest.mark.parametrize("reading", SOME, ids=lambda reading: reading.label)
-def test_an_answer_in_a_batch_is_that_of_the_spec_alone(reading, bench):
-    found = bench.responses("fig6", PMW_LM, {"Kp": 0})[PMW_LM.index(reading)]
+def test_an_answer_in_a_batch_is_that_of_the_spec_alone(reading, paper):
+    found = paper.responses("fig6", PMW_LM, {"Kp": 0})[PMW_LM.index(reading)]
     spec = load_paper("fig6", (*reading.overrides, "Kp=0"))
     alone = respond(spec)
     assert found.stable == alone.stable
     # Where the loop is unstable the response means nothing, and may be far from rounding.
     assert not found.stable or found.admittance == pytest.approx(alone.admittance, rel=1e-9)
-    limits = bench.limits("fig6", PMW_LM)[PMW_LM.index(reading)]
+    limits = paper.limits("fig6", PMW_LM)[PMW_LM.index(reading)]
     columns = intervals(load_paper("fig6", (*reading.overrides, "sweep.Kp=[20]", "sweep.K_LM=[500]"))).columns
     expected = columns["high"][0] if columns["intervals"][0] and columns["low"][0] == 0 else 0.0
     assert limits == pytest.approx(np.inf if np.isnan(columns["high_omega"][0]) and expected else expected, rel=1e-9)
 
 
 def test_a_change_goes_before_a_reading_and_what_a_loop_ignores_is_not_computed():
-    bench = Bench()
+    paper = PaperLoops()
     few = [reading for reading in PMW_LM if reading.size < 2]
-    felt = bench.responses("dc", few)
+    felt = paper.responses("dc", few)
     assert len({id(response) for response in felt}) == 2  # by the velocity alone
-    limits = bench.limits("fig6", few, {"filters.lp2.order": 4})
+    limits = paper.limits("fig6", few, {"filters.lp2.order": 4})
     at = [reading.label for reading in few].index("LP2 of order 1")
     assert limits[at] == limits[0]
 
 
-def test_every_limit_that_the_statements_ask_for_is_proved(judged, bench):
+def test_every_limit_that_the_statements_ask_for_is_proved(judged, paper):
     assert len(judged["verdict"]) > 50
-    assert bench.uncertified == 0
+    assert paper.uncertified == 0

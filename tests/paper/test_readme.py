@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from wavesweep.cli import main
+from wavesweep.paper.felt_responses import CONTROLLERS
 from wavesweep.paper.figures import FIGURES, figure_7
-from wavesweep.paper.responses import CONTROLLERS
 from wavesweep.paper.specs import load_paper
 from wavesweep.paper.tables import write_table
 from wavesweep.spec import load
@@ -34,9 +34,9 @@ def test_what_is_linked_is_there_and_small(link):
 
 
 @pytest.mark.parametrize("number", [number for number in SECTIONS if number != "7"])
-def test_the_commands_of_a_figure_make_its_tables(number, bench, tmp_path, monkeypatch):
+def test_the_commands_of_a_figure_make_its_tables(number, paper, tmp_path, monkeypatch):
     figure = next(each for each in FIGURES if each.__name__ == f"figure_{number}")
-    expected = {table.name: table for table in figure(bench)}
+    expected = {table.name: table for table in figure(paper)}
     commands = re.findall(r"^    (wavesweep .*)$", SECTIONS[number], flags=re.MULTILINE)
     monkeypatch.chdir(ROOT)
     assert len(commands) == len(expected)

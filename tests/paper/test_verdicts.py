@@ -2,7 +2,7 @@
 
 import pytest
 
-from wavesweep.paper.bench import Bench
+from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.readings import PMW_LM, Choice, Reading
 from wavesweep.paper.statements.stability import WITH_STIFFER_MODELS, bank_improves_stability, local_stiffness_matters_little
 from wavesweep.paper.verdicts import (
@@ -76,7 +76,7 @@ def test_readings_that_contain_another_one_are_not_named():
 def test_a_statement_shows_how_it_is_judged():
     statement = Statement("1", "so", untestable("no means"))
     assert statement.test == "Not tested."
-    assert statement.judge(Bench()).numbers == "no means"
+    assert statement.judge(PaperLoops()).numbers == "no means"
 
 
 def test_each_reading_is_tried():
@@ -93,8 +93,8 @@ def test_each_reading_is_tried():
         over(tried, check, [1], ["x"])
 
 
-class Told(Bench):
-    """A bench that is told the limits: the verdict has to follow them."""
+class Told(PaperLoops):
+    """Loops whose limits are told: the verdict has to follow them."""
 
     def __init__(self, limits):
         super().__init__()

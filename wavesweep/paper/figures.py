@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 
 from wavesweep.paper import open_choices, passive_bank, verdicts
-from wavesweep.paper.bench import Bench
 from wavesweep.paper.documents import bank_text, choices_text, statements_text
-from wavesweep.paper.responses import CONTROLLERS, HIGH, LOW, LOW_OF_FIGURE_2, METHODS, WHOLE, joined, respond
+from wavesweep.paper.felt_responses import CONTROLLERS, HIGH, LOW, LOW_OF_FIGURE_2, METHODS, WHOLE, joined, respond
+from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.specs import load_paper
 from wavesweep.paper.statements import STATEMENTS
 from wavesweep.paper.tables import Table, table_of
@@ -22,7 +22,7 @@ from wavesweep.sweep import Run, intervals, responses
 from wavesweep.sweep.run import facts_of
 
 
-def figure_2(_: Bench) -> list[Table]:
+def figure_2(_: PaperLoops) -> list[Table]:
     """Admittance for four wave impedances."""
     run = responses([load_paper(name) for name in ("fig2", "dc")])
     pmw = run.columns["controller"] == "pmw"
@@ -35,7 +35,7 @@ def figure_2(_: Bench) -> list[Table]:
     return [table_of("bode", "fig2", run, _magnitudes(lines, (LOW_OF_FIGURE_2, WHOLE)))]
 
 
-def figure_4(_: Bench) -> list[Table]:
+def figure_4(_: PaperLoops) -> list[Table]:
     """Z-width of passive multirate wave control, by both sets of inferred values."""
     runs = {name: intervals(load_paper(name)) for name in ("fig4", "fig4-b25")}
     plane = Plane("", "B_VE", [(_choices(name), run.columns) for name, run in runs.items()], 2000.0, (1.0, 800.0))
@@ -48,7 +48,7 @@ def _choices(name: str) -> str:
     return f"{name}: {symbol('b')} = {values['controller.b']:g}, delay {values['environment.delay']}"
 
 
-def figure_5(_: Bench) -> list[Table]:
+def figure_5(_: PaperLoops) -> list[Table]:
     """Stability region with the local model, the wall integrated implicitly and explicitly."""
     runs = {name: intervals(load_paper(name)) for name in ("fig5", "fig5-explicit")}
     planes = [
@@ -76,16 +76,16 @@ def _by_gain(columns: Mapping[str, np.ndarray]) -> list:
     return [(f"{symbol('Kp')} = {Kp:g}", {name: c[columns["Kp"] == Kp] for name, c in columns.items()}) for Kp in gains]
 
 
-def figure_6(_: Bench) -> list[Table]:
+def figure_6(_: PaperLoops) -> list[Table]:
     """Admittance with the local model, without it, and the ideal."""
     run = responses([load_paper(name) for name in ("fig6", "pmw", "dc")])
     return [table_of("bode", "fig6", run, _magnitudes(_three(run.columns), (LOW, HIGH)))]
 
 
-def figure_7(bench: Bench) -> list[Table]:
+def figure_7(paper: PaperLoops) -> list[Table]:
     """Admittance as the simulated experiment shows it."""
     started = time.perf_counter()
-    columns = joined([bench.experiment(name) for name in CONTROLLERS])
+    columns = joined([paper.experiment(name) for name in CONTROLLERS])
     timings = {"compute_s": time.perf_counter() - started}
     facts = facts_of(load_paper("fig7").as_simulated(), METHODS, {"computed": 3, "skipped": 0, "certified": 0}, timings)
     lines = [*_analysis(), *_three(columns, dots=True)]
@@ -101,7 +101,7 @@ def _analysis() -> list[Line]:
     return lines
 
 
-def figure_8(_: Bench) -> list[Table]:
+def figure_8(_: PaperLoops) -> list[Table]:
     """Transmitted impedance with the local model, without it, and the ideal."""
     run = responses([load_paper(name) for name in ("fig8", "pmw", "dc")])
     lines, level = _three(run.columns, "impedance_abs"), load_paper("fig8").values["environment.K_VE"]
@@ -139,7 +139,7 @@ def tables(progress: Callable[[int, int], None] | None = None) -> Iterator[Table
 
     progress: called with how many steps are done, and of how many.
     """
-    bench, done, steps = Bench(), 0, len(FIGURES) + 2 + len(STATEMENTS)
+    paper, done, steps = PaperLoops(), 0, len(FIGURES) + 2 + len(STATEMENTS)
 
     def step() -> None:
         nonlocal done
@@ -148,7 +148,7 @@ def tables(progress: Callable[[int, int], None] | None = None) -> Iterator[Table
             progress(done, steps)
 
     for figure in FIGURES:
-        yield from figure(bench)
+        yield from figure(paper)
         step()
     study = open_choices.open_choices()
     yield Table("open-choices", open_choices.FIELDS, study, text=choices_text(study.columns))
@@ -156,5 +156,5 @@ def tables(progress: Callable[[int, int], None] | None = None) -> Iterator[Table
     banks = passive_bank.passive_bank()
     yield Table("passive-bank", passive_bank.FIELDS, banks, passive_bank.figure(), bank_text(banks.columns))
     step()
-    judged = verdicts.judge(bench, STATEMENTS, step)
+    judged = verdicts.judge(paper, STATEMENTS, step)
     yield Table("statements", verdicts.FIELDS, judged, text=statements_text(judged.columns))

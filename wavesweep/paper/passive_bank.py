@@ -40,7 +40,7 @@ from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.filters import butterworth
 from wavesweep.lifted.circle import on_circle
-from wavesweep.paper.responses import HIGH, LOW, Response, deviation, respond, respond_to
+from wavesweep.paper.felt_responses import HIGH, LOW, Response, deviation, respond, respond_to
 from wavesweep.paper.specs import load_paper
 from wavesweep.plots.magnitudes import Line, Panel, draw_magnitudes
 from wavesweep.results import Field

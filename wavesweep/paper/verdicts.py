@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavesweep.paper.bench import Bench
+from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.readings import OWN, Reading
 from wavesweep.paper.specs import folder, load_paper
 from wavesweep.results import Field
@@ -129,7 +129,7 @@ class Statement:
 
     where: str
     says: str
-    judge: Callable[[Bench], Finding]
+    judge: Callable[[PaperLoops], Finding]
 
     @property
     def test(self) -> str:
@@ -143,21 +143,21 @@ def over(readings: Sequence[Reading], check: Callable[..., Answer], *found: Sequ
     return Finding(tuple(Outcome(reading, *answer) for reading, answer in zip(readings, answers, strict=True)))
 
 
-def untestable(reason: str) -> Callable[[Bench], Finding]:
+def untestable(reason: str) -> Callable[[PaperLoops], Finding]:
     """Give the judge of a statement that this program has no means to test."""
 
-    def judge(_: Bench) -> Finding:
+    def judge(_: PaperLoops) -> Finding:
         """Not tested."""
         return Finding((), reason)
 
     return judge
 
 
-def judge(bench: Bench, statements: Sequence[Statement], done: Callable[[], None] = lambda: None) -> Run:
+def judge(paper: PaperLoops, statements: Sequence[Statement], done: Callable[[], None] = lambda: None) -> Run:
     """Judge the statements in turn, calling `done` after each: a row each."""
     started, found = time.perf_counter(), []
     for statement in statements:
-        found.append(statement.judge(bench))
+        found.append(statement.judge(paper))
         done()
     columns = {"number": np.arange(1, len(found) + 1), **_rows(statements, found)}
     counts = {"computed": len(found), "skipped": 0, "certified": 0}

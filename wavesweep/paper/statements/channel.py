@@ -11,9 +11,9 @@ from wavesweep.analysis.passivity.channel import TOLERANCE
 from wavesweep.analysis.response.transfer import solved_response
 from wavesweep.diagram.filters import butterworth
 from wavesweep.lifted.circle import on_circle
-from wavesweep.paper.bench import BASE, Bench
+from wavesweep.paper.felt_responses import show
+from wavesweep.paper.paper_loops import BASE, PaperLoops
 from wavesweep.paper.readings import ANTI_ALIASING, FILTERS, Reading, readings, under
-from wavesweep.paper.responses import show
 from wavesweep.paper.verdicts import Answer, Finding, Statement, over
 
 HIGHEST_HZ = 24.0
@@ -21,26 +21,26 @@ LP1 = readings(ANTI_ALIASING)
 BOTH_FILTERS = readings((*ANTI_ALIASING, *under("filters.hp.")))
 
 
-def aliasing_injects_energy(bench: Bench) -> Finding:
+def aliasing_injects_energy(paper: PaperLoops) -> Finding:
     """Norm of the wave channel without the anti-aliasing filter; above 1 it can give out more energy than it takes
     in."""
 
     def check(norm: ChannelNorm) -> Answer:
         return Answer(bool(norm.norm > 1), f"norm 1 + {show(norm.norm - 1)}")
 
-    return over(BASE, check, bench.channels("pmw", BASE, {"filters.lp1.order": 0}))
+    return over(BASE, check, paper.channels("pmw", BASE, {"filters.lp1.order": 0}))
 
 
-def low_pass_makes_passive(bench: Bench) -> Finding:
+def low_pass_makes_passive(paper: PaperLoops) -> Finding:
     """Norm of the wave channel with LP1 of order 1 to 12 at 1 to 24 Hz: whether it is at most 1. Where it is within 1e-10
     of 1, what a constant wave gains decides: LP1 lets it pass whole, and its images about the slow rate add the sum of
     |LP1|^2 over 50, 100, ... 950 Hz, which no Butterworth filter makes 0. So none is passive; some come near."""
-    return _passive(LP1, bench.channels("pmw", LP1), bench.values("pmw", LP1))
+    return _passive(LP1, paper.channels("pmw", LP1), paper.values("pmw", LP1))
 
 
-def low_pass_ensures_passivity(bench: Bench) -> Finding:
+def low_pass_ensures_passivity(paper: PaperLoops) -> Finding:
     """The same for the way from the user to both environments, (u_m) to (u_s, u_h), with HP beside LP1."""
-    return _passive(BOTH_FILTERS, bench.channels("fig6", BOTH_FILTERS), bench.values("fig6", BOTH_FILTERS))
+    return _passive(BOTH_FILTERS, paper.channels("fig6", BOTH_FILTERS), paper.values("fig6", BOTH_FILTERS))
 
 
 def _passive(tried: Sequence[Reading], norms: Sequence[ChannelNorm], values: Sequence[Mapping]) -> Finding:
@@ -75,7 +75,7 @@ def _gain_of_a_constant(values: Mapping) -> float:
     return gained / (1 + np.sqrt(1 + gained))
 
 
-def bank_keeps_passive(bench: Bench) -> Finding:
+def bank_keeps_passive(paper: PaperLoops) -> Finding:
     """Norm of the wave channel with filter bank and local model, ports (u_m, v_s, v_l) to (u_s, u_h, v_m): whether it is
     at most 1. It is the root of 2 at least for every LP2 that passes 0 Hz whole, as `passive-bank.md` proves: the two
     returned waves are added, and constant ones pass hold and LP2."""
@@ -84,10 +84,10 @@ def bank_keeps_passive(bench: Bench) -> Finding:
         numbers = f"norm 1 + {show(norm.inward - 1)} of the returned waves, 1 + {show(norm.outward - 1)} of the outgoing one"
         return Answer(bool(norm.norm <= 1), numbers)
 
-    return over(FILTERS, check, bench.channels("fig6", FILTERS))
+    return over(FILTERS, check, paper.channels("fig6", FILTERS))
 
 
-def bank_divides(bench: Bench) -> Finding:
+def bank_divides(paper: PaperLoops) -> Finding:
     """Gains of LP1 and HP from 0.1 to 400 Hz: whether LP1's is the larger one below some frequency, and HP's above it."""
 
     def check(values: Mapping) -> Answer:
@@ -99,10 +99,10 @@ def bank_divides(bench: Bench) -> Finding:
         return Answer(holds, f"powers add up to 1, off by up to {show(np.abs(low + high - 1).max())}")
 
     tried = readings(under("filters.lp1.", "filters.hp."))
-    return over(tried, check, bench.values("fig6", tried))
+    return over(tried, check, paper.values("fig6", tried))
 
 
-def lp2_reduces_reflections(bench: Bench) -> Finding:
+def lp2_reduces_reflections(paper: PaperLoops) -> Finding:
     """Largest part |HP LP2| of a wave that comes back to the user from a lossless local model: whether it is below that
     without LP2."""
 
@@ -113,7 +113,7 @@ def lp2_reduces_reflections(bench: Bench) -> Finding:
         return Answer(found[0] < found[1], f"{show(found[0])}, without LP2 {show(found[1])}")
 
     tried = readings(under("filters.hp.", "filters.lp2."))
-    return over(tried, check, bench.values("fig6", tried))
+    return over(tried, check, paper.values("fig6", tried))
 
 
 def _gain(filter_name: str, frequency_hz: np.ndarray, values: Mapping) -> np.ndarray:

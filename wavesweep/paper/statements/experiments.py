@@ -6,9 +6,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from wavesweep.paper.bench import Bench
-from wavesweep.paper.readings import PMW_LM, Choice, Reading
-from wavesweep.paper.responses import (
+from wavesweep.paper.felt_responses import (
     CONTROLLERS,
     LOW,
     WHOLE,
@@ -23,6 +21,8 @@ from wavesweep.paper.responses import (
     within,
     worst_difference,
 )
+from wavesweep.paper.paper_loops import PaperLoops
+from wavesweep.paper.readings import PMW_LM, Choice, Reading
 from wavesweep.paper.specs import load_paper
 from wavesweep.paper.statements.transparency import MUCH
 from wavesweep.paper.verdicts import UNSTABLE, Answer, Finding, Outcome, Statement, over, untestable
@@ -34,22 +34,22 @@ JITTERS = tuple(
 )
 
 
-def sampling_time_varies_negligibly(bench: Bench) -> Finding:
+def sampling_time_varies_negligibly(paper: PaperLoops) -> Finding:
     """Largest relative change of PMW+LM's simulated admittance at 1, 5, 10 and 20 Hz when ticks are longer or
     shorter by up to a part of the period, against the linear analysis: whether it is below 1 %."""
-    del bench
+    del paper
     changes = [worst_difference(estimated(load_paper("fig7", (FEW_TONES, *each.overrides)))) for each in JITTERS]
     return over(JITTERS, lambda change: Answer(change < NEGLIGIBLE, f"changes by {show(change)}"), changes)
 
 
-def experiment_validates_the_analysis(bench: Bench) -> Finding:
+def experiment_validates_the_analysis(paper: PaperLoops) -> Finding:
     """Not tested: that a simulation of this program agrees with an analysis of this program says nothing of the Phantom
     Omni. The numbers are the largest relative differences of simulated and analytical admittance, 0.5 to 48 Hz."""
-    off = ", ".join(f"{name} {show(worst_difference(bench.experiment(name)))}" for name in CONTROLLERS)
+    off = ", ".join(f"{name} {show(worst_difference(paper.experiment(name)))}" for name in CONTROLLERS)
     return Finding((), f"no measurement of the Phantom Omni is at hand; simulation against analysis here: {off}")
 
 
-def experiment_raises_the_natural_frequency(bench: Bench) -> Finding:
+def experiment_raises_the_natural_frequency(paper: PaperLoops) -> Finding:
     """First peak of the responses: whether PMW+LM's lies above PMW's. Simulated with the spec's own values, by the linear
     analysis under the other readings."""
 
@@ -57,51 +57,51 @@ def experiment_raises_the_natural_frequency(bench: Bench) -> Finding:
         found, without, ideal = peaks
         return Answer(found > without, f"{show(found)} rad/sample, PMW {show(without)}, DC {show(ideal)}")
 
-    return _experiment(bench, check, [_peak(bench.experiment(name)) for name in CONTROLLERS], peak)
+    return _experiment(paper, check, [_peak(paper.experiment(name)) for name in CONTROLLERS], peak)
 
 
-def experiment_approaches_the_ideal(bench: Bench) -> Finding:
+def experiment_approaches_the_ideal(paper: PaperLoops) -> Finding:
     """Mean deviation of the magnitude from DC up to 0.6 rad/sample, PMW+LM against PMW: whether at least halved. Simulated
     with the spec's own values, by the linear analysis under the other readings."""
 
     def check(off: list[float]) -> Answer:
         return Answer(off[0] < off[1] / MUCH, f"off by {show(off[0])}, PMW by {show(off[1])}")
 
-    simulated = [deviation_of(bench.experiment(name), bench.experiment("DC"), LOW) for name in CONTROLLERS]
-    return _experiment(bench, check, simulated, lambda loop: deviation(loop, bench.response("dc"), LOW))
+    simulated = [deviation_of(paper.experiment(name), paper.experiment("DC"), LOW) for name in CONTROLLERS]
+    return _experiment(paper, check, simulated, lambda loop: deviation(loop, paper.response("dc"), LOW))
 
 
-def _experiment(bench: Bench, check: Callable, simulated: list[float], measure: Callable[[Response], float]) -> Finding:
+def _experiment(paper: PaperLoops, check: Callable, simulated: list[float], measure: Callable[[Response], float]) -> Finding:
     """Check a number of each of the three loops: as simulated, then as each other reading's linear response has it."""
 
     def seen(found: Response, without: Response) -> Answer:
         if not (found.stable and without.stable):
             return UNSTABLE
-        return check([measure(loop) for loop in (found, without, bench.response("dc"))])
+        return check([measure(loop) for loop in (found, without, paper.response("dc"))])
 
-    linear = over(PMW_LM, seen, bench.responses("fig6", PMW_LM), bench.responses("pmw", PMW_LM))
+    linear = over(PMW_LM, seen, paper.responses("fig6", PMW_LM), paper.responses("pmw", PMW_LM))
     return Finding((Outcome(PMW_LM[0], *check(simulated)), *linear.outcomes[1:]))
 
 
-def impedance_is_closer(bench: Bench) -> Finding:
+def impedance_is_closer(paper: PaperLoops) -> Finding:
     """Mean distance of the transmitted impedance's magnitude from 500 N/m up to 0.6 rad/sample, PMW+LM against PMW:
     whether at least halved."""
-    return _nearer(bench, LOW)
+    return _nearer(paper, LOW)
 
 
-def impedance_is_closer_everywhere(bench: Bench) -> Finding:
+def impedance_is_closer_everywhere(paper: PaperLoops) -> Finding:
     """The same up to pi rad/sample."""
-    return _nearer(bench, WHOLE)
+    return _nearer(paper, WHOLE)
 
 
-def _nearer(bench: Bench, band: tuple[float, float]) -> Finding:
+def _nearer(paper: PaperLoops, band: tuple[float, float]) -> Finding:
     def check(*loops: Response) -> Answer:
         if not all(loop.stable for loop in loops):
             return UNSTABLE
         off = [stiffness_error(loop, 500.0, band) for loop in loops]
         return Answer(off[0] < off[1] / MUCH, f"off by {show(off[0])} N/m, PMW by {show(off[1])} N/m")
 
-    return over(PMW_LM, check, bench.responses("fig6", PMW_LM), bench.responses("pmw", PMW_LM))
+    return over(PMW_LM, check, paper.responses("fig6", PMW_LM), paper.responses("pmw", PMW_LM))
 
 
 def _peak(columns: Mapping[str, np.ndarray]) -> float:

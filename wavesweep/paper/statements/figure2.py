@@ -7,9 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from wavesweep.paper.bench import Bench
-from wavesweep.paper.readings import DIRECT, NO_HOLD, PMW, Reading, readings, under
-from wavesweep.paper.responses import (
+from wavesweep.paper.felt_responses import (
     HIGH,
     LOW_OF_FIGURE_2,
     WHOLE,
@@ -22,6 +20,8 @@ from wavesweep.paper.responses import (
     show_limits,
     within,
 )
+from wavesweep.paper.paper_loops import PaperLoops
+from wavesweep.paper.readings import DIRECT, NO_HOLD, PMW, Reading, readings, under
 from wavesweep.paper.verdicts import UNSTABLE, Answer, Finding, Statement, over
 
 IMPEDANCES = (20, 40, 60, 80)
@@ -32,40 +32,40 @@ OF_ONE_CUTOFF = readings(under("device.", "environment.", "filters.lp1.order"))
 CLOSE = 0.05  # relative: what is "like" a spring is within this, and what is affected is off by more
 
 
-def direct_coupling_shows_the_stiffness(bench: Bench) -> Finding:
+def direct_coupling_shows_the_stiffness(paper: PaperLoops) -> Finding:
     """Inverse of direct coupling's admittance at 0.05 Hz against K_VE = 500 N/m, to 1 %."""
 
     def check(direct: Response) -> Answer:
         felt = 1 / np.abs(direct.admittance[0])
         return Answer(bool(abs(felt - 500) < 5), f"{show(felt, 5)} N/m")
 
-    return over(DIRECT, check, bench.responses("dc", DIRECT))
+    return over(DIRECT, check, paper.responses("dc", DIRECT))
 
 
-def larger_b_helps_at_low_frequency(bench: Bench) -> Finding:
+def larger_b_helps_at_low_frequency(paper: PaperLoops) -> Finding:
     """Mean deviation from the ideal below 0.15 rad/sample for b = 20, 40, 60, 80: whether it falls."""
-    return _over_family(bench, lambda family: _ordered(bench, family, LOW_OF_FIGURE_2, falls))
+    return _over_family(paper, lambda family: _ordered(paper, family, LOW_OF_FIGURE_2, falls))
 
 
-def larger_b_hurts_at_high_frequency(bench: Bench) -> Finding:
+def larger_b_hurts_at_high_frequency(paper: PaperLoops) -> Finding:
     """Mean deviation from the ideal above 0.6 rad/sample for b = 20, 40, 60, 80: whether it rises."""
-    return _over_family(bench, lambda family: _ordered(bench, family, HIGH, rises))
+    return _over_family(paper, lambda family: _ordered(paper, family, HIGH, rises))
 
 
-def waves_hurt_at_high_frequency(bench: Bench) -> Finding:
+def waves_hurt_at_high_frequency(paper: PaperLoops) -> Finding:
     """Mean deviation from the ideal above 0.6 rad/sample: whether it is more than 5 % for each b of Figure 2."""
 
     def check(family: Sequence[Response]) -> Answer:
-        off = [deviation(response, bench.response("dc"), HIGH) for response in family]
+        off = [deviation(response, paper.response("dc"), HIGH) for response in family]
         return Answer(min(off) > CLOSE, f"off by {show(off)}")
 
-    return _over_family(bench, check)
+    return _over_family(paper, check)
 
 
-def filter_is_a_spring(bench: Bench) -> Finding:
+def filter_is_a_spring(paper: PaperLoops) -> Finding:
     """Spring in series with K_VE that the admittance towards 0 Hz shows, against 2 b lambda (b = 25), to 5 %."""
     tried = (*PMW, Reading((NO_HOLD,)))
-    return over(tried, _spring, bench.families("pmw", tried, [{}], (1e-3,)), bench.values("pmw", tried))
+    return over(tried, _spring, paper.families("pmw", tried, [{}], (1e-3,)), paper.values("pmw", tried))
 
 
 def _spring(family: Sequence[Response], values) -> Answer:
@@ -87,7 +87,7 @@ def _delay_of_the_way(values) -> float:
     return float(1 / (warped * np.sin(np.pi / (2 * order))) + held)
 
 
-def b_is_like_damping(bench: Bench) -> Finding:
+def b_is_like_damping(paper: PaperLoops) -> Finding:
     """Damping that the control force puts on the device, Im(impedance)/omega, between 1 and 3 rad/sample on
     average: whether it rises with b and is within a factor of 2 of it."""
 
@@ -96,7 +96,7 @@ def b_is_like_damping(bench: Bench) -> Finding:
         near = all(0.5 < value / b < 2 for value, b in zip(damping, IMPEDANCES, strict=True))
         return Answer(rises(damping) and near, f"{show(damping)} N s/m for b = {show(IMPEDANCES)}")
 
-    return _over_family(bench, check)
+    return _over_family(paper, check)
 
 
 def _damping(response: Response) -> float:
@@ -104,14 +104,14 @@ def _damping(response: Response) -> float:
     return float(np.mean(response.impedance[chosen].imag / (response.omega[chosen] / 0.02)))
 
 
-def damping_lowers_the_natural_frequency(bench: Bench) -> Finding:
+def damping_lowers_the_natural_frequency(paper: PaperLoops) -> Finding:
     """First peak of direct coupling for a device's damping of 1.5, 3, 4.5, 6 N s/m: whether its frequency falls."""
-    return over(DIRECT, _peaks_fall, bench.families("dc", DIRECT, [{"device.damping": d} for d in (1.5, 3.0, 4.5, 6.0)]))
+    return over(DIRECT, _peaks_fall, paper.families("dc", DIRECT, [{"device.damping": d} for d in (1.5, 3.0, 4.5, 6.0)]))
 
 
-def larger_b_lowers_the_natural_frequency(bench: Bench) -> Finding:
+def larger_b_lowers_the_natural_frequency(paper: PaperLoops) -> Finding:
     """First peak of the admittance for b = 20, 40, 60, 80: whether its frequency falls."""
-    return _over_family(bench, _peaks_fall)
+    return _over_family(paper, _peaks_fall)
 
 
 def _peaks_fall(family: Sequence[Response]) -> Answer:
@@ -119,38 +119,38 @@ def _peaks_fall(family: Sequence[Response]) -> Answer:
     return Answer(falls(peaks), f"{show(peaks)} rad/sample")
 
 
-def higher_cutoff_nears_the_ideal(bench: Bench) -> Finding:
+def higher_cutoff_nears_the_ideal(paper: PaperLoops) -> Finding:
     """Mean deviation from the ideal up to pi rad/sample for LP1 at 5, 10, 15, 20 Hz, b = 25: whether it falls."""
 
     def check(family: Sequence[Response]) -> Answer:
         if not all(response.stable for response in family):
             return UNSTABLE
-        return _ordered(bench, family, WHOLE, falls)
+        return _ordered(paper, family, WHOLE, falls)
 
-    return over(OF_ONE_CUTOFF, check, bench.families("pmw", OF_ONE_CUTOFF, CUTOFFS))
+    return over(OF_ONE_CUTOFF, check, paper.families("pmw", OF_ONE_CUTOFF, CUTOFFS))
 
 
-def higher_cutoff_costs_stability(bench: Bench) -> Finding:
+def higher_cutoff_costs_stability(paper: PaperLoops) -> Finding:
     """Stiffest stable wall for LP1 at 5, 10, 15, 20 Hz, b = 25: whether it never rises and falls in the end."""
 
     def check(limits: list[float]) -> Answer:
         holds = all(after <= before for before, after in pairwise(limits)) and limits[-1] < limits[0]
         return Answer(holds, show_limits(limits))
 
-    return over(OF_ONE_CUTOFF, check, bench.limit_families("pmw", OF_ONE_CUTOFF, CUTOFFS))
+    return over(OF_ONE_CUTOFF, check, paper.limit_families("pmw", OF_ONE_CUTOFF, CUTOFFS))
 
 
-def _over_family(bench: Bench, check: Callable[[Sequence[Response]], Answer]) -> Finding:
+def _over_family(paper: PaperLoops, check: Callable[[Sequence[Response]], Answer]) -> Finding:
     """Check the four curves of Figure 2 under each reading; one that is unstable shows nothing."""
 
     def seen(family: Sequence[Response]) -> Answer:
         return check(family) if all(response.stable for response in family) else UNSTABLE
 
-    return over(PMW, seen, bench.families("fig2", PMW, FAMILY))
+    return over(PMW, seen, paper.families("fig2", PMW, FAMILY))
 
 
-def _ordered(bench: Bench, family: Sequence[Response], band: tuple[float, float], order) -> Answer:
-    off = [deviation(response, bench.response("dc"), band) for response in family]
+def _ordered(paper: PaperLoops, family: Sequence[Response], band: tuple[float, float], order) -> Answer:
+    off = [deviation(response, paper.response("dc"), band) for response in family]
     return Answer(order(off), f"off by {show(off)}")
 
 

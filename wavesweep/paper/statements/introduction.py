@@ -6,31 +6,31 @@ from collections.abc import Callable
 
 import numpy as np
 
-from wavesweep.paper.bench import Bench
+from wavesweep.paper.felt_responses import LOW, deviation, show, show_limits
+from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.readings import SLOW
-from wavesweep.paper.responses import LOW, deviation, show, show_limits
 from wavesweep.paper.verdicts import UNSTABLE, Answer, Finding, Statement, over, untestable
 
 SLOW_WALL, WITH_MODEL = {"controller.kind": "dc-slow"}, {"controller.kind": "dc-lm"}
 ALONG_K_LM = ('controller.kind="dc-lm"', 'sweep.along="K_LM"', "sweep.K_LM={start=0,stop=20000}")
 
 
-def delay_degrades_stability(bench: Bench) -> Finding:
+def delay_degrades_stability(paper: PaperLoops) -> Finding:
     """Stiffest stable wall of direct coupling at 1 kHz, of the slow wall without delay, and delayed by a frame."""
     changes = [{}, *({**SLOW_WALL, "environment.delay": delay} for delay in (0, 20))]
 
     def check(limits: list[float]) -> Answer:
         return Answer(limits[0] > limits[1] > limits[2], show_limits(limits))
 
-    return over(SLOW, check, bench.limit_families("dc", SLOW, changes))
+    return over(SLOW, check, paper.limit_families("dc", SLOW, changes))
 
 
-def local_model_helps(bench: Bench) -> Finding:
+def local_model_helps(paper: PaperLoops) -> Finding:
     """Stiffest stable wall, and mean deviation from the ideal below 0.6 rad/sample with a wall of 50 N/m that each can
     render, of the slow wall and of the slow wall with a power-domain local model of K_LM = K_VE."""
     soft = {"K_VE": 50, "K_LM": 50}
-    limits = bench.limit_families("dc", SLOW, [{**kind, "K_LM": 500} for kind in (SLOW_WALL, WITH_MODEL)])
-    loops = bench.families("dc", SLOW, [soft, {**soft, **SLOW_WALL}, {**soft, **WITH_MODEL}])
+    limits = paper.limit_families("dc", SLOW, [{**kind, "K_LM": 500} for kind in (SLOW_WALL, WITH_MODEL)])
+    loops = paper.families("dc", SLOW, [soft, {**soft, **SLOW_WALL}, {**soft, **WITH_MODEL}])
 
     def check(limits: list[float], loops: list) -> Answer:
         ideal, *found = loops
@@ -42,47 +42,47 @@ def local_model_helps(bench: Bench) -> Finding:
     return over(SLOW, check, limits, loops)
 
 
-def substitution(bench: Bench) -> Finding:
+def substitution(paper: PaperLoops) -> Finding:
     """A local model of 400 N/m at 1 kHz in place of the slow wall of 500 N/m: stiffest stable wall, and the stiffness
     that the hand feels at 0.05 Hz."""
-    limits = bench.limit_families("dc", SLOW, [{}, SLOW_WALL])
+    limits = paper.limit_families("dc", SLOW, [{}, SLOW_WALL])
 
     def check(limits: list[float], model) -> Answer:
         (fast, slow), felt = limits, 1 / np.abs(model.admittance[0])
         numbers = f"K_VE up to {show(fast, 4)} N/m in place of {show(slow, 4)}; felt {show(felt, 4)} N/m and not 500"
         return Answer(bool(fast > slow and abs(felt - 400) < 4), numbers)
 
-    return over(SLOW, check, limits, bench.responses("dc", SLOW, {"K_VE": 400}))
+    return over(SLOW, check, limits, paper.responses("dc", SLOW, {"K_VE": 400}))
 
 
-def conjunction_threatens(bench: Bench) -> Finding:
+def conjunction_threatens(paper: PaperLoops) -> Finding:
     """Whether a K_LM between 0 and 20000 N/m makes a slow wall of 50 N/m unstable that is stable without it."""
-    found = [bench.stable_along("dc", *ALONG_K_LM, "K_VE=50", *reading.overrides) for reading in SLOW]
+    found = [paper.stable_along("dc", *ALONG_K_LM, "K_VE=50", *reading.overrides) for reading in SLOW]
 
     def check(alone, spans: list) -> Answer:
         return Answer(alone.stable and spans != [(0.0, np.inf)], _spans(spans))
 
-    return over(SLOW, check, bench.responses("dc", SLOW, {**SLOW_WALL, "K_VE": 50}), found)
+    return over(SLOW, check, paper.responses("dc", SLOW, {**SLOW_WALL, "K_VE": 50}), found)
 
 
-def of_virtual_coupling(numbers: Callable[[Bench], str]) -> Callable[[Bench], Finding]:
+def of_virtual_coupling(numbers: Callable[[PaperLoops], str]) -> Callable[[PaperLoops], Finding]:
     """Give the judge of a result of [3], with numbers of what comes nearest to it here."""
 
-    def judge(bench: Bench) -> Finding:
+    def judge(paper: PaperLoops) -> Finding:
         """Not tested: a result of the paper's reference [3] on virtual coupling, which no controller here has. The
         numbers are those of the power-domain local model without it (`dc-lm`)."""
-        return Finding((), f"[3] uses virtual coupling, which dc-lm lacks; dc-lm: {numbers(bench)}")
+        return Finding((), f"[3] uses virtual coupling, which dc-lm lacks; dc-lm: {numbers(paper)}")
 
     return judge
 
 
-def _stable_models(bench: Bench) -> str:
-    spans = _spans(bench.stable_along("dc", *ALONG_K_LM))
+def _stable_models(paper: PaperLoops) -> str:
+    spans = _spans(paper.stable_along("dc", *ALONG_K_LM))
     return f"{spans} where K_VE = 500 N/m"
 
 
-def _stiffest_walls(bench: Bench) -> str:
-    limits = bench.limit_families("dc", SLOW[:1], [SLOW_WALL, *({**WITH_MODEL, "K_LM": K} for K in (500, 1000))])[0]
+def _stiffest_walls(paper: PaperLoops) -> str:
+    limits = paper.limit_families("dc", SLOW[:1], [SLOW_WALL, *({**WITH_MODEL, "K_LM": K} for K in (500, 1000))])[0]
     return f"{show_limits(limits)} for K_LM = 0, 500, 1000 N/m"
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from wavesweep.paper.bench import Bench
+from wavesweep.paper.felt_responses import show, show_limits
+from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.readings import (
     CHOICES,
     IMPEDANCES_OF_FIGURE_4,
@@ -14,7 +15,6 @@ from wavesweep.paper.readings import (
     readings,
     under,
 )
-from wavesweep.paper.responses import show, show_limits
 from wavesweep.paper.statements.introduction import WITH_MODEL
 from wavesweep.paper.verdicts import Answer, Finding, Statement, over
 
@@ -28,7 +28,7 @@ WITH_STIFFER_MODELS = readings((*CHOICES, *STIFFER_MODELS))
 DAMPINGS = [{"B_VE": B} for B in (1, 5, 10, 15)]
 
 
-def renders_800(bench: Bench) -> Finding:
+def renders_800(paper: PaperLoops) -> Finding:
     """Upper end of the stable K_VE that begin at 0, B_VE = 1, against 800 N/m, to 1 %, under all combinations of the
     choices for PMW and of b, which the paper does not give for Figure 4; fig4.toml and fig4-b25.toml are among them."""
 
@@ -38,13 +38,13 @@ def renders_800(bench: Bench) -> Finding:
         named = " and ".join(f"({show(low, 4)}, {show(high, 4)})" for low, high in spans)
         return Answer(bool(begins) and _is_800(begins[0]), f"stable K_VE in {named} N/m")
 
-    return over(ALL_OF_PMW, check, bench.stable_families("pmw", ALL_OF_PMW, [{}]))
+    return over(ALL_OF_PMW, check, paper.stable_families("pmw", ALL_OF_PMW, [{}]))
 
 
-def fills_figure_4(bench: Bench) -> Finding:
+def fills_figure_4(paper: PaperLoops) -> Finding:
     """Stiffest stable walls at B_VE = 1, 5, 10, 15 N s/m under the same combinations: whether the first is within 1 % of
     800 N/m, and the largest within the axis and beyond its half."""
-    found = bench.limit_families("pmw", ALL_OF_PMW, DAMPINGS)
+    found = paper.limit_families("pmw", ALL_OF_PMW, DAMPINGS)
     shown = [limits for limits in found if _is_800(limits[0])]
     ends = f"the {len(shown)} with 800 N/m end at {show(sorted(limits[-1] for limits in shown), 4)} N/m for B_VE = 15"
 
@@ -54,11 +54,11 @@ def fills_figure_4(bench: Bench) -> Finding:
     return over(ALL_OF_PMW, check, found)
 
 
-def fills_figure_5(bench: Bench) -> Finding:
+def fills_figure_5(paper: PaperLoops) -> Finding:
     """Stiffest stable walls for K_LM from 0 to 3000 N/m and for Kp from 0 to 40: whether the largest is within an axis
     to 3000 N/m and beyond its half. A region without limit has no boundary to draw. The numbers say under how many of
     these readings K_LM, or Kp, matters little as well."""
-    found = [bench.limit_families("fig6", PMW_LM, each) for each in (STIFFNESSES, GAINS)]
+    found = [paper.limit_families("fig6", PMW_LM, each) for each in (STIFFNESSES, GAINS)]
     largest = [max(*stiffnesses, *gains) for stiffnesses, gains in zip(*found, strict=True)]
     little = [
         sum(_spread(limits, "").holds for limits, top in zip(family, largest, strict=True) if _fills(top)) for family in found
@@ -72,17 +72,17 @@ def _fills(largest: float) -> bool:
     return 1500 < largest <= 3000
 
 
-def local_stiffness_matters_little(bench: Bench) -> Finding:
+def local_stiffness_matters_little(paper: PaperLoops) -> Finding:
     """Stiffest stable wall for K_LM from 0 to 3000 N/m, Kp = 20: whether its extremes are within 10 % of each other."""
-    return over(PMW_LM, lambda found: _spread(found, "K_LM"), bench.limit_families("fig6", PMW_LM, STIFFNESSES))
+    return over(PMW_LM, lambda found: _spread(found, "K_LM"), paper.limit_families("fig6", PMW_LM, STIFFNESSES))
 
 
-def gain_matters_little(bench: Bench) -> Finding:
+def gain_matters_little(paper: PaperLoops) -> Finding:
     """Stiffest stable wall for Kp from 0 to 40, K_LM = 500 N/m: whether its extremes are within 10 % of each other."""
-    return over(PMW_LM, lambda found: _spread(found, "Kp"), bench.limit_families("fig6", PMW_LM, GAINS))
+    return over(PMW_LM, lambda found: _spread(found, "Kp"), paper.limit_families("fig6", PMW_LM, GAINS))
 
 
-def power_domain_parameters_matter(bench: Bench) -> Finding:
+def power_domain_parameters_matter(paper: PaperLoops) -> Finding:
     """Stiffest stable wall of the power-domain local model for K_LM from 0 to 1000 N/m: whether its extremes differ by
     more than 10 %."""
 
@@ -90,10 +90,10 @@ def power_domain_parameters_matter(bench: Bench) -> Finding:
         answer = _spread(limits, "K_LM")
         return Answer(not answer.holds, answer.numbers)
 
-    return over(SLOW, check, bench.limit_families("dc", SLOW, [{**WITH_MODEL, "K_LM": K} for K in (0, 500, 1000)]))
+    return over(SLOW, check, paper.limit_families("dc", SLOW, [{**WITH_MODEL, "K_LM": K} for K in (0, 500, 1000)]))
 
 
-def bank_improves_stability(bench: Bench) -> Finding:
+def bank_improves_stability(paper: PaperLoops) -> Finding:
     """Stiffest stable wall with filter bank, local model and Kp, against that without them (b = 25, Kp = 20; K_LM =
     500, and up to 3000 N/m as in Figure 5)."""
 
@@ -101,10 +101,10 @@ def bank_improves_stability(bench: Bench) -> Finding:
         return Answer(found > without, f"{show_limits(found)}; without them {show_limits(without)}")
 
     tried = WITH_STIFFER_MODELS
-    return over(tried, check, bench.limits("fig6", tried), bench.limits("pmw", tried))
+    return over(tried, check, paper.limits("fig6", tried), paper.limits("pmw", tried))
 
 
-def improvement_is_lp2s(bench: Bench) -> Finding:
+def improvement_is_lp2s(paper: PaperLoops) -> Finding:
     """Stiffest stable wall with LP2, without LP2, and without the local model: whether only LP2 makes it an
     improvement. Readings as before."""
 
@@ -113,17 +113,17 @@ def improvement_is_lp2s(bench: Bench) -> Finding:
         return Answer(found > plain >= without, numbers)
 
     tried = WITH_STIFFER_MODELS
-    limits = (bench.limits("fig6", tried), bench.limits("fig6", tried, WITHOUT_LP2), bench.limits("pmw", tried))
+    limits = (paper.limits("fig6", tried), paper.limits("fig6", tried, WITHOUT_LP2), paper.limits("pmw", tried))
     return over(tried, check, *limits)
 
 
-def lp2_is_needed(bench: Bench) -> Finding:
+def lp2_is_needed(paper: PaperLoops) -> Finding:
     """Stiffest stable wall of Figure 6's loop with LP2 and without: whether LP2 raises it."""
 
     def check(found: float, without: float) -> Answer:
         return Answer(found > without, f"{show_limits(found)}; without LP2 {show_limits(without)}")
 
-    return over(PMW_LM, check, bench.limits("fig6", PMW_LM), bench.limits("fig6", PMW_LM, WITHOUT_LP2))
+    return over(PMW_LM, check, paper.limits("fig6", PMW_LM), paper.limits("fig6", PMW_LM, WITHOUT_LP2))
 
 
 def _is_800(limit: float) -> bool:

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.paper.bench import Bench
+from wavesweep.paper.felt_responses import HIGH, LOW, LOW_OF_FIGURE_2, WHOLE, Response, deviation, peak, show, within
+from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.readings import PMW, PMW_LM
-from wavesweep.paper.responses import HIGH, LOW, LOW_OF_FIGURE_2, WHOLE, Response, deviation, peak, show, within
 from wavesweep.paper.specs import load_paper
 from wavesweep.paper.statements.figure2 import FAMILY
 from wavesweep.paper.verdicts import UNSTABLE, Answer, Finding, Statement, over
@@ -25,13 +25,13 @@ STATIC_HZ = 1e-4
 WITHOUT_KP = {"Kp": 0}
 
 
-def bank_helps_at_high_frequency(bench: Bench) -> Finding:
+def bank_helps_at_high_frequency(paper: PaperLoops) -> Finding:
     """Mean deviation from the ideal above 0.6 rad/sample, with filter bank and local model but Kp = 0, against
     without."""
-    return _closer(bench, HIGH, 1.0, WITHOUT_KP)
+    return _closer(paper, HIGH, 1.0, WITHOUT_KP)
 
 
-def bank_does_little_at_low_frequency(bench: Bench) -> Finding:
+def bank_does_little_at_low_frequency(paper: PaperLoops) -> Finding:
     """Stiffness that the hand feels at 0.05 Hz with filter bank and local model but Kp = 0, against without: whether
     they are within 5 %."""
 
@@ -40,36 +40,36 @@ def bank_does_little_at_low_frequency(bench: Bench) -> Finding:
         holds = bool(abs(felt[0] / felt[1] - 1) <= LITTLE)
         return Answer(holds, f"{show(felt[0], 4)} N/m, without {show(felt[1], 4)} N/m")
 
-    return _both(bench, check, WITHOUT_KP)
+    return _both(paper, check, WITHOUT_KP)
 
 
-def gain_helps_at_low_frequency(bench: Bench) -> Finding:
+def gain_helps_at_low_frequency(paper: PaperLoops) -> Finding:
     """Mean deviation from the ideal below 0.6 rad/sample with Kp = 20 against Kp = 0, both with the local model."""
 
     def check(found: Response, without: Response) -> Answer:
         if not (found.stable and without.stable):
             return UNSTABLE
-        off = [deviation(response, bench.response("dc"), LOW) for response in (found, without)]
+        off = [deviation(response, paper.response("dc"), LOW) for response in (found, without)]
         return Answer(off[0] < off[1], f"off by {show(off[0])}, without Kp {show(off[1])}")
 
-    return over(PMW_LM, check, bench.responses("fig6", PMW_LM), bench.responses("fig6", PMW_LM, WITHOUT_KP))
+    return over(PMW_LM, check, paper.responses("fig6", PMW_LM), paper.responses("fig6", PMW_LM, WITHOUT_KP))
 
 
-def gain_frees_from_b(bench: Bench) -> Finding:
+def gain_frees_from_b(paper: PaperLoops) -> Finding:
     """Spread of the admittance over b = 20 to 80 towards 0 Hz with Kp = 20: whether it is below 1 %."""
-    return _spread_over_b(bench, slice(0, 1))
+    return _spread_over_b(paper, slice(0, 1))
 
 
-def gain_frees_from_b_in_the_figure(bench: Bench) -> Finding:
+def gain_frees_from_b_in_the_figure(paper: PaperLoops) -> Finding:
     """Spread of the admittance over b = 20 to 80 with Kp = 20, largest up to 0.15 rad/sample: whether it is below 1
     %."""
-    return _spread_over_b(bench, slice(1, None))
+    return _spread_over_b(paper, slice(1, None))
 
 
-def _spread_over_b(bench: Bench, chosen: slice) -> Finding:
+def _spread_over_b(paper: PaperLoops, chosen: slice) -> Finding:
     own = np.asarray(load_paper("fig6").frequency_hz)
-    low = own[within(bench.response("fig6").omega, LOW_OF_FIGURE_2)]
-    found = bench.families("fig6", PMW_LM, FAMILY, (STATIC_HZ, *low.tolist()))
+    low = own[within(paper.response("fig6").omega, LOW_OF_FIGURE_2)]
+    found = paper.families("fig6", PMW_LM, FAMILY, (STATIC_HZ, *low.tolist()))
 
     def check(family: Sequence[Response]) -> Answer:
         if not all(curve.stable for curve in family):
@@ -81,59 +81,59 @@ def _spread_over_b(bench: Bench, chosen: slice) -> Finding:
     return over(PMW_LM, check, found)
 
 
-def much_closer_at_low_frequency(bench: Bench) -> Finding:
+def much_closer_at_low_frequency(paper: PaperLoops) -> Finding:
     """Mean deviation of the magnitude from the ideal up to 0.6 rad/sample, PMW+LM against PMW: whether at least
     halved."""
-    return _closer(bench, LOW, MUCH)
+    return _closer(paper, LOW, MUCH)
 
 
-def closer_at_high_frequency(bench: Bench) -> Finding:
+def closer_at_high_frequency(paper: PaperLoops) -> Finding:
     """Mean deviation of the magnitude from the ideal above 0.6 rad/sample, PMW+LM against PMW: whether smaller."""
-    return _closer(bench, HIGH, 1.0)
+    return _closer(paper, HIGH, 1.0)
 
 
-def much_closer_at_high_frequency(bench: Bench) -> Finding:
+def much_closer_at_high_frequency(paper: PaperLoops) -> Finding:
     """Mean deviation of the magnitude from the ideal above 0.6 rad/sample, PMW+LM against PMW: whether at least
     halved."""
-    return _closer(bench, HIGH, MUCH)
+    return _closer(paper, HIGH, MUCH)
 
 
-def natural_frequency_approaches(bench: Bench) -> Finding:
+def natural_frequency_approaches(paper: PaperLoops) -> Finding:
     """First natural frequency of PMW+LM, PMW and DC: whether PMW+LM's is nearer to DC's than PMW's is."""
 
     def check(*loops: Response) -> Answer:
-        found, without, ideal = (peak(loop) for loop in (*loops, bench.response("dc")))
+        found, without, ideal = (peak(loop) for loop in (*loops, paper.response("dc")))
         numbers = f"{show(found)} rad/sample, PMW {show(without)}, DC {show(ideal)}"
         return Answer(abs(found - ideal) < abs(without - ideal), numbers)
 
-    return _both(bench, check)
+    return _both(paper, check)
 
 
-def renders_stiffer_contact(bench: Bench) -> Finding:
+def renders_stiffer_contact(paper: PaperLoops) -> Finding:
     """Stiffness that the hand feels at 0.05 Hz, PMW+LM against PMW: whether it is larger."""
 
     def check(*loops: Response) -> Answer:
         found, without = (1 / np.abs(loop.admittance[0]) for loop in loops)
         return Answer(bool(found > without), f"{show(found, 4)} N/m, PMW {show(without, 4)} N/m")
 
-    return _both(bench, check)
+    return _both(paper, check)
 
 
-def _both(bench: Bench, check, change=None) -> Finding:
+def _both(paper: PaperLoops, check, change=None) -> Finding:
     """Check PMW+LM and PMW under each reading; where one of them is unstable it shows nothing."""
 
     def seen(*loops: Response) -> Answer:
         return check(*loops) if all(loop.stable for loop in loops) else UNSTABLE
 
-    return over(PMW_LM, seen, bench.responses("fig6", PMW_LM, change), bench.responses("pmw", PMW_LM))
+    return over(PMW_LM, seen, paper.responses("fig6", PMW_LM, change), paper.responses("pmw", PMW_LM))
 
 
-def _closer(bench: Bench, band: tuple[float, float], factor: float, change=None) -> Finding:
+def _closer(paper: PaperLoops, band: tuple[float, float], factor: float, change=None) -> Finding:
     def check(*loops: Response) -> Answer:
-        found, without = (deviation(loop, bench.response("dc"), band) for loop in loops)
+        found, without = (deviation(loop, paper.response("dc"), band) for loop in loops)
         return Answer(found < without / factor, f"off by {show(found)}, PMW by {show(without)}")
 
-    return _both(bench, check, change)
+    return _both(paper, check, change)
 
 
 @dataclass(frozen=True)
@@ -154,23 +154,23 @@ AXES = (
 )
 
 
-def fits(axis: Axis) -> Callable[[Bench], Finding]:
+def fits(axis: Axis) -> Callable[[PaperLoops], Finding]:
     """Give the judge of one axis."""
 
-    def judge(bench: Bench) -> Finding:
+    def judge(paper: PaperLoops) -> Finding:
         """Largest magnitude among the figure's curves: whether it lies between the two highest legible tick labels,
         in mm/N."""
 
         def check(loops: Sequence[Response]) -> Answer:
             if not all(loop.stable for loop in loops):
                 return UNSTABLE
-            curves = [*loops, bench.response("dc")]
+            curves = [*loops, paper.response("dc")]
             largest = max(1e3 * np.abs(curve.admittance[within(curve.omega, axis.band)]).max() for curve in curves)
             return Answer(bool(axis.below < largest <= axis.top), f"{show(largest)} mm/N")
 
         if axis.figure.startswith("2"):
-            return over(PMW, check, bench.families("fig2", PMW, FAMILY))
-        both = zip(*(bench.responses(name, PMW_LM) for name in ("fig6", "pmw")), strict=True)
+            return over(PMW, check, paper.families("fig2", PMW, FAMILY))
+        both = zip(*(paper.responses(name, PMW_LM) for name in ("fig6", "pmw")), strict=True)
         return over(PMW_LM, check, list(both))
 
     return judge

@@ -10,8 +10,8 @@ from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.analysis.passivity import ChannelNorm, channel_norm
 from wavesweep.diagram import draw, keys_read
 from wavesweep.lifted import cut_at_wall
+from wavesweep.paper.felt_responses import CONTROLLERS, Response, estimated, respond_to
 from wavesweep.paper.readings import Reading
-from wavesweep.paper.responses import CONTROLLERS, Response, estimated, respond_to
 from wavesweep.paper.specs import load_paper
 from wavesweep.spec import Spec, find_key
 from wavesweep.spec.spec import K_VE_SPAN
@@ -23,7 +23,7 @@ Spans = list[tuple[float, float]]
 BASE = (Reading(),)
 
 
-class Bench:
+class PaperLoops:
     """Answers about the paper's specs under many readings at once; it remembers them, and does nothing else.
 
     A reading changes keys that the loop of a spec reads; `change` (symbols or paths -> values) goes before it.
