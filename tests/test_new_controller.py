@@ -11,9 +11,8 @@ from support.specs import nested, values_of
 import wavesweep
 from wavesweep.controllers import CONTROLLERS
 from wavesweep.diagram.device import device
-from wavesweep.diagram.drawing import Diagram
+from wavesweep.diagram.drawing import Diagram, hand, rates
 from wavesweep.diagram.filters import butterworth
-from wavesweep.diagram.signals import hand, rates
 
 KIND = "dc-filtered"
 

@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.diagram.arrays import matrix
-from wavesweep.diagram.block import Block
-from wavesweep.diagram.delay import unit_delay
+from wavesweep.diagram.block import Block, matrix, unit_delay
 
 
 def test_a_wrong_shape_names_block_matrix_expected_and_found():

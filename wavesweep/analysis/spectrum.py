@@ -1,8 +1,33 @@
-"""Eigenvalues of the closed loop: spectral radius and verdict."""
+"""Eigenvalues of the closed loop beside the unit circle: spectral radius, verdict, and how many lie outside."""
 
 import numpy as np
 
 from wavesweep.lifted import Cut, close
+from wavesweep.lifted.circle import on_circle
+
+ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
+BACKWARD = 16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
+NEIGHBOURHOOD = 1e-3  # from the circle, where two eigenvalues may lose most of their digits when they nearly meet
+MEETING = 4  # how many of the nearest are looked at
+BALANCING = 3  # sweeps
+
+
+def eigenvalues(E):
+    """Eigenvalues less 1 of `I + E`, complex `(..., n)`, and whether E is finite; zeros where it is not."""
+    finite = np.isfinite(E).all((-1, -2))
+    return np.linalg.eigvals(np.where(finite[..., None, None], E, 0.0)).astype(complex), finite
+
+
+def excess(delta):
+    """`|z|^2 - 1` of `z = 1 + delta`, without cancellation for slow poles."""
+    with np.errstate(over="ignore"):
+        return 2 * delta.real + delta.real**2 + delta.imag**2
+
+
+def is_stable(E) -> np.ndarray:
+    """Whether every eigenvalue of `I + E` is inside the unit circle; never where E is not finite."""
+    delta, finite = eigenvalues(E)
+    return finite & (excess(delta) < 0).all(-1)
 
 
 def spectral_radius(cut: Cut, K_VE, B_VE) -> np.ndarray:
@@ -11,7 +36,51 @@ def spectral_radius(cut: Cut, K_VE, B_VE) -> np.ndarray:
     cut: loops; K_VE (N/m), B_VE (N*s/m): numbers or arrays that broadcast with the batch.
     Accuracy: that of the eigenvalue, 1e-14 relative where it is well conditioned.
     """
-    E = close(cut, K_VE, B_VE)
-    finite = np.isfinite(E).all((-1, -2))
-    values = np.linalg.eigvals(np.where(finite[..., None, None], E, 0.0))
-    return np.where(finite, np.abs(1 + values).max(-1, initial=0.0), np.inf)
+    delta, finite = eigenvalues(close(cut, K_VE, B_VE))
+    return np.where(finite, np.abs(1 + delta).max(-1, initial=0.0), np.inf)
+
+
+def count_outside(E):
+    """Number of eigenvalues outside the unit circle of `I + E`, and whether none lies within rounding of it.
+
+    The count is -1 where E is not finite. An eigenvalue is within rounding of the circle where its computed distance is, and,
+    since eigenvalues that nearly meet keep only a root of the digits, also where one that is anywhere near could be moved
+    onto the circle by a rounding of E: where the smallest singular value of `z I - (I + E)` at the nearest z of the circle is
+    that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1).
+    """
+    delta, finite = eigenvalues(E)
+    outside = excess(delta)
+    tolerance = ROUNDINGS * np.finfo(float).eps * np.maximum(1, np.abs(E).max((-1, -2), initial=0))
+    count = np.where(finite, (outside > 0).sum(-1), -1)
+    distance = np.abs(outside)
+    clear = finite & (distance.min(-1, initial=np.inf) > tolerance)
+    near = np.flatnonzero(clear & (np.sort(distance, axis=-1)[:, :2] < NEIGHBOURHOOD).all(-1)) if E.shape[-1] > 1 else []
+    if len(near):
+        closest = np.take_along_axis(delta[near], np.argsort(distance[near], axis=-1)[:, :MEETING], axis=-1)
+        balanced = _balanced(E[near])
+        rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2))
+        clear[near] = _from_circle(balanced, np.abs(np.angle(1 + closest))) > rounding
+    return count, clear
+
+
+def _from_circle(E, theta):
+    """Smallest singular value of `z I - (I + E)` over `z = exp(j theta)`, `(matrices,)`; theta: `(matrices, points)`."""
+    A = on_circle(theta)[..., None, None] * np.eye(E.shape[-1]) - E[:, None]
+    return np.linalg.svd(A, compute_uv=False)[..., -1].min(-1)
+
+
+def _balanced(E):
+    """E in states of such units that its rows and columns are of like size, by powers of two (Osborne 1960)."""
+    size = np.abs(E)
+    index = np.arange(E.shape[-1])
+    size[:, index, index] = 0
+    for _ in range(BALANCING):
+        for k in index:
+            row, column = size[:, k, :].sum(-1), size[:, :, k].sum(-1)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                factor = np.exp2(np.round(np.log2(row / column) / 2))
+            factor = np.where(np.isfinite(factor) & (factor > 0), factor, 1.0)[:, None]
+            size[:, :, k], size[:, k, :] = size[:, :, k] * factor, size[:, k, :] / factor
+            E = E.copy()
+            E[:, :, k], E[:, k, :] = E[:, :, k] * factor, E[:, k, :] / factor
+    return E

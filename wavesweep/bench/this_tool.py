@@ -17,11 +17,11 @@ import numpy as np
 
 import wavesweep
 from wavesweep import results
-from wavesweep.analysis.intervals.hopeless import surely_unstable
+from wavesweep.analysis.intervals.boundary import polish
+from wavesweep.analysis.intervals.crossings import sampled_polynomial
 from wavesweep.analysis.intervals.isolate import isolate
-from wavesweep.analysis.intervals.polish import polish
-from wavesweep.analysis.intervals.polynomial import sampled_polynomial
 from wavesweep.analysis.intervals.regions import regions
+from wavesweep.analysis.intervals.stable import trace_excludes_stability
 from wavesweep.bench.measuring import Row
 from wavesweep.bench.problems import COLUMNS, PROBLEMS, Answer, Problem
 from wavesweep.diagram import draw
@@ -32,7 +32,7 @@ from wavesweep.spec import Spec
 STAGES = {  # function -> the stage that it is; together they are the whole call
     draw: "draw and discretise",
     cut_at_wall: "connect, lift and cut",
-    surely_unstable: "screen",
+    trace_excludes_stability: "screen",
     sampled_polynomial: "polynomial from samples",
     isolate: "roots and their proof",
     polish: "polish",

@@ -1,10 +1,32 @@
-"""A discrete block in delta form, the only kind of box that a diagram is drawn with."""
+"""A discrete block in delta form, the only kind of box that a diagram is drawn with, and its arrays over a batch."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.diagram.arrays import frozen
+
+def numbers(array) -> np.ndarray:
+    """Return `array` as floats, or as complex numbers where a parameter is looked at beside the real axis."""
+    array = np.asarray(array)
+    return array if array.dtype.kind == "c" else array.astype(float, copy=False)
+
+
+def frozen(array) -> np.ndarray:
+    """Return `array` as a read-only view of `numbers`; the caller's own array stays writable."""
+    view = numbers(array).view()
+    view.flags.writeable = False
+    return view
+
+
+def matrix(rows) -> np.ndarray:
+    """Stack rows of scalars and arrays to `(..., len(rows), len(rows[0]))`, entries broadcast together."""
+    height, width = len(rows), len(rows[0])
+    entries = [numbers(entry) for row in rows for entry in row]
+    out = np.empty((*np.broadcast_shapes(*(e.shape for e in entries)), height, width), np.result_type(*entries))
+    for index, entry in enumerate(entries):
+        out[..., index // width, index % width] = entry
+    return out
+
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,3 +68,10 @@ class Block:
     def batch(self) -> tuple[int, ...]:
         """The shape of the leading axes, all four arrays broadcast together."""
         return np.broadcast_shapes(*(a.shape[:-2] for a in (self.E, self.B, self.C, self.D)))
+
+
+
+def unit_delay(name: str) -> Block:
+    """`y[k] = u[k-1]`."""
+    one = np.ones((1, 1))
+    return Block(name, ("u",), ("y",), ("u_before",), E=-one, B=one, C=one, D=0 * one)

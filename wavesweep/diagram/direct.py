@@ -1,8 +1,7 @@
 """Controllers without waves: direct coupling at the fast rate and at the slow one, and a power-domain local model."""
 
 from wavesweep.diagram.device import device
-from wavesweep.diagram.drawing import Diagram
-from wavesweep.diagram.signals import hand, rates
+from wavesweep.diagram.drawing import Diagram, hand, rates
 
 
 def dc(values) -> Diagram:

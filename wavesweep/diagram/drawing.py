@@ -1,9 +1,10 @@
 """The drawing of a multirate loop: blocks at two rates, samplers, holds, a wall, and who feeds whom."""
 
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from wavesweep.diagram.block import Block
+from wavesweep.diagram.block import Block, numbers
 
 Sum = Mapping[str, object]
 """A summing junction: source signal -> gain (a number or an array over the batch)."""
@@ -66,3 +67,17 @@ class Diagram:
     waves: tuple[str, str] | None = None
     rate: object = None
     structure: "Diagram | None" = None
+
+
+
+def hand(values) -> dict:
+    """The tick and the hand, as keywords that a `Diagram` takes."""
+    return {
+        "period": 1 / numbers(values["rates.fast_hz"]),
+        "rate": values["rates.fast_hz"],
+    }
+
+
+def rates(values) -> dict:
+    """The frame and the slow environment's delay in it, as keywords that a `Diagram` takes."""
+    return {"ratio": values["rates.ratio"], "delay": values["environment.delay"]}

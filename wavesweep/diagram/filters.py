@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from wavesweep.diagram.arrays import matrix, numbers
-from wavesweep.diagram.block import Block
+from wavesweep.diagram.block import Block, matrix, numbers
 
 
 def butterworth(name: str, order: int, cutoff_hz, period, highpass: bool = False) -> Block:

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from wavesweep.diagram.arrays import numbers
+from wavesweep.diagram.block import numbers
 from wavesweep.diagram.device import device
-from wavesweep.diagram.drawing import Diagram
+from wavesweep.diagram.drawing import Diagram, hand, rates
 from wavesweep.diagram.filters import butterworth
-from wavesweep.diagram.signals import hand, rates
 from wavesweep.diagram.wave import avatar
 
 

@@ -1,11 +1,10 @@
 """Passive multirate wave control with filter bank, local model and position feedback, Figure 3 of the paper."""
 
-from wavesweep.diagram.delay import unit_delay
+from wavesweep.diagram.block import unit_delay
 from wavesweep.diagram.device import device
-from wavesweep.diagram.drawing import Diagram
+from wavesweep.diagram.drawing import Diagram, hand, rates
 from wavesweep.diagram.filters import butterworth
 from wavesweep.diagram.pmw import antialiasing, encoder, position_term, slow_avatar
-from wavesweep.diagram.signals import hand, rates
 from wavesweep.diagram.wave import local_model
 
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from wavesweep.diagram.arrays import matrix, numbers
-from wavesweep.diagram.block import Block
+from wavesweep.diagram.block import Block, matrix, numbers
 
 # (share of the new step in the spring's displacement, share of it in the position that is sent back)
 _STEP = {"explicit": (0.0, 1.0), "implicit": (1.0, 1.0), "trapezoidal": (0.5, 0.5)}

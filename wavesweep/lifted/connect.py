@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from wavesweep.diagram.arrays import numbers
-from wavesweep.diagram.block import Block
+from wavesweep.diagram.block import Block, numbers
 from wavesweep.errors import IllPosedLoopError
 
 WORST_CONDITION = 1e12  # beyond it a closed loop keeps fewer than 4 digits, which is no answer

@@ -4,11 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.diagram.arrays import frozen, numbers
+from wavesweep.diagram.block import frozen, numbers
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import drift_of
-from wavesweep.lifted.assemble import slow_side
 from wavesweep.lifted.circle import solve
+from wavesweep.lifted.lift import slow_side
 
 V, ADVANCE, OFFSET = 0, 1, 2  # rows of C and D
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
-from wavesweep.lifted.assemble import latches, slow_sums, wall_sum
 from wavesweep.lifted.connect import connect
+from wavesweep.lifted.lift import latches, slow_sums, wall_sum
 
 
 def lifted_system(diagram: Diagram, ratio: int, K_VE, B_VE, output: str | None = None) -> Block:

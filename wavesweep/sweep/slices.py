@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from wavesweep.analysis.intervals import Intervals, stable_anywhere, stable_intervals
+from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
 from wavesweep.diagram import WALL, draw
 from wavesweep.lifted import Cut, close, cut_at_wall
 from wavesweep.sweep.records import records_of
@@ -71,7 +71,7 @@ def _along_number(work, values, size, walls):
 
     rate = np.broadcast_to(np.asarray(values["rates.fast_hz"], float), (size,))
     ticks = draw(values).ratio
-    return stable_anywhere(evaluate, work.span, size * walls, np.repeat(ticks / rate, walls), _bounds(work, rate))
+    return stable_along_any(evaluate, work.span, size * walls, np.repeat(ticks / rate, walls), _bounds(work, rate))
 
 
 def _different(loop, p):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.analysis.intervals.anywhere import stable_anywhere
-from wavesweep.analysis.intervals.bracket import bracketed_roots
+from wavesweep.analysis.intervals.any_parameter import stable_along_any
+from wavesweep.analysis.intervals.panels import bracketed_roots
 from wavesweep.errors import UsageError
 
 BANK = {"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit", "K_VE": 1000.0}}
@@ -67,7 +67,7 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
     loop = wavesweep.compile(spec)
     cut = cut_at_wall(draw(loop.spec.values)).at(np.newaxis)
     exact = loop.stable_intervals(span=(1.0, 20000.0))
-    found = stable_anywhere(lambda column, K: close(cut.at(column), K, 1.0), (1.0, 20000.0), 1, np.full(1, 0.02))
+    found = stable_along_any(lambda column, K: close(cut.at(column), K, 1.0), (1.0, 20000.0), 1, np.full(1, 0.02))
     assert found.certified.all()
     np.testing.assert_allclose(found.low, exact.low, rtol=1e-9)
     np.testing.assert_allclose(found.high, exact.high, rtol=1e-9)
@@ -81,7 +81,7 @@ def test_a_pair_of_real_eigenvalues_with_product_one_is_no_end():
         E[:, 0, 0], E[:, 1, 1] = p - 1, -0.5
         return E
 
-    found = stable_anywhere(evaluate, (0.1, 5.0), 1, np.ones(1))
+    found = stable_along_any(evaluate, (0.1, 5.0), 1, np.ones(1))
     assert found.count.tolist() == [1]
     assert found.certified.all()
     np.testing.assert_allclose(found.high, 1.0, rtol=1e-12)
@@ -97,7 +97,7 @@ def test_two_close_crossings_are_both_found():
         E[:, 0, 1], E[:, 1, 0] = size * np.sin(angle), -size * np.sin(angle)
         return E
 
-    found = stable_anywhere(evaluate, (0.0, 1.0), 1, np.ones(1))
+    found = stable_along_any(evaluate, (0.0, 1.0), 1, np.ones(1))
     if found.certified.all():
         np.testing.assert_allclose(found.high[0], 0.37 - 1e-6, atol=1e-9)
         np.testing.assert_allclose(found.low[1], 0.37 + 1e-6, atol=1e-9)

@@ -8,7 +8,7 @@ from support.intervals import cut_of, intervals_of, pairs
 from support.specs import values_of
 
 from wavesweep.analysis.intervals import stable_intervals
-from wavesweep.analysis.intervals.rounding import shift
+from wavesweep.analysis.intervals.boundary import shift
 from wavesweep.lifted.circle import on_circle
 
 # Two crossings that nearly merge in front of z = 1; the truth is from 512-bit ball arithmetic.

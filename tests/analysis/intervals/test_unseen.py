@@ -5,7 +5,7 @@ import pytest
 
 import wavesweep
 from wavesweep.analysis.doubt import DOUBTS, INCOMPLETE
-from wavesweep.analysis.intervals.regions import count_outside
+from wavesweep.analysis.spectrum import count_outside
 
 
 def test_a_window_in_which_the_tick_explodes_is_found():

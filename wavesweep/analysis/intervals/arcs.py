@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from wavesweep.analysis.intervals.boundary import polish
 from wavesweep.analysis.intervals.crossings import Crossings, at_both_ends, open_inside
 from wavesweep.analysis.intervals.panels import panel_roots
-from wavesweep.analysis.intervals.polish import polish
 from wavesweep.lifted.circle import on_circle, solve
 from wavesweep.lifted.cut import Cut, open_in
 

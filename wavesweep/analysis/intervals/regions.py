@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.analysis.doubt import COUNTS, NONE, ROUNDING
+from wavesweep.analysis.intervals.boundary import K_VE, residual, shift, terms
 from wavesweep.analysis.intervals.crossings import Crossings
-from wavesweep.analysis.intervals.curve import K_VE, residual, terms
-from wavesweep.analysis.intervals.rounding import shift
+from wavesweep.analysis.spectrum import count_outside
 from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.cut import Cut, close
 
@@ -17,11 +17,6 @@ FIRM = 1e-9 / 16  # of an end, what one rounding of every entry of the loop may 
 NEAR_ZERO = 1e-5  # of the span, which an end is given in addition: one next to zero has few digits of itself
 SHARES = (0.5, 0.1, 0.9, 1e-3, 0.999, 1e-6)  # of a region's width: the count is the same at all, and clearer at some
 MANY_SHARES = (*np.linspace(0, 1, 18)[1:-1], 1e-2, 1e-3, 1e-4, 1e-6)  # where it may not be the same
-ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
-BACKWARD = 16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
-NEIGHBOURHOOD = 1e-3  # from the circle, where two eigenvalues may lose most of their digits when they nearly meet
-MEETING = 4  # how many of the nearest are looked at
-BALANCING = 3  # sweeps
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,51 +175,3 @@ def _residual(cut, along, fixed, value, theta):
     # At z = 1 an integrating loop meets the equation 0 = 0 at K_VE = 0, by structure.
     with np.errstate(invalid="ignore"):
         return np.where(cut.integrates & (theta == 0.0), 0.0, residual(terms(cut, w), K, B))
-
-
-def count_outside(E):
-    """Number of eigenvalues outside the unit circle of `I + E`, and whether none lies within rounding of it.
-
-    The count is -1 where E is not finite. An eigenvalue is within rounding of the circle where its computed distance is, and,
-    since eigenvalues that nearly meet keep only a root of the digits, also where one that is anywhere near could be moved
-    onto the circle by a rounding of E: where the smallest singular value of `z I - (I + E)` at the nearest z of the circle is
-    that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1).
-    """
-    finite = np.isfinite(E).all((-1, -2))
-    delta = np.linalg.eigvals(np.where(finite[:, None, None], E, 0.0))
-    with np.errstate(over="ignore"):
-        outside = 2 * delta.real + delta.real**2 + delta.imag**2  # |z|^2 - 1, without cancellation for slow poles
-    tolerance = ROUNDINGS * np.finfo(float).eps * np.maximum(1, np.abs(E).max((-1, -2), initial=0))
-    count = np.where(finite, (outside > 0).sum(-1), -1)
-    distance = np.abs(outside)
-    clear = finite & (distance.min(-1, initial=np.inf) > tolerance)
-    near = np.flatnonzero(clear & (np.sort(distance, axis=-1)[:, :2] < NEIGHBOURHOOD).all(-1)) if E.shape[-1] > 1 else []
-    if len(near):
-        closest = np.take_along_axis(delta[near], np.argsort(distance[near], axis=-1)[:, :MEETING], axis=-1)
-        balanced = _balanced(E[near])
-        rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2))
-        clear[near] = _from_circle(balanced, np.abs(np.angle(1 + closest))) > rounding
-    return count, clear
-
-
-def _from_circle(E, theta):
-    """Smallest singular value of `z I - (I + E)` over `z = exp(j theta)`, `(matrices,)`; theta: `(matrices, points)`."""
-    A = on_circle(theta)[..., None, None] * np.eye(E.shape[-1]) - E[:, None]
-    return np.linalg.svd(A, compute_uv=False)[..., -1].min(-1)
-
-
-def _balanced(E):
-    """E in states of such units that its rows and columns are of like size, by powers of two (Osborne 1960)."""
-    size = np.abs(E)
-    index = np.arange(E.shape[-1])
-    size[:, index, index] = 0
-    for _ in range(BALANCING):
-        for k in index:
-            row, column = size[:, k, :].sum(-1), size[:, :, k].sum(-1)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                factor = np.exp2(np.round(np.log2(row / column) / 2))
-            factor = np.where(np.isfinite(factor) & (factor > 0), factor, 1.0)[:, None]
-            size[:, :, k], size[:, k, :] = size[:, :, k] * factor, size[:, k, :] / factor
-            E = E.copy()
-            E[:, :, k], E[:, k, :] = E[:, :, k] * factor, E[:, k, :] / factor
-    return E

@@ -6,12 +6,10 @@ import numpy as np
 
 from wavesweep.analysis.doubt import CROWDED, NONE, OVERFLOW, ROUNDING
 from wavesweep.analysis.intervals.arcs import arc_crossings
-from wavesweep.analysis.intervals.crossings import crossings
-from wavesweep.analysis.intervals.curve import K_VE
-from wavesweep.analysis.intervals.hopeless import surely_unstable
-from wavesweep.analysis.intervals.polynomial import sampled_polynomial, warp_scale
+from wavesweep.analysis.intervals.boundary import K_VE
+from wavesweep.analysis.intervals.crossings import crossings, sampled_polynomial, warp_scale
 from wavesweep.analysis.intervals.regions import Regions, cut_span, regions
-from wavesweep.lifted.cut import Cut
+from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +43,13 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
 
     cut: loops, batch shape `(slices,)`. span: (low, high). fixed: `(slices, columns)`, values of the other wall parameter.
 
-    Crossings are the roots of one real polynomial per column (`polynomial`), polished in state space (`polish`).
+    Crossings are the roots of one real polynomial per column (`crossings`), polished in state space (`boundary`).
     Certified means: Smith's discs prove that the polynomial has no further real root, whatever its coefficients are
     within their measured error (`isolate`), so that no pair of crossings can hide; both ends satisfy the characteristic
-    equation to rounding, and rounding of the loop's own entries cannot move them by more (`rounding`); and eigenvalues,
+    equation to rounding, and rounding of the loop's own entries cannot move them by more (`boundary.shift`); and eigenvalues,
     counted independently in the first region and in every stable one, agree with the counts that follow from region to
     region by the crossings' directions (`regions`). Columns that are unstable for every wall are certified so from their
-    trace (`hopeless`). Columns that fail are done again on arcs in state space (`arcs`); what fails still is in doubt, and the
+    trace. Columns that fail are done again on arcs in state space (`arcs`); what fails still is in doubt, and the
     regions whose label is not known are left out. Of a loop whose frame overflows nothing is known.
     Accuracy: ends to about 1e-12 relative, measured against 40-digit arithmetic; at the least 1e-9 of the end and a
     hundred-thousandth of the span together.
@@ -63,7 +61,7 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), width)
     pending, done = np.arange(flat.size), []
     cut, overflown = _finite(cut)
-    for method in (_beyond_hope, _by_polynomial, _by_arcs):
+    for method in (_by_trace, _by_polynomial, _by_arcs):
         parts, doubt = method(cut, owner[pending], along, flat[pending], span)
         lost = overflown[owner[pending]]
         parts = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable))
@@ -84,13 +82,13 @@ def _finite(cut) -> tuple[Cut, np.ndarray]:
     return cut, bad
 
 
-def _beyond_hope(cut, owner, along, fixed, span):
+def _by_trace(cut, owner, along, fixed, span):
     """Columns with a single region, unstable throughout; proved where that is sure."""
     nowhere = np.zeros(0)
     whole = cut_span(span, fixed.size, nowhere.astype(int), nowhere, nowhere, nowhere)
     everywhere = np.ones(fixed.size, int)
     parts = whole.labelled(everywhere, 0 * everywhere, nowhere.astype(int), nowhere)
-    return parts, np.where(surely_unstable(cut, owner, along, fixed, span), NONE, CROWDED)
+    return parts, np.where(trace_excludes_stability(cut, owner, along, fixed, span), NONE, CROWDED)
 
 
 def _by_polynomial(cut, owner, along, fixed, span):
@@ -170,3 +168,26 @@ def _joined(cut, along, span, fixed) -> Intervals:
             parts.append(replace(part, column=names[part.column]))
     order = np.argsort(np.concatenate([part.column for part in parts]), kind="stable")
     return Intervals(*(np.concatenate([getattr(part, f.name) for part in parts])[order] for f in fields(Intervals)))
+
+
+
+def trace_excludes_stability(cut: Cut, owner, along: str, fixed, span):
+    """Columns whose closed loop has a trace beyond the number of its eigenvalues all over the span: one lies outside.
+
+    A tick that is unstable by itself grows so much within a frame that the frame's matrix keeps no digit of its small
+    eigenvalues, and nothing finer can be said of it in double precision. The trace, the sum of the eigenvalues, is a
+    quotient of linear functions of the wall parameter: without a pole in the span its extremes are at the ends.
+    """
+    with np.errstate(all="ignore"):
+        base = cut.order + np.trace(cut.E, axis1=-2, axis2=-1)
+        gain = (cut.C * np.swapaxes(cut.B, -1, -2)).sum(-1)
+        x, v = gain[..., OFFSET] + (cut.D[..., ADVANCE, 0] if cut.integrates else 0), gain[..., V]
+        through_x, through_v = cut.D[..., OFFSET, 0], cut.D[..., V, 0]
+        traces, sizes, through = [], [], []
+        for end in span:
+            K, B = (end, fixed) if along == K_VE else (fixed, end)
+            through.append(1 - K * through_x[owner] - B * through_v[owner])
+            traces.append(base[owner] + (K * x[owner] + B * v[owner]) / through[-1])
+            sizes.append(np.abs(base[owner]) + (np.abs(K * x[owner]) + np.abs(B * v[owner])) / np.abs(through[-1]))
+        beyond = [np.abs(t) > np.maximum(1.001 * cut.order, 1e-8 * s) for t, s in zip(traces, sizes, strict=True)]
+        return beyond[0] & beyond[1] & (traces[0] * np.sign(traces[1]) > 0) & (through[0] * through[1] > 0)

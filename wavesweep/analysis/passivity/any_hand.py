@@ -9,9 +9,9 @@ from wavesweep.analysis.passivity.port_frame import level_frame
 from wavesweep.analysis.passivity.port_loop import port_loop
 from wavesweep.analysis.passivity.port_response import PortResponse
 from wavesweep.analysis.passivity.scattering import angles
+from wavesweep.analysis.spectrum import is_stable
 from wavesweep.diagram import draw
-from wavesweep.diagram.arrays import matrix
-from wavesweep.diagram.block import Block
+from wavesweep.diagram.block import Block, matrix
 
 SLACK = 1e-10  # of the damping and of 1 N*s/m: what no frequency exceeds
 SURE = 1e-7  # of the same: rounding at the lowest frequency, where the position's pole cancels, with room
@@ -111,5 +111,4 @@ def _builds_up(response, loops):
 def _responsive(loop):
     """Whether all that follows from a prescribed position dies out: every state but the position itself."""
     rest = [i for i, name in enumerate(loop.slow.states) if name != f"frame.{loop.source[0].hand.position}"]
-    delta = np.linalg.eigvals(loop.slow.E[:, rest][:, :, rest]) if rest else np.zeros((loop.loops, 0))
-    return (2 * delta.real + delta.real**2 + delta.imag**2 < 0).all(-1)
+    return is_stable(loop.slow.E[:, rest][:, :, rest]) if rest else np.ones(loop.loops, bool)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.analysis.spectrum import eigenvalues, excess
 from wavesweep.diagram import draw
 from wavesweep.lifted import Cut, close, cut_at_wall
 
@@ -103,13 +104,9 @@ def swing_with_hand(values, hand, K_VE) -> float:
 
 def _measures(E):
     """Spectral radius of I + E and the least damping ratio; infinite and -1 where the frame overflowed."""
-    finite = np.isfinite(E).all((-1, -2))
-    delta = np.linalg.eigvals(np.where(finite[..., None, None], E, 0.0)).astype(complex)
-    beyond = np.hypot(1 + delta.real, delta.imag)
-    # |z|^2 - 1 without cancellation; a mode at z = 0 decays at once, and any small number stands for it
-    with np.errstate(over="ignore"):
-        excess = np.where(beyond < 1e6, 2 * delta.real + delta.real**2 + delta.imag**2, 1e12)
-    growth = np.log1p(np.maximum(excess, -1 + 1e-15)) / 2
+    delta, finite = eigenvalues(E)
+    # A mode at z = 0 decays at once, and any small number stands for it.
+    growth = np.log1p(np.clip(excess(delta), -1 + 1e-15, 1e12)) / 2
     ratio = -growth / np.maximum(np.hypot(growth, np.angle(1 + delta)), 1e-300)
     radius = np.where(finite, np.exp(growth.max(-1, initial=-np.inf)), np.inf)
     return radius, np.where(finite, ratio.min(-1, initial=1.0), -1.0)

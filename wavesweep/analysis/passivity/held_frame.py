@@ -10,9 +10,8 @@ from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drift import drift_of
 from wavesweep.lifted import close, cut_at_wall
-from wavesweep.lifted.assemble import fast_side, latches, slow_sums
 from wavesweep.lifted.connect import connect
-from wavesweep.lifted.lift import lift_held
+from wavesweep.lifted.lift import fast_side, latches, lift_held, slow_sums
 
 TERMS = 12  # of the device's series, whose n-th is at most about 0.6^n/n!
 REACH = 0.25  # of a tick, up to which the series is taken; the rest by doubling

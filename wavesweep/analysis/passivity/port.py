@@ -9,6 +9,7 @@ from wavesweep.analysis.passivity.port_frame import level_frame
 from wavesweep.analysis.passivity.port_loop import PortLoop, port_loop
 from wavesweep.analysis.passivity.port_response import PortResponse
 from wavesweep.analysis.passivity.scattering import angles
+from wavesweep.analysis.spectrum import is_stable
 from wavesweep.diagram import draw
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import hand_drifts
@@ -75,13 +76,7 @@ def port_margin(values) -> PortMargin:
 
 def stable(diagram: Diagram, K_VE, B_VE) -> np.ndarray:
     """Whether every eigenvalue of the frame-to-frame matrix, drift aside, is inside the unit circle."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        E = close(cut_at_wall(diagram), K_VE, B_VE)
-    finite = np.isfinite(E).all((-1, -2))
-    delta = np.linalg.eigvals(np.where(finite[..., None, None], E, 1.0))
-    # |1 + delta| < 1 asked without squares that overflow and without the rounding of 1 + delta
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return finite & ((2 * delta.real / np.abs(delta) + np.abs(delta) < 0) & (delta != 0)).all(-1)
+    return is_stable(close(cut_at_wall(diagram), K_VE, B_VE))
 
 
 def lowest_eigenvalue(loop: PortLoop):

@@ -8,8 +8,8 @@ import numpy as np
 from wavesweep.analysis.passivity.aliases import flattened
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
-from wavesweep.lifted.assemble import fast_side, slow_side, wall_sum
 from wavesweep.lifted.connect import connect
+from wavesweep.lifted.lift import fast_side, slow_side, wall_sum
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.errors import WavesweepError
 from wavesweep.lifted.connect import connect
-from wavesweep.lifted.prune import prune
+from wavesweep.lifted.lift import prune
 
 
 @dataclass(frozen=True, slots=True, eq=False)

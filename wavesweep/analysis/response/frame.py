@@ -22,10 +22,9 @@ from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import drift_of, latch, scene_drift
 from wavesweep.errors import IllPosedLoopError, WavesweepError
-from wavesweep.lifted.assemble import fast_side, latches, slow_sums
 from wavesweep.lifted.circle import solve
 from wavesweep.lifted.connect import WORST_CONDITION, connect
-from wavesweep.lifted.lift import lift_held
+from wavesweep.lifted.lift import fast_side, latches, lift_held, slow_sums
 
 
 @dataclass(frozen=True, slots=True, eq=False)

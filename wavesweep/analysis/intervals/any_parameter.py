@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from wavesweep.analysis.doubt import COUNTS, NONE, OVERFLOW, SEARCH
-from wavesweep.analysis.intervals.bracket import bracketed_roots
-from wavesweep.analysis.intervals.panels import panel_roots
+from wavesweep.analysis.intervals.panels import bracketed_roots, panel_roots
 from wavesweep.analysis.intervals.regions import count_where_clear, cut_span
 from wavesweep.analysis.intervals.stable import Intervals, doubts_of, intervals_of
 
@@ -20,7 +19,7 @@ CLEAR = 1e-10  # | |z|^2 - 1 | at an end, up to which the end is believed
 UNSTABLE, UNKNOWN = 1, -1  # labels of parts of the span that are not counted
 
 
-def stable_anywhere(evaluate, span, columns: int, period, bounds=(-np.inf, np.inf)) -> Intervals:
+def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.inf)) -> Intervals:
     """All stable intervals within span = (low, high) of a parameter that may enter in any smooth way; see `_stable`.
 
     Over a span of more than an octave its logarithm is the variable: masses, impedances and cutoffs act by their ratios.

@@ -1,0 +1,154 @@
+"""The stability boundary as a curve on the unit circle: point by point, polished to rounding, and what rounding can do to it.
+
+The wall's characteristic equation is `one = K_VE x + B_VE v` at each point: `1 = K_VE G_x + B_VE G_v`, times w where the loop
+integrates.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.lifted.circle import inverse, on_circle, refined
+from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
+
+K_VE, B_VE = "K_VE", "B_VE"
+ROUNDS = 12  # Newton from a seed of 8 digits needs 2; from the fallback's arcs a few more
+ORDINARY = 16.0  # condition of the algebraic loops up to which entries are good to a few roundings
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """`one = K_VE*x + B_VE*v` at points of the circle, scaled alike; each an array over the points."""
+
+    one: np.ndarray
+    x: np.ndarray
+    v: np.ndarray
+
+    def along(self, name: str):
+        """(term of the parameter that is solved for, term of the one that is fixed)."""
+        return (self.x, self.v) if name == K_VE else (self.v, self.x)
+
+
+def terms_of(cut: Cut, w, G) -> Terms:
+    """The terms from the rows V, ADVANCE, OFFSET of G at `w = z - 1`; arrays of sizes give the sizes of terms."""
+    if not cut.integrates:
+        return Terms(np.ones_like(G[..., V]), G[..., OFFSET], G[..., V])
+    return Terms(w + 0 * G[..., V], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., V])
+
+
+def _slopes_of(cut, w, G, dG) -> Terms:
+    """Their derivatives by w."""
+    if not cut.integrates:
+        return Terms(0.0, dG[..., OFFSET], dG[..., V])
+    return Terms(1.0, dG[..., ADVANCE] + w * dG[..., OFFSET] + G[..., OFFSET], w * dG[..., V] + G[..., V])
+
+
+def terms(cut: Cut, w) -> Terms:
+    """Characteristic equation at `w = z - 1`; cut: one loop per point (leading axes as `w`).
+
+    Accuracy: a refined solve in delta form, so relative to the distance of the nearest pole, however many poles crowd at z = 1.
+    """
+    w = np.asarray(w)
+    _, _, state = _states(cut, w)
+    return terms_of(cut, w, read(cut.C, state) + cut.D[..., 0])
+
+
+def _states(cut, w):
+    """`w I - E`, its inverse, and the states for a unit force."""
+    A = np.asarray(w)[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
+    back = inverse(A)
+    return A, back, refined(A, back, cut.B + 0 * A[..., :1])
+
+
+def read(C, state):
+    """`C state`, `(..., 3)`, added up state by state: BLAS, and numpy's own sums, round differently in a batch of another
+    size, and a sweep's bytes must not depend on its chunks."""
+    total = C[..., :, 0] * state[..., 0, :]
+    for k in range(1, C.shape[-1]):
+        total = total + C[..., :, k] * state[..., k, :]
+    return total
+
+
+def residual(t: Terms, K, B):
+    """Relative residual of the characteristic equation: 0 exact, 1 meaningless."""
+    parts = np.abs(t.one) + np.abs(K * t.x) + np.abs(B * t.v)
+    return np.abs(t.one - K * t.x - B * t.v) / parts
+
+
+def polish(cut: Cut, along: str, fixed, theta, scale):
+    """Newton on `Im K(theta) = 0`, `K = (one - fixed*other)/solved`, from the seeds theta.
+
+    cut: one loop per seed. fixed: the other wall parameter, per seed. scale: the largest value of interest; where K is
+    beyond it, Newton runs on 1/K, since a crossing at a very large K lies next to a pole of K.
+    Returns (theta, value, converged): the angle (rad per frame), the wall parameter there, and whether Newton's last step
+    is at rounding.
+    Accuracy: value good to about 1e-13 relative, less where the curve crosses the real axis at a grazing angle.
+    """
+    theta, value = theta.astype(float), np.full(theta.shape, np.nan)
+    done, active = np.zeros(theta.shape, bool), np.arange(theta.size)
+    for _ in range(ROUNDS):
+        if not active.size:
+            break
+        now, slope = _value_and_slope(cut.at(active), along, fixed[active], theta[active])
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            far = np.abs(now) > scale
+            now, slope = np.where(far, 1 / now, now), np.where(far, -slope / now**2, slope)
+            step = -now.imag / slope.imag
+        step = np.where(np.isfinite(step), step, 0.0)
+        small = np.abs(step) <= 1e-9 * np.minimum(theta[active], np.pi - theta[active])
+        theta[active] = np.clip(theta[active] + step, 1e-3 * theta[active], np.pi - 1e-3 * (np.pi - theta[active]))
+        with np.errstate(divide="ignore"):
+            estimate = now.real + step * slope.real  # the step's error is its square: exact at 1e-9
+            value[active] = np.where(far, 1 / estimate, estimate)
+        done[active] = small & (slope.imag != 0)
+        active = active[~small]
+    return theta, value, done
+
+
+def _value_and_slope(cut, along, fixed, theta):
+    """K(theta) and dK/dtheta, complex."""
+    w = on_circle(theta)
+    _, back, state = _states(cut, w)
+    G, dG = read(cut.C, state) + cut.D[..., 0], -read(cut.C, back @ state)
+    return _solved(terms_of(cut, w, G), _slopes_of(cut, w, G, dG), along, fixed, w)
+
+
+def _solved(t, slopes, along, fixed, w):
+    """The wall parameter that solves the equation, and its derivative by theta, complex."""
+    (solved, other), (d_solved, d_other) = t.along(along), slopes.along(along)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = (t.one - fixed * other) / solved
+        return value, (slopes.one - fixed * d_other - value * d_solved) / solved * (1j * (1 + w))
+
+
+def shift(cut: Cut, along: str, fixed, w, on_axis):
+    """By how much the wall parameter at a crossing moves when every entry of the loop moves by a rounding, and by more
+    where the algebraic loops behind these entries are ill-conditioned; and what that leaves of the characteristic equation,
+    relative to its terms.
+
+    cut: one loop per crossing. w: `exp(j theta) - 1` there. on_axis: whether the crossing is held at z = 1 or -1. To first
+    order an entry's change reaches `G` as `C R dE R B`, R the resolvent, and `K = (one - fixed*other)/solved` with it; where K
+    grazes the real axis, the angle gives way by `Im dK/Im K'`, which moves K by `Re K'` times as much.
+    """
+    G, error, dG = _with_errors(cut, w)
+    t, slopes, errors = terms_of(cut, w, G), _slopes_of(cut, w, G, dG), terms_of(cut, np.abs(w), error)
+    (solved, other), (of_solved, of_other) = t.along(along), errors.along(along)
+    with np.errstate(all="ignore"):
+        value, turned = _solved(t, slopes, along, fixed, w)
+        left = np.abs(fixed) * of_other + np.abs(value) * of_solved
+        grazing = np.where(on_axis, 1.0, np.abs(turned) / np.abs(turned.imag))
+        size = np.abs(t.one) + np.abs(fixed * other) + np.abs(value * solved)
+        size = np.where(size > 0, size, 1)  # at K_VE = 0 the equation is 0 = 0 by structure
+        return np.maximum(1, cut.condition / ORDINARY) * left / np.abs(solved) * grazing, left / size
+
+
+def _with_errors(cut, w):
+    """Rows V, ADVANCE, OFFSET of G at w, how far a rounding of every entry and the solve's own error move them, and their
+    derivative by w."""
+    A, back, state = _states(cut, w)
+    B = cut.B + 0 * A[..., :1]
+    transposed = [np.swapaxes(part, -1, -2) for part in (A, back, cut.C)]
+    left = np.swapaxes(refined(transposed[0], transposed[1], transposed[2] + 0 * A[..., :1]), -1, -2)
+    far = np.abs(left) @ (np.abs(cut.E) @ np.abs(state) + np.abs(cut.B)) + np.abs(cut.C) @ np.abs(state) + np.abs(cut.D)
+    missed = np.abs(left) @ np.abs(B - A @ state)
+    return ((cut.C @ state + cut.D)[..., 0], (np.finfo(float).eps * far + missed)[..., 0], -(left @ state)[..., 0])
