@@ -4,11 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.passivity.aliases import alias_angles, response_of
-from wavesweep.analysis.passivity.channel import channel_norm
-from wavesweep.analysis.passivity.ways import ways_of
+from wavesweep.analysis.passivity.channel import channel_norm, ways_of
 from wavesweep.analysis.simulation.cascade import advance, at_rest, butterworth
 from wavesweep.diagram import draw
+from wavesweep.lifted.resolvent import alias_angles, response_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)

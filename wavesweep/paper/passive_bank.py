@@ -32,14 +32,13 @@ from functools import partial
 
 import numpy as np
 
-from wavesweep.analysis.passivity.aliases import alias_angles
-from wavesweep.analysis.passivity.secular import largest
-from wavesweep.analysis.response.transfer import solved_response
+from wavesweep.analysis.passivity.hinf import largest
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.filters import butterworth
 from wavesweep.lifted.circle import on_circle
+from wavesweep.lifted.resolvent import alias_angles, solved_response
 from wavesweep.paper.felt_responses import HIGH, LOW, Response, deviation, respond, respond_to
 from wavesweep.paper.specs import load_paper
 from wavesweep.plots.magnitudes import Line, Panel, draw_magnitudes

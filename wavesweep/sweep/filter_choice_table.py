@@ -5,7 +5,7 @@ import time
 import numpy as np
 
 from wavesweep.analysis.passivity import filter_table, sufficient_order
-from wavesweep.analysis.passivity.filter_table import CUTOFFS_HZ
+from wavesweep.analysis.passivity.channel import CUTOFFS_HZ
 from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
 from wavesweep.sweep.run import Run, facts_of

@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from wavesweep.analysis.passivity.any_hand import colgate_schenkel, damping_needed
-from wavesweep.analysis.passivity.hand import HandBox, worst_modes
-from wavesweep.analysis.passivity.passive_walls import any_hand_walls, port_passive_walls
+from wavesweep.analysis.passivity.hand import HandBox, worst_hand, worst_modes
+from wavesweep.analysis.passivity.passive_hand import any_hand_walls, colgate_schenkel, damping_needed, port_passive_walls
 from wavesweep.analysis.passivity.port import port_margin
-from wavesweep.analysis.passivity.worst_hand import worst_hand
 
 ENCODER = {"device.velocity": "difference"}
 

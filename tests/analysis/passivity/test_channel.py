@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wavesweep.analysis.passivity import channel_norm
-from wavesweep.analysis.passivity.ways import ways_of
+from wavesweep.analysis.passivity.channel import ways_of
 from wavesweep.diagram import draw
 
 THETA = np.pi * np.linspace(0, 1, 801) ** 2

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from wavesweep.analysis.passivity.enclosure import over_box, solved_left, stacked
-from wavesweep.analysis.passivity.exclusion import excluded
 from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, cut_with_hands, worst_modes
-from wavesweep.analysis.passivity.hand_proof import prove
+from wavesweep.analysis.passivity.hand_proof import excluded, prove
 from wavesweep.analysis.passivity.held import MARGIN, box_intervals
 from wavesweep.analysis.passivity.held_frame import basis, frame_over, held_loop
 from wavesweep.lifted import close

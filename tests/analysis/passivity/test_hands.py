@@ -5,9 +5,8 @@ import pytest
 from support.growth import growth_rate
 
 from wavesweep.analysis.intervals import stable_intervals
-from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, cut_with_hands, worst_modes
+from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, cut_with_hands, worst_hand, worst_modes
 from wavesweep.analysis.passivity.held import box_intervals
-from wavesweep.analysis.passivity.worst_hand import worst_hand
 
 LOOPS = {
     "pmw": {"integration": "explicit", "K_VE": 900.0},

@@ -5,8 +5,7 @@ import pytest
 from support.march import march
 
 from wavesweep.analysis.passivity.port import TOLERANCE, port_margin
-from wavesweep.analysis.passivity.port_loop import port_loop
-from wavesweep.analysis.passivity.port_response import PortResponse
+from wavesweep.analysis.passivity.port_loop import PortResponse, port_loop
 from wavesweep.diagram import draw
 from wavesweep.lifted.frame import lifted_system
 

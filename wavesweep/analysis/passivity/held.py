@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.analysis.intervals import stable_intervals
-from wavesweep.analysis.passivity.hand import HandBox, cut_with_hands
+from wavesweep.analysis.passivity.hand import HandBox, cut_with_hands, worst_hands
 from wavesweep.analysis.passivity.hand_proof import WORK, prove
-from wavesweep.analysis.passivity.worst_hand import worst_hands
 
 ROUNDS = 16
 MARGIN = 1e-3  # of an interval, at either end: what is proved leaves it out, where the loop is about to be unstable

@@ -1,15 +1,20 @@
-"""The loop as the hand's port sees it: one fast block between the frames' events."""
+"""The loop as the hand's port sees it: one fast block between the frames' events, and its map frequency by frequency."""
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from wavesweep.analysis.passivity.aliases import flattened
+from wavesweep.analysis.passivity.hinf import smallest_hermitian
+from wavesweep.analysis.response.bordered import solved
+from wavesweep.analysis.response.frame import prepare
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
+from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.connect import connect
 from wavesweep.lifted.lift import fast_side, slow_side, wall_sum
+from wavesweep.lifted.resolvent import alias_angles, flattened, response_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,3 +90,117 @@ def _event(diagram, fast, held, sources, wall) -> Block:
     for name, source in diagram.samples.items():
         sums[name] = {f"tick.{source}": 1}
     return connect("event", (reader, *diagram.slow), sums, shown, sources)
+
+
+
+HUGE = 1e100  # entries of a frame that overflows, or nearly
+LOWEST = 1e-7  # rad per frame below which shares are 0/0 and a drift has its pole
+
+
+class PortResponse:
+    """The lifted map as a diagonal (the fast way of each alias) and a mixture of low rank (the way over the slow side).
+
+    Where the fast side samples a position that nothing holds, its response has the pole z = 1, which only the slow loop
+    takes away: a difference of large numbers. There the mixture is put together from displacements: to shift the sample
+    by p is to shift the state x by p, and that is an input (z - 1) p of the closed loop.
+    """
+
+    def __init__(self, loop: PortLoop, lowest: float = LOWEST, *, to_rest: bool = True):
+        self.to_rest = to_rest  # whether there is anything below `lowest` to look at
+        self.loop, self.ratio, self.delay, self.lowest = loop, loop.ratio, loop.delay, lowest
+        fast, slow = loop.fast, loop.slow
+        hand = loop.source[0].hand
+        self.shifted = _drifts(fast, hand)
+        if self.shifted:
+            fast, slow = _from_displacements(fast, slow, hand.position)
+        self.fast, self.slow = response_of(fast, loop.loops), response_of(slow, loop.loops)
+
+    def parts(self, owner, theta):
+        """d `(points, M)`, left `(points, M, r)`, right `(points, r, M)` of `diag(d) + left right`; theta not 0."""
+        phi = alias_angles(theta, self.ratio)
+        fast = self.fast.at(owner, phi)
+        slow = self.slow.at(owner, theta[:, None])[:, 0]
+        share = np.exp(-1j * phi * self.delay) * on_circle(-theta)[:, None] / (self.ratio * on_circle(-phi))
+        left = (fast[..., 0, 1:] * share[..., None]) @ slow
+        right = np.swapaxes(fast[..., 1:, 0], -1, -2)
+        if self.shifted:
+            shift = fast[..., 0, 0] * on_circle(theta)[:, None] / on_circle(phi)
+            right = np.concatenate([right, shift[:, None, :]], axis=1)
+        return fast[..., 0, 0], left, right
+
+    def smallest(self, owner, theta):
+        """Smallest eigenvalue of the Hermitian part (m/N) of the loops `owner` at `theta` (rad per frame)."""
+        found = smallest_hermitian(*self.parts(owner, np.maximum(theta, self.lowest)))
+        low = np.flatnonzero((theta < self.lowest) & self.to_rest)
+        if low.size:
+            seen = self.at_rest.smallest(owner[low], theta[low])
+            found[low] = np.where(np.isfinite(seen), seen, found[low])
+        return found
+
+    @cached_property
+    def at_rest(self) -> "AtRest":
+        """What takes over below `lowest`."""
+        return AtRest(self.loop)
+
+
+class AtRest:
+    """The same map without aliases, `T + O (w - E)^-1 G` of the closed loop, which stays finite down to zero frequency.
+
+    T is a Toeplitz matrix that no frequency changes (see `response.frame.Shown`): its symmetric part is diagonal in its own
+    eigenvectors, found once, and the rest is of low rank.
+    """
+
+    def __init__(self, loop: PortLoop):
+        diagram, K_VE, B_VE = loop.source
+        frame = prepare(diagram, K_VE, B_VE, (diagram.hand.displacement,))
+        E = frame.E.copy()
+        if frame.lead is not None:  # where nothing reads the scene's position, its pole at 0 is nobody's
+            E[..., frame.lead, frame.lead] = np.where(frame.free, -1.0, E[..., frame.lead, frame.lead])
+        lag = np.abs(np.subtract.outer(*[np.arange(loop.ratio)] * 2))
+        toeplitz = frame.shown.impulse[0][..., 0, :][..., lag] * np.where(lag == 0, 1.0, 0.5)
+        lost = ~np.isfinite(toeplitz).all((-1, -2), keepdims=True) | frame.lost[..., None, None]
+        diagonal, vectors = np.linalg.eigh(np.where(lost, 0.0, toeplitz))
+        left, right = np.swapaxes(vectors, -1, -2) @ frame.shown.seen[0][..., 0, :, :], frame.shown.left[0] @ vectors
+        parts = E, frame.dE, np.where(lost, np.nan, diagonal[..., None, :]), left, right
+        self.E, self.dE, self.diagonal, self.left, self.right = (_flattened(part, loop) for part in parts)
+
+    def smallest(self, owner, theta):
+        """Smallest eigenvalue of the Hermitian part (m/N) of the loops `owner` at `theta` (rad per frame)."""
+        w = on_circle(theta)[:, None, None]
+        with np.errstate(all="ignore"):
+            A, right = w * np.eye(self.E.shape[-1]) - self.E[owner], self.right[owner] + 0 * w
+            state, _ = solved(A, self.dE[owner], right, np.zeros(right.shape))
+            parts = self.diagonal[owner][:, 0] + 0j, self.left[owner] + 0j, state
+            good = np.logical_and.reduce([(np.abs(part) < HUGE).all(tuple(range(1, part.ndim))) for part in parts])
+            found = np.full(owner.size, np.nan)
+            if good.any():
+                found[good] = smallest_hermitian(*(part[good] for part in parts))
+            return found
+
+
+def _flattened(array, loop):
+    """An array of matrices with its batch, broadcast to that of the loop, in one axis."""
+    return np.broadcast_to(array, (*loop.batch, *array.shape[-2:])).reshape(loop.loops, *array.shape[-2:])
+
+
+def _drifts(fast, hand):
+    """Whether a sampled position is held by nothing on the fast side, and its displacement comes out of it."""
+    if fast.outputs[0] != hand.displacement:
+        return False
+    return hand.position in fast.states and not np.any(fast.E[..., fast.states.index(hand.position)])
+
+
+def _from_displacements(fast, slow, position):
+    """The fast side without its position; the slow side with an input that shifts the position of the scene."""
+    x = fast.states.index(position)
+    rest = [i for i in range(len(fast.states)) if i != x]
+    fast = replace(
+        fast, states=tuple(fast.states[i] for i in rest), E=fast.E[..., rest, :][..., rest], B=fast.B[..., rest, :],
+        C=fast.C[..., rest],
+    )
+    push = np.zeros((*slow.B.shape[:-1], 1))
+    push[..., [i for i, name in enumerate(slow.states) if name == f"frame.{position}"], 0] = 1
+    return fast, replace(
+        slow, inputs=(*slow.inputs, "shift"), B=np.concatenate([slow.B, push], axis=-1),
+        D=np.concatenate([slow.D, np.zeros((*slow.D.shape[:-1], 1))], axis=-1),
+    )

@@ -8,9 +8,9 @@ import numpy as np
 
 from wavesweep.analysis.passivity import ChannelNorm
 from wavesweep.analysis.passivity.channel import TOLERANCE
-from wavesweep.analysis.response.transfer import solved_response
 from wavesweep.diagram.filters import butterworth
 from wavesweep.lifted.circle import on_circle
+from wavesweep.lifted.resolvent import solved_response
 from wavesweep.paper.felt_responses import show
 from wavesweep.paper.paper_loops import BASE, PaperLoops
 from wavesweep.paper.readings import ANTI_ALIASING, FILTERS, Reading, readings, under

@@ -1,4 +1,4 @@
-"""Responses of a fast block at all aliases of a frame frequency."""
+"""The resolvent of a block, `C (w I - E)^-1 B + D`: by a solve per point, or through modes at all aliases of a frequency."""
 
 import math
 from dataclasses import dataclass, replace
@@ -89,3 +89,11 @@ def _solved_state(block, owner, w):
     E, B = block.E[owner][:, None], block.B[owner][:, None]
     A = w[..., None, None] * np.eye(E.shape[-1]) - E
     return solve(A, B + 0 * w[..., None, None])
+
+
+
+def solved_response(block: Block, w):
+    """`C (w I - E)^-1 B + D` at `w = z - 1`, `(..., points, p, m)`, backward stable."""
+    E, B, C, D = (part[..., None, :, :] for part in (block.E, block.B, block.C, block.D))
+    A = w[..., None, None] * np.eye(E.shape[-1]) - E
+    return C @ solve(A, B + 0 * A[..., :1]) + D
