@@ -45,7 +45,7 @@ class Parts:
     """A span cut at its crossings: regions sorted by column and value, before they are labelled.
 
     column, low, high, low_theta, high_theta: as in `Regions`. gain: by how much the number of unstable eigenvalues
-    should grow from the region before. later, earlier: masks of the regions that have one before, and one behind, them.
+    should grow from the region before. has_previous, has_next: whether a region has a neighbour below, or above, it in the same column.
     order: the crossings in the order of the regions' inner ends.
     """
 
@@ -55,8 +55,8 @@ class Parts:
     low_theta: np.ndarray
     high_theta: np.ndarray
     gain: np.ndarray
-    later: np.ndarray
-    earlier: np.ndarray
+    has_previous: np.ndarray
+    has_next: np.ndarray
     order: np.ndarray
 
     def at(self, share) -> np.ndarray:
@@ -67,10 +67,10 @@ class Parts:
         """Regions from the counts and the doubt of each, and the doubt and the residual of each inner end."""
         doubt, residual = doubt.copy(), np.zeros(self.column.size)
         end_doubt = np.where(error <= SMALL_RESIDUAL, end_doubt, np.maximum(end_doubt, ROUNDING))
-        doubt[self.later] = np.maximum(doubt[self.later], end_doubt)
-        doubt[self.earlier] = np.maximum(doubt[self.earlier], end_doubt)
-        residual[self.later] = error
-        residual[self.earlier] = np.maximum(residual[self.earlier], error)
+        doubt[self.has_previous] = np.maximum(doubt[self.has_previous], end_doubt)
+        doubt[self.has_next] = np.maximum(doubt[self.has_next], end_doubt)
+        residual[self.has_previous] = error
+        residual[self.has_next] = np.maximum(residual[self.has_next], error)
         return Regions(self.column, self.low, self.high, self.low_theta, self.high_theta, unstable, doubt, residual)
 
 
@@ -109,17 +109,17 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
     def matrices(some, value):
         return close(cut.at(owner[parts.column[some]]), *_wall(along, value, fixed[parts.column[some]]))
 
-    first = np.flatnonzero(~parts.later)
+    first = np.flatnonzero(~parts.has_previous)
     unstable[first] = count_where_clear(parts, first, matrices)
     rise = np.cumsum(parts.gain)
-    unstable += np.where(parts.later, rise - rise[first][parts.column] + unstable[first][parts.column], 0).astype(int)
+    unstable += np.where(parts.has_previous, rise - rise[first][parts.column] + unstable[first][parts.column], 0).astype(int)
     doubt[np.isin(parts.column, parts.column[first[unstable[first] < 0]])] = ROUNDING
-    claimed = np.flatnonzero(parts.later & (unstable <= 0) & found.complete[parts.column])
+    claimed = np.flatnonzero(parts.has_previous & (unstable <= 0) & found.complete[parts.column])
     seen = count_where_clear(parts, claimed, matrices)
     doubt[claimed] = np.maximum(doubt[claimed], np.where(seen < 0, ROUNDING, np.where(seen == unstable[claimed], NONE, COUNTS)))
     column, value, theta = (part[parts.order] for part in (found.column, found.value, found.theta))
     error = _residual(cut.at(owner[column]), along, fixed[column], value, theta)
-    ends = np.flatnonzero((unstable[parts.later] == 0) | (unstable[parts.earlier] == 0))
+    ends = np.flatnonzero((unstable[parts.has_previous] == 0) | (unstable[parts.has_next] == 0))
     end_doubt, at = np.zeros(error.size, int), column[ends]
     moved, left_over = shift(cut.at(owner[at]), along, fixed[at], _place(theta[ends]), np.isin(theta[ends], (0.0, np.pi)))
     usual = error[ends] <= USUAL * (left_over + np.finfo(float).eps)

@@ -7,7 +7,7 @@ import numpy as np
 from wavesweep.lifted.circle import solve
 
 START = np.pi * np.array([0.0, 1e-3, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 1.0])
-ROUNDS = 30
+RAISES = 30  # of the level; it converges after a few
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -36,7 +36,7 @@ def climb(value_at, angles_at, loops: int, slack, start=START) -> Summit:
     value, theta = np.full(loops, -np.inf), np.zeros(loops)
     certified, active = np.zeros(loops, bool), np.arange(loops)
     _raise(value, theta, value_at, active, np.broadcast_to(start, (loops, len(start))))
-    for _ in range(ROUNDS):
+    for _ in range(RAISES):
         level = value[active] + slack(active, value[active])
         _raise(value, theta, value_at, active, _with_middles(angles_at(active, level)))
         beaten = value[active] > level
