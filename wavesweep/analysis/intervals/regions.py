@@ -45,7 +45,8 @@ class Parts:
     """A span cut at its crossings: regions sorted by column and value, before they are labelled.
 
     column, low, high, low_theta, high_theta: as in `Regions`. gain: by how much the number of unstable eigenvalues
-    should grow from the region before. has_previous, has_next: whether a region has a neighbour below, or above, it in the same column.
+    should grow from the region before.
+    has_previous, has_next: whether a region has a neighbour below, or above, it in the same column.
     order: the crossings in the order of the regions' inner ends.
     """
 
