@@ -140,7 +140,7 @@ class Loop:
 def _key(name):
     key = find_key(name)
     if key is None or not key.numeric:
-        from wavesweep.spec.suggestions import nearest
+        from wavesweep.spec.checking import nearest
 
         hint = nearest(name, (*SYMBOLS, *KEYS))
         raise UsageError(f"{name}: expected the name of a numeric key" + (f", did you mean {hint}?" if hint else ""))

@@ -5,9 +5,8 @@ from fractions import Fraction
 
 import pytest
 
-from wavesweep.spec.checking import Rejected, check, show
+from wavesweep.spec.checking import Rejected, check, nearest, show
 from wavesweep.spec.keys import KEYS, STUDY_KEYS, SYMBOLS, VALUE_PATHS, find_key
-from wavesweep.spec.suggestions import nearest
 
 NUMERIC = [key for key in KEYS.values() if key.numeric]
 NOT_NUMBERS = [

@@ -1,16 +1,50 @@
-"""The axes of a sweep: which key takes which values, or which span."""
+"""The axes of a sweep: which key takes which values, or which span, and how values are spaced."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.checking import Rejected, check, show
 from wavesweep.spec.keys import STUDY_KEYS, Key, find_key
-from wavesweep.spec.places import Leaf, Place
-from wavesweep.spec.spacing import linear, logarithmic
+from wavesweep.spec.reading import Leaf, Place
 
 MOST_VALUES = 1_000_000
+
+
+def linear(start: float, stop: float, num: int) -> tuple[float, ...]:
+    """Return what `numpy.linspace(start, stop, num)` holds, bit for bit; both ends are exact."""
+    if num == 1:
+        return (start,)
+    span = stop - start
+    step = span / (num - 1)
+    if step == 0.0:  # a span of a few denormal numbers: the quotient underflows, the products need not
+        inner = [i / (num - 1) * span + start for i in range(num - 1)]
+    else:
+        inner = [i * step + start for i in range(num - 1)]
+    return (*inner, stop)
+
+
+def logarithmic(start: float, stop: float, num: int) -> tuple[float, ...]:
+    """Return what `numpy.geomspace(start, stop, num)` holds; both ends are exact, 0 < start <= stop.
+
+    Accuracy: the two differ by the rounding of exponents, a few ulp times `log(10)*|log10(value)|`, because numpy has
+    logarithms and powers of its own.
+    """
+    if num == 1:
+        return (start,)
+    exponents = linear(math.log10(start), math.log10(stop), num)[1:-1]
+    return (start, *(_power_of_ten(exponent, start, stop) for exponent in exponents), stop)
+
+
+def _power_of_ten(exponent: float, lowest: float, highest: float) -> float:
+    try:
+        return min(max(10.0**exponent, lowest), highest)
+    except OverflowError:  # an exponent that rounding has put above the largest double's
+        return highest
+
+
 SCALES = {"linear": linear, "log": logarithmic}
 
 _NUM = Key("num", "integer", None, "1", "how many values", low=1, high=MOST_VALUES)
@@ -22,7 +56,7 @@ class Axis:
     """One axis: `values` in order (empty where only the span is given), `start` and `stop` the span or the extremes.
 
     `name` is as the spec writes it and names the column; `path` is the key's. Where `structural` is true a value has to
-    go through `Spec.with_values`; otherwise an array of floats may stand in for `values[path]`.
+    go through `Spec.with_values`; otherwise an array of floats may replace `values[path]`.
     """
 
     name: str

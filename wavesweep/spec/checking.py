@@ -1,12 +1,14 @@
-"""Is one value right for one key? If not: what was expected and what was found, in words."""
+"""Is one value right for one key? If not: what was expected, what was found, and what may have been meant, in words."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from wavesweep.spec.keys import Key
 
 LONGEST_SHOWN = 60
+LONGEST_COMPARED = 80  # difflib takes quadratic time, and no name of ours comes near this length
 
 
 class Rejected(ValueError):
@@ -39,8 +41,6 @@ def check(key: Key, value: object) -> float | int | str:
 def _check_string(key: Key, value: object) -> str:
     if isinstance(value, str) and (value in key.choices or not key.choices):
         return value
-    from wavesweep.spec.suggestions import nearest
-
     suggestion = nearest(value, key.choices) if isinstance(value, str) else ""
     raise Rejected(expectation(key), show(value), suggestion)
 
@@ -77,7 +77,7 @@ def expectation(key: Key, number: float | None = None) -> str:
 
 
 def show(value: object) -> str:
-    """Write a value as it would stand in a spec, shortened, on one line."""
+    """Write a value as a spec would, shortened, on one line."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -95,3 +95,33 @@ def show(value: object) -> str:
 
 def _shorten(text: str) -> str:
     return text if len(text) <= LONGEST_SHOWN else text[: LONGEST_SHOWN - 3] + "..."
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Return the one of `known` that `name` was most likely meant to be, or an empty string.
+
+    The same name under another table or in other case wins over the closest spelling.
+    """
+    known = list(dict.fromkeys(known))
+    if len(name) > LONGEST_COMPARED:
+        return ""
+    last = _last(name)
+    for same in (lambda one: _last(one) == last, lambda one: _last(one).lower() == last.lower()):
+        matches = [one for one in known if same(one)]
+        if len(matches) == 1:
+            return matches[0]
+    import difflib
+
+    close = difflib.get_close_matches(name, known, n=1) or _close_in_last(last, known)
+    return close[0] if close else ""
+
+
+def _close_in_last(last: str, known: list[str]) -> list[str]:
+    import difflib
+
+    close = difflib.get_close_matches(last, [_last(one) for one in known], n=1)
+    return [one for one in known if _last(one) in close][:1]
+
+
+def _last(name: str) -> str:
+    return name.rsplit(".", 1)[-1]

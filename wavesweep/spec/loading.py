@@ -6,8 +6,7 @@ import os
 from collections.abc import Iterable, Mapping
 
 from wavesweep.errors import Mistake, SpecError
-from wavesweep.spec.places import Leaf, Place
-from wavesweep.spec.reading import file_stem, read_dict, read_file, read_override
+from wavesweep.spec.reading import Leaf, Place, file_stem, read_dict, read_file, read_override
 from wavesweep.spec.resolving import Given, resolve
 from wavesweep.spec.sorting import Path, leaves_of, normal_path, sort_leaves
 from wavesweep.spec.spec import Spec

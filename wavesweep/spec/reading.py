@@ -1,4 +1,9 @@
-"""From a file, a dict and `--set` arguments to tables, before anything in them is understood."""
+"""From a file, a dict and `--set` arguments to tables, before anything in them is understood; and where each value stands.
+
+tomllib keeps no positions. They are searched for only where a mistake is reported, in a text that is known to be valid
+TOML: this reads no more of the grammar than it takes to walk past strings, comments and nested values. Arrays are stepped
+over: what stands in them has the position of the array.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +11,84 @@ import os
 import re
 import tomllib
 from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
 
 from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.keys import SYMBOLS
-from wavesweep.spec.places import InFile, OnCommandLine, Place
 
-_SYNTAX_ERROR = re.compile(
-    r"(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)", re.DOTALL
+# Compiled where they are used: most runs report no mistake.
+_SYNTAX_ERROR = r"(?s)(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)"
+DEEPEST = 16  # inline tables nested deeper than any key of ours are stepped over
+
+_BLANK = r"(?:[ \t\n]|#[^\n]*)*"
+_STRING = (
+    r'"""(?:\\.|[^\\])*?"""(?:"{0,2})'
+    r"|'''.*?'''(?:'{0,2})"
+    r'|"(?:\\.|[^"\\\n])*"'
+    r"|'[^'\n]*'"
 )
+_SEGMENT = rf"(?s)[ \t]*({_STRING}|[A-Za-z0-9_-]+)[ \t]*(\.?)"
+_SCALAR = rf"(?s){_STRING}|[^,\]}}#\n]+"
+_IN_BRACKETS = rf"(?s){_STRING}|#[^\n]*|[^\[\]{{}}\"'#]+|[\[\]{{}}]"
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """In a dict, which has no lines to point at; base of the other places."""
+
+    def location(self, of_key: bool = False) -> str:  # noqa: ARG002 - what a file needs to know
+        """Return the prefix of a mistake's line, for the value here or for its key; empty where there is none."""
+        return ""
+
+    def under(self, path: tuple[str, ...]) -> Place:  # noqa: ARG002 - what a file needs to know
+        """Return the place of another path of the same source."""
+        return self
+
+    def parent(self) -> Place:
+        """Return the place of the table around this value."""
+        return self
+
+
+@dataclass(frozen=True, slots=True)
+class InFile(Place):
+    """At a path of a TOML text; the line is searched for only when it is asked for."""
+
+    name: str
+    text: str
+    path: tuple[str, ...] = ()
+
+    def location(self, of_key: bool = False) -> str:
+        line, column = locate(self.text, self.path, of_key)
+        return f"{self.name}:{line}:{column}"
+
+    def under(self, path: tuple[str, ...]) -> Place:
+        return InFile(self.name, self.text, path)
+
+    def parent(self) -> Place:
+        return self.under(self.path[:-1])
+
+
+@dataclass(frozen=True, slots=True)
+class OnCommandLine(Place):
+    """In an override, as it was typed."""
+
+    typed: str
+
+    def location(self, of_key: bool = False) -> str:  # noqa: ARG002 - both stand in the text that was typed
+        return "--set " + " ".join(self.typed.split())
+
+
+@dataclass(frozen=True, slots=True)
+class Leaf:
+    """A value as given, and where."""
+
+    value: object
+    place: Place
+
+    def mistake(self, key: str, expected: str, found: str, suggestion: str = "", of_key: bool = False) -> Mistake:
+        """Return the mistake that this value is, or that its key is."""
+        return Mistake(self.place.location(of_key), key, expected, found, suggestion)
 
 
 def read_file(path: str) -> tuple[dict, Place]:
@@ -45,7 +120,7 @@ def _parse(text: str, name: str) -> dict:
 
 
 def _syntax_mistake(message: str, text: str, name: str) -> Mistake:
-    match = _SYNTAX_ERROR.fullmatch(message)
+    match = re.fullmatch(_SYNTAX_ERROR, message)
     if match is None:
         return Mistake(f"{name}:1:1", "", "a TOML file", _lower(message))
     end = (text.count("\n") + 1, len(text) - text.rfind("\n"))
@@ -111,3 +186,96 @@ def _loads_or_none(text: str) -> dict | None:
 def file_stem(path: str) -> str:
     """Return the file's name without folder and suffix: the spec's name."""
     return os.path.splitext(os.path.basename(path))[0]  # noqa: PTH119, PTH122 - as above, without pathlib
+
+
+@dataclass(frozen=True, slots=True)
+class Position:
+    """Offsets of a key and of its value; a table's value is its own name."""
+
+    key: int
+    value: int
+
+
+@lru_cache(maxsize=1)
+def scan(text: str) -> dict[tuple[str, ...], Position]:
+    """Return the first position of every table, key and inline key of a valid TOML text, by path."""
+    found: dict[tuple[str, ...], Position] = {}
+    table: tuple[str, ...] = ()
+    at = _skip_blank(text, 0)
+    while at < len(text):
+        if text[at] == "[":
+            at = _skip_blank(text, at + (2 if text.startswith("[[", at) else 1))
+            table, end = _read_key(text, at)
+            _record(found, (), table, at, at)
+            at = text.find("\n", end) + 1 or len(text)
+        else:
+            at = _read_pair(text, at, table, found)
+        at = _skip_blank(text, at)
+    return found
+
+
+def locate(text: str, path: tuple[str, ...], of_key: bool = False) -> tuple[int, int]:
+    """Return line and column, both from 1, of the value at `path` (or of its key), or of the nearest table above it."""
+    positions = scan(text)
+    for length in range(len(path), 0, -1):
+        position = positions.get(path[:length])
+        if position is not None:
+            offset = position.key if of_key or length < len(path) else position.value
+            return text.count("\n", 0, offset) + 1, offset - text.rfind("\n", 0, offset)
+    return 1, 1
+
+
+def _skip_blank(text: str, at: int) -> int:
+    return re.compile(_BLANK).match(text, at).end()
+
+
+def _record(found: dict, table: tuple, keys: tuple, key_at: int, value_at: int) -> None:
+    for length in range(1, len(keys)):  # the tables that a dotted key makes on its way
+        found.setdefault(table + keys[:length], Position(key_at, key_at))
+    found.setdefault(table + keys, Position(key_at, value_at))
+
+
+def _read_key(text: str, at: int) -> tuple[tuple[str, ...], int]:
+    segments = []
+    more = True
+    while more and (match := re.compile(_SEGMENT).match(text, at)):
+        segments.append(_unquote(match[1]))
+        at, more = match.end(), bool(match[2])
+    return tuple(segments), at
+
+
+def _unquote(segment: str) -> str:
+    return tomllib.loads(f"key = {segment}")["key"] if segment[0] in "\"'" else segment
+
+
+def _read_pair(text: str, at: int, table: tuple, found: dict) -> int:
+    keys, end = _read_key(text, at)
+    value_at = _skip_blank(text, text.index("=", end) + 1)
+    _record(found, table, keys, at, value_at)
+    return _read_value(text, value_at, table + keys, found)
+
+
+def _read_value(text: str, at: int, path: tuple, found: dict) -> int:
+    if text[at] == "{" and len(path) < DEEPEST:
+        return _read_inline_table(text, at, path, found)
+    if text[at] in "[{":
+        return _step_over(text, at)
+    return re.compile(_SCALAR).match(text, at).end()
+
+
+def _read_inline_table(text: str, at: int, path: tuple, found: dict) -> int:
+    at = _skip_blank(text, at + 1)
+    while text[at] != "}":
+        at = _skip_blank(text, _read_pair(text, at, path, found))
+        if text[at] == ",":
+            at = _skip_blank(text, at + 1)
+    return at + 1
+
+
+def _step_over(text: str, at: int) -> int:
+    depth = 0
+    for match in re.compile(_IN_BRACKETS).finditer(text, at):
+        depth += (match[0] in ("[", "{")) - (match[0] in ("]", "}"))
+        if depth == 0:
+            return match.end()
+    return len(text)

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.checking import Rejected, check, expectation, show
-from wavesweep.spec.filters import butterworth_order
-from wavesweep.spec.keys import BAND_EDGES, FILTERS, HIGHEST_ORDER, HIGHEST_RATIO, KEYS, VALUE_PATHS
-from wavesweep.spec.places import Leaf, Place
+from wavesweep.spec.keys import BAND_EDGES, FILTERS, HIGHEST_ORDER, HIGHEST_RATIO, KEYS, VALUE_PATHS, Key
+from wavesweep.spec.reading import Leaf, Place
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +32,9 @@ class Given:
 
 def resolve(given: Given) -> tuple[dict[str, float | int | str], list[Mistake]]:
     """Return the value of every path of VALUE_PATHS, and all mistakes; with mistakes the values are of no use."""
-    checked, mistakes = _check_each(given)
+    checked, mistakes = check_each(KEYS, given.leaves)
     wrong = set(given.leaves) - set(checked)
-    # Defaults stand in for wrong values, so that one mistake does not hide those that are independent of it.
+    # Defaults replace wrong values, so that one mistake does not hide those that are independent of it.
     values = {path: checked.get(path, KEYS[path].default) for path in VALUE_PATHS}
     mistakes += _required(given)
     mistakes += _resolve_rates(given, checked, values)
@@ -47,11 +46,12 @@ def resolve(given: Given) -> tuple[dict[str, float | int | str], list[Mistake]]:
     return values, mistakes
 
 
-def _check_each(given: Given) -> tuple[dict, list[Mistake]]:
+def check_each(keys: Mapping[str, Key], leaves: Mapping[str, Leaf]) -> tuple[dict, list[Mistake]]:
+    """Return the checked value of every leaf by path, and the mistakes of those that their keys cannot take."""
     checked, mistakes = {}, []
-    for path, leaf in given.leaves.items():
+    for path, leaf in leaves.items():
         try:
-            checked[path] = check(KEYS[path], leaf.value)
+            checked[path] = check(keys[path], leaf.value)
         except Rejected as error:
             mistakes.append(leaf.mistake(path, error.expected, error.found, error.suggestion))
     return checked, mistakes
@@ -163,3 +163,32 @@ def _check_limit(path: str, given: Given, values: Mapping) -> list[Mistake]:
     expected = exceeds_limit(path, values[path], values)
     default = "" if path in given.leaves else " (the default)"
     return [given.leaf(path).mistake(path, expected, show(values[path]) + default)] if expected else []
+
+
+def butterworth_order(
+    passband_hz: float, stopband_hz: float, passband_db: float, stopband_db: float, fast_hz: float
+) -> tuple[float, float]:
+    """Return order and cutoff (Hz) of the least digital Butterworth filter that meets the edges.
+
+    This is `scipy.signal.buttord`. With the edges prewarped, `W = tan(pi*f/fast_hz)`, and `G = 10^(dB/10)`, the order
+    is the least whole number not below `log((G_stop - 1)/(G_pass - 1)) / (2 log r)`, where `r > 1` is the ratio of the
+    edges; the cutoff then gives exactly `passband_db` at the edge of the passband. Low-pass where the passband lies
+    below the stopband, high-pass otherwise. The order is infinite, and the cutoff the edge of the passband, where
+    doubles cannot tell the edges apart, or an edge or `passband_db` from zero.
+
+    Accuracy: the order is SciPy's; the cutoff agrees to a few units in the last place.
+    """
+    passband = math.tan(math.pi * (2 * passband_hz / fast_hz) / 2)
+    stopband = math.tan(math.pi * (2 * stopband_hz / fast_hz) / 2)
+    lowpass = passband_hz < stopband_hz
+    if 0.0 in (passband, stopband):
+        return math.inf, passband_hz
+    ratio = stopband / passband if lowpass else passband / stopband
+    loss = 10 ** (0.1 * passband_db) - 1.0
+    attenuation = 10 ** (0.1 * stopband_db) - 1.0
+    if loss == 0.0 or math.log10(ratio) == 0.0:
+        return math.inf, passband_hz
+    order = max(1, math.ceil(math.log10(attenuation / loss) / (2 * math.log10(ratio))))
+    prototype = loss ** (-1.0 / (2.0 * order))
+    natural = prototype * passband if lowpass else passband / prototype
+    return order, math.atan(natural) * 2.0 / math.pi * fast_hz / 2

@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from wavesweep.errors import Mistake
-from wavesweep.spec.checking import show
+from wavesweep.spec.checking import nearest, show
 from wavesweep.spec.keys import KEYS, SIMULATE_KEYS, SYMBOLS, find_key
-from wavesweep.spec.places import Leaf, Place
-from wavesweep.spec.suggestions import nearest
+from wavesweep.spec.reading import Leaf, Place
 
 STUDIES = ("sweep", "bode")
 SPAN_PARTS = ("start", "stop", "num", "scale")

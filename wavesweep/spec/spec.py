@@ -8,13 +8,12 @@ from types import MappingProxyType
 
 from wavesweep.errors import Mistake, SpecError
 from wavesweep.spec.axes import Axis
+from wavesweep.spec.checking import nearest
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.keys import KEYS, SYMBOLS, find_key
-from wavesweep.spec.places import Leaf, Place
-from wavesweep.spec.reading import plain
+from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.resolving import Given, resolve
 from wavesweep.spec.studies import Studies, axis_fault, need_values
-from wavesweep.spec.suggestions import nearest
 
 K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
 

@@ -4,7 +4,7 @@ import tomllib
 
 import pytest
 
-from wavesweep.spec.positions import locate, scan
+from wavesweep.spec.reading import locate, scan
 
 TEXT = '''\
 # [fake] key = 1
