@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from wavesweep.cli.commands import COMMANDS
+from wavesweep.cli.entry import COMMANDS
 from wavesweep.spec import KEYS
 
 README = (pathlib.Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")

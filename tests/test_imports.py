@@ -91,15 +91,15 @@ def test_help_loads_no_command():
 
 def test_writing_a_table_loads_no_pandas(tmp_path):
     program = (
-        "import numpy as np\nfrom wavesweep import results\n"
+        "import numpy as np\nfrom wavesweep import results\nfrom wavesweep.sweep import Table\n"
         "kinds = {'number': 1.5, 'integer': 2, 'boolean': True, 'string': 'x'}\n"
         "fields = results.fields('zwidth', ['B_VE'])\n"
         "columns = {f.name: np.array([kinds[f.kind]], dtype=object if f.kind == 'string' else None) for f in fields}\n"
-        f"results.write('zwidth', columns, {{'spec_sha256': 'a'}}, {str(tmp_path)!r})\n"
+        f"results.publish(Table.of('zwidth', columns, {{'spec_sha256': 'a'}}), {str(tmp_path)!r})\n"
     )
     loaded = loaded_by(program.replace("'x'", "'K_VE'"))
     assert "pyarrow.parquet" in loaded
-    assert loaded & {"pandas", "scipy", "matplotlib", "control", "joblib", "pyarrow.csv", "importlib.metadata"} == set()
+    assert loaded & {"pandas", "scipy", "matplotlib", "control", "joblib", "pyarrow.compute", "importlib.metadata"} == set()
 
 
 def test_a_small_run_without_a_figure_needs_numpy_click_and_parquet_only(tmp_path):
@@ -108,4 +108,4 @@ def test_a_small_run_without_a_figure_needs_numpy_click_and_parquet_only(tmp_pat
     arguments = ["zwidth", str(spec), "--no-plot", "--quiet", "--out", str(tmp_path / "out")]
     loaded = loaded_by(f"from wavesweep.cli import main\nassert main({arguments!r}) == 0")
     assert {"numpy", "pyarrow.parquet"} <= loaded
-    assert loaded & {"pandas", "scipy", "matplotlib", "control", "joblib", "pyarrow.csv", "importlib.metadata"} == set()
+    assert loaded & {"pandas", "scipy", "matplotlib", "control", "joblib", "pyarrow.compute", "importlib.metadata"} == set()

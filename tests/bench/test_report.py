@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -60,9 +61,7 @@ def test_all_responses_agree_and_this_tools_is_the_best(quick):
 
 
 def test_the_table_is_written_and_drawn(quick, tmp_path):
-    with results.TableWriter("bench", bench.FIELDS, quick.facts, tmp_path) as writer:
-        writer.append(quick.columns)
-        writer.finish(figure=lambda path: draw(quick.columns, quick.facts, path))
+    results.publish(replace(quick, figure=lambda path: draw(quick.columns, quick.facts, path)), tmp_path)
     assert (tmp_path / "bench.png").stat().st_size > 1000
     back = results.read(tmp_path / "bench.parquet")
     assert list(back) == [field.name for field in bench.FIELDS]

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from wavesweep.cli.commands import COMMANDS, module_of
-from wavesweep.cli.group import group
+from wavesweep.cli.entry import COMMANDS, group, module_of
 
 WITH_TABLES = [name for name in COMMANDS if name not in ("check", "paper", "bench")]  # these two: no SPEC, tables of their own
 SWEEPS = [name for name in WITH_TABLES if name not in ("simulate", "passivity")]

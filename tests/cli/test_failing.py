@@ -94,11 +94,10 @@ def test_a_reader_that_leaves_early_is_no_error_to_talk_about(spec, tmp_path):
         "import sys, os, signal\n"
         "from wavesweep.cli import main\n"
         "from wavesweep import results, sweep\n"
-        "def stream(fields, blocks, out):\n"
+        "def stream(table, out):\n"
         "    for _ in range(100000): out.write(b'0123456789' * 10)\n"
-        "results.stream_blocks = stream\n"
-        "class Run: axes, along, blocks, extra = {}, 'K_VE', list, ()\n"
-        "sweep.intervals = lambda *_, **__: Run\n"
+        "results.stream = stream\n"
+        "sweep.intervals = lambda *_, **__: sweep.Table('zwidth', list, {}, {})\n"
         f"sys.exit(main(['zwidth', {spec!r}, '--out', '-', '--quiet']))\n"
     )
     with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from wavesweep.cli.group import group
+from wavesweep.cli.entry import group
 from wavesweep.paper import figures
 from wavesweep.paper.statements.stability import STATEMENTS
 from wavesweep.results import read

@@ -132,7 +132,7 @@ def test_what_happened_is_told(simulate):
 
 def test_it_is_told_where_the_spec_stands_before_the_preset(simulate):
     _, _, err = simulate("preset=phantom-omni", "friction=0.1")
-    assert "the spec stands before the preset phantom-omni: friction = 0.1 and not 0.26\n" in err
+    assert "the spec takes precedence over the preset phantom-omni: friction = 0.1 and not 0.26\n" in err
 
 
 def test_a_recorded_force_is_read_and_vouched_for(simulate):

@@ -10,7 +10,7 @@ from wavesweep.cli import main
 from wavesweep.paper.felt_responses import CONTROLLERS
 from wavesweep.paper.figures import FIGURES, figure_7
 from wavesweep.paper.specs import load_paper
-from wavesweep.paper.tables import write_table
+from wavesweep.results import publish
 from wavesweep.spec import load
 
 ROOT = Path(__file__).parents[2]
@@ -36,14 +36,14 @@ def test_what_is_linked_is_there_and_small(link):
 @pytest.mark.parametrize("number", [number for number in SECTIONS if number != "7"])
 def test_the_commands_of_a_figure_make_its_tables(number, paper, tmp_path, monkeypatch):
     figure = next(each for each in FIGURES if each.__name__ == f"figure_{number}")
-    expected = {table.name: table for table in figure(paper)}
+    expected = {table.kind: table for table in figure(paper)}
     commands = re.findall(r"^    (wavesweep .*)$", SECTIONS[number], flags=re.MULTILINE)
     monkeypatch.chdir(ROOT)
     assert len(commands) == len(expected)
     for command, (name, table) in zip(commands, expected.items(), strict=True):
         _, kind, *arguments = shlex.split(command)
         assert main([kind, *arguments, "--no-plot", "--quiet", "--out", str(tmp_path / name)]) == 0
-        write_table(table, tmp_path / name, force=False, plot=False)
+        publish(table, tmp_path / name, plot=False)
         assert (tmp_path / name / f"{kind}.csv").read_bytes() == (tmp_path / name / f"{name}.csv").read_bytes()
 
 

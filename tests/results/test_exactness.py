@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from wavesweep import results
-from wavesweep.errors import UsageError
+from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.results import publish
+from wavesweep.sweep import Table
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
 def test_both_files_read_back_to_the_same_bits(columns, facts, same, tmp_path, suffix):
-    results.write("zwidth", columns, facts, tmp_path)
+    publish(Table.of("zwidth", columns, facts), tmp_path)
     same(results.read(tmp_path / f"zwidth.{suffix}"), columns)
 
 
@@ -21,7 +23,7 @@ def test_any_finite_double_survives_the_csv(columns, facts, tmp_path):
     bits = np.random.default_rng(1).integers(0, 2**64, 20_000, dtype=np.uint64)
     values = bits.view(np.float64)[np.isfinite(bits.view(np.float64))]
     table = {name: np.resize(column, len(values)) for name, column in columns.items()} | {"low": values}
-    results.write("zwidth", table, facts, tmp_path)
+    publish(Table.of("zwidth", table, facts), tmp_path)
     assert results.read(tmp_path / "zwidth.csv")["low"].tobytes() == values.tobytes()
     with (tmp_path / "zwidth.csv").open(newline="", encoding="utf-8") as file:
         python = [float(row["low"]) for row in csv.DictReader(file)]
@@ -29,25 +31,25 @@ def test_any_finite_double_survives_the_csv(columns, facts, tmp_path):
 
 
 def test_the_text_is_what_the_contract_says(columns, facts, tmp_path):
-    results.write("zwidth", columns, facts, tmp_path)
+    publish(Table.of("zwidth", columns, facts), tmp_path)
     text = (tmp_path / "zwidth.csv").read_bytes()
     header, *lines, end = text.decode("ascii").split("\n")
     assert header == ",".join(columns)
     assert end == ""
     assert b"\r" not in text
     assert b'"' not in text
-    # A number with a whole value keeps its point: a reader that guesses types must not guess integers.
-    assert lines[3] == "20000.0,3,K_VE,0,0,9007199254740992.0,20000.0,NaN,3.0,0,1e-16,rounding"
-    assert lines[4].startswith("-0.0,4,")
+    assert lines[3] == "20000,3,K_VE,0,0,9.007199254740992e+15,20000,NaN,3,0,1e-16,rounding"
+    assert lines[4] == "-0,4,K_VE,1,0,1e+15,-0,NaN,4,1,1e-16,"
 
 
 def test_pandas_reads_what_we_write(columns, facts, tmp_path):
     import pandas
 
-    results.write("zwidth", columns, facts, tmp_path)
+    publish(Table.of("zwidth", columns, facts), tmp_path)
     frame = pandas.read_csv(tmp_path / "zwidth.csv")
     assert list(frame.columns) == list(columns)
     assert frame["high"].dtype == np.float64
+    assert frame["certified"].tolist() == columns["certified"].astype(int).tolist()
     assert np.array_equal(frame["high"].to_numpy(), columns["high"], equal_nan=True)
     stored = pandas.read_parquet(tmp_path / "zwidth.parquet")
     assert np.array_equal(stored["high"].to_numpy(), columns["high"], equal_nan=True)
@@ -62,15 +64,34 @@ def test_a_spec_with_an_awkward_name_reads_back(stem, tmp_path, facts):
         field.name: np.array([values[field.kind]] * 2, dtype=object if field.kind == "string" else None)
         for field in fields
     }
-    results.write("bode", columns, facts, tmp_path)
+    publish(Table.of("bode", columns, facts), tmp_path)
     for suffix in ("csv", "parquet"):
         assert results.read(tmp_path / f"bode.{suffix}")["spec"].tolist() == [stem, stem]
+    with (tmp_path / "bode.csv").open(newline="", encoding="utf-8") as file:
+        assert [row["spec"] for row in csv.DictReader(file)] == [stem, stem]
+
+
+def test_a_name_that_is_no_unicode_is_refused(columns, facts, tmp_path):
+    columns["along"][2] = "\udc80"
+    fields = results.fields_of("zwidth", {**columns, "along": ["K_VE"]})
+    with pytest.raises(WavesweepError, match="cannot be written as UTF-8"):
+        publish(Table.of("zwidth", columns, facts, fields=fields), tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_table_of_its_own_kind_reads_back_by_the_package_beside_it(facts, same, tmp_path):
+    fields = tuple(results.Field(name, kind, "1", name) for name, kind in (("slope", "number"), ("island", "boolean")))
+    columns = {"slope": np.array([1.0, 2.0, -0.0]), "island": np.array([True, False, True])}
+    publish(Table.of("own", columns, facts, fields=fields), tmp_path)
+    same(results.read(tmp_path / "own.csv"), columns)
+    (tmp_path / "own.datapackage.json").write_text("torn")
+    assert results.read(tmp_path / "own.csv")["island"].tolist() == [1, 0, 1]
 
 
 def test_a_missing_number_is_null_in_parquet(columns, facts, tmp_path):
     import pyarrow.parquet
 
-    results.write("zwidth", columns, facts, tmp_path)
+    publish(Table.of("zwidth", columns, facts), tmp_path)
     high = pyarrow.parquet.read_table(tmp_path / "zwidth.parquet")["high"]
     assert high.null_count == sum(map(math.isnan, columns["high"]))
 

@@ -8,11 +8,13 @@ import pyarrow.parquet
 import pytest
 
 from wavesweep import results
+from wavesweep.results import publish
+from wavesweep.sweep import Table
 
 
 @pytest.fixture
 def package(columns, facts, tmp_path):
-    results.write("zwidth", columns, facts, tmp_path)
+    publish(Table.of("zwidth", columns, facts), tmp_path)
     return json.loads((tmp_path / "zwidth.datapackage.json").read_text())
 
 

@@ -1,13 +1,16 @@
-"""All files of a table appear or none does, other people's results stay, and chunks leave no trace."""
+"""All files of a table appear or none does, other people's results stay, and blocks leave no trace."""
 
 import hashlib
+from io import BytesIO
 
 import numpy as np
 import pytest
 
 from wavesweep import results
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.results.parquet import GROUP_ROWS
+from wavesweep.results import publish, stream
+from wavesweep.results.files import GROUP_ROWS
+from wavesweep.sweep import Table
 
 
 def contents(directory):
@@ -20,30 +23,36 @@ def draw(path):
 
 def test_equal_runs_give_equal_bytes(columns, facts, tmp_path):
     for name, seconds in (("a", 1.0), ("b", 2.0)):
-        results.write("zwidth", columns, {**facts, "timings": {"total": seconds}}, tmp_path / name)
+        publish(Table.of("zwidth", columns, {**facts, "timings": {"total": seconds}}), tmp_path / name)
     first, second = contents(tmp_path / "a"), contents(tmp_path / "b")
     assert {name for name in first if first[name] != second[name]} == {"zwidth.datapackage.json"}
 
 
 @pytest.mark.parametrize("sizes", [(1,), (7, 1000), (GROUP_ROWS,), (GROUP_ROWS + 1, 3)])
-def test_chunks_leave_no_trace(columns, facts, tmp_path, sizes):
+def test_blocks_leave_no_trace(columns, facts, tmp_path, sizes):
     length = 2 * GROUP_ROWS + 5 if sizes[-1] > 3 or len(sizes) > 1 else 300
     table = {name: np.resize(column, length) for name, column in columns.items()}
-    results.write("zwidth", table, facts, tmp_path / "whole")
-    with results.TableWriter("zwidth", results.fields_of("zwidth", table), facts, tmp_path / "parts") as writer:
+    publish(Table.of("zwidth", table, facts), tmp_path / "whole")
+
+    def blocks():
         start = number = 0
         while start < length:
-            # Cycles through the sizes, and takes the rest at once when chunks would be thousands.
+            # Cycles through the sizes, and takes the rest at once when blocks would be thousands.
             size = sizes[number % len(sizes)] if number < 400 else length
-            writer.append({name: column[start : start + size] for name, column in table.items()})
+            yield {name: column[start : start + size] for name, column in table.items()}
             start, number = start + size, number + 1
-        writer.finish()
+
+    publish(Table("zwidth", blocks, facts), tmp_path / "parts")
     assert contents(tmp_path / "parts") == contents(tmp_path / "whole")
+    streams = [BytesIO(), BytesIO()]
+    for each, out in zip((Table("zwidth", blocks, facts), Table.of("zwidth", table, facts)), streams, strict=True):
+        stream(each, out)
+    assert streams[0].getvalue() == streams[1].getvalue() == (tmp_path / "whole/zwidth.csv").read_bytes()
 
 
 def test_a_table_without_rows_is_a_table(columns, facts, same, tmp_path):
     empty = {name: column[:0] for name, column in columns.items()}
-    results.write("zwidth", empty, facts, tmp_path)
+    publish(Table.of("zwidth", empty, facts), tmp_path)
     assert (tmp_path / "zwidth.csv").read_text() == ",".join(columns) + "\n"
     same(results.read(tmp_path / "zwidth.csv"), empty)
     same(results.read(tmp_path / "zwidth.parquet"), empty)
@@ -53,7 +62,7 @@ def test_a_table_without_rows_is_a_table(columns, facts, same, tmp_path):
 def test_an_infinity_is_refused_by_column_and_row_and_nothing_is_written(columns, facts, tmp_path, value):
     columns["high"][2] = value
     with pytest.raises(WavesweepError, match=rf"column high, row 3: found {value}"):
-        results.write("zwidth", columns, facts, tmp_path / "new")
+        publish(Table.of("zwidth", columns, facts), tmp_path / "new")
     assert not (tmp_path / "new").exists()
 
 
@@ -63,38 +72,37 @@ def test_a_figure_that_cannot_be_drawn_leaves_nothing(columns, facts, tmp_path):
         raise OSError(28, "No space left on device")
 
     with pytest.raises(OSError, match="No space left"):
-        results.write("zwidth", columns, facts, tmp_path, figure=fail)
+        publish(Table.of("zwidth", columns, facts, figure=fail), tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_run_that_fails_half_way_keeps_the_old_results(columns, facts, tmp_path):
-    results.write("zwidth", columns, facts, tmp_path)
+    publish(Table.of("zwidth", columns, facts), tmp_path)
     before = contents(tmp_path)
 
     def interrupted():
-        with results.TableWriter("zwidth", results.fields_of("zwidth", columns), facts, tmp_path) as writer:
-            writer.append(columns)
-            raise KeyboardInterrupt
+        yield columns
+        raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        interrupted()
+        publish(Table("zwidth", interrupted, facts), tmp_path)
     assert contents(tmp_path) == before
 
 
 def test_results_of_another_spec_stay_without_force(columns, facts, tmp_path):
-    results.write("zwidth", columns, facts, tmp_path, figure=draw)
+    publish(Table.of("zwidth", columns, facts, figure=draw), tmp_path)
     before, other = contents(tmp_path), {**facts, "spec_sha256": "cd" * 32}
     with pytest.raises(UsageError, match="give --force"):
-        results.write("zwidth", columns, other, tmp_path)
+        publish(Table.of("zwidth", columns, other), tmp_path)
     assert contents(tmp_path) == before
-    results.write("zwidth", columns, other, tmp_path, force=True)
+    publish(Table.of("zwidth", columns, other), tmp_path, force=True)
     # The old figure shows the other spec's results: it must not stand beside these.
     assert not (tmp_path / "zwidth.png").exists()
 
 
 def test_results_of_the_same_spec_are_replaced_and_the_figure_stays(columns, facts, tmp_path):
-    results.write("zwidth", columns, facts, tmp_path, figure=draw)
-    paths = results.write("zwidth", columns, facts, tmp_path)
+    publish(Table.of("zwidth", columns, facts, figure=draw), tmp_path)
+    paths = publish(Table.of("zwidth", columns, facts), tmp_path)
     assert [path.name for path in paths] == ["zwidth.csv", "zwidth.parquet", "zwidth.datapackage.json"]
     assert (tmp_path / "zwidth.png").exists()
 
@@ -105,7 +113,7 @@ def test_files_of_unknown_origin_stay(columns, facts, tmp_path, package):
     if package is not None:
         (tmp_path / "zwidth.datapackage.json").write_text(package)
     with pytest.raises(UsageError, match="unknown origin"):
-        results.write("zwidth", columns, facts, tmp_path)
+        publish(Table.of("zwidth", columns, facts), tmp_path)
     assert (tmp_path / "zwidth.csv").read_text() == "mine\n"
 
 
@@ -122,5 +130,5 @@ def test_files_of_unknown_origin_stay(columns, facts, tmp_path, package):
 def test_a_table_that_does_not_fit_is_refused(columns, facts, tmp_path, change, message):
     change(columns)
     with pytest.raises(WavesweepError, match=message):
-        results.write("zwidth", columns, facts, tmp_path)
+        publish(Table.of("zwidth", columns, facts), tmp_path)
     assert list(tmp_path.iterdir()) == []

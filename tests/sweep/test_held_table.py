@@ -6,7 +6,7 @@ import pytest
 from wavesweep import sweep
 from wavesweep.analysis.passivity import HandBox, box_intervals, colgate_schenkel, damping_needed, held
 from wavesweep.analysis.passivity.hand import worst_modes
-from wavesweep.cli.hand_summary import HandTally
+from wavesweep.cli.summaries import HandTally
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
 from wavesweep.sweep import held_intervals, held_stages, holders_of, workers

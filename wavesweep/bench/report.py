@@ -17,7 +17,7 @@ from wavesweep.bench.measuring import FULL, QUICK, Row, columns_of
 from wavesweep.bench.problems import FILE, PROBLEMS
 from wavesweep.bench.stiffness import COMMAND, DECOMPOSITION, LIBRARY, PART
 from wavesweep.bench.this_tool import LAPACK, profile_rows
-from wavesweep.sweep import Run
+from wavesweep.sweep import Table
 
 METHODS = {
     "run_time": "wall time, medians; ratios from pairs that were run in turn, in one process with one thread",
@@ -29,7 +29,7 @@ FLOOR = np.finfo(float).eps  # nothing is called more accurate than this
 Columns = Mapping[str, np.ndarray]
 
 
-def measure(*, quick: bool, progress: Callable[[int, int], None] | None = None) -> Run:
+def measure(*, quick: bool, progress: Callable[[int, int], None] | None = None) -> Table:
     """Measure everything and give the table; quick: a few seconds, enough to see that all of it works.
 
     progress: called with how many parts are done, and of how many.
@@ -39,7 +39,7 @@ def measure(*, quick: bool, progress: Callable[[int, int], None] | None = None) 
         rows += part()
         if progress is not None:
             progress(done, len(parts))
-    return Run(columns_of(rows), _facts(quick, time.perf_counter() - started))
+    return Table.of("bench", columns_of(rows), _facts(quick, time.perf_counter() - started), fields=FIELDS)
 
 
 def _parts(quick: bool) -> Iterator[Callable[[], Iterator[Row]]]:

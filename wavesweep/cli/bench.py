@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -31,15 +32,14 @@ def command(quick: bool, options: Options) -> None:
     # starts inherit it.
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     from wavesweep import bench
-    from wavesweep.cli.talk import progress, say, where
-    from wavesweep.results.text import stream_blocks
+    from wavesweep.cli.output import progress, say, where
+    from wavesweep.results import stream
 
     started = time.perf_counter()
     with progress(options.quiet) as report:
         run = bench.measure(quick=quick, progress=report)
     if options.to_stdout:
-        stream_blocks(bench.FIELDS, [run.columns], sys.stdout.buffer)
-        sys.stdout.buffer.flush()
+        stream(run, sys.stdout.buffer)
     written = [] if options.to_stdout else _write(run, options)
     if options.quiet:
         return
@@ -50,10 +50,8 @@ def command(quick: bool, options: Options) -> None:
 
 
 def _write(run, options: Options) -> list[Path]:
-    from wavesweep import bench, results
     from wavesweep.plots.bench import bench as draw
+    from wavesweep.results import publish
 
-    directory = Path(options.out or Path("results", "bench"))
-    with results.TableWriter("bench", bench.FIELDS, run.facts, directory, options.force) as writer:
-        writer.append(run.columns)
-        return writer.finish(figure=partial(draw, run.columns, run.facts) if options.plot else None)
+    drawn = replace(run, figure=partial(draw, run.columns, run.facts))
+    return publish(drawn, Path(options.out or Path("results", "bench")), options.force, options.plot)

@@ -15,11 +15,11 @@ def command(specs: tuple[str, ...], options: Options) -> None:
 
     Each SPEC is a TOML file; axes in its [bode] table give a curve for each combination of their values.
     """
-    from wavesweep import plots, sweep
-    from wavesweep.cli.producing import produce
+    from wavesweep import sweep
+    from wavesweep.cli.output import produce
 
     stems = [Path(source).stem for source in specs]
     for stem in stems:
         if stems.count(stem) > 1:
             raise click.UsageError(f"two specs are called {stem}: nothing would tell their curves apart")
-    produce("bode", specs, options, sweep.responses, plots.bode)
+    produce(["bode"], specs, options, lambda specs, **work: [sweep.responses(specs, **work)])

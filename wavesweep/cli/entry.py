@@ -1,4 +1,7 @@
-"""Where the program starts, and the one place where errors become exit codes."""
+"""Where the program starts: the table of commands, and the one place where errors become exit codes.
+
+A new command is a line in `COMMANDS` and a module of its name with a `command` in it.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +9,79 @@ import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from types import FrameType
+from importlib import import_module
+from types import FrameType, MappingProxyType
 
 import click
 
-from wavesweep.cli.group import group
 from wavesweep.errors import SpecError, WavesweepError
 
 INTERRUPTED = 130
 TERMINATED = 143
+
+# The short helps stand here so that `wavesweep --help` need not import the commands; a test holds them against these.
+COMMANDS = MappingProxyType(
+    {
+        "zwidth": "Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.",
+        "stability-region": "Find the stable intervals along any axis for every combination of the others.",
+        "bode": "Compute transmitted admittance and impedance over frequency, a curve per spec.",
+        "simulate": "Run both loops tick by tick, with what a real rig adds to the linear model.",
+        "passivity": "Find how far the wave channel and the hand's port are from passive.",
+        "paper": "Draw every figure of the paper and judge every statement of it.",
+        "bench": "Measure run time against error, this tool beside what a user would write instead.",
+        "check": "Validate a spec and say what would be computed, and how.",
+    }
+)
+
+
+def module_of(name: str) -> str:
+    """Give the module that a command lives in."""
+    return f"wavesweep.cli.{name.replace('-', '_')}"
+
+
+class LazyGroup(click.Group):
+    """A click group over the static table of commands."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The commands in the table's order, which is the order of use."""
+        del ctx
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import the module of a command."""
+        del ctx
+        return import_module(module_of(cmd_name)).command if cmd_name in COMMANDS else None
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands from the table; click's own would import each one of them."""
+        del ctx
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted and not ctx.resilient_parsing:
+        from wavesweep import __version__
+
+        click.echo(f"wavesweep {__version__}")
+        ctx.exit()
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--version",
+    is_flag=True,
+    expose_value=False,
+    is_eager=True,
+    callback=_print_version,
+    help="Print the version.",
+)
+def group() -> None:
+    """Stability, rendering range and transparency of multirate wave-variable haptic loops.
+
+    A SPEC is a TOML file. Results go to results/<the spec's name>/, messages to stderr.
+    Exit codes: 0 done, 1 failed, 2 usage or spec error, 130 interrupted, 143 terminated.
+    """
 
 
 class Terminated(BaseException):
@@ -49,22 +116,22 @@ def _exit_code(error: BaseException) -> int:
             error.show()
             return error.exit_code
         case KeyboardInterrupt() | click.Abort():
-            _say(_with_notes("Interrupted.", error))
+            click.echo(_with_notes("Interrupted.", error), err=True)
             return INTERRUPTED
         case Terminated():
-            _say(_with_notes("Terminated.", error))
+            click.echo(_with_notes("Terminated.", error), err=True)
             return TERMINATED
         case SpecError():
             # Its lines begin with file:line:column, which editors and terminals follow.
-            _say(str(error))
+            click.echo(str(error), err=True)
         case WavesweepError():
-            _say(_with_notes(f"Error: {error}", error))
+            click.echo(_with_notes(f"Error: {error}", error), err=True)
         case MemoryError():
-            _say(_with_notes("Error: out of memory; fewer values per axis or fewer --jobs take less", error))
+            click.echo(_with_notes("Error: out of memory; fewer values per axis or fewer --jobs take less", error), err=True)
         case OSError():
-            _say(_with_notes(f"Error: {_os_error(error)}", error))
+            click.echo(_with_notes(f"Error: {_os_error(error)}", error), err=True)
         case _:
-            _say(f"Error: {type(error).__name__}: {error} (a fault of wavesweep; --debug shows where)")
+            click.echo(f"Error: {type(error).__name__}: {error} (a fault of wavesweep; --debug shows where)", err=True)
     return error.exit_code if isinstance(error, WavesweepError) else 1
 
 
@@ -78,10 +145,6 @@ def _with_notes(text: str, error: BaseException) -> str:
 def _os_error(error: OSError) -> str:
     where = f"{error.filename}: " if error.filename is not None else ""
     return f"{where}{error.strerror or error}"
-
-
-def _say(text: str) -> None:
-    click.echo(text, err=True)
 
 
 @contextmanager

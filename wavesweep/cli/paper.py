@@ -22,8 +22,8 @@ def command(options: Options) -> None:
     also Markdown. With --out - the statements go to stdout. The work is too little for workers.
     """
     from wavesweep import paper
-    from wavesweep.cli.talk import progress, say, where
-    from wavesweep.results import stream_blocks
+    from wavesweep.cli.output import progress, say, where
+    from wavesweep.results import publish, stream
 
     if options.overrides:
         raise click.UsageError("--set: the paper's values are its own; change copies of its specs, one command at a time")
@@ -32,13 +32,12 @@ def command(options: Options) -> None:
         started = time.perf_counter()
         for table in paper.tables(report):
             if not options.to_stdout:
-                written = paper.write_table(table, directory, force=options.force, plot=options.plot)
+                written = publish(table, directory, options.force, options.plot)
                 said.append(where(written, time.perf_counter() - started))
             started = time.perf_counter()
     # The last table is that of the statements.
     if options.to_stdout:
-        stream_blocks(table.fields, [table.run.columns], sys.stdout.buffer)
-        sys.stdout.buffer.flush()
+        stream(table, sys.stdout.buffer)
     if not options.quiet:
-        for line in [*said, paper.counted(table.run.columns)]:
+        for line in [*said, paper.counted(table.columns)]:
             say(line)

@@ -9,10 +9,8 @@ import click
 from wavesweep.cli.options import Options, common
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from wavesweep.spec import Spec
-    from wavesweep.sweep import Run
+    from wavesweep.sweep import Table
 
 
 @click.command("passivity")
@@ -28,20 +26,16 @@ def command(spec: str, options: Options, filters: bool) -> None:
 
     SPEC is a TOML file; each axis of its [sweep] table that has values is swept. The channel is passive where its norm
     is at most 1, the port where the margin is not negative. A controller without waves has no channel: its norm is
-    missing, and channel_passive is 1, since what is not there adds no energy.
+    missing, and channel_passive is 1.
 
-    The port is that of a hand whose force is held over a tick. A hand that moves on within the tick can ask for more:
-    see zwidth --hand passive.
+    The port is that of a hand whose force is held over a tick. A hand that also moves within the tick can need more
+    damping: see zwidth --hand passive.
     """
     from wavesweep import sweep
-    from wavesweep.cli.producing import produce_tables
-    from wavesweep.plots.filter_choices import filter_choices
-    from wavesweep.plots.passivity import passivity
+    from wavesweep.cli.output import produce
 
-    def compute(specs: Sequence[Spec], **work: Any) -> dict[str, Run]:
+    def compute(specs: list[Spec], **work: Any) -> list[Table]:
         (asked,) = specs
-        runs = {"passivity": sweep.passivity(asked, **work)}
-        return runs | ({"passivity-filters": sweep.filter_choices(asked)} if filters else {})
+        return [sweep.passivity(asked, **work), *([sweep.filter_choices(asked)] if filters else [])]
 
-    draws = {"passivity": passivity} | ({"passivity-filters": filter_choices} if filters else {})
-    produce_tables(draws, [spec], options, compute)
+    produce(["passivity", *(["passivity-filters"] if filters else [])], [spec], options, compute)

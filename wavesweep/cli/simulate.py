@@ -13,13 +13,12 @@ def command(spec: str, options: Options) -> None:
 
     SPEC is a TOML file; its [simulate] table names the force of the hand and what is added: a one-sided wall, an
     encoder, friction, a force limit, imperfect timing, or a device by name. Where the force is a sine or a stepped
-    sine, the response estimated from it stands in a second table, simulate-response. A loop that diverges is no
-    failure: the rows end where numbers overflow, and a line says so.
+    sine, the response estimated from it is written as a second table, simulate-response. A loop that diverges is no
+    failure: the rows end where numbers overflow, and a message says so.
     """
-    from wavesweep import plots
-    from wavesweep.cli.producing import produce_tables
-    from wavesweep.cli.simulating import simulate
+    from wavesweep import sweep
+    from wavesweep.cli.output import produce
     from wavesweep.spec import Spec
 
-    draws = {"simulate": plots.simulate, "simulate-response": plots.simulate_response}
-    produce_tables(draws, [spec], options, simulate, asked=Spec.as_simulated)
+    kinds = ["simulate", "simulate-response"]
+    produce(kinds, [spec], options, lambda specs, **_: sweep.simulate(*specs), asked=Spec.as_simulated)

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.cli.hand_options import hands
-from wavesweep.cli.options import Options, common
+from wavesweep.cli.options import Options, common, hands
 
 if TYPE_CHECKING:
     from wavesweep.sweep.guarantees import Holders
@@ -22,6 +21,6 @@ def command(spec: str, options: Options, holders: Holders | None) -> None:
 
     SPEC is a TOML file; sweep.along in it names the axis that the intervals lie on.
     """
-    from wavesweep.cli.long_tables import produce_intervals
+    from wavesweep.cli.output import produce_intervals
 
     produce_intervals("stability-region", spec, options, holders=holders)

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.cli.hand_options import hands
-from wavesweep.cli.options import Options, common
+from wavesweep.cli.options import Options, common, hands
 
 if TYPE_CHECKING:
     from wavesweep.sweep.guarantees import Holders
@@ -20,9 +19,9 @@ if TYPE_CHECKING:
 def command(spec: str, options: Options, holders: Holders | None) -> None:
     """Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.
 
-    SPEC is a TOML file; its [sweep] table names the axes. All stable intervals are reported, not the first one, and
+    SPEC is a TOML file; its [sweep] table names the axes. All stable intervals are reported, not only the first one, and
     each says whether it is certified.
     """
-    from wavesweep.cli.long_tables import produce_intervals
+    from wavesweep.cli.output import produce_intervals
 
     produce_intervals("zwidth", spec, options, along="K_VE", holders=holders)

@@ -2,6 +2,5 @@
 
 from wavesweep.paper.documents import counted
 from wavesweep.paper.figures import tables
-from wavesweep.paper.tables import write_table
 
-__all__ = ["counted", "tables", "write_table"]
+__all__ = ["counted", "tables"]

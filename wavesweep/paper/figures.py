@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -14,12 +16,17 @@ from wavesweep.paper.felt_responses import CONTROLLERS, HIGH, LOW, LOW_OF_FIGURE
 from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.specs import load_paper
 from wavesweep.paper.statements import STATEMENTS
-from wavesweep.paper.tables import Table, table_of
-from wavesweep.plots.magnitudes import Line, Panel, draw_magnitudes
-from wavesweep.plots.planes import Plane, draw_planes
+from wavesweep.plots.regions import Plane, draw_planes
+from wavesweep.plots.responses import Line, Panel, draw_magnitudes
 from wavesweep.plots.style import symbol
-from wavesweep.sweep import Run, intervals, responses
+from wavesweep.results import fields_of
+from wavesweep.sweep import Table, intervals, responses
 from wavesweep.sweep.run import facts_of
+
+
+def _named(name: str, table: Table, figure: Callable[[Path], None] | None) -> Table:
+    """Give a table of a kind that `results` knows a name of its own, and its figure."""
+    return replace(table, kind=name, fields=fields_of(table.kind, table.columns), figure=figure)
 
 
 def figure_2(_: PaperLoops) -> list[Table]:
@@ -32,7 +39,7 @@ def figure_2(_: PaperLoops) -> list[Table]:
     ]
     direct = np.flatnonzero(run.columns["controller"] == "dc")
     lines = [*family, _line("DC", run.columns, direct, ideal=True)]
-    return [table_of("bode", "fig2", run, _magnitudes(lines, (LOW_OF_FIGURE_2, WHOLE)))]
+    return [_named("fig2", run, _magnitudes(lines, (LOW_OF_FIGURE_2, WHOLE)))]
 
 
 def figure_4(_: PaperLoops) -> list[Table]:
@@ -40,7 +47,7 @@ def figure_4(_: PaperLoops) -> list[Table]:
     runs = {name: intervals(load_paper(name)) for name in ("fig4", "fig4-b25")}
     plane = Plane("", "B_VE", [(_choices(name), run.columns) for name, run in runs.items()], 2000.0, (1.0, 800.0))
     draw = partial(draw_planes, [plane])
-    return [table_of("zwidth", name, run, draw if name == "fig4" else None) for name, run in runs.items()]
+    return [_named(name, run, draw if name == "fig4" else None) for name, run in runs.items()]
 
 
 def _choices(name: str) -> str:
@@ -56,14 +63,14 @@ def figure_5(_: PaperLoops) -> list[Table]:
         for name, run in runs.items()
     ]
     draw = partial(draw_planes, planes)
-    return [table_of("zwidth", name, run, draw if name == "fig5" else None) for name, run in runs.items()]
+    return [_named(name, run, draw if name == "fig5" else None) for name, run in runs.items()]
 
 
-def _integration(run: Run) -> str:
+def _integration(run: Table) -> str:
     return run.facts["spec"]["environment"]["integration"]
 
 
-def _without_limit(run: Run) -> str:
+def _without_limit(run: Table) -> str:
     """Give the note that a region without limit needs, since it fills its panel."""
     free = np.isnan(run.columns["high_omega"]) & (run.columns["low"] == 0) & (run.columns["intervals"] == 1)
     if not free.all():
@@ -79,7 +86,7 @@ def _by_gain(columns: Mapping[str, np.ndarray]) -> list:
 def figure_6(_: PaperLoops) -> list[Table]:
     """Admittance with the local model, without it, and the ideal."""
     run = responses([load_paper(name) for name in ("fig6", "pmw", "dc")])
-    return [table_of("bode", "fig6", run, _magnitudes(_three(run.columns), (LOW, HIGH)))]
+    return [_named("fig6", run, _magnitudes(_three(run.columns), (LOW, HIGH)))]
 
 
 def figure_7(paper: PaperLoops) -> list[Table]:
@@ -89,7 +96,8 @@ def figure_7(paper: PaperLoops) -> list[Table]:
     timings = {"compute_s": time.perf_counter() - started}
     facts = facts_of(load_paper("fig7").as_simulated(), METHODS, {"computed": 3, "skipped": 0, "certified": 0}, timings)
     lines = [*_analysis(), *_three(columns, dots=True)]
-    return [table_of("simulate-response", "fig7", Run(columns, facts), _magnitudes(lines, (LOW, (LOW[1], 2 * np.pi))))]
+    run = Table.of("simulate-response", columns, facts)
+    return [_named("fig7", run, _magnitudes(lines, (LOW, (LOW[1], 2 * np.pi))))]
 
 
 def _analysis() -> list[Line]:
@@ -107,7 +115,7 @@ def figure_8(_: PaperLoops) -> list[Table]:
     lines, level = _three(run.columns, "impedance_abs"), load_paper("fig8").values["environment.K_VE"]
     panels = (Panel(LOW, logarithmic=False), Panel(WHOLE, logarithmic=True))
     draw = partial(draw_magnitudes, lines, panels, "transmitted impedance (N/m)", level=(level, symbol("K_VE")))
-    return [table_of("bode", "fig8", run, draw)]
+    return [_named("fig8", run, draw)]
 
 
 def _three(columns: Mapping[str, np.ndarray], name: str = "admittance_abs", *, dots: bool = False) -> list[Line]:
@@ -151,10 +159,10 @@ def tables(progress: Callable[[int, int], None] | None = None) -> Iterator[Table
         yield from figure(paper)
         step()
     study = open_choices.open_choices()
-    yield Table("open-choices", open_choices.FIELDS, study, text=choices_text(study.columns))
+    yield replace(study, text=choices_text(study.columns))
     step()
     banks = passive_bank.passive_bank()
-    yield Table("passive-bank", passive_bank.FIELDS, banks, passive_bank.figure(), bank_text(banks.columns))
+    yield replace(banks, figure=passive_bank.figure(), text=bank_text(banks.columns))
     step()
     judged = verdicts.judge(paper, STATEMENTS, step)
-    yield Table("statements", verdicts.FIELDS, judged, text=statements_text(judged.columns))
+    yield replace(judged, text=statements_text(judged.columns))

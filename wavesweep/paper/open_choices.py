@@ -10,7 +10,7 @@ import numpy as np
 from wavesweep.paper.specs import load_paper
 from wavesweep.results import Field
 from wavesweep.spec import KEYS, Spec
-from wavesweep.sweep import Run, intervals
+from wavesweep.sweep import Table, intervals
 from wavesweep.sweep.radius import radius_over
 from wavesweep.sweep.run import facts_of
 
@@ -40,7 +40,7 @@ FIELDS = (
 )
 
 
-def open_choices() -> Run:
+def open_choices() -> Table:
     """Sweep `open-choices.toml` under each integration and each velocity: a row per combination."""
     started, parts, base = time.perf_counter(), [], load_paper("open-choices")
     certified = 0
@@ -53,7 +53,8 @@ def open_choices() -> Run:
     columns = {name: _joined([part[name] for part in parts], [part["K_at_1"].size for part in parts]) for name in parts[0]}
     walls = len(next(axis for axis in base.sweep if axis.name == "B_VE").values)
     counts = {"computed": len(columns["b"]) * walls, "skipped": 0, "certified": certified}
-    return Run(columns, facts_of(base, run.facts["methods"], counts, {"compute_s": time.perf_counter() - started}))
+    facts = facts_of(base, run.facts["methods"], counts, {"compute_s": time.perf_counter() - started})
+    return Table.of("open-choices", columns, facts, fields=FIELDS)
 
 
 def _limits(columns) -> dict[str, np.ndarray]:

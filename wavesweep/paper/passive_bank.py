@@ -41,9 +41,9 @@ from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.resolvent import alias_angles, solved_response
 from wavesweep.paper.felt_responses import HIGH, LOW, Response, deviation, respond, respond_to
 from wavesweep.paper.specs import load_paper
-from wavesweep.plots.magnitudes import Line, Panel, draw_magnitudes
+from wavesweep.plots.responses import Line, Panel, draw_magnitudes
 from wavesweep.results import Field
-from wavesweep.sweep import Run
+from wavesweep.sweep import Table
 from wavesweep.sweep.run import facts_of
 
 ORDERS, CUTOFFS_HZ = (1, 2), (5.0, 10.0, 20.0, 40.0, 80.0)
@@ -154,14 +154,15 @@ def _power(block: Block, phi) -> np.ndarray:
     return np.abs(found[:, 0, 0].reshape(phi.shape)) ** 2
 
 
-def passive_bank() -> Run:
+def passive_bank() -> Table:
     """Compute every design: a row each."""
     started, ideal = time.perf_counter(), respond(load_paper("dc"))
     rows = [_row(design, ideal) for design in DESIGNS]
     columns = {field.name: np.array([row[field.name] for row in rows]) for field in FIELDS}
     columns["design"] = columns["design"].astype(object)
     counts = {"computed": len(rows), "skipped": 0, "certified": 0}
-    return Run(columns, facts_of(load_paper("fig6"), METHODS, counts, {"compute_s": time.perf_counter() - started}))
+    facts = facts_of(load_paper("fig6"), METHODS, counts, {"compute_s": time.perf_counter() - started})
+    return Table.of("passive-bank", columns, facts, fields=FIELDS)
 
 
 def _row(design: Design, ideal: Response) -> dict:

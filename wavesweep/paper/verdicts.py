@@ -14,7 +14,7 @@ from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.readings import OWN, Reading
 from wavesweep.paper.specs import folder, load_paper
 from wavesweep.results import Field
-from wavesweep.sweep import Run
+from wavesweep.sweep import Table
 from wavesweep.sweep.run import facts_of
 
 REPRODUCED = "reproduced"
@@ -153,7 +153,7 @@ def untestable(reason: str) -> Callable[[PaperLoops], Finding]:
     return judge
 
 
-def judge(paper: PaperLoops, statements: Sequence[Statement], done: Callable[[], None] = lambda: None) -> Run:
+def judge(paper: PaperLoops, statements: Sequence[Statement], done: Callable[[], None] = lambda: None) -> Table:
     """Judge the statements in turn, calling `done` after each: a row each."""
     started, found = time.perf_counter(), []
     for statement in statements:
@@ -161,7 +161,8 @@ def judge(paper: PaperLoops, statements: Sequence[Statement], done: Callable[[],
         done()
     columns = {"number": np.arange(1, len(found) + 1), **_rows(statements, found)}
     counts = {"computed": len(found), "skipped": 0, "certified": 0}
-    return Run(columns, _facts(counts, time.perf_counter() - started))
+    facts = _facts(counts, time.perf_counter() - started)
+    return Table.of("statements", columns, facts, fields=FIELDS)
 
 
 def _rows(statements: Sequence[Statement], found: Sequence[Finding]) -> dict[str, np.ndarray]:

@@ -1,7 +1,6 @@
-"""A table becomes a figure; nothing is computed here. Each kind of figure is `draw(columns, facts, path)`.
+"""A table becomes a figure; nothing is computed here. Each kind of table has its `draw(columns, facts, path)`.
 
-A drawing is loaded when it is first asked for: a run without a figure pays for none. Those whose name is that of their
-module (`passivity`, `filter_choices`) are imported from there.
+A drawing is loaded when it is first asked for: a run without a figure loads none.
 """
 
 from importlib import import_module
@@ -9,8 +8,8 @@ from types import MappingProxyType
 
 _HOMES = MappingProxyType(
     {
-        "Picture": "picture", "bode": "responses", "simulate": "simulation",
-        "simulate_response": "simulated_response", "zwidth": "intervals",
+        "Picture": "intervals", "bode": "responses", "passivity": "margins", "passivity_filters": "margins",
+        "simulate": "simulation", "simulate_response": "responses", "zwidth": "intervals",
     }
 )  # fmt: skip
 

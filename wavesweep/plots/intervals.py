@@ -1,22 +1,31 @@
-"""The figure of stable intervals: where the loop is stable, over the plane of two axes or as bars."""
+"""The figure of stable intervals: regions over the plane of two axes, or bars; for one loop, or for several hands."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.bars import draw_bars
-from wavesweep.plots.hands import draw_hand_bars, draw_hand_regions, hand_handles, lay_out_hands, promised
-from wavesweep.plots.layout import Layout, axes_of, lay_out
-from wavesweep.plots.region import draw_region
+from wavesweep.plots.layout import MOST_PANELS, Layout, axes_of, evenly, lay_out
+from wavesweep.plots.regions import draw_region
 from wavesweep.plots.style import DOUBTFUL, ONE_COLUMN, TWO_COLUMNS, UNKNOWN, family_colours, figure, incomplete, label, symbol
 
 _PANEL_HEIGHT = 2.3  # inches
 _LETTERS_PER_INCH = 16
+_HALF_BAR = 0.32  # of the distance between two bars
+
+# From the one that promises least to the one that promises most; the colours stay the same whichever are there.
+HANDS = {
+    "free": ("#0072B2", "free device"),
+    "operator": ("#56B4E9", "operator"),
+    "box": ("#D55E00", "hands of the box"),
+    "passive": ("#009E73", "every passive hand"),
+    "port": ("#CC79A7", "passive port"),
+}
 
 
 def zwidth(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path) -> None:
@@ -26,14 +35,36 @@ def zwidth(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Pa
     Slices of which not all is known are hatched outside of their intervals.
     Values of a further axis become panels, those of one more a family of lines; a note says what did not fit.
     """
-    layout = (lay_out_hands if "hand" in columns else lay_out)(axes_of(columns))
-    shown = layout.shows(columns)
-    draw({name: column[shown] for name, column in columns.items()}, facts, path, layout)
+    picture = Picture(axes_of(columns))
+    picture.add(columns)
+    picture.draw(facts, path)
 
 
-def draw(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path, layout: Layout) -> None:
-    """Draw the same from the rows that the layout shows."""
-    del facts
+class Picture:
+    """The figure of a table that need not fit into memory: `add` each of its blocks, then `draw`.
+
+    `axes`: name -> values of the table's leading columns.
+    """
+
+    def __init__(self, axes: Mapping[str, Sequence[float]]) -> None:
+        self._axes, self._layout = axes, None
+        self._kept: list[dict[str, np.ndarray]] = []
+
+    def add(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Keep what the figure shows of a block of rows."""
+        if self._layout is None:
+            self._layout = (lay_out_hands if "hand" in columns else lay_out)(self._axes)
+        shown = self._layout.shows(columns)
+        self._kept.append({name: column[shown] for name, column in columns.items()})
+
+    def draw(self, facts: Mapping[str, Any], path: Path) -> None:
+        """Draw the figure as PNG."""
+        del facts
+        rows = {name: np.concatenate([block[name] for block in self._kept]) for name in self._kept[0]}
+        _draw(rows, path, self._layout)
+
+
+def _draw(columns: Mapping[str, np.ndarray], path: Path, layout: Layout) -> None:
     panels = layout.panel_values or (np.nan,)
     across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) else 3
     rows = -(-len(panels) // across)
@@ -121,3 +152,108 @@ def _add_legend(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) 
         across = 2 if "hand" in columns else 6
         place = {"loc": "outside upper center", "ncols": across, "columnspacing": 1.0, "handlelength": 1.3}
         canvas.legend(handles=handles, title=title, **place)
+
+
+def draw_bars(
+    axes: Any, members: Sequence[Mapping[str, np.ndarray]], names: Sequence[str], colours: Sequence[Any] = ()
+) -> None:
+    """Draw a bar per stable interval, a line of bars per member, named at the left.
+
+    An end of the stable set has a stroke across; where the swept range ends the bar, it has none. `colours`: one for
+    each member; by default all have the same.
+    """
+    alike = family_colours(1) * len(members)
+    for place, (columns, colour) in enumerate(zip(members, colours or alike, strict=True)):
+        stable = np.flatnonzero(columns["intervals"] > 0).tolist()
+        unknown = bool(incomplete(columns).any())
+        if unknown:
+            axes.axhspan(place - _HALF_BAR, place + _HALF_BAR, **UNKNOWN)
+        if not stable:
+            said = "nothing known to be stable" if unknown else "nowhere stable"
+            axes.annotate(said, (0, place), (3, 0), textcoords="offset points", va="center", color="0.35")
+        for row in stable:
+            _draw_bar(axes, place, {name: column[row] for name, column in columns.items()}, colour)
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(-0.6, max(len(members) - 0.4, 0.6))
+
+
+def _draw_bar(axes: Any, place: int, row: Mapping[str, Any], colour: Any) -> None:
+    edge, style = (colour, "-") if row["certified"] else (DOUBTFUL, "--")
+    bar = {"width": row["high"] - row["low"], "left": row["low"], "height": 2 * _HALF_BAR, "linewidth": 0}
+    axes.barh(place, **bar, color="white", zorder=0.5)
+    axes.barh(place, **bar, color=colour, alpha=0.25)
+    for end in ("low", "high"):
+        if not np.isnan(row[f"{end}_omega"]):
+            axes.vlines(row[end], place - _HALF_BAR, place + _HALF_BAR, colors=edge, linestyles=style)
+
+
+def lay_out_hands(axes: Mapping[str, Sequence[float]]) -> Layout:
+    """Give the axes their roles where the hands are the family: one along the figure, one for the panels."""
+    several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
+    x = lay_out(axes).x
+    rest = [name for name in several if name != x]
+    held = {name: several[name][len(several[name]) // 2] for name in rest[1:]}
+    shown = lay_out({name: values for name, values in several.items() if name not in held})
+    panels = rest[0] if rest else None
+    notes = [f"{name} at {value:g} alone, of {len(several[name])} values" for name, value in held.items()]
+    if panels and len(several[panels]) > MOST_PANELS:
+        notes.insert(0, f"{MOST_PANELS} of {len(several[panels])} values of {panels}")
+    if x and len(shown.points) < len(several[x]):
+        notes.insert(0, f"{len(shown.points)} of {len(several[x])} values of {x}")
+    return replace(
+        shown, panels=panels, panel_values=evenly(several, panels, MOST_PANELS), family=None, members=(), fixed=held,
+        left_out=f"Shown: {'; '.join(notes)}." if notes else "",
+    )  # fmt: skip
+
+
+def draw_hand_regions(axes: Any, columns: Mapping[str, np.ndarray], x: str) -> None:
+    """Draw the regions of all hands in one panel."""
+    for hand, rows in _members(columns).items():
+        # Filled faintly: regions of hands lie over each other, and none is always the smaller one.
+        draw_region(axes, rows, x, HANDS[hand][0], alone=False)
+
+
+def draw_hand_bars(axes: Any, columns: Mapping[str, np.ndarray]) -> None:
+    """Draw them as bars, a line of bars per hand."""
+    members = _members(columns)
+    draw_bars(axes, list(members.values()), list(members), [HANDS[hand][0] for hand in members])
+
+
+def promised(columns: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Which rows promise something for hands; how sure they are is said in the legend, not by the line's style."""
+    if "hand" not in columns:
+        return np.zeros(len(columns["along"]), bool)
+    return ~np.isin(columns["hand"].astype(str), ("free", "operator"))
+
+
+def hand_handles(columns: Mapping[str, np.ndarray]) -> list[Any]:
+    """Entries of the legend; a region without a boundary is told there, since no line shows it."""
+    from matplotlib.patches import Patch
+
+    members = _members(columns)
+    names = {hand: words for hand, (_, words) in HANDS.items()}
+    if "operator" in members:
+        names["port"] += " (operator)"  # it is that of the spec's own loop
+    if "settled" in columns and "box" in members:
+        names["box"] += " (settled)" if members["box"]["settled"].all() else " (searched)"
+    bottom = np.nanmin(columns["low"], initial=np.inf)
+    return [
+        Patch(facecolor=(HANDS[hand][0], 0.15), edgecolor=HANDS[hand][0], label=names[hand] + _extent(rows, bottom))
+        for hand, rows in members.items()
+    ]
+
+
+def _extent(rows: Mapping[str, np.ndarray], bottom: float) -> str:
+    if not rows["intervals"].any():
+        return ": none"
+    whole = (rows["intervals"] == 1) & (rows["low"] == bottom) & np.isnan(rows["high_omega"])
+    return ": whole range" if whole.all() else ""
+
+
+def _members(columns: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
+    """The rows of each hand that is there."""
+    shown = {**columns, "certified": columns["certified"] | promised(columns)}
+    rows = {hand: columns["hand"] == hand for hand in HANDS}
+    return {
+        hand: {name: column[chosen] for name, column in shown.items()} for hand, chosen in rows.items() if chosen.any()
+    }

@@ -1,4 +1,4 @@
-"""The Frictionless data package that stands beside a table: what the files hold, and how they came about."""
+"""The Frictionless data package beside a table: what the files hold, and how they came about."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from wavesweep.results.schema import Field
+from wavesweep.results.schema import Field, FieldKind
 
 _DIALECT = {"delimiter": ",", "lineTerminator": "\n", "quoteChar": '"', "doubleQuote": True, "header": True}
 _HASH_BLOCK = 1 << 20
@@ -45,6 +45,23 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
         "wavesweep": facts,
     }
     return json.dumps(package, indent=2, allow_nan=False) + "\n"
+
+
+def packaged_sha256(package: Path) -> str:
+    """Give the SHA-256 of the spec that made the tables of a package, "" where it is no readable package of ours."""
+    try:
+        return str(json.loads(package.read_text(encoding="utf-8"))["wavesweep"]["spec_sha256"])
+    except (FileNotFoundError, ValueError, KeyError, TypeError):
+        return ""
+
+
+def packaged_kinds(csv: Path) -> dict[str, FieldKind]:
+    """Give what each column of a CSV holds as the package beside it says; nothing where there is no package of ours."""
+    package = csv.with_suffix(".datapackage.json")
+    if not packaged_sha256(package):
+        return {}
+    schema = json.loads(package.read_text(encoding="utf-8"))["resources"][0]["schema"]
+    return {field["name"]: field["type"] for field in schema["fields"]}
 
 
 def _field(field: Field) -> dict[str, Any]:

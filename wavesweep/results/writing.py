@@ -1,144 +1,119 @@
-"""Tables into files: all of a table's files appear whole, or none does."""
+"""Tables into files or to a stream, block by block; all of a table's files appear whole, or none does."""
 
 from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, closing
+from itertools import chain
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any, BinaryIO
 
-import numpy as np
-
-from wavesweep.results.columns import checked
-from wavesweep.results.existing import existing_sha256, refuse_other_spec, refuse_unusable
-from wavesweep.results.leftovers import at_work_in, remove_leftovers
+from wavesweep.results.files import GROUP_ROWS, ParquetFile, csv_header, csv_rows
+from wavesweep.results.folder import (
+    SUFFIXES,
+    at_work_in,
+    existing_sha256,
+    refuse_other_spec,
+    refuse_unusable,
+    remove_leftovers,
+)
 from wavesweep.results.package import package_text
-from wavesweep.results.parquet import GROUP_ROWS, ParquetFile
-from wavesweep.results.schema import Field, fields_of
-from wavesweep.results.text import header, lines
+from wavesweep.results.schema import Field, checked, fields_of
+from wavesweep.sweep.run import Columns, Table, joined
 
 _PREFIX = ".wavesweep-"  # of the folders that tables are written in
 
 
-class TableWriter:
-    """Writes one table, chunk by chunk, as CSV and Parquet; the chunks' sizes leave no trace in the bytes.
+def publish(table: Table, directory: str | Path, force: bool = False, plot: bool = True) -> list[Path]:
+    """Write a table as CSV and Parquet, its figure and text if it has some, and the data package; give their paths.
 
-    Use it in a `with` block: `append` columns as often as there are some, then `finish` once. Until `finish`
-    everything lies in a temporary folder beside the results; leaving the block without it removes that folder.
+    Everything is written in a temporary folder beside the results, and put in place at the end; a figure that another
+    spec left behind is removed. How the rows are cut into blocks leaves no trace in the bytes.
 
-    fields     the columns, from `fields(kind, axes)`
-    facts      the run's facts, JSON-able, with `spec_sha256`. Those under "timings" stay out of the Parquet file,
-               so that equal runs give equal bytes.
+    table      its facts need `spec_sha256`; those under "timings" stay out of the Parquet file, so that equal runs give
+               equal bytes
     directory  made if it is missing
     force      replace results of another spec
+    plot       draw the figure
 
-    Raises UsageError where the directory holds results of another spec, OSError where it cannot be written.
+    Raises UsageError where the directory holds results of another spec, WavesweepError where the columns do not fit the
+    fields or a number is infinite, OSError where something cannot be written.
     """
+    directory, facts = Path(directory), dict(table.facts)
+    fields, blocks = _opened(table)
+    if not force:
+        refuse_other_spec(table.kind, directory, facts["spec_sha256"])
+    refuse_unusable(directory)
+    directory.mkdir(parents=True, exist_ok=True)
+    remove_leftovers(directory, _PREFIX)
+    with ExitStack() as opened:
+        # A folder in the same directory is on the same file system: a rename out of it cannot be half done.
+        folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=directory))
+        opened.callback(shutil.rmtree, folder, ignore_errors=True)
+        opened.enter_context(at_work_in(folder))
+        stem = folder / table.kind
+        _write_rows(stem, fields, facts, blocks)
+        if plot and table.figure is not None:
+            table.figure(stem.with_suffix(".png"))
+        if table.text is not None:
+            stem.with_suffix(".md").write_text(table.text, encoding="utf-8")
+        package = package_text(table.kind, fields, facts, stem.with_suffix(".csv"), stem.with_suffix(".parquet"))
+        stem.with_suffix(".datapackage.json").write_text(package, encoding="utf-8")
+        return _put_in_place(stem, directory, facts["spec_sha256"])
 
-    def __init__(
-        self, kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any], directory: str | Path, force: bool = False
-    ) -> None:
-        self._kind, self._fields, self._facts, self._directory = kind, fields, dict(facts), Path(directory)
-        if not force:
-            refuse_other_spec(kind, directory, self._facts["spec_sha256"])
-        self._pending: list[dict[str, np.ndarray]] = []
-        self._rows = self._pending_rows = 0
-        refuse_unusable(self._directory)
-        self._directory.mkdir(parents=True, exist_ok=True)
-        remove_leftovers(self._directory, _PREFIX)
-        with ExitStack() as opened:
-            # A folder in the same directory is on the same file system: a rename out of it cannot be half done.
-            self._folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=self._directory))
-            opened.callback(shutil.rmtree, self._folder, ignore_errors=True)
-            opened.enter_context(at_work_in(self._folder))
-            self._csv = opened.enter_context((self._folder / f"{kind}.csv").open("wb"))
-            self._csv.write(header(fields))
-            lasting = {name: fact for name, fact in self._facts.items() if name != "timings"}
-            parquet = ParquetFile(self._folder / f"{kind}.parquet", fields, lasting)
-            self._parquet = opened.enter_context(closing(parquet))
-            self._opened = opened.pop_all()
 
-    def __enter__(self) -> Self:
-        return self
+def stream(table: Table, out: BinaryIO) -> None:
+    """Write a table as CSV to a binary stream. Raises WavesweepError before the first byte if its first rows are unfit."""
+    fields, blocks = _opened(table)
+    out.write(csv_header(fields))
+    out.writelines(csv_rows(group) for group in _groups(fields, blocks))
+    out.flush()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._opened.close()
 
-    def append(self, columns: Mapping[str, Any]) -> None:
-        """Add rows. Raises WavesweepError where the columns do not fit the fields or a number is infinite."""
-        chunk = checked(self._fields, columns, self._rows)
-        length = len(next(iter(chunk.values())))
-        self._rows += length
-        self._pending.append(chunk)
-        self._pending_rows += length
-        if self._pending_rows >= GROUP_ROWS:
-            self._flush(keep=self._pending_rows % GROUP_ROWS)
+def _opened(table: Table) -> tuple[tuple[Field, ...], Iterable[Columns]]:
+    """Give the table's fields, and its blocks, the first of which is checked."""
+    blocks = iter(table.blocks())
+    first = next(blocks)
+    fields = table.fields or fields_of(table.kind, first)
+    return fields, chain([checked(fields, first)], blocks)
 
-    def finish(
-        self, timings: Mapping[str, float] | None = None, figure: Callable[[Path], None] | None = None
-    ) -> list[Path]:
-        """Put the files in place and give their paths: CSV, Parquet, the figure if there is one, the data package.
 
-        `figure` draws a PNG at the path that it is given. A figure that another spec left behind is removed.
-        """
-        self._flush(keep=0)
-        self._csv.close()
-        self._parquet.close()
-        if figure is not None:
-            figure(self._folder / f"{self._kind}.png")
-        self._write_package(timings)
-        return self._put_in_place()
+def _write_rows(stem: Path, fields: tuple[Field, ...], facts: Mapping[str, Any], blocks: Iterable[Columns]) -> None:
+    lasting = {name: fact for name, fact in facts.items() if name != "timings"}
+    parquet = ParquetFile(stem.with_suffix(".parquet"), fields, lasting)
+    with closing(parquet), stem.with_suffix(".csv").open("wb") as csv:
+        csv.write(csv_header(fields))
+        for group in _groups(fields, blocks):
+            csv.write(csv_rows(group))
+            parquet.append(group)
 
-    def _flush(self, keep: int) -> None:
-        """Write all but the last `keep` pending rows, in row groups of the fixed size."""
-        if not self._pending_rows:
-            return
-        joined = {f.name: np.concatenate([chunk[f.name] for chunk in self._pending]) for f in self._fields}
-        end = self._pending_rows - keep
+
+def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns]) -> Iterator[Columns]:
+    """Yield checked columns in groups of a fixed number of rows, and what remains."""
+    pending, waiting, rows = [], 0, 0
+    for block in blocks:
+        pending.append(checked(fields, block, rows))
+        length = len(pending[-1][fields[0].name])
+        rows, waiting = rows + length, waiting + length
+        if waiting < GROUP_ROWS:
+            continue
+        whole, end = joined(pending), waiting - waiting % GROUP_ROWS
         for start in range(0, end, GROUP_ROWS):
-            group = {name: column[start : min(start + GROUP_ROWS, end)] for name, column in joined.items()}
-            self._csv.write(lines(group))
-            self._parquet.append(group)
-        self._pending = [{name: column[end:] for name, column in joined.items()}] if keep else []
-        self._pending_rows = keep
-
-    def _write_package(self, timings: Mapping[str, float] | None) -> None:
-        csv, parquet = (self._folder / f"{self._kind}{suffix}" for suffix in (".csv", ".parquet"))
-        facts = self._facts if timings is None else {**self._facts, "timings": dict(timings)}
-        text = package_text(self._kind, self._fields, facts, csv, parquet)
-        (self._folder / f"{self._kind}.datapackage.json").write_text(text, encoding="utf-8")
-
-    def _put_in_place(self) -> list[Path]:
-        figure = self._directory / f"{self._kind}.png"
-        stale = existing_sha256(self._kind, self._directory) != self._facts["spec_sha256"]
-        placed = []
-        # The package last: its hashes then vouch for files that are there already.
-        for suffix in (".csv", ".parquet", ".png", ".datapackage.json"):
-            source = self._folder / f"{self._kind}{suffix}"
-            if source.exists():
-                source.replace(self._directory / source.name)
-                placed.append(self._directory / source.name)
-            elif stale:
-                figure.unlink(missing_ok=True)
-        return placed
+            yield {name: column[start : start + GROUP_ROWS] for name, column in whole.items()}
+        pending, waiting = [{name: column[end:] for name, column in whole.items()}], waiting - end
+    if waiting:
+        yield joined(pending)
 
 
-def write(
-    kind: str,
-    columns: Mapping[str, Any],
-    facts: Mapping[str, Any],
-    directory: str | Path,
-    force: bool = False,
-    figure: Callable[[Path], None] | None = None,
-) -> list[Path]:
-    """Write a whole table and give the paths of its files; parameters and errors as for `TableWriter`."""
-    fields = fields_of(kind, columns)
-    arrays = checked(fields, columns)
-    with TableWriter(kind, fields, facts, directory, force) as writer:
-        writer.append(arrays)
-        return writer.finish(figure=figure)
+def _put_in_place(stem: Path, directory: Path, sha256: str) -> list[Path]:
+    if existing_sha256(stem.name, directory) != sha256 and not stem.with_suffix(".png").exists():
+        (directory / f"{stem.name}.png").unlink(missing_ok=True)
+    placed = []
+    # The package last: its hashes then vouch for files that are there already.
+    for suffix in (*SUFFIXES[:-1], ".md", SUFFIXES[-1]):
+        source = stem.with_suffix(suffix)
+        if source.exists():
+            placed.append(source.replace(directory / source.name))
+    return placed

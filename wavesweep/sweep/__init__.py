@@ -1,8 +1,9 @@
 """Which slices, in which order, as which table."""
 
-from wavesweep.sweep.run import LongRun, Run
+from wavesweep.sweep.run import Table
 
-__all__ = ["LongRun", "Run", "filter_choices", "held_intervals", "holders_of", "intervals", "passivity", "plan", "responses"]
+__all__ = ["Table", "filter_choices", "held_intervals", "holders_of", "intervals", "passivity", "plan", "responses",
+           "simulate"]
 
 _HOMES = {
     "held_intervals": "wavesweep.sweep.held_table",
@@ -12,6 +13,7 @@ _HOMES = {
     "filter_choices": "wavesweep.sweep.filter_choice_table",
     "passivity": "wavesweep.sweep.passivity_table",
     "plan": "wavesweep.sweep.planning",
+    "simulate": "wavesweep.sweep.simulation_table",
 }
 
 

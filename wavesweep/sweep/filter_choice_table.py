@@ -8,7 +8,7 @@ from wavesweep.analysis.passivity import filter_table, sufficient_order
 from wavesweep.analysis.passivity.channel import CUTOFFS_HZ
 from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
-from wavesweep.sweep.run import Run, facts_of
+from wavesweep.sweep.run import Table, facts_of
 
 ENOUGH = 1e-3  # J per J sent that aliasing may add
 METHODS = {
@@ -17,7 +17,7 @@ METHODS = {
 }
 
 
-def filter_choices(spec: Spec) -> Run:
+def filter_choices(spec: Spec) -> Table:
     """How far from passive the channel is for every order and cutoff of LP1 that the paper could mean."""
     started = time.perf_counter()
     cutoffs = [cutoff for cutoff in CUTOFFS_HZ if cutoff < spec.values["rates.fast_hz"] / 2]
@@ -29,4 +29,5 @@ def filter_choices(spec: Spec) -> Run:
     columns = columns | {"sufficient_order": np.array([np.nan if order is None else order for order in orders])}
     rows = columns["certified"].size
     counts = {"computed": rows, "skipped": 0, "certified": int(columns["certified"].sum())}
-    return Run(columns, facts_of(spec, METHODS, counts, {"compute_s": time.perf_counter() - started}))
+    facts = facts_of(spec, METHODS, counts, {"compute_s": time.perf_counter() - started})
+    return Table.of("passivity-filters", columns, facts)

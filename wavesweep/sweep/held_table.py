@@ -15,14 +15,14 @@ from wavesweep.sweep.held_stages import stages_of
 from wavesweep.sweep.interval_table import JOBS, Progress, compute, method, notices, parts_of
 from wavesweep.sweep.records import END_HANDS
 from wavesweep.sweep.rows import blocks
-from wavesweep.sweep.run import LongRun, facts_of
+from wavesweep.sweep.run import Table, facts_of
 from wavesweep.sweep.workers import choose
 
 
 def held_intervals(
     spec: Spec, holders: Holders, along: str | None = None, jobs: int | None = None, backend: str | None = None,
     scheduler: str | None = None, progress: Progress | None = None, checkpoint: Path | None = None, force: bool = False,
-) -> LongRun:
+) -> Table:
     """The intervals of `intervals` and, in further rows, those that hold for hands; a column `hand` tells them apart.
 
     hand: "free", the device alone; "operator", with the spec's operator, where it has one; "passive" and "box", see
@@ -41,11 +41,9 @@ def held_intervals(
         kept.append(parts)
         done, certified = done + asked.columns, certified + tallies[-1].certified
     facts = _facts(spec, holders, stages, tallies, time.perf_counter() - started)
-    first = stages[0].asked
-    axes = {axis.name: axis.values for axis in first.grid.axes}
-    extra = extra_columns(holders)
-    rows, forget = partial(_blocks, stages, kept, extra), partial(_forget, kept, checkpoint)
-    return LongRun(axes, first.axis.name, rows, facts, forget, extra)
+    axes = {axis.name: axis.values for axis in stages[0].asked.grid.axes}
+    rows, forget = partial(_blocks, stages, kept, extra_columns(holders)), partial(_forget, kept, checkpoint)
+    return Table("zwidth", rows, facts, axes, forget=forget)
 
 
 def _report(progress, done, total, certified, now, _, now_certified):

@@ -12,7 +12,7 @@ from wavesweep.sweep.parts import MemoryParts, open_folder
 from wavesweep.sweep.question import Question, ask
 from wavesweep.sweep.records import HELD, certified_columns
 from wavesweep.sweep.rows import blocks
-from wavesweep.sweep.run import Columns, LongRun, facts_of, joined
+from wavesweep.sweep.run import Columns, Table, facts_of, joined
 from wavesweep.sweep.workers import Workers, choose, results
 
 Progress = Callable[[int, int, int], None]
@@ -22,7 +22,7 @@ JOBS = 2
 def intervals(
     spec: Spec, along: str | None = None, jobs: int | None = None, backend: str | None = None, scheduler: str | None = None,
     progress: Progress | None = None, checkpoint: Path | None = None, force: bool = False,
-) -> LongRun:
+) -> Table:
     """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
 
     jobs: worker processes where the work is worth them (2 by default). backend: any of joblib's, then used in any case;
@@ -40,7 +40,7 @@ def intervals(
     slices = {"computed": asked.columns, "skipped": asked.grid.size - asked.columns, "certified": tally.certified}
     facts = facts_of(spec, {"intervals": method(asked.axis.path)}, slices, timings, notices(asked.grid))
     axes = {axis.name: axis.values for axis in asked.grid.axes}
-    return LongRun(axes, asked.axis.name, partial(blocks, asked, parts), facts, parts.remove)
+    return Table("zwidth", partial(blocks, asked, parts), facts, axes, forget=parts.remove)
 
 
 def parts_of(asked: Question, checkpoint: Path | None, force: bool):

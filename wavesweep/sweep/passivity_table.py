@@ -12,7 +12,7 @@ from wavesweep.spec import Spec
 from wavesweep.sweep.grid import Grid, make_grid
 from wavesweep.sweep.groups import groups
 from wavesweep.sweep.passivity_work import PORT, PortWork
-from wavesweep.sweep.run import Run, facts_of
+from wavesweep.sweep.run import Table, facts_of
 from wavesweep.sweep.workers import choose, results
 
 JOBS = 2
@@ -25,7 +25,7 @@ METHODS = {
 }
 
 
-def passivity(spec: Spec, jobs=None, backend=None, scheduler=None, progress=None) -> Run:
+def passivity(spec: Spec, jobs=None, backend=None, scheduler=None, progress=None) -> Table:
     """Channel norm and port margin for every combination of the axes of [sweep] that have values.
 
     An axis with a span alone is not swept. What an axis does not change is computed once: the norm hangs on filters
@@ -40,7 +40,7 @@ def passivity(spec: Spec, jobs=None, backend=None, scheduler=None, progress=None
     counts = {"computed": computed, "skipped": grid.size - computed, "certified": int(certified.sum())}
     timings = {"compute_s": time.perf_counter() - started, "workers": workers.count}
     facts = facts_of(spec, METHODS, counts, timings, _notices(grid))
-    return Run(_rows(grid, {**channel, **port}), facts)
+    return Table.of("passivity", _rows(grid, {**channel, **port}), facts)
 
 
 def in_memory(spec: Spec, axes) -> dict:

@@ -13,12 +13,12 @@ from wavesweep.spec import find_key
 from wavesweep.sweep.grid import Grid, make_grid
 from wavesweep.sweep.groups import groups
 from wavesweep.sweep.response_columns import doubt_of, parts_of
-from wavesweep.sweep.run import Run, facts_of
+from wavesweep.sweep.run import Table, facts_of
 
 BLOCK = 200_000  # responses in one batch
 
 
-def responses(specs, **_work) -> Run:
+def responses(specs, **_work) -> Table:
     """Admittance, impedance, worst-case gain and verdict of every spec, for every combination of its [bode] axes.
 
     An axis that only some of the specs have holds the spec's own value for the others. What is said of workers is not
@@ -39,7 +39,7 @@ def responses(specs, **_work) -> Run:
     if len(specs) > 1:
         facts["specs"] = {spec.name: spec.tables() for spec in specs}
         facts["spec_sha256"] = _digest(specs)
-    return Run(columns, facts)
+    return Table.of("bode", columns, facts)
 
 
 METHODS = {

@@ -1,7 +1,11 @@
 """What a sweep hands on: the table's columns, at once or block by block, and the facts of the run."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -9,39 +13,51 @@ Columns = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Run:
-    """columns: name -> array, in the table's order. facts: JSON-able, see `results`."""
+class Table:
+    """A table on its way to files; it need not fit into memory.
 
-    columns: Columns
-    facts: Mapping[str, object]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LongRun:
-    """A run whose table need not fit into memory.
-
-    axes: name -> values of each leading column. along: name of the axis that the intervals lie on. blocks: gives the
-    columns in blocks of consecutive rows, as often as it is called. facts: as for `Run`. forget: removes what the rows
-    are made from, once they are safe elsewhere. extra: names of columns that not every table of its kind has.
+    kind: the table's name, and that of its files. blocks: gives the columns (name -> array, in the table's order) in
+    blocks of consecutive rows, as often as it is called. facts: JSON-able, see `results`. axes: name -> values of each
+    leading column, where a figure has to be laid out before all rows are there. fields: the columns' fields, where
+    `results` does not know the kind. figure: draws the table as PNG at a path. text: the table as Markdown. forget:
+    removes what the rows are made from, once they are safe elsewhere.
     """
 
-    axes: Mapping[str, tuple[float, ...]]
-    along: str
-    blocks: Callable[[], Iterator[Columns]]
+    kind: str
+    blocks: Callable[[], Iterable[Columns]]
     facts: Mapping[str, object]
-    forget: Callable[[], None]
-    extra: tuple[str, ...] = ()
+    axes: Mapping[str, tuple[float, ...]] | None = None
+    fields: tuple | None = None
+    figure: Callable[[Path], None] | None = None
+    text: str | None = None
+    forget: Callable[[], None] = lambda: None
+
+    @classmethod
+    def of(cls, kind: str, columns: Columns, facts: Mapping[str, object], **more: Any) -> Table:
+        """The table whose rows are all at hand."""
+        return cls(kind, lambda: (columns,), facts, **more)
 
     @property
     def columns(self) -> Columns:
         """The whole table."""
         return joined(self.blocks())
 
+    def watched(self, *watchers: Callable[[Columns], None]) -> Table:
+        """The same table; whoever reads its blocks shows each of them to the watchers as well."""
+
+        def blocks() -> Iterator[Columns]:
+            for block in self.blocks():
+                for watch in watchers:
+                    watch(block)
+                yield block
+
+        return replace(self, blocks=blocks)
+
 
 def joined(blocks: Iterable[Columns]) -> Columns:
     """Blocks of rows as one table."""
     parts = list(blocks)
-    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return parts[0] if len(parts) == 1 else {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
 def facts_of(spec, methods, slices, timings, notices=()) -> dict:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from wavesweep.analysis.simulation import hand_force, record_path, simulated, table
 from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
-from wavesweep.sweep.run import Run, facts_of
+from wavesweep.sweep.run import Table, facts_of
 from wavesweep.sweep.seen_response import seen_response
 
 METHODS = {"simulate": "both loops marched tick by tick from rest, the device exact under forces held over a tick"}
@@ -20,9 +20,8 @@ RESPONSE_METHODS = {
 }
 
 
-def simulate(specs: Sequence[Spec], **_: Any) -> dict[str, Run]:
-    """Run the one spec that there is; give its time series and, for sines that settled, the response seen in it."""
-    (spec,) = specs
+def simulate(spec: Spec) -> list[Table]:
+    """Simulate the spec; give its time series and, for sines that settled, the response seen in it."""
     started = time.perf_counter()
     hand = hand_force(spec)
     simulation = simulated(spec, hand.force)
@@ -31,13 +30,13 @@ def simulate(specs: Sequence[Spec], **_: Any) -> dict[str, Run]:
     facts = _facts(spec, METHODS, {"march_s": marched - started}, list(_notices(spec)))
     rows = len(columns["tick"])
     facts["ticks"] = {"wanted": len(hand.force), "simulated": rows}
-    runs = {"simulate": Run(columns, facts)}
+    tables = [Table.of("simulate", columns, facts)]
     tones = [tone for tone in hand.tones if tone.last <= rows]
     if tones:
         response = seen_response(spec, simulation, tones)
         timings = {"estimate_s": time.perf_counter() - marched}
-        runs["simulate-response"] = Run(response, _facts(spec, RESPONSE_METHODS, timings, []))
-    return runs
+        tables.append(Table.of("simulate-response", response, _facts(spec, RESPONSE_METHODS, timings, [])))
+    return tables
 
 
 def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]) -> dict[str, Any]:
@@ -56,6 +55,6 @@ def _notices(spec: Spec) -> Iterator[str]:
         used = {**spec.values, **options}
         given = [f"{path} = {used[path]:g} and not {value:g}" for path, value in own.items() if used[path] != value]
         if given:
-            yield f"the spec stands before the preset {preset}: {', '.join(given)}"
+            yield f"the spec takes precedence over the preset {preset}: {', '.join(given)}"
     if options["resolution"] and spec.values["device.velocity"] == "exact":
         yield 'device.velocity = "exact" does not see the encoder; "difference" takes its velocity from it'

@@ -1,4 +1,4 @@
-"""The figure of passivity: how much the wave channel exceeds 1, and beside it the margin at the hand's port."""
+"""Figures of passivity: how much the wave channel exceeds 1, the margin at the hand's port, and choices of filters."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ _TOLERANCE = 1e-10  # of the norm: what is nearer to 1 counts as passive
 _LINEAR = 1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors
 _PASSIVE, _COLOUR = "#009E73", distinct_colour(0)  # the shade of what is passive, and the dots
 _NOTE = 100  # letters of a line
+_FLOOR = 1e-10
+_PANELS = (("channel_norm", "pmw: channel norm - 1"), ("bank_norm", "pmw-lm, way out: norm - 1"))
 
 
 def passivity(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
@@ -141,3 +143,23 @@ def _note(canvas: Any, axis: str, note: str) -> None:
     lines = [line for line in (axis, *wrap(note, _NOTE)) if line]
     if lines:
         canvas.supxlabel("\n".join(lines), fontsize=8)
+
+
+def passivity_filters(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path) -> None:
+    """Draw a `passivity-filters` table as PNG: without the local model at the left, with it at the right."""
+    del facts
+    orders = np.unique(columns["lp1_order"]).tolist()
+    with figure(path, TWO_COLUMNS, 2.9) as canvas:
+        panels = canvas.subplots(1, 2, sharey=True)
+        for panel, (name, title) in zip(panels, _PANELS, strict=True):
+            for colour, order in zip(family_colours(len(orders)), orders, strict=True):
+                rows = columns["lp1_order"] == order
+                excess = np.maximum(columns[name][rows] - 1, _FLOOR)
+                panel.plot(columns["lp1_cutoff_hz"][rows], excess, color=colour, label=f"{order}", marker=".", linewidth=1)
+            panel.set_yscale("log")
+            panel.set_xlabel("LP1 cutoff (Hz)")
+            panel.set_ylabel(title)
+            panel.grid(visible=True, color="0.9", linewidth=0.5)
+        panels[0].set_ylim(_FLOOR / 3, 1)
+        handles, labels = panels[0].get_legend_handles_labels()
+        canvas.legend(handles, labels, title="order", loc="outside upper center", ncols=8)

@@ -1,12 +1,23 @@
-"""Results that are already there: whose are they, and may they be replaced?"""
+"""The folder of the results: what is already there and whose it is, and what a killed run left behind.
+
+Tables are written in a folder of their own inside it. A run at work holds a lock there, which dies with the run.
+"""
 
 from __future__ import annotations
 
-import json
 import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from wavesweep.errors import UsageError
+from wavesweep.results.package import packaged_sha256
+
+try:
+    import fcntl
+except ImportError:  # not on this system: nothing is locked there, and nothing removed
+    fcntl = None
 
 SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
 
@@ -30,12 +41,8 @@ def existing_sha256(kind: str, directory: str | Path) -> str | None:
     files = [Path(directory) / f"{kind}{suffix}" for suffix in SUFFIXES]
     if not any(file.exists() for file in files):
         return None
-    try:
-        package = json.loads(files[-1].read_text(encoding="utf-8"))
-        return str(package["wavesweep"]["spec_sha256"])
-    except (FileNotFoundError, ValueError, KeyError, TypeError):
-        # Files without a readable package of ours are somebody's all the same: say so, do not replace them.
-        return ""
+    # Files without a readable package of ours are somebody's all the same: say so, do not replace them.
+    return packaged_sha256(files[-1])
 
 
 def discard(kind: str, directory: str | Path) -> None:
@@ -53,3 +60,38 @@ def refuse_unusable(directory: str | Path) -> None:
         raise UsageError(f"{directory}: {place} is a file; name another folder for the results")
     if not os.access(place, os.W_OK | os.X_OK):
         raise UsageError(f"{directory}: {place} may not be written to; name another folder for the results")
+
+
+@contextmanager
+def at_work_in(folder: Path) -> Iterator[None]:
+    """Hold the folder's lock."""
+    lock = _try_to_lock(folder)
+    try:
+        yield
+    finally:
+        if lock is not None:
+            os.close(lock)
+
+
+def remove_leftovers(directory: Path, prefix: str) -> None:
+    """Remove the folders of that prefix in which nobody is at work."""
+    for folder in directory.glob(f"{prefix}*"):
+        lock = _try_to_lock(folder)
+        if lock is not None:
+            shutil.rmtree(folder, ignore_errors=True)
+            os.close(lock)
+
+
+def _try_to_lock(folder: Path) -> int | None:
+    if fcntl is None:
+        return None
+    try:
+        lock = os.open(folder, os.O_RDONLY)
+    except FileNotFoundError:
+        return None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(lock)
+        return None
+    return lock

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from wavesweep.cli import talk
+from wavesweep.cli import output
 
 
 @contextmanager
@@ -35,7 +35,7 @@ def terminal(monkeypatch):
 
 def test_a_bar_moves_on_a_terminal(monkeypatch):
     with terminal(monkeypatch) as said:
-        with talk.progress(quiet=False) as report:
+        with output.progress(quiet=False) as report:
             report(1, 4)
             report(4, 4)
         assert "4/4" in said()
@@ -43,14 +43,14 @@ def test_a_bar_moves_on_a_terminal(monkeypatch):
 
 def test_nothing_moves_where_nobody_watches(monkeypatch):
     with terminal(monkeypatch) as said:
-        with talk.progress(quiet=True) as report:
+        with output.progress(quiet=True) as report:
             assert report is None
-        talk.say("done")
+        output.say("done")
         assert said() == "done\r\n"
 
 
 def test_nothing_moves_in_a_file(capsys):
-    with talk.progress(quiet=False) as report:
+    with output.progress(quiet=False) as report:
         assert report is None
     assert capsys.readouterr() == ("", "")
 
@@ -59,5 +59,5 @@ def test_nothing_moves_in_a_file(capsys):
 def test_a_warning_is_coloured_unless_no_color_is_set(monkeypatch, no_color, coloured):
     monkeypatch.setenv("NO_COLOR", no_color)
     with terminal(monkeypatch) as said:
-        talk.say("beware", warning=True)
+        output.say("beware", warning=True)
         assert ("\x1b[" in said()) is coloured

@@ -1,0 +1,167 @@
+"""From specs to files or stdout, and the messages on stderr: progress on a terminal, summaries, where the results are."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext
+from dataclasses import replace
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from wavesweep.cli.options import Options
+
+if TYPE_CHECKING:
+    from wavesweep.spec import Spec
+    from wavesweep.sweep import Table
+    from wavesweep.sweep.guarantees import Holders
+
+Line = tuple[str, bool]  # a message, and whether it is a warning
+Progress = Callable[..., None]
+
+
+def produce(
+    kinds: Sequence[str],
+    sources: Sequence[str],
+    options: Options,
+    compute: Callable[..., list[Table]],
+    asked: Callable[[Spec], Spec] = lambda spec: spec,
+) -> None:
+    """Load the specs, compute their tables, write all of them to files or the first one to stdout, and summarise them.
+
+    `kinds`: every table that there can be, the main one first. `compute(specs, jobs=, backend=, scheduler=, progress=)`
+    gives those that there are this time, in the same order. `asked` turns a spec that was loaded into the one whose
+    digest the results have.
+    """
+    from wavesweep import results, spec
+
+    started = time.perf_counter()
+    specs = [asked(spec.load(source, options.overrides)) for source in sources]
+    directory = folder_of(specs, options)
+    if not options.to_stdout:
+        # Before the work as well as after it: a refusal should not cost a long run.
+        for kind in kinds if len(specs) == 1 and not options.force else ():
+            results.refuse_other_spec(kind, directory, specs[0].sha256)
+        results.refuse_unusable(directory)
+    with progress(options.quiet) as report:
+        tables = compute(specs, jobs=options.jobs, backend=options.backend, scheduler=options.scheduler, progress=report)
+    if not options.to_stdout:
+        for kind in set(kinds) - {table.kind for table in tables}:
+            results.discard(kind, directory)  # another spec's, which would pass for one of this run
+    finished = [_finish(table, directory, options, main=table is tables[0]) for table in tables]
+    if options.quiet:
+        return
+    for line, warning in chain.from_iterable(lines for lines, _ in finished):
+        say(line, warning)
+    for paths in filter(None, (paths for _, paths in finished)):
+        say(where(paths, time.perf_counter() - started))
+
+
+def produce_intervals(
+    kind: str, source: str, options: Options, along: str | None = None, holders: Holders | None = None
+) -> None:
+    """Do the same for a table of intervals along `along` (the spec's own by default), which need not fit into memory.
+
+    `holders`: whose intervals are wanted beside those of the loop as it is. Finished chunks are kept beside the results,
+    or for a table on stdout in a folder that goes in any case.
+    """
+    from wavesweep import sweep
+
+    find = sweep.intervals if holders is None else partial(sweep.held_intervals, holders=holders)
+    name = kind if holders is None else f"{kind}-hands"
+
+    def compute(specs: list[Spec], **work: Any) -> list[Table]:
+        folder = Path(temporary) / "parts" if options.to_stdout else folder_of(specs, options) / f".{name}.parts"
+        return [replace(find(specs[0], along=along, checkpoint=folder, force=options.force, **work), kind=kind)]
+
+    kept = tempfile.TemporaryDirectory(prefix="wavesweep-", ignore_cleanup_errors=True) if options.to_stdout else nullcontext()
+    with kept as temporary:
+        produce([kind], [source], options, compute)
+
+
+def folder_of(specs: Sequence[Spec], options: Options) -> Path:
+    """Give the folder for the results."""
+    return Path(options.out or Path("results", "+".join(each.name for each in specs)))
+
+
+def _finish(table: Table, directory: Path, options: Options, main: bool) -> tuple[Iterator[Line], list[Path]]:
+    """Write a table to files, or to stdout if it is the main one; give the lines of its summary and the files' paths."""
+    from wavesweep import results
+    from wavesweep.cli.summaries import tally_of
+
+    tally, paths = tally_of(table), []
+    table = table.watched(tally.add)
+    if not options.to_stdout:
+        paths = results.publish(_drawn(table) if options.plot else table, directory, options.force)
+    elif main:
+        results.stream(table, sys.stdout.buffer)
+    else:
+        next(iter(table.blocks()))
+    # The rows are safe: what they were made from may go.
+    table.forget()
+    return tally.lines(table.facts), paths
+
+
+def _drawn(table: Table) -> Table:
+    """The table with its figure; of rows that come in blocks, those that the figure shows are kept."""
+    from wavesweep import plots
+
+    if table.axes is not None:
+        picture = plots.Picture(table.axes)
+        return replace(table.watched(picture.add), figure=partial(picture.draw, table.facts))
+    draw = getattr(plots, table.kind.replace("-", "_"))
+    return replace(table, figure=partial(draw, table.columns, table.facts))
+
+
+def say(text: str, warning: bool = False) -> None:
+    """Write a line to stderr. A warning is yellow on a terminal, unless NO_COLOR is set (click does not ask for it)."""
+    plain = not warning or os.environ.get("NO_COLOR")
+    click.echo(text if plain else click.style(text, fg="yellow"), err=True)
+
+
+@contextmanager
+def progress(quiet: bool) -> Iterator[Progress | None]:
+    """Give a function of (done, total, certified) that moves a bar, or None where nobody watches."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    bars: list[Any] = []
+    with ExitStack() as opened:
+
+        def move(done: int, total: int, certified: int | None = None) -> None:
+            # The bar appears with the first report: a run too short for one shows none. It would go to stdout.
+            if not bars:
+                shown = {"file": sys.stderr, "show_pos": True, "item_show_func": lambda text: text}
+                bars.append(opened.enter_context(click.progressbar(length=total, **shown)))
+                bars.append(_Rate(done))
+            bar, rate = bars
+            bar.update(done - bar.pos, rate.text(done, certified))
+
+        yield move
+
+
+class _Rate:
+    """Slices per second since the first report; those from a checkpoint do not count."""
+
+    def __init__(self, done: int) -> None:
+        self._first, self._started = done, time.monotonic()
+
+    def text(self, done: int, certified: int | None) -> str:
+        seconds = time.monotonic() - self._started
+        rate = f"{(done - self._first) / seconds:,.0f}/s" if seconds > 0 and done > self._first else ""
+        proved = "" if certified is None else f"{certified:,} certified"
+        return "  ".join(part for part in (rate, proved) if part)
+
+
+def where(paths: Iterable[Path], seconds: float) -> str:
+    """Name the files written, the folder once."""
+    first, *others = paths
+    suffixes = ["".join(path.suffixes) for path in others]
+    return f"Wrote {', '.join([str(first), *suffixes])} in {seconds:.2f} s"

@@ -1,0 +1,145 @@
+"""A table's rows as CSV and as Parquet, and back from both files to the same bits."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.results.package import packaged_kinds
+from wavesweep.results.schema import Field, kinds_by_name
+
+# Rows in a row group. A fixed number, so that a file's bytes do not depend on the blocks that its rows came in.
+GROUP_ROWS = 131072
+
+
+class ParquetFile:
+    """A Parquet file that is being written, a row group a call."""
+
+    def __init__(self, path: Path, fields: tuple[Field, ...], facts: Mapping[str, Any]) -> None:
+        import pyarrow.parquet
+
+        types = _types()
+        columns = [
+            pyarrow.field(f.name, types[f.kind], metadata={"unit": f.unit, "description": f.description}) for f in fields
+        ]
+        text = json.dumps(facts, sort_keys=True, allow_nan=False)
+        self._schema = pyarrow.schema(columns, metadata={"wavesweep": text})
+        self._writer = pyarrow.parquet.ParquetWriter(path, self._schema, compression="zstd")
+
+    def append(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Write checked columns as one row group."""
+        import pyarrow
+
+        arrays = [_array(column) for column in columns.values()]
+        self._writer.write_table(pyarrow.Table.from_arrays(arrays, schema=self._schema), row_group_size=GROUP_ROWS)
+
+    def close(self) -> None:
+        """Write the footer; without it the file cannot be read."""
+        self._writer.close()
+
+
+def csv_header(fields: tuple[Field, ...]) -> bytes:
+    """The header line, encoded; no name of a column needs quotes."""
+    return (",".join(field.name for field in fields) + "\n").encode("utf-8")
+
+
+def csv_rows(columns: Mapping[str, np.ndarray]) -> Any:
+    """The rows of checked columns as a buffer: the shortest decimals that read back to the same bits, 1 and 0, NaN.
+
+    Arrow quotes all texts or none; they are quoted where one of these rows needs it.
+    """
+    import pyarrow.csv
+
+    arrays = [_array(column.astype(np.int64) if column.dtype == np.bool_ else column) for column in columns.values()]
+    texts = [array.buffers()[2].to_pybytes() for array in arrays if pyarrow.types.is_string(array.type)]
+    quoting = "needed" if any(mark in text for text in texts for mark in (b",", b'"', b"\r", b"\n")) else "none"
+    options = pyarrow.csv.WriteOptions(include_header=False, null_string="NaN", quoting_style=quoting)
+    lines = pyarrow.BufferOutputStream()
+    pyarrow.csv.write_csv(pyarrow.Table.from_arrays(arrays, list(columns)), lines, options)
+    return lines.getvalue()
+
+
+def read(path: str | Path) -> dict[str, np.ndarray]:
+    """Give the columns of a CSV or Parquet table in their order, exactly as they were written.
+
+    Numbers are float64 with NaN where missing, whole numbers int64, booleans bool, names object arrays of str. What a
+    column of a CSV holds follows from its name, or from the data package beside it.
+    Raises UsageError for a file of another kind, OSError where it cannot be read.
+    """
+    path = Path(path)
+    if path.suffix == ".csv":
+        table = _read_csv(path)
+    elif path.suffix == ".parquet":
+        import pyarrow.parquet
+
+        table = pyarrow.parquet.read_table(path)
+    else:
+        raise UsageError(f"{path}: found the suffix {path.suffix!r}, expected .csv or .parquet")
+    return {name: _numpy(table.column(name)) for name in table.column_names}
+
+
+def _read_csv(path: Path) -> Any:
+    """Parse with the kinds of the columns: a column of 1 and 0 does not show what it is."""
+    import pyarrow.csv
+
+    types, kinds = _types(), kinds_by_name() | packaged_kinds(path)
+    return pyarrow.csv.read_csv(
+        path,
+        parse_options=pyarrow.csv.ParseOptions(newlines_in_values=True),
+        convert_options=pyarrow.csv.ConvertOptions(
+            column_types={name: types[kind] for name, kind in kinds.items()}, null_values=["NaN"],
+            strings_can_be_null=False, true_values=["1"], false_values=["0"],
+        ),
+    )  # fmt: skip
+
+
+def _numpy(column: Any) -> np.ndarray:
+    import pyarrow
+
+    if pyarrow.types.is_string(column.type):
+        return np.array(column.to_pylist(), dtype=object)
+    return column.to_numpy()
+
+
+def _types() -> dict[str, Any]:
+    import pyarrow
+
+    number, integer, boolean, string = pyarrow.float64(), pyarrow.int64(), pyarrow.bool_(), pyarrow.string()
+    return {"number": number, "integer": integer, "boolean": boolean, "string": string}
+
+
+def _array(column: np.ndarray) -> Any:
+    """Wrap a column's memory. `pyarrow.array` would do, but imports pandas, which costs more than a small run takes."""
+    import pyarrow
+
+    def made(kind: Any, *buffers: Any) -> Any:
+        wrapped = [None if buffer is None else pyarrow.py_buffer(buffer) for buffer in buffers]
+        return pyarrow.Array.from_buffers(kind, len(column), wrapped)
+
+    if column.dtype == np.float64:
+        missing = np.isnan(column)
+        return made(pyarrow.float64(), _bits(~missing) if missing.any() else None, column)
+    if column.dtype == np.int64:
+        return made(pyarrow.int64(), None, column)
+    if column.dtype == np.bool_:
+        return made(pyarrow.bool_(), None, _bits(column))
+    values = column.tolist()
+    try:
+        # Names repeat from row to row: each is encoded once.
+        texts = {value: str(value).encode("utf-8") for value in dict.fromkeys(values)}
+    except UnicodeEncodeError as error:
+        raise WavesweepError(f"a name in the table cannot be written as UTF-8 ({error}); rename the spec") from error
+    rows = [texts[value] for value in values]
+    offsets = np.zeros(len(rows) + 1, dtype=np.int32)
+    np.cumsum(np.fromiter(map(len, rows), np.int32, len(rows)), out=offsets[1:])
+    return made(pyarrow.string(), None, offsets, b"".join(rows))
+
+
+def _bits(flags: np.ndarray) -> np.ndarray:
+    """Arrow keeps eight flags in a byte, the first one lowest."""
+    return np.packbits(flags, bitorder="little")
