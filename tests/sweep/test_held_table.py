@@ -119,7 +119,7 @@ def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
     assert not rows["settled"].any()
     tally = HandTally()
     tally.add(rows)
-    assert ("1 rows of the box are searched alone, some hand may do worse: settled 0", True) in list(tally.lines({}))
+    assert ("1 rows of the box rest on a search, some hand may be unstable: settled 0", True) in list(tally.lines({}))
 
 
 def test_the_rows_do_not_depend_on_workers_chunks_or_a_stop(tmp_path, monkeypatch, same):

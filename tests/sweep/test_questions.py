@@ -71,7 +71,7 @@ def test_check_says_slices_chunks_workers_and_why(mixed, long):
     lines = "\n".join(sweep.plan(mixed))
     assert "84 slices over 12 compiled loops, 84 more are repeats" in lines
     assert "1 chunk, about" in lines
-    assert "no workers: the work is a single chunk" in lines
+    assert "no workers (a single chunk of work)" in lines
     assert "4 chunks, about" in "\n".join(sweep.plan(long))
     refused = "\n".join(sweep.plan(spec_of(along="rates.ratio", **{"rates.ratio": {"start": 1, "stop": 9}})))
     assert "stability-region: not possible with this spec: intervals along rates.ratio" in refused

@@ -1,4 +1,4 @@
-"""The command line: parse, make one call into the core, write, say where."""
+"""The command line: parse, make one call into the core, write the results."""
 
 from wavesweep.cli.entry import main
 

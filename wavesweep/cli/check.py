@@ -13,7 +13,8 @@ from wavesweep.cli.options import debug, override, quiet
 def command(spec: str, overrides: tuple[str, ...], **switches: bool) -> None:
     """Validate a spec and say what would be computed, and how.
 
-    All mistakes of the SPEC are named at once. Otherwise: the methods, how many slices, and what is skipped and why.
+    All mistakes of the SPEC are listed at once. A valid spec gives the methods, the number of slices and workers, and the
+    axes and keys that are skipped, with the reason.
     """
     from wavesweep import spec as specs
     from wavesweep import sweep

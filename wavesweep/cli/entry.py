@@ -1,4 +1,4 @@
-"""Where the program starts: the table of commands, and the one place where errors become exit codes.
+"""The program's entry: the table of commands, and the one place in which errors become exit codes.
 
 A new command is a line in `COMMANDS` and a module of its name with a `command` in it.
 """
@@ -19,7 +19,7 @@ from wavesweep.errors import SpecError, WavesweepError
 INTERRUPTED = 130
 TERMINATED = 143
 
-# The short helps stand here so that `wavesweep --help` need not import the commands; a test holds them against these.
+# The short helps are listed here so that `wavesweep --help` need not import the commands; a test holds them against these.
 COMMANDS = MappingProxyType(
     {
         "zwidth": "Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.",
@@ -108,7 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _exit_code(error: BaseException) -> int:
-    """Say in a line what went wrong, and give the exit code that goes with it."""
+    """Print a line about the error, and give its exit code."""
     match error:
         case SystemExit():
             raise error
@@ -136,7 +136,7 @@ def _exit_code(error: BaseException) -> int:
 
 
 def _with_notes(text: str, error: BaseException) -> str:
-    """Add what those that the error passed on its way have to say, such as where half of the work is kept."""
+    """Add the notes of the error, such as the place of a checkpoint."""
     # click turns a KeyboardInterrupt into an Abort of its own; the notes stay with the former.
     passed = error.__cause__ if isinstance(error, click.Abort) else error
     return " ".join([text.rstrip(), *getattr(passed, "__notes__", ())])

@@ -44,8 +44,8 @@ override = click.option(
     metavar="KEY=VALUE",
     help="Override a key of the spec, e.g. controller.b=40, or b=40. May be repeated.",
 )
-quiet = click.option("--quiet", is_flag=True, help="Say nothing but errors.")
-# Read by the entry, before any command runs; declared here so that it stands in each help.
+quiet = click.option("--quiet", is_flag=True, help="Print errors only.")
+# Read by the entry, before any command runs; declared here so that each help lists it.
 debug = click.option("--debug", is_flag=True, help="Show a traceback when something fails.")
 
 _COMMON = (
@@ -61,7 +61,7 @@ _COMMON = (
         type=click.IntRange(min=1),
         default=2,
         show_default=True,
-        help="Worker processes, for work that is worth them.",
+        help="Largest number of worker processes; short work starts none.",
     ),
     click.option("--backend", metavar="NAME", help="Any joblib backend: loky, threading, dask, ray, ..."),
     click.option("--scheduler", metavar="ADDRESS", help="Address of the dask scheduler, with --backend dask."),
@@ -94,11 +94,11 @@ _HANDS = (
         default="free",
         show_default=True,
         help=(
-            "Whose hand holds the device. passive: add what is guaranteed for every passive hand, of any mass and "
-            "stiffness, also one that moves within a tick; the damping of the device has to pay for it, and waves without "
-            "Kp never get there. box: add what is stable for every hand of a box; settled says 1 where that is proved, but "
-            "for a thousandth of the interval at its ends, 0 where it is only searched. "
-            "What is not certified has certified 0."
+            "The hands that hold the device. free: the free device only. passive: add the intervals guaranteed for every "
+            "passive hand, of any mass and stiffness, also if it moves within a tick; this takes enough damping of the "
+            "device, and waves need Kp. box: add the intervals stable for every hand of a box; settled is 1 if that is "
+            "proved, except for a thousandth of the interval at each end, and 0 if hands were only searched. Rows without "
+            "a proof have certified 0."
         ),
     ),
     click.option(
@@ -106,20 +106,20 @@ _HANDS = (
         "hand_box",
         metavar="RANGES",
         help=(
-            "With --hand box, e.g. mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m). What is not named: "
-            "mass 0.005..0.6, damping 2..10, stiffness 100..1000, from a fingertip to an arm."
+            "With --hand box, e.g. mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m). Defaults: mass 0.005..0.6, "
+            "damping 2..10, stiffness 100..1000, from a fingertip to an arm."
         ),
     ),
     click.option(
         "--passive",
         is_flag=True,
-        help="Add where the hand's port is passive for forces held over a tick. Takes tenths of a second per slice.",
+        help="Add the intervals in which the hand's port is passive for held forces (tenths of a second per slice).",
     ),
 )
 
 
 def hands(body: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options; its body receives them together as `holders`, None where the free device is all."""
+    """Give a command the options for hands; its body receives them as `holders`, None for the free device only."""
 
     @wraps(body)
     def gathered(hand: str, hand_box: str | None, passive: bool, **given: Any) -> None:
@@ -142,7 +142,7 @@ def _holders(hand: str, hand_box: str | None, passive: bool) -> Holders | None:
 
 
 def _ranges(text: str) -> dict[str, tuple[float, float]]:
-    """Read `mass=0.1..0.5,damping=1..2`; a part that is not named keeps its default."""
+    """Read ranges such as `mass=0.1..0.5,damping=1..2`."""
     found: dict[str, tuple[float, float]] = {}
     for part in text.split(","):
         matched = _RANGE.fullmatch(part)

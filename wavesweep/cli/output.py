@@ -1,4 +1,4 @@
-"""From specs to files or stdout, and the messages on stderr: progress on a terminal, summaries, where the results are."""
+"""From specs to files or stdout, with messages on stderr: progress, summaries, the paths of the results."""
 
 from __future__ import annotations
 
@@ -69,8 +69,8 @@ def produce_intervals(
 ) -> None:
     """Do the same for a table of intervals along `along` (the spec's own by default), which need not fit into memory.
 
-    `holders`: whose intervals are wanted beside those of the loop as it is. Finished chunks are kept beside the results,
-    or for a table on stdout in a folder that goes in any case.
+    `holders`: the hands for which intervals are added to those of the loop itself. Finished chunks are kept beside the
+    results; for a table on stdout, in a temporary folder.
     """
     from wavesweep import sweep
 
@@ -128,7 +128,7 @@ def say(text: str, warning: bool = False) -> None:
 
 @contextmanager
 def progress(quiet: bool) -> Iterator[Progress | None]:
-    """Give a function of (done, total, certified) that moves a bar, or None where nobody watches."""
+    """Give a function of (done, total, certified) that moves a progress bar; None if stderr is no terminal."""
     if quiet or not sys.stderr.isatty():
         yield None
         return

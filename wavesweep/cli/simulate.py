@@ -11,10 +11,10 @@ from wavesweep.cli.options import Options, common
 def command(spec: str, options: Options) -> None:
     """Run both loops tick by tick, with what a real rig adds to the linear model.
 
-    SPEC is a TOML file; its [simulate] table names the force of the hand and what is added: a one-sided wall, an
-    encoder, friction, a force limit, imperfect timing, or a device by name. Where the force is a sine or a stepped
-    sine, the response estimated from it is written as a second table, simulate-response. A loop that diverges is no
-    failure: the rows end where numbers overflow, and a message says so.
+    SPEC is a TOML file; its [simulate] table names the force of the hand and the additions: a one-sided wall, an
+    encoder, friction, a force limit, imperfect timing, or a device by name. If the force is a sine or a stepped sine,
+    the response estimated from it is written as a second table, simulate-response. A loop that diverges is no failure:
+    the rows end where numbers overflow, and a message says so.
     """
     from wavesweep import sweep
     from wavesweep.cli.output import produce

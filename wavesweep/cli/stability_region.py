@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def command(spec: str, options: Options, holders: Holders | None) -> None:
     """Find the stable intervals along any axis for every combination of the others.
 
-    SPEC is a TOML file; sweep.along in it names the axis that the intervals lie on.
+    SPEC is a TOML file; its key sweep.along names the axis of the intervals.
     """
     from wavesweep.cli.output import produce_intervals
 

@@ -1,4 +1,4 @@
-"""What a user wants to know of a table before opening it, in a few lines, counted while its rows pass by."""
+"""Summaries of tables in a few lines for the terminal, counted while the rows are written."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ WORDS = {
 
 
 def tally_of(table: Table) -> WholeTable | HandTally:
-    """Give what sums up a table: `add` each of its blocks, then ask for `lines`."""
+    """Give the summary of a table: call `add` with each of its blocks, then `lines`."""
     return HandTally() if table.axes is not None else WholeTable(SUMMARIES[table.kind])
 
 
 class WholeTable:
-    """Sums up a table whose rows come in one block."""
+    """The summary of a table whose rows come in one block."""
 
     def __init__(self, summary: Callable[[Columns, Mapping[str, Any]], Iterator[Line]]) -> None:
         self._summary, self._columns = summary, {}
@@ -40,13 +40,13 @@ class WholeTable:
         self._columns = columns
 
     def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
-        """Give the notices of the run, and what the table shows."""
+        """Give the notices of the run, and the summary."""
         yield from _notices(facts)
         yield from self._summary(self._columns, facts)
 
 
 class IntervalTally:
-    """Counts rows as they pass: `add` every block, then ask for `lines`."""
+    """Counts the rows of a table of intervals for one loop."""
 
     def __init__(self) -> None:
         self._rows = self._intervals = self._split = 0
@@ -90,13 +90,13 @@ class IntervalTally:
 
     def certified(self) -> str:
         """Say how many rows are certified."""
-        # Rows and not slices: an uncertified row names the interval that a user should not lean on.
+        # Rows and not slices: an uncertified row names the interval that a user should not rely on.
         every = _count(self._rows, "row")
         reasons = ", ".join(f"{word} {self._doubts[word]}" for word in DOUBTS if self._doubts[word])
         return f"{self._doubts.total()} of {every} not certified ({reasons})" if self._doubts else f"all {every} certified"
 
     def largest(self) -> str:
-        """Name the largest value that is stable, and where."""
+        """Name the largest stable value and its place."""
         incomplete = any(self._doubts[word] for word in INCOMPLETE)
         if not self._largest:
             known = f"no {self._along} is known to be stable, and not all of the swept range is known"
@@ -111,7 +111,7 @@ class IntervalTally:
 
 
 class HandTally:
-    """Counts the rows of a table of intervals, of each hand apart where it has several."""
+    """Counts the rows of a table of intervals, separately for each hand if it has several."""
 
     def __init__(self) -> None:
         self._plain = IntervalTally()
@@ -138,11 +138,11 @@ class HandTally:
         for hand, tally in self._tallies.items():
             yield f"{WORDS[hand]} ({hand}): {tally.largest()}{_ended_by(tally.row)}; {tally.certified()}", False
         if self._unsettled:
-            yield f"{self._unsettled} rows of the box are searched alone, some hand may do worse: settled 0", True
+            yield f"{self._unsettled} rows of the box rest on a search, some hand may be unstable: settled 0", True
 
 
 def _ended_by(row: Mapping[str, Any]) -> str:
-    """Name the hand that ends the interval, where one is known to."""
+    """Name the hand that ends the interval, if one is known."""
     hand = [row.get(f"high_hand_{part}", np.nan) for part in ("mass", "damping", "stiffness")]
     return "" if np.isnan(hand[0]) else ", ended by a hand of {:.4g} kg, {:.4g} N*s/m, {:.4g} N/m".format(*hand)
 
@@ -234,7 +234,7 @@ def _energy(columns: Columns) -> str:
 
 
 def simulated_response(columns: Columns, _: Mapping[str, Any]) -> Iterator[Line]:
-    """Give the line that says how far what was seen is from what the linear loop has."""
+    """Give the largest difference between the simulated response and that of the linear loop."""
     count = len(columns["frequency_hz"])
     off = [_off(columns, name) for name in ("admittance", "impedance")]
     what = f"response at {count} frequenc{'y' if count == 1 else 'ies'}"
@@ -245,7 +245,7 @@ def simulated_response(columns: Columns, _: Mapping[str, Any]) -> Iterator[Line]
 
 
 def _off(columns: Columns, name: str) -> float:
-    """Give the largest relative difference; NaN where nothing is known."""
+    """Give the largest relative difference, over the frequencies at which both are known."""
     seen, linear = (columns[f"{kind}{name}_re"] + 1j * columns[f"{kind}{name}_im"] for kind in ("", "linear_"))
     off = np.abs(seen - linear) / np.abs(linear)
     return float(np.max(off, initial=0.0, where=np.isfinite(off)))

@@ -20,7 +20,7 @@ _ACROSS = 3
 def bench(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path) -> None:
     """Draw the errors of the table of `wavesweep bench` as PNG: those in stiffness, and those in the response last.
 
-    facts: `titles` maps problems to what stands above their panels. A hollow mark is of a method that missed intervals.
+    facts: `titles` maps problems to the titles of their panels. A hollow mark is of a method that missed intervals.
     """
     chosen = np.isin(columns["part"], ("stiffness", "response"))
     rows = {name: column[chosen] for name, column in columns.items()}

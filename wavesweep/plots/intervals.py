@@ -32,8 +32,8 @@ def zwidth(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Pa
     """Draw the stable intervals of a `zwidth` or `stability-region` table as PNG.
 
     The stable region is filled, its holes stay white; its boundary is solid where certified, dashed red where not.
-    Slices of which not all is known are hatched outside of their intervals.
-    Values of a further axis become panels, those of one more a family of lines; a note says what did not fit.
+    Slices that are only partly known are hatched outside of their intervals.
+    Values of a second axis become panels, those of a third a family of lines; a note lists the values that do not fit.
     """
     picture = Picture(axes_of(columns))
     picture.add(columns)
@@ -51,7 +51,7 @@ class Picture:
         self._kept: list[dict[str, np.ndarray]] = []
 
     def add(self, columns: Mapping[str, np.ndarray]) -> None:
-        """Keep what the figure shows of a block of rows."""
+        """Keep the rows of a block that the figure shows."""
         if self._layout is None:
             self._layout = (lay_out_hands if "hand" in columns else lay_out)(self._axes)
         shown = self._layout.shows(columns)
@@ -188,7 +188,7 @@ def _draw_bar(axes: Any, place: int, row: Mapping[str, Any], colour: Any) -> Non
 
 
 def lay_out_hands(axes: Mapping[str, Sequence[float]]) -> Layout:
-    """Give the axes their roles where the hands are the family: one along the figure, one for the panels."""
+    """Give the axes their roles if the hands are the family: one along the figure, one for the panels."""
     several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
     x = lay_out(axes).x
     rest = [name for name in several if name != x]
@@ -220,7 +220,7 @@ def draw_hand_bars(axes: Any, columns: Mapping[str, np.ndarray]) -> None:
 
 
 def promised(columns: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Which rows promise something for hands; how sure they are is said in the legend, not by the line's style."""
+    """Which rows promise something for hands; the legend says how sure they are, not the line's style."""
     if "hand" not in columns:
         return np.zeros(len(columns["along"]), bool)
     return ~np.isin(columns["hand"].astype(str), ("free", "operator"))

@@ -1,4 +1,4 @@
-"""Which axis of a table goes where in the figure of its intervals, and what does not fit."""
+"""The roles of a table's axes in the figure of its intervals, and a note on values that do not fit."""
 
 from __future__ import annotations
 

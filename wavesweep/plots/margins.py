@@ -23,7 +23,7 @@ _PANELS = (("channel_norm", "pmw: channel norm - 1"), ("bank_norm", "pmw-lm, way
 
 
 def passivity(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
-    """Draw a `passivity` table as PNG: norm less 1 by factors, and the port's margin, where passive is shaded.
+    """Draw a `passivity` table as PNG: norm less 1 on a logarithmic scale, and the port's margin; passive is shaded.
 
     Over an axis with many values they are lines, a family for the next axis; otherwise a dot per combination.
     """

@@ -18,7 +18,7 @@ from wavesweep.plots.style import DOUBTFUL, ONE_COLUMN, TWO_COLUMNS, UNKNOWN, fa
 class Plane:
     """One panel: a title, the axis along it, (name, `zwidth` columns) of each design, the top of the axis (N/m).
 
-    mark: a point (x, y) to compare with. note: what the panel's lines cannot say.
+    mark: a point (x, y) to compare with. note: text in the middle of the panel.
     """
 
     title: str
@@ -64,7 +64,7 @@ def _add_legend(canvas: Any, plane: Plane) -> None:
 
 @dataclass(frozen=True)
 class Interval:
-    """A stable interval, and which of its ends are real ones (the swept range ends the others)."""
+    """A stable interval; an end is real unless it is that of the swept range."""
 
     low: float
     high: float
@@ -97,7 +97,7 @@ def draw_region(axes: Any, columns: Mapping[str, np.ndarray], x: str, colour: An
 
 
 def _cells(columns: Mapping[str, np.ndarray], x: str) -> Iterator[tuple[float, float]]:
-    """Give the cells about the values of x of which not all is known, half way to the next values."""
+    """Give the cells about the partly known values of x, half way to their neighbours."""
     values, which = np.unique(columns[x], return_inverse=True)
     middle = (values[1:] + values[:-1]) / 2
     left, right = np.concatenate([values[:1], middle]), np.concatenate([middle, values[-1:]])
@@ -151,7 +151,7 @@ def _outline(chain: Chain) -> list[tuple[float, float]]:
 
 
 def _boundary(chain: Chain, certified: bool) -> Iterator[list[tuple[float, float]]]:
-    """Give the stretches of both ends that are real ends and whose certificate is as asked, as lines."""
+    """Give the lines along both real ends that are certified, or those that are not."""
     yield from _stretches([(x, e.low, e.low_real, e.certified) for x, e in chain], certified)
     yield from _stretches([(x, e.high, e.high_real, e.certified) for x, e in chain], certified)
 

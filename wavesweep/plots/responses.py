@@ -34,7 +34,7 @@ def bode(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path
     """Draw a `bode` table as PNG: magnitude and phase of admittance and impedance, over Hz below and omega T_s above.
 
     Direct coupling at the fast rate is the ideal, dashed black; an unstable loop's curve is faint; numbers that rounding
-    may have spoilt are crossed out, and what is not known is left out. Phases are unwrapped.
+    may have spoilt are crossed out, and unknown ones are left out. Phases are unwrapped.
     """
     del facts
     curves = list(_curves(columns))
@@ -160,7 +160,7 @@ def _draw_seen(axes: Any, columns: Mapping[str, np.ndarray], name: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One curve: its label (empty for none), frequency (rad/sample), magnitude, and what it looks like.
+    """One curve: its label (empty for none), frequency (rad/sample), magnitude and style.
 
     ideal: dashed black. shade: place in an ordered family. hue: place among things without an order. dots: no line.
     """
@@ -176,7 +176,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Panel:
-    """The band of frequencies that a panel shows (rad/sample), and whether its magnitudes go by factors."""
+    """The band of frequencies that a panel shows (rad/sample), and whether its magnitudes have a logarithmic scale."""
 
     band: tuple[float, float]
     logarithmic: bool

@@ -45,7 +45,7 @@ _STYLE = {
 
 
 def incomplete(columns: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Rows of slices of which part may be stable or not: hatched under what is known to be stable."""
+    """Rows of slices that are only partly known; figures hatch them outside the known stable intervals."""
     from wavesweep.analysis.doubt import INCOMPLETE
 
     searched = np.isin(columns["hand"].astype(str), ("passive", "box", "port")) if "hand" in columns else False
@@ -63,7 +63,7 @@ def figure(path: Path, width: float, height: float) -> Iterator[Any]:
     from matplotlib.figure import Figure
     from PIL import Image
 
-    # Nobody's matplotlibrc has a say, so that a figure looks alike everywhere.
+    # No matplotlibrc is read, so that a figure looks the same everywhere.
     with matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE, "backend": "agg"}):
         canvas = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
         agg = FigureCanvasAgg(canvas)
@@ -77,9 +77,9 @@ def figure(path: Path, width: float, height: float) -> Iterator[Any]:
 
 
 def _settle(canvas: Any) -> None:
-    """Lay the figure out once and round where its panels stand.
+    """Lay the figure out once and round the positions of its panels.
 
-    The layout's solver is good to rounding, and not always to the same one; a shade of a pixel can hang on that.
+    The layout's solver is good to rounding, and not always to the same one; a shade of a pixel can depend on that.
     """
     canvas.draw_without_rendering()
     canvas.set_layout_engine("none")

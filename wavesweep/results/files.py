@@ -67,8 +67,8 @@ def csv_rows(columns: Mapping[str, np.ndarray]) -> Any:
 def read(path: str | Path) -> dict[str, np.ndarray]:
     """Give the columns of a CSV or Parquet table in their order, exactly as they were written.
 
-    Numbers are float64 with NaN where missing, whole numbers int64, booleans bool, names object arrays of str. What a
-    column of a CSV holds follows from its name, or from the data package beside it.
+    Numbers are float64 with NaN where missing, whole numbers int64, booleans bool, names object arrays of str. The kind of
+    a column of a CSV follows from its name, or from the data package beside it.
     Raises UsageError for a file of another kind, OSError where it cannot be read.
     """
     path = Path(path)
@@ -84,7 +84,7 @@ def read(path: str | Path) -> dict[str, np.ndarray]:
 
 
 def _read_csv(path: Path) -> Any:
-    """Parse with the kinds of the columns: a column of 1 and 0 does not show what it is."""
+    """Parse with the known kinds of the columns: 1 and 0 may be booleans or whole numbers."""
     import pyarrow.csv
 
     types, kinds = _types(), kinds_by_name() | packaged_kinds(path)

@@ -1,4 +1,4 @@
-"""The folder of the results: what is already there and whose it is, and what a killed run left behind.
+"""The folder of the results: files of earlier runs and the specs that made them, and leftovers of killed runs.
 
 Tables are written in a folder of their own inside it. A run at work holds a lock there, which dies with the run.
 """
@@ -23,7 +23,7 @@ SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
 
 
 def refuse_other_spec(kind: str, directory: str | Path, sha256: str) -> None:
-    """Raise UsageError where the directory holds a table of this kind that another spec made, or nobody knows which.
+    """Raise UsageError where the directory holds a table of this kind that another spec made, or an unknown one.
 
     Results of the same spec may be replaced: the new ones are equal.
     """
@@ -37,7 +37,7 @@ def refuse_other_spec(kind: str, directory: str | Path, sha256: str) -> None:
 
 
 def existing_sha256(kind: str, directory: str | Path) -> str | None:
-    """Give the SHA-256 of the spec whose results are there, "" where none can be told, None where there are none."""
+    """Give the SHA-256 of the spec of the results in the folder: "" if it is unknown, None if there are no results."""
     files = [Path(directory) / f"{kind}{suffix}" for suffix in SUFFIXES]
     if not any(file.exists() for file in files):
         return None
@@ -46,13 +46,13 @@ def existing_sha256(kind: str, directory: str | Path) -> str | None:
 
 
 def discard(kind: str, directory: str | Path) -> None:
-    """Remove the files of a table that is there, if one is; whose it is, `refuse_other_spec` has been asked before."""
+    """Remove the files of a table, if there are any; `refuse_other_spec` has checked their spec before."""
     for suffix in SUFFIXES:
         (Path(directory) / f"{kind}{suffix}").unlink(missing_ok=True)
 
 
 def refuse_unusable(directory: str | Path) -> None:
-    """Raise UsageError where the folder for the results is none, or cannot be made or written to."""
+    """Raise UsageError if the folder for the results is a file, or cannot be made or written to."""
     place = Path(directory).absolute()
     while not place.exists() and place != place.parent:
         place = place.parent
@@ -74,7 +74,7 @@ def at_work_in(folder: Path) -> Iterator[None]:
 
 
 def remove_leftovers(directory: Path, prefix: str) -> None:
-    """Remove the folders of that prefix in which nobody is at work."""
+    """Remove the folders with this prefix that no run has locked."""
     for folder in directory.glob(f"{prefix}*"):
         lock = _try_to_lock(folder)
         if lock is not None:

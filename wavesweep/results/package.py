@@ -1,4 +1,4 @@
-"""The Frictionless data package beside a table: what the files hold, and how they came about."""
+"""The Frictionless data package beside a table: its columns, the hashes of its files, and the facts of the run."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
 
 
 def packaged_sha256(package: Path) -> str:
-    """Give the SHA-256 of the spec that made the tables of a package, "" where it is no readable package of ours."""
+    """Give the SHA-256 of the spec in a package, "" if it is no readable package of this program."""
     try:
         return str(json.loads(package.read_text(encoding="utf-8"))["wavesweep"]["spec_sha256"])
     except (FileNotFoundError, ValueError, KeyError, TypeError):
@@ -56,7 +56,7 @@ def packaged_sha256(package: Path) -> str:
 
 
 def packaged_kinds(csv: Path) -> dict[str, FieldKind]:
-    """Give what each column of a CSV holds as the package beside it says; nothing where there is no package of ours."""
+    """Give the kind of each column of a CSV from the package beside it; empty without one of this program."""
     package = csv.with_suffix(".datapackage.json")
     if not packaged_sha256(package):
         return {}

@@ -1,4 +1,4 @@
-"""What the columns of each table are called, hold and mean; columns are held to it before anything is written."""
+"""The columns of each table: names, kinds, units, meanings; columns are checked against them before they are written."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _ACCEPTED = {"number": "fiu", "integer": "iu", "boolean": "b", "string": "OU"}
 
 @dataclass(frozen=True)
 class Field:
-    """One column: its name, what it holds, its unit ("1" without dimension, "" where none applies), its meaning."""
+    """One column: name, kind, unit ("1" if dimensionless, "" if none applies) and meaning."""
 
     name: str
     kind: FieldKind
@@ -160,8 +160,8 @@ def fields(
 ) -> tuple[Field, ...]:
     """Give the columns of a table in order: the swept axes, then those that every table of this kind has.
 
-    `along` names the axis that `low` and `high` are values of; they take its unit. `extra` names the columns that a
-    table of intervals has beyond that: `hand`, behind `along`, and what is known of the ends.
+    `along` names the axis that `low` and `high` are values of; they take its unit. `extra` names the further columns of
+    a table of intervals: `hand`, after `along`, and the hands at the ends.
     Raises WavesweepError for a table or an axis that does not exist.
     """
     if kind not in TABLES:
@@ -183,7 +183,7 @@ def fields_of(kind: str, columns: Mapping[str, Any]) -> tuple[Field, ...]:
 
 
 def kinds_by_name() -> dict[str, FieldKind]:
-    """Give what each column name stands for, in whichever table: a name means the same everywhere."""
+    """Give the kind of each column name; a name means the same in every table."""
     axes = {name: _axis(name).kind for name in (*SYMBOLS, *KEYS) if KEYS[SYMBOLS.get(name, name)].numeric}
     return {**axes, **{field.name: field.kind for table in (*TABLES.values(), (_HAND, *_ENDS)) for field in table}}
 

@@ -1,4 +1,4 @@
-"""What the user asked for, as values with units; every mistake of a spec at once."""
+"""The user's request as values with units; all mistakes of a spec are reported at once."""
 
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.keys import KEYS, STUDY_KEYS, SYMBOLS, Key, find_key

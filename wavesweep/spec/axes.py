@@ -1,4 +1,4 @@
-"""The axes of a sweep: which key takes which values, or which span, and how values are spaced."""
+"""The axes of a sweep: the values or the span of each key, and their spacing."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ _SCALE = Key("scale", "string", "linear", "", "how the values are spaced", choic
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """One axis: `values` in order (empty where only the span is given), `start` and `stop` the span or the extremes.
+    """One axis: `values` in order (empty if only the span is given), `start` and `stop` the span or the extremes.
 
     `name` is as the spec writes it and names the column; `path` is the key's. Where `structural` is true a value has to
     go through `Spec.with_values`; otherwise an array of floats may replace `values[path]`.
@@ -90,7 +90,7 @@ def build_axis(study: str, name: str, parts: dict[str, Leaf]) -> tuple[Axis | No
 
 
 def axis_place(parts: dict[str, Leaf]) -> Place:
-    """Return where an axis stands whose parts are these."""
+    """Return the place of the axis with these parts."""
     part, leaf = next(iter(parts.items()))
     return leaf.place.parent() if part else leaf.place
 
@@ -145,7 +145,7 @@ def _check_parts(label: str, key: Key, parts: dict[str, Leaf]) -> tuple[dict, li
 
 
 def _span_fault(start: float, stop: float, num: int | None, scale: str) -> tuple[str, str] | None:
-    """Return the part of a span that is at odds with the others, and what it should be."""
+    """Return the part of a span that contradicts the others, and the expected value."""
     if start > stop or (start == stop and num != 1):
         return "stop", f"a number > start = {start!r}"
     if num == 1 and start < stop:

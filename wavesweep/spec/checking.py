@@ -1,4 +1,4 @@
-"""Is one value right for one key? If not: what was expected, what was found, and what may have been meant, in words."""
+"""Checks of one value for one key, with the words for a mistake: expected, found, and the nearest known name."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LONGEST_COMPARED = 80  # difflib takes quadratic time, and no name of ours comes
 
 
 class Rejected(ValueError):
-    """A value that a key cannot take; carries the words for the mistake, which only the caller can place."""
+    """A value that a key cannot take, with the words for the mistake; the caller adds its place."""
 
     def __init__(self, expected: str, found: str, suggestion: str = "") -> None:
         super().__init__(f"expected {expected}, found {found}")
@@ -63,7 +63,7 @@ def _in_range(key: Key, number: float) -> bool:
 
 
 def expectation(key: Key, number: float | None = None) -> str:
-    """Say what `key` takes; of its two limits the one that `number` breaks, by default the lower."""
+    """Describe the values of `key`; of its two limits the one that `number` exceeds, by default the lower."""
     if key.choices:
         return "one of " + ", ".join(map(show, key.choices))
     if key.type == "string":

@@ -88,7 +88,7 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
 
 
 def _in_order(mistakes: list[Mistake]) -> list[Mistake]:
-    """Sort by line and column; what has none keeps its turn, at the end."""
+    """Sort by line and column; mistakes without them keep their order, at the end."""
 
     def position(mistake: Mistake) -> tuple[int, ...]:
         numbers = mistake.location.rsplit(":", 2)[1:]

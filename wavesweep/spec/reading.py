@@ -1,4 +1,4 @@
-"""From a file, a dict and `--set` arguments to tables, before anything in them is understood; and where each value stands.
+"""From a file, a dict and `--set` arguments to tables, and the place of each value in them.
 
 tomllib keeps no positions. They are searched for only where a mistake is reported, in a text that is known to be valid
 TOML: this reads no more of the grammar than it takes to walk past strings, comments and nested values. Arrays are stepped
@@ -35,10 +35,10 @@ _IN_BRACKETS = rf"(?s){_STRING}|#[^\n]*|[^\[\]{{}}\"'#]+|[\[\]{{}}]"
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """In a dict, which has no lines to point at; base of the other places."""
+    """In a dict, which has no lines; base of the other places."""
 
     def location(self, of_key: bool = False) -> str:  # noqa: ARG002 - what a file needs to know
-        """Return the prefix of a mistake's line, for the value here or for its key; empty where there is none."""
+        """Return the prefix of a mistake's line, for the value here or for its key; empty if there is none."""
         return ""
 
     def under(self, path: tuple[str, ...]) -> Place:  # noqa: ARG002 - what a file needs to know
@@ -81,7 +81,7 @@ class OnCommandLine(Place):
 
 @dataclass(frozen=True, slots=True)
 class Leaf:
-    """A value as given, and where."""
+    """A value as given, with its place."""
 
     value: object
     place: Place

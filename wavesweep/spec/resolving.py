@@ -20,7 +20,7 @@ class Given:
     source: Place
 
     def leaf(self, path: str) -> Leaf:
-        """Return what was given at `path`, or a leaf that stands where it would have been given."""
+        """Return the given leaf at `path`, or an empty one at the place that it would have."""
         return self.leaves.get(path) or Leaf(None, self.source.under(tuple(path.split("."))))
 
     def replaced(self, path: str, leaf: Leaf) -> Given:
@@ -67,7 +67,7 @@ def _required(given: Given) -> list[Mistake]:
 
 
 def _resolve_rates(given: Given, checked: Mapping, values: dict) -> list[Mistake]:
-    """Put the ratio into `values` where the slow rate was given in its place."""
+    """Put the ratio into `values` if the slow rate was given instead."""
     if "rates.slow_hz" not in given.leaves:
         return []
     leaf = given.leaf("rates.slow_hz")
@@ -94,7 +94,7 @@ def _whole_ratio(fast_hz: float, slow_hz: float) -> int | None:
 
 
 def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict) -> list[Mistake]:
-    """Put order and cutoff into `values` where the filter was given by its band edges."""
+    """Put order and cutoff into `values` if the filter was given by its band edges."""
     path = f"filters.{name}"
     edges = [edge for edge in BAND_EDGES if f"{path}.{edge}" in given.leaves]
     if not edges:
@@ -149,7 +149,7 @@ LIMITS["environment.delay"] = ("rates.ratio", "rates.slow_hz", "rates.fast_hz")
 
 
 def exceeds_limit(path: str, number: float, values: Mapping) -> str:
-    """Return what was expected where `number` is beyond the limit that other keys set to `path`; else nothing."""
+    """Return the expected range if `number` is beyond the limit that other keys set to `path`; else an empty text."""
     if path == "environment.delay" and number > values["rates.ratio"]:
         return f"a whole number <= {values['rates.ratio']} (rates.ratio)"
     if path.endswith(".cutoff_hz") and not number < values["rates.fast_hz"] / 2:

@@ -1,4 +1,4 @@
-"""Which leaf of the tables belongs to which key of the loop or to which axis; whatever belongs nowhere is a mistake."""
+"""Assigns every leaf of the tables to a key or an axis; a leaf that fits none is a mistake."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Path = tuple[str, ...]
 
 @dataclass(slots=True)
 class Sorted:
-    """Leaves by what they belong to.
+    """Leaves by the keys and axes that they belong to.
 
     Keys of the loop and of [simulate] by path, parts of the axes by study and name ("" is a list), and of the
     simulation's frequencies.

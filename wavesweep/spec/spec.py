@@ -20,14 +20,14 @@ K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spec:
-    """What the user asked for; made by `load`. Two specs ask for the same where their `sha256` agree."""
+    """A request with all its values; made by `load`. Two specs ask for the same if their `sha256` agree."""
 
     name: str
     source: str | None
     _values: dict[str, float | int | str] = field(repr=False)
     _studies: Studies = field(repr=False)
-    given: Given = field(repr=False)  # the keys as they were given, and where: what `with_values` starts from
-    for_simulation: bool = False  # whether [simulate] is part of what this spec asks for: see `as_simulated`
+    given: Given = field(repr=False)  # the keys as given, with their places; `with_values` starts from them
+    for_simulation: bool = False  # whether [simulate] is part of the request, see `as_simulated`
 
     @property
     def values(self) -> Mapping[str, float | int | str]:

@@ -34,7 +34,7 @@ INPUT_FREQUENCIES = {
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """The keys of [simulate] by their last name, resolved, None where one is absent; and where they were given.
+    """The keys of [simulate] by their last name, resolved, None if one is absent; and their places.
 
     `frequency_hz` is a tuple: one for a sine, all of a stepped sine, both ends of a chirp.
     """
@@ -62,7 +62,7 @@ class Experiment:
             yield self._leaf(name).mistake(f"simulate.{name}", expected, f"{seconds:g} s")
 
     def _leaf(self, name: str) -> Leaf:
-        """Return what was given for a key, or where its table stands."""
+        """Return the given leaf of a key, or an empty one at the place of its table."""
         table = next((leaf.place.parent() for leaf in self.given.values()), Place())
         return self.given.get(f"simulate.{name}") or Leaf(None, table)
 
@@ -79,7 +79,7 @@ def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
 
 
 def build_experiment(leaves: Sorted) -> tuple[Experiment, list[Mistake]]:
-    """Return the experiment and its mistakes; what the fast rate limits is left to `beyond_limits`."""
+    """Return the experiment and its mistakes; `beyond_limits` checks the limits that the fast rate sets."""
     found, mistakes = check_each(SIMULATE_KEYS, leaves.simulate)
     checked = {path.split(".")[1]: value for path, value in found.items()}
     device = DEVICES[checked["preset"]].beyond_the_model() if "preset" in checked else {}
@@ -111,7 +111,7 @@ def _frequencies(parts: dict[str, Leaf]) -> tuple[Axis | None, list[Mistake]]:
 
 
 def _fit(kind: str, axis: Axis | None, parts: dict[str, Leaf]) -> tuple[tuple[float, ...], list[Mistake]]:
-    """Return the frequencies that this input reads; the mistake where they are too many or only a span."""
+    """Return the frequencies that this input reads; a mistake if they are too many or only a span."""
     if kind == "chirp":
         return (axis.start, axis.stop), []
     if kind == "sine" and len(axis.values) != 1:
@@ -136,7 +136,7 @@ class Studies:
 
 
 def build_studies(leaves: Sorted, given: Given) -> tuple[Studies, list[Mistake]]:
-    """Return the studies and their mistakes; what only the loop's values can tell is left to `beyond_limits`."""
+    """Return the studies and their mistakes; `beyond_limits` checks the limits that the loop's values set."""
     along, mistakes = _read_along(leaves.along)
     axes: dict[str, list[Axis]] = {}
     for study, named in leaves.axes.items():
@@ -153,13 +153,13 @@ def build_studies(leaves: Sorted, given: Given) -> tuple[Studies, list[Mistake]]
 
 
 def need_values(study: str, axis: Axis) -> Mistake:
-    """Return the mistake that an axis with only a span is, where values are needed."""
+    """Return the mistake for an axis that has only a span but needs values."""
     leaf = Leaf(None, axis.place)
     return leaf.mistake(f"{study}.{axis.name}", "num beside start and stop, or a list", "only a span", of_key=True)
 
 
 def axis_fault(name: str) -> tuple[str, str] | None:
-    """Return what is found, and what may have been meant, where `name` names no numeric key; else None."""
+    """Return the words for "found" and a suggestion if `name` is no numeric key; else None."""
     key = find_key(name)
     if key is None:
         numeric = [path for path, known in KEYS.items() if known.numeric]

@@ -1,4 +1,4 @@
-"""What a sweep hands on: the table's columns, at once or block by block, and the facts of the run."""
+"""The table that a sweep returns: its columns, at once or block by block, and the facts of the run."""
 
 from __future__ import annotations
 

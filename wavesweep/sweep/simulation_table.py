@@ -1,4 +1,4 @@
-"""From a spec to the tables of its simulation."""
+"""The simulation of a spec, as tables."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RESPONSE_METHODS = {
 
 
 def simulate(spec: Spec) -> list[Table]:
-    """Simulate the spec; give its time series and, for sines that settled, the response seen in it."""
+    """Simulate the spec; give its time series and, for settled sines, the response estimated from it."""
     started = time.perf_counter()
     hand = hand_force(spec)
     simulation = simulated(spec, hand.force)
@@ -48,7 +48,7 @@ def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float],
 
 
 def _notices(spec: Spec) -> Iterator[str]:
-    """Yield what a user may not expect of the spec."""
+    """Yield notices about values that a user may not expect."""
     options, preset = spec.simulate, spec.simulate["preset"]
     if preset:
         own = {**DEVICES[preset].loop(), **DEVICES[preset].beyond_the_model()}

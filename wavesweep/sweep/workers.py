@@ -35,11 +35,11 @@ def choose(jobs: int, backend: str | None, scheduler: str | None, chunks: int, s
     if jobs == 1:
         return Workers(1, None, None, "one job was asked for")
     if chunks < 2:
-        return Workers(1, None, None, "the work is a single chunk")
+        return Workers(1, None, None, "a single chunk of work")
     expected = seconds()
     if expected < WORTH:
-        return Workers(1, None, None, f"below {WORTH:g} s of work workers cost more than they save")
-    return Workers(min(jobs, chunks), LOKY, None, f"the work is worth them: it takes more than {WORTH:g} s")
+        return Workers(1, None, None, f"work below {WORTH:g} s is faster without workers")
+    return Workers(min(jobs, chunks), LOKY, None, f"estimated {max(1, round(expected))} s of work")
 
 
 def results(workers: Workers, numbers, work_of: Callable) -> Iterator[tuple]:
