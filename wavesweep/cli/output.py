@@ -52,10 +52,9 @@ def produce(
         results.refuse_unusable(directory)
     with progress(options.quiet) as report:
         tables = compute(specs, jobs=options.jobs, backend=options.backend, scheduler=options.scheduler, progress=report)
-    if not options.to_stdout:
-        for kind in set(kinds) - {table.kind for table in tables}:
-            results.discard(kind, directory)  # another spec's, which would pass for one of this run
     finished = [_finish(table, directory, options, main=table is tables[0]) for table in tables]
+    for kind in set() if options.to_stdout else set(kinds) - {table.kind for table in tables}:
+        results.discard(kind, directory)  # another spec's, which would pass for one of this run
     if options.quiet:
         return
     for line, warning in chain.from_iterable(lines for lines, _ in finished):
@@ -97,13 +96,13 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> tupl
     from wavesweep.cli.summaries import tally_of
 
     tally, paths = tally_of(table), []
-    table = table.watched(tally.add)
     if not options.to_stdout:
-        paths = results.publish(_drawn(table) if options.plot else table, directory, options.force)
+        drawn = _drawn(table) if options.plot else table
+        paths = results.publish(drawn.watched(tally.add), directory, options.force)
     elif main:
-        results.stream(table, sys.stdout.buffer)
+        results.stream(table.watched(tally.add), sys.stdout.buffer)
     else:
-        next(iter(table.blocks()))
+        tally.add(table.columns)
     # The rows are safe: what they were made from may go.
     table.forget()
     return tally.lines(table.facts), paths
