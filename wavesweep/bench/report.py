@@ -13,7 +13,7 @@ import numpy as np
 from wavesweep import __version__
 from wavesweep.bench import accuracy, responses, stiffness
 from wavesweep.bench.costs import compile_rows, exponent, slice_rows, start_rows, worker_rows
-from wavesweep.bench.measuring import FULL, QUICK, Row, columns_of
+from wavesweep.bench.measuring import FIELDS, FULL, QUICK, Row, columns_of
 from wavesweep.bench.problems import FILE, PROBLEMS
 from wavesweep.bench.stiffness import COMMAND, DECOMPOSITION, LIBRARY, PART
 from wavesweep.bench.this_tool import LAPACK, profile_rows
