@@ -1,14 +1,20 @@
-"""The README cannot rot: what it lists is what the program has, and what it shows as code runs."""
+"""The documents cannot rot: what the README lists is what the program has, its code runs, and all links lead somewhere."""
 
 import pathlib
 import re
+import tomllib
 
 import pytest
 
+import wavesweep
 from wavesweep.cli.entry import COMMANDS
 from wavesweep.spec import KEYS
 
-README = (pathlib.Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+ROOT = pathlib.Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+BESIDE = ("ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "wavesweep/ACCURACY.md")
+TEXTS = {name: (ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "sweeps/paper/README.md", *BESIDE)}
+LINKS = [(name, link) for name, text in TEXTS.items() for link in re.findall(r"\]\((?!http)([^)]*)\)", text)]
 
 
 def section(title):
@@ -36,7 +42,7 @@ def default(key):
 
 
 def test_the_library_example_runs_as_it_stands(monkeypatch):
-    monkeypatch.chdir(pathlib.Path(__file__).parents[1])
+    monkeypatch.chdir(ROOT)
     code = re.search(r"```python\n(.*?)```", section("As a library"), re.DOTALL).group(1)
     names = {}
     exec(code, names)  # noqa: S102 - the document's own code
@@ -44,6 +50,49 @@ def test_the_library_example_runs_as_it_stands(monkeypatch):
     assert names["radius"].shape == (2, 3)
 
 
-@pytest.mark.parametrize("path", re.findall(r"\]\((?!http)([^)#]+)\)", README))
-def test_links_lead_somewhere(path):
-    assert (pathlib.Path(__file__).parents[1] / path).exists()
+@pytest.mark.parametrize(("name", "link"), LINKS)
+def test_links_lead_somewhere(name, link):
+    """To a file that there is and, where the link names one, to a heading in it."""
+    path, _, heading = link.partition("#")
+    target = (ROOT / name).parent / path if path else ROOT / name
+    assert target.exists()
+    if heading:
+        assert heading in [
+            anchor(title) for title in re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.MULTILINE)
+        ]
+
+
+def anchor(title):
+    """What a heading is linked by."""
+    return re.sub(r"[^\w -]", "", title.lower()).replace(" ", "-")
+
+
+@pytest.mark.parametrize("name", BESIDE)
+def test_the_readme_links_to_every_document(name):
+    assert ("README.md", name) in LINKS
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_documents_name_files_that_there_are(name):
+    """Files and folders of the project in their prose; code and commands are run by other tests."""
+    prose = re.sub(r"```.*?```", "", TEXTS[name], flags=re.DOTALL)
+    named = re.findall(r"`((?:\.ci|wavesweep|tests|sweeps)/[\w./-]*)`", prose)
+    assert [path for path in named if not (ROOT / path).exists()] == []
+
+
+@pytest.mark.parametrize("name", TEXTS)
+def test_documents_name_no_place_on_a_machine(name):
+    assert re.findall(r"(?<![\w.])/(?:home|root|tmp|opt|work|mnt|Users|var)/\S*", TEXTS[name]) == []
+
+
+def test_the_citation_names_the_version_and_license_of_the_package():
+    import yaml
+
+    citation = yaml.safe_load(TEXTS["CITATION.cff"])
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert {"cff-version", "message", "title", "authors"} <= citation.keys()
+    assert citation["version"] == wavesweep.__version__
+    assert citation["license"] == project["license"] == "MIT"
+    assert [author["name"] for author in citation["authors"]] == [author["name"] for author in project["authors"]]
+    assert TEXTS["LICENSE"].startswith("MIT License")
+    assert all(f"Copyright (c) 2026 {author['name']}" in TEXTS["LICENSE"] for author in project["authors"])

@@ -29,7 +29,7 @@ def test_each_figure_has_a_section_with_its_picture():
 
 
 @pytest.mark.parametrize("link", re.findall(r"\]\((.*?)\)", README))
-def test_what_is_linked_is_there_and_small(link):
+def test_what_is_linked_is_small(link):
     assert (ROOT / "sweeps" / "paper" / link).stat().st_size < 100_000
 
 
