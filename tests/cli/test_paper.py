@@ -1,18 +1,29 @@
 """`wavesweep paper`, with the figures and statements that are quick."""
 
 import json
+from functools import cache
 
 import pytest
 
 from wavesweep.cli.entry import group
-from wavesweep.paper import figures
+from wavesweep.paper import figures, open_choices, passive_bank
 from wavesweep.paper.statements.stability import STATEMENTS
 from wavesweep.results import read
 
+STUDIES = {open_choices: "open_choices", passive_bank: "passive_bank"}
+
+
+@pytest.fixture(scope="module")
+def studies():
+    """The two studies that no statement needs, computed once for all runs."""
+    return {module: cache(getattr(module, name)) for module, name in STUDIES.items()}
+
 
 @pytest.fixture(autouse=True)
-def short(monkeypatch, tmp_path):
+def short(monkeypatch, tmp_path, studies):
     """One figure and the statements on it, in a new folder."""
+    for module, once in studies.items():
+        monkeypatch.setattr(module, STUDIES[module], once)
     monkeypatch.setattr(figures, "FIGURES", (figures.figure_4,))
     monkeypatch.setattr(figures, "STATEMENTS", STATEMENTS[:1])
     monkeypatch.chdir(tmp_path)
@@ -29,8 +40,8 @@ def test_figures_tables_and_verdicts_go_to_a_folder_of_their_own(wavesweep, tmp_
     assert err.splitlines()[-1].startswith("1 statements: 0 reproduced, 1 reproduced only under an inferred value")
 
 
-def test_the_table_of_statements_reads_back_and_names_all_specs(wavesweep, tmp_path):
-    wavesweep("paper", "--quiet", "--no-plot", "--out", "there")
+def test_quiet_says_nothing_and_the_table_of_statements_reads_back_and_names_all_specs(wavesweep, tmp_path):
+    assert wavesweep("paper", "--quiet", "--no-plot", "--out", "there") == (0, "", "")
     csv, parquet = (read(tmp_path / f"there/statements{suffix}") for suffix in (".csv", ".parquet"))
     assert {name: column.tolist() for name, column in csv.items()} == {
         name: column.tolist() for name, column in parquet.items()
@@ -60,10 +71,6 @@ def test_the_papers_values_cannot_be_overridden(wavesweep, tmp_path):
     assert (code, out) == (2, "")
     assert "the paper's values are its own" in err
     assert list(tmp_path.iterdir()) == []
-
-
-def test_quiet_says_nothing(wavesweep):
-    assert wavesweep("paper", "--quiet", "--no-plot") == (0, "", "")
 
 
 def test_somebody_elses_table_is_not_replaced(wavesweep, tmp_path):

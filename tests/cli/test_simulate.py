@@ -158,7 +158,7 @@ def test_a_run_without_a_tick_is_a_table_without_a_row(simulate):
 @pytest.mark.parametrize("example", sorted(EXAMPLES.glob("*.toml")), ids=lambda path: path.stem)
 def test_the_examples_run(example, wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    settings = ("--set", "simulate.frequency_hz=[2]", "--set", "simulate.duration_s=4", "--quiet")
+    settings = ("--set", "simulate.frequency_hz=[2]", "--set", "simulate.duration_s=4", "--quiet", "--no-plot")
     assert wavesweep("simulate", str(example), *settings) == (0, "", "")
     assert len(results.read(f"results/{example.stem}/simulate.parquet")["tick"]) == 4000
     assert example.read_text().startswith("# ")

@@ -20,7 +20,6 @@ def size_of(png):
     [
         ("plane", plots.zwidth, 3.5),
         ("family", plots.zwidth, 7.0),
-        ("panels", plots.zwidth, 7.0),
         ("bars", plots.zwidth, 3.5),
         ("responses", plots.bode, 7.0),
     ],
@@ -44,6 +43,8 @@ def test_a_table_without_anything_stable_is_drawn(plane, tmp_path):
 
 def test_a_figure_of_a_long_table_keeps_what_it_shows_and_is_the_same(panels, tmp_path):
     plots.zwidth(panels, {}, tmp_path / "whole.png")
+    assert size_of((tmp_path / "whole.png").read_bytes())[0] == pytest.approx(200 * 7.0, abs=1)
+    assert (tmp_path / "whole.png").stat().st_size < 200_000
     picture = plots.Picture({name: tuple(np.unique(panels[name]).tolist()) for name in ("B_VE", "b", "K_LM")})
     for start in range(0, len(panels["b"]), 1000):
         picture.add({name: column[start : start + 1000] for name, column in panels.items()})

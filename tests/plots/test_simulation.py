@@ -33,8 +33,9 @@ def _facts(kind):
     ],
 )
 def test_every_run_can_be_drawn_the_same_each_time(kind, simulate, tmp_path):
+    drawn = simulation(kind, **simulate)
     for name in ("first.png", "second.png"):
-        plots.simulate(*simulation(kind, **simulate), tmp_path / name)
+        plots.simulate(*drawn, tmp_path / name)
     first, second = ((tmp_path / name).read_bytes() for name in ("first.png", "second.png"))
     assert struct.unpack(">II", first[16:24])[0] == 1400
     assert len(first) < 250_000

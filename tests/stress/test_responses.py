@@ -26,13 +26,13 @@ def test_responses_of_usual_loops_hold_in_ball_arithmetic(seed):
 
 
 @pytest.mark.parametrize("family", responses.RESPONSES)
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(5))
 def test_no_response_is_further_off_than_its_bound(family, seed):
     for judged in responses.judge(seed, family) or []:
         assert judged.excess <= 1, judged
 
 
-@pytest.mark.parametrize("seed", range(100, 125))
+@pytest.mark.parametrize("seed", range(100, 115))
 def test_resonances_and_drifts_take_no_digits(seed):
     """No wall, no damping, multiples of the slow rate and their neighbours: hardly an admittance is missing."""
     found = responses.judge(seed, "resonant")

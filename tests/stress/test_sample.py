@@ -3,16 +3,25 @@
 import pytest
 
 pytest.importorskip("flint", reason="python-flint is the witness")
+from stress import climbs
 from stress.command import NAMES, verdicts
 
+pytestmark = pytest.mark.slow
+
 MANY = {  # of the slow ones; else 20
-    "climbs": 1, "hands": 3, "numbers": 3, "constructed": 6, "long_filters": 6, "windows": 6, "wild": 12,
+    "hands": 2, "numbers": 3, "constructed": 4, "long_filters": 4, "windows": 4, "wild": 8,
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("family", NAMES)
+@pytest.mark.parametrize("family", [name for name in NAMES if name != "climbs"])
 def test_certified_rows_are_right(family):
     """Ends to 1e-9 (1e-6 where rounding of the loop alone moves them), counts exactly; and most rows are certified."""
     found = [(seed, v) for seed in range(MANY.get(family, 20)) for v in verdicts(family, seed)]
     assert [(seed, v) for seed, v in found if v.certified and v.kind not in {"right", "loose"}] == []
     assert sum(v.certified for _, v in found) > 0.4 * len(found)
+
+
+def test_a_short_climb_to_the_worst_end_stays_within_what_is_promised():
+    (worst,) = climbs.judge(0, steps=10)
+    assert worst.certified
+    assert worst.kind == "right"

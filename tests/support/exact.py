@@ -107,13 +107,14 @@ def tick(values, phase):
     D = 0 if kind == "dc" else values["environment.delay"]
     waves = kind.startswith("pmw")
     sections = {}
-    for name in ("lp1", "hp", "lp2"):
+    for name in {"pmw": ("lp1",), "pmw-lm": ("lp1", "hp", "lp2")}.get(kind, ()):
         order, cutoff = values[f"filters.{name}.order"], values[f"filters.{name}.cutoff_hz"]
         sections[name] = butterworth_sections(order, cutoff, T, name == "hp")
     memory = [f"{name}{k}{part}" for name in sections for k in range(len(sections[name])) for part in "ab"]
-    slow = ["x_s", "x_dot", "v_1", "x_bar", "v_next", "x_next", "x_l", "x_dot_l", "v_2"]
+    slow = ["x_s", "x_dot", "v_1", "x_bar", "v_next", "x_next"] + (["x_l", "x_dot_l", "v_2"] if kind == "pmw-lm" else [])
     direct = ["F", "x_ref", "v_ref", "F_next", "x_ref_next", "v_ref_next"]
-    sheet = Sheet(["x", "v", "x_before", *(memory + slow if waves else direct)], waves)
+    encoder = ["x_before"] if values["device.velocity"] == "difference" else []
+    sheet = Sheet(["x", "v", *encoder, *(memory + slow if waves else direct)], waves)
     now, after = sheet.now, sheet.after
     v_hat = now["v"] if values["device.velocity"] == "exact" else (now["x"] - now["x_before"]) / T
     controller = wave_controller if waves else direct_controller

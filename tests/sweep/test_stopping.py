@@ -1,6 +1,6 @@
 """A run that is stopped, however rudely, leaves nothing half done, goes on, and gives the same bytes.
 
-WAVESWEEP_KILLS=20 in the environment asks for more kills than the few of an ordinary test run.
+WAVESWEEP_KILLS=20 in the environment asks for more kills than the two of an ordinary test run, an early and a late one.
 """
 
 import os
@@ -12,7 +12,9 @@ import time
 import numpy as np
 import pytest
 
-KILLS = int(os.environ.get("WAVESWEEP_KILLS", "4"))
+pytestmark = pytest.mark.slow
+
+KILLS = int(os.environ.get("WAVESWEEP_KILLS", "2"))
 SPEC = """
 [environment]
 integration = "explicit"
@@ -33,15 +35,16 @@ sys.exit(main())
 FILES = ("zwidth.csv", "zwidth.parquet")
 
 
-@pytest.fixture
-def start(tmp_path):
+@pytest.fixture(scope="module")
+def start(tmp_path_factory):
     """Start a run of one spec in a folder; Ctrl-C reaches it, and the signal goes to its whole group as on a terminal."""
-    (tmp_path / "wall.toml").write_text(SPEC)
+    home = tmp_path_factory.mktemp("spec")
+    (home / "wall.toml").write_text(SPEC)
 
     def begin(out, *options):
         arguments = [sys.executable, "-c", PROGRAM, "zwidth", "wall.toml", "--no-plot", "--out", str(out), *options]
         return subprocess.Popen(
-            arguments, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True,
+            arguments, cwd=home, stderr=subprocess.PIPE, text=True, start_new_session=True,
         )  # fmt: skip
 
     return begin
@@ -63,16 +66,18 @@ def wait_for_parts(folder, number):
         time.sleep(0.005)
 
 
-@pytest.fixture
-def undisturbed(start, tmp_path):
+@pytest.fixture(scope="module")
+def undisturbed(start, tmp_path_factory):
     """The files of a run that nobody stopped."""
-    assert finish(start(tmp_path / "whole", "--jobs", "1"))[0] == 0
-    return contents(tmp_path / "whole")
+    whole = tmp_path_factory.mktemp("whole")
+    assert finish(start(whole, "--jobs", "1"))[0] == 0
+    return contents(whole)
 
 
 @pytest.mark.parametrize("options", [("--jobs", "1"), ("--jobs", "2", "--backend", "loky")], ids=["alone", "workers"])
 def test_a_run_killed_at_random_moments_gives_the_same_bytes(start, tmp_path, undisturbed, options):
-    for killed, moment in enumerate(np.random.default_rng(7).uniform(0.2, 1.2, KILLS)):
+    share = (np.arange(KILLS) + np.random.default_rng(7).random(KILLS)) / KILLS
+    for killed, moment in enumerate(0.2 + share):
         out = tmp_path / f"out{killed}"
         process = start(out, *options)
         time.sleep(moment)

@@ -19,9 +19,9 @@ def columns(seed, along):
 
 
 @pytest.mark.parametrize("along", ["K_VE", "B_VE"])
-@pytest.mark.parametrize("first", range(0, 120, 30))
+@pytest.mark.parametrize("first", range(0, 60, 30))
 def test_random_loops_are_labelled_as_a_fine_scan_of_eigenvalues_says(along, first):
-    """120 loops of all kinds, 4 columns each, 350 points a column; K_VE = 0 and B_VE = 0 among the columns."""
+    """60 loops of all kinds, 4 columns each, 350 points a column; K_VE = 0 and B_VE = 0 among the columns."""
     span = K_SPAN if along == "K_VE" else B_SPAN
     for seed in range(first, first + 30):
         cut, fixed = cut_of(random_values(seed)), columns(seed, along)
@@ -128,7 +128,7 @@ def test_ends_of_hard_loops_hold_at_50_digits(kind, changes, span):
         assert abs(end - wanted) <= 1e-9 * wanted
 
 
-@pytest.mark.parametrize(("kind", "changes", "span"), [HARD[0], HARD[4]])
+@pytest.mark.parametrize(("kind", "changes", "span"), [HARD[0], HARD[5]])
 def test_the_spectral_radius_at_50_digits_agrees_about_every_interval(kind, changes, span):
     """In the middle of each interval inside, and a hundredth beyond its upper end outside."""
     values = values_of(kind, **changes)

@@ -78,8 +78,12 @@ def test_no_matrix_of_an_excluded_enclosure_has_an_eigenvalue_outside():
     assert 8 <= decided <= 18
 
 
-@pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm", "pmw", "pmw-lm"])
-@pytest.mark.parametrize("changes", [{}, {"velocity": "difference", "delay": 3}])
+LATE = {"velocity": "difference", "delay": 3}
+
+
+@pytest.mark.parametrize(
+    ("kind", "changes"), [("dc", LATE), ("dc-slow", {}), ("dc-lm", LATE), ("pmw", {}), ("pmw", LATE), ("pmw-lm", {})]
+)
 def test_a_box_is_proved_up_to_where_a_hand_of_it_is_unstable(values, kind, changes):
     """Just inside the intervals all of it; a little beyond, never, and the hand that is told is unstable there."""
     v = values(kind, **changes)

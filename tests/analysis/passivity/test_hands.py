@@ -5,6 +5,7 @@ import pytest
 from support.growth import growth_rate
 
 from wavesweep.analysis.intervals import stable_intervals
+from wavesweep.analysis.passivity import held
 from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, cut_with_hands, worst_hand, worst_modes
 from wavesweep.analysis.passivity.held import box_intervals
 
@@ -37,7 +38,7 @@ def test_none_of_10000_sampled_hands_is_worse(values, kind):
     assert worst_hand(v, HOLDING_A_DEVICE, by="damping").damping_ratio <= damping.min() + 1e-12
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(6))
 def test_none_of_2000_hands_is_worse_on_random_loops(random_values, seed):
     v = random_values(seed + 300)
     box = HandBox(mass=(0.0, 0.8), damping=(0.0, 20.0), stiffness=(0.0, 1500.0))
@@ -74,10 +75,12 @@ def test_a_box_with_a_negative_or_empty_range_is_refused():
 
 
 @pytest.mark.parametrize("kind", LOOPS)
-def test_walls_for_the_box_are_stable_for_sampled_hands_and_end_where_the_named_hand_says(values, kind):
+def test_walls_for_the_box_are_stable_for_sampled_hands_and_end_where_the_named_hand_says(values, kind, monkeypatch):
+    if kind == "pmw-lm":
+        monkeypatch.setattr(held, "WORK", 20_000)  # its pieces would be too many with the usual 400,000, too
     v = loop_of(values, kind)
     found = box_intervals(v, (0.0, 20000.0), HOLDING_A_DEVICE)
-    assert found.settled == (kind != "pmw-lm")  # its pieces are too many: what is left of it is a search's word
+    assert found.settled == (kind != "pmw-lm")  # what is left of that is a search's word
     assert found.each
     assert found.low.size
     hands = sampled(HOLDING_A_DEVICE, 400)

@@ -21,8 +21,8 @@ def scan(values, theta=THETA):
     return np.linalg.eigvalsh((G + np.swapaxes(G.conj(), -1, -2)) / 2)[:, 0]
 
 
-@pytest.mark.parametrize("block", range(10))
-def test_200_random_loops_agree_with_a_scan(random_values, block):
+@pytest.mark.parametrize("block", range(5))
+def test_100_random_loops_agree_with_a_scan(random_values, block):
     for seed in range(20 * block, 20 * block + 20):
         v = random_values(seed)
         found, seen = port_margin(v), scan(v).min()
