@@ -60,6 +60,7 @@ def test_all_responses_agree_and_this_tools_is_the_best(quick):
     assert (seen["error_max"][:2] < 1e-11).all()
 
 
+@pytest.mark.slow
 def test_the_table_is_written_and_drawn(quick, tmp_path):
     results.publish(replace(quick, figure=lambda path: draw(quick.columns, quick.facts, path)), tmp_path)
     assert (tmp_path / "bench.png").stat().st_size > 1000

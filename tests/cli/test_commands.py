@@ -34,6 +34,7 @@ def test_the_common_options_are_the_same_everywhere(name):
     assert described(group.get_command(None, name)).items() >= described(group.get_command(None, "bode")).items()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SWEEPS)
 def test_results_go_to_a_folder_of_the_specs_name(name, wavesweep, sweep, spec, tmp_path):
     code, out, err = wavesweep(name, spec)

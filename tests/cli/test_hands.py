@@ -39,6 +39,7 @@ def test_without_the_flags_the_table_is_the_contracts(kind, wavesweep, held, tmp
     assert (tmp_path / f"results/held/{kind}.csv").read_text().startswith(PLAIN + "\n")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["zwidth", "stability-region"])
 def test_free_held_guaranteed_and_passive_stand_in_one_table(kind, wavesweep, held, tmp_path):
     code, out, err = wavesweep(kind, held, "--hand", "passive", "--passive")
@@ -57,6 +58,7 @@ def test_free_held_guaranteed_and_passive_stand_in_one_table(kind, wavesweep, he
     assert set(package["wavesweep"]["methods"]) == {"free", "operator", "passive", "port"}
 
 
+@pytest.mark.slow
 def test_the_box_is_told_beside_its_hands(wavesweep, held, tmp_path):
     code, _, err = wavesweep("zwidth", held, "--hand", "box", "--hand-box", "mass=0.1..0.4, stiffness=100..100")
     assert code == 0
@@ -79,6 +81,7 @@ def test_a_dash_writes_the_same_table_to_stdout(wavesweep, held, tmp_path):
     assert out == (tmp_path / "results/held/zwidth.csv").read_text()
 
 
+@pytest.mark.slow
 def test_a_figure_without_a_plane_has_a_bar_per_hand(wavesweep, held, tmp_path):
     (tmp_path / "bars.toml").write_text(SPEC.replace("B_VE = [0, 1]", "rates.fast_hz = [500, 1000]"))
     assert wavesweep("zwidth", "bars.toml", "--hand", "passive")[0] == 0

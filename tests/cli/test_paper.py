@@ -10,6 +10,8 @@ from wavesweep.paper import figures, open_choices, passive_bank
 from wavesweep.paper.statements.stability import STATEMENTS
 from wavesweep.results import read
 
+pytestmark = pytest.mark.slow
+
 STUDIES = {open_choices: "open_choices", passive_bank: "passive_bank"}
 
 

@@ -7,6 +7,8 @@ import pytest
 
 from wavesweep import results
 
+pytestmark = pytest.mark.slow
+
 SPEC = """
 [controller]
 kind = "pmw"

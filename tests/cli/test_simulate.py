@@ -30,6 +30,7 @@ def files(folder):
     return {file.name for file in Path(folder).iterdir()}
 
 
+@pytest.mark.slow
 def test_a_sine_gives_two_tables_and_their_figures(simulate):
     code, out, err = simulate(plot=True)
     assert (code, out) == (0, "")
@@ -58,6 +59,7 @@ def test_both_formats_hold_the_same_bits(simulate):
             assert list(map(repr, column.tolist())) == list(map(repr, parquet[name].tolist())), name
 
 
+@pytest.mark.slow
 def test_the_response_stands_beside_that_of_the_linear_loop(simulate):
     simulate("input=stepped-sine", "frequency_hz=[3, 11]", "settle_s=5", "duration_s=20")
     columns = results.read("there/simulate-response.csv")
@@ -77,6 +79,7 @@ def test_the_facts_hold_the_whole_spec_and_its_digest(simulate):
     assert facts["spec"]["controller"]["b"] == 25.0
 
 
+@pytest.mark.slow
 def test_other_forces_have_no_response_and_leave_none_behind(simulate):
     simulate(plot=True)
     code, _, err = simulate("input=step")
@@ -106,6 +109,7 @@ def test_equal_runs_give_equal_bytes(simulate):
     assert first[1] == again[1]
 
 
+@pytest.mark.slow
 def test_a_loop_that_diverges_is_told_and_no_failure(wavesweep, spec):
     settings = ("--set", "controller.kind=dc", "--set", "K_VE=1e8", "--out", "there")
     code, _, err = wavesweep("simulate", spec, *settings)
@@ -149,12 +153,14 @@ def test_a_record_that_is_not_there_is_a_usage_error(simulate):
     assert not Path("there").exists()
 
 
+@pytest.mark.slow
 def test_a_run_without_a_tick_is_a_table_without_a_row(simulate):
     code, _, err = simulate("duration_s=0", plot=True)
     assert (code, len(results.read("there/simulate.csv")["tick"])) == (0, 0)
     assert "0 ticks" in err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("example", sorted(EXAMPLES.glob("*.toml")), ids=lambda path: path.stem)
 def test_the_examples_run(example, wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -164,6 +170,7 @@ def test_the_examples_run(example, wavesweep, tmp_path, monkeypatch):
     assert example.read_text().startswith("# ")
 
 
+@pytest.mark.slow
 def test_a_minute_with_everything_on_runs_as_it_stands(wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     _, _, err = wavesweep("simulate", str(EXAMPLES / "rig.toml"))

@@ -21,6 +21,7 @@ def wall_reads(cut, w):
     return (G[ADVANCE] / w if cut.integrates else 0) + G[OFFSET], G[V]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), SPECS)
 def test_what_the_wall_reads_is_what_the_equations_say(kind, seed):
     """G_x and G_v on the circle, a hundredth of a turn from z = 1 and further."""
@@ -32,6 +33,7 @@ def test_what_the_wall_reads_is_what_the_equations_say(kind, seed):
             assert abs(found - wanted) <= 1e-10 * abs(wanted)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), [(kind, seed) for kind in KINDS for seed in range(3)])
 def test_the_spectral_radius_is_that_of_50_digits(kind, seed):
     """A simple eigenvalue of these matrices is good to 1e-10; pure delays are far inside and do not decide."""
@@ -78,6 +80,7 @@ def test_a_spring_in_the_hand_leaves_a_conserved_combination(kind, velocity, del
     assert np.abs(np.linalg.eigvals(close(cut, 500.0, 1.0))).min() > 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [{"Kp": 20.0}, {"hp_order": 0}])
 def test_nothing_is_conserved_with_feedback_or_with_a_static_branch(changes):
     """Kp feeds the position back; without a high-pass the local model answers a constant wave."""
@@ -87,6 +90,7 @@ def test_nothing_is_conserved_with_feedback_or_with_a_static_branch(changes):
     assert abs(radius - 1) > 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stiffness", [0.0, 100.0])
 @pytest.mark.parametrize("Kp", [0.0, 20.0])
 @pytest.mark.parametrize("K_LM", [0.0, 500.0])

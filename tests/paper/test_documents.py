@@ -26,6 +26,7 @@ def choices():
     return open_choices().columns
 
 
+@pytest.mark.slow
 def test_the_study_holds_every_combination_once(choices):
     assert list(choices) == [field.name for field in FIELDS]
     names = ("integration", "velocity", "delay", "b", "lp1_order", "lp1_cutoff_hz")
@@ -33,6 +34,7 @@ def test_the_study_holds_every_combination_once(choices):
     assert len(combinations) == len(choices["b"]) == 3 * 2 * 3 * 3 * 3 * 3
 
 
+@pytest.mark.slow
 def test_the_page_of_open_choices_fits_a_page_and_has_the_inferred_sets(choices):
     text = choices_text(choices)
     assert len(text.splitlines()) < 60

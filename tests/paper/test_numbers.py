@@ -71,6 +71,7 @@ def test_the_static_admittance_is_that_of_a_delay_between_waves(order, aliased):
     assert static - 1 / 500 == pytest.approx(delay / 50, rel=aliased)
 
 
+@pytest.mark.slow
 def test_the_position_term_makes_the_static_stiffness_that_of_the_wall():
     # Marched and not lifted: 1 N held on the device until nothing moves any more.
     spec = load_paper("fig6")
@@ -91,6 +92,7 @@ def test_a_natural_frequency_is_the_first_peaks_and_not_the_largest_ones():
     assert natural_frequency(omega, np.exp(-omega)) == 0
 
 
+@pytest.mark.slow
 def test_no_choice_of_the_study_serves_all_figures():
     from wavesweep.paper.open_choices import open_choices
 

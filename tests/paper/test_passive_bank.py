@@ -123,6 +123,7 @@ def banks():
     return passive_bank().columns
 
 
+@pytest.mark.slow
 def test_the_table_has_every_design_and_its_norm(banks):
     assert list(banks) == [field.name for field in FIELDS]
     assert len(banks["design"]) == len(DESIGNS) == len(set(DESIGNS))
@@ -131,6 +132,7 @@ def test_the_table_has_every_design_and_its_norm(banks):
     assert banks["inward_norm"][drawn_as_they_are] == pytest.approx(np.sqrt(2), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_passive_way_in_costs_what_the_bank_gains_at_low_frequencies(banks):
     drawn_low, plain_low, scaled_low = (banks["low"][banks["design"] == name] for name in (AS_DRAWN, PLAIN, SCALED))
     filtered = banks["low"][(banks["order"] > 0) & banks["stable"]]
@@ -142,6 +144,7 @@ def test_a_passive_way_in_costs_what_the_bank_gains_at_low_frequencies(banks):
     assert banks["felt"][banks["stable"] & (banks["order"] > 0)].min() > 490
 
 
+@pytest.mark.slow
 def test_a_high_pass_in_lp2s_place_rings_with_a_delayed_local_model(banks):
     in_place = banks["design"] == IN_PLACE
     assert not banks["stable"][in_place & (banks["local_delay"] == 1)].any()

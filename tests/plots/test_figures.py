@@ -8,6 +8,8 @@ import pytest
 from wavesweep import plots
 from wavesweep.plots.layout import lay_out
 
+pytestmark = pytest.mark.slow
+
 
 def size_of(png):
     """Width and height in pixels, from the header."""

@@ -23,6 +23,7 @@ def _facts(kind):
     return {"spec": {"rates": {"ratio": 20}, "simulate": {"input": kind}}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "simulate"),
     [
@@ -66,6 +67,7 @@ def test_without_contact_the_detail_is_where_the_force_sets_in_or_at_the_end(kin
     assert _spans(columns, _facts(kind))[1] == slice(start, start + 800)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 30])
 def test_a_response_is_drawn_over_the_linear_one(count, tmp_path):
     rng = np.random.default_rng(0)

@@ -28,6 +28,7 @@ def test_equal_runs_give_equal_bytes(columns, facts, tmp_path):
     assert {name for name in first if first[name] != second[name]} == {"zwidth.datapackage.json"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sizes", [(1,), (7, 1000), (GROUP_ROWS,), (GROUP_ROWS + 1, 3)])
 def test_blocks_leave_no_trace(columns, facts, tmp_path, sizes):
     length = 2 * GROUP_ROWS + 5 if sizes[-1] > 3 or len(sizes) > 1 else 300

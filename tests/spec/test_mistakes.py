@@ -135,6 +135,7 @@ def test_a_wrong_value_does_not_bring_mistakes_of_others_with_it(write):
     assert [line.split(": ")[1] for line in mistakes(write(text))] == ["rates.fast_hz"]
 
 
+@pytest.mark.slow
 def test_deep_and_wide_texts_are_mistakes_not_crashes(write):
     deep = "a" + ".a" * 3000 + " = 1\n"
     assert [line.split(": ")[1] for line in mistakes(write(deep + KIND))] == ["a"]

@@ -9,6 +9,8 @@ from support.specs import nested, values_of
 
 import wavesweep
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("name", ["lp1", "hp", "lp2"])
 @pytest.mark.parametrize("order", [1, 2, 5])

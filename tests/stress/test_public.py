@@ -9,6 +9,8 @@ from support.specs import nested
 
 import wavesweep
 
+pytestmark = pytest.mark.slow
+
 
 def loop(family, seed):
     """The compiled loop of that number."""

@@ -9,6 +9,8 @@ from stress import responses
 from wavesweep.analysis.response import prepare, worst_gain
 from wavesweep.diagram import draw
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(("family", "seed"), [("wild", 7), ("unstable_inside", 45), ("unstable_inside", 147)])
 def test_modes_that_overflow_or_are_too_few_are_no_warning(family, seed):

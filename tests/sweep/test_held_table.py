@@ -26,6 +26,7 @@ def rows_of(run, hand):
     return {name: column[rows] for name, column in run.columns.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("operator", "hand", "port", "expected"),
     [
@@ -93,6 +94,7 @@ def test_along_another_number_the_least_damping_of_the_device_is_found():
     assert rows["high"].tolist() == [20, 20]
 
 
+@pytest.mark.slow
 def test_the_box_names_the_hand_that_ends_it():
     spec = spec_of("dc-slow", B_VE=[0.0, 1.0])
     run = held_intervals(spec, holders_of("box", BOX, False))
@@ -113,6 +115,7 @@ def test_the_box_names_the_hand_that_ends_it():
         assert 0 < rows["high_omega"][row] < np.pi * 50
 
 
+@pytest.mark.slow
 def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
     monkeypatch.setattr(held, "WORK", 1000)
     run = held_intervals(spec_of("dc-slow"), holders_of("box", BOX, False))
@@ -123,6 +126,7 @@ def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
     assert ("1 rows of the box rest on a search, some hand may be unstable: settled 0", True) in list(tally.lines({}))
 
 
+@pytest.mark.slow
 def test_the_rows_do_not_depend_on_workers_chunks_or_a_stop(tmp_path, monkeypatch, same):
     spec = spec_of("dc-slow", **{"device.mass": [0.1, 0.2, 0.3]})
     holders = holders_of("box", LINE, True)

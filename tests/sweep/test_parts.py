@@ -33,6 +33,7 @@ def parts_in(folder):
     return sorted(folder.glob("*.records"))
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_where_it_was_stopped(stopped, long, same):
     assert len(parts_in(stopped)) == 2
     told = []

@@ -23,6 +23,7 @@ def spec_of(kind="pmw", **axes):
     return load({"controller": {"kind": kind}, "sweep": axes})
 
 
+@pytest.mark.slow
 def test_each_row_is_what_the_loop_of_its_values_has():
     run = passivity(spec_of(**AXES))
     assert list(run.columns) == [*AXES, *OWN]

@@ -39,18 +39,21 @@ def one_by_one(spec):
     return joined(found)
 
 
+@pytest.mark.slow
 def test_the_table_is_that_of_every_combination_on_its_own_in_the_specs_order(mixed, same):
     table = table_of(ask(mixed))
     assert (table["intervals"] > 1).any()
     same(table, one_by_one(mixed))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("deep", "wide"), SIZES)
 def test_borders_of_chunks_leave_no_trace(mixed, same, deep, wide):
     asked = ask(mixed)
     same(table_of(cut_otherwise(asked, deep=deep, wide=wide)), table_of(asked))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("along", ["b", "Kp", "B_VE", "device.mass"])
 def test_they_leave_none_along_other_axes(same, along):
     spec = load({

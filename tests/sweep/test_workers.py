@@ -15,6 +15,7 @@ from wavesweep.sweep.work import timed
 from wavesweep.sweep.workers import Workers, results
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("jobs", "backend"), [(1, "loky"), (2, "loky"), (4, "loky"), (2, "threading"), (2, "multiprocessing")]
 )
@@ -37,11 +38,13 @@ def cluster():
             yield running.scheduler_address
 
 
+@pytest.mark.slow
 def test_a_dask_cluster_of_two_processes_gives_the_same_bits(long, same, cluster):
     run = sweep.intervals(long, backend="dask", scheduler=cluster)
     same(run.columns, sweep.intervals(long, jobs=1).columns)
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_is_not_there_is_named(mixed, monkeypatch):
     from wavesweep.sweep import backends
 
@@ -78,6 +81,7 @@ def die_once(mark):
     return work
 
 
+@pytest.mark.slow
 def test_a_worker_that_dies_is_an_error_and_what_is_finished_is_kept(long, same, monkeypatch, tmp_path):
     # The worker gets the function by value: nothing in its own modules is changed.
     monkeypatch.setattr(workers, "timed", die_once(tmp_path / "died"))
@@ -101,6 +105,7 @@ def give_back(number, *_):
     return number
 
 
+@pytest.mark.slow
 def test_a_backend_that_gives_lists_only_works_in_blocks(monkeypatch):
     monkeypatch.setattr(workers, "timed", give_back)
     given = list(results(Workers(2, "multiprocessing", None, ""), range(30), lambda number: number))

@@ -21,6 +21,7 @@ def margins(loop, axis, values):
     return loop.spectral_radius(**{axis: values}) - 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", SPANS)
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
 def test_intervals_are_those_of_a_fine_scan(kind, axis):
@@ -87,6 +88,7 @@ def test_a_pair_of_real_eigenvalues_with_product_one_is_no_end():
     np.testing.assert_allclose(found.high, 1.0, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_two_close_crossings_are_both_found():
     """A pair of eigenvalues that leaves the circle for 1e-6 of the span only."""
     def evaluate(_, p):

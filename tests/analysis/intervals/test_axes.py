@@ -4,6 +4,8 @@ import pytest
 from support.axes import examine
 from support.specs import random_values
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize("seed", range(0, 500, 50))
 def test_no_certified_column_is_wrong_along_any_axis(seed):

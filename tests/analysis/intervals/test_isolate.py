@@ -70,6 +70,7 @@ def check(coefficients, noise):
     return True
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hard", HARD)
 def test_what_is_proved_is_so(hard):
     """Gaps from 1e-12 to 0.1, exact coefficients and noisy ones: the count of roots is exact, each in its place."""

@@ -8,6 +8,8 @@ from support import exact
 from support.intervals import cut_of, intervals_of, mislabelled, pairs
 from support.specs import random_values, values_of
 
+pytestmark = pytest.mark.slow
+
 mp = exact.mp
 
 

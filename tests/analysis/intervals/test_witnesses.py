@@ -9,6 +9,8 @@ from support.specs import KINDS, random_values, values_of
 
 from wavesweep.analysis.intervals import stable, stable_intervals
 
+pytestmark = pytest.mark.slow
+
 K_SPAN, B_SPAN = (0, 20000.0), (0, 300.0)
 
 

@@ -75,6 +75,7 @@ def lifted_ways(values):
     return np.concatenate(outward, axis=1), np.concatenate(inward, axis=2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(20))
 def test_no_point_of_a_scan_of_the_lifted_matrices_is_higher(random_values, seed):
     v = random_values(seed) | {"controller.kind": "pmw-lm" if seed % 3 else "pmw"}
@@ -115,6 +116,7 @@ def test_arrays_give_what_numbers_give(values):
     np.testing.assert_allclose(found.norm.ravel(), alone, rtol=2e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0, 333, 1000])
 def test_a_thousand_ticks_in_a_frame(values, delay):
     v = values("pmw-lm", **{"rates.ratio": 1000, "environment.delay": delay, "filters.lp1.order": 8})

@@ -81,6 +81,7 @@ def test_no_matrix_of_an_excluded_enclosure_has_an_eigenvalue_outside():
 LATE = {"velocity": "difference", "delay": 3}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "changes"), [("dc", LATE), ("dc-slow", {}), ("dc-lm", LATE), ("pmw", {}), ("pmw", LATE), ("pmw-lm", {})]
 )
@@ -100,6 +101,7 @@ def test_a_box_is_proved_up_to_where_a_hand_of_it_is_unstable(values, kind, chan
         assert worst_modes(v, told, beyond, v["environment.B_VE"])[0].max() > 1
 
 
+@pytest.mark.slow
 def test_springs_from_none_on_are_proved_where_they_hold_nothing_else(values):
     """With waves and no position feedback the box is taken in two, hands with a spring and hands without."""
     loose = HandBox((0.05, 0.1), (3.0, 4.0), (0.0, 400.0))

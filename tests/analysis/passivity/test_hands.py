@@ -29,6 +29,7 @@ def sampled(box, count, seed=7):
     return box.points(shares)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", LOOPS)
 def test_none_of_10000_sampled_hands_is_worse(values, kind):
     v = loop_of(values, kind)
@@ -38,6 +39,7 @@ def test_none_of_10000_sampled_hands_is_worse(values, kind):
     assert worst_hand(v, HOLDING_A_DEVICE, by="damping").damping_ratio <= damping.min() + 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_none_of_2000_hands_is_worse_on_random_loops(random_values, seed):
     v = random_values(seed + 300)
@@ -74,6 +76,7 @@ def test_a_box_with_a_negative_or_empty_range_is_refused():
         HandBox((0.1, 0.2), (1.0, 2.0), (5.0, 1.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", LOOPS)
 def test_walls_for_the_box_are_stable_for_sampled_hands_and_end_where_the_named_hand_says(values, kind, monkeypatch):
     if kind == "pmw-lm":
@@ -94,6 +97,7 @@ def test_walls_for_the_box_are_stable_for_sampled_hands_and_end_where_the_named_
             assert inside < 1 < outside
 
 
+@pytest.mark.slow
 def test_the_walls_for_the_box_are_within_those_of_each_of_its_hands(values):
     v = loop_of(values, "dc-slow")
     found = box_intervals(v, (0.0, 20000.0), HOLDING_A_DEVICE)

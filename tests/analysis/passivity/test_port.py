@@ -21,6 +21,8 @@ def scan(values, theta=THETA):
     return np.linalg.eigvalsh((G + np.swapaxes(G.conj(), -1, -2)) / 2)[:, 0]
 
 
+@pytest.mark.slow
+@pytest.mark.slow
 @pytest.mark.parametrize("block", range(5))
 def test_100_random_loops_agree_with_a_scan(random_values, block):
     for seed in range(20 * block, 20 * block + 20):
@@ -105,6 +107,7 @@ def test_loops_in_a_batch_are_those_one_by_one(values):
     np.testing.assert_allclose(found.margin.ravel(), alone, rtol=1e-9, atol=1e-9 * found.mean.max())
 
 
+@pytest.mark.slow
 def test_a_loop_whose_frame_overflows_is_not_passive_and_has_no_margin(values):
     v = values("dc-lm", K_LM=1e9, K_VE=np.array([10.0, 20.0]), **{"rates.ratio": 1000})
     found = port_margin(v)
@@ -112,6 +115,7 @@ def test_a_loop_whose_frame_overflows_is_not_passive_and_has_no_margin(values):
     assert not (found.stable | found.certified | found.passive).any()
 
 
+@pytest.mark.slow
 def test_a_thousand_ticks_in_a_frame(values):
     v = values("pmw", **{"rates.ratio": 1000, "environment.delay": 400})
     found = port_margin(v)

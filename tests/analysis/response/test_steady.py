@@ -32,6 +32,7 @@ def worst_error(values, frequency_hz, witness):
     return worst
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(3))
 def test_random_frequencies_hold_at_50_digits(kind, seed):
@@ -42,6 +43,7 @@ def test_random_frequencies_hold_at_50_digits(kind, seed):
     assert worst_error(values, [0.1, *inner, 0.49999 / T], exact.response) < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("seed", [0, 3, 12])
 def test_multiples_of_the_slow_rate_hold_at_50_digits(kind, seed):
@@ -58,6 +60,7 @@ CONSERVED = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "changes"), CONSERVED)
 def test_a_conserved_combination_leaves_the_answer_whole(kind, changes):
     """At 1 mHz, between, and at multiples of the slow rate."""
@@ -89,6 +92,7 @@ HARD = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "changes"), HARD)
 def test_long_filters_and_frames_keep_their_digits(kind, changes):
     """10th order at 1 Hz: direct-form sections would answer with a relative error of 12."""

@@ -8,6 +8,8 @@ from wavesweep.analysis.simulation import estimate, simulate
 from wavesweep.analysis.simulation.inputs import stepped_sine
 from wavesweep.diagram import draw
 
+pytestmark = pytest.mark.slow
+
 FREQUENCIES = np.linspace(1.3, 48.8, 20)
 # Each at a stiffness for which it is stable; what settles slowest is pmw's exchange of position, 0.065 a second.
 LOOPS = {

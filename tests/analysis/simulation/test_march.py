@@ -67,6 +67,7 @@ RESPONSES = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RESPONSES)
 def test_a_sine_settles_to_the_exact_response(values, name):
     changes, frequency, admittance, impedance = RESPONSES[name]
@@ -75,6 +76,7 @@ def test_a_sine_settles_to_the_exact_response(values, name):
     assert found[1] == pytest.approx(impedance, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_kp_transmits_the_walls_stiffness_at_rest(values):
     """With Kp the admittance of a constant force is 1/K_VE to the digit."""
     seen = march(values("pmw-lm", Kp=20.0), 1.0, ticks=20_000)

@@ -11,6 +11,7 @@ ADMITTANCE = [0.002110555449958508 - 0.00039083673027948867j, -0.001480291236687
 IMPEDANCE = [474.0092044976317 + 66.08168183969795j, -63.810265190939276 + 159.75604530111897j]
 
 
+@pytest.mark.slow
 def test_a_stepped_sine_measures_the_exact_responses(values):
     record = stepped_sine(1000.0, FREQUENCIES, settle=6.0, periods=3)
     table = estimate(simulate(values("pmw-lm", Kp=20.0), record.force).signals, record.tones, 1000.0, 20)
@@ -42,6 +43,7 @@ def test_an_offset_does_not_matter(values):
         assert estimate(with_drift, record.tones, 1000.0, 20)[name] == pytest.approx(column, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_nonideal_parts_show_in_the_estimate(values):
     """A device with friction gives way less to a small force than to a large one."""
     record = sine(1000.0, 3.0, seconds=4.0)
