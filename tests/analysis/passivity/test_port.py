@@ -22,7 +22,6 @@ def scan(values, theta=THETA):
 
 
 @pytest.mark.slow
-@pytest.mark.slow
 @pytest.mark.parametrize("block", range(5))
 def test_100_random_loops_agree_with_a_scan(random_values, block):
     for seed in range(20 * block, 20 * block + 20):
