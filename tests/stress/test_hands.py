@@ -17,3 +17,9 @@ def test_a_light_hand_that_aliases_between_the_hands_of_a_grid_is_found(seed, mo
     monkeypatch.setattr(held, "WORK", 20_000)
     (verdict,) = judge(seed)
     assert verdict.kind == "right", verdict.truth
+
+
+def test_what_is_settled_is_right():
+    (verdict,) = judge(1)
+    assert verdict.certified
+    assert verdict.kind == "right", verdict.truth

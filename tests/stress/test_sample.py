@@ -9,11 +9,11 @@ from stress.command import NAMES, verdicts
 pytestmark = pytest.mark.slow
 
 MANY = {  # of the slow ones; else 20
-    "hands": 2, "numbers": 3, "constructed": 4, "long_filters": 4, "windows": 4, "wild": 8,
+    "responses": 8, "numbers": 3, "constructed": 4, "long_filters": 4, "windows": 4, "wild": 8,
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("family", [name for name in NAMES if name != "climbs"])
+@pytest.mark.parametrize("family", [name for name in NAMES if name not in {"climbs", "hands"}])  # see below and test_hands
 def test_certified_rows_are_right(family):
     """Ends to 1e-9 (1e-6 where rounding of the loop alone moves them), counts exactly; and most rows are certified."""
     found = [(seed, v) for seed in range(MANY.get(family, 20)) for v in verdicts(family, seed)]
