@@ -9,9 +9,9 @@ from scipy import signal
 from scipy.linalg import expm
 from support.specs import values_of
 
-from wavesweep import diagram
+from wavesweep import diagram, plots
 from wavesweep.analysis.intervals import stable_intervals
-from wavesweep.cli.commands import COMMANDS, module_of
+from wavesweep.cli.entry import COMMANDS, module_of
 from wavesweep.lifted import cut_at_wall
 from wavesweep.results.schema import TABLES
 
@@ -103,5 +103,6 @@ def test_an_analysis_stands_where_the_document_says():
     """The one that the document tells to follow has a row in both tables and a place in each of the four stages."""
     assert {"passivity"} <= COMMANDS.keys() & TABLES.keys()
     assert module_of("passivity") == "wavesweep.cli.passivity"
-    for stage in ("analysis", "sweep", "plots", "cli"):
+    assert hasattr(plots, "passivity")
+    for stage in ("analysis", "sweep", "cli"):
         assert list((ROOT / "wavesweep" / stage).glob("passivity*")), stage
