@@ -42,7 +42,7 @@ class Loop:
         """
         from wavesweep.sweep.grid import make_grid
         from wavesweep.sweep.interval_table import in_memory
-        from wavesweep.sweep.question import question
+        from wavesweep.sweep.job import question
 
         axis, others = self._along(along, span), self._axes(axes)
         grid = make_grid(self.spec, others, axis.path, self.read)
@@ -53,7 +53,7 @@ class Loop:
 
         The array has one dimension per axis given as a list, in the order given; below 1 the loop is stable.
         """
-        from wavesweep.sweep.radius import radius_over
+        from wavesweep.sweep.tasks import radius_over
 
         shape = tuple(np.size(values) for values in axes.values() if np.ndim(values))
         return radius_over(self.spec, self._axes(axes), self.cut).reshape(shape)

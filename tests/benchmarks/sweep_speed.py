@@ -24,9 +24,8 @@ import numpy as np
 from wavesweep.diagram import draw
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.spec import load
-from wavesweep.sweep.question import ask
-from wavesweep.sweep.records import records_of
-from wavesweep.sweep.slices import solve, with_batch
+from wavesweep.sweep.job import ask
+from wavesweep.sweep.tasks import records_of, solve, with_batch
 
 STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
 GRID, THOUSANDTH = 100, 1000

@@ -9,7 +9,7 @@ from wavesweep.analysis.passivity.hand import worst_modes
 from wavesweep.cli.summaries import HandTally
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
-from wavesweep.sweep import held_intervals, held_stages, holders_of, workers
+from wavesweep.sweep import held_intervals, held_table, holders_of, workers
 
 OPERATOR = {"mass": 0.2, "damping": 5.0, "stiffness": 300.0}
 LINE = {"mass": (0.1, 0.6), "damping": (3.0, 3.0), "stiffness": (300.0, 300.0)}  # quickly searched
@@ -131,7 +131,7 @@ def test_the_rows_do_not_depend_on_workers_chunks_or_a_stop(tmp_path, monkeypatc
     spec = spec_of("dc-slow", **{"device.mass": [0.1, 0.2, 0.3]})
     holders = holders_of("box", LINE, True)
     alone = held_intervals(spec, holders, jobs=1)
-    monkeypatch.setattr(held_stages, "FEW", 1)
+    monkeypatch.setattr(held_table, "FEW", 1)
     monkeypatch.setattr(workers, "WORTH", -1.0)
 
     def stop_at(done, _total, _certified):

@@ -7,11 +7,10 @@ import pytest
 
 from wavesweep import sweep
 from wavesweep.spec import load
-from wavesweep.sweep import rows
-from wavesweep.sweep.chunks import Chunks, cut_up
+from wavesweep.sweep import checkpoint
+from wavesweep.sweep.checkpoint import MemoryParts
 from wavesweep.sweep.interval_table import compute, in_memory
-from wavesweep.sweep.parts import MemoryParts
-from wavesweep.sweep.question import ask, cut_otherwise
+from wavesweep.sweep.job import Chunks, ask, cut_otherwise, cut_up
 from wavesweep.sweep.run import joined
 from wavesweep.sweep.workers import Workers
 
@@ -22,7 +21,7 @@ SIZES = [(1, 7), (5, 7), (1, 3), (1, 1), (100, 7)]
 def table_of(asked):
     parts = MemoryParts()
     compute(asked, parts, HERE)
-    return joined(rows.blocks(asked, parts))
+    return joined(checkpoint.blocks(asked, parts))
 
 
 def one_by_one(spec):
@@ -71,7 +70,7 @@ def test_borders_of_blocks_leave_no_trace(mixed, same, monkeypatch):
     asked = ask(mixed)
     whole = table_of(asked)
     for size in (1, 5, 32):
-        monkeypatch.setattr(rows, "BLOCK", size)
+        monkeypatch.setattr(checkpoint, "BLOCK", size)
         same(table_of(asked), whole)
 
 

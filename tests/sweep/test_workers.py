@@ -11,7 +11,7 @@ import pytest
 from wavesweep import sweep
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.sweep import workers
-from wavesweep.sweep.work import timed
+from wavesweep.sweep.tasks import timed
 from wavesweep.sweep.workers import Workers, results
 
 
@@ -46,9 +46,8 @@ def test_a_dask_cluster_of_two_processes_gives_the_same_bits(long, same, cluster
 
 @pytest.mark.slow
 def test_a_scheduler_that_is_not_there_is_named(mixed, monkeypatch):
-    from wavesweep.sweep import backends
 
-    monkeypatch.setattr(backends, "PATIENCE", "1s")
+    monkeypatch.setattr(workers, "PATIENCE", "1s")
     with pytest.raises(UsageError, match=r"--scheduler tcp://127\.0\.0\.1:9: no dask scheduler answers there"):
         sweep.intervals(mixed, backend="dask", scheduler="tcp://127.0.0.1:9")
     with pytest.raises(UsageError, match="give the scheduler's address"):

@@ -21,9 +21,8 @@ from wavesweep.errors import WavesweepError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.paper.specs import load_paper
 from wavesweep.spec import Spec, sweep_axes
-from wavesweep.sweep.grid import make_grid
-from wavesweep.sweep.groups import groups
-from wavesweep.sweep.slices import with_batch
+from wavesweep.sweep.grid import groups, make_grid
+from wavesweep.sweep.tasks import with_batch
 
 COLUMNS = (25, 50, 100, 200)
 FILE = Path(__file__).with_name("references.json")

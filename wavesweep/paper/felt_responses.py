@@ -17,7 +17,7 @@ from wavesweep.diagram import draw
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import Spec
-from wavesweep.sweep.seen_response import seen_response
+from wavesweep.sweep.simulation_table import seen_response
 
 # Ranges of normalised frequency, rad/sample, as the tick labels of the paper's figures give them.
 LOW_OF_FIGURE_2 = (0.0, 0.15)

@@ -11,8 +11,8 @@ from wavesweep.paper.specs import load_paper
 from wavesweep.results import Field
 from wavesweep.spec import KEYS, Spec
 from wavesweep.sweep import Table, intervals
-from wavesweep.sweep.radius import radius_over
 from wavesweep.sweep.run import facts_of
+from wavesweep.sweep.tasks import radius_over
 
 AXES = {  # column: axis of the spec
     "delay": "environment.delay",

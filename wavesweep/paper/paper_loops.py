@@ -16,7 +16,7 @@ from wavesweep.paper.specs import load_paper
 from wavesweep.spec import Spec, find_key
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.sweep import intervals
-from wavesweep.sweep.slices import with_batch
+from wavesweep.sweep.tasks import with_batch
 
 Change = Mapping[str, float | int | str]
 Spans = list[tuple[float, float]]

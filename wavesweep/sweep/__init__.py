@@ -7,10 +7,10 @@ __all__ = ["Table", "filter_choices", "held_intervals", "holders_of", "intervals
 
 _HOMES = {
     "held_intervals": "wavesweep.sweep.held_table",
-    "holders_of": "wavesweep.sweep.held_stages",
+    "holders_of": "wavesweep.sweep.held_table",
     "intervals": "wavesweep.sweep.interval_table",
     "responses": "wavesweep.sweep.response_table",
-    "filter_choices": "wavesweep.sweep.filter_choice_table",
+    "filter_choices": "wavesweep.sweep.passivity_table",
     "passivity": "wavesweep.sweep.passivity_table",
     "plan": "wavesweep.sweep.planning",
     "simulate": "wavesweep.sweep.simulation_table",

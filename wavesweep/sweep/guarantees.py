@@ -16,7 +16,7 @@ from wavesweep.analysis.passivity import (
     swing_with_hand,
 )
 from wavesweep.diagram import WALL, draw
-from wavesweep.sweep.records import END_HANDS, HELD
+from wavesweep.sweep.tasks import END_HANDS, HELD, Work
 
 METHODS = {
     "passive": "damping that every passive hand asks for against the device's own; each value looked at is proved",
@@ -105,3 +105,28 @@ class Holders:
         """The guarantees asked for, by the name that their rows have in the column `hand`."""
         asked = {} if self.hand == "free" else {self.hand: Guarantee(self.hand, self.box)}
         return asked | ({"port": Guarantee("port")} if self.port else {})
+
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HandWork(Work):
+    """Intervals of a guarantee, a loop and a wall at a time; each takes from tenths of a second to some seconds."""
+
+    guarantee: Guarantee | None = None
+
+    def records(self) -> np.ndarray:
+        """Solve it; columns are numbered as those of `solve`."""
+        walls = len(self.walls[WALL[0]])
+        found = {}
+        for members, values in self.groups:
+            for place, loop in enumerate(members.tolist()):
+                for wall in range(walls):
+                    records = self.guarantee.records(self._values(values, place, wall), self.along, self.span)
+                    records["column"] = column = loop * walls + wall
+                    found[column] = records
+        return np.concatenate([found[column] for column in sorted(found)])
+
+    def _values(self, values, place, wall):
+        """Flat keys, numbers, of one loop and wall."""
+        own = {path: v[place].item() if np.ndim(v) else v for path, v in values.items()}
+        return own | {path: column[wall].item() for path, column in self.walls.items()}

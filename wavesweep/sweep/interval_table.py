@@ -7,12 +7,10 @@ from pathlib import Path
 
 from wavesweep.diagram import WALL
 from wavesweep.spec import Spec
-from wavesweep.sweep.expectation import expected_seconds
-from wavesweep.sweep.parts import MemoryParts, open_folder
-from wavesweep.sweep.question import Question, ask
-from wavesweep.sweep.records import HELD, certified_columns
-from wavesweep.sweep.rows import blocks
+from wavesweep.sweep.checkpoint import MemoryParts, blocks, open_folder
+from wavesweep.sweep.job import Question, ask, expected_seconds
 from wavesweep.sweep.run import Columns, Table, facts_of, joined
+from wavesweep.sweep.tasks import HELD, certified_columns
 from wavesweep.sweep.workers import Workers, choose, results
 
 Progress = Callable[[int, int, int], None]

@@ -6,13 +6,14 @@ from functools import partial
 
 import numpy as np
 
-from wavesweep.analysis.passivity import channel_norm
+from wavesweep.analysis.passivity import channel_norm, filter_table, sufficient_order
+from wavesweep.analysis.passivity.channel import CUTOFFS_HZ
 from wavesweep.diagram import draw
+from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
-from wavesweep.sweep.grid import Grid, make_grid
-from wavesweep.sweep.groups import groups
-from wavesweep.sweep.passivity_work import PORT, PortWork
+from wavesweep.sweep.grid import Grid, groups, make_grid
 from wavesweep.sweep.run import Table, facts_of
+from wavesweep.sweep.tasks import PORT, PortWork
 from wavesweep.sweep.workers import choose, results
 
 JOBS = 2
@@ -134,3 +135,27 @@ def _notices(grid) -> Iterator[str]:
             yield f"{axis.name} has a span and no values: not swept, held at the spec's {values[axis.path]:g}"
     if draw(values).waves is None:
         yield f"{kind} has no wave channel: its norm is missing, and what is not there adds no energy (channel_passive 1)"
+
+
+
+ENOUGH = 1e-3  # J per J sent that aliasing may add
+FILTER_METHODS = {
+    "channel": "H-infinity norm by levels, for LP1 of order 1 to 8; the spec's rates and nothing else of it",
+    "sufficient_order": f"least order at this cutoff whose energy_gain is at most {ENOUGH:g}",
+}
+
+
+def filter_choices(spec: Spec) -> Table:
+    """How far from passive the channel is for every order and cutoff of LP1 that the paper could mean."""
+    started = time.perf_counter()
+    cutoffs = [cutoff for cutoff in CUTOFFS_HZ if cutoff < spec.values["rates.fast_hz"] / 2]
+    if not cutoffs:
+        raise UsageError(f"filter choices: expected a fast rate above {2 * min(CUTOFFS_HZ):g} Hz for the cutoffs to fit")
+    columns = filter_table(spec.values, cutoffs_hz=cutoffs)
+    enough = sufficient_order(columns, ENOUGH)
+    orders = [enough[cutoff] for cutoff in columns["lp1_cutoff_hz"].tolist()]
+    columns = columns | {"sufficient_order": np.array([np.nan if order is None else order for order in orders])}
+    rows = columns["certified"].size
+    counts = {"computed": rows, "skipped": 0, "certified": int(columns["certified"].sum())}
+    facts = facts_of(spec, FILTER_METHODS, counts, {"compute_s": time.perf_counter() - started})
+    return Table.of("passivity-filters", columns, facts)

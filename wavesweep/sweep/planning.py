@@ -6,11 +6,10 @@ from wavesweep.diagram import draw, keys_read
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import Spec
-from wavesweep.sweep.expectation import expected_seconds
 from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.interval_table import JOBS, method
+from wavesweep.sweep.job import ask, expected_seconds
 from wavesweep.sweep.passivity_table import channels_of
-from wavesweep.sweep.question import ask
 from wavesweep.sweep.workers import choose
 
 

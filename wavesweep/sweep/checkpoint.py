@@ -1,17 +1,18 @@
-"""Finished chunks: in memory, or in a folder that survives a crash."""
+"""Finished chunks: in memory or in a folder that survives a crash, and from there to the rows of the table."""
 
 import json
 import os
 import shutil
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
+from wavesweep.analysis.doubt import words
 from wavesweep.errors import CheckpointError
-from wavesweep.sweep.chunks import Chunks
-from wavesweep.sweep.records import DTYPE, is_whole
+from wavesweep.sweep.job import Chunks, Question
+from wavesweep.sweep.tasks import DTYPE, is_whole
 
 MANIFEST = "manifest.json"
 SUFFIX = ".records"
@@ -153,3 +154,49 @@ def _unusable(folder, why):
     return CheckpointError(
         f"{folder}: cannot go on from this checkpoint: {why}; remove the folder, or give --force to begin anew"
     )
+
+
+BLOCK = 1 << 17  # combinations; 13 columns of them take some 15 MB
+
+
+def blocks(asked: Question, parts) -> Iterator[dict[str, np.ndarray]]:
+    """Yield the table's columns for consecutive combinations; `parts`: all chunks, finished."""
+    grid = asked.grid
+    for start in range(0, grid.size, BLOCK):
+        combination = np.arange(start, min(start + BLOCK, grid.size))
+        loop, wall = grid.column_of(combination)
+        which, records = _gather(asked.chunks, parts, loop * grid.walls + wall)
+        yield _columns(grid, asked.axis.name, combination[which], records)
+
+
+def _gather(chunks, parts, column):
+    """The records of the columns in their order, and for each the index of its column in `column`.
+
+    Where the wall's axes are not the last ones, neighbouring rows are in different chunks, and each chunk is read again
+    for every block that it has rows in: from the page cache, at a cost far below that of solving it.
+    """
+    owner = chunks.of(column)
+    order = np.argsort(owner, kind="stable")
+    borders = np.flatnonzero(np.diff(owner[order])) + 1
+    which, records = [], []
+    for members in np.split(order, borders):
+        chunk = chunks[int(owner[members[0]])]
+        found = parts.load(chunk.number)
+        wanted = column[members] - chunk.first
+        first, end = (np.searchsorted(found["column"], wanted, side=side) for side in ("left", "right"))
+        rows = end - first
+        at = np.repeat(first - np.concatenate([[0], np.cumsum(rows)[:-1]]), rows) + np.arange(rows.sum())
+        which.append(np.repeat(members, rows))
+        records.append(found[at])
+    which, records = np.concatenate(which), np.concatenate(records)
+    if borders.size and np.any(np.diff(which) < 0):
+        back = np.argsort(which, kind="stable")
+        which, records = which[back], records[back]
+    return which, records
+
+
+def _columns(grid, along, combination, records):
+    found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "column"}
+    found["doubt"] = words(found["doubt"])
+    leading = grid.axis_columns(combination)
+    return leading | {"along": np.full(records.size, along, dtype=object)} | found
