@@ -12,7 +12,8 @@ from wavesweep import results
 from wavesweep.errors import SpecError, UsageError
 
 HOLE = {
-    "controller": {"kind": "pmw"}, "environment": {"integration": "explicit"},
+    "controller": {"kind": "pmw"},
+    "environment": {"integration": "explicit"},
     "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
 }
 
@@ -56,8 +57,13 @@ def test_scalars_take_no_dimension_of_the_spectral_radius(hole):
 
 def test_the_product_of_axes_is_that_of_single_calls(hole):
     both = hole.spectral_radius(b=[20.0, 40.0], **{"device.mass": [0.1, 0.3]})
-    single = [[wavesweep.compile({**HOLE, "controller": {"kind": "pmw", "b": b}, "device": {"mass": m}}).spectral_radius()
-               for m in (0.1, 0.3)] for b in (20.0, 40.0)]
+    single = [
+        [
+            wavesweep.compile({**HOLE, "controller": {"kind": "pmw", "b": b}, "device": {"mass": m}}).spectral_radius()
+            for m in (0.1, 0.3)
+        ]
+        for b in (20.0, 40.0)
+    ]
     np.testing.assert_allclose(both, np.array(single), rtol=1e-14)
 
 
@@ -77,18 +83,21 @@ def test_python_control_gets_the_lifted_loop(hole):
     assert radius[-2] == pytest.approx(float(hole.spectral_radius()), rel=1e-12)
 
 
-@pytest.mark.parametrize(("call", "says"), [
-    (lambda loop: loop.stable_intervals(B_V=[1.0]), "did you mean B_VE"),
-    (lambda loop: loop.stable_intervals(along="K_LM", span=(0, 1)), "does not read"),
-    (lambda loop: loop.stable_intervals(along="b"), "span"),
-    (lambda loop: loop.stable_intervals(span=(5, 5)), "low < high"),
-    (lambda loop: loop.stable_intervals(B_VE=[]), "at least one value"),
-    (lambda loop: loop.stable_intervals(B_VE=[-1.0]), "B_VE"),
-    (lambda loop: loop.stable_intervals(B_VE=[np.nan]), "finite"),
-    (lambda loop: loop.response([0.0]), "> 0"),
-    (lambda loop: loop.response([501.0]), "at most half"),
-    (lambda loop: loop.spectral_radius(**{"device.velocity": [1]}), "numeric key"),
-])
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda loop: loop.stable_intervals(B_V=[1.0]), "did you mean B_VE"),
+        (lambda loop: loop.stable_intervals(along="K_LM", span=(0, 1)), "does not read"),
+        (lambda loop: loop.stable_intervals(along="b"), "span"),
+        (lambda loop: loop.stable_intervals(span=(5, 5)), "low < high"),
+        (lambda loop: loop.stable_intervals(B_VE=[]), "at least one value"),
+        (lambda loop: loop.stable_intervals(B_VE=[-1.0]), "B_VE"),
+        (lambda loop: loop.stable_intervals(B_VE=[np.nan]), "finite"),
+        (lambda loop: loop.response([0.0]), "> 0"),
+        (lambda loop: loop.response([501.0]), "at most half"),
+        (lambda loop: loop.spectral_radius(**{"device.velocity": [1]}), "numeric key"),
+    ],
+)
 def test_what_a_spec_would_refuse_is_refused(hole, call, says):
     with pytest.raises((UsageError, SpecError), match=says):
         call(hole)

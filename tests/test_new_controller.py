@@ -22,10 +22,14 @@ def dc_filtered(values) -> Diagram:
     facts = hand(values)
     low_pass = butterworth("smooth", 1, values["filters.lp2.cutoff_hz"], facts["period"])
     return Diagram(
-        fast=(device(values, facts["period"]), low_pass), slow=(),
+        fast=(device(values, facts["period"]), low_pass),
+        slow=(),
         sums={"device.f": {"f_h": 1, "f_m": -1}, "smooth.u": {"shown": 1}, "f_m": {"smooth.y": 1}},
-        samples={"place": "device.x", "speed": "device.v_hat"}, holds={"shown": "F_s"}, wall=("place", "speed"),
-        **rates(values), **facts,
+        samples={"place": "device.x", "speed": "device.v_hat"},
+        holds={"shown": "F_s"},
+        wall=("place", "speed"),
+        **rates(values),
+        **facts,
     )
 
 
@@ -47,8 +51,10 @@ def compiled(values):
 def frame(values, state, K, B, force):
     """March a frame: states (x, v, the filter's u and y before, held force); the state after it, positions and forces."""
     T, ratio, delay = 1 / values["rates.fast_hz"], values["rates.ratio"], values["environment.delay"]
-    m, d, k = (values[f"device.{n}"] + values[f"operator.{n}"] if n != "stiffness" else values["operator.stiffness"]
-               for n in ("mass", "damping", "stiffness"))
+    m, d, k = (
+        values[f"device.{n}"] + values[f"operator.{n}"] if n != "stiffness" else values["operator.stiffness"]
+        for n in ("mass", "damping", "stiffness")
+    )
     step = expm(T * np.array([[0, 1, 0], [-k / m, -d / m, 1 / m], [0, 0, 0]]))
     w = np.tan(np.pi * values["filters.lp2.cutoff_hz"] * T)
     x, v, u_before, y_before, old = state

@@ -38,9 +38,11 @@ def main():
         pairs = np.array([(seconds(exact), seconds(grid)) for _ in range(16)][1:])
         ours, theirs = np.median(pairs, axis=0)
         ratio, table = np.median(pairs[:, 1] / pairs[:, 0]), exact()
-        print(f"{name} ({loop.spec.values['controller.kind']}), {loop.cut.order} states: {1e3 * ours:.2f} ms, "
-              f"{int(table.certified.sum())} of {len(table)} rows certified; grid {1e3 * theirs:.1f} ms; "
-              f"{ratio:.1f} times as fast")
+        print(
+            f"{name} ({loop.spec.values['controller.kind']}), {loop.cut.order} states: {1e3 * ours:.2f} ms, "
+            f"{int(table.certified.sum())} of {len(table)} rows certified; grid {1e3 * theirs:.1f} ms; "
+            f"{ratio:.1f} times as fast"
+        )
 
 
 if __name__ == "__main__":

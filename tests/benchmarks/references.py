@@ -35,8 +35,7 @@ def interpolated(samples, radius):
     """Coefficients, highest first, of the polynomial with these values at `radius exp(2 pi j k/n)`; real by symmetry."""
     n = len(samples)
     low_first = [
-        (mp.fsum(s * mp.expjpi(mp.mpf(-2 * k * i) / n) for k, s in enumerate(samples)) / n / radius**i).real
-        for i in range(n)
+        (mp.fsum(s * mp.expjpi(mp.mpf(-2 * k * i) / n) for k, s in enumerate(samples)) / n / radius**i).real for i in range(n)
     ]
     return low_first[::-1]
 

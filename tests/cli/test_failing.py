@@ -114,4 +114,3 @@ def test_a_folder_that_is_a_file_is_named(wavesweep, sweep, spec, tmp_path):
     assert code == 2
     assert err.strip().startswith("Error: taken: ")
     assert sweep.seen == []  # said before the work
-

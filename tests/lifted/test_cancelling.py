@@ -19,8 +19,9 @@ def test_a_line_without_filter_and_delay_moves_the_avatar_by_the_hand_alone(b, i
 
 def test_an_end_keeps_its_digits_at_a_tiny_wave_impedance():
     """Truth from 512-bit ball arithmetic; eps/b left behind cost seven digits."""
-    values = values_of("pmw", ratio=5, mass=0.09899054365901827, damping=0.0, velocity="difference",
-                       b=2.273804480282737e-06, lp1_order=0)
+    values = values_of(
+        "pmw", ratio=5, mass=0.09899054365901827, damping=0.0, velocity="difference", b=2.273804480282737e-06, lp1_order=0
+    )
     found = intervals_of(values, fixed=6.741149374749543)
     np.testing.assert_allclose(pairs(found), [(0.0, 9968.451663783808)], rtol=1e-11)
     assert found.certified.all()

@@ -9,10 +9,23 @@ def table_of_intervals(axes, along, rows):
     flat = []
     for place, found in rows:
         listed = found or [(np.nan, np.nan, np.nan, np.nan, True)]
-        flat += [(*place, along, len(found), number, *interval, 1e-14, "" if interval[-1] else "rounding")
-                 for number, interval in enumerate(listed)]
-    names = [*axes, "along", "intervals", "interval", "low", "high", "low_omega", "high_omega", "certified", "residual",
-             "doubt"]
+        flat += [
+            (*place, along, len(found), number, *interval, 1e-14, "" if interval[-1] else "rounding")
+            for number, interval in enumerate(listed)
+        ]
+    names = [
+        *axes,
+        "along",
+        "intervals",
+        "interval",
+        "low",
+        "high",
+        "low_omega",
+        "high_omega",
+        "certified",
+        "residual",
+        "doubt",
+    ]
     columns = {name: np.array(values) for name, values in zip(names, zip(*flat, strict=True), strict=True)}
     kinds = {"along": object, "certified": bool, "doubt": object}
     return columns | {name: columns[name].astype(kind) for name, kind in kinds.items()}

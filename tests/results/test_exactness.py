@@ -61,8 +61,7 @@ def test_a_spec_with_an_awkward_name_reads_back(stem, tmp_path, facts):
     fields = results.fields("bode")
     values = {"number": 1.5, "boolean": True, "string": stem}
     columns = {
-        field.name: np.array([values[field.kind]] * 2, dtype=object if field.kind == "string" else None)
-        for field in fields
+        field.name: np.array([values[field.kind]] * 2, dtype=object if field.kind == "string" else None) for field in fields
     }
     publish(Table.of("bode", columns, facts), tmp_path)
     for suffix in ("csv", "parquet"):

@@ -63,10 +63,7 @@ def write(tmp_path, monkeypatch):
         ),
         (
             "[rates]\nfast_hz = 30",
-            (
-                "a.toml:1:1: filters.lp2.cutoff_hz: expected a number < 15.0 (half of rates.fast_hz), "
-                "found 20.0 (the default)"
-            ),
+            ("a.toml:1:1: filters.lp2.cutoff_hz: expected a number < 15.0 (half of rates.fast_hz), found 20.0 (the default)"),
         ),
         (
             "[filters]\nlp1.cutoff_hz = 500",
@@ -78,10 +75,7 @@ def write(tmp_path, monkeypatch):
         ),
         (
             "[rates]\nslow_hz = 30",
-            (
-                "a.toml:4:11: rates.slow_hz: expected rates.fast_hz = 1000.0 divided by a whole number from 1 to 1000, "
-                "found 30"
-            ),
+            ("a.toml:4:11: rates.slow_hz: expected rates.fast_hz = 1000.0 divided by a whole number from 1 to 1000, found 30"),
         ),
         (
             "[sweep]\nB_V = [1]",
@@ -99,10 +93,7 @@ def write(tmp_path, monkeypatch):
         ),
         (
             '[sweep]\nalong = "device.velocity"',
-            (
-                'a.toml:4:9: sweep.along: expected the name of a numeric key, found "device.velocity", '
-                "which takes no number"
-            ),
+            ('a.toml:4:9: sweep.along: expected the name of a numeric key, found "device.velocity", which takes no number'),
         ),
     ],
 )

@@ -47,8 +47,12 @@ def _points(values, along):
     pairs = [[certified.divided(p, 1, shape.common) for p in certified.open_wall(polynomials, along, y)] for y in (0.0, 1.0)]
     (p, q), (p_one, _) = pairs
     p_slope = p_one - p
-    P, slope = (certified.divided(certified.divided(certified.boundary(part, q), 1, shape.boundary_at_one), -1,
-                shape.boundary_at_minus_one) for part in (p, p_slope))
+    P, slope = (
+        certified.divided(
+            certified.divided(certified.boundary(part, q), 1, shape.boundary_at_one), -1, shape.boundary_at_minus_one
+        )
+        for part in (p, p_slope)
+    )
     try:
         places = certified.real_roots(P.derivative() * slope - P * slope.derivative())
     except certified.Undecided:

@@ -1,6 +1,6 @@
 """Walls for every hand of a wide box, against a search for a hand that breaks them which knows nothing of how they came.
 
-    python -m tests.stress --family hands --specs 256
+python -m tests.stress --family hands --specs 256
 """
 
 import warnings

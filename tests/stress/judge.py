@@ -54,8 +54,10 @@ def _must_be_numbers(found):
 
 def _column(question, cut, found, witness, index):
     mine = found.column == index
-    rows = [(float(a), float(b), float(s), float(t)) for a, b, s, t in zip(
-        found.low[mine], found.high[mine], found.low_omega[mine], found.high_omega[mine], strict=True)]
+    rows = [
+        (float(a), float(b), float(s), float(t))
+        for a, b, s, t in zip(found.low[mine], found.high[mine], found.low_omega[mine], found.high_omega[mine], strict=True)
+    ]
     rows = [row for row in rows if row[0] == row[0]]
     sure = bool(found.certified[mine].all())
     verdict = Verdict("undecided", sure, max(len(rows), 1), "" if sure else reason(cut, question), answered=rows)
@@ -63,8 +65,15 @@ def _column(question, cut, found, witness, index):
         regions = witness.regions(question.along, question.span, question.fixed[index])
     except certified.Undecided:
         return verdict
-    verdict.truth = [(float(r.low.mid()), float(r.high.mid()), *(np.nan if t is None else t / float(cut.period[0])
-                      for t in (r.low_theta, r.high_theta))) for r in regions if r.unstable == 0]
+    verdict.truth = [
+        (
+            float(r.low.mid()),
+            float(r.high.mid()),
+            *(np.nan if t is None else t / float(cut.period[0]) for t in (r.low_theta, r.high_theta)),
+        )
+        for r in regions
+        if r.unstable == 0
+    ]
     if sure:
         verdict.kind, verdict.error = _compared(verdict.answered, verdict.truth, question.span)
     else:
@@ -75,8 +84,10 @@ def _column(question, cut, found, witness, index):
 def _known(rows, truth, span):
     """Whether what is called stable is so; what is not certified may leave something out."""
     slack = LOOSE * (span[1] - span[0])
-    return all(any(a >= low - LOOSE * abs(low) - slack and b <= high + LOOSE * abs(high) + slack for low, high, *_ in truth)
-               for a, b, *_ in rows)
+    return all(
+        any(a >= low - LOOSE * abs(low) - slack and b <= high + LOOSE * abs(high) + slack for low, high, *_ in truth)
+        for a, b, *_ in rows
+    )
 
 
 def _compared(rows, truth, span):

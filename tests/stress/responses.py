@@ -125,8 +125,10 @@ def exact(values, frequency):
             continue
         pair = [sum(part) / len(sides) for part in zip(*both, strict=True)]
         zero = NOTHING / pair[0].abs_lower() if pair[0].is_finite() and not pair[0].contains(0) else 0
-        if all(p.is_finite() and p.real.rad() + p.imag.rad() < 1e-18 * (p.abs_lower() + tiny)
-               for p, tiny in zip(pair, (0, zero), strict=True)):
+        if all(
+            p.is_finite() and p.real.rad() + p.imag.rad() < 1e-18 * (p.abs_lower() + tiny)
+            for p, tiny in zip(pair, (0, zero), strict=True)
+        ):
             return complex(pair[0]), 0j if pair[1].abs_lower() < zero else complex(pair[1])
     return None
 

@@ -60,8 +60,15 @@ def long_filters(r):
     changes = {f"filters.{name}.order": int(r.integers(6, 13)) for name in ("lp1", "hp", "lp2")}
     changes |= {f"filters.{name}.cutoff_hz": spread(r, 1e-3, 0.49) * values["rates.fast_hz"] for name in ("lp1", "hp", "lp2")}
     ratio = int(r.choice([1, 2, 3, 5, 20]))
-    return values | changes | {"rates.ratio": ratio, "environment.delay": int(r.integers(0, ratio + 1)),
-                               "controller.kind": str(r.choice(["pmw", "pmw-lm"]))}
+    return (
+        values
+        | changes
+        | {
+            "rates.ratio": ratio,
+            "environment.delay": int(r.integers(0, ratio + 1)),
+            "controller.kind": str(r.choice(["pmw", "pmw-lm"])),
+        }
+    )
 
 
 def unstable_inside(r):

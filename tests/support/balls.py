@@ -79,8 +79,10 @@ def butterworth(order, cutoff_hz, T, highpass):
 
 def device(values, T):
     """Rows of `(x, v)+` over `(x, v, f)`, in closed form: exponentials of large matrices have no useful bound."""
-    m, d, k = (arb(values[f"device.{a}"]) + arb(values[f"operator.{a}"]) if a != "stiffness" else
-               arb(values["operator.stiffness"]) for a in ("mass", "damping", "stiffness"))
+    m, d, k = (
+        arb(values[f"device.{a}"]) + arb(values[f"operator.{a}"]) if a != "stiffness" else arb(values["operator.stiffness"])
+        for a in ("mass", "damping", "stiffness")
+    )
     if k == 0 and d == 0:
         return (1, T, T * T / (2 * m)), (0, 1, T / m)
     if k == 0:
@@ -179,8 +181,10 @@ def _step(forms, values, f_m, T, put):
 
 def _sections(values, T):
     used = {"pmw": ("lp1",), "pmw-lm": ("lp1", "hp", "lp2")}.get(values["controller.kind"], ())
-    return {name: butterworth(values[f"filters.{name}.order"], values[f"filters.{name}.cutoff_hz"], T, name == "hp")
-            for name in used}
+    return {
+        name: butterworth(values[f"filters.{name}.order"], values[f"filters.{name}.cutoff_hz"], T, name == "hp")
+        for name in used
+    }
 
 
 def _states(values, sections, delay):
@@ -339,8 +343,9 @@ def lifted(values, frequency_hz):
     turn = acb(0, 2 * arb.pi() * frequency_hz * T * M).exp()
     unit = acb_mat(n, n, [turn if i == j else 0 for i in range(n) for j in range(n)])
     reply = (unit - state).solve(acb_mat([[force[k, 0] for force in forces] for k in range(n)]))
-    found = [[e + (direct[i][j] if j < i else 0) for j, e in enumerate((row * reply).tolist()[0])]
-             for i, row in enumerate(rows)]
+    found = [
+        [e + (direct[i][j] if j < i else 0) for j, e in enumerate((row * reply).tolist()[0])] for i, row in enumerate(rows)
+    ]
     largest = max(e.abs_upper() for row in found for e in row)
     if not all(e.is_finite() and e.real.rad() + e.imag.rad() < 1e-18 * largest for row in found for e in row):
         raise ValueError("not enough bits")

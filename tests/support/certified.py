@@ -100,14 +100,22 @@ class Structure:
     boundary_at_minus_one: int
 
 
-ZEROS = ("device.damping", "operator.damping", "operator.stiffness", "environment.K_VE", "controller.Kp",
-         "local_model.K_LM", "local_model.B_LM")
+ZEROS = (
+    "device.damping",
+    "operator.damping",
+    "operator.stiffness",
+    "environment.K_VE",
+    "controller.Kp",
+    "local_model.K_LM",
+    "local_model.B_LM",
+)
 
 
 def structure(values, along, fixed_is_zero):
     """Structure of all loops that are drawn alike, from one of them with tame numbers."""
-    tame = {key: value if isinstance(value, str) or key.endswith("order") else TAME.get(key, value)
-            for key, value in values.items()}
+    tame = {
+        key: value if isinstance(value, str) or key.endswith("order") else TAME.get(key, value) for key, value in values.items()
+    }
     tame |= {key: TAME[key] if values[key] else 0.0 for key in ZEROS}
     ratio, delay = values["rates.ratio"], values["environment.delay"]
     if ratio > MOST_TICKS:  # few enough to be quick, a delay that is no special part of the frame left so
@@ -248,7 +256,7 @@ def _refined(P, low, high):
         whole = low.union(high)
         middle, steep = whole.mid(), slope(whole)
         if not steep.contains(0):
-            step = (middle - P(middle) / steep)
+            step = middle - P(middle) / steep
             new_low, new_high = max(low, step.lower().mid()), min(high, step.upper().mid())
             if new_high - new_low < (high - low) / 2:
                 low, high = new_low, new_high

@@ -116,8 +116,10 @@ def _step(loop: SimulatedLoop, state: State) -> State:
 def probes(values):
     """[(K_VE, whether the intervals say stable), ...] next to every inner end along K_VE in (0, 20000)."""
     found = stable_intervals(cut_at_wall(draw(values)).at(np.newaxis), "K_VE", (0, 20000.0), [[values["environment.B_VE"]]])
-    inner = [*zip(found.low, found.low_omega, [1] * found.low.size, strict=True),
-             *zip(found.high, found.high_omega, [-1] * found.high.size, strict=True)]
+    inner = [
+        *zip(found.low, found.low_omega, [1] * found.low.size, strict=True),
+        *zip(found.high, found.high_omega, [-1] * found.high.size, strict=True),
+    ]
     ends = [(end, side) for end, omega, side in inner if end > 0 and not np.isnan(omega)]
     return [(end * (1 + way * side * STEP), way > 0) for end, side in ends for way in (1, -1)]
 

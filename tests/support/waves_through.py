@@ -90,5 +90,10 @@ def run_back(values, slow, local, tail_frames: int = 200) -> Passage:
         passed.append(y)
     user = held + np.array(passed[: held.size])
     energy_in = ratio * np.square(slow).sum() + np.square(local).sum()
-    return Passage(user, np.asarray(slow, float), np.asarray(local, float), float(energy_in / fast_hz),
-                   float(np.square(user).sum() / fast_hz))
+    return Passage(
+        user,
+        np.asarray(slow, float),
+        np.asarray(local, float),
+        float(energy_in / fast_hz),
+        float(np.square(user).sum() / fast_hz),
+    )

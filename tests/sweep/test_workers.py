@@ -16,9 +16,7 @@ from wavesweep.sweep.workers import Workers, results
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("jobs", "backend"), [(1, "loky"), (2, "loky"), (4, "loky"), (2, "threading"), (2, "multiprocessing")]
-)
+@pytest.mark.parametrize(("jobs", "backend"), [(1, "loky"), (2, "loky"), (4, "loky"), (2, "threading"), (2, "multiprocessing")])
 def test_workers_give_the_bits_that_none_give(long, same, jobs, backend, tmp_path):
     run = sweep.intervals(long, jobs=jobs, backend=backend, checkpoint=tmp_path / "parts")
     same(run.columns, sweep.intervals(long, jobs=1).columns)

@@ -71,13 +71,9 @@ QUICK = Patience(0.0, 1, 1)
 def interleaved(first: Callable[[], Any], second: Callable[[], Any], patience: Patience) -> Pair:
     """Run A B A B ..., both of them warm already, and give medians."""
     started, times = time.perf_counter(), []
-    while len(times) < patience.fewest or (
-        len(times) < patience.most and time.perf_counter() - started < patience.seconds
-    ):
+    while len(times) < patience.fewest or (len(times) < patience.most and time.perf_counter() - started < patience.seconds):
         times.append((_timed(first), _timed(second)))
-    return Pair(
-        median(a for a, _ in times), median(b for _, b in times), median(a / b for a, b in times), len(times)
-    )
+    return Pair(median(a for a, _ in times), median(b for _, b in times), median(a / b for a, b in times), len(times))
 
 
 def _timed(call: Callable[[], Any]) -> float:

@@ -111,7 +111,5 @@ def _profiled(function: Callable) -> tuple[str, int, str]:
 def _lapack(stats: pstats.Stats) -> float:
     """Own time of numpy's calls into LAPACK."""
     return sum(
-        own
-        for (file, _, function), (_, _, own, _, _) in stats.stats.items()
-        if function in _ROUTINES and "linalg" in file
+        own for (file, _, function), (_, _, own, _, _) in stats.stats.items() if function in _ROUTINES and "linalg" in file
     )

@@ -28,7 +28,6 @@ def matrix(rows) -> np.ndarray:
     return out
 
 
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Block:
     """A linear block `x[k+1] - x[k] = E x[k] + B u[k]`, `y[k] = C x[k] + D u[k]`.
@@ -68,7 +67,6 @@ class Block:
     def batch(self) -> tuple[int, ...]:
         """The shape of the leading axes, all four arrays broadcast together."""
         return np.broadcast_shapes(*(a.shape[:-2] for a in (self.E, self.B, self.C, self.D)))
-
 
 
 def unit_delay(name: str) -> Block:

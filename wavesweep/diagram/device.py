@@ -20,18 +20,27 @@ def device(values, period) -> Block:
     x_row = [s, -stiffness * g]
     if values["device.velocity"] == "exact":
         return Block(
-            "device", ("f",), ("x", "v_hat", "dx"), ("v", "x"),
-            E=matrix([v_row, x_row]), B=matrix([[s / mass], [g / mass]]),
-            C=matrix([[0, 1], [1, 0], x_row]), D=matrix([[0], [0], [g / mass]]),
+            "device",
+            ("f",),
+            ("x", "v_hat", "dx"),
+            ("v", "x"),
+            E=matrix([v_row, x_row]),
+            B=matrix([[s / mass], [g / mass]]),
+            C=matrix([[0, 1], [1, 0], x_row]),
+            D=matrix([[0], [0], [g / mass]]),
         )
     # The encoder's difference is a state of its own, w = (x[k] - x[k-1])/T, so that a free device keeps no second copy
     # of its position, in which the drift would hide.
     w_row = [s / period, -1, -stiffness * g / period]
     return Block(
-        "device", ("f",), ("x", "v_hat", "dx"), ("v", "w", "x"),
+        "device",
+        ("f",),
+        ("x", "v_hat", "dx"),
+        ("v", "w", "x"),
         E=matrix([[v_row[0], 0, v_row[1]], w_row, [s, 0, -stiffness * g]]),
         B=matrix([[s / mass], [g / (mass * period)], [g / mass]]),
-        C=matrix([[0, 0, 1], [0, 1, 0], [s, 0, -stiffness * g]]), D=matrix([[0], [0], [g / mass]]),
+        C=matrix([[0, 0, 1], [0, 1, 0], [s, 0, -stiffness * g]]),
+        D=matrix([[0], [0], [g / mass]]),
     )
 
 

@@ -18,8 +18,10 @@ def dc_lm(values) -> Diagram:
     """The slow wall's held force, and a fast spring and damper about the samples that it was computed from."""
     stiffness, damping = values["local_model.K_LM"], values["local_model.B_LM"]
     about_samples = {
-        "device.x": stiffness, "x_ref": -1 * stiffness,
-        "device.v_hat": damping, "v_ref": -1 * damping,
+        "device.x": stiffness,
+        "x_ref": -1 * stiffness,
+        "device.v_hat": damping,
+        "v_ref": -1 * damping,
     }
     return _coupled(values, rates(values), about_samples, {"x_ref": "x_tilde", "v_ref": "x_tilde_dot"})
 
@@ -28,8 +30,12 @@ def _coupled(values, timing, more_force=None, more_holds=None) -> Diagram:
     """hand -> device -> samplers -> wall -> hold -> device, with what a fast controller adds to the held force."""
     facts = hand(values)
     return Diagram(
-        fast=(device(values, facts["period"]),), slow=(),
+        fast=(device(values, facts["period"]),),
+        slow=(),
         sums={"device.f": {"f_h": 1, "f_m": -1}, "f_m": {"held_F": 1} | (more_force or {})},
         samples={"x_tilde": "device.x", "x_tilde_dot": "device.v_hat"},
-        holds={"held_F": "F_s"} | (more_holds or {}), wall=("x_tilde", "x_tilde_dot"), **timing, **facts,
+        holds={"held_F": "F_s"} | (more_holds or {}),
+        wall=("x_tilde", "x_tilde_dot"),
+        **timing,
+        **facts,
     )

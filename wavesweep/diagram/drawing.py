@@ -1,6 +1,5 @@
 """The drawing of a multirate loop: blocks at two rates, samplers, holds, a wall, and who feeds whom."""
 
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -67,7 +66,6 @@ class Diagram:
     waves: tuple[str, str] | None = None
     rate: object = None
     structure: "Diagram | None" = None
-
 
 
 def hand(values) -> dict:

@@ -16,8 +16,11 @@ def pmw(values) -> Diagram:
         fast=(device(values, facts["period"]), antialiasing(values, facts["period"])),
         slow=(slow_avatar(values, facts["period"]),),
         sums=encoder(values) | {"v_m": {"v_1": 1} | position_term(values)},
-        samples={"u_s": "lp1.y"}, holds={"v_1": "avatar.v", "x_s": "avatar.x"},
-        wall=("avatar.x_tilde", "avatar.x_dot"), waves=("u_m", "v_m"), **facts,
+        samples={"u_s": "lp1.y"},
+        holds={"v_1": "avatar.v", "x_s": "avatar.x"},
+        wall=("avatar.x_tilde", "avatar.x_dot"),
+        waves=("u_m", "v_m"),
+        **facts,
     )
 
 
@@ -49,4 +52,3 @@ def antialiasing(values, period):
 def slow_avatar(values, period):
     """The avatar, which runs once a frame."""
     return avatar(values["controller.b"], period * values["rates.ratio"], values["environment.integration"])
-

@@ -14,20 +14,31 @@ def pmw_lm(values) -> Diagram:
     period, delayed = facts["period"], values["local_model.delay"] == 1
     branch = (
         butterworth("hp", values["filters.hp.order"], values["filters.hp.cutoff_hz"], period, highpass=True),
-        local_model(values["controller.b"], values["local_model.K_LM"], values["local_model.B_LM"], period,
-                    values["local_model.integration"]),
+        local_model(
+            values["controller.b"],
+            values["local_model.K_LM"],
+            values["local_model.B_LM"],
+            period,
+            values["local_model.integration"],
+        ),
         butterworth("lp2", values["filters.lp2.order"], values["filters.lp2.cutoff_hz"], period),
     )
     if delayed:
         branch += (unit_delay("late"),)
     junctions = {
-        "hp.u": {"u_m": 1}, "local.u": {"hp.y": 1}, "lp2.u": {"local.v": 1}, "late.u": {"lp2.y": 1},
+        "hp.u": {"u_m": 1},
+        "local.u": {"hp.y": 1},
+        "lp2.u": {"local.v": 1},
+        "late.u": {"lp2.y": 1},
         "v_m": {"v_1": 1, "late.y" if delayed else "lp2.y": 1} | position_term(values),
     }
     return Diagram(
         fast=(device(values, period), antialiasing(values, period), *branch),
         slow=(slow_avatar(values, period),),
         sums=encoder(values) | junctions,
-        samples={"u_s": "lp1.y"}, holds={"v_1": "avatar.v", "x_s": "avatar.x"},
-        wall=("avatar.x_tilde", "avatar.x_dot"), waves=("u_m", "v_m"), **facts,
+        samples={"u_s": "lp1.y"},
+        holds={"v_1": "avatar.v", "x_s": "avatar.x"},
+        wall=("avatar.x_tilde", "avatar.x_dot"),
+        waves=("u_m", "v_m"),
+        **facts,
     )

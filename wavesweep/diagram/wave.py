@@ -19,8 +19,12 @@ def avatar(b, period, integration: str) -> Block:
     read, sent = (share * period for share in _STEP[integration])
     along, against = np.sqrt(2 / b), -1 / b
     return Block(
-        "avatar", ("u", "F"), ("x_tilde", "x_dot", "v", "x"), ("s",),
-        E=matrix([[0]]), B=matrix([[period * along, period * against]]),
+        "avatar",
+        ("u", "F"),
+        ("x_tilde", "x_dot", "v", "x"),
+        ("s",),
+        E=matrix([[0]]),
+        B=matrix([[period * along, period * against]]),
         C=matrix([[1], [0], [0], [1]]),
         D=matrix([[read * along, read * against], [along, against], [1, -along], [sent * along, sent * against]]),
         waves=("u", "v"),
@@ -38,7 +42,13 @@ def local_model(b, stiffness, damping, period, integration: str) -> Block:
     # x_dot = (along u - K s)/total, and F = along u - b x_dot turns v into along x_dot - u.
     speed_u, speed_s = along / total, -stiffness / total
     return Block(
-        "local", ("u",), ("v",), ("s",),
-        E=matrix([[period * speed_s]]), B=matrix([[period * speed_u]]),
-        C=matrix([[along * speed_s]]), D=matrix([[along * speed_u - 1]]), waves=("u", "v"),
+        "local",
+        ("u",),
+        ("v",),
+        ("s",),
+        E=matrix([[period * speed_s]]),
+        B=matrix([[period * speed_u]]),
+        C=matrix([[along * speed_s]]),
+        D=matrix([[along * speed_u - 1]]),
+        waves=("u", "v"),
     )

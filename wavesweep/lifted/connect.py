@@ -28,11 +28,17 @@ def connect(name: str, blocks, sums, inputs, outputs) -> Block:
     states = tuple(f"{block.name}.{state}" for block in blocks for state in block.states)
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
         parts = {
-            "E": E + B @ x_to_u, "B": _through(0.0, B, w_to_u),
-            "C": out_y @ (C + D @ x_to_u), "D": _through(out_w, out_y @ D, w_to_u),
+            "E": E + B @ x_to_u,
+            "B": _through(0.0, B, w_to_u),
+            "C": out_y @ (C + D @ x_to_u),
+            "D": _through(out_w, out_y @ D, w_to_u),
         }
     return Block(
-        name, tuple(inputs), tuple(outputs), states, **parts,
+        name,
+        tuple(inputs),
+        tuple(outputs),
+        states,
+        **parts,
         condition=condition,
         terms=_terms((E, B, C, D), (from_y, from_w), (out_y, out_w), inverse),
     )

@@ -61,8 +61,15 @@ class Cut:
             return (array if array.shape == full else np.broadcast_to(array, full))[index]
 
         parts = {name: pick(getattr(self, name), 2) for name in "EBCD"}
-        return Cut(**parts, integrates=self.integrates, period=pick(self.period, 0), states=self.states,
-                   unread=self.unread, conserved=self.conserved, condition=pick(self.condition, 0))
+        return Cut(
+            **parts,
+            integrates=self.integrates,
+            period=pick(self.period, 0),
+            states=self.states,
+            unread=self.unread,
+            conserved=self.conserved,
+            condition=pick(self.condition, 0),
+        )
 
 
 def cut_at_wall(diagram: Diagram) -> Cut:
@@ -118,8 +125,12 @@ def open_in(cut: Cut, along: str, fixed) -> tuple[np.ndarray, np.ndarray, np.nda
     at_rest = along == "B_VE"
     B = np.concatenate([cut.B, cut.D[..., ADVANCE : ADVANCE + 1, :]], axis=-2) if cut.integrates else cut.B
     A = np.concatenate([cut.E, cut.C[..., ADVANCE : ADVANCE + 1, :]], axis=-2) if cut.integrates else cut.E
-    x, v = (np.concatenate([cut.C[..., row : row + 1, :], np.full((*cut.batch, 1, 1), unit)], axis=-1)
-            if cut.integrates else cut.C[..., row : row + 1, :] for row, unit in ((OFFSET, 1.0), (V, 0.0)))
+    x, v = (
+        np.concatenate([cut.C[..., row : row + 1, :], np.full((*cut.batch, 1, 1), unit)], axis=-1)
+        if cut.integrates
+        else cut.C[..., row : row + 1, :]
+        for row, unit in ((OFFSET, 1.0), (V, 0.0))
+    )
     if cut.integrates:
         A = np.concatenate([A, np.zeros((*A.shape[:-1], 1))], axis=-1)
     (closed, through), open_ = ((x, cut.D[..., OFFSET, 0]), v) if at_rest else ((v, cut.D[..., V, 0]), x)

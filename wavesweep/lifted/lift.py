@@ -42,11 +42,16 @@ def lift_held(fast: Block, ratio: int, delay: int, held, sampled) -> Block:
     if delay < ratio:
         parts.append(("new", new, D if delay == 0 else np.zeros_like(D)))
     return Block(
-        "frame", tuple(f"{name}.{part}" for part, _, _ in parts for name in held), tuple(sampled), fast.states, E,
-        B=np.concatenate([b for _, b, _ in parts], axis=-1), C=C,
-        D=np.concatenate([d for _, _, d in parts], axis=-1), condition=fast.condition,
+        "frame",
+        tuple(f"{name}.{part}" for part, _, _ in parts for name in held),
+        tuple(sampled),
+        fast.states,
+        E,
+        B=np.concatenate([b for _, b, _ in parts], axis=-1),
+        C=C,
+        D=np.concatenate([d for _, _, d in parts], axis=-1),
+        condition=fast.condition,
     )
-
 
 
 def prune(block: Block) -> tuple[Block, tuple[str, ...]]:
@@ -65,9 +70,16 @@ def prune(block: Block) -> tuple[Block, tuple[str, ...]]:
     index = np.flatnonzero(kept)
     names = tuple(block.states[i] for i in index)
     smaller = Block(
-        block.name, block.inputs, block.outputs, names,
-        E=block.E[..., index[:, None], index], B=block.B[..., index, :], C=block.C[..., index], D=block.D,
-        condition=block.condition, terms=_kept(block.terms, index),
+        block.name,
+        block.inputs,
+        block.outputs,
+        names,
+        E=block.E[..., index[:, None], index],
+        B=block.B[..., index, :],
+        C=block.C[..., index],
+        D=block.D,
+        condition=block.condition,
+        terms=_kept(block.terms, index),
     )
     return smaller, tuple(s for s, keep in zip(block.states, kept, strict=True) if not keep)
 
@@ -78,7 +90,6 @@ def _kept(terms, index):
         return None
     E, B, C, D = terms
     return E[..., index[:, None], index], B[..., index, :], C[..., index], D
-
 
 
 def fast_side(diagram: Diagram, outputs) -> Block:
@@ -103,9 +114,7 @@ def slow_side(diagram: Diagram, outputs, injected=False, wall=None) -> tuple[Blo
     sums |= wall or {}
     inputs = (() if wall else (diagram.wall_force,)) + (tuple(f"inject.{name}" for name in diagram.samples) if injected else ())
     block, unread = prune(connect("slow", (frame, *diagram.slow, *latches(diagram)), sums, inputs, tuple(outputs)))
-    dropped_early = tuple(
-        f"frame.{b.name}.{s}" for b in diagram.fast for s in b.states if f"{b.name}.{s}" not in fast.states
-    )
+    dropped_early = tuple(f"frame.{b.name}.{s}" for b in diagram.fast for s in b.states if f"{b.name}.{s}" not in fast.states)
     return block, dropped_early + unread
 
 

@@ -91,7 +91,6 @@ def _solved_state(block, owner, w):
     return solve(A, B + 0 * w[..., None, None])
 
 
-
 def solved_response(block: Block, w):
     """`C (w I - E)^-1 B + D` at `w = z - 1`, `(..., points, p, m)`, backward stable."""
     E, B, C, D = (part[..., None, :, :] for part in (block.E, block.B, block.C, block.D))

@@ -254,6 +254,4 @@ def _members(columns: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarra
     """The rows of each hand that is there."""
     shown = {**columns, "certified": columns["certified"] | promised(columns)}
     rows = {hand: columns["hand"] == hand for hand in HANDS}
-    return {
-        hand: {name: column[chosen] for name, column in shown.items()} for hand, chosen in rows.items() if chosen.any()
-    }
+    return {hand: {name: column[chosen] for name, column in shown.items()} for hand, chosen in rows.items() if chosen.any()}

@@ -31,9 +31,7 @@ def refuse_other_spec(kind: str, directory: str | Path, sha256: str) -> None:
     if found is None or found == sha256:
         return
     maker = f"another spec (SHA-256 {found[:12]}…, this one has {sha256[:12]}…)" if found else "an unknown origin"
-    raise UsageError(
-        f"{Path(directory) / kind}.*: found results of {maker}; give --force to replace them, or another --out"
-    )
+    raise UsageError(f"{Path(directory) / kind}.*: found results of {maker}; give --force to replace them, or another --out")
 
 
 def existing_sha256(kind: str, directory: str | Path) -> str | None:

@@ -51,7 +51,9 @@ _ENDS = (
         for part, unit in (("mass", "kg"), ("damping", "N*s/m"), ("stiffness", "N/m"))
     ),
     Field(
-        "settled", "boolean", "",
+        "settled",
+        "boolean",
+        "",
         "the interval holds for every hand that the row is for: for a box proved but for a thousandth of the interval at "
         "either end, where a search found no hand that it does not hold for; else as certified",
     ),
@@ -155,9 +157,7 @@ TABLES: Mapping[str, tuple[Field, ...]] = {
 }
 
 
-def fields(
-    kind: str, axes: Iterable[str] = (), along: str = "K_VE", extra: Iterable[str] = ()
-) -> tuple[Field, ...]:
+def fields(kind: str, axes: Iterable[str] = (), along: str = "K_VE", extra: Iterable[str] = ()) -> tuple[Field, ...]:
     """Give the columns of a table in order: the swept axes, then those that every table of this kind has.
 
     `along` names the axis that `low` and `high` are values of; they take its unit. `extra` names the further columns of

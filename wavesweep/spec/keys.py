@@ -105,9 +105,7 @@ _TABLE = [
     _positive("rates.slow_hz", None, "Hz", "rate of the slow environment, in place of the ratio"),
     _positive("device.mass", 0.1, "kg", "mass of the haptic device"),
     _gain("device.damping", 1.5, "N*s/m", "viscous damping of the haptic device"),
-    _choice(
-        "device.velocity", "exact", "how velocity is measured: the state, or the position's difference", VELOCITIES
-    ),
+    _choice("device.velocity", "exact", "how velocity is measured: the state, or the position's difference", VELOCITIES),
     _gain("operator.mass", 0.0, "kg", "mass of the operator's hand"),
     _gain("operator.damping", 0.0, "N*s/m", "damping of the operator's hand"),
     _gain("operator.stiffness", 0.0, "N/m", "stiffness of the operator's hand"),

@@ -116,9 +116,7 @@ class Spec:
         for name, value in changes.items():
             key = find_key(name)
             if key is None:
-                mistakes.append(
-                    Mistake("", name, "a key of the spec", "an unknown key", nearest(name, (*SYMBOLS, *KEYS)))
-                )
+                mistakes.append(Mistake("", name, "a key of the spec", "an unknown key", nearest(name, (*SYMBOLS, *KEYS))))
             else:
                 given = given.replaced(key.path, Leaf(plain(value), Place()))
         values, wrong = resolve(given)

@@ -188,9 +188,7 @@ def _repeated(study: str, named: Mapping[str, dict[str, Leaf]]) -> Iterator[Mist
             path = "rates.ratio"  # one quantity
         if path in first:
             leaf = Leaf(None, axis_place(parts))
-            yield leaf.mistake(
-                f"{study}.{name}", "each key once", f"the key of the axis {first[path]} again", of_key=True
-            )
+            yield leaf.mistake(f"{study}.{name}", "each key once", f"the key of the axis {first[path]} again", of_key=True)
         first.setdefault(path, name)
 
 

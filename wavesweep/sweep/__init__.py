@@ -2,8 +2,7 @@
 
 from wavesweep.sweep.run import Table
 
-__all__ = ["Table", "filter_choices", "held_intervals", "holders_of", "intervals", "passivity", "plan", "responses",
-           "simulate"]
+__all__ = ["Table", "filter_choices", "held_intervals", "holders_of", "intervals", "passivity", "plan", "responses", "simulate"]
 
 _HOMES = {
     "held_intervals": "wavesweep.sweep.held_table",

@@ -92,9 +92,7 @@ class FolderParts:
         shutil.rmtree(self._folder)
 
 
-def open_folder(
-    folder: Path, facts: Mapping[str, object], chunks: Chunks, force: bool = False, dtype=DTYPE
-) -> FolderParts:
+def open_folder(folder: Path, facts: Mapping[str, object], chunks: Chunks, force: bool = False, dtype=DTYPE) -> FolderParts:
     """Open the folder of a run, made if it is missing; `facts` (JSON-able) say which run it is.
 
     dtype: of its records. force: throw away what is there where it is of no use. Raises CheckpointError where a

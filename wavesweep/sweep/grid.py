@@ -78,7 +78,9 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None) -> Grid:
         )
     used = [axis for axis in axes if _is_read(axis.path, read)]
     return Grid(
-        spec, tuple(axes), tuple(axis for axis in used if axis.path not in WALL),
+        spec,
+        tuple(axes),
+        tuple(axis for axis in used if axis.path not in WALL),
         tuple(axis for axis in used if axis.path in WALL),
     )
 
@@ -110,10 +112,7 @@ def _flat(axes, digits, size):
     return np.ravel_multi_index([digits[axis.path] for axis in axes], tuple(len(axis.values) for axis in axes))
 
 
-
-def groups(
-    spec: Spec, changes: Mapping[str, np.ndarray], size: int, resolved=None
-) -> Iterator[tuple[np.ndarray, dict]]:
+def groups(spec: Spec, changes: Mapping[str, np.ndarray], size: int, resolved=None) -> Iterator[tuple[np.ndarray, dict]]:
     """Yield (members, values): indices into the `size` loops, and flat values with arrays where these differ.
 
     changes: path -> value per loop. Loops of one group differ in floats only, and where one is zero, which may take a branch

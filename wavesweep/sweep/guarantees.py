@@ -107,7 +107,6 @@ class Holders:
         return asked | ({"port": Guarantee("port")} if self.port else {})
 
 
-
 @dataclass(frozen=True, slots=True, eq=False)
 class HandWork(Work):
     """Intervals of a guarantee, a loop and a wall at a time; each takes from tenths of a second to some seconds."""

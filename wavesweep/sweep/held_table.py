@@ -73,10 +73,16 @@ def _refuse(spec, own, holders):
         )
 
 
-
 def held_intervals(
-    spec: Spec, holders: Holders, along: str | None = None, jobs: int | None = None, backend: str | None = None,
-    scheduler: str | None = None, progress: Progress | None = None, checkpoint: Path | None = None, force: bool = False,
+    spec: Spec,
+    holders: Holders,
+    along: str | None = None,
+    jobs: int | None = None,
+    backend: str | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+    checkpoint: Path | None = None,
+    force: bool = False,
 ) -> Table:
     """The intervals of `intervals` and, in further rows, those that hold for hands; a column `hand` tells them apart.
 
@@ -138,8 +144,11 @@ def _facts(spec, holders, stages, tallies, seconds) -> dict:
     computed = sum(stage.asked.columns for stage in stages)
     skipped = sum(stage.asked.grid.size for stage in stages) - computed
     counts = {"computed": computed, "skipped": skipped, "certified": sum(tally.certified for tally in tallies)}
-    timings = {"compute_s": seconds, "kernel_s": sum(tally.seconds for tally in tallies),
-               "slices_from_checkpoint": sum(tally.kept for tally in tallies)}
+    timings = {
+        "compute_s": seconds,
+        "kernel_s": sum(tally.seconds for tally in tallies),
+        "slices_from_checkpoint": sum(tally.kept for tally in tallies),
+    }
     methods = {stage.hand: METHODS.get(stage.hand, method(stage.asked.axis.path)) for stage in stages}
     said = [*notices(stages[0].asked.grid), *_hopeless(spec, stages[0].asked, holders)]
     facts = facts_of(spec, methods, counts, timings, said)

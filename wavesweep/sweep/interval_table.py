@@ -18,8 +18,14 @@ JOBS = 2
 
 
 def intervals(
-    spec: Spec, along: str | None = None, jobs: int | None = None, backend: str | None = None, scheduler: str | None = None,
-    progress: Progress | None = None, checkpoint: Path | None = None, force: bool = False,
+    spec: Spec,
+    along: str | None = None,
+    jobs: int | None = None,
+    backend: str | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+    checkpoint: Path | None = None,
+    force: bool = False,
 ) -> Table:
     """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
 
@@ -33,8 +39,12 @@ def intervals(
     parts = parts_of(asked, checkpoint, force)
     workers = choose(jobs or JOBS, backend, scheduler, len(asked.chunks), partial(expected_seconds, asked))
     tally = compute(asked, parts, workers, progress)
-    timings = {"compute_s": time.perf_counter() - started, "kernel_s": tally.seconds, "workers": workers.count,
-               "slices_from_checkpoint": tally.kept}
+    timings = {
+        "compute_s": time.perf_counter() - started,
+        "kernel_s": tally.seconds,
+        "workers": workers.count,
+        "slices_from_checkpoint": tally.kept,
+    }
     slices = {"computed": asked.columns, "skipped": asked.grid.size - asked.columns, "certified": tally.certified}
     facts = facts_of(spec, {"intervals": method(asked.axis.path)}, slices, timings, notices(asked.grid))
     axes = {axis.name: axis.values for axis in asked.grid.axes}

@@ -86,7 +86,6 @@ def expected_cost(order: int, wall: bool) -> float:
     return share * max(order, 2) ** 2
 
 
-
 if TYPE_CHECKING:
     from wavesweep.sweep.guarantees import Guarantee
 
@@ -169,7 +168,6 @@ def bounds_of(path, span):
 def cut_otherwise(asked: Question, **sizes) -> Question:
     """The same question in chunks of other sizes (deep, wide)."""
     return replace(asked, chunks=replace(asked.chunks, **sizes))
-
 
 
 PROBES = 6  # samples of the sweep

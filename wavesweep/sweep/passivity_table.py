@@ -70,9 +70,11 @@ def _channel_columns(grid: Grid) -> dict[str, np.ndarray]:
     inside = channels_of(grid)
     size = inside.loops
     found = {
-        "channel_norm": np.full(size, np.nan), "channel_omega": np.full(size, np.nan),
+        "channel_norm": np.full(size, np.nan),
+        "channel_omega": np.full(size, np.nan),
         # A channel that is not there adds no energy.
-        "channel_passive": np.ones(size, bool), "certified": np.ones(size, bool),
+        "channel_passive": np.ones(size, bool),
+        "certified": np.ones(size, bool),
     }
     for members, values in groups(grid.spec, inside.loop_values(np.arange(size)), size):
         norm = channel_norm(values)
@@ -135,7 +137,6 @@ def _notices(grid) -> Iterator[str]:
             yield f"{axis.name} has a span and no values: not swept, held at the spec's {values[axis.path]:g}"
     if draw(values).waves is None:
         yield f"{kind} has no wave channel: its norm is missing, and what is not there adds no energy (channel_passive 1)"
-
 
 
 ENOUGH = 1e-3  # J per J sent that aliasing may add

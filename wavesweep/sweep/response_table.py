@@ -32,7 +32,6 @@ def doubt_of(errors, stable, lost) -> np.ndarray:
     return np.broadcast_to(words, rounded.shape).astype(object)
 
 
-
 BLOCK = 200_000  # responses in one batch
 
 
@@ -114,9 +113,7 @@ def _refuse_aliases(grid, frequency):
     rates = [axis.values for axis in grid.axes if axis.path == "rates.fast_hz"]
     limit = min(*rates[0], np.inf) / 2 if rates else grid.spec.values["rates.fast_hz"] / 2
     if frequency.size and frequency.max() > limit:
-        raise UsageError(
-            f"bode.frequency_hz: expected at most half of rates.fast_hz = {limit:g} Hz, found {frequency.max():g}"
-        )
+        raise UsageError(f"bode.frequency_hz: expected at most half of rates.fast_hz = {limit:g} Hz, found {frequency.max():g}")
 
 
 def _block(values, frequency):

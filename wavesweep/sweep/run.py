@@ -65,7 +65,12 @@ def facts_of(spec, methods, slices, timings, notices=()) -> dict:
     from wavesweep import __version__
 
     return {
-        "schema_version": 1, "tool_version": __version__, "spec": spec.tables(), "spec_sha256": spec.sha256,
-        "methods": dict(methods), "slices": dict(slices), "notices": list(notices),
+        "schema_version": 1,
+        "tool_version": __version__,
+        "spec": spec.tables(),
+        "spec_sha256": spec.sha256,
+        "methods": dict(methods),
+        "slices": dict(slices),
+        "notices": list(notices),
         "timings": {name: round(seconds, 6) for name, seconds in timings.items()},
     }

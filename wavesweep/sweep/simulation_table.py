@@ -37,7 +37,6 @@ def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> 
     return columns | {"doubt": doubt_of(errors, stable, loop.lost)}
 
 
-
 METHODS = {"simulate": "both loops marched tick by tick from rest, the device exact under forces held over a tick"}
 RESPONSE_METHODS = {
     "admittance": "least squares over the settled stretch: the sine, its images about the slow rate, a constant",

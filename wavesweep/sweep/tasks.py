@@ -20,8 +20,16 @@ from wavesweep.sweep.grid import groups, make_grid
 WATCH = 0.5  # s between two looks at the parent
 
 FIELDS = (
-    ("column", "<i4"), ("intervals", "<i4"), ("interval", "<i4"), ("low", "<f8"), ("high", "<f8"),
-    ("low_omega", "<f8"), ("high_omega", "<f8"), ("certified", "?"), ("residual", "<f8"), ("doubt", "i1"),
+    ("column", "<i4"),
+    ("intervals", "<i4"),
+    ("interval", "<i4"),
+    ("low", "<f8"),
+    ("high", "<f8"),
+    ("low_omega", "<f8"),
+    ("high_omega", "<f8"),
+    ("certified", "?"),
+    ("residual", "<f8"),
+    ("doubt", "i1"),
 )
 DTYPE = np.dtype(list(FIELDS))
 END_HANDS = {end: tuple(f"{end}_hand_{part}" for part in ("mass", "damping", "stiffness")) for end in ("low", "high")}
@@ -83,7 +91,6 @@ def _settle_in(parent):
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
-
 
 
 TINY = 1e-300  # stands in for a zero that would take a state out of the loop
@@ -177,7 +184,6 @@ def joined(parts) -> Intervals:
     return Intervals(**(whole | {"column": column[order]}))
 
 
-
 PORT = np.dtype([
     ("column", "<i8"), ("port_margin", "<f8"), ("port_omega", "<f8"), ("port_passive", "?"), ("certified", "?"),
 ])  # fmt: skip
@@ -205,7 +211,6 @@ class PortWork:
         records["port_omega"][np.isnan(records["port_margin"])] = np.nan
         records["port_passive"], records["certified"] = found.passive, found.certified
         return records
-
 
 
 def radius_over(spec, axes, cut=None) -> np.ndarray:

@@ -81,7 +81,6 @@ def _one_blas_thread():
                 os.environ[name] = value
 
 
-
 LOKY = "loky"
 BLOCK = 4  # chunks per worker in a block, where a backend gives results in blocks only
 DIED = "a worker process died (killed, or out of memory); fewer --jobs take less memory"

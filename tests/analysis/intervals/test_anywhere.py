@@ -10,9 +10,16 @@ from wavesweep.errors import UsageError
 
 BANK = {"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit", "K_VE": 1000.0}}
 SPANS = {
-    "K_LM": (0, 5000), "B_LM": (0, 50), "Kp": (0, 200), "b": (0.5, 200), "device.mass": (0.01, 3),
-    "device.damping": (0, 20), "filters.lp1.cutoff_hz": (1, 100), "operator.stiffness": (0, 2000),
-    "operator.mass": (0, 1), "filters.lp2.cutoff_hz": (1, 200),
+    "K_LM": (0, 5000),
+    "B_LM": (0, 50),
+    "Kp": (0, 200),
+    "b": (0.5, 200),
+    "device.mass": (0.01, 3),
+    "device.damping": (0, 20),
+    "filters.lp1.cutoff_hz": (1, 100),
+    "operator.stiffness": (0, 2000),
+    "operator.mass": (0, 1),
+    "filters.lp2.cutoff_hz": (1, 200),
 }
 
 
@@ -49,9 +56,13 @@ def test_the_loop_is_stable_just_inside_and_unstable_just_outside_of_every_end(a
     """A relative step of 1e-9, which is the accuracy that the documents promise."""
     loop = wavesweep.compile(BANK)
     table = loop.stable_intervals(along=axis, span=SPANS[axis], K_VE=[200.0, 500.0, 1000.0, 2000.0])
-    ends = [(row.K_VE, end, side) for row in table.itertuples() if row.intervals
-            for end, omega, side in ((row.low, row.low_omega, 1), (row.high, row.high_omega, -1))
-            if not np.isnan(omega) and end > 0]
+    ends = [
+        (row.K_VE, end, side)
+        for row in table.itertuples()
+        if row.intervals
+        for end, omega, side in ((row.low, row.low_omega, 1), (row.high, row.high_omega, -1))
+        if not np.isnan(omega) and end > 0
+    ]
     assert ends
     for stiffness, end, side in ends:
         inside, outside = loop.spectral_radius(**{"K_VE": stiffness, axis: [end * (1 + side * 1e-9), end * (1 - side * 1e-9)]})
@@ -63,8 +74,11 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
     from wavesweep.diagram import draw
     from wavesweep.lifted import close, cut_at_wall
 
-    spec = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit"},
-            "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}}}
+    spec = {
+        "controller": {"kind": "pmw"},
+        "environment": {"integration": "explicit"},
+        "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
+    }
     loop = wavesweep.compile(spec)
     cut = cut_at_wall(draw(loop.spec.values)).at(np.newaxis)
     exact = loop.stable_intervals(span=(1.0, 20000.0))
@@ -77,6 +91,7 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
 
 def test_a_pair_of_real_eigenvalues_with_product_one_is_no_end():
     """diag(p, 1/2) crosses at p = 1; at p = 2 the two are reciprocal, which changes nothing."""
+
     def evaluate(_, p):
         E = np.zeros((p.size, 2, 2), p.dtype)
         E[:, 0, 0], E[:, 1, 1] = p - 1, -0.5
@@ -91,6 +106,7 @@ def test_a_pair_of_real_eigenvalues_with_product_one_is_no_end():
 @pytest.mark.slow
 def test_two_close_crossings_are_both_found():
     """A pair of eigenvalues that leaves the circle for 1e-6 of the span only."""
+
     def evaluate(_, p):
         size = 1 + 1e-4 * (1e-12 - (p - 0.37) ** 2)
         angle = 0.5

@@ -10,10 +10,14 @@ from wavesweep.analysis.spectrum import count_outside
 
 def test_a_window_in_which_the_tick_explodes_is_found():
     """Between 0.103 and 0.1075 kg the fast loop explodes within every frame; beside it the mode is gone after 1000 ticks."""
-    loop = wavesweep.compile({
-        "controller": {"kind": "pmw", "b": 19.0}, "rates": {"ratio": 1000}, "device": {"damping": 10.0},
-        "operator": {"stiffness": 1e6},
-    })
+    loop = wavesweep.compile(
+        {
+            "controller": {"kind": "pmw", "b": 19.0},
+            "rates": {"ratio": 1000},
+            "device": {"damping": 10.0},
+            "operator": {"stiffness": 1e6},
+        }
+    )
     found = loop.stable_intervals(along="device.mass", span=(0.02, 0.3))
     assert found.certified.all()
     assert len(found) == 2

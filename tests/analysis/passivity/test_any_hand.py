@@ -32,10 +32,12 @@ def test_enough_damping_bears_every_hand_of_a_huge_box(random_values, seed):
         return
     v |= {"device.damping": max(float(needed.damping) * 1.001, 0.01), "operator.damping": 0.0}
     shares = np.random.default_rng(seed).random((600, 3))
-    hands = np.concatenate([
-        HandBox((0.0, 0.0), (0.0, 0.0), (1.0, 1e6)).points(shares[:150]),
-        HandBox((1e-3, 20.0), (0.0, 0.0), (1e-1, 1e6)).points(shares),
-    ])
+    hands = np.concatenate(
+        [
+            HandBox((0.0, 0.0), (0.0, 0.0), (1.0, 1e6)).points(shares[:150]),
+            HandBox((1e-3, 20.0), (0.0, 0.0), (1e-1, 1e6)).points(shares),
+        ]
+    )
     radius, _ = worst_modes(v, hands, v["environment.K_VE"], v["environment.B_VE"])
     assert radius.max() < 1 + 1e-9
 

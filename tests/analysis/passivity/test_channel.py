@@ -22,6 +22,7 @@ def aliases(theta, ratio):
 
 def closed_form(order, cutoff_hz, ratio):
     """The norm is max(1, max over theta of the root of the sum of |LP1|^2 over the aliases); scanned, then refined."""
+
     def root(theta):
         return np.sqrt(low_pass_power(aliases(theta, ratio), order, cutoff_hz).sum(-1))
 

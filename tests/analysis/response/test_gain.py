@@ -17,9 +17,7 @@ def gain(values, frequency_hz):
 
 def dense(values, frequency_hz):
     """LAPACK's largest singular value of the whole matrix; for `dc` too, lifted to the ratio of the others."""
-    whole = lifted_system(
-        draw(values), values["rates.ratio"], values["environment.K_VE"], values["environment.B_VE"]
-    )
+    whole = lifted_system(draw(values), values["rates.ratio"], values["environment.K_VE"], values["environment.B_VE"])
     angle = 2 * np.pi * np.asarray(frequency_hz) * values["rates.ratio"] / values["rates.fast_hz"]
     return np.array([np.linalg.svd(transfer(whole, np.exp(1j * a) - 1), compute_uv=False)[0] for a in angle])
 

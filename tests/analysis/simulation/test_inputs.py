@@ -31,9 +31,7 @@ def test_a_chirp_sweeps_from_start_to_stop():
 
 
 def test_steps_and_pulses_are_where_they_should_be():
-    assert np.array_equal(
-        np.flatnonzero(pulse(1000.0, 3.0, seconds=1.0, at=0.1, width=0.02).force), np.arange(100, 120)
-    )
+    assert np.array_equal(np.flatnonzero(pulse(1000.0, 3.0, seconds=1.0, at=0.1, width=0.02).force), np.arange(100, 120))
     force = step(1000.0, 3.0, seconds=1.0, at=0.1).force
     assert set(force[:100]) == {0.0}
     assert set(force[100:]) == {3.0}

@@ -30,8 +30,9 @@ def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.i
     logs = tuple(np.log(end) if end > 0 else -np.inf for end in (low, high, *bounds))
     found = _stable(lambda column, t: evaluate(column, np.exp(t)), logs[:2], columns, period, logs[2:])
     # The range's own ends are given back as they were, not as exp(log(end)).
-    ends = [np.where(part == log, end, np.exp(part)) for part, log, end in
-            ((found.low, logs[0], low), (found.high, logs[1], high))]
+    ends = [
+        np.where(part == log, end, np.exp(part)) for part, log, end in ((found.low, logs[0], low), (found.high, logs[1], high))
+    ]
     return replace(found, low=ends[0], high=ends[1])
 
 
@@ -57,25 +58,49 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
         parts = _criticals(evaluate(np.repeat(column, p.shape[-1]), p.ravel()))
         return tuple(part.reshape(len(part), *p.shape) for part in parts)
 
-    found = panel_roots(sample, everyone, np.full(columns, float(low)), np.full(columns, float(high)), columns,
-                        NARROWEST * width, MANY, bounds, settling=BEYOND)
+    found = panel_roots(
+        sample,
+        everyone,
+        np.full(columns, float(low)),
+        np.full(columns, float(high)),
+        columns,
+        NARROWEST * width,
+        MANY,
+        bounds,
+        settling=BEYOND,
+    )
     column, kind, value, theta, miss, good = _polished(evaluate, found, width)
     doubtful = tuple(part[~good] for part in (column, value - NARROWEST * width, value + NARROWEST * width))
-    labelled = [(*_merged(*some), label, doubt) for some, label, doubt in (
-        (found.settled, UNSTABLE, NONE), (found.lost, UNKNOWN, SEARCH), (found.overflown, UNKNOWN, OVERFLOW),
-        (doubtful, UNKNOWN, SEARCH))]
+    labelled = [
+        (*_merged(*some), label, doubt)
+        for some, label, doubt in (
+            (found.settled, UNSTABLE, NONE),
+            (found.lost, UNKNOWN, SEARCH),
+            (found.overflown, UNKNOWN, OVERFLOW),
+            (doubtful, UNKNOWN, SEARCH),
+        )
+    ]
     crossing = good & ((kind != PAIR) | (theta > 0))  # a reciprocal pair of real eigenvalues crosses nothing
     column, kind, value, theta, miss = (part[crossing] for part in (column, kind, value, theta, miss))
     for owner, left, right, _, _ in labelled:
         free = ~_inside(column, value, owner, left, right)
         column, kind, value, theta, miss = (part[free] for part in (column, kind, value, theta, miss))
-    edges = [np.concatenate([part for some in labelled for part in (some[0], some[0])]),
-             np.concatenate([part for some in labelled for part in some[1:3]])]
+    edges = [
+        np.concatenate([part for some in labelled for part in (some[0], some[0])]),
+        np.concatenate([part for some in labelled for part in some[1:3]]),
+    ]
     nowhere = np.full(edges[0].size, np.nan)
     jump = np.concatenate([np.where(kind == PAIR, 2.0, 1.0), nowhere])
     error = np.abs(np.concatenate([miss, np.zeros(nowhere.size)]))
-    parts = cut_span(span, columns, np.concatenate([column, edges[0]]), np.concatenate([value, edges[1]]),
-                     np.concatenate([theta, nowhere]), jump, slack=ATTACHED * width)
+    parts = cut_span(
+        span,
+        columns,
+        np.concatenate([column, edges[0]]),
+        np.concatenate([value, edges[1]]),
+        np.concatenate([theta, nowhere]),
+        jump,
+        slack=ATTACHED * width,
+    )
     label, doubt = _given(parts, labelled)
     counted = np.flatnonzero(label == 0)
     unstable = label.copy()

@@ -28,8 +28,10 @@ def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
     def sample(column, theta):
         value, size = _boundary([part[column][:, None] for part in opened], theta)
         # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle and analytic beside it.
-        distance = [on_circle(sign * theta)[..., None] - some for sign, some in (
-            (1, poles[column][:, None, :]), (-1, poles[column].conj()[:, None, :]))]
+        distance = [
+            on_circle(sign * theta)[..., None] - some
+            for sign, some in ((1, poles[column][:, None, :]), (-1, poles[column].conj()[:, None, :]))
+        ]
         magnitude, far = np.maximum(np.abs(value), TINY), [np.maximum(np.abs(some), TINY) for some in distance]
         phase = value / magnitude * (distance[0] / far[0] * (distance[1] / far[1])).prod(-1)
         log = np.log(magnitude) + sum(np.log(some).sum(-1) for some in far)

@@ -82,7 +82,6 @@ def angle(cosine, scale):
     return 2 * np.arctan2(scale * np.sqrt(1 - cosine), np.sqrt(1 + cosine))
 
 
-
 OCTAVES = 2.0 ** -np.arange(48)  # of an angle, at which the wall parameter is looked at
 SLIVER = 1e-12  # of the span, at either end of it, in which a crossing next to z = +-1 does not matter
 
@@ -163,6 +162,8 @@ def at_both_ends(cut: Cut, owner, along: str, fixed, sign_at_one, sign_at_minus_
         with np.errstate(divide="ignore", invalid="ignore"):
             values.append((t.one[owner] - fixed * other[owner]) / solved[owner])
     return (
-        np.tile(np.arange(fixed.size), 2), np.concatenate(values), np.repeat([0.0, np.pi], fixed.size),
+        np.tile(np.arange(fixed.size), 2),
+        np.concatenate(values),
+        np.repeat([0.0, np.pi], fixed.size),
         np.concatenate([sign_at_one, -sign_at_minus_one]),
     )

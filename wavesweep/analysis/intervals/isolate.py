@@ -60,8 +60,7 @@ def isolate(coefficients, noise) -> Roots:
     weight = np.arange(1, n + 1)
     ends = (coefficients * weight).sum(-1), (coefficients * (weight * (-1.0) ** np.arange(n))).sum(-1)
     open_ = [
-        (edge & (side * roots.real > 0)).any(-1) | (np.abs(end) <= 2 * noise)
-        for side, end in zip((1, -1), ends, strict=True)
+        (edge & (side * roots.real > 0)).any(-1) | (np.abs(end) <= 2 * noise) for side, end in zip((1, -1), ends, strict=True)
     ]
     inside &= (size > 0)[:, None]
     return Roots(roots.real, radius, inside, _slope_sign(coefficients, roots), *map(np.sign, ends), proved, *open_)

@@ -13,7 +13,7 @@ DEGREES = (1, 2, 4, 7, 10, KEPT)  # an interpolant is cut to each of these in tu
 NODE = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
 TRANSFORM = np.cos(np.outer(np.arccos(NODE), np.arange(NODES))) * (2 / NODES)
 ELLIPSE, OUTER = 2.5, 8  # sum of the semi-axes of the ellipse about a panel; points on its upper half
-RIM = (ELLIPSE * np.exp(1j * np.pi * (np.arange(OUTER) + 0.5) / OUTER))
+RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(OUTER) + 0.5) / OUTER)
 RIM = (RIM + 1 / RIM) / 2
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
 BEYOND = 4 * ELLIPSE ** (1 - NODES) / (ELLIPSE - 1)  # error of the interpolant, over the largest value on the ellipse
@@ -44,7 +44,16 @@ class Found:
 
 
 def panel_roots(
-    sample, column, low, high, columns, smallest, many, bounds=(-np.inf, np.inf), end_bit=0.0, settling=None,
+    sample,
+    column,
+    low,
+    high,
+    columns,
+    smallest,
+    many,
+    bounds=(-np.inf, np.inf),
+    end_bit=0.0,
+    settling=None,
 ) -> Found:
     """Find all roots of several functions of each column, real analytic in x.
 
@@ -131,8 +140,15 @@ def _judged(sample, panels, bounds, settling):
             sure[panel] = True
             at, which = np.nonzero(some.inside)
             at_panel, half = panel[at], panels.half[panel[at]]
-            roots.append((at_panel, np.full(at.size, function), panels.middle[at_panel] + half * some.value[at, which],
-                          half * some.radius[at, which], some.slope_sign[at, which]))
+            roots.append(
+                (
+                    at_panel,
+                    np.full(at.size, function),
+                    panels.middle[at_panel] + half * some.value[at, which],
+                    half * some.radius[at, which],
+                    some.slope_sign[at, which],
+                )
+            )
         if function != settling:
             proved &= sure
     settled &= ~proved
@@ -211,7 +227,6 @@ def _halves(column, low, high, split):
     column, low, high = column[split], low[split], high[split]
     cut_at = low + 0.48 * (high - low)  # not the middle, where symmetric loops put their roots
     return np.tile(column, 2), np.concatenate([low, cut_at]), np.concatenate([cut_at, high])
-
 
 
 STEPS = 80  # bisection alone needs 52; interpolation usually ends after 8

@@ -151,9 +151,12 @@ def intervals_of(r: Regions, doubt, period) -> Intervals:
     column = column[order]
     error = np.concatenate([np.maximum(r.residual[first], r.residual[last]), np.zeros(none.size)])[order]
     return Intervals(
-        column, np.where(count[column] > 0, np.arange(column.size) - start[column], -1), count[column],
+        column,
+        np.where(count[column] > 0, np.arange(column.size) - start[column], -1),
+        count[column],
         *(np.concatenate([part, empty])[order] for part in (r.low[first], r.high[last], *omega)),
-        doubt[column], error,
+        doubt[column],
+        error,
     )
 
 
@@ -168,7 +171,6 @@ def _joined(cut, along, span, fixed) -> Intervals:
             parts.append(replace(part, column=names[part.column]))
     order = np.argsort(np.concatenate([part.column for part in parts]), kind="stable")
     return Intervals(*(np.concatenate([getattr(part, f.name) for part in parts])[order] for f in fields(Intervals)))
-
 
 
 def trace_excludes_stability(cut: Cut, owner, along: str, fixed, span):

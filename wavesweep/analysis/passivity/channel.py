@@ -49,14 +49,21 @@ def ways_of(diagram: Diagram) -> Ways | None:
     sampled = diagram.samples.get(_only(diagram.sums, f"{slow.name}.{slow.waves[0]}"))
     held = [name for name, source in diagram.holds.items() if source == f"{slow.name}.{slow.waves[1]}"]
     if sampled is None or len(local) > 1 or len(held) != 1 or diagram.sums[returning].get(held[0]) != 1:
-        raise WavesweepError("the wave channel is not of a shape whose norm is known: expected a sampled wave to the slow "
-                             "environment, its returned wave held and added as it is, and at most one local model")
+        raise WavesweepError(
+            "the wave channel is not of a shape whose norm is known: expected a sampled wave to the slow "
+            "environment, its returned wave held and added as it is, and at most one local model"
+        )
     outward = _way(diagram, channel, outgoing, (sampled, *(f"{block.name}.{block.waves[0]}" for block in local)))
     inward = _way(diagram, channel, f"{local[0].name}.{local[0].waves[1]}", (returning,)) if local else None
     period = np.asarray(diagram.period * diagram.ratio)
     batch = np.broadcast_shapes(outward.batch, inward.batch if inward else (), period.shape)
-    return Ways(flattened(outward, batch), flattened(inward, batch) if inward else None, diagram.ratio, diagram.delay,
-                np.broadcast_to(period, batch))
+    return Ways(
+        flattened(outward, batch),
+        flattened(inward, batch) if inward else None,
+        diagram.ratio,
+        diagram.delay,
+        np.broadcast_to(period, batch),
+    )
 
 
 def _ends(blocks):
@@ -82,7 +89,6 @@ def _way(diagram, channel, source, sinks) -> Block:
             inputs.append(signal)
     block, _ = prune(connect("way", channel, sums, inputs, sinks))
     return Block("way", (source,), sinks, block.states, block.E, block.B[..., :1], block.C, block.D[..., :1])
-
 
 
 TOLERANCE = 1e-10  # relative, of the norm
@@ -128,7 +134,12 @@ def channel_norm(values) -> ChannelNorm | None:
     sides = [(np.sqrt(s.value).reshape(batch), s.theta.reshape(batch) / ways.period) for s in (outward, inward)]
     (out, out_omega), (back, back_omega) = sides
     return ChannelNorm(
-        np.maximum(out, back), np.where(out >= back, out_omega, back_omega), out, out_omega, back, back_omega,
+        np.maximum(out, back),
+        np.where(out >= back, out_omega, back_omega),
+        out,
+        out_omega,
+        back,
+        back_omega,
         (outward.certified & inward.certified).reshape(batch),
     )
 
@@ -205,7 +216,6 @@ def _inward_frame(ways, response: Response | None, owner, square) -> Element:
     return then(repeated(every, ways.delay), then(new, repeated(every, ways.ratio - ways.delay)))
 
 
-
 ORDERS = tuple(range(1, 9))
 CUTOFFS_HZ = (2.0, 5.0, 8.57, 10.0, 15.0, 20.0, 25.0)
 
@@ -231,8 +241,12 @@ def _of_order(values, order, cutoffs):
     filters |= {f"filters.{name}.cutoff_hz": cutoffs for name in ("lp1", "hp")}
     alone, bank = (channel_norm(values | filters | {"controller.kind": kind}) for kind in ("pmw", "pmw-lm"))
     return {
-        "lp1_order": np.full(cutoffs.size, order), "lp1_cutoff_hz": cutoffs, "channel_norm": alone.norm,
-        "channel_omega": alone.omega, "bank_norm": bank.outward, "certified": alone.certified & bank.certified,
+        "lp1_order": np.full(cutoffs.size, order),
+        "lp1_cutoff_hz": cutoffs,
+        "channel_norm": alone.norm,
+        "channel_omega": alone.omega,
+        "bank_norm": bank.outward,
+        "certified": alone.certified & bank.certified,
     }
 
 

@@ -112,7 +112,6 @@ def _measures(E):
     return radius, np.where(finite, ratio.min(-1, initial=1.0), -1.0)
 
 
-
 GRID = 6  # hands along each range of the first look
 EDGE = 128  # hands along each edge of the box, where a light hand's resonance may pass any multiple of the rates
 SPREAD = 500  # hands all over the box: of those that a resonance singles out a regular grid may have none

@@ -118,7 +118,6 @@ def _costliest(off, away, moves, bends, rest):
     return np.argmax(np.where(np.isfinite(gain), gain, -1), axis=-1)
 
 
-
 WORK = 400_000  # pieces to look at, times what each costs in a loop of its order: some seconds
 CHUNK = 512  # pieces looked at together
 UNSTABLE = 1e-9  # beyond 1, of a spectral radius

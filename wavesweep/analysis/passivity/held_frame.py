@@ -91,8 +91,9 @@ def held_loop(values, box: HandBox) -> HeldLoop:
     pushed = connect("fast", diagram.fast, diagram.sums, (diagram.hand.force, *diagram.holds), (diagram.hand.push,))
     at = [pushed.states.index(name) for name in tick.states]
     frame = lift_held(tick, diagram.ratio, diagram.delay, tuple(diagram.holds), sampled)
-    still = Block("frame", frame.inputs, frame.outputs, frame.states, np.zeros_like(frame.E), np.zeros_like(frame.B),
-                  frame.C, frame.D)
+    still = Block(
+        "frame", frame.inputs, frame.outputs, frame.states, np.zeros_like(frame.E), np.zeros_like(frame.B), frame.C, frame.D
+    )
     ports = tuple(f"frame.{name}" for name in frame.inputs)
     blocks, reads = (still, *diagram.slow, *latches(diagram)), (*diagram.wall, *ports)
     slow = connect("slow", blocks, slow_sums(diagram), (diagram.wall_force,), reads)
@@ -303,5 +304,3 @@ class Side:
     def pushed_by(self, rows, left, q) -> Enclosure:
         """`left B q` of these rows."""
         return (left @ self.rows[rows]) @ (self.frame @ (self.pushed @ q)) + left @ self.B0[rows] @ q
-
-

@@ -65,7 +65,6 @@ def _raise(value, theta, value_at, owners, candidates):
     value[owners[better]], theta[owners[better]] = found[better], where[better]
 
 
-
 NEAR = 1e-3  # distance from the unit circle up to which an eigenvalue is looked at; errors are far smaller
 
 
@@ -151,7 +150,6 @@ def angles(frame: Element) -> np.ndarray:
 
 def _symmetric(matrix):
     return (matrix + np.swapaxes(matrix, -1, -2)) / 2
-
 
 
 ROUNDS = 60

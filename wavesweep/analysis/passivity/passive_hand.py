@@ -69,15 +69,18 @@ def damping_needed(values) -> DampingNeeded | None:
     response = PortResponse(loop, LOWEST, to_rest=False)
     summit = climb(
         lambda owner, theta: -period[owner] * response.smallest(owner, theta),
-        lambda owner, level: angles(level_frame(loop, owner, -level / period[owner])), loop.loops,
+        lambda owner, level: angles(level_frame(loop, owner, -level / period[owner])),
+        loop.loops,
         lambda _, level: SLACK * (1 + np.abs(level)),
     )
     needed = np.where(_builds_up(response, loop.loops), np.inf, summit.value)
     batch = loop.batch
     frame = period * diagram.ratio
     return DampingNeeded(
-        needed.reshape(batch), (summit.theta / frame).reshape(batch),
-        (_responsive(loop) & loop.finite).reshape(batch), (summit.certified & loop.finite).reshape(batch),
+        needed.reshape(batch),
+        (summit.theta / frame).reshape(batch),
+        (_responsive(loop) & loop.finite).reshape(batch),
+        (summit.certified & loop.finite).reshape(batch),
     )
 
 
@@ -85,8 +88,14 @@ def _without_device(diagram):
     """The drawing with a ruler for a device: the hand's force is the displacement in the tick (m), and is not pushed back."""
     period, hand = diagram.period, diagram.hand
     ruler = Block(
-        hand.device, ("f",), ("x", "v_hat", "dx"), ("w", "x"), E=matrix([[-1, 0], [0, 0]]), B=matrix([[1 / period], [1]]),
-        C=matrix([[0, 1], [1, 0], [0, 0]]), D=matrix([[0], [0], [1]]),
+        hand.device,
+        ("f",),
+        ("x", "v_hat", "dx"),
+        ("w", "x"),
+        E=matrix([[-1, 0], [0, 0]]),
+        B=matrix([[1 / period], [1]]),
+        C=matrix([[0, 1], [1, 0], [0, 0]]),
+        D=matrix([[0], [0], [1]]),
     )
     fast = tuple(ruler if block.name == hand.device else block for block in diagram.fast)
     structure = diagram.structure and _without_device(diagram.structure)
@@ -110,7 +119,6 @@ def _responsive(loop):
     """Whether all that follows from a prescribed position dies out: every state but the position itself."""
     rest = [i for i, name in enumerate(loop.slow.states) if name != f"frame.{loop.source[0].hand.position}"]
     return is_stable(loop.slow.E[:, rest][:, :, rest]) if rest else np.ones(loop.loops, bool)
-
 
 
 POINTS = 33  # stiffnesses of the first look

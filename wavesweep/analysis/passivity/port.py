@@ -66,8 +66,11 @@ def port_margin(values) -> PortMargin:
     margin = np.where(held, np.minimum(margin, 0.0), margin)
     period = np.broadcast_to(diagram.period * diagram.ratio, batch)
     return PortMargin(
-        margin.reshape(batch), theta.reshape(batch) / period, loop.mean.reshape(batch),
-        is_stable, certified.reshape(batch),
+        margin.reshape(batch),
+        theta.reshape(batch) / period,
+        loop.mean.reshape(batch),
+        is_stable,
+        certified.reshape(batch),
     )
 
 
@@ -81,11 +84,11 @@ def lowest_eigenvalue(loop: PortLoop):
     response = PortResponse(loop)
     summit = climb(
         lambda owner, theta: -response.smallest(owner, theta),
-        lambda owner, level: angles(level_frame(loop, owner, -level)), loop.loops,
+        lambda owner, level: angles(level_frame(loop, owner, -level)),
+        loop.loops,
         lambda owner, level: SLACK * (np.abs(level) + loop.mean[owner]),
     )
     return np.where(loop.finite, -summit.value, np.nan), summit.theta, summit.certified & loop.finite
-
 
 
 def level_frame(loop: PortLoop, owner, level) -> Element:

@@ -80,8 +80,14 @@ def _event(diagram, fast, held, sources, wall) -> Block:
     samples = tuple(diagram.samples.values())
     n, shape = len(fast.states), fast.B.shape[:-2]
     reader = Block(
-        "tick", held, samples, fast.states, np.zeros((*shape, n, n)), np.zeros((*shape, n, len(held))),
-        fast.C[..., 1:, :], fast.D[..., 1:, 1:],
+        "tick",
+        held,
+        samples,
+        fast.states,
+        np.zeros((*shape, n, n)),
+        np.zeros((*shape, n, len(held))),
+        fast.C[..., 1:, :],
+        fast.D[..., 1:, 1:],
     )
     shown = () if diagram.delay == 0 else tuple(f"shown.{name}" for name in held)
     sums = dict(diagram.sums) | wall
@@ -90,7 +96,6 @@ def _event(diagram, fast, held, sources, wall) -> Block:
     for name, source in diagram.samples.items():
         sums[name] = {f"tick.{source}": 1}
     return connect("event", (reader, *diagram.slow), sums, shown, sources)
-
 
 
 HUGE = 1e100  # entries of a frame that overflows, or nearly
@@ -195,12 +200,17 @@ def _from_displacements(fast, slow, position):
     x = fast.states.index(position)
     rest = [i for i in range(len(fast.states)) if i != x]
     fast = replace(
-        fast, states=tuple(fast.states[i] for i in rest), E=fast.E[..., rest, :][..., rest], B=fast.B[..., rest, :],
+        fast,
+        states=tuple(fast.states[i] for i in rest),
+        E=fast.E[..., rest, :][..., rest],
+        B=fast.B[..., rest, :],
         C=fast.C[..., rest],
     )
     push = np.zeros((*slow.B.shape[:-1], 1))
     push[..., [i for i, name in enumerate(slow.states) if name == f"frame.{position}"], 0] = 1
     return fast, replace(
-        slow, inputs=(*slow.inputs, "shift"), B=np.concatenate([slow.B, push], axis=-1),
+        slow,
+        inputs=(*slow.inputs, "shift"),
+        B=np.concatenate([slow.B, push], axis=-1),
         D=np.concatenate([slow.D, np.zeros((*slow.D.shape[:-1], 1))], axis=-1),
     )

@@ -30,8 +30,16 @@ def bordered(loop: Loop, points: Circle):
 def _system(loop, points):
     """Matrix, errors, right side, errors; and what the drift adds to the outputs, with its error."""
     fast, n, f, p, P = loop.fast, loop.E.shape[-1], len(loop.fast.states), loop.outputs, points.frequency.size
-    states = holding(replace(fast, outputs=fast.states, C=np.eye(f) + 0 * fast.E[..., :1], D=0 * fast.B,
-                             terms=fast.terms and (*fast.terms[:2], np.eye(f) + 0 * fast.E[..., :1], 0 * fast.B)), f)
+    states = holding(
+        replace(
+            fast,
+            outputs=fast.states,
+            C=np.eye(f) + 0 * fast.E[..., :1],
+            D=0 * fast.B,
+            terms=fast.terms and (*fast.terms[:2], np.eye(f) + 0 * fast.E[..., :1], 0 * fast.B),
+        ),
+        f,
+    )
     (rows, drows), (alone, dalone), _, law = shown(loop, states).sums(points.ladder, alone=True)
     batch = loop.E.shape[:-2]
     A = np.zeros((*batch, P, p + f + n, p + f + n), complex)
@@ -77,6 +85,7 @@ def _system(loop, points):
 
 def _shares(points, delay):
     """Components at w of the old and of the new held signals, each `(points, 1, 1)`."""
+
     def constant(count):  # the sum of exp(-j w i) over `count` ticks
         angle = points.steps(count)
         return np.where(points.tick == 0, count, angle.conj() / np.where(points.tick == 0, 1, points.tick.conj()))

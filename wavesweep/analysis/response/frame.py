@@ -97,15 +97,26 @@ class Shown:
         if alone:
             turn = z.T.copy()  # its order in memory decides in which order sums are taken
             rows = (turn.conj()[:, None, :] @ seen[..., None, :, :])[..., 0, :]
-            own, *made = ((part[..., None, :] * each).sum(-1) for part, each in (
-                (impulse[0], turn.conj()), (self.left[0], turn), *(((self.law[0], turn),) if self.law else ())))
+            own, *made = (
+                (part[..., None, :] * each).sum(-1)
+                for part, each in (
+                    (impulse[0], turn.conj()),
+                    (self.left[0], turn),
+                    *(((self.law[0], turn),) if self.law else ()),
+                )
+            )
         else:
             rows, own = real.T @ seen - 1j * (imag.T @ seen), impulse[0] @ real - 1j * (impulse[0] @ imag)
             made = [part[0] @ real + 1j * (part[0] @ imag) for part in (self.left, self.law) if part]
-        made = [(sums, (part[1] + rough * np.abs(part[0])).sum(-1, keepdims=True))
-                for sums, part in zip(made, (self.left, self.law), strict=False)] + [None] * (self.law is None)
-        return ((rows, (dseen + rough * np.abs(seen)).sum(-2)),
-                (own, (impulse[1] + rough * np.abs(impulse[0])).sum(-1, keepdims=True)), *made)
+        made = [
+            (sums, (part[1] + rough * np.abs(part[0])).sum(-1, keepdims=True))
+            for sums, part in zip(made, (self.left, self.law), strict=False)
+        ] + [None] * (self.law is None)
+        return (
+            (rows, (dseen + rough * np.abs(seen)).sum(-2)),
+            (own, (impulse[1] + rough * np.abs(impulse[0])).sum(-1, keepdims=True)),
+            *made,
+        )
 
 
 def prepare(diagram: Diagram, K_VE, B_VE, outputs=None) -> Loop:
@@ -209,8 +220,22 @@ def _closed(diagram, fast, samples, sizes, wall) -> dict:
         others = (shift * (np.arange(len(names)) != lead))[:, None]
         E, dE = rows - others * rows[..., lead : lead + 1, :], drows + others * drows[..., lead : lead + 1, :]
         free = K[..., 0, 0] == 0
-    found = {"states": names, "E": E, "dE": dE, "rows": rows, "drows": drows, "H": H, "dH": dH, "latched": latched,
-             "shift": shift, "dshift": 0 * shift, "lead": lead, "free": free, "law": None, "dlaw": None}
+    found = {
+        "states": names,
+        "E": E,
+        "dE": dE,
+        "rows": rows,
+        "drows": drows,
+        "H": H,
+        "dH": dH,
+        "latched": latched,
+        "shift": shift,
+        "dshift": 0 * shift,
+        "lead": lead,
+        "free": free,
+        "law": None,
+        "dlaw": None,
+    }
     return _without_unread(found, fast_states)
 
 
@@ -283,9 +308,19 @@ def _conserved(found, fast, ref) -> dict:
     H = found["H"][..., rest] + of_s @ along
     dH = found["dH"][..., rest] + dof @ np.abs(along) + np.abs(of_s) @ dalong
     return {
-        "states": tuple(found["states"][i] for i in rest), "E": moved, "dE": dmoved, "rows": moved, "drows": dmoved,
-        "H": H, "dH": dH, "latched": found["latched"][:, rest], "shift": N[..., 0], "dshift": dN[..., 0],
-        "still_held": (H @ N + of_s)[..., 0], "law": -along[..., 0, :n], "dlaw": dalong[..., 0, :n],
+        "states": tuple(found["states"][i] for i in rest),
+        "E": moved,
+        "dE": dmoved,
+        "rows": moved,
+        "drows": dmoved,
+        "H": H,
+        "dH": dH,
+        "latched": found["latched"][:, rest],
+        "shift": N[..., 0],
+        "dshift": dN[..., 0],
+        "still_held": (H @ N + of_s)[..., 0],
+        "law": -along[..., 0, :n],
+        "dlaw": dalong[..., 0, :n],
     }
 
 

@@ -47,8 +47,9 @@ def _over_aliases(loop, frequency, ratio):
     aliases = np.abs(np.arange(ratio) - (ratio - 1) // 2 + near) * (rate / ratio)
     constant = aliases == 0
     found = respond(loop, np.where(constant, STILL * rate, aliases).reshape(-1))
-    gain, error = (part.reshape(*part.shape[:-1], *aliases.shape)
-                   for part in (np.abs(found.admittance), found.admittance_error))
+    gain, error = (
+        part.reshape(*part.shape[:-1], *aliases.shape) for part in (np.abs(found.admittance), found.admittance_error)
+    )
     held = (not hand_drifts(loop.diagram)) | (np.asarray(loop.wall[0]) != 0)[..., None, None]
     unbounded = (constant & ~held).any(-1)
     return np.where(unbounded, np.nan, gain.max(-1)), np.where(unbounded, 0.0, error.max(-1))

@@ -46,8 +46,14 @@ def holding(fast: Block, outputs: int) -> Block:
     """The tick with its held inputs as states that stay: from the hand's force, its first input, to its first outputs."""
     parts = _holding((fast.E, fast.B, fast.C, fast.D), outputs)
     terms = fast.terms and _holding(fast.terms, outputs)
-    return replace(fast, inputs=fast.inputs[:1], outputs=fast.outputs[:outputs], states=(*fast.states, *fast.inputs[1:]),
-                   terms=terms, **dict(zip("EBCD", parts, strict=True)))
+    return replace(
+        fast,
+        inputs=fast.inputs[:1],
+        outputs=fast.outputs[:outputs],
+        states=(*fast.states, *fast.inputs[1:]),
+        terms=terms,
+        **dict(zip("EBCD", parts, strict=True)),
+    )
 
 
 def _holding(parts, outputs):

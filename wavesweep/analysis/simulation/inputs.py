@@ -36,9 +36,7 @@ class Input:
         self.force.flags.writeable = False
 
 
-def sine(
-    fast_hz: float, frequency_hz: float, amplitude: float = 1.0, seconds: float = 4.0, settle: float = 2.0
-) -> Input:
+def sine(fast_hz: float, frequency_hz: float, amplitude: float = 1.0, seconds: float = 4.0, settle: float = 2.0) -> Input:
     """Give ``amplitude·sin(2π·f·t)``, measured after `settle` seconds over as many whole periods as fit, if one does.
 
     Errors: `UsageError` for a frequency out of range.
@@ -79,9 +77,7 @@ def stepped_sine(
     return Input(amplitude * np.sin(np.concatenate(phases)) if phases else np.zeros(0), tuple(tones))
 
 
-def chirp(
-    fast_hz: float, start_hz: float = 0.1, stop_hz: float = 50.0, amplitude: float = 1.0, seconds: float = 20.0
-) -> Input:
+def chirp(fast_hz: float, start_hz: float = 0.1, stop_hz: float = 50.0, amplitude: float = 1.0, seconds: float = 20.0) -> Input:
     """Give a sine whose frequency rises evenly in logarithm from `start_hz` to `stop_hz` (both above 0)."""
     if start_hz <= 0 or stop_hz <= 0:
         raise UsageError(f"chirp: expected two frequencies above 0 Hz, found {start_hz} and {stop_hz}")

@@ -140,9 +140,7 @@ def _finite_rows(columns: list[np.ndarray], rows: int) -> int:
     return rows if finite.all() else int(finite.argmin())
 
 
-def estimate(
-    signals: Mapping[str, np.ndarray], tones: Sequence[Tone], fast_hz: float, ratio: int
-) -> dict[str, np.ndarray]:
+def estimate(signals: Mapping[str, np.ndarray], tones: Sequence[Tone], fast_hz: float, ratio: int) -> dict[str, np.ndarray]:
     """Estimate the transmitted admittance ``x/f_h`` and impedance ``f_device/x`` at each tone's frequency.
 
     A multirate loop answers a sine also at its images ``f + n·f_slow``. Each signal of a stretch is fitted with sines
