@@ -130,6 +130,8 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
     worst = np.where(found.complete, NONE, COUNTS)
     np.maximum.at(worst, whole.column, whole.doubt)
     again = np.flatnonzero(worst[parts.column] >= COUNTS)
+    if not again.size:
+        return whole
     unstable[again] = count_where_all_agree(parts, again, matrices)
     return replace(whole, unstable=unstable)
 
