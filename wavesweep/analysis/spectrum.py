@@ -54,8 +54,8 @@ def count_outside(E):
     count = np.where(finite, (outside > 0).sum(-1), -1)
     distance = np.abs(outside)
     clear = finite & (distance.min(-1, initial=np.inf) > tolerance)
-    near = np.flatnonzero(clear & (np.sort(distance, axis=-1)[:, :2] < NEIGHBOURHOOD).all(-1)) if E.shape[-1] > 1 else []
-    if len(near):
+    near = np.flatnonzero(clear & ((distance < NEIGHBOURHOOD).sum(-1) > 1))
+    if near.size:
         closest = np.take_along_axis(delta[near], np.argsort(distance[near], axis=-1)[:, :MEETING], axis=-1)
         balanced = _balanced(E[near])
         rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2))
