@@ -38,7 +38,7 @@ class Loop:
         along: name of the axis. span: (low, high) in its unit; (0, 20000) by default along K_VE. Columns as in the table of
         `wavesweep zwidth`: each axis given, along, intervals, interval, low, high, low_omega, high_omega (rad/s),
         certified, residual, doubt. Errors: UsageError for a name or a value that a spec would refuse.
-        Accuracy: ends to about 1e-12 relative along K_VE and B_VE, 1e-9 along other axes; see `analysis.intervals`.
+        Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md; see `analysis.intervals`.
         """
         from wavesweep.sweep.grid import make_grid
         from wavesweep.sweep.interval_table import in_memory
