@@ -9,8 +9,9 @@ from support.specs import KINDS, nested, values_of
 
 import wavesweep
 from wavesweep.controllers import CONTROLLERS, drawing_of
-from wavesweep.diagram import draw
+from wavesweep.diagram import draw, state_labels
 from wavesweep.diagram.drawing import Diagram, Hand
+from wavesweep.lifted import cut_at_wall
 from wavesweep.sweep.planning import plan
 
 NEW = "another"
@@ -88,4 +89,21 @@ def test_what_check_says_is_the_same(pair):
     found, wanted = (re.sub(r"about [0-9.e-]+ (s|min)", "", "\n".join(plan(spec))) for spec in specs[::-1])
     for new in sorted(names, key=len, reverse=True):
         found = found.replace(f"{new}.", f"{names[new]}.")
+    assert not re.search(r"frame\.|u_before|hold_", wanted)
     assert found.replace("s_", "").replace(NEW, specs[0].values["controller.kind"]) == wanted.replace("s_", "")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("changes", [{}, {"delay": 3, "velocity": "difference"}, {"delay": 3, "Kp": 20.0, "lp2_order": 5}])
+def test_every_state_has_a_readable_name_of_its_own(kind, changes):
+    diagram = draw(values_of(kind, **changes))
+    labels, cut = state_labels(diagram), cut_at_wall(diagram)
+    assert {*cut.states, *cut.unread} <= labels.keys()
+    assert len(set(labels.values())) == len(labels)
+    assert {"device velocity", "device position"} <= set(labels.values())
+
+
+def test_a_block_without_labels_lends_its_states_its_name():
+    diagram = draw(values_of("dc-slow"))
+    plain = replace(diagram, fast=tuple(replace(block, labels=()) for block in diagram.fast))
+    assert state_labels(plain)["frame.device.v"] == "device v"

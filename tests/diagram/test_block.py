@@ -11,6 +11,12 @@ def test_a_wrong_shape_names_block_matrix_expected_and_found():
         Block("p", ("u",), ("y",), ("s",), E=[[0.0]], B=[[0.0, 1.0]], C=[[1.0]], D=[[0.0]])
 
 
+def test_labels_are_one_per_state():
+    part = np.zeros((1, 1))
+    with pytest.raises(ValueError, match="block p: labels expected 1, one per state, found 2"):
+        Block("p", ("u",), ("y",), ("s",), E=part, B=part, C=part, D=part, labels=("a", "b"))
+
+
 def test_arrays_are_read_only_and_the_callers_own_is_not():
     own = np.zeros((1, 1))
     block = Block("p", ("u",), ("y",), ("s",), E=own, B=own, C=own, D=own)

@@ -9,9 +9,9 @@ import numpy as np
 
 from wavesweep.controllers import CONTROLLERS, drawing_of
 from wavesweep.diagram.drawing import Diagram
-from wavesweep.diagram.drift import drift_of
+from wavesweep.diagram.drift import drift_of, latch
 
-__all__ = ["CONTROLLERS", "WALL", "Diagram", "draw", "drift_of", "keys_read"]
+__all__ = ["CONTROLLERS", "WALL", "Diagram", "draw", "drift_of", "keys_read", "state_labels"]
 
 WALL = ("environment.K_VE", "environment.B_VE")
 
@@ -54,8 +54,18 @@ def keys_read(values) -> frozenset[str]:
     return frozenset(watched.seen) | frozenset(WALL)
 
 
+def state_labels(diagram: Diagram) -> dict[str, str]:
+    """Readable name of each state of the lifted loop: name as in `Cut.states` -> the label that its block gives."""
+    labels = {}
+    for prefix, blocks in (("frame.", diagram.fast), ("", diagram.slow)):
+        for block in blocks:
+            readable = block.labels or [f"{block.name} {state}" for state in block.states]
+            labels |= {f"{prefix}{block.name}.{state}": label for state, label in zip(block.states, readable, strict=True)}
+    return labels | {latch(held): f"{held} of the last frame" for held in diagram.holds}
+
+
 class _Watched(Mapping):
-    """Remembers which keys were asked for."""
+    """A mapping that records the keys that are read."""
 
     def __init__(self, values):
         self.values, self.seen = values, set()

@@ -37,9 +37,10 @@ class Block:
 
     inputs, outputs: port names; elsewhere the port `p` of the block `name` is the signal `"name.p"`.
     states: one name per state. waves: the input port and the output port that carry waves, if there are any.
-    condition: by how much the algebraic loops that were closed in it may have multiplied
-    the rounding of its entries, a number or an array over the batch. terms: of E, B, C and D, the sizes of the terms that
-    an entry is the sum of, where they are more than the entry's own.
+    condition: factor by which closing its algebraic loops may have multiplied the rounding of its entries, a number or an
+    array over the batch. terms: for E, B, C and D, the sizes of the terms of each entry's sum, if they exceed the entry.
+    labels: a readable name per state for messages; by default the block's name and the state's.
+    Errors: ValueError if an array or the labels do not fit the names.
     """
 
     name: str
@@ -53,6 +54,7 @@ class Block:
     waves: tuple[str, str] | None = None
     condition: object = 1.0
     terms: tuple | None = None
+    labels: tuple[str, ...] = ()
 
     def __post_init__(self):
         """Check the shapes once and make the arrays read-only."""
@@ -62,6 +64,8 @@ class Block:
             if array.shape[-2:] != shape:
                 raise ValueError(f"block {self.name}: {name} expected (..., {shape[0]}, {shape[1]}), found {array.shape}")
             object.__setattr__(self, name, array)
+        if self.labels and len(self.labels) != n:
+            raise ValueError(f"block {self.name}: labels expected {n}, one per state, found {len(self.labels)}")
 
     @property
     def batch(self) -> tuple[int, ...]:
@@ -69,7 +73,7 @@ class Block:
         return np.broadcast_shapes(*(a.shape[:-2] for a in (self.E, self.B, self.C, self.D)))
 
 
-def unit_delay(name: str) -> Block:
-    """`y[k] = u[k-1]`."""
-    one = np.ones((1, 1))
-    return Block(name, ("u",), ("y",), ("u_before",), E=-one, B=one, C=one, D=0 * one)
+def unit_delay(name: str, label: str = "") -> Block:
+    """Delay of one period, `y[k] = u[k-1]`. label: a readable name of its state, if it has a better one than the block's."""
+    one, labels = np.ones((1, 1)), (label or f"{name} of the last period",)
+    return Block(name, ("u",), ("y",), ("u_before",), E=-one, B=one, C=one, D=0 * one, labels=labels)

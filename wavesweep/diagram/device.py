@@ -28,6 +28,7 @@ def device(values, period) -> Block:
             B=matrix([[s / mass], [g / mass]]),
             C=matrix([[0, 1], [1, 0], x_row]),
             D=matrix([[0], [0], [g / mass]]),
+            labels=("device velocity", "device position"),
         )
     # The encoder's difference is a state of its own, w = (x[k] - x[k-1])/T, so that a free device keeps no second copy
     # of its position, in which the drift would hide.
@@ -41,6 +42,7 @@ def device(values, period) -> Block:
         B=matrix([[s / mass], [g / (mass * period)], [g / mass]]),
         C=matrix([[0, 0, 1], [0, 1, 0], [s, 0, -stiffness * g]]),
         D=matrix([[0], [0], [g / mass]]),
+        labels=("device velocity", "measured velocity", "device position"),
     )
 
 

@@ -68,4 +68,6 @@ def _assemble(name, sections) -> Block:
         C, D = d @ C, d @ D
         C[..., here] = c
         at += size
-    return Block(name, ("u",), ("y",), tuple(f"{name}{k}" for k in range(n)), E, B, C, D)
+    states = tuple(f"{name}{k}" for k in range(n))
+    labels = tuple(f"filter {name}{f' ({k + 1} of {n})' if n > 1 else ''}" for k in range(n))
+    return Block(name, ("u",), ("y",), states, E, B, C, D, labels=labels)

@@ -24,7 +24,7 @@ def pmw_lm(values) -> Diagram:
         butterworth("lp2", values["filters.lp2.order"], values["filters.lp2.cutoff_hz"], period),
     )
     if delayed:
-        branch += (unit_delay("late"),)
+        branch += (unit_delay("late", "local wave of the last tick"),)
     junctions = {
         "hp.u": {"u_m": 1},
         "local.u": {"hp.y": 1},

@@ -28,6 +28,7 @@ def avatar(b, period, integration: str) -> Block:
         C=matrix([[1], [0], [0], [1]]),
         D=matrix([[read * along, read * against], [along, against], [1, -along], [sent * along, sent * against]]),
         waves=("u", "v"),
+        labels=("avatar position",),
     )
 
 
@@ -51,4 +52,5 @@ def local_model(b, stiffness, damping, period, integration: str) -> Block:
         C=matrix([[along * speed_s]]),
         D=matrix([[along * speed_u - 1]]),
         waves=("u", "v"),
+        labels=("local model position",),
     )

@@ -2,7 +2,7 @@
 
 from functools import cache, partial
 
-from wavesweep.diagram import draw, keys_read
+from wavesweep.diagram import draw, drift_of, keys_read, state_labels
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import Spec
@@ -25,12 +25,14 @@ def plan(spec: Spec) -> list[str]:
 
 
 def _loop_lines(spec, diagram, cut):
-    frame = f"frame of {diagram.ratio} tick{'s' if diagram.ratio > 1 else ''}, {1e3 * float(cut.period):.6g} ms"
-    yield f"  loop: {frame}; {cut.order} states with the wall: {', '.join(cut.states)}{', position' if cut.integrates else ''}"
+    frame = f"frame of {_count(diagram.ratio, 'tick')}, {1e3 * float(cut.period):.6g} ms"
+    labels, lead = state_labels(diagram), drift_of(diagram).lead
+    states = [labels[name] for name in (*cut.states, *([lead] if cut.integrates else []))]
+    yield f"  loop: {frame}; {cut.order} states with the wall: {', '.join(states)}"
     if cut.unread:
-        yield f"  left out, since nothing in the loop reads them: {', '.join(cut.unread)}"
+        yield f"  states left out, since nothing in the loop reads them: {', '.join(labels[name] for name in cut.unread)}"
     if cut.conserved:
-        yield f"  drift set aside: the loop conserves a combination of states ({cut.conserved})"
+        yield f"  drift set aside: the wall cannot change {labels[lead]} less the hand's displacement"
     elif cut.integrates and spec.values["operator.stiffness"] == 0:
         yield "  drift set aside at K_VE = 0: the position of the whole scene, which only the wall holds"
 
@@ -44,14 +46,13 @@ def _interval_lines(spec, command, along):
     product = " x ".join(f"{a.name}[{len(a.values)}]" for a in grid.axes) or "the spec's own values"
     workers = choose(JOBS, None, None, len(asked.chunks), expected)
     repeated = f", {grid.size - asked.columns} more are repeats" if grid.size > asked.columns else ""
-    slices = f"{asked.columns} slices over {grid.loops} compiled loops{repeated}"
+    slices = f"{_count(asked.columns, 'slice')} over {_count(grid.loops, 'compiled loop')}{repeated}"
     span = f"({axis.start:g}, {axis.stop:g})"
     who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
-    chunks = f"{len(asked.chunks)} chunk{'' if len(asked.chunks) == 1 else 's'}"
     return [
         f"  {command}: stable intervals along {axis.name} in {span} for {product}: {slices}",
         f"    method: {method(axis.path)}",
-        f"    work: {chunks}, about {_duration(expected() / workers.count)}; {who} ({workers.why})",
+        f"    work: {_count(len(asked.chunks), 'chunk')}, about {_duration(expected() / workers.count)}; {who} ({workers.why})",
     ]
 
 
@@ -61,17 +62,22 @@ def _duration(seconds):
 
 def _bode_lines(spec):
     grid, points = make_grid(spec, spec.bode), spec.frequency_hz
-    curves = f"{grid.loops * grid.walls} curves of {len(points)} frequencies from {min(points):g} to {max(points):g} Hz"
-    return [f"  bode: {curves}; method: lifted resolvent of both rates"]
+    curves = _count(grid.loops * grid.walls, "curve")
+    frequencies = f"{len(points)} frequencies from {min(points):g} to {max(points):g} Hz"
+    return [f"  bode: {curves} of {frequencies}; method: lifted resolvent of both rates"]
 
 
 def _passivity_line(spec):
     grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
     channels = channels_of(grid).loops if draw(spec.values).waves else 0
     return (
-        f"  passivity: hand's port of {grid.loops * grid.walls} loops, norm of {channels} wave channel"
-        f"{'' if channels == 1 else 's'}; method: levels of the frame's energy balance, met at no frequency"
+        f"  passivity: hand's port of {_count(grid.loops * grid.walls, 'loop')}, norm of {_count(channels, 'wave channel')}; "
+        "method: level sets of the frame's energy balance, without a frequency grid"
     )
+
+
+def _count(number, noun):
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _skipped_lines(spec):
