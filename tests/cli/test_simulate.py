@@ -35,8 +35,8 @@ def test_a_sine_gives_two_tables_and_their_figures(simulate):
     code, out, err = simulate(plot=True)
     assert (code, out) == (0, "")
     assert files("there") == {f"{kind}{suffix}" for kind in ("simulate", "simulate-response") for suffix in SUFFIXES}
-    assert "pmw under sine: 500 ticks, 0.5 s" in err
-    assert "response at 1 frequency: off the linear loop's by at most" in err
+    assert "pmw, force of the hand sine: 500 ticks, 0.5 s" in err
+    assert "response at 1 frequency: differs from the linear loop by at most" in err
     assert "Wrote there/simulate.csv, .parquet, .png, .datapackage.json in " in err
     assert "Wrote there/simulate-response.csv, .parquet, .png, .datapackage.json in " in err
 
@@ -118,7 +118,7 @@ def test_a_loop_that_diverges_is_told_and_no_failure(wavesweep, spec):
     rows = len(columns["tick"])
     assert 0 < rows < 10_000
     assert f"the loop diverges: numbers overflow in tick {rows}, " in err
-    assert f"dc under sine: {rows} of 10000 ticks" in err
+    assert f"dc, force of the hand sine: {rows} of 10000 ticks" in err
     assert "inf" not in Path("there/simulate.csv").read_text()
     facts = json.loads(Path("there/simulate.datapackage.json").read_text())["wavesweep"]
     assert facts["ticks"] == {"wanted": 10_000, "simulated": rows}
@@ -174,7 +174,7 @@ def test_the_examples_run(example, wavesweep, tmp_path, monkeypatch):
 def test_a_minute_with_everything_on_runs_as_it_stands(wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     _, _, err = wavesweep("simulate", str(EXAMPLES / "rig.toml"))
-    assert "pmw-lm under sine: 60000 ticks, 60 s" in err
+    assert "pmw-lm, force of the hand sine: 60000 ticks, 60 s" in err
 
 
 def test_a_kind_without_a_law_is_refused_in_a_sentence(simulate, monkeypatch):

@@ -123,7 +123,9 @@ def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
     assert not rows["settled"].any()
     tally = HandTally()
     tally.add(rows)
-    assert ("1 rows of the box rest on a search, some hand may be unstable: settled 0", True) in list(tally.lines({}))
+    assert ("1 row of the box not proved (settled 0): a hand that the search missed may be unstable", True) in list(
+        tally.lines({})
+    )
 
 
 @pytest.mark.slow

@@ -17,17 +17,22 @@ _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VE
 
 
 @click.command("bench")
-@click.option("--quick", is_flag=True, help="A few seconds: see that everything runs; the run times mean little.")
+@click.option(
+    "--quick", is_flag=True, help="Run the smallest problems only, in a few seconds. The run times are then not meaningful."
+)
 @common
 def command(quick: bool, options: Options) -> None:
-    """Measure run time against error, this tool beside what a user would write instead.
+    """Measure run time against error, for this tool and for other methods.
 
-    Takes no SPEC, and about four minutes. Errors are against 50-digit arithmetic; all run times are of one thread, and
-    each ratio is of runs in turn. Writes to results/bench, or to --out, one table with a figure: stiffness and responses
-    against error, the cost of compiling, slices, workers and starting, a profile, and where digits are lost.
+    Takes no SPEC, and about four minutes. Errors are relative to references of 50 digits. All run times use one thread,
+    and the two methods of each ratio run alternately. One table and one figure are written to results/bench, or to --out:
+    critical stiffness and responses, the cost of compiling, of slices, of workers and of starting, a profile, and hard
+    cases in which digits are lost.
     """
     if options.overrides:
-        raise click.UsageError("--set: the questions of the benchmark are fixed, so that runs compare")
+        raise click.UsageError(
+            "--set: not possible here; the problems of the benchmark are fixed, so that runs can be compared"
+        )
     # A BLAS reads this when numpy loads it, so nothing that imports numpy may stand above; processes that the benchmark
     # starts inherit it.
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))

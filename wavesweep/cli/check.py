@@ -11,10 +11,10 @@ from wavesweep.cli.options import debug, override, quiet
 @quiet
 @debug
 def command(spec: str, overrides: tuple[str, ...], **switches: bool) -> None:
-    """Validate a spec and say what would be computed, and how.
+    """Validate a spec and list what would be computed, by which method.
 
-    All mistakes of the SPEC are listed at once. A valid spec gives the methods, the number of slices and workers, and the
-    axes and keys that are skipped, with the reason.
+    SPEC is a TOML file. All of its mistakes are listed at once. For a valid spec the states of the loop, the methods, the
+    numbers of slices and workers, and the estimated time are listed, and the axes and keys that are skipped, with the reason.
     """
     from wavesweep import spec as specs
     from wavesweep import sweep

@@ -1,4 +1,4 @@
-"""The program's entry: the table of commands, and the one place in which errors become exit codes.
+"""Entry point: the table of commands, and the one place in which errors become exit codes.
 
 A new command is a line in `COMMANDS` and a module of its name with a `command` in it.
 """
@@ -24,18 +24,18 @@ COMMANDS = MappingProxyType(
     {
         "zwidth": "Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.",
         "stability-region": "Find the stable intervals along any axis for every combination of the others.",
-        "bode": "Compute transmitted admittance and impedance over frequency, a curve per spec.",
-        "simulate": "Run both loops tick by tick, with what a real rig adds to the linear model.",
-        "passivity": "Find how far the wave channel and the hand's port are from passive.",
-        "paper": "Draw every figure of the paper and judge every statement of it.",
-        "bench": "Measure run time against error, this tool beside what a user would write instead.",
-        "check": "Validate a spec and say what would be computed, and how.",
+        "bode": "Compute transmitted admittance and impedance over frequency, one curve per spec.",
+        "simulate": "Simulate both loops tick by tick, with contact, friction and hardware limits if wanted.",
+        "passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port.",
+        "paper": "Reproduce the paper's figures and test its statements.",
+        "bench": "Measure run time against error, for this tool and for other methods.",
+        "check": "Validate a spec and list what would be computed, by which method.",
     }
 )
 
 
 def module_of(name: str) -> str:
-    """Give the module that a command lives in."""
+    """Return the name of the module of a command."""
     return f"wavesweep.cli.{name.replace('-', '_')}"
 
 
@@ -43,17 +43,17 @@ class LazyGroup(click.Group):
     """A click group over the static table of commands."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """The commands in the table's order, which is the order of use."""
+        """The names of the commands, in the order of the table."""
         del ctx
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Import the module of a command."""
+        """Import a command; None if there is none of this name."""
         del ctx
         return import_module(module_of(cmd_name)).command if cmd_name in COMMANDS else None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands from the table; click's own would import each one of them."""
+        """List the commands from the table, without importing their modules as click would."""
         del ctx
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
@@ -85,20 +85,21 @@ def group() -> None:
 
 
 class Terminated(BaseException):
-    """SIGTERM arrived. No Exception, so that nothing on the way takes it for a failure that it could handle."""
+    """SIGTERM arrived. Not a subclass of Exception, so that no handler of errors catches it."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and give the exit code.
+    """Run the command line and return the exit code.
 
-    0 done; 1 failed; 2 usage or spec error; 130 interrupted (SIGINT); 143 terminated (SIGTERM).
-    A traceback appears with --debug only.
+    arguments: the words after the program's name, those of this process by default.
+    Exit codes: 0 done; 1 failed; 2 usage or spec error; 130 interrupted (SIGINT); 143 terminated (SIGTERM).
+    A traceback is printed only if --debug is given.
     """
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
         with _sigterm_unwinds():
             code = group.main(arguments, prog_name="wavesweep", standalone_mode=False)
-    except BaseException as error:  # noqa: BLE001 - the one place where each kind of failing gets its line and exit code
+    except BaseException as error:  # noqa: BLE001 - the one place that gives each kind of failure its line and exit code
         if "--debug" in arguments and not isinstance(error, SystemExit | click.ClickException):
             import traceback
 
@@ -108,7 +109,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _exit_code(error: BaseException) -> int:
-    """Print a line about the error, and give its exit code."""
+    """Print a line about the error and return its exit code."""
     match error:
         case SystemExit():
             raise error
@@ -149,7 +150,7 @@ def _os_error(error: OSError) -> str:
 
 @contextmanager
 def _sigterm_unwinds() -> Iterator[None]:
-    """Let SIGTERM unwind the stack, so that temporary files go and workers stop."""
+    """Let SIGTERM unwind the stack, so that temporary files are removed and workers stop."""
 
     def unwind(_: int, __: FrameType | None) -> None:
         raise Terminated

@@ -1,4 +1,4 @@
-"""The options that commands share: each is defined once and means one thing everywhere."""
+"""The options that several commands have: each is defined once and has one meaning."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\
 
 @dataclass(frozen=True)
 class Options:
-    """What the shared options were set to."""
+    """The values of the shared options."""
 
     out: str | None
     overrides: tuple[str, ...]
@@ -42,17 +42,17 @@ override = click.option(
     "overrides",
     multiple=True,
     metavar="KEY=VALUE",
-    help="Override a key of the spec, e.g. controller.b=40, or b=40. May be repeated.",
+    help="Set a key of the spec to another value, e.g. controller.b=40, or b=40. May be repeated.",
 )
 quiet = click.option("--quiet", is_flag=True, help="Print errors only.")
 # Read by the entry, before any command runs; declared here so that each help lists it.
-debug = click.option("--debug", is_flag=True, help="Show a traceback when something fails.")
+debug = click.option("--debug", is_flag=True, help="Show a traceback if the command fails.")
 
 _COMMON = (
     click.option(
         "--out",
         metavar="DIR",
-        help="Folder for the results [default: results/<spec's name>]; - writes the CSV to stdout.",
+        help="Folder for the results [default: results/<spec's name>]. With - the CSV is written to stdout.",
     ),
     override,
     click.option(
@@ -61,25 +61,29 @@ _COMMON = (
         type=click.IntRange(min=1),
         default=2,
         show_default=True,
-        help="Largest number of worker processes; short work starts none.",
+        help="Largest number of worker processes. Short runs use none.",
     ),
-    click.option("--backend", metavar="NAME", help="Any joblib backend: loky, threading, dask, ray, ..."),
-    click.option("--scheduler", metavar="ADDRESS", help="Address of the dask scheduler, with --backend dask."),
+    click.option(
+        "--backend", metavar="NAME", help="Joblib backend of the workers: loky (the default), threading, dask, ray, ..."
+    ),
+    click.option(
+        "--scheduler", metavar="ADDRESS", help="Address of the dask scheduler, e.g. tcp://host:8786; only with --backend dask."
+    ),
     click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure."),
-    click.option("--force", is_flag=True, help="Replace results of another spec."),
+    click.option("--force", is_flag=True, help="Replace existing results of another spec."),
     quiet,
     debug,
 )
 
 
 def common(body: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the common options; its body receives them together as `options`."""
+    """Add the common options to a command; its body receives them together as `options`."""
 
     @wraps(body)
     def gathered(**given: Any) -> None:
         options = Options(**{field.name: given.pop(field.name) for field in fields(Options)})
         if options.scheduler is not None and options.backend != "dask":
-            raise click.UsageError(f"--scheduler needs --backend dask, found --backend {options.backend}")
+            raise click.UsageError(f"--scheduler needs --backend dask, found --backend {options.backend or 'missing'}")
         body(options=options, **given)
 
     for option in reversed(_COMMON):
@@ -94,11 +98,12 @@ _HANDS = (
         default="free",
         show_default=True,
         help=(
-            "The hands that hold the device. free: the free device only. passive: add the intervals guaranteed for every "
-            "passive hand, of any mass and stiffness, also if it moves within a tick; this takes enough damping of the "
-            "device, and waves need Kp. box: add the intervals stable for every hand of a box; settled is 1 if that is "
-            "proved, except for a thousandth of the interval at each end, and 0 if hands were only searched. Rows without "
-            "a proof have certified 0."
+            "The hands for which stability is guaranteed. free: the free device only. passive: add the intervals that are "
+            "stable with every passive hand, of any mass and stiffness, also if it moves within a tick; there are none "
+            "unless the device has enough damping and, with waves, Kp is above 0. box: add the intervals that are stable "
+            "with every hand whose mass, damping and stiffness are in --hand-box; the column settled is 1 if that is "
+            "proved, except for a thousandth of the interval at each end, and 0 if a search found no unstable hand. "
+            "Rows without a proof have certified 0."
         ),
     ),
     click.option(
@@ -106,20 +111,21 @@ _HANDS = (
         "hand_box",
         metavar="RANGES",
         help=(
-            "With --hand box, e.g. mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m). Defaults: mass 0.005..0.6, "
-            "damping 2..10, stiffness 100..1000, from a fingertip to an arm."
+            "Ranges of the hands for --hand box, e.g. mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m). Default: "
+            "mass=0.005..0.6,damping=2..10,stiffness=100..1000, from a fingertip to an arm."
         ),
     ),
     click.option(
         "--passive",
         is_flag=True,
-        help="Add the intervals in which the hand's port is passive for held forces (tenths of a second per slice).",
+        help="Add the intervals in which the hand's port is passive if forces are held over a tick. This takes tenths of a "
+        "second per slice.",
     ),
 )
 
 
 def hands(body: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the options for hands; its body receives them as `holders`, None for the free device only."""
+    """Add the options for hands to a command; its body receives them as `holders`, None for the free device only."""
 
     @wraps(body)
     def gathered(hand: str, hand_box: str | None, passive: bool, **given: Any) -> None:

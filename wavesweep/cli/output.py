@@ -1,4 +1,4 @@
-"""From specs to files or stdout, with messages on stderr: progress, summaries, the paths of the results."""
+"""Results to files or stdout, and messages to stderr: progress, summaries, the paths of the results."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def produce(
 ) -> None:
     """Load the specs, compute their tables, write all of them to files or the first one to stdout, and summarise them.
 
-    `kinds`: every table that there can be, the main one first. `compute(specs, jobs=, backend=, scheduler=, progress=)`
-    gives those that there are this time, in the same order. `asked` turns a spec that was loaded into the one whose
-    digest the results have.
+    kinds: every table that the command can write, the main one first. compute: a function (specs, jobs=, backend=,
+    scheduler=, progress=) that returns the tables of this run, in the same order. asked: a function from a loaded spec to
+    the one whose digest the results carry.
     """
     from wavesweep import results, spec
 
@@ -66,10 +66,10 @@ def produce(
 def produce_intervals(
     kind: str, source: str, options: Options, along: str | None = None, holders: Holders | None = None
 ) -> None:
-    """Do the same for a table of intervals along `along` (the spec's own by default), which need not fit into memory.
+    """Compute and write a table of stable intervals, which need not fit into memory; otherwise as `produce`.
 
-    `holders`: the hands for which intervals are added to those of the loop itself. Finished chunks are kept beside the
-    results; for a table on stdout, in a temporary folder.
+    along: axis of the intervals, the spec's own by default. holders: hands whose intervals are added to those of the loop
+    itself. Finished chunks are kept beside the results or, if the table goes to stdout, in a temporary folder.
     """
     from wavesweep import sweep
 
@@ -86,12 +86,12 @@ def produce_intervals(
 
 
 def folder_of(specs: Sequence[Spec], options: Options) -> Path:
-    """Give the folder for the results."""
+    """Return the folder for the results."""
     return Path(options.out or Path("results", "+".join(each.name for each in specs)))
 
 
 def _finish(table: Table, directory: Path, options: Options, main: bool) -> tuple[Iterator[Line], list[Path]]:
-    """Write a table to files, or to stdout if it is the main one; give the lines of its summary and the files' paths."""
+    """Write a table to files, or to stdout if it is the main one; return the lines of its summary and the files' paths."""
     from wavesweep import results
     from wavesweep.cli.summaries import tally_of
 
@@ -103,13 +103,13 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> tupl
         results.stream(table.watched(tally.add), sys.stdout.buffer)
     else:
         tally.add(table.columns)
-    # The rows are safe: what they were made from may go.
+    # The rows are written, so the checkpoint is not needed any more.
     table.forget()
     return tally.lines(table.facts), paths
 
 
 def _drawn(table: Table) -> Table:
-    """The table with its figure; of rows that come in blocks, those that the figure shows are kept."""
+    """The table with its figure. If its rows come in blocks, those that the figure shows are kept."""
     from wavesweep import plots
 
     if table.axes is not None:
@@ -127,7 +127,7 @@ def say(text: str, warning: bool = False) -> None:
 
 @contextmanager
 def progress(quiet: bool) -> Iterator[Progress | None]:
-    """Give a function of (done, total, certified) that moves a progress bar; None if stderr is no terminal."""
+    """Yield a function of (done, total, certified) that moves a progress bar; None if stderr is no terminal."""
     if quiet or not sys.stderr.isatty():
         yield None
         return
@@ -147,7 +147,7 @@ def progress(quiet: bool) -> Iterator[Progress | None]:
 
 
 class _Rate:
-    """Slices per second since the first report; those from a checkpoint do not count."""
+    """Slices per second since the first report, without those from a checkpoint."""
 
     def __init__(self, done: int) -> None:
         self._first, self._started = done, time.monotonic()
@@ -160,7 +160,7 @@ class _Rate:
 
 
 def where(paths: Iterable[Path], seconds: float) -> str:
-    """Name the files written, the folder once."""
+    """Message with the paths of the files written; the folder appears once."""
     first, *others = paths
     suffixes = ["".join(path.suffixes) for path in others]
     return f"Wrote {', '.join([str(first), *suffixes])} in {seconds:.2f} s"

@@ -14,19 +14,20 @@ from wavesweep.cli.options import Options, common
 @click.command("paper")
 @common
 def command(options: Options) -> None:
-    """Draw every figure of the paper and judge every statement of it.
+    """Reproduce the paper's figures and test its statements.
 
-    Takes no SPEC: the paper's come with the program. Writes to results/paper, or to --out, a table and a figure for each
-    of Figures 2, 4, 5, 6, 7 and 8, the table open-choices of what the paper leaves open, the table passive-bank of filter
-    banks whose way in is passive, and the table statements: for each one a verdict with its numbers. The last three are
-    also Markdown. With --out - the statements go to stdout. The work is too little for workers.
+    Takes no SPEC: the paper's specs are part of the program. The results go to results/paper, or to --out: a table and a
+    figure for each of Figures 2, 4, 5, 6, 7 and 8; the table open-choices, with the values that the paper leaves open; the
+    table passive-bank, with filter banks whose returned waves pass a passive map; and the table statements, with a verdict
+    and its numbers for each statement. The last three are also written as Markdown. With --out - the statements go to
+    stdout. No worker processes are used.
     """
     from wavesweep import paper
     from wavesweep.cli.output import progress, say, where
     from wavesweep.results import publish, stream
 
     if options.overrides:
-        raise click.UsageError("--set: the paper's values are its own; change copies of its specs, one command at a time")
+        raise click.UsageError("--set: the paper's values are its own; copy one of its specs and change the copy")
     directory, said = Path(options.out or Path("results", "paper")), []
     with progress(options.quiet) as report:
         started = time.perf_counter()

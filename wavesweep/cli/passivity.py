@@ -18,18 +18,18 @@ if TYPE_CHECKING:
 @click.option(
     "--filters",
     is_flag=True,
-    help="Write a second table, passivity-filters: the norm for orders 1 to 8 of LP1 at the paper's cutoffs.",
+    help="Write a second table, passivity-filters: the norm of the channel with LP1 of order 1 to 8 at the paper's cutoffs.",
 )
 @common
 def command(spec: str, options: Options, filters: bool) -> None:
-    """Find how far the wave channel and the hand's port are from passive.
+    """Compute the norm of the wave channel and the passivity margin at the hand's port.
 
-    SPEC is a TOML file; each axis of its [sweep] table that has values is swept. The channel is passive where its norm
-    is at most 1, the port where the margin is not negative. A controller without waves has no channel: its norm is
-    missing, and channel_passive is 1.
+    SPEC is a TOML file; each axis of its [sweep] table that has values is swept. The channel is passive if its norm is at
+    most 1, the port if its margin is not negative. If the controller has no waves, the norm is missing and
+    channel_passive is 1.
 
-    The port is that of a hand whose force is held over a tick. A hand that also moves within the tick can need more
-    damping: see zwidth --hand passive.
+    At the port the force of the hand is held over a tick. If the hand may also move within the tick, more damping can be
+    necessary: see zwidth --hand passive.
     """
     from wavesweep import sweep
     from wavesweep.cli.output import produce

@@ -9,12 +9,12 @@ from wavesweep.cli.options import Options, common
 @click.argument("spec")
 @common
 def command(spec: str, options: Options) -> None:
-    """Run both loops tick by tick, with what a real rig adds to the linear model.
+    """Simulate both loops tick by tick, with contact, friction and hardware limits if wanted.
 
-    SPEC is a TOML file; its [simulate] table names the force of the hand and the additions: a one-sided wall, an
-    encoder, friction, a force limit, imperfect timing, or a device by name. If the force is a sine or a stepped sine,
-    the response estimated from it is written as a second table, simulate-response. A loop that diverges is no failure:
-    the rows end where numbers overflow, and a message says so.
+    SPEC is a TOML file. Its [simulate] table gives the force of the hand, and effects that the linear model does not
+    have: a one-sided wall, an encoder, friction, a force limit, imperfect timing, or all of a device by its name. If the
+    force is a sine or a stepped sine, the response estimated from it is written as a second table, simulate-response. If
+    the loop diverges, the rows end before the numbers overflow, and a warning is printed; the exit code is still 0.
     """
     from wavesweep import sweep
     from wavesweep.cli.output import produce

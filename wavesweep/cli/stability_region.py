@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def command(spec: str, options: Options, holders: Holders | None) -> None:
     """Find the stable intervals along any axis for every combination of the others.
 
-    SPEC is a TOML file; its key sweep.along names the axis of the intervals.
+    SPEC is a TOML file; its key sweep.along gives the axis of the intervals, and its [sweep] table the other axes.
     """
     from wavesweep.cli.output import produce_intervals
 

@@ -17,15 +17,15 @@ Line = tuple[str, bool]  # a message, and whether it is a warning
 Columns = Mapping[str, np.ndarray]
 WORDS = {
     "free": "free device",
-    "operator": "held by the spec's operator",
-    "passive": "guaranteed for every passive hand",
-    "box": "stable for every hand of the box",
-    "port": "port passive for held forces",
+    "operator": "with the spec's operator",
+    "passive": "stable with every passive hand",
+    "box": "stable with every hand of the box",
+    "port": "hand's port passive, forces held over a tick",
 }
 
 
 def tally_of(table: Table) -> WholeTable | HandTally:
-    """Give the summary of a table: call `add` with each of its blocks, then `lines`."""
+    """Return the summary of a table: call `add` with each of its blocks, then `lines`."""
     return HandTally() if table.axes is not None else WholeTable(SUMMARIES[table.kind])
 
 
@@ -40,7 +40,7 @@ class WholeTable:
         self._columns = columns
 
     def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
-        """Give the notices of the run, and the summary."""
+        """Yield the notices of the run and the summary."""
         yield from _notices(facts)
         yield from self._summary(self._columns, facts)
 
@@ -62,7 +62,7 @@ class IntervalTally:
         self._along = str(columns["along"][0])
         self._rows += len(stable)
         self._intervals += int(stable.sum())
-        # A slice has one row numbered 0, whatever it holds.
+        # Every slice has exactly one row numbered 0.
         self._split += int(((columns["intervals"] > 1) & (columns["interval"] == 0)).sum())
         self._doubts.update(columns["doubt"][~columns["certified"]].tolist())
         if stable.any():
@@ -71,7 +71,7 @@ class IntervalTally:
                 self._largest = {name: column[row] for name, column in columns.items()}
 
     def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
-        """Give lines, each with whether it is a warning."""
+        """Yield the lines, each with a flag that is true for a warning."""
         slices = facts["slices"]
         skipped = f" ({slices['skipped']} skipped)" if slices["skipped"] else ""
         holes = f", {_count(self._split, 'slice')} with a hole" if self._split else ""
@@ -89,24 +89,24 @@ class IntervalTally:
         return self._largest
 
     def certified(self) -> str:
-        """Say how many rows are certified."""
+        """Text: how many rows are certified, and why others are not."""
         # Rows and not slices: an uncertified row names the interval that a user should not rely on.
         every = _count(self._rows, "row")
         reasons = ", ".join(f"{word} {self._doubts[word]}" for word in DOUBTS if self._doubts[word])
         return f"{self._doubts.total()} of {every} not certified ({reasons})" if self._doubts else f"all {every} certified"
 
     def largest(self) -> str:
-        """Name the largest stable value and its place."""
+        """Text: the largest stable value and its place."""
         incomplete = any(self._doubts[word] for word in INCOMPLETE)
         if not self._largest:
-            known = f"no {self._along} is known to be stable, and not all of the swept range is known"
+            known = f"no stable {self._along} found, but part of the swept range could not be decided"
             return known if incomplete else f"no stable {self._along} anywhere in the swept range"
         row = self._largest
         axes = list(row)[: list(row).index("along")]
         place = ", ".join(f"{axis} = {row[axis]:g}" for axis in axes)
         ended = ""
         if np.isnan(row["high_omega"]):
-            ended = ", where what is known ends" if row["doubt"] in INCOMPLETE else ", where the swept range ends"
+            ended = ", beyond which stability is not known" if row["doubt"] in INCOMPLETE else ", where the swept range ends"
         return f"largest stable {self._along}: {row['high']:.6g}{f' at {place}' if place else ''}{ended}"
 
 
@@ -131,35 +131,36 @@ class HandTally:
             self._unsettled += int((~columns["settled"]).sum())
 
     def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
-        """Give lines, each with whether it is a warning."""
+        """Yield the lines, each with a flag that is true for a warning."""
         yield from _notices(facts)
         if not self._tallies:
             yield from self._plain.lines(facts)
         for hand, tally in self._tallies.items():
             yield f"{WORDS[hand]} ({hand}): {tally.largest()}{_ended_by(tally.row)}; {tally.certified()}", False
         if self._unsettled:
-            yield f"{self._unsettled} rows of the box rest on a search, some hand may be unstable: settled 0", True
+            rows = _count(self._unsettled, "row")
+            yield f"{rows} of the box not proved (settled 0): a hand that the search missed may be unstable", True
 
 
 def _ended_by(row: Mapping[str, Any]) -> str:
-    """Name the hand that ends the interval, if one is known."""
+    """Text: the hand that ends the interval, if one is known."""
     hand = [row.get(f"high_hand_{part}", np.nan) for part in ("mass", "damping", "stiffness")]
     return "" if np.isnan(hand[0]) else ", ended by a hand of {:.4g} kg, {:.4g} N*s/m, {:.4g} N/m".format(*hand)
 
 
 def bode(columns: Columns, _: Mapping[str, Any]) -> Iterator[Line]:
-    """Give lines, each with whether it is a warning."""
+    """Yield the lines, each with a flag that is true for a warning."""
     frequencies = len(np.unique(columns["frequency_hz"]))
     curves = len(columns["frequency_hz"]) // max(frequencies, 1)
     yield f"{_count(curves, 'curve')} of {frequencies} frequencies", False
     unstable = ~columns["stable"]
     if unstable.any():
         names = ", ".join(sorted(set(columns["spec"][unstable].tolist())))
-        yield f"unstable, so no steady response would be seen: curves of {names}", True
+        yield f"some loops are unstable and have no steady response: curves of {names}", True
     doubted = np.isin(columns["doubt"], ["", "unstable"], invert=True)
     if doubted.any():
         words = ", ".join(sorted(set(columns["doubt"][doubted].tolist())))
-        yield f"not vouched for ({words}): {_count(int(doubted.sum()), 'row')}, see the column doubt", True
+        yield f"{_count(int(doubted.sum()), 'row')} without a reliable value ({words}), see the column doubt", True
 
 
 def _count(number: int, noun: str) -> str:
@@ -167,12 +168,12 @@ def _count(number: int, noun: str) -> str:
 
 
 def passivity(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Line]:
-    """Give lines, each with whether it is a warning."""
+    """Yield the lines, each with a flag that is true for a warning."""
     rows = len(columns["channel_norm"])
     norms = columns["channel_norm"][~np.isnan(columns["channel_norm"])]
     if norms.size:
         passive = int(columns["channel_passive"].sum())
-        yield f"channel: passive in {passive} of {_count(rows, 'row')}; norm {_range(norms)}", False
+        yield f"wave channel: passive in {passive} of {_count(rows, 'row')}; norm {_range(norms)}", False
     margins = columns["port_margin"][~np.isnan(columns["port_margin"])]
     reach = f"; margin {_range(margins)} m/N" if margins.size else ""
     yield f"hand's port: passive in {int(columns['port_passive'].sum())} of {_count(rows, 'row')}{reach}", False
@@ -182,7 +183,7 @@ def passivity(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Line]:
 
 
 def filter_choices(columns: Columns, _: Mapping[str, Any]) -> Iterator[Line]:
-    """Give the least order at each cutoff that keeps aliasing from adding much energy."""
+    """Yield the least order at each cutoff with which aliasing adds at most 0.1 % of energy."""
     order = dict(zip(columns["lp1_cutoff_hz"].tolist(), columns["sufficient_order"].tolist(), strict=True))
     known = [f"{each:g} at {cutoff:g} Hz" for cutoff, each in order.items() if not np.isnan(each)]
     yield f"least order of LP1 with which aliasing adds at most 0.1 % of energy: {', '.join(known) or 'none'}", False
@@ -197,12 +198,12 @@ def _range(values: np.ndarray) -> str:
 
 
 def simulation(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Line]:
-    """Give lines, each with whether it is a warning."""
+    """Yield the lines, each with a flag that is true for a warning."""
     wanted, rows = facts["ticks"]["wanted"], len(columns["tick"])
     rates, options = facts["spec"]["rates"], facts["spec"]["simulate"]
     kind, tick = facts["spec"]["controller"]["kind"], 1 / rates["fast_hz"]
     much = f"{rows}" if rows == wanted else f"{rows} of {wanted}"
-    yield f"{kind} under {options['input']}: {much} ticks, {rows * tick:g} s", False
+    yield f"{kind}, force of the hand {options['input']}: {much} ticks, {rows * tick:g} s", False
     if rows < wanted:
         yield f"the loop diverges: numbers overflow in tick {rows}, {rows * tick:g} s; the rows end before it", True
     if rows == 0:
@@ -215,7 +216,7 @@ def simulation(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Line]:
     if options["late"] or options["dropped"]:
         results = columns["late"][columns["phase"] == 0]
         late, lost = int((results > 0).sum()), int((results < 0).sum())
-        yield f"of {len(results)} slow results {late} came late and {lost} never", False
+        yield f"of {len(results)} slow results {late} came late and {lost} were lost", False
     yield _energy(columns), False
 
 
@@ -234,18 +235,18 @@ def _energy(columns: Columns) -> str:
 
 
 def simulated_response(columns: Columns, _: Mapping[str, Any]) -> Iterator[Line]:
-    """Give the largest difference between the simulated response and that of the linear loop."""
+    """Yield the largest difference between the simulated response and that of the linear loop."""
     count = len(columns["frequency_hz"])
     off = [_off(columns, name) for name in ("admittance", "impedance")]
-    what = f"response at {count} frequenc{'y' if count == 1 else 'ies'}"
+    where = f"response at {count} frequenc{'y' if count == 1 else 'ies'}"
     yield (
-        f"{what}: off the linear loop's by at most {off[0]:.2g} (admittance), {off[1]:.2g} (impedance), relative",
+        f"{where}: differs from the linear loop by at most {off[0]:.2g} (admittance) and {off[1]:.2g} (impedance), relative",
         False,
     )
 
 
 def _off(columns: Columns, name: str) -> float:
-    """Give the largest relative difference, over the frequencies at which both are known."""
+    """Largest relative difference, over the frequencies at which both are known."""
     seen, linear = (columns[f"{kind}{name}_re"] + 1j * columns[f"{kind}{name}_im"] for kind in ("", "linear_"))
     off = np.abs(seen - linear) / np.abs(linear)
     return float(np.max(off, initial=0.0, where=np.isfinite(off)))

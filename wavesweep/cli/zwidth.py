@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 def command(spec: str, options: Options, holders: Holders | None) -> None:
     """Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.
 
-    SPEC is a TOML file; its [sweep] table names the axes. All stable intervals are reported, not only the first one, and
-    each says whether it is certified.
+    SPEC is a TOML file; its [sweep] table gives the axes. All stable intervals are found, not only the first one. The
+    column certified is 1 if an interval is proved, and otherwise the column doubt gives the reason.
     """
     from wavesweep.cli.output import produce_intervals
 
