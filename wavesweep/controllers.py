@@ -1,4 +1,4 @@
-"""The controllers that a spec may name. A name decides nothing else: what a loop is follows from its drawing."""
+"""The controllers that a spec may name. The name selects a drawing; everything else follows from the drawing."""
 
 from importlib import import_module
 
@@ -13,7 +13,7 @@ CONTROLLERS = {
 
 
 def drawing_of(kind: str):
-    """The function from flat values to the `Diagram` of that kind."""
+    """Return the function from flat values to the `Diagram` of that kind; KeyError if there is none."""
     drawn = CONTROLLERS[kind]
     if callable(drawn):
         return drawn

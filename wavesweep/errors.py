@@ -1,4 +1,4 @@
-"""What can go wrong, in words for users, and the exit code that goes with it."""
+"""Errors with texts for users, and their exit codes."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 
 class WavesweepError(Exception):
-    """A run failed for a reason that its text explains; base of every error raised on purpose."""
+    """A run failed for the reason in the text; base class of all errors that are raised on purpose."""
 
     exit_code = 1
 
 
 class UsageError(WavesweepError):
-    """What was asked for cannot be done: a wrong flag, file or number."""
+    """A request is not possible: a wrong option, file or number."""
 
     exit_code = 2
 
@@ -28,10 +28,10 @@ class CheckpointError(UsageError):
 
 @dataclass(frozen=True, slots=True)
 class Mistake:
-    """One mistake of a spec: where it stands, which key it concerns, what was expected and what was found.
+    """One mistake of a spec: its place, its key, the expected value and the value found.
 
-    `location` is `file:line:column`, `--set key=value`, or empty for a spec that is not text; `key` is empty where the
-    text is not TOML at all; `suggestion` is the nearest name that would have been right, or empty.
+    `location` is `file:line:column`, `--set key=value`, or empty if the spec is not text. `key` is empty if the text is
+    not TOML at all. `suggestion` is the nearest correct name, or empty.
     """
 
     location: str
@@ -48,7 +48,7 @@ class Mistake:
 
 
 class SpecError(UsageError):
-    """A spec with mistakes: all of them at once, a line each."""
+    """A spec with mistakes: all of them, one line each."""
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
         self.mistakes = tuple(mistakes)

@@ -1,4 +1,4 @@
-"""The library's face: a compiled loop that answers, vectorised, in DataFrames and arrays."""
+"""The library: a compiled loop with vectorised methods that return DataFrames and arrays."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -81,8 +81,8 @@ class Loop:
     def simulate(self, force=None, **options):
         """Both loops run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
 
-        force: the hand's force (N) per tick, `(ticks,)`; what the spec's [simulate] names by default. options: its other
-        keys in place of the spec's (`wall=0.01, friction=0.2`). Errors: see `analysis.simulation.simulated_columns`.
+        force: the hand's force (N) per tick, `(ticks,)`; by default the input of the spec's [simulate]. options: other keys
+        of [simulate] in place of the spec's (`wall=0.01, friction=0.2`). Errors: see `analysis.simulation.simulated_columns`.
         """
         from wavesweep.analysis.simulation import simulated_columns
 

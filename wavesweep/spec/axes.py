@@ -14,7 +14,7 @@ MOST_VALUES = 1_000_000
 
 
 def linear(start: float, stop: float, num: int) -> tuple[float, ...]:
-    """Return what `numpy.linspace(start, stop, num)` holds, bit for bit; both ends are exact."""
+    """Return the values of `numpy.linspace(start, stop, num)`, bit for bit; both ends are exact."""
     if num == 1:
         return (start,)
     span = stop - start
@@ -27,7 +27,7 @@ def linear(start: float, stop: float, num: int) -> tuple[float, ...]:
 
 
 def logarithmic(start: float, stop: float, num: int) -> tuple[float, ...]:
-    """Return what `numpy.geomspace(start, stop, num)` holds; both ends are exact, 0 < start <= stop.
+    """Return the values of `numpy.geomspace(start, stop, num)`, for 0 < start <= stop; both ends are exact.
 
     Accuracy: the two differ by the rounding of exponents, a few ulp times `log(10)*|log10(value)|`, because numpy has
     logarithms and powers of its own.
@@ -55,8 +55,8 @@ _SCALE = Key("scale", "string", "linear", "", "how the values are spaced", choic
 class Axis:
     """One axis: `values` in order (empty if only the span is given), `start` and `stop` the span or the extremes.
 
-    `name` is as the spec writes it and names the column; `path` is the key's. Where `structural` is true a value has to
-    go through `Spec.with_values`; otherwise an array of floats may replace `values[path]`.
+    `name` is the name in the spec, and that of the column; `path` is the path of the key. If `structural` is true, a value
+    has to go through `Spec.with_values`; otherwise an array of floats may replace `values[path]`.
     """
 
     name: str
@@ -77,7 +77,7 @@ class Axis:
 
 
 def build_axis(study: str, name: str, parts: dict[str, Leaf]) -> tuple[Axis | None, list[Mistake]]:
-    """Return the axis that the parts of one key of [sweep] or [bode] make, or None with its mistakes."""
+    """Return the axis given by the parts of one key of [sweep] or [bode], or None and its mistakes."""
     key = find_key(name) or STUDY_KEYS[f"{study}.{name}"]
     label = f"{study}.{name}"
     first = next(iter(parts.values()))

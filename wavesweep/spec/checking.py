@@ -1,4 +1,4 @@
-"""Checks of one value for one key, with the words for a mistake: expected, found, and the nearest known name."""
+"""Checks of one value against its key, and the text of a mistake: expected, found, and the nearest known name."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LONGEST_COMPARED = 80  # difflib takes quadratic time, and no name of ours comes
 
 
 class Rejected(ValueError):
-    """A value that a key cannot take, with the words for the mistake; the caller adds its place."""
+    """A value that a key does not accept, with the text of the mistake; the caller adds its place."""
 
     def __init__(self, expected: str, found: str, suggestion: str = "") -> None:
         super().__init__(f"expected {expected}, found {found}")
@@ -22,7 +22,7 @@ class Rejected(ValueError):
 def check(key: Key, value: object) -> float | int | str:
     """Return `value` as the key's own type, or raise `Rejected`.
 
-    A whole number may stand for a float, and a float with no fraction (20.0) for a whole number; a boolean is neither.
+    A whole number is accepted as a float, and a float without fraction (20.0) as a whole number. A boolean is no number.
     """
     if key.type == "string":
         return _check_string(key, value)
@@ -63,7 +63,7 @@ def _in_range(key: Key, number: float) -> bool:
 
 
 def expectation(key: Key, number: float | None = None) -> str:
-    """Describe the values of `key`; of its two limits the one that `number` exceeds, by default the lower."""
+    """Describe the values of `key`. If `number` exceeds its upper limit, that limit is named, otherwise the lower one."""
     if key.choices:
         return "one of " + ", ".join(map(show, key.choices))
     if key.type == "string":
@@ -77,7 +77,7 @@ def expectation(key: Key, number: float | None = None) -> str:
 
 
 def show(value: object) -> str:
-    """Write a value as a spec would, shortened, on one line."""
+    """Return a value in the notation of a spec, shortened, on one line."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -98,9 +98,9 @@ def _shorten(text: str) -> str:
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """Return the one of `known` that `name` was most likely meant to be, or an empty string.
+    """Return the most likely intended name among `known`, or an empty string.
 
-    The same name under another table or in other case wins over the closest spelling.
+    The same name in another table or in other case is preferred to the closest spelling.
     """
     known = list(dict.fromkeys(known))
     if len(name) > LONGEST_COMPARED:

@@ -1,8 +1,8 @@
-"""Desktop haptic devices by name, for experiments with numbers of a real machine.
+"""Desktop haptic devices by name, for experiments with the numbers of a real machine.
 
-What manufacturers publish is a force limit, a resolution, and for some an apparent mass and a back-drive friction at
+Manufacturers publish a force limit, a resolution, and for some devices an apparent mass and a back-drive friction at
 the tip in the middle of the workspace. They do not publish viscous damping, and rarely the direction or the place in
-the workspace for which a number holds. Each preset tells which of its numbers are published and which are assumed.
+the workspace to which a number applies. The sources of published and of assumed numbers are part of each preset.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ class HapticDevice:
     assumed: str
 
     def loop(self) -> dict[str, float]:
-        """Return the keys of the loop that the device decides."""
+        """Return the keys of the loop that the device sets."""
         return {"device.mass": self.mass, "device.damping": self.damping}
 
     def beyond_the_model(self) -> dict[str, float]:
-        """Return the keys of [simulate] that the device decides."""
+        """Return the keys of [simulate] that the device sets."""
         return {"friction": self.friction, "resolution": self.resolution, "max_force": self.max_force}
 
 

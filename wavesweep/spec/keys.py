@@ -35,8 +35,8 @@ SYMBOLS = MappingProxyType(
 class Key:
     """One key: `type` is "number", "integer" or "string"; `default` None means that the key may be absent.
 
-    Numbers lie in `low`..`high`, `low` itself excluded where `above_low`; `choices` lists the only values allowed.
-    Limits set by other keys (`environment.delay <= rates.ratio`) are checked where a spec is resolved.
+    Numbers lie in `low`..`high`, without `low` itself if `above_low` is true. If there are `choices`, no other value is
+    allowed. Limits set by other keys (`environment.delay <= rates.ratio`) are checked when a spec is resolved.
     """
 
     path: str
@@ -57,7 +57,7 @@ class Key:
 
     @property
     def structural(self) -> bool:
-        """Whether a change needs the spec resolved again, other values or limits being derived from this one."""
+        """Whether a change requires the spec to be resolved again, because other values or limits depend on this one."""
         derived_from = self.path in ("rates.fast_hz", "rates.slow_hz") or self.path.rsplit(".", 1)[-1] in BAND_EDGES
         return self.type != "number" or derived_from
 

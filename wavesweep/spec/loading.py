@@ -1,4 +1,4 @@
-"""From a path or nested tables, and overrides, to a `Spec`."""
+"""Loading: from a path or nested tables, and overrides, to a `Spec`."""
 
 from __future__ import annotations
 
@@ -18,10 +18,11 @@ _TWINS = {("rates", "ratio"): ("rates", "slow_hz"), ("rates", "slow_hz"): ("rate
 def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> Spec:
     """Return the spec of a TOML file, or of the same nested tables as a dict.
 
-    `overrides` are `key=value` texts as of `--set`: `controller.b=40`, `b=40`, `sweep.B_VE.num=20`. They replace what
-    the source gives before anything is checked; `rates.ratio` and `rates.slow_hz` displace each other.
+    source: a path or the tables. overrides: texts `key=value` as for `--set`, e.g. `controller.b=40`, `b=40`,
+    `sweep.B_VE.num=20`. They replace values of the source before anything is checked; `rates.ratio` and `rates.slow_hz`
+    displace each other.
 
-    Raises UsageError where a file cannot be read, and SpecError with all mistakes of source and overrides at once.
+    Errors: UsageError if a file cannot be read, and SpecError with all mistakes of source and overrides at once.
     """
     if isinstance(source, Mapping):
         name, path, tables, place = "spec", None, read_dict(source), Place()
@@ -57,7 +58,7 @@ def _nested(path: Path, value: object) -> dict:
 
 
 def _override(leaves: dict[Path, Leaf], replaced: Path, new: dict[Path, Leaf]) -> dict[Path, Leaf]:
-    """Put `new` in the place of all that lies at, above or below one path, so that an axis keeps its turn."""
+    """Replace everything at, above or below one path by `new`, in the same position, so that the order of axes is kept."""
     result: dict[Path, Leaf] = {}
     for path, leaf in leaves.items():
         if _overlap(path, replaced):
@@ -88,7 +89,7 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
 
 
 def _in_order(mistakes: list[Mistake]) -> list[Mistake]:
-    """Sort by line and column; mistakes without them keep their order, at the end."""
+    """Sort by line and column; mistakes without a place keep their order, at the end."""
 
     def position(mistake: Mistake) -> tuple[int, ...]:
         numbers = mistake.location.rsplit(":", 2)[1:]

@@ -1,8 +1,8 @@
-"""From a file, a dict and `--set` arguments to tables, and the place of each value in them.
+"""Reading: from a file, a dict or `--set` arguments to tables, with the place of each value.
 
-tomllib keeps no positions. They are searched for only where a mistake is reported, in a text that is known to be valid
-TOML: this reads no more of the grammar than it takes to walk past strings, comments and nested values. Arrays are stepped
-over: what stands in them has the position of the array.
+tomllib keeps no positions. They are searched for only if a mistake is reported, in a text that is known to be valid TOML,
+so only as much of the grammar is read as is needed to skip strings, comments and nested values. Arrays are skipped as a
+whole: their elements have the position of the array.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _IN_BRACKETS = rf"(?s){_STRING}|#[^\n]*|[^\[\]{{}}\"'#]+|[\[\]{{}}]"
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """In a dict, which has no lines; base of the other places."""
+    """Place in a dict, which has no lines; base of the other places."""
 
     def location(self, of_key: bool = False) -> str:  # noqa: ARG002 - what a file needs to know
         """Return the prefix of a mistake's line, for the value here or for its key; empty if there is none."""
@@ -52,7 +52,7 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class InFile(Place):
-    """At a path of a TOML text; the line is searched for only when it is asked for."""
+    """Place at a path of a TOML text; its line is searched for only if it is needed."""
 
     name: str
     text: str
@@ -71,7 +71,7 @@ class InFile(Place):
 
 @dataclass(frozen=True, slots=True)
 class OnCommandLine(Place):
-    """In an override, as it was typed."""
+    """Place in an override, as it was typed."""
 
     typed: str
 
@@ -87,14 +87,14 @@ class Leaf:
     place: Place
 
     def mistake(self, key: str, expected: str, found: str, suggestion: str = "", of_key: bool = False) -> Mistake:
-        """Return the mistake that this value is, or that its key is."""
+        """Return the mistake made by this value or, if `of_key`, by its key."""
         return Mistake(self.place.location(of_key), key, expected, found, suggestion)
 
 
 def read_file(path: str) -> tuple[dict, Place]:
     """Return the tables of a TOML file and its place.
 
-    Raises UsageError where the file cannot be read, SpecError where it is not TOML.
+    Errors: UsageError if the file cannot be read, SpecError if it is not TOML.
     """
     try:
         with open(path, "rb") as stream:  # noqa: PTH123 - pathlib would be half of the time that loading takes
@@ -138,7 +138,7 @@ def read_dict(tables: Mapping) -> dict:
 
 
 def plain(value: object) -> object:
-    """Return one value, or a table of them, without tuples, numpy types and other people's mappings."""
+    """Return one value, or a table of them, as plain Python types, without tuples, numpy types and other mappings."""
     if isinstance(value, Mapping):
         return read_dict(value)
     if hasattr(value, "tolist"):
@@ -151,7 +151,7 @@ def plain(value: object) -> object:
 def read_override(typed: str) -> tuple[tuple[str, ...], object, Place]:
     """Return path, value and place of `controller.b=40`, `b=40` or `sweep.b=[20, 40]`.
 
-    The value is read as TOML; what is not TOML is a string, so that `controller.kind=pmw` needs no quotes.
+    The value is read as TOML. If it is not TOML it is a string, so that `controller.kind=pmw` needs no quotes.
     """
     place = OnCommandLine(typed)
     name, equals, value = typed.partition("=")

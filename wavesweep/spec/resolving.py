@@ -1,4 +1,4 @@
-"""From the keys that were given to a value for every key, with the checks that take more than one key."""
+"""Resolving: from the given keys to a value for every key, with the checks that concern more than one key."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from wavesweep.spec.reading import Leaf, Place
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """The leaves of the loop's own tables by path, and the place of the source they came from."""
+    """The leaves of the loop's own tables by path, and the place of their source."""
 
     leaves: Mapping[str, Leaf]
     source: Place
@@ -31,7 +31,7 @@ class Given:
 
 
 def resolve(given: Given) -> tuple[dict[str, float | int | str], list[Mistake]]:
-    """Return the value of every path of VALUE_PATHS, and all mistakes; with mistakes the values are of no use."""
+    """Return the value of every path of VALUE_PATHS, and all mistakes; if there are mistakes, the values are not valid."""
     checked, mistakes = check_each(KEYS, given.leaves)
     wrong = set(given.leaves) - set(checked)
     # Defaults replace wrong values, so that one mistake does not hide those that are independent of it.
@@ -47,7 +47,7 @@ def resolve(given: Given) -> tuple[dict[str, float | int | str], list[Mistake]]:
 
 
 def check_each(keys: Mapping[str, Key], leaves: Mapping[str, Leaf]) -> tuple[dict, list[Mistake]]:
-    """Return the checked value of every leaf by path, and the mistakes of those that their keys cannot take."""
+    """Return the checked value of every leaf by path, and the mistakes of the leaves that their keys do not accept."""
     checked, mistakes = {}, []
     for path, leaf in leaves.items():
         try:
@@ -67,7 +67,7 @@ def _required(given: Given) -> list[Mistake]:
 
 
 def _resolve_rates(given: Given, checked: Mapping, values: dict) -> list[Mistake]:
-    """Put the ratio into `values` if the slow rate was given instead."""
+    """Set the ratio in `values` if the slow rate was given instead."""
     if "rates.slow_hz" not in given.leaves:
         return []
     leaf = given.leaf("rates.slow_hz")
@@ -94,7 +94,7 @@ def _whole_ratio(fast_hz: float, slow_hz: float) -> int | None:
 
 
 def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict) -> list[Mistake]:
-    """Put order and cutoff into `values` if the filter was given by its band edges."""
+    """Set order and cutoff in `values` if the filter was given by its band edges."""
     path = f"filters.{name}"
     edges = [edge for edge in BAND_EDGES if f"{path}.{edge}" in given.leaves]
     if not edges:
@@ -149,7 +149,7 @@ LIMITS["environment.delay"] = ("rates.ratio", "rates.slow_hz", "rates.fast_hz")
 
 
 def exceeds_limit(path: str, number: float, values: Mapping) -> str:
-    """Return the expected range if `number` is beyond the limit that other keys set to `path`; else an empty text."""
+    """Return the expected range if `number` is beyond the limit that other keys set for `path`, otherwise an empty text."""
     if path == "environment.delay" and number > values["rates.ratio"]:
         return f"a whole number <= {values['rates.ratio']} (rates.ratio)"
     if path.endswith(".cutoff_hz") and not number < values["rates.fast_hz"] / 2:
@@ -170,11 +170,12 @@ def butterworth_order(
 ) -> tuple[float, float]:
     """Return order and cutoff (Hz) of the least digital Butterworth filter that meets the edges.
 
-    This is `scipy.signal.buttord`. With the edges prewarped, `W = tan(pi*f/fast_hz)`, and `G = 10^(dB/10)`, the order
-    is the least whole number not below `log((G_stop - 1)/(G_pass - 1)) / (2 log r)`, where `r > 1` is the ratio of the
-    edges; the cutoff then gives exactly `passband_db` at the edge of the passband. Low-pass where the passband lies
-    below the stopband, high-pass otherwise. The order is infinite, and the cutoff the edge of the passband, where
-    doubles cannot tell the edges apart, or an edge or `passband_db` from zero.
+    passband_hz, stopband_hz: edges in Hz; a low-pass if the passband lies below the stopband, otherwise a high-pass.
+    passband_db: largest loss in the passband, dB. stopband_db: least attenuation in the stopband, dB. fast_hz: rate, Hz.
+    As `scipy.signal.buttord`: with the edges prewarped, `W = tan(pi*f/fast_hz)`, and `G = 10^(dB/10)`, the order is the
+    least whole number not below `log((G_stop - 1)/(G_pass - 1)) / (2 log r)` for the ratio `r > 1` of the edges; the
+    cutoff then gives exactly `passband_db` at the edge of the passband. If doubles cannot tell the edges apart, or an edge
+    or `passband_db` from zero, the order is infinite, and the cutoff is the edge of the passband.
 
     Accuracy: the order is SciPy's; the cutoff agrees to a few units in the last place.
     """

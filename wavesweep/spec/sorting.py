@@ -1,4 +1,4 @@
-"""Assigns every leaf of the tables to a key or an axis; a leaf that fits none is a mistake."""
+"""Assignment of every leaf of the tables to a key or an axis; a leaf that fits none is a mistake."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Sorted:
     mistakes: dict[tuple[str, str], Mistake] = field(default_factory=dict)
 
     def refuse(self, leaf: Leaf, key: str, expected: str, found: str, suggestion: str = "") -> None:
-        """Note a mistake about a key, once however many leaves lie under it."""
+        """Record a mistake about a key, once for any number of leaves under it."""
         # Where a table was expected, the value is at fault; otherwise the name.
         mistake = leaf.mistake(key, expected, found, suggestion, of_key=expected != "a table")
         self.mistakes.setdefault((key, mistake.location), mistake)
@@ -53,7 +53,7 @@ def leaves_of(tables: dict, place: Place, prefix: Path = ()) -> Iterator[tuple[P
 
 
 def normal_path(path: Path) -> Path:
-    """Return the one path of an axis that may be written `"device.mass"` or `device.mass`."""
+    """Return the path of an axis, which may be written `"device.mass"` or `device.mass`."""
     if path[0] not in STUDIES:
         return path
     return (path[0], *(part for name in path[1:] for part in name.split(".")))
@@ -144,5 +144,5 @@ def _refuse_axis(study: str, name: str, leaf: Leaf, result: Sorted) -> None:
 
 
 def _join(path: Path) -> str:
-    """Write a path with quotes round every name that TOML would want quoted; so a name with dots is no path of ours."""
+    """Join a path, with quotes around every name that TOML would quote, so that a name with dots is no known path."""
     return ".".join(name if name.replace("-", "_").isidentifier() and name.isascii() else show(name) for name in path)

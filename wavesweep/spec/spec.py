@@ -1,4 +1,4 @@
-"""A spec as a value: every key resolved, every axis spelt out, nothing left to default."""
+"""A spec as a value: every key resolved and every axis complete, without any default left open."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spec:
-    """A request with all its values; made by `load`. Two specs ask for the same if their `sha256` agree."""
+    """A request with all its values, made by `load`. Two specs are the same request if their `sha256` are equal."""
 
     name: str
     source: str | None
@@ -56,14 +56,14 @@ class Spec:
 
     @property
     def simulate(self) -> Mapping[str, float | int | str | tuple | None]:
-        """The resolved keys of [simulate] by their last name (`friction`), None where one is absent; read-only."""
+        """The resolved keys of [simulate] by their last name (`friction`), None if one is absent; read-only."""
         return MappingProxyType(self._studies.experiment.values)
 
     def as_simulated(self) -> Spec:
         """Return the spec of `simulate`: its digest covers [simulate] too, and the preset's mass and damping are in it.
 
-        What the spec gives itself stands before what the preset has. Raises SpecError where the experiment does not fit
-        the fast rate.
+        Values that the spec itself gives take precedence over those of the preset. Errors: SpecError if the experiment
+        does not fit the fast rate.
         """
         mistakes = list(self._studies.experiment.beyond_limits(self._values["rates.fast_hz"]))
         if mistakes:
@@ -76,8 +76,8 @@ class Spec:
     def tables(self) -> dict[str, dict]:
         """Return the resolved spec as nested tables that JSON can hold.
 
-        A filter given by its band edges has these beside the order and cutoff that follow from them; a slow rate has
-        become the ratio. [simulate] is left out where nothing depends on it, see `as_simulated`.
+        If a filter was given by its band edges, these are included beside the order and cutoff that follow from them. A
+        slow rate appears as the ratio. [simulate] is left out if nothing depends on it, see `as_simulated`.
         """
         tables: dict[str, dict] = {}
         for path, value in self._with_band_edges().items():
@@ -100,7 +100,7 @@ class Spec:
 
     @property
     def sha256(self) -> str:
-        """The SHA-256 of `tables()` as JSON without spaces, in their own order: that of the axes orders the rows."""
+        """The SHA-256 of `tables()` as JSON without spaces, unsorted, because the order of the axes is that of the rows."""
         import hashlib
         import json
 
@@ -110,7 +110,7 @@ class Spec:
     def with_values(self, changes: Mapping[str, float | int | str]) -> Spec:
         """Return the spec with other values for some paths or symbols, resolved and checked anew.
 
-        `rates.ratio` and `rates.slow_hz` displace each other. Raises SpecError with every mistake of the changes.
+        `rates.ratio` and `rates.slow_hz` displace each other. Errors: SpecError with every mistake of the changes.
         """
         given, mistakes = self.given, []
         for name, value in changes.items():
@@ -129,8 +129,8 @@ class Spec:
 def sweep_axes(spec: Spec, along: str | None = None) -> tuple[Axis, tuple[Axis, ...]]:
     """Return the axis of [sweep] along which intervals are wanted (`spec.along` by default), and the other axes.
 
-    K_VE has a span of its own where the spec gives none. Raises SpecError where `along` is no numeric key or has no
-    span, and where another axis has a span without values.
+    along: a symbol or a path. K_VE has a default span if the spec gives none.
+    Errors: SpecError if `along` is no numeric key or has no span, or if another axis has a span without values.
     """
     name = spec.along if along is None else along
     fault = axis_fault(name)

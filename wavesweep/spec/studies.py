@@ -1,4 +1,4 @@
-"""What [sweep], [bode] and [simulate] ask for, checked in itself and against the loop."""
+"""The tables [sweep], [bode] and [simulate], checked in themselves and against the loop."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class Experiment:
         return present | frequencies
 
     def beyond_limits(self, fast_hz: float) -> Iterator[Mistake]:
-        """Yield the mistakes that only the fast rate (Hz) makes."""
+        """Yield the mistakes that depend on the fast rate (Hz)."""
         half, most = fast_hz / 2, MOST_TICKS / fast_hz
         if self.frequencies and self.values["frequency_hz"] and not self.frequencies.stop < half:
             expected, found = f"numbers < {half!r} (half of rates.fast_hz)", show(self.frequencies.stop)
@@ -74,12 +74,12 @@ class Experiment:
 
 
 def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
-    """Return how long a step of the stepped sine takes: it settles, then lasts whole periods and at least a second."""
+    """Return the duration (s) of a step of the stepped sine: settling, then whole periods and at least a second."""
     return settle_s + max(periods, math.ceil(frequency_hz)) / frequency_hz
 
 
 def build_experiment(leaves: Sorted) -> tuple[Experiment, list[Mistake]]:
-    """Return the experiment and its mistakes; `beyond_limits` checks the limits that the fast rate sets."""
+    """Return the experiment and its mistakes; limits that the fast rate sets are checked by `beyond_limits`."""
     found, mistakes = check_each(SIMULATE_KEYS, leaves.simulate)
     checked = {path.split(".")[1]: value for path, value in found.items()}
     device = DEVICES[checked["preset"]].beyond_the_model() if "preset" in checked else {}
@@ -111,7 +111,7 @@ def _frequencies(parts: dict[str, Leaf]) -> tuple[Axis | None, list[Mistake]]:
 
 
 def _fit(kind: str, axis: Axis | None, parts: dict[str, Leaf]) -> tuple[tuple[float, ...], list[Mistake]]:
-    """Return the frequencies that this input reads; a mistake if they are too many or only a span."""
+    """Return the frequencies of this input, and a mistake if they are too many or only a span."""
     if kind == "chirp":
         return (axis.start, axis.stop), []
     if kind == "sine" and len(axis.values) != 1:
@@ -136,7 +136,7 @@ class Studies:
 
 
 def build_studies(leaves: Sorted, given: Given) -> tuple[Studies, list[Mistake]]:
-    """Return the studies and their mistakes; `beyond_limits` checks the limits that the loop's values set."""
+    """Return the studies and their mistakes; limits that the loop's values set are checked by `beyond_limits`."""
     along, mistakes = _read_along(leaves.along)
     axes: dict[str, list[Axis]] = {}
     for study, named in leaves.axes.items():
@@ -159,7 +159,7 @@ def need_values(study: str, axis: Axis) -> Mistake:
 
 
 def axis_fault(name: str) -> tuple[str, str] | None:
-    """Return the words for "found" and a suggestion if `name` is no numeric key; else None."""
+    """Return the text for "found" and a suggestion if `name` is no numeric key, otherwise None."""
     key = find_key(name)
     if key is None:
         numeric = [path for path, known in KEYS.items() if known.numeric]
@@ -205,7 +205,7 @@ def _at_odds_with_filters(study: str, axes: Iterable[Axis], given: Given) -> Ite
 
 
 def beyond_limits(study: str, axes: Iterable[Axis], values: Mapping) -> Iterator[Mistake]:
-    """Yield the mistakes of axes that leave the range which the loop's other values set.
+    """Yield the mistakes of axes that leave the range set by the other values of the loop.
 
     Every combination of a study's axes is computed, so a cutoff has to suit the lowest swept rate. A delay beside a
     swept ratio is left to `with_values`, which sees each combination.
