@@ -1,4 +1,4 @@
-"""Blocks, who feeds whom at which rate, and the paper's controllers drawn with them."""
+"""Blocks, their connections at two rates, and the paper's controllers drawn with them."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,9 +17,10 @@ WALL = ("environment.K_VE", "environment.B_VE")
 
 
 def draw(values) -> Diagram:
-    """Draw the loop of `values` (flat keys -> numbers, arrays over a batch, or words), its wall left open.
+    """Return the drawing of the loop of `values`, without the wall's law.
 
-    A number that is exactly zero may take a branch or a state out of the loop: each is zero everywhere in the batch or nowhere.
+    values: flat keys -> numbers, arrays over a batch, or words. If a number is exactly zero, it may take a branch or a
+    state out of the loop, so in a batch it has to be zero in all loops or in none.
     """
     function = drawing_of(values["controller.kind"])
     return replace(function(values), structure=_structure(function, tuple(sorted(_tame(values)))))
@@ -27,12 +28,12 @@ def draw(values) -> Diagram:
 
 @lru_cache(maxsize=1024)
 def _structure(function, items) -> Diagram:
-    """A drawing of the same structure, from tame numbers."""
+    """The drawing of the same structure with moderate numbers."""
     return function(dict(items))
 
 
 def _tame(values):
-    """Each key with a number of middle size, the same for all loops that are drawn alike; zero where it is zero."""
+    """Each key with a number of moderate size, the same for all loops of one structure; zero if the key is zero."""
     for path, value in values.items():
         if path in FEW_TICKS:
             yield path, min(value, FEW_TICKS[path])
@@ -43,11 +44,11 @@ def _tame(values):
 
 
 FEW_TICKS = {"rates.ratio": 3, "environment.delay": 1}
-TAME_RATE = 100.0  # Hz, far above twice any tame cutoff
+TAME_RATE = 100.0  # Hz, far above twice any moderate cutoff
 
 
 def keys_read(values) -> frozenset[str]:
-    """The keys that the loop of `values` depends on, the wall's included; found by drawing it and watching."""
+    """The keys that the loop of `values` depends on, with those of the wall; recorded while the loop is drawn."""
     watched = _Watched(values)
     drawing_of(values["controller.kind"])(watched)
     watched.seen.add("controller.kind")

@@ -1,4 +1,4 @@
-"""A discrete block in delta form, the only kind of box that a diagram is drawn with, and its arrays over a batch."""
+"""The discrete block in delta form, of which all diagrams consist, and its arrays over a batch."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def numbers(array) -> np.ndarray:
-    """Return `array` as floats, or as complex numbers where a parameter is looked at beside the real axis."""
+    """Return `array` as floats, or as complex numbers if a parameter is complex."""
     array = np.asarray(array)
     return array if array.dtype.kind == "c" else array.astype(float, copy=False)
 

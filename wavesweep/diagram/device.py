@@ -9,7 +9,7 @@ def device(values, period) -> Block:
     """Zero-order-hold device `(m + m_h) a + (d + d_h) v + k_h x = f`, with its velocity estimate.
 
     values: the flat keys `device.*` and `operator.*` (kg, N*s/m, N/m), numbers or arrays. period: T in s.
-    Inputs: `f` (N). Outputs: `x` (m), `v_hat` (m/s), `dx` (m, the displacement that this tick brings about).
+    Inputs: `f` (N). Outputs: `x` (m), `v_hat` (m/s), `dx` (m, the displacement in this tick).
     Accuracy: a few ulp of each entry for every damping and stiffness, zero and overdamped included.
     """
     mass = values["device.mass"] + values["operator.mass"]
@@ -51,7 +51,7 @@ def impulse_and_step(damping, stiffness, period):
 
     damping (1/s), stiffness (1/s^2), period (s): numbers or arrays. Returns (s, g) in s and s^2.
     Equations: s = int_0^T e^{..}, g = int_0^T s; a Taylor series over T/2^p, then p doublings
-    `g2 = g (2 - stiffness g) + s^2`, `s2 = s (2 - damping s - 2 stiffness g)`, which add only positive terms where the
+    `g2 = g (2 - stiffness g) + s^2`, `s2 = s (2 - damping s - 2 stiffness g)`, which add only positive terms if the
     device is overdamped.
     """
     damping, stiffness, period = np.broadcast_arrays(*(numbers(a) for a in (damping, stiffness, period)))

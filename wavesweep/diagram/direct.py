@@ -5,17 +5,17 @@ from wavesweep.diagram.drawing import Diagram, hand, rates
 
 
 def dc(values) -> Diagram:
-    """The paper's ideal: the wall runs every tick, so the frame is one tick and F_s is the control force."""
+    """The paper's ideal: the wall is computed every tick, so the frame is one tick and F_s is the control force."""
     return _coupled(values, {"ratio": 1, "delay": 0})
 
 
 def dc_slow(values) -> Diagram:
-    """The slow wall reads the hand's samples and its force is held."""
+    """Direct coupling to the slow wall, which reads samples of the device and whose force is held."""
     return _coupled(values, rates(values))
 
 
 def dc_lm(values) -> Diagram:
-    """The slow wall's held force, and a fast spring and damper about the samples that it was computed from."""
+    """The slow wall's held force, and a fast spring and damper about the samples that this force was computed from."""
     stiffness, damping = values["local_model.K_LM"], values["local_model.B_LM"]
     about_samples = {
         "device.x": stiffness,
@@ -27,7 +27,7 @@ def dc_lm(values) -> Diagram:
 
 
 def _coupled(values, timing, more_force=None, more_holds=None) -> Diagram:
-    """hand -> device -> samplers -> wall -> hold -> device, with what a fast controller adds to the held force."""
+    """hand -> device -> samplers -> wall -> hold -> device, with the terms that a fast controller adds to the held force."""
     facts = hand(values)
     return Diagram(
         fast=(device(values, facts["period"]),),

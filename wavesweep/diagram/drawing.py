@@ -1,4 +1,4 @@
-"""The drawing of a multirate loop: blocks at two rates, samplers, holds, a wall, and who feeds whom."""
+"""The drawing of a multirate loop: blocks at two rates, samplers, holds, a wall, and their connections."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -39,17 +39,18 @@ class Hand:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Diagram:
-    """Who feeds whom, at which rate; time is counted in fast ticks.
+    """Blocks and their connections at two rates; time is counted in fast ticks.
 
     fast, slow: blocks that run every tick, and at phase 0 of every frame of `ratio` ticks.
     sums: junctions by the signal that they make, read by either side; a block's input `"block.port"` is such a signal.
-    samples: slow signal -> the fast signal that it is the value of at phase 0.
-    holds: fast signal -> the slow signal whose latest value it shows from phase `delay` of the frame on.
+    samples: slow signal -> the fast signal whose value at phase 0 it is.
+    holds: fast signal -> the slow signal whose latest value it has from phase `delay` of the frame on.
     wall: the slow signals (displacement in m, velocity in m/s) that the wall reads. wall_force: the signal of its force (N).
     hand: the hand's port.
-    waves: the waves that leave and reach the user's side, if there are any; blocks say which of their ports carry others.
-    rate: ticks per second (Hz) as it was given, which 1/period is not to the last bit; None stands for 1/period.
-    structure: a diagram that is drawn alike from tame numbers, in which drift is looked for; None stands for this one.
+    period: of a tick, s. ratio: ticks in a frame. delay: ticks until a slow result is in place.
+    waves: the signals of the waves that leave and reach the user's side, if there are any; blocks name their own wave ports.
+    rate: ticks per second (Hz) as it was given, from which 1/period may differ in the last bit; by default 1/period.
+    structure: a diagram of the same structure with moderate numbers, in which drift is searched for; by default this one.
     """
 
     fast: tuple[Block, ...]
@@ -69,7 +70,7 @@ class Diagram:
 
 
 def hand(values) -> dict:
-    """The tick and the hand, as keywords that a `Diagram` takes."""
+    """Return the tick (s) and its rate (Hz) as keywords of `Diagram`. values: the flat keys of a spec."""
     return {
         "period": 1 / numbers(values["rates.fast_hz"]),
         "rate": values["rates.fast_hz"],
@@ -77,5 +78,5 @@ def hand(values) -> dict:
 
 
 def rates(values) -> dict:
-    """The frame and the slow environment's delay in it, as keywords that a `Diagram` takes."""
+    """Return the ticks of a frame and the delay in it as keywords of `Diagram`. values: the flat keys of a spec."""
     return {"ratio": values["rates.ratio"], "delay": values["environment.delay"]}

@@ -1,7 +1,7 @@
-"""What a loop never brings back: found in its drawing, by elimination that knows which zeros are exact.
+"""Drift: shifts of the states that nothing in the loop opposes, found in its drawing by elimination with exact zeros.
 
-Waves carry velocities, and a free hand is held by nothing: a shift of positions may stay for ever, an eigenvalue at exactly 1
-whatever the wall is. It is a solution of the drawing with all signals constant.
+Waves carry velocities, and a free hand is held by nothing. A shift of positions may therefore persist for every wall, as an
+eigenvalue at exactly 1. It is a solution of the drawing with all signals constant.
 """
 
 from collections.abc import Mapping
@@ -20,8 +20,8 @@ FORCE = ""  # stands for the wall's force among the unknowns
 class Drift:
     """A shift of states that nothing in the loop, cut at the wall, opposes.
 
-    shift: state of the lifted frame -> how far it moves while what the wall reads moves by 1; empty where there is none.
-    lead: the state that the others are counted from, one that the wall reads if it reads any of them.
+    shift: state of the lifted frame -> its displacement per unit displacement at the wall; empty if there is no drift.
+    lead: the state relative to which the others are counted; one that the wall reads, if it reads any of them.
     driven: whether the wall's force moves the loop along the shift. If not, a combination of the states is conserved.
     """
 
@@ -31,24 +31,24 @@ class Drift:
 
 
 def latch(held: str) -> str:
-    """Name of the state that remembers the held signal of the frame before."""
+    """Name of the state that stores the held signal of the last frame."""
     return f"hold_{held}.u_before"
 
 
 def drift_of(diagram: Diagram, signals=()) -> Drift:
-    """The drift of what the wall and these signals read, from the numbers of the first loop of the batch.
+    """The drift seen by the wall and by these signals, from the numbers of the first loop of the batch.
 
-    Unknowns are all states and block inputs; the equations say that no state changes, and that an input is what is wired to
-    it. Their null space is the drift, and the rank grows with the column of the wall's force where that force drives it.
-    Elimination keeps, beside each entry, the size of what was added up for it: an entry is zero only where its terms cancel to
-    rounding, so that a slow pole or a feeble spring is no drift. Several shifts that have no state in common are one, of all of
-    them. Raises ValueError where they have.
+    diagram: the drawing. signals: slow signals or states that are read beside the wall. Unknowns are all states and block
+    inputs. The equations state that no state changes, and that each input equals the sum connected to it. Their null space
+    is the drift; if the wall's force drives it, the rank grows with the column of that force. Elimination keeps the size of
+    the terms of each entry, and an entry counts as zero only if its terms cancel to rounding. So a slow pole or a soft
+    spring is no drift. Several shifts without a common state are taken as one. Errors: ValueError if they have a common one.
     """
     return _drift(diagram.structure or diagram, tuple(signals))
 
 
 def scene_drift(diagram: Diagram) -> Drift:
-    """The same with the hand's position and all that is held: the shift of the whole scene, if nothing holds the hand."""
+    """The drift seen by the wall, the hand and all holds: the shift of the whole scene, if nothing holds the hand."""
     return drift_of(diagram, (*diagram.holds.values(), diagram.hand.position))
 
 
@@ -79,7 +79,7 @@ def _drift(diagram, signals):
 
 
 def _moved(names, reduced, pivots, free):
-    """The unknowns that move when the free one does: name -> by how much."""
+    """Displacement of each unknown per unit displacement of the free one; those at rest are left out."""
     moved = {free: 1.0} | {column: -reduced[row, free] for column, row in pivots.items()}
     return {names[i]: value for i, value in moved.items() if value}
 
@@ -90,7 +90,7 @@ def _states(diagram):
 
 
 def _equations(diagram):
-    """Unknown -> the terms (unknown -> factor) of its equation: how a state changes, and an input less what feeds it."""
+    """Unknown -> terms (unknown -> factor) of its equation: the change of a state, or an input less its sources."""
     rows = {}
     for block in (*diagram.fast, *diagram.slow):
         columns = [f"{block.name}.{name}" for name in (*block.states, *block.inputs)]
@@ -108,7 +108,7 @@ def _equations(diagram):
 
 
 def _traced(diagram, signal):
-    """What a signal is when all are constant: unknown -> factor."""
+    """A constant signal as a sum of unknowns: unknown -> factor."""
     if signal == diagram.wall_force:
         return {FORCE: 1.0}
     if signal in diagram.samples:
@@ -128,7 +128,7 @@ def _traced(diagram, signal):
 
 
 def _read_by(rows, read):
-    """The unknowns that these read, directly or through others, in the drawing's order."""
+    """The unknowns that these depend on, directly or through others, in the drawing's order."""
     known, left = set(), list(read)
     while left:
         name = left.pop()
@@ -167,7 +167,7 @@ def _terms(pairs):
 
 
 def _simple(value):
-    """The number without its rounding, where it is a small fraction."""
+    """The number without its rounding, if it is a small fraction."""
     return round(value * 12) / 12 if abs(value * 12 - round(value * 12)) < 1e-9 else value
 
 

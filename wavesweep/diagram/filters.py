@@ -1,4 +1,4 @@
-"""Digital Butterworth filters, from normal-form sections that keep their digits at any order and cutoff."""
+"""Digital Butterworth filters from normal-form sections, which are accurate at any order and cutoff."""
 
 import numpy as np
 
@@ -8,7 +8,8 @@ from wavesweep.diagram.block import Block, matrix, numbers
 def butterworth(name: str, order: int, cutoff_hz, period, highpass: bool = False) -> Block:
     """Butterworth filter by the bilinear transform with prewarping, as a cascade of normal-form sections.
 
-    order: 0 is a wire. cutoff_hz (below half the rate) and period (s): numbers or arrays. Port `u` in, `y` out.
+    name: of the block. order: 0 for a plain connection. cutoff_hz (below half the rate), period (s): numbers or arrays.
+    highpass: a high-pass if true, otherwise a low-pass. Port `u` in, `y` out.
     Each pole pair is the bilinear image of `[[alpha, beta], [-beta, alpha]]`, inputs and outputs balanced, because a
     transfer function, and even direct-form sections, lose every digit at order 10 and a cutoff of 0.1 % of the rate.
     Source: A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 7.1; B. Gold, C. Rader 1967 (normal form).

@@ -25,7 +25,7 @@ def pmw(values) -> Diagram:
 
 
 def encoder(values) -> dict:
-    """Junctions at the user's side: f_m = b v_hat - sqrt(2b) v_m, u_m = sqrt(2b) v_hat - v_m; what feeds LP1 and the VE."""
+    """Junctions at the user's side: f_m = b v_hat - sqrt(2b) v_m, u_m = sqrt(2b) v_hat - v_m, LP1 and avatar."""
     b = values["controller.b"]
     root = np.sqrt(2 * numbers(b))
     return {

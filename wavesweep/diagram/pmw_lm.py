@@ -9,7 +9,7 @@ from wavesweep.diagram.wave import local_model
 
 
 def pmw_lm(values) -> Diagram:
-    """Figure 1's line beside the branch u_m -> HP -> local model -> LP2 -> v_2, and v_m = v_1 + v_2 + Kp (x_s - x)."""
+    """The loop of Figure 1 and the branch u_m -> HP -> local model -> LP2 -> v_2; v_m = v_1 + v_2 + Kp (x_s - x)."""
     facts = hand(values) | rates(values)
     period, delayed = facts["period"], values["local_model.delay"] == 1
     branch = (

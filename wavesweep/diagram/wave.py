@@ -11,10 +11,11 @@ _STEP = {"explicit": (0.0, 1.0), "implicit": (1.0, 1.0), "trapezoidal": (0.5, 0.
 def avatar(b, period, integration: str) -> Block:
     """Decoder and avatar of the slow environment, cut at the wall's force.
 
-    `x_dot = (sqrt(2b) u - F)/b`, `v = u - sqrt(2/b) F`. The state `s` is what the step starts from, so that all three
+    `x_dot = (sqrt(2b) u - F)/b`, `v = u - sqrt(2/b) F`. The state `s` is the start of the step, so that all three
     integrations share `s+ = s + period x_dot`: explicit reads x_tilde = s, implicit s + period x_dot, trapezoidal
     s + period x_dot/2 (its s holds half of the last step already).
-    Inputs: `u` (sqrt(W)), `F` (N). Outputs: `x_tilde` (m), `x_dot` (m/s), `v` (sqrt(W)), `x` (m).
+    b: wave impedance, N*s/m. period: of a slow step, s. Inputs: `u` (sqrt(W)), `F` (N). Outputs: `x_tilde` (m), `x_dot`
+    (m/s), `v` (sqrt(W)), `x` (m).
     """
     read, sent = (share * period for share in _STEP[integration])
     along, against = np.sqrt(2 / b), -1 / b
@@ -33,7 +34,9 @@ def avatar(b, period, integration: str) -> Block:
 
 
 def local_model(b, stiffness, damping, period, integration: str) -> Block:
-    """The local model of interaction with its own decoder, closed: `u` in, returned wave `v` out (sqrt(W)).
+    """The local model of interaction with its own decoder, in a closed loop: `u` in, returned wave `v` out (sqrt(W)).
+
+    b: wave impedance, N*s/m. stiffness: K_LM, N/m. damping: B_LM, N*s/m. period: of a tick, s. integration: of its velocity.
 
     `x_dot = (sqrt(2b) u - F)/b`, `F = K_LM x_tilde + B_LM x_dot`, `v = u - sqrt(2/b) F`, solved for the step.
     """
