@@ -1,6 +1,6 @@
-"""A table becomes a figure; nothing is computed here. Each kind of table has its `draw(columns, facts, path)`.
+"""Figures of tables; nothing is computed here. Each kind of table has a function of (columns, facts, path).
 
-A drawing is loaded when it is first asked for: a run without a figure loads none.
+A function is imported at its first use, so a run without a figure imports none.
 """
 
 from importlib import import_module

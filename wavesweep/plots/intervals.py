@@ -31,9 +31,9 @@ HANDS = {
 def zwidth(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path) -> None:
     """Draw the stable intervals of a `zwidth` or `stability-region` table as PNG.
 
-    The stable region is filled, its holes stay white; its boundary is solid where certified, dashed red where not.
-    Slices that are only partly known are hatched outside of their intervals.
-    Values of a second axis become panels, those of a third a family of lines; a note lists the values that do not fit.
+    The stable region is filled, with white holes. Its boundary is solid if certified, otherwise dashed red. Slices that
+    are only partly known are hatched outside of their intervals. The values of a second axis are panels, those of a third
+    axis a family of lines. A note lists the values that do not fit.
     """
     picture = Picture(axes_of(columns))
     picture.add(columns)
@@ -117,7 +117,7 @@ def _rows_where(columns: Mapping[str, np.ndarray], axis: str | None, value: floa
 
 
 def _logarithmic(values: np.ndarray) -> bool:
-    """Whether an axis was spaced by a constant factor: then it is drawn so."""
+    """Whether an axis is spaced by a constant factor, so that its scale is logarithmic."""
     steps = np.unique(values)
     if len(steps) < 4 or steps[0] <= 0:
         return False
@@ -159,7 +159,7 @@ def draw_bars(
 ) -> None:
     """Draw a bar per stable interval, a line of bars per member, named at the left.
 
-    An end of the stable set has a stroke across; where the swept range ends the bar, it has none. `colours`: one for
+    An end of the stable set is marked by a stroke; if the swept range ends the bar, there is none. `colours`: one for
     each member; by default all have the same.
     """
     alike = family_colours(1) * len(members)
@@ -214,20 +214,20 @@ def draw_hand_regions(axes: Any, columns: Mapping[str, np.ndarray], x: str) -> N
 
 
 def draw_hand_bars(axes: Any, columns: Mapping[str, np.ndarray]) -> None:
-    """Draw them as bars, a line of bars per hand."""
+    """Draw the intervals as bars, a line of bars per hand."""
     members = _members(columns)
     draw_bars(axes, list(members.values()), list(members), [HANDS[hand][0] for hand in members])
 
 
 def promised(columns: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Which rows promise something for hands; the legend says how sure they are, not the line's style."""
+    """Flags of the rows with a guarantee for hands; their certainty is in the legend, not in the style of the line."""
     if "hand" not in columns:
         return np.zeros(len(columns["along"]), bool)
     return ~np.isin(columns["hand"].astype(str), ("free", "operator"))
 
 
 def hand_handles(columns: Mapping[str, np.ndarray]) -> list[Any]:
-    """Entries of the legend; a region without a boundary is told there, since no line shows it."""
+    """Entries of the legend, with those regions that have no boundary, since no line shows them."""
     from matplotlib.patches import Patch
 
     members = _members(columns)
@@ -251,7 +251,7 @@ def _extent(rows: Mapping[str, np.ndarray], bottom: float) -> str:
 
 
 def _members(columns: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
-    """The rows of each hand that is there."""
+    """The rows of each hand of the table."""
     shown = {**columns, "certified": columns["certified"] | promised(columns)}
     rows = {hand: columns["hand"] == hand for hand in HANDS}
     return {hand: {name: column[chosen] for name, column in shown.items()} for hand, chosen in rows.items() if chosen.any()}

@@ -18,12 +18,12 @@ MOST_POINTS = 400  # along the figure: more than that is finer than its pixels
 class Layout:
     """The roles of a table's axes.
 
-    x        the axis along the figure, None where no axis is long enough (bars are drawn then)
+    x        the axis along the figure; None if no axis is long enough, so that bars are drawn
     points   the values of x that are drawn
-    panels   the axis with a panel for each value, None where there is one panel; `panel_values` those drawn
-    family   the axis whose values are lines (or bars) of one panel, None where there are none; `members` those drawn
+    panels   the axis with a panel for each value, None if there is one panel; `panel_values` those drawn
+    family   the axis whose values are lines (or bars) of one panel, None if there are none; `members` those drawn
     fixed    the value at which each remaining axis is held
-    left_out what the figure does not show, in words; empty where it shows everything
+    left_out note on the values that the figure does not show; empty if it shows all of them
     """
 
     x: str | None
@@ -36,7 +36,7 @@ class Layout:
     left_out: str
 
     def shows(self, columns: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Which rows the figure shows, one flag a row."""
+        """Flags of the rows that the figure shows."""
         roles = ((self.x, self.points), (self.panels, self.panel_values), (self.family, self.members))
         wanted = {axis: values for axis, values in roles if axis is not None}
         wanted |= {axis: (value,) for axis, value in self.fixed.items()}
@@ -47,14 +47,14 @@ class Layout:
 
 
 def axes_of(columns: Mapping[str, np.ndarray]) -> dict[str, tuple[float, ...]]:
-    """The axes of a table that is at hand, and their values."""
+    """The axes of a table and their values."""
     return {name: tuple(np.unique(columns[name]).tolist()) for name in list(columns)[: list(columns).index("along")]}
 
 
 def lay_out(axes: Mapping[str, Sequence[float]]) -> Layout:
     """Give the axes (name -> values) their roles, in their order: along the figure, panels, a family of lines.
 
-    B_VE or K_VE lies along the figure where it can: the plane of the wall is drawn so.
+    B_VE or K_VE lies along the figure if possible, since this is how the plane of the wall is usually drawn.
     """
     several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
     x = along_the_figure(several)

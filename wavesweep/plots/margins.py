@@ -1,4 +1,4 @@
-"""Figures of passivity: how much the wave channel exceeds 1, the margin at the hand's port, and choices of filters."""
+"""Figures of passivity: the excess of the wave channel's norm over 1, the margin at the hand's port, and filter orders."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PANELS = (("channel_norm", "pmw: channel norm - 1"), ("bank_norm", "pmw-lm, way
 def passivity(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
     """Draw a `passivity` table as PNG: norm less 1 on a logarithmic scale, and the port's margin; passive is shaded.
 
-    Over an axis with many values they are lines, a family for the next axis; otherwise a dot per combination.
+    If an axis has many values, they are lines over it, a family for the next axis; otherwise each combination is a dot.
     """
     del facts
     axes = {name: tuple(np.unique(columns[name]).tolist()) for name in list(columns)[: list(columns).index("channel_norm")]}
@@ -82,12 +82,12 @@ def _draw_dots(columns: Columns, several: Mapping[str, tuple], path: Path) -> No
 
 
 def _excess(columns: Columns) -> np.ndarray:
-    """Norm less 1, nothing below the tolerance."""
+    """Norm less 1, or 0 below the tolerance."""
     return np.maximum(columns["channel_norm"] - 1, _TOLERANCE)
 
 
 def _finish(channel_axis: Any, port_axis: Any, panels: tuple[Any, Any], columns: Columns) -> None:
-    """Scale, shade and name both value axes, whichever way they run."""
+    """Scale, shade and label both axes of values, in either direction."""
     channel, port = panels
     upright = channel_axis.axis_name == "y"
     if np.isnan(columns["channel_norm"]).all():

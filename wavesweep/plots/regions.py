@@ -30,7 +30,7 @@ class Plane:
 
 
 def draw_planes(planes: Sequence[Plane], path: Path) -> None:
-    """Draw the panels side by side as PNG: stable regions filled, a line where the loop becomes unstable."""
+    """Draw the panels side by side as PNG: stable regions filled, their boundaries as lines."""
     with figure(path, ONE_COLUMN if len(planes) == 1 else TWO_COLUMNS, 2.8) as canvas:
         grid = np.atleast_1d(canvas.subplots(1, len(planes), sharey=True))
         for axes, plane in zip(grid, planes, strict=True):
@@ -64,7 +64,7 @@ def _add_legend(canvas: Any, plane: Plane) -> None:
 
 @dataclass(frozen=True)
 class Interval:
-    """A stable interval; an end is real unless it is that of the swept range."""
+    """A stable interval; an end is real unless the swept range ends there."""
 
     low: float
     high: float
@@ -108,8 +108,8 @@ def _cells(columns: Mapping[str, np.ndarray], x: str) -> Iterator[tuple[float, f
 def _chains(columns: Mapping[str, np.ndarray], x: str) -> list[Chain]:
     """Follow each interval from x to x for as long as it has one partner; a chain without one ends half way.
 
-    Two intervals that become one have no straight line between them: drawn up to half way, nothing is shown that was
-    not computed, and a hole stays a hole.
+    If two intervals merge, there is no straight line between them. They are drawn up to half way, so that only computed
+    values are shown and a hole remains a hole.
     """
     slices = [(value, _intervals(columns, columns[x] == value)) for value in np.unique(columns[x]).tolist()]
     growing: dict[int, Chain] = {index: [(slices[0][0], each)] for index, each in enumerate(slices[0][1])}
@@ -126,7 +126,7 @@ def _chains(columns: Mapping[str, np.ndarray], x: str) -> list[Chain]:
 
 
 def _partners(before: list[Interval], after: list[Interval]) -> dict[int, int]:
-    """Give, for indices of `after`, that of the one interval of `before` where each overlaps only the other."""
+    """Index in `after` -> index in `before`, for pairs of intervals that overlap only each other."""
     overlaps = [(i, j) for i, a in enumerate(before) for j, b in enumerate(after) if a.low < b.high and b.low < a.high]
     once_before, once_after = Counter(i for i, _ in overlaps), Counter(j for _, j in overlaps)
     return {j: i for i, j in overlaps if once_before[i] == 1 and once_after[j] == 1}
@@ -151,13 +151,13 @@ def _outline(chain: Chain) -> list[tuple[float, float]]:
 
 
 def _boundary(chain: Chain, certified: bool) -> Iterator[list[tuple[float, float]]]:
-    """Give the lines along both real ends that are certified, or those that are not."""
+    """Return the lines along both real ends, either the certified ones or the others."""
     yield from _stretches([(x, e.low, e.low_real, e.certified) for x, e in chain], certified)
     yield from _stretches([(x, e.high, e.high_real, e.certified) for x, e in chain], certified)
 
 
 def _stretches(ends: list[tuple[float, float, bool, bool]], certified: bool) -> Iterator[list[tuple[float, float]]]:
-    """A piece between two ends counts as certified where both are; pieces that touch make one line, for its dashes."""
+    """Join pieces that touch to one line, for its dashes; a piece is certified if both of its ends are."""
     line: list[tuple[float, float]] = []
     for (x, value, real, sure), (next_x, next_value, next_real, next_sure) in pairwise(ends):
         if real and next_real and (sure and next_sure) == certified:

@@ -1,4 +1,4 @@
-"""Figures of frequency responses: a table's curves, a simulation's beside the linear loop's, magnitudes as papers draw them."""
+"""Figures of frequency responses: curves of a table, of a simulation beside the linear loop, and magnitudes as in papers."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NEAR_ZERO = 0.3  # of the largest: an axis whose values come that close to 0 be
 
 @dataclass(frozen=True)
 class Curve:
-    """The rows of one spec at one combination of the axes, and how they are drawn."""
+    """The rows of one spec at one combination of the axes, and the style of their curve."""
 
     rows: dict[str, np.ndarray]
     label: str
@@ -33,8 +33,8 @@ class Curve:
 def bode(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path) -> None:
     """Draw a `bode` table as PNG: magnitude and phase of admittance and impedance, over Hz below and omega T_s above.
 
-    Direct coupling at the fast rate is the ideal, dashed black; an unstable loop's curve is faint; numbers that rounding
-    may have spoilt are crossed out, and unknown ones are left out. Phases are unwrapped.
+    Direct coupling at the fast rate is the ideal, dashed black. If a loop is unstable, its curve is faint. Inaccurate
+    numbers are crossed out, and unknown ones are left out. Phases are unwrapped.
     """
     del facts
     curves = list(_curves(columns))
@@ -74,7 +74,7 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str) -> None:
 
 
 def _unwrapped(degrees: np.ndarray) -> np.ndarray:
-    """Take out jumps of a turn; they would be drawn as vertical lines. A missing value breaks the curve only there."""
+    """Remove jumps of a full turn, which would be drawn as vertical lines. A missing value interrupts the curve there only."""
     drawn, known = degrees.copy(), ~np.isnan(degrees)
     drawn[known] = np.unwrap(degrees[known], period=360.0)
     return drawn
@@ -91,9 +91,9 @@ def _curves(columns: Mapping[str, np.ndarray]) -> Iterator[Curve]:
 
 
 def _responses(columns: Mapping[str, np.ndarray], axes: list[str]) -> dict[str, dict[str, np.ndarray]]:
-    """Give the rows of each combination of the axes, named by it.
+    """Yield the rows of each combination of the axes, with its name.
 
-    An axis that a controller ignores repeats its rows: one line is enough.
+    If a controller ignores an axis, the rows are repeated, and one line is enough.
     """
     values = np.stack([columns[name].astype(float) for name in axes] or [np.zeros(len(columns["spec"]))], axis=1)
     found: dict[bytes, tuple[str, dict[str, np.ndarray]]] = {}
@@ -117,7 +117,7 @@ def _curve(rows: dict[str, np.ndarray], spec: str, place: str, style: dict[str, 
 
 
 def _add_normalised_frequency(top: Any, columns: Mapping[str, np.ndarray]) -> None:
-    """Put omega T_s above, unless the specs have different slow rates and no one scale is right."""
+    """Add the axis of omega T_s above, unless the specs have different slow rates."""
     positive = columns["frequency_hz"] > 0
     ratios = columns["omega_Ts"][positive] / columns["frequency_hz"][positive]
     if not len(ratios) or np.ptp(ratios) > 1e-9 * ratios[0]:
@@ -129,7 +129,7 @@ def _add_normalised_frequency(top: Any, columns: Mapping[str, np.ndarray]) -> No
 
 
 def simulate_response(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path) -> None:
-    """Draw a `simulate-response` table as PNG: dots as estimated from the run, a line as the linear loop has it."""
+    """Draw a `simulate-response` table as PNG: dots for the estimates of the run, a line for the linear loop."""
     del facts
     order = np.argsort(columns["frequency_hz"])
     sorted_columns = {name: column[order] for name, column in columns.items()}
@@ -162,7 +162,7 @@ def _draw_seen(axes: Any, columns: Mapping[str, np.ndarray], name: str) -> None:
 class Line:
     """One curve: its label (empty for none), frequency (rad/sample), magnitude and style.
 
-    ideal: dashed black. shade: place in an ordered family. hue: place among things without an order. dots: no line.
+    ideal: dashed black. shade: place in an ordered family. hue: place in a set without an order. dots: no line.
     """
 
     label: str
@@ -185,7 +185,7 @@ class Panel:
 def draw_magnitudes(
     lines: Sequence[Line], panels: Sequence[Panel], title: str, path: Path, level: tuple[float, str] | None = None
 ) -> None:
-    """Draw the lines as PNG, a panel per band, each scaled to what it shows; `level` is a value to compare with."""
+    """Draw the lines as PNG, a panel per band, each scaled to its contents; `level` is a value to compare with."""
     with figure(path, TWO_COLUMNS, 2.6) as canvas:
         for axes, panel in zip(np.atleast_1d(canvas.subplots(1, len(panels))), panels, strict=True):
             _draw_band(axes, lines, panel)

@@ -19,9 +19,9 @@ Columns = Mapping[str, np.ndarray]
 def simulate(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
     """Draw a `simulate` table as PNG: hand force, positions and wall, control force, energies, one below the other.
 
-    At the left the whole run, a long one as the band between the extremes; at the right some frames of it in detail:
-    about where contact is made or lost, once the run has settled if it still is; without contact where a step or a
-    pulse sets in, or the end.
+    At the left is the whole run; if it is long, as the band between the extremes. At the right are some frames in detail:
+    around a change of contact, if possible after the run has settled; without contact around the start of a step or a
+    pulse, or at the end.
     """
     spans = _spans(columns, facts)
     with figure(path, TWO_COLUMNS, 6.4) as canvas:
@@ -43,7 +43,7 @@ def simulate(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
 
 
 def _spans(columns: Columns, facts: Mapping[str, Any]) -> list[slice]:
-    """Give the whole, and the detail if there is more than it."""
+    """Return the whole span, and that of the detail if it is shorter."""
     rows = len(columns["tick"])
     length = _DETAIL_FRAMES * int(facts["spec"]["rates"]["ratio"])
     if rows <= 2 * length:
@@ -53,7 +53,7 @@ def _spans(columns: Columns, facts: Mapping[str, Any]) -> list[slice]:
 
 
 def _event(columns: Columns, facts: Mapping[str, Any]) -> int:
-    """Give the tick that is worth a closer look."""
+    """Return the tick at the centre of the detail."""
     rows = len(columns["tick"])
     changes = np.flatnonzero(np.diff(columns["touching"])) + 1
     if len(changes):
@@ -104,7 +104,7 @@ _ROWS: tuple[tuple[str, _Draw], ...] = (
 
 
 def _line(axes: Any, columns: Columns, name: str, label: str, colour: str, *, held: bool = False) -> None:
-    """Draw a signal; one that the controller does not have is left out, a held one keeps its steps."""
+    """Draw a signal. It is left out if the controller does not have it; a held one is drawn with its steps."""
     values = columns[name]
     if np.isnan(values).all():
         return
@@ -113,7 +113,7 @@ def _line(axes: Any, columns: Columns, name: str, label: str, colour: str, *, he
 
 
 def _extremes(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Keep the least and the largest value of each of many short stretches, in their order: they look the same."""
+    """Keep the least and the largest value of each of many short stretches, in their order, which look the same."""
     size = -(-len(values) // (_MOST_POINTS // 2))
     if size <= 2:
         return times, values

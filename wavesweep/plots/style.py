@@ -1,4 +1,4 @@
-"""What all figures have in common: sizes for a paper, fonts, colours that the colour-blind can tell apart, names."""
+"""The common style of all figures: sizes for a paper, fonts, colours for the colour-blind, and names of axes."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def figure(path: Path, width: float, height: float) -> Iterator[Any]:
 def _settle(canvas: Any) -> None:
     """Lay the figure out once and round the positions of its panels.
 
-    The layout's solver is good to rounding, and not always to the same one; a shade of a pixel can depend on that.
+    The layout's solver has rounding errors that may differ between runs, and the shade of a pixel can depend on them.
     """
     canvas.draw_without_rendering()
     canvas.set_layout_engine("none")
@@ -88,7 +88,7 @@ def _settle(canvas: Any) -> None:
 
 
 def family_colours(number: int) -> list[Any]:
-    """Give colours for an ordered family, dark to light; the map's yellow end is left out, it is faint on white."""
+    """Return colours for an ordered family, dark to light; the yellow end of the map is left out, as it is faint on white."""
     from matplotlib import colormaps
 
     if number == 1:
@@ -97,7 +97,7 @@ def family_colours(number: int) -> list[Any]:
 
 
 def distinct_colour(index: int) -> str:
-    """Give a colour for one of several things without an order; they repeat after six."""
+    """Return the colour number `index` of a set without an order; colours repeat after six."""
     return _DISTINCT[index % len(_DISTINCT)]
 
 
