@@ -82,7 +82,7 @@ def grazing(wall: Port, avatar: Avatar, u: float) -> Avatar:
 
 
 def contact(wall: Port, avatar: Avatar, u: float) -> Contact:
-    """Tell how the avatar meets a wall that is there only where ``x̃ > position``.
+    """Return the way in which the avatar meets a wall that fills ``x̃ > position``.
 
     Free motion arrives at ``before + ahead·√(2/b)·u``, pressed motion at the same with ``b + B`` for ``b`` and a bit
     of the spring; with a gap ``position - before`` still open (or negative) those are inside when ``ahead·√(2b)·u`` is
@@ -99,7 +99,7 @@ def contact(wall: Port, avatar: Avatar, u: float) -> Contact:
 
 
 def allows(wall: Port, avatar: Avatar, u: float, how: Contact) -> bool:
-    """Tell whether the wave ``u`` is consistent with this way of meeting, where more than one may be."""
+    """Whether the wave ``u`` is consistent with this way of meeting, if several are possible."""
     if how is free:
         return wall.ahead * math.sqrt(2 * wall.b) * u <= _gap(wall, avatar) * wall.b
     return contact(wall, avatar, u) is how

@@ -40,7 +40,7 @@ CONTROLLERS = MappingProxyType(
 
 
 class SimulatedLoop(NamedTuple):
-    """The constants of a loop: tick (s), how velocity is measured, the plant's increments, the control and its law."""
+    """The constants of a loop: tick (s), velocity measurement, the plant's increments, the control and its law."""
 
     T: float
     velocity: str
@@ -55,7 +55,7 @@ class SimulatedLoop(NamedTuple):
 
 
 def compile_loop(values: Mapping, surface: float | None = None) -> SimulatedLoop:
-    """Give the loop of a spec's flat values (``spec.values``, or any mapping with those keys).
+    """Return the loop of a spec's flat values (``spec.values``, or any mapping with those keys).
 
     `surface` makes the wall one-sided, to be touched above that position (m).
 
@@ -82,9 +82,9 @@ def simulate(values: Mapping, force, options: Options | None = None, x: float = 
     numpy would and keeps the equations readable: about 1 s for a minute at 1 kHz with everything on.
 
     Parameters: `values` the flat values of a spec, `force` the hand's force (N) per tick, shape ``(ticks,)``, `options`
-    see `Options`, `x` where the hand starts from rest (m).
+    see `Options`, `x` the initial position (m), at rest.
 
-    Errors: see `compile_loop`; `IllPosedLoopError` when a loop without delay has no solution.
+    Errors: see `compile_loop`; `IllPosedLoopError` if a loop without delay has no solution.
 
     Accuracy: rounding, about 1e-15 of the largest signal per tick: contact, saturation and friction are solved within
     the tick, not iterated. An encoder, late results and jitter see the signal at the ticks, as their originals do.
@@ -108,7 +108,7 @@ def simulate(values: Mapping, force, options: Options | None = None, x: float = 
 
 
 def _run(loop: SimulatedLoop, values: Mapping, options: Options, force: list, lengths: np.ndarray, late: list, x: float):
-    """Give a row per tick (`x`, `v`, `x_hat`, `v_hat`, `f_device`, the controller's signals), and the last `x`."""
+    """Return a row per tick (`x`, `v`, `x_hat`, `v_hat`, `f_device`, the controller's signals), and the last `x`."""
     measure, exert = encoder(options.resolution), motor(options.max_force)
     move = _mover(values, options, loop, lengths)
     step, memory, v = loop.control.tick, loop.control.memory(loop.law), 0.0
@@ -125,7 +125,7 @@ def _run(loop: SimulatedLoop, values: Mapping, options: Options, force: list, le
 
 
 def _mover(values: Mapping, options: Options, loop: SimulatedLoop, lengths: np.ndarray) -> Callable:
-    """Give the motion over the next tick, each call a tick further on."""
+    """Return a function that moves the device by the next tick at each call."""
     body = Body(
         values["device.mass"] + values["operator.mass"],
         values["device.damping"] + values["operator.damping"],
@@ -145,7 +145,7 @@ def _mover(values: Mapping, options: Options, loop: SimulatedLoop, lengths: np.n
 
 
 def _plants(body: Body, options: Options, loop: SimulatedLoop, lengths: np.ndarray) -> Iterator:
-    """Give the length of each tick and the plant's increments over it; ticks of one length share them."""
+    """Yield the length of each tick and the plant's increments over it; ticks of one length share them."""
     if options.jitter == 0:
         return ((loop.T, loop.plant) for _ in lengths)
     increments = zero_order_hold(body.mass, body.damping, body.stiffness, lengths)

@@ -5,7 +5,7 @@ A section with the pole ``p`` (a real one, or the upper one of a conjugate pair)
     q' = p·q + g·u,        y = Re(r·q) + d·u
 
 which for a pair is the normal form ``[[Re p, Im p], [-Im p, Re p]]`` written as a complex number. A direct-form section
-would keep ``1 - 2·Re p + |p|²``, whose digits cancel where the poles crowd at z = 1: at 10th order and 0.1 % of the
+would keep ``1 - 2·Re p + |p|²``, whose digits cancel if the poles are close to z = 1: at 10th order and 0.1 % of the
 rate none is left.
 """
 

@@ -1,6 +1,6 @@
 """The haptic device with the operator's hand on it: exact over a tick of held forces, with Coulomb friction or without.
 
-Friction cuts a tick exactly where the device comes to rest, so that nothing chatters.
+If friction stops the device within a tick, the tick is divided exactly at that time, so that there is no chatter.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _REST = 1e-20  # a term of the series that is this small beside the motion is be
 
 
 def zero_order_hold(mass: float, damping: float, stiffness: float, lengths) -> np.ndarray:
-    """Solve how position and velocity move over a tick in which the net force is constant.
+    """Increments of position and velocity over a tick with a constant net force.
 
     ``mass·a + damping·v + stiffness·x = f`` gives ``x' = x + a·x + b·v + c·f``, ``v' = v + d·x + e·v + g·f``, exactly.
 
@@ -24,7 +24,7 @@ def zero_order_hold(mass: float, damping: float, stiffness: float, lengths) -> n
     keeps its digits.
 
     Accuracy: relative about 1e-15 of the largest coefficient in each row for ticks short beside the device's time
-    constants, and 1e-16·(tick/time constant) where they are not. Taylor's series of the scaled exponential minus one,
+    constants, and 1e-16·(tick/time constant) if they are not. Taylor's series of the scaled exponential minus one,
     doubled back by ``2E + E²``, has no case of its own for missing damping, missing stiffness or equal poles.
     """
     tick = np.asarray(lengths, dtype=float)
@@ -63,7 +63,7 @@ class Body(NamedTuple):
 def slide(body: Body, x: float, v: float, f: float, length: float, plant: tuple[float, ...]) -> tuple[float, float]:
     """Move the body for `length` seconds under the held force ``f`` (N) and friction; returns position and velocity.
 
-    In motion friction is the constant force ``-friction·sgn(v)`` and the tick is linear. Where the velocity reaches 0
+    In motion friction is the constant force ``-friction·sgn(v)`` and the tick is linear. If the velocity reaches 0
     the body stays at rest if ``|f - stiffness·x| <= friction`` holds it, and otherwise sets off towards that force.
 
     Parameters: `x` (m) and `v` (m/s) at the start, `plant` the increments of a whole tick of this length.
@@ -85,10 +85,10 @@ def slide(body: Body, x: float, v: float, f: float, length: float, plant: tuple[
 
 
 def rest_time(body: Body, x: float, v: float, f: float) -> float:
-    """Give when the velocity is next zero under the constant force ``f`` (s); infinity when it never is.
+    """Time (s) at which the velocity is next zero under the constant force ``f``; infinity if it never is.
 
-    With ``c = d/2m`` the velocity is ``exp(-c·t)·(v·C - w·S)``, ``w = (k·x - f)/m + c·v``, where C and S are cos and
-    sine over ω, their hyperbolic kin, or 1 and t: zero where ``S/C = v/w``.
+    With ``c = d/2m`` the velocity is ``exp(-c·t)·(v·C - w·S)``, ``w = (k·x - f)/m + c·v``, with C and S cosine and
+    sine over ω, their hyperbolic counterparts, or 1 and t. It is zero if ``S/C = v/w``.
     """
     if v == 0.0:
         return math.inf if body.stiffness == 0.0 else _half_swing(body)
@@ -106,7 +106,7 @@ def rest_time(body: Body, x: float, v: float, f: float) -> float:
 
 
 def _half_swing(body: Body) -> float:
-    """Give how long a body that sets off from rest moves before it rests again (s)."""
+    """Time (s) from rest to rest of a body that is set in motion by a constant force."""
     square = body.stiffness / body.mass - (body.damping / (2 * body.mass)) ** 2
     return math.pi / math.sqrt(square) if square > 0.0 else math.inf
 
@@ -117,7 +117,7 @@ def _whole(plant: tuple[float, ...], x: float, v: float, f: float) -> tuple[floa
 
 
 def coast(body: Body, x: float, v: float, f: float, length: float) -> tuple[float, float]:
-    """Solve ``m·a + d·v + k·x = f`` for any length of time by Taylor's series, in steps where it converges fast."""
+    """Solve ``m·a + d·v + k·x = f`` for any length of time by Taylor's series, in steps with fast convergence."""
     fastest = max(body.damping / body.mass, math.sqrt(body.stiffness / body.mass))
     steps = max(1, math.ceil(length * fastest)) if length > 0.0 else 0
     for _ in range(steps):

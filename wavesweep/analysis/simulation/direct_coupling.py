@@ -11,7 +11,7 @@ from wavesweep.analysis.simulation.hardware import Mail, collect, post
 class DirectLaw(NamedTuple):
     """The constants of a direct coupling. `dc` has a ratio of 1 and no delay: its wall is computed every tick.
 
-    `surface` is where a one-sided wall begins (m), None for a wall on both sides of 0.
+    `surface` is the position (m) at which a one-sided wall begins, None for a wall on both sides of 0.
     """
 
     K: float
@@ -40,7 +40,7 @@ class DirectMemory(NamedTuple):
 
 
 class DirectTick(NamedTuple):
-    """The control force of a tick, the slow force where one was computed, and whether the held one is of a contact."""
+    """The control force of a tick, the slow force if one was computed, and whether the held one is of a contact."""
 
     f_m: float
     F_s: float | None
@@ -48,22 +48,22 @@ class DirectTick(NamedTuple):
 
 
 def dc(values: Mapping, surface: float | None = None) -> DirectLaw:
-    """Give the law of `dc`, the wall at the fast rate, one-sided from `surface` (m) on where one is given."""
+    """Return the law of `dc`, the wall at the fast rate. If `surface` (m) is given, the wall is one-sided from there on."""
     return DirectLaw(values["environment.K_VE"], values["environment.B_VE"], 0.0, 0.0, 1, 0, surface)
 
 
 def dc_slow(values: Mapping, surface: float | None = None) -> DirectLaw:
-    """Give the law of `dc-slow`: the same wall once a frame, its force held."""
+    """Return the law of `dc-slow`: the same wall once a frame, its force held."""
     return dc(values, surface)._replace(ratio=values["rates.ratio"], delay=values["environment.delay"])
 
 
 def dc_lm(values: Mapping, surface: float | None = None) -> DirectLaw:
-    """Give the law of `dc-lm`: that of `dc-slow` with a local model around the samples behind the held force."""
+    """Return the law of `dc-lm`: that of `dc-slow` with a local model around the samples behind the held force."""
     return dc_slow(values, surface)._replace(K_LM=values["local_model.K_LM"], B_LM=values["local_model.B_LM"])
 
 
 def direct_memory(law: DirectLaw) -> DirectMemory:
-    """Give the memory of a loop that has not moved yet, at x = 0."""
+    """Return the memory of a loop that has not moved yet, at x = 0."""
     return DirectMemory(Sample(touching=law.surface is None or law.surface < 0.0))
 
 
@@ -72,10 +72,10 @@ def direct_tick(
 ) -> tuple[DirectMemory, DirectTick]:
     """Run one tick: ``f_m = F_s + K_LM·(x - x_ref) + B_LM·(v̂ - v̂_ref)`` with the held ``F_s = K·x_ref + B·v̂_ref``.
 
-    The local model is that of a contact: there is none while the held force is of a wall that was not touched.
+    The local model is that of a contact: it is absent while the held force comes from a wall that was not touched.
 
-    Parameters: `k` the tick, `x` the position (m), `v_hat` the measured velocity (m/s), `late` how many ticks a slow
-    result computed now comes later than its delay, None when it never comes.
+    Parameters: `k` the tick, `x` the position (m), `v_hat` the measured velocity (m/s), `late` the ticks by which a slow
+    result computed now exceeds its delay, None if it is lost.
     """
     held, mail = collect(memory.held, memory.mail, k)
     F_s = None

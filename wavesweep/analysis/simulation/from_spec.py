@@ -1,4 +1,4 @@
-"""The experiment that a spec's [simulate] table asks for."""
+"""The experiment of a spec's [simulate] table."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
     Parameters: `force` the hand's force (N) per fast tick in place of the input that the spec names, shape
     ``(ticks,)``; `changes` fields of `Options` (``wall=0.01, friction=0.2``) in place of the spec's.
 
-    Errors: `SpecError` where the experiment does not fit the fast rate, `UsageError` for a record that cannot be read,
-    a force that is no row of finite numbers, or an option that does not exist or is out of range.
+    Errors: `SpecError` if the experiment does not fit the fast rate, `UsageError` for a record that cannot be read,
+    a force that is not a vector of finite numbers, or an option that does not exist or is out of range.
     """
     spec = spec.as_simulated()
     force = hand_force(spec).force if force is None else inputs.given(force).force
@@ -36,12 +36,12 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
 
 
 def options_of(spec: Spec) -> Options:
-    """Give the effects that the spec adds to the linear model."""
+    """Return the effects that the spec adds to the linear model."""
     return Options(**{field.name: spec.simulate[field.name] for field in fields(Options)})
 
 
 def hand_force(spec: Spec) -> Input:
-    """Give the force of the hand, for as long as the spec wants it simulated."""
+    """Return the force of the hand over the simulated time of the spec."""
     values, fast_hz = spec.simulate, spec.values["rates.fast_hz"]
     record = _made(spec, fast_hz)
     seconds = values["duration_s"]
@@ -49,12 +49,12 @@ def hand_force(spec: Spec) -> Input:
 
 
 def record_path(spec: Spec) -> Path:
-    """Give where the recorded force is: as seen from the spec's folder, or from the current one for a dict."""
+    """Return the path of the recorded force, relative to the spec's folder, or to the current one for a dict."""
     return Path(spec.source or "").parent / spec.simulate["record"]
 
 
 def _made(spec: Spec, fast_hz: float) -> Input:
-    """Make the input of this name."""
+    """Return the input of this name."""
     values = spec.simulate
     size, seconds, at = (values[name] for name in ("amplitude", "duration_s", "at_s"))
     frequencies, settle = values["frequency_hz"], values["settle_s"]

@@ -1,6 +1,6 @@
-"""Effects of hardware and real-time systems: sensing, actuation, timing, and slow results on their way.
+"""Effects of hardware and real-time systems: sensing, actuation, timing, and slow results in transit.
 
-Every feature of a simulated experiment is off unless it is asked for. Time is a whole number of fast ticks.
+Every effect is off by default. Time is a whole number of fast ticks.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ _EXACT_STEPS = 2.0**53  # beyond this many encoder steps every double is one
 
 @dataclass(frozen=True)
 class Options:
-    """Features of a simulated experiment. With all of them off a simulation is that of the linear model.
+    """Effects of a simulated experiment beyond the linear model; all of them are off by default.
 
     Parameters:
-    `wall` the position (m) above which a one-sided wall stands, None for the model's wall on both sides of 0;
-    `resolution` of the encoder (m), 0 for none: position is the nearest step, velocity its difference where the spec
+    `wall` the position (m) above which there is a one-sided wall, None for the model's wall on both sides of 0;
+    `resolution` of the encoder (m), 0 for none: position is the nearest step, velocity its difference if the spec
     says ``difference`` (an ``exact`` velocity stays exact);
-    `max_force` of the motors (N), None for no limit: the device exerts ``f_m`` cut off there, the controller knows
-    nothing of it;
-    `friction` Coulomb's (N), at rest as in motion;
-    `jitter` (part of a tick, below 1): every fast tick is longer or shorter by up to that part, evenly spread; the
-    device moves for the real length, the controller counts with the nominal one;
-    `late` the most ticks by which a slow result can be late, evenly spread over 0 to `late`;
-    `dropped` the probability (0 to 1) that a slow result never comes: the fast loop holds the one before;
-    `seed` of jitter, lateness and drops, which do not change each other's numbers.
+    `max_force` of the motors (N), None for no limit: the device exerts ``f_m`` cut off there, which the
+    controller does not take into account;
+    `friction` Coulomb's (N), the same at rest and in motion;
+    `jitter` (part of a tick, below 1): every fast tick is longer or shorter by up to that part, uniformly; the
+    device moves for the real length, the controller uses the nominal one;
+    `late` the largest delay of a slow result in ticks, uniformly from 0 to `late`;
+    `dropped` the probability (0 to 1) that a slow result is lost: the fast loop holds the one before;
+    `seed` of jitter, lateness and losses, which have independent streams of numbers.
 
     Errors: `UsageError` for a number out of range.
     """
@@ -47,7 +47,7 @@ class Options:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse a value without meaning; the message names the option, the value found and the values expected."""
+        """Reject a value out of range; the message names the effect, the value found and the values expected."""
         for field in fields(self):
             value = getattr(self, field.name)
             if value is not None and not math.isfinite(value):
@@ -63,7 +63,7 @@ class Options:
 
 
 def changed(options: Options, changes: Mapping[str, float | None]) -> Options:
-    """Give the options with some of them changed.
+    """Return the effects with some of them changed.
 
     Errors: `UsageError` for a name that is no option, or a number out of range.
     """
@@ -75,21 +75,21 @@ def changed(options: Options, changes: Mapping[str, float | None]) -> Options:
 
 
 def encoder(resolution: float) -> Callable[[float], float]:
-    """Give the position as the nearest step of the encoder."""
+    """Return a function of the position (m) that gives the nearest step of the encoder."""
     if resolution == 0.0:
         return lambda x: x
     return lambda x: resolution * math.floor(x / resolution + 0.5) if abs(x) < _EXACT_STEPS * resolution else x
 
 
 def motor(max_force: float | None) -> Callable[[float], float]:
-    """Give the force that the motors exert."""
+    """Return a function of the control force (N) that gives the force of the motors."""
     if max_force is None:
         return lambda f: f
     return lambda f: min(max(f, -max_force), max_force)
 
 
 def tick_lengths(options: Options, T: float, ticks: int) -> np.ndarray:
-    """Give the length of every fast tick (s), ``T·(1 + jitter·U)`` with ``U`` evenly spread over -1 to 1."""
+    """Return the length of every fast tick (s), ``T·(1 + jitter·U)`` with ``U`` uniform over -1 to 1."""
     if options.jitter == 0:
         return np.full(ticks, T)
     source = _source(options, 0)
@@ -97,14 +97,14 @@ def tick_lengths(options: Options, T: float, ticks: int) -> np.ndarray:
 
 
 def lateness(options: Options, frames: int) -> list[int | None]:
-    """Give by how many ticks each slow result is late, None for one that never comes."""
+    """Return the ticks by which each slow result is late, None for one that is lost."""
     late = _source(options, 1).integers(0, int(options.late), frames, endpoint=True).tolist()
     lost = _source(options, 2).uniform(size=frames) < options.dropped
     return [None if gone else ticks for ticks, gone in zip(late, lost.tolist(), strict=True)]
 
 
 def _source(options: Options, stream: int) -> np.random.Generator:
-    """Each feature has its own stream, so that switching one on leaves the others' numbers as they were."""
+    """Return the random stream of one effect, so that enabling one does not change the numbers of the others."""
     return np.random.default_rng(np.random.SeedSequence(int(options.seed), spawn_key=(stream,)))
 
 
@@ -113,9 +113,9 @@ Mail = tuple[tuple[int, Any], ...]
 
 
 def post(mail: Mail, result: Any, k: int, delay: int | None) -> Mail:
-    """Send a result computed at tick ``k``, to be held from tick ``k + delay`` on; with None it is lost.
+    """Send a result computed at tick ``k``, to be held from tick ``k + delay`` on; if `delay` is None, it is lost.
 
-    Without delay nothing travels: the caller holds the result at once, and it overtakes those still on their way.
+    Without delay nothing is in transit: the caller holds the result at once, and it overtakes those still in transit.
     """
     if delay is None:
         return mail
@@ -123,9 +123,9 @@ def post(mail: Mail, result: Any, k: int, delay: int | None) -> Mail:
 
 
 def collect(held: Any, mail: Mail, k: int) -> tuple[Any, Mail]:
-    """Give the result held at tick ``k``, and those still on their way.
+    """Return the result held at tick ``k``, and those still in transit.
 
-    Of the results that are due the one computed last wins, and one that was overtaken is not held any more.
+    If several results are due, the one computed last is held; one that was overtaken is never held.
     """
     for place in range(len(mail) - 1, -1, -1):
         if mail[place][0] <= k:

@@ -1,4 +1,4 @@
-"""Forces of the hand, one number per fast tick: made here, or recorded elsewhere and read from a CSV file."""
+"""Forces of the hand, one number per fast tick: computed here, or recorded elsewhere and read from a CSV file."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TOLERANCE = 0.01  # of a tick: times rounded to a few digits pass, a clock that
 
 @dataclass(frozen=True)
 class Tone:
-    """A stretch of the record in which the force is a sine that has settled: ticks `first` up to but not `last`."""
+    """A section of the record with a settled sine: ticks `first` up to, but without, `last`."""
 
     frequency_hz: float
     first: int
@@ -26,7 +26,7 @@ class Tone:
 
 @dataclass(frozen=True)
 class Input:
-    """Hand force (N) per fast tick, shape ``(ticks,)``, read-only, and the stretches from which a response is had."""
+    """Hand force (N) per fast tick, shape ``(ticks,)``, read-only, and the sections for estimating the response."""
 
     force: np.ndarray
     tones: tuple[Tone, ...] = ()
@@ -37,7 +37,7 @@ class Input:
 
 
 def sine(fast_hz: float, frequency_hz: float, amplitude: float = 1.0, seconds: float = 4.0, settle: float = 2.0) -> Input:
-    """Give ``amplitude·sin(2π·f·t)``, measured after `settle` seconds over as many whole periods as fit, if one does.
+    """Return ``amplitude·sin(2π·f·t)``, measured after `settle` seconds over as many whole periods as fit, if one does.
 
     Errors: `UsageError` for a frequency out of range.
     """
@@ -57,7 +57,7 @@ def stepped_sine(
     periods: int = 5,
     least: float = 1.0,
 ) -> Input:
-    """Give one sine after the other without a jump in phase, as a measured sine sweep does.
+    """Return one sine after the other without a jump in phase, as a measured sine sweep does.
 
     Parameters: `frequencies_hz` above 0 and below half the fast rate, `amplitude` (N), `settle` seconds before each
     measurement, which then takes `periods` (at least 1) whole periods and at least `least` seconds of them.
@@ -78,7 +78,7 @@ def stepped_sine(
 
 
 def chirp(fast_hz: float, start_hz: float = 0.1, stop_hz: float = 50.0, amplitude: float = 1.0, seconds: float = 20.0) -> Input:
-    """Give a sine whose frequency rises evenly in logarithm from `start_hz` to `stop_hz` (both above 0)."""
+    """Return a sine whose frequency rises logarithmically from `start_hz` to `stop_hz` (both above 0)."""
     if start_hz <= 0 or stop_hz <= 0:
         raise UsageError(f"chirp: expected two frequencies above 0 Hz, found {start_hz} and {stop_hz}")
     t = np.arange(_ticks(fast_hz, seconds)) / fast_hz
@@ -88,12 +88,12 @@ def chirp(fast_hz: float, start_hz: float = 0.1, stop_hz: float = 50.0, amplitud
 
 
 def step(fast_hz: float, amplitude: float = 1.0, seconds: float = 2.0, at: float = 0.1) -> Input:
-    """Give a force that sets in at `at` seconds and stays."""
+    """Return a force that starts at `at` seconds and stays constant."""
     return pulse(fast_hz, amplitude, seconds, at, width=seconds)
 
 
 def pulse(fast_hz: float, amplitude: float = 1.0, seconds: float = 2.0, at: float = 0.1, width: float = 0.05) -> Input:
-    """Give a force that lasts from `at` seconds for `width` seconds."""
+    """Return a force that lasts from `at` seconds for `width` seconds."""
     force = np.zeros(_ticks(fast_hz, seconds))
     first = _ticks(fast_hz, at)
     force[first : first + _ticks(fast_hz, width)] = amplitude
@@ -101,12 +101,12 @@ def pulse(fast_hz: float, amplitude: float = 1.0, seconds: float = 2.0, at: floa
 
 
 def noise(fast_hz: float, amplitude: float = 1.0, seconds: float = 10.0, seed: int = 0) -> Input:
-    """Give white noise of standard deviation `amplitude`, the same for the same `seed`."""
+    """Return white noise of standard deviation `amplitude`, the same for the same `seed`."""
     return Input(amplitude * np.random.default_rng(seed).standard_normal(_ticks(fast_hz, seconds)))
 
 
 def given(force) -> Input:
-    """Give a record of force (N) per tick as an input. Errors: `UsageError` where it is no row of finite numbers."""
+    """Return a record of force (N) per tick as an input. Errors: `UsageError` if it is not a vector of finite numbers."""
     force = np.array(force, dtype=float)
     if force.ndim != 1 or not np.isfinite(force).all():
         found = f"shape {force.shape}" if force.ndim != 1 else "some that are not finite"
@@ -115,14 +115,14 @@ def given(force) -> Input:
 
 
 def lasting(record: Input, ticks: int) -> Input:
-    """Give the record cut off at `ticks`, or followed by no force up to there; a tone that is not whole is not measured."""
+    """Return the record cut off at `ticks`, or extended by zeros; a tone that is cut off is not measured."""
     force = np.zeros(ticks)
     force[: len(record.force)] = record.force[:ticks]
     return Input(force, tuple(tone for tone in record.tones if tone.last <= ticks))
 
 
 def _check(fast_hz: float, frequency_hz: float) -> None:
-    """Refuse a sine that the ticks do not show."""
+    """Reject a frequency that the fast rate cannot represent."""
     if not 0.0 < frequency_hz < fast_hz / 2:
         raise UsageError(f"frequency: expected above 0 and below {fast_hz / 2} Hz, found {frequency_hz} Hz")
 
@@ -136,8 +136,8 @@ def _ticks(fast_hz: float, seconds: float) -> int:
 def read_force(path: str | Path, fast_hz: float) -> Input:
     """Read a record of hand force from a CSV file with a header line.
 
-    Column ``force_N`` holds the force of each fast tick (N). If there is a column ``time_s`` its times must go up by
-    exactly one fast period from row to row, within 1 % of it; they may start anywhere. Other columns are left alone.
+    Column ``force_N`` holds the force of each fast tick (N). If there is a column ``time_s``, its times must increase by
+    one fast period from row to row, within 1 % of it; they may start at any time. Other columns are ignored.
 
     Errors: `UsageError` naming the file, the line, the value found and the values expected.
     """
@@ -181,7 +181,7 @@ def _number(cell: str) -> float:
 
 
 def _check_times(path: str | Path, lines: list, times: np.ndarray, fast_hz: float) -> None:
-    """Refuse times that are not the ticks of the fast loop, at the first row that is off."""
+    """Reject times that are not the ticks of the fast loop, at the first such row."""
     expected = times[0] + np.arange(len(times)) / fast_hz
     off = np.abs(times - expected) > _TOLERANCE / fast_hz
     if off.any():

@@ -53,7 +53,7 @@ class WaveMemory(NamedTuple):
 
 
 class WaveTick(NamedTuple):
-    """The waves of one tick; `u_s` and `slow` are None but at slow events, the last three None without local model."""
+    """The waves of one tick; `u_s` and `slow` are None except at slow events, the last three if there is no local model."""
 
     f_m: float
     u_m: float
@@ -67,7 +67,7 @@ class WaveTick(NamedTuple):
 
 
 def pmw(values: Mapping, surface: float | None = None) -> WaveLaw:
-    """Give the law of `pmw`, its wall one-sided from `surface` (m) on where one is given."""
+    """Return the law of `pmw`. If `surface` (m) is given, the wall is one-sided from there on."""
     wall = _spring(values, "environment", "VE", values["rates.ratio"] / values["rates.fast_hz"])
     return WaveLaw(
         b=values["controller.b"],
@@ -84,7 +84,7 @@ def pmw(values: Mapping, surface: float | None = None) -> WaveLaw:
 
 
 def pmw_lm(values: Mapping, surface: float | None = None) -> WaveLaw:
-    """Give the law of `pmw-lm`: that of `pmw` with filter bank and local model."""
+    """Return the law of `pmw-lm`: that of `pmw` with filter bank and local model."""
     return pmw(values, surface)._replace(
         local=_spring(values, "local_model", "LM", 1 / values["rates.fast_hz"]),
         hp=_filter(values, "hp", "high"),
@@ -104,7 +104,7 @@ def _spring(values: Mapping, table: str, letters: str, period: float) -> Port:
 
 
 def wave_memory(law: WaveLaw) -> WaveMemory:
-    """Give the memory of a loop that has not moved yet, its avatar at x = 0."""
+    """Return the memory of a loop that has not moved yet, its avatar at x = 0."""
     states = (at_rest(sections) for sections in (law.lp1, law.hp, law.lp2))
     avatar = Avatar(touching=not law.wall.one_sided or law.wall.position < 0.0)
     return WaveMemory(*states, slow=avatar, held=avatar, local=Avatar(), v_2=0.0)
@@ -115,8 +115,8 @@ def wave_tick(
 ) -> tuple[WaveMemory, WaveTick]:
     """Run one tick: ``f_m = b·v̂ - √(2b)·v_m``, ``u_m = √(2b)·v̂ - v_m``, and the answers to ``u_m``.
 
-    Parameters: `k` the tick, `x` the position (m), `v_hat` the measured velocity (m/s), `late` how many ticks a slow
-    result computed now comes later than its delay, None when it never comes.
+    Parameters: `k` the tick, `x` the position (m), `v_hat` the measured velocity (m/s), `late` the ticks by which a slow
+    result computed now exceeds its delay, None if it is lost.
     """
     event = k % law.ratio == 0
     delay = None if late is None else law.delay + late
@@ -153,11 +153,11 @@ def _local_answer(law: WaveLaw, memory: WaveMemory, u_h: float) -> Avatar:
 
 
 def _outgoing(law: WaveLaw, memory: WaveMemory, x: float, sent: float, *, closes: bool) -> tuple[float, Contact | None]:
-    """Find the ``u_m`` with ``u_m = √(2b)·v̂ - v_m``, where ``v_m`` may itself come from ``u_m`` within the tick.
+    """Solve ``u_m = √(2b)·v̂ - v_m``, in which ``v_m`` may itself depend on ``u_m`` within the tick.
 
     For each way of meeting the wall ``v_m`` is affine in ``u_m``: its slope is the part of a unit wave that a loop at rest
     returns. The first way that its own solution allows is taken; they are tried in the order in which `contact` decides.
-    Returns the wave, and the way when the slow loop is part of it.
+    Returns the wave, and the way if the slow loop is part of it.
     """
     if not closes and law.local_delay:
         return sent - _returned(law, memory, x, 0.0, None), None
@@ -178,15 +178,15 @@ def _outgoing(law: WaveLaw, memory: WaveMemory, x: float, sent: float, *, closes
 
 
 def _slope(law: WaveLaw, memory: WaveMemory, meets: Contact | None) -> float:
-    """Give how much of a unit ``u_m`` is in ``v_m`` within the tick: the loop at rest, its wall at the avatar."""
+    """Return the part of a unit ``u_m`` in ``v_m`` within the tick: the loop at rest, its wall at the avatar."""
     rest = wave_memory(law)._replace(held=Avatar(touching=memory.held.touching))
     return _returned(law._replace(wall=law.wall._replace(position=0.0)), rest, 0.0, 1.0, meets)
 
 
 def _returned(law: WaveLaw, memory: WaveMemory, x: float, u_m: float, meets: Contact | None) -> float:
-    """Give ``v_m = v_1 + v_2 + Kp·(x̄_s - x)`` for an outgoing wave ``u_m``; nothing is stored.
+    """Return ``v_m = v_1 + v_2 + Kp·(x̄_s - x)`` for an outgoing wave ``u_m``; nothing is stored.
 
-    `meets` is how the avatar is taken to meet the wall, None when the slow loop answers later.
+    `meets` is the assumed way of meeting the wall, None if the slow loop responds later.
     """
     held = memory.held
     if meets:
