@@ -1,4 +1,4 @@
-"""Run time against error, this tool beside the methods that a user would write instead; and hard cases."""
+"""Run time against error, for this tool and for other methods that a user might write; and hard cases."""
 
 from wavesweep.bench.measuring import FIELDS
 from wavesweep.bench.report import lines, measure

@@ -1,4 +1,4 @@
-"""Hard cases, where digits are lost, against 50 digits; each names its difficulty."""
+"""Hard cases in which digits are lost, against references of 50 digits; each is named by its difficulty."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def _said(table) -> str:
 
 
 def _ends_anywhere() -> Iterator[Row]:
-    """With K_VE at its critical value the loop is critical at its own b, K_LM, Kp and mass: an end is known without
+    """With K_VE at its critical value the loop is critical at its own b, K_LM, Kp and mass. So an end is known without
     further arithmetic, to the sensitivity of K_VE's end times rounding."""
     spec = load({"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit"}})
     critical = compile_loop(spec).stable_intervals("K_VE").high.iloc[0]

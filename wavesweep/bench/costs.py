@@ -1,4 +1,4 @@
-"""Costs: compiling over the ratio and the filters' order, sweeping over slices and workers, and starting a process."""
+"""Costs: of compiling over the ratio and the filters' order, of sweeping over slices and workers, of starting a process."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ ROUNDS = Patience(6.0, 5, 15)  # of whole processes
 
 
 def exponent(size: Sequence[float], seconds: Sequence[float]) -> float:
-    """p of the power law `seconds ~ size^p`, least squares on logarithms; NaN below two sizes."""
+    """Exponent p of `seconds ~ size^p`, by least squares on logarithms; NaN if there are fewer than two sizes."""
     return float(np.polyfit(np.log(size), np.log(seconds), 1)[0]) if len(size) > 1 else np.nan
 
 
@@ -52,7 +52,7 @@ def slice_rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
 
 
 def worker_rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
-    """The same with one and two worker processes, the time that they need to start included."""
+    """Time of a sweep over b with one and two worker processes, including the time to start them."""
     for n in () if quick else FOR_WORKERS:
         alone = partial(_swept, n, 1)
         pair = interleaved(partial(_swept, n, 2), alone, patience)
@@ -64,7 +64,7 @@ def worker_rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
 
 
 def start_rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
-    """Time of whole processes against the imports that they need at least; quick: the help alone."""
+    """Time of whole processes, in comparison with the imports that they need at least. quick: the help only."""
     rounds = patience if quick else ROUNDS
     with tempfile.TemporaryDirectory() as out:
         zwidth = ["-m", "wavesweep", "zwidth", str(folder() / "fig4.toml"), "--quiet", "--force", "--out", out]
@@ -87,7 +87,7 @@ def _swept(slices: int, jobs: int) -> Any:
 
 
 def _series(part: str, name: str, calls: dict[int, Callable[[], Any]], patience: Patience) -> Iterator[Row]:
-    """A row for every size, timed in turn with the smallest."""
+    """A row for every size, timed alternately with the smallest."""
     smallest = next(iter(calls.values()))
     for size, call in calls.items():
         call()  # warm

@@ -1,4 +1,4 @@
-"""Two calls timed side by side, so that a disturbance of the machine meets both; and the table, a row per measurement."""
+"""Two calls timed alternately, so that a disturbance of the machine affects both; and the table of the measurements."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ Row = Mapping[str, Any]
 
 
 def columns_of(rows: Iterable[Row]) -> dict[str, np.ndarray]:
-    """The rows as columns; a field that a row does not have is missing."""
+    """The rows as columns; if a row does not have a field, it is missing there."""
     rows = list(rows)
     out = {}
     for field in FIELDS:
@@ -57,7 +57,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Patience:
-    """How long a pair is measured: at least `fewest` pairs, then on until `seconds` are over or `most` are done."""
+    """Duration of a measurement: at least `fewest` pairs, then more until `seconds` have passed or `most` are done."""
 
     seconds: float
     fewest: int
@@ -69,7 +69,7 @@ QUICK = Patience(0.0, 1, 1)
 
 
 def interleaved(first: Callable[[], Any], second: Callable[[], Any], patience: Patience) -> Pair:
-    """Run A B A B ..., both of them warm already, and give medians."""
+    """Run A B A B ..., after both have been called before, and return medians."""
     started, times = time.perf_counter(), []
     while len(times) < patience.fewest or (len(times) < patience.most and time.perf_counter() - started < patience.seconds):
         times.append((_timed(first), _timed(second)))

@@ -1,6 +1,6 @@
 """Problems for every method, the reference answers at 50 digits, and the score of an answer.
 
-A problem asks for all stable K_VE in each column of a sweep over a loop of the paper. `references.json` is shipped with the
+A problem is to find all stable K_VE in each column of a sweep over a loop of the paper. `references.json` is shipped with the
 package; `tests/benchmarks/references.py` makes it.
 """
 
@@ -32,8 +32,8 @@ FILE = Path(__file__).with_name("references.json")
 class Problem:
     """All stable intervals of K_VE in (0, stop) for each column, a combination of the values of `axes`.
 
-    spec: name of one of the paper's. axes: in the order of its [sweep] table, those that it does not have last; their
-    product has the largest of COLUMNS columns.
+    spec: name of one of the paper's specs. axes: in the order of its [sweep] table, new ones last; their product has the
+    largest of COLUMNS columns.
     """
 
     name: str
@@ -43,17 +43,17 @@ class Problem:
     axes: Mapping[str, tuple[float, ...]]
 
     def overrides(self, columns: int) -> tuple[str, ...]:
-        """Settings that turn the paper's spec into this question, as for `--set`."""
+        """Settings that turn the paper's spec into this problem, as for `--set`."""
         axes = {**coarse(self.axes, columns)}
         lists = (f"sweep.{name}={list(values)}" for name, values in axes.items())
         return (f"sweep.K_VE={{ start = 0, stop = {self.stop!r} }}", *lists)
 
     def ask(self, columns: int) -> Spec:
-        """The question as a spec."""
+        """The problem as a spec."""
         return load_paper(self.spec, self.overrides(columns))
 
     def numbers(self, columns: int) -> np.ndarray:
-        """Where the columns of the coarser question stand among those of the finest."""
+        """Positions of the columns of the coarser problem among those of the finest."""
         whole = np.arange(max(COLUMNS)).reshape([len(values) for values in self.axes.values()])
         few = coarse(self.axes, columns)
         steps = (slice(None, None, len(self.axes[name]) // len(few[name]) or 1) for name in self.axes)
@@ -61,7 +61,7 @@ class Problem:
 
 
 def coarse(axes: Mapping[str, tuple[float, ...]], columns: int) -> dict[str, tuple[float, ...]]:
-    """Every second value of the first axis that has an even number of them, until only so many combinations are left."""
+    """Take every second value of the first axis with an even number of values, until only so many combinations are left."""
     few = dict(axes)
     while np.prod([len(values) for values in few.values()]) > columns:
         name = next(name for name, values in few.items() if len(values) % 2 == 0)
@@ -91,7 +91,7 @@ PROBLEMS = (
 
 @dataclass(frozen=True, eq=False)
 class Bundle:
-    """Columns whose loops one drawing serves.
+    """Columns whose loops share one drawing.
 
     column: their numbers. loops: the loops that they share, cut at the wall. owner: the index of each column's loop. B_VE: the
     damping of each, N*s/m.
@@ -125,7 +125,7 @@ def bundles(spec: Spec) -> Iterator[Bundle]:
 
 
 def digest(spec: Spec) -> str:
-    """Digest of everything that the answer depends on: the keys that the loop reads, and the sweep."""
+    """Digest of everything on which the answer depends: the keys that the loop reads, and the sweep."""
     read = {path: spec.values[path] for path in sorted(keys_read(spec.values))}
     text = json.dumps({**read, "sweep": [[axis.name, axis.values, axis.stop] for axis in spec.sweep]})
     return hashlib.sha256(text.encode()).hexdigest()
@@ -138,7 +138,7 @@ def references() -> dict[str, Any]:
 
 
 def checked(part: dict[str, Any], digest: str, name: str) -> dict[str, Any]:
-    """Give the part back; WavesweepError where the question has changed since the references were made."""
+    """Return the part of the references. Errors: WavesweepError if the problem has changed since they were made."""
     if part["digest"] != digest:
         raise WavesweepError(
             f"the references of {name} belong to another question than the benchmark now asks; "
@@ -161,7 +161,7 @@ class Score:
     """error_max, error_median: relative, over the critical stiffnesses of intervals that were found; NaN without any.
 
     found: intervals of the reference that overlap exactly one interval of the answer, which overlaps no other.
-    there: intervals of the reference. wrong: columns that have another number of intervals than there are.
+    there: intervals of the reference. wrong: columns with another number of intervals than the reference.
     """
 
     error_max: float
@@ -172,7 +172,7 @@ class Score:
 
 
 def score(answer: Answer, truth: Sequence[Sequence[tuple[float, float]]], span: tuple[float, float]) -> Score:
-    """Compare with the reference; truth: the intervals of each column. An end that the range ends is no critical one."""
+    """Compare with the reference. truth: the intervals of each column. An end of the range is not a critical stiffness."""
     errors: list[float] = []
     found = wrong = 0
     for number, there in enumerate(truth):

@@ -1,4 +1,4 @@
-"""All measurements in turn, and in lines: speed at equal error, accuracy at equal time, and the growth of costs."""
+"""All measurements, and a summary in lines: speed at equal error, accuracy at equal time, and the growth of costs."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ Columns = Mapping[str, np.ndarray]
 
 
 def measure(*, quick: bool, progress: Callable[[int, int], None] | None = None) -> Table:
-    """Measure everything and give the table; quick: a few seconds, enough to see that all of it works.
+    """Measure everything and return the table.
 
-    progress: called with how many parts are done, and of how many.
+    quick: the smallest problems only, in a few seconds. progress: called with the number of parts done and of all parts.
     """
     started, rows, parts = time.perf_counter(), [], list(_parts(quick))
     for done, part in enumerate(parts, start=1):
@@ -43,7 +43,7 @@ def measure(*, quick: bool, progress: Callable[[int, int], None] | None = None) 
 
 
 def _parts(quick: bool) -> Iterator[Callable[[], Iterator[Row]]]:
-    """The measurements, each to be called in its turn."""
+    """The measurements, as functions to be called one after the other."""
     patience = QUICK if quick else FULL
     for problem in stiffness.problems(quick=quick):
         yield partial(stiffness.rows, problem, patience, quick=quick)
@@ -70,7 +70,7 @@ def _titles() -> dict[str, str]:
 
 
 def lines(columns: Columns) -> Iterator[str]:
-    """Give the result of each measurement as a line for a reader."""
+    """Return the result of each measurement as a line of text."""
     for problem in PROBLEMS:
         yield from _stiffness(_only(columns, part=PART, problem=problem.name), problem.title)
     yield from _response(_only(columns, part="response"))
@@ -110,7 +110,7 @@ def _stiffness(here: Columns, title: str) -> Iterator[str]:
 
 
 def _by_angles(rows: list[dict], method: str, _ours: dict) -> str:
-    """Each setting is named, since its user cannot know how many angles are enough."""
+    """Every number of angles by name, since a user cannot know in advance which is enough."""
     each = (
         f"{row['ratio']:.3g} times as long with {row['setting']} (error {row['error_max']:.0e}, {row['found']:g} intervals)"
         for row in rows
@@ -119,7 +119,7 @@ def _by_angles(rows: list[dict], method: str, _ours: dict) -> str:
 
 
 def _nearest(others: list[dict]) -> str:
-    """The method that comes closest at equal error, all intervals found."""
+    """The method that is nearest in run time at equal error, with all intervals found."""
     equal = [row for row in others if row["error_max"] <= GOOD and not row["wrong"]]
     if not equal:
         return f"no other method finds every interval to {GOOD:.0e}"
@@ -131,7 +131,7 @@ def _nearest(others: list[dict]) -> str:
 
 
 def _against(rows: list[dict], method: str, ours: dict) -> str:
-    """One method: at equal error where it gets there, else at its best; and at equal time."""
+    """One method: at equal error if it reaches that, otherwise at its best; and at equal time."""
     good = [row for row in rows if row["error_max"] <= GOOD]
     best = min(good, key=lambda row: row["ratio"]) if good else min(rows, key=_error)
     reached = f"error {best['error_max']:.0e}"
@@ -148,7 +148,7 @@ def _against(rows: list[dict], method: str, ours: dict) -> str:
 
 
 def _error(row: dict) -> float:
-    """The largest error, or infinity where nothing was found that has one."""
+    """The largest error, or infinity if no critical stiffness was found."""
     return float(np.nan_to_num(row["error_max"], nan=np.inf))
 
 

@@ -87,7 +87,7 @@ def batched(spec: Spec, frequency: np.ndarray) -> np.ndarray:
 
 
 def batched_with_gain(spec: Spec, frequency: np.ndarray) -> np.ndarray:
-    """numpy: the same and the largest singular values, the slow part of the whole table: a batched solve for all ticks."""
+    """numpy: a batched solve for all ticks and the largest singular values, the slow part of the whole table."""
     block, z, turns = _lifted(spec, frequency)
     found = []
     for some in np.array_split(np.arange(z.size), -(-z.size // 5000)):

@@ -1,7 +1,7 @@
-"""Methods that a user would write instead: points of a grid, searches from point to point, and D-decomposition by hand.
+"""Other methods that a user might write: grids, searches between points, and D-decomposition by hand.
 
-None of them proves its answer: two crossings between neighbouring points, or angles, are missed together, and nothing in
-the answer tells.
+None of them proves its answer. Two crossings between neighbouring points, or angles, are missed together, without a sign
+of it in the answer.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _CLOSE = 1e-11  # relative: a step this short leaves nothing to do for another
 
 
 def grid_of(spec: Spec, points: int) -> np.ndarray:
-    """So many values of K_VE over the range, its lower end left out: there the position of the scene drifts."""
+    """Equally spaced values of K_VE over the range, without its lower end, at which the position of the scene drifts."""
     stop = next(axis.stop for axis in spec.sweep if axis.name == "K_VE")
     return np.linspace(0, stop, points + 1)[1:]
 
@@ -138,7 +138,7 @@ def bisected(spec: Spec, tolerance: float) -> Answer:
 
 
 def bisected_together(spec: Spec, tolerance: float) -> Answer:
-    """The same, the eigenvalues of all columns in one call."""
+    """Bisection for the largest stable K_VE, with the eigenvalues of all columns in one call."""
     return _largest(spec, tolerance, one_by_one=False)
 
 
@@ -158,7 +158,7 @@ def _largest(spec, tolerance, one_by_one):
 
 
 def _narrowed(cut, B, stable, unstable, width):
-    """Halve the brackets until they are that narrow, and give their middles."""
+    """Halve the brackets down to the tolerance, and return their middles."""
     while np.abs(unstable - stable).max(initial=0) > width:
         middle = (stable + unstable) / 2
         inside = is_stable(close(cut, middle, B))
@@ -167,7 +167,7 @@ def _narrowed(cut, B, stable, unstable, width):
 
 
 def bisected_by_feedback(spec: Spec, tolerance: float) -> Answer:
-    """The same with python-control, a `feedback` and its poles per step."""
+    """Bisection with python-control, by `feedback` and its poles in each step."""
     stop = grid_of(spec, 1)[-1]
     columns, ends = [], []
     for part in bundles(spec):
@@ -210,7 +210,7 @@ def _with_ends(coarse, K, changes):
 def decomposed(spec: Spec, angles: int) -> Answer:
     """D-decomposition: the boundary sampled over the unit circle, its crossings refined by a secant.
 
-    The textbook's way, and the nearest to this tool's. angles: their number, evenly over the upper half of the circle.
+    The method of textbooks, and the nearest to that of this tool. angles: their number, over the upper half of the circle.
     """
     stop = next(axis.stop for axis in spec.sweep if axis.name == "K_VE")
     theta = np.pi * (np.arange(angles) + 0.5) / angles
@@ -228,7 +228,7 @@ def _terms(cut: Cut, w) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _crossings(part: Bundle, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(row, K_VE) where `K = (one - B_VE v)/x` is real: changes of sign between angles, refined, and z = 1 and z = -1."""
+    """(row, K_VE) with real `K = (one - B_VE v)/x`: refined changes of sign between angles, and z = 1 and z = -1."""
     one, x, v = (term[part.owner] for term in _terms(part.loops.at((slice(None), None)), on_circle(theta)[None]))
     apart = _imaginary(one - part.B_VE[:, None] * v, x)
     row, at = np.nonzero(np.signbit(apart[:, 1:]) != np.signbit(apart[:, :-1]))
@@ -250,7 +250,7 @@ def _crossings(part: Bundle, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _imaginary(over, under):
-    """Imaginary part of the quotient times `|under|^2`, which has no pole where `under` vanishes."""
+    """Imaginary part of the quotient times `|under|^2`, which has no pole if `under` vanishes."""
     return over.imag * under.real - over.real * under.imag
 
 

@@ -20,9 +20,9 @@ _TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 
 @dataclass(frozen=True)
 class Method:
-    """solve(spec, setting) answers; settings: (setting, its name, columns of the question) in order of their cost.
+    """A method `solve(spec, setting)` and its settings: (setting, its name, columns of the problem), in order of cost.
 
-    On a grid of N per axis there are N columns; a search is asked for all of them.
+    A grid of N points per axis has N columns; a search has all columns.
     """
 
     name: str
@@ -60,12 +60,12 @@ METHODS = (
 
 
 def problems(*, quick: bool) -> tuple[Problem, ...]:
-    """Those that are measured; quick: the one with the hole."""
+    """The problems that are measured. quick: only the one with the hole."""
     return PROBLEMS[1:2] if quick else PROBLEMS
 
 
 def rows(problem: Problem, patience: Patience, *, quick: bool) -> Iterator[Row]:
-    """Measure every method at every setting; quick: the smallest question of each kind."""
+    """Measure every method at every setting. quick: only the smallest problem of each kind."""
     for columns in COLUMNS[:1] if quick else COLUMNS:
         yield _own_row(problem, columns, patience)
     for method in METHODS:

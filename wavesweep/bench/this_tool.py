@@ -43,7 +43,7 @@ _ROUTINES = ("eigvals", "eig", "solve", "inv", "slogdet")
 
 
 def library(spec: Spec) -> Any:
-    """Compile and ask for all stable intervals, certificate included: the DataFrame that a user gets."""
+    """Compile and compute all stable intervals with their certificates: the DataFrame that a user gets."""
     (along,) = (axis for axis in spec.sweep if axis.name == "K_VE")
     axes = {axis.name: axis.values for axis in spec.sweep if axis is not along}
     return wavesweep.compile(spec).stable_intervals("K_VE", (along.start, along.stop), **axes)
@@ -67,7 +67,7 @@ def command(problem: Problem, columns: int) -> Answer:
 
 
 def run(arguments: Sequence[str]) -> None:
-    """Run this Python with these arguments, this package within its reach and its bytecode kept, as installing does."""
+    """Run this Python with these arguments, with this package on its path and its bytecode cached, as if installed."""
     reach = os.pathsep.join([str(Path(wavesweep.__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     subprocess.run(  # noqa: S603 - our own command
@@ -97,7 +97,7 @@ def profile_rows(repeats: int = 20) -> Iterator[Row]:
 
 
 def _stages(stats: pstats.Stats) -> dict[str, float]:
-    """Cumulative seconds of each stage, and of all that is in none of them."""
+    """Cumulative seconds of each stage, and of the rest."""
     spent = {stage: stats.stats[_profiled(function)][3] for function, stage in STAGES.items()}
     return {**spent, "tables and the rest": stats.total_tt - sum(spent.values())}
 
