@@ -1,4 +1,4 @@
-"""The paper again: its figures from its specs, its statements judged by the results of the specs."""
+"""The paper: its figures from its specs, and its statements judged by the results of the specs."""
 
 from wavesweep.paper.documents import counted
 from wavesweep.paper.figures import tables

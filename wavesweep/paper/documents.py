@@ -72,13 +72,13 @@ nothing of this touches it.
 
 
 def counted(columns: Columns) -> str:
-    """How many statements have which verdict, in a line."""
+    """Number of statements with each verdict, in one line."""
     verdicts = columns["verdict"].tolist()
     return f"{len(verdicts)} statements: " + ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS)
 
 
 def statements_text(columns: Columns) -> str:
-    """The table of statements, and below it how each one is judged."""
+    """The table of statements, and below it the quantities by which each one is judged."""
     rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     cells = [
         (r["number"], r["where"], r["statement"], f"**{r['verdict']}**", _held(r), r["numbers"], _few(r["turned_by"]))
@@ -102,7 +102,7 @@ def _held(row: Mapping) -> str:
 
 
 def _few(turned_by: str) -> str:
-    """Name some of the changes and count the others, of those with a response and of the unstable ones."""
+    """The first changes by name and the number of the others; unstable ones apart."""
     seen, apart, unstable = turned_by.partition("unstable: ")
     return "; ".join(
         f"{before}{'; '.join(names[:_NAMED])}{f' and {len(names) - _NAMED} more' if len(names) > _NAMED else ''}"
@@ -199,7 +199,7 @@ def _served(columns: Columns) -> str:
 
 
 def _cell(row: Columns) -> str:
-    """One design: the limit and how it rises, or that there is none."""
+    """One design: the limit and its slope, or "no limit"."""
     limit, slope, bend, top = (float(row[name][0]) for name in ("K_at_1", "slope", "bend", "K_at_15"))
     if np.isnan(limit):
         return "no limit"

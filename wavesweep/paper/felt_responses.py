@@ -62,7 +62,7 @@ def respond(spec: Spec, frequency_hz=None) -> Response:
 
 
 def respond_to(diagram: Diagram, values: Mapping, size: int, frequency: np.ndarray) -> list[Response]:
-    """Compute the responses of `size` loops that one drawing serves.
+    """Compute the responses of `size` loops that share one drawing.
 
     values: flat keys -> one value for all loops, or an array over them; the wall and the rates are read from it.
     """
@@ -80,25 +80,25 @@ def estimated(spec: Spec) -> Columns:
 
 
 def within(omega: np.ndarray, band: tuple[float, float]) -> np.ndarray:
-    """Tell which frequencies are in the band; the last one may be off pi by rounding."""
+    """Whether each frequency is in the band; the last one may differ from pi by rounding."""
     return (omega >= band[0]) & (omega <= band[1] + 1e-9)
 
 
 def deviation(response: Response, ideal: Response, band: tuple[float, float]) -> float:
-    """Mean over the band of how far the admittance's magnitude is off the ideal's, relative to the ideal's."""
+    """Mean relative deviation of the admittance's magnitude from the ideal's over the band."""
     chosen = within(response.omega, band)
     found, wanted = np.abs(response.admittance[chosen]), np.abs(ideal.admittance[chosen])
     return float(np.mean(np.abs(found - wanted) / wanted))
 
 
 def stiffness_error(response: Response, stiffness: float, band: tuple[float, float]) -> float:
-    """Mean over the band of how far the transmitted impedance's magnitude is off a stiffness (N/m), in N/m."""
+    """Mean deviation (N/m) of the transmitted impedance's magnitude from a stiffness (N/m) over the band."""
     chosen = within(response.omega, band)
     return float(np.mean(np.abs(np.abs(response.impedance[chosen]) - stiffness)))
 
 
 def natural_frequency(omega: np.ndarray, magnitude: np.ndarray) -> float:
-    """Give the frequency of the first peak, or of the largest value where the curve only falls or rises."""
+    """Frequency of the first peak, or of the largest value if the curve only falls or rises."""
     peaks = np.flatnonzero((magnitude[1:-1] > magnitude[:-2]) & (magnitude[1:-1] >= magnitude[2:])) + 1
     return float(omega[peaks[0] if peaks.size else magnitude.argmax()])
 
@@ -115,29 +115,29 @@ def worst_difference(columns: Columns) -> float:
 
 
 def deviation_of(columns: Columns, ideal: Columns, band: tuple[float, float]) -> float:
-    """Mean over the band of how far simulated magnitudes are off those of another run, relative to these."""
+    """Mean relative deviation of simulated magnitudes from those of another run over the band."""
     chosen = within(columns["omega_Ts"], band)
     found, wanted = columns["admittance_abs"][chosen], ideal["admittance_abs"][chosen]
     return float(np.mean(np.abs(found - wanted) / wanted))
 
 
 def joined(runs: list[Columns]) -> Columns:
-    """Give the columns of several runs one below the other."""
+    """Concatenate the columns of several runs."""
     return {name: np.concatenate([run[name] for run in runs]) for name in runs[0]}
 
 
 def rises(numbers) -> bool:
-    """Tell whether each number is larger than the one before."""
+    """Whether each number is larger than the one before."""
     return bool(np.all(np.diff(np.asarray(numbers)) > 0))
 
 
 def falls(numbers) -> bool:
-    """Tell whether each number is smaller than the one before."""
+    """Whether each number is smaller than the one before."""
     return rises(-np.asarray(numbers))
 
 
 def show(numbers, digits: int = 3) -> str:
-    """Spell a number or some numbers for a reader, large ones to the unit; "no limit" for an infinite one."""
+    """A number or some numbers as text, large ones to the unit; "no limit" for an infinite one."""
     return ", ".join(_spell(number, digits) for number in np.atleast_1d(np.asarray(numbers, float)).tolist())
 
 
@@ -150,7 +150,7 @@ def _spell(number: float, digits: int) -> str:
 
 
 def show_limits(limits) -> str:
-    """Spell the stiffest stable walls (N/m) for a reader; infinite where the searched range ends them."""
+    """The stiffest stable walls (N/m) as text; infinite if the searched range ends there."""
     each = np.atleast_1d(np.asarray(limits, float))
     if not each.any():
         return "no K_VE is stable"

@@ -127,7 +127,7 @@ def _three(columns: Mapping[str, np.ndarray], name: str = "admittance_abs", *, d
 
 
 def _line(label: str, columns: Mapping[str, np.ndarray], rows, name: str = "admittance_abs", **style) -> Line:
-    """One curve, the rows in order of frequency; an axis that the loop ignores repeats its rows, once is enough."""
+    """One curve, the rows in order of frequency. If the loop ignores an axis, its repeated rows are dropped."""
     omega, first = np.unique(columns["omega_Ts"][rows], return_index=True)
     scale = 1e3 if "admittance" in name else 1.0  # mm/N
     return Line(label, omega, scale * columns[name][rows][first], **style)
@@ -145,7 +145,7 @@ def tables(progress: Callable[[int, int], None] | None = None) -> Iterator[Table
     """Give the tables of the figures, of the open choices, of passive filter banks and, last, of the statements; each is
     computed when it is asked for.
 
-    progress: called with how many steps are done, and of how many.
+    progress: called with the number of steps done and of all steps.
     """
     paper, done, steps = PaperLoops(), 0, len(FIGURES) + 2 + len(STATEMENTS)
 

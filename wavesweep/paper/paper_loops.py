@@ -1,4 +1,4 @@
-"""The paper's loops as the statements ask for them, batch by batch, each computed once however often it is asked for."""
+"""Results of the paper's loops for the statements, computed in batches, each only once."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BASE = (Reading(),)
 
 
 class PaperLoops:
-    """Answers about the paper's specs under many readings at once; it remembers them, and does nothing else.
+    """Results of the paper's specs under many readings at once, with a memory of those computed before.
 
     A reading changes keys that the loop of a spec reads; `change` (symbols or paths -> values) goes before it.
     """
@@ -55,7 +55,7 @@ class PaperLoops:
     def limit(self, name: str, reading: Reading = BASE[0], change: Change | None = None) -> float:
         """Give the upper end of the stable K_VE that begin at 0.
 
-        inf where the searched range ends it, 0 where no stable interval begins there.
+        inf if the searched range ends it, 0 if no stable interval begins there.
         """
         return self.limits(name, [reading], change)[0]
 
@@ -69,7 +69,7 @@ class PaperLoops:
         return [[next((high for low, high in spans if low == 0), 0.0) for spans in family] for family in found]
 
     def stable_families(self, name: str, readings: Sequence[Reading], changes: Sequence[Change]) -> list[list[Spans]]:
-        """Give all stable intervals of K_VE for each reading with each change; inf where the searched range ends one."""
+        """Give all stable intervals of K_VE for each reading with each change; inf if the searched range ends one."""
         return self._ask(("stable", name), name, readings, changes, self._stable_walls)
 
     def stable_along(self, name: str, *overrides: str) -> Spans:
@@ -143,7 +143,7 @@ def _channels(values: Mapping, size: int) -> Iterator[ChannelNorm]:
 
 
 def _batches(loops: Sequence[Mapping]) -> Iterator[tuple[list[int], dict]]:
-    """Yield (members, values): loops that one drawing serves, with arrays where their numbers differ."""
+    """Yield (members, values): loops that share one drawing, with an array for each number that differs."""
     groups: dict[tuple, list[int]] = {}
     for number, values in enumerate(loops):
         groups.setdefault(_structure(values), []).append(number)

@@ -6,10 +6,10 @@ from `(v_s, v_l)` to `v_m` is
 
     N = [c, diag(LP2(phi_m))],   |c_m| = |sin(theta/2) / (M sin(phi_m/2))|,   sum |c_m|^2 = 1,
 
-c being the hold, which keeps the energy of a frame. The way in is passive where N N* = c c* + diag |LP2_m|^2 <= I.
+c being the hold, which keeps the energy of a frame. The way in is passive if N N* = c c* + diag |LP2_m|^2 <= I.
 
 **No LP2 makes it so.** Between 0 and pi every c_m differs from 0. An |LP2_m| of 1 or more makes the m-th entry of the
-diagonal exceed 1; otherwise the condition is `sum |c_m|^2/(1 - |LP2_m|^2) <= 1` (Schur complement), where the |c_m|^2 add
+diagonal exceed 1; otherwise the condition is `sum |c_m|^2/(1 - |LP2_m|^2) <= 1` (Schur complement), but the |c_m|^2 add
 up to 1 and no denominator exceeds 1: all LP2_m must be 0. With unit gain at 0 Hz more can be said: at theta = 0 the hold
 is c = (1, 0, ..., 0), the first entry of the diagonal is 1 + 1, and the norm is the root of 2 at least; with |LP2| <= 1 it
 is exactly that, since |N|^2 <= |c|^2 + max |LP2_m|^2 = 2.
@@ -127,7 +127,7 @@ def _renamed(terms, names):
 def inward_norm(diagram: Diagram) -> float:
     """Norm of the way in, `(v_s, v_l) -> v_m`, by its blocks: the largest of `N N* = diag|F2|^2 + F1 c (F1 c)*` over angles.
 
-    The angle 0 is among them, where the hold is (1, 0, ..., 0). F1 and F2 are all that each wave passes.
+    The angle 0, at which the hold is (1, 0, ..., 0), is among them. F1 and F2 are all that each wave passes.
     """
     blocks = {block.name: block for block in diagram.fast}
     theta = np.concatenate([[0.0], ANGLES])
@@ -166,7 +166,7 @@ def passive_bank() -> Table:
 
 
 def _row(design: Design, ideal: Response) -> dict:
-    """A design and its effects; no response where its loop is unstable."""
+    """A design and its effects; no response if its loop is unstable."""
     found, without = (_response(design, Kp) for Kp in (20.0, 0.0))
     facts = {
         "low": deviation(found, ideal, LOW),

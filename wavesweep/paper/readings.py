@@ -11,7 +11,7 @@ OWN = "the spec's own values"  # those of fig6.toml: what is inferred there is m
 
 @dataclass(frozen=True)
 class Choice:
-    """One key of a spec set to another value than the specs', and how a reader calls it."""
+    """One key of a spec with another value than in the specs, and its name in texts."""
 
     path: str
     value: float | int | str
@@ -41,11 +41,11 @@ class Reading:
 
     @property
     def size(self) -> int:
-        """How many choices it changes."""
+        """Number of choices that it changes."""
         return len(self.choices)
 
     def contains(self, other: Reading) -> bool:
-        """Tell whether it makes all choices of the other one and at least one more."""
+        """Whether it makes all choices of the other one and at least one more."""
         return self.size > other.size and set(other.choices) <= set(self.choices)
 
 

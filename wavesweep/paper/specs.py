@@ -1,4 +1,4 @@
-"""Where the paper's specs are, in a checkout and in an installed package."""
+"""The paper's specs, in a checkout or in an installed package."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from wavesweep.spec import Spec, load
 def folder() -> Path:
     """Give the folder of the paper's specs: inside an installed package, else the checkout's `sweeps/paper`.
 
-    Errors: UsageError where neither is there.
+    Errors: UsageError if there is neither.
     """
     here = Path(__file__).resolve().parent
     places = (here / "toml", here.parents[1] / "sweeps" / "paper")

@@ -65,7 +65,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Finding:
-    """All outcomes of a statement, the spec's own values first; none, and a reason, where it cannot be tested."""
+    """All outcomes of a statement, that of the spec's own values first; if it cannot be tested, none and a reason."""
 
     outcomes: tuple[Outcome, ...]
     reason: str = ""
@@ -82,7 +82,7 @@ class Finding:
 
     @property
     def held(self) -> int:
-        """Under how many readings it holds."""
+        """Number of readings under which it holds."""
         return sum(outcome.holds for outcome in self.outcomes)
 
     @property
@@ -121,10 +121,10 @@ def _named(outcomes: Sequence[Outcome]) -> str:
 
 @dataclass(frozen=True)
 class Statement:
-    """One statement: where the paper makes it, what it says, and the function that judges it.
+    """One statement: its place in the paper, its words, and the function that judges it.
 
     says: the paper's own words in quotation marks, which may leave out some ("..."), then which part of them is meant.
-    The judge's docstring names the quantities compared; it stands in the table.
+    The judge's docstring names the quantities compared; it is part of the table.
     """
 
     where: str

@@ -56,13 +56,13 @@ def _passive(tried: Sequence[Reading], norms: Sequence[ChannelNorm], values: Seq
 
 
 def _excess(norm: ChannelNorm, values: Mapping) -> float:
-    """By how much the norm of the way out exceeds 1, at least where it is within its own tolerance of 1."""
+    """Excess over 1 of the norm of the way out; a lower bound if it is within its own tolerance of 1."""
     measured = float(norm.outward) - 1
     return measured if measured > TOLERANCE else _gain_of_a_constant(values)
 
 
 def _gain_of_a_constant(values: Mapping) -> float:
-    """By how much the channel's gain for a constant wave exceeds 1: `sqrt(1 + s) - 1`, `s = sum |LP1(2 pi m/M)|^2`.
+    """Excess over 1 of the channel's gain for a constant wave: `sqrt(1 + s) - 1`, `s = sum |LP1(2 pi m/M)|^2`.
 
     A bilinear Butterworth low-pass has `|LP1|^2 = 1/(1 + (tan(phi/2)/tan(phi_c/2))^2n)`; the sum is over the M - 1 images
     of 0 Hz about the slow rate.

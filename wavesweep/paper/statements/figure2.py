@@ -141,7 +141,7 @@ def higher_cutoff_costs_stability(paper: PaperLoops) -> Finding:
 
 
 def _over_family(paper: PaperLoops, check: Callable[[Sequence[Response]], Answer]) -> Finding:
-    """Check the four curves of Figure 2 under each reading; one that is unstable shows nothing."""
+    """Check the four curves of Figure 2 under each reading; if one is unstable, so is the outcome."""
 
     def seen(family: Sequence[Response]) -> Answer:
         return check(family) if all(response.stable for response in family) else UNSTABLE

@@ -66,7 +66,7 @@ def conjunction_threatens(paper: PaperLoops) -> Finding:
 
 
 def of_virtual_coupling(numbers: Callable[[PaperLoops], str]) -> Callable[[PaperLoops], Finding]:
-    """Give the judge of a result of [3], with numbers of what comes nearest to it here."""
+    """Return the judge of a result of [3], with numbers of the most similar loop here."""
 
     def judge(paper: PaperLoops) -> Finding:
         """Not tested: a result of the paper's reference [3] on virtual coupling, which no controller here has. The

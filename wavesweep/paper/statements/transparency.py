@@ -1,6 +1,6 @@
 """Sections 3 and 3.2, Figure 6: effects of filter bank, local model and Kp on the transmitted admittance.
 
-And the tick labels of Figures 2 and 6, all that is left of them, from which the size of the curves can be told.
+Also the tick labels of Figures 2 and 6, the only remains of these figures, from which the size of the curves follows.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def renders_stiffer_contact(paper: PaperLoops) -> Finding:
 
 
 def _both(paper: PaperLoops, check, change=None) -> Finding:
-    """Check PMW+LM and PMW under each reading; where one of them is unstable it shows nothing."""
+    """Check PMW+LM and PMW under each reading; if one of them is unstable, the outcome is "unstable"."""
 
     def seen(*loops: Response) -> Answer:
         return check(*loops) if all(loop.stable for loop in loops) else UNSTABLE
