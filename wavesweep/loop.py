@@ -13,7 +13,7 @@ from wavesweep.spec import KEYS, SYMBOLS, Axis, Spec, find_key, load
 
 
 def compile(source) -> "Loop":  # noqa: A001 - the name that the interface gives it
-    """Compile a spec (a `Spec`, a path, or the same nested tables as a dict) once, for any number of questions."""
+    """Compile `source` (a `Spec`, a path, or nested tables as a dict) once, for any number of calls."""
     spec = source if isinstance(source, Spec) else load(source)
     diagram = draw(spec.values)
     return Loop(spec, cut_at_wall(diagram), keys_read(spec.values))
@@ -21,11 +21,12 @@ def compile(source) -> "Loop":  # noqa: A001 - the name that the interface gives
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loop:
-    """A compiled loop. An axis that a call does not name has the spec's value; lists give a full product.
+    """A compiled loop.
 
-    Axes are named by symbol (`K_VE`, `b`, ...) or, for any other number, by its path in a mapping:
-    `loop.spectral_radius(b=[20, 40], **{"device.mass": [0.1, 0.2]})`. Values that are new to the wall alone (K_VE, B_VE)
-    cost no new compilation.
+    The methods take `axes` by name, each a number or a list, and compute the product of the lists. An axis is named by its
+    symbol (`K_VE`, `b`, ...) or, for any other number, by its path in a mapping:
+    `loop.spectral_radius(b=[20, 40], **{"device.mass": [0.1, 0.2]})`. If a call does not name an axis, its value is that of
+    the spec. If only the wall (K_VE, B_VE) changes, nothing is compiled again.
     """
 
     spec: Spec
@@ -35,9 +36,10 @@ class Loop:
     def stable_intervals(self, along: str = "K_VE", span=None, **axes):
         """All stable intervals along an axis, for the product of the other axes given: a DataFrame, a row per interval.
 
-        along: name of the axis. span: (low, high) in its unit; (0, 20000) by default along K_VE. Columns as in the table of
-        `wavesweep zwidth`: each axis given, along, intervals, interval, low, high, low_omega, high_omega (rad/s),
-        certified, residual, doubt. Errors: UsageError for a name or a value that a spec would refuse.
+        along: name of the axis. span: (low, high) in its unit; (0, 20000) by default along K_VE. axes: the others, see
+        `Loop`. Columns as in the table of `wavesweep zwidth`: each axis given, along, intervals, interval, low, high,
+        low_omega, high_omega (rad/s), certified, residual, doubt. Errors: UsageError if a spec would not accept a name or a
+        value.
         Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md; see `analysis.intervals`.
         """
         from wavesweep.sweep.grid import make_grid
@@ -49,9 +51,10 @@ class Loop:
         return _frame(in_memory(question(grid, axis, None if grid.loop_axes else self.cut)))
 
     def spectral_radius(self, **axes) -> np.ndarray:
-        """Largest eigenvalue modulus per frame of `ratio` ticks, drift set aside, over the product of the axes given.
+        """Largest eigenvalue modulus per frame of `ratio` ticks, without drift, over the product of the axes given.
 
-        The array has one dimension per axis given as a list, in the order given; below 1 the loop is stable.
+        axes: see `Loop`. The array has one dimension per axis that is a list, in the order given. If the radius is below 1,
+        the loop is stable.
         """
         from wavesweep.sweep.tasks import radius_over
 
@@ -61,8 +64,8 @@ class Loop:
     def response(self, frequency_hz=None, **axes):
         """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.
 
-        frequency_hz: Hz, those of the spec's [bode] table by default; 0 < f, up to the fast Nyquist frequency.
-        Accuracy: as each row says of itself, by bounds on relative errors or by a word of doubt; see `analysis.doubt`.
+        frequency_hz: Hz, those of the spec's [bode] table by default; 0 < f, up to the fast Nyquist frequency. axes: see
+        `Loop`. Accuracy: every row has bounds on its relative errors, or a reason of doubt; see `analysis.doubt`.
         """
         from wavesweep.sweep.response_table import one_spec
 
@@ -72,7 +75,7 @@ class Loop:
     def passivity(self, **axes):
         """Norm of the wave channel and margin at the hand's port: a DataFrame with the columns of `wavesweep passivity`.
 
-        Accuracy: see `analysis.passivity.channel_norm` and `port_margin`.
+        axes: see `Loop`. Accuracy: see `analysis.passivity.channel_norm` and `port_margin`.
         """
         from wavesweep.sweep.passivity_table import in_memory
 
@@ -91,7 +94,7 @@ class Loop:
     def to_control(self):
         """The lifted closed loop as a `control.StateSpace`: a frame's M hand forces (N) in, its M positions (m) out, dt = T_s.
 
-        Position is a state, so a loop that drifts has its pole at exactly 1 here.
+        Position is a state. If the loop drifts, it therefore has a pole at exactly 1 here.
         """
         import control
 

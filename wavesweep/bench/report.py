@@ -70,7 +70,7 @@ def _titles() -> dict[str, str]:
 
 
 def lines(columns: Columns) -> Iterator[str]:
-    """Return the result of each measurement as a line of text."""
+    """Return the result of each measurement as a line of text. columns: the table of `measure`."""
     for problem in PROBLEMS:
         yield from _stiffness(_only(columns, part=PART, problem=problem.name), problem.title)
     yield from _response(_only(columns, part="response"))

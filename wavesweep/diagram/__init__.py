@@ -56,7 +56,7 @@ def keys_read(values) -> frozenset[str]:
 
 
 def state_labels(diagram: Diagram) -> dict[str, str]:
-    """Readable name of each state of the lifted loop: name as in `Cut.states` -> the label that its block gives."""
+    """Readable name of each state of the lifted `diagram`: name as in `Cut.states` -> label of its block."""
     labels = {}
     for prefix, blocks in (("frame.", diagram.fast), ("", diagram.slow)):
         for block in blocks:

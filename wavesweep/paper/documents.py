@@ -72,7 +72,7 @@ nothing of this touches it.
 
 
 def counted(columns: Columns) -> str:
-    """Number of statements with each verdict, in one line."""
+    """Number of statements with each verdict, in one line. columns: the table of statements."""
     verdicts = columns["verdict"].tolist()
     return f"{len(verdicts)} statements: " + ", ".join(f"{verdicts.count(verdict)} {verdict}" for verdict in VERDICTS)
 

@@ -143,7 +143,7 @@ FIGURES = (figure_2, figure_4, figure_5, figure_6, figure_7, figure_8)
 
 def tables(progress: Callable[[int, int], None] | None = None) -> Iterator[Table]:
     """Give the tables of the figures, of the open choices, of passive filter banks and, last, of the statements; each is
-    computed when it is asked for.
+    computed when the iteration reaches it.
 
     progress: called with the number of steps done and of all steps.
     """

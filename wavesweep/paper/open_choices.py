@@ -93,7 +93,7 @@ def _stable(name: str, words: dict[str, str], axes: tuple, more: tuple = ()) -> 
 
 
 def _joined(parts: list, sizes: list[int]) -> np.ndarray:
-    """One column from its parts; a word is repeated for all rows of its part."""
+    """One column from its parts; a string is repeated for all rows of its part."""
     if isinstance(parts[0], str):
         return np.repeat(np.array(parts, dtype=object), sizes)
     return np.concatenate(parts)

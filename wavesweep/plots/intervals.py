@@ -51,7 +51,7 @@ class Picture:
         self._kept: list[dict[str, np.ndarray]] = []
 
     def add(self, columns: Mapping[str, np.ndarray]) -> None:
-        """Keep the rows of a block that the figure shows."""
+        """Keep the rows of a block (its columns by name) that the figure shows."""
         if self._layout is None:
             self._layout = (lay_out_hands if "hand" in columns else lay_out)(self._axes)
         shown = self._layout.shows(columns)

@@ -74,6 +74,7 @@ def lay_out(axes: Mapping[str, Sequence[float]]) -> Layout:
 
 
 def along_the_figure(several: Mapping[str, Sequence[float]]) -> str | None:
+    """Return the axis along the figure, one of the wall's if possible; None if all axes are short."""
     for wall in ("B_VE", "K_VE"):
         if wall in several:
             return wall
@@ -83,6 +84,7 @@ def along_the_figure(several: Mapping[str, Sequence[float]]) -> str | None:
 
 
 def evenly(several: Mapping[str, Sequence[float]], name: str | None, most: int) -> tuple[float, ...]:
+    """Return up to `most` values of the axis `name`, equally spaced in its list and with both ends."""
     if name is None:
         return ()
     values = np.asarray(several[name])

@@ -172,5 +172,5 @@ VALUE_PATHS = tuple(key.path for key in _TABLE if key.default is not None or key
 
 
 def find_key(name: str) -> Key | None:
-    """Return the key that a symbol (`B_VE`) or a full path (`device.damping`) names, or None."""
+    """Return the key of a name, which is a symbol (`B_VE`) or a full path (`device.damping`), or None."""
     return KEYS.get(SYMBOLS.get(name, name))

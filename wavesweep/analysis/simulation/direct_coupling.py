@@ -33,7 +33,7 @@ class Sample(NamedTuple):
 
 
 class DirectMemory(NamedTuple):
-    """State of a direct coupling between ticks: the held sample, and those on their way."""
+    """State of a direct coupling between ticks: the held sample, and those in transit."""
 
     held: Sample = Sample()
     mail: Mail = ()

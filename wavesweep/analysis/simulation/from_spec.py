@@ -17,7 +17,7 @@ from wavesweep.spec import Spec
 
 
 def simulated_columns(spec: Spec, force=None, **changes: Any) -> dict[str, np.ndarray]:
-    """Simulate a spec and give the columns of the table `simulate`, a row per fast tick; see `simulated`, `table`."""
+    """Simulate a spec; the columns of the table `simulate`, a row per fast tick. spec, force, changes: see `simulated`."""
     return table(simulated(spec, force, **changes))
 
 

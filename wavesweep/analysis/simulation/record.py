@@ -113,7 +113,7 @@ def _wave(signals: dict[str, np.ndarray], going: str, coming: str, period: float
 
 
 def table(simulation: Simulation) -> dict[str, np.ndarray]:
-    """Return the columns of the table `simulate`, a row per fast tick, in SI units.
+    """Return the columns of the table `simulate` for a simulation, a row per fast tick, in SI units.
 
     The columns do not depend on the controller: signals that it does not have are NaN throughout. Slow signals hold the last
     update. The rows end before the first tick in which a number leaves the range of doubles.
