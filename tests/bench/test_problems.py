@@ -5,8 +5,8 @@ import pytest
 from benchmarks import references as made
 
 from wavesweep.bench.accuracy import ENDS, RESPONSES
-from wavesweep.bench.problems import COLUMNS, PROBLEMS, Answer, bundles, checked, coarse, digest, references, score
-from wavesweep.bench.responses import problem as response_problem
+from wavesweep.bench.frequency_responses import problem as response_problem
+from wavesweep.bench.problems import COLUMNS, PROBLEMS, Intervals, bundles, checked, coarse, digest, references, score
 from wavesweep.errors import WavesweepError
 
 NAMES = [problem.name for problem in PROBLEMS]
@@ -79,7 +79,7 @@ def test_sturm_counts_and_schur_cohn_agree_with_known_roots():
 
 def answer(*intervals, column=0):
     low, high = np.array(intervals, float).reshape(-1, 2).T
-    return Answer(np.full(low.size, column), low, high)
+    return Intervals(np.full(low.size, column), low, high)
 
 
 def test_the_truth_has_no_error():

@@ -16,8 +16,8 @@ from itertools import pairwise, product
 from support.exact import frame, limit, mp, number, response
 
 from wavesweep.bench import accuracy
+from wavesweep.bench.frequency_responses import problem as response_problem
 from wavesweep.bench.problems import COLUMNS, FILE, PROBLEMS, digest
-from wavesweep.bench.responses import problem as response_problem
 
 DIGITS = 60
 NOTHING = mp.mpf(10) ** -40  # relative to the largest coefficient: structural zeros are smaller, all others larger

@@ -8,7 +8,7 @@ from wavesweep.diagram.filters import butterworth
 from wavesweep.paper.felt_responses import natural_frequency, peak, respond
 from wavesweep.paper.paper_loops import BASE
 from wavesweep.paper.specs import load_paper
-from wavesweep.paper.statements.channel import _gain_of_a_constant
+from wavesweep.paper.statements.aliasing import _gain_of_a_constant
 
 
 def test_both_sets_of_inferred_values_render_about_800(paper):

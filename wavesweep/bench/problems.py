@@ -148,7 +148,7 @@ def checked(part: dict[str, Any], digest: str, name: str) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class Answer:
+class Intervals:
     """Stable intervals: numbers of their columns, `(n,)`, and their ends in N/m, `(n,)` each."""
 
     column: np.ndarray
@@ -171,7 +171,7 @@ class Score:
     wrong: int
 
 
-def score(answer: Answer, truth: Sequence[Sequence[tuple[float, float]]], span: tuple[float, float]) -> Score:
+def score(answer: Intervals, truth: Sequence[Sequence[tuple[float, float]]], span: tuple[float, float]) -> Score:
     """Compare with the reference. truth: the intervals of each column. An end of the range is not a critical stiffness."""
     errors: list[float] = []
     found = wrong = 0

@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from wavesweep import __version__
-from wavesweep.bench import accuracy, responses, stiffness
+from wavesweep.bench import accuracy, frequency_responses, stiffness
 from wavesweep.bench.costs import compile_rows, exponent, slice_rows, start_rows, worker_rows
 from wavesweep.bench.measuring import FIELDS, FULL, QUICK, Row, columns_of
 from wavesweep.bench.problems import FILE, PROBLEMS
@@ -47,7 +47,7 @@ def _parts(quick: bool) -> Iterator[Callable[[], Iterator[Row]]]:
     patience = QUICK if quick else FULL
     for problem in stiffness.problems(quick=quick):
         yield partial(stiffness.rows, problem, patience, quick=quick)
-    for rows in (responses.rows, compile_rows, slice_rows, worker_rows, start_rows):
+    for rows in (frequency_responses.rows, compile_rows, slice_rows, worker_rows, start_rows):
         yield partial(rows, patience, quick=quick)
     yield partial(profile_rows, 1 if quick else 20)
     yield accuracy.rows

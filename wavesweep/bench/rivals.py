@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from wavesweep.bench.problems import Answer, Bundle, bundles
+from wavesweep.bench.problems import Bundle, Intervals, bundles
 from wavesweep.lifted import Cut, close
 from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V, open_in
@@ -26,7 +26,7 @@ def grid_of(spec: Spec, points: int) -> np.ndarray:
     return np.linspace(0, stop, points + 1)[1:]
 
 
-def batched(spec: Spec, points: int) -> Answer:
+def batched(spec: Spec, points: int) -> Intervals:
     """numpy: the eigenvalues of all points of a grid in one call."""
     K = grid_of(spec, points)
     return stable_runs(K, [(part, is_stable(close(_across(part), K, part.B_VE[:, None]))) for part in bundles(spec)])
@@ -41,17 +41,17 @@ def _across(part: Bundle):
     return part.cut.at((slice(None), None))
 
 
-def looped(spec: Spec, points: int) -> Answer:
+def looped(spec: Spec, points: int) -> Intervals:
     """numpy: a loop over the points, the wall closed by its rank-one formula."""
     return _one_by_one(spec, points, _numpy_test)
 
 
-def feedback(spec: Spec, points: int) -> Answer:
+def feedback(spec: Spec, points: int) -> Intervals:
     """python-control: `feedback` per point on a plant that is made once."""
     return _one_by_one(spec, points, feedback_test)
 
 
-def interconnected(spec: Spec, points: int) -> Answer:
+def interconnected(spec: Spec, points: int) -> Intervals:
     """python-control: `interconnect` per point. It refuses algebraic loops: the damping is closed by hand, once a column."""
     return _one_by_one(spec, points, _interconnect_test)
 
@@ -119,7 +119,7 @@ def _interconnect_test(part, row):
     return test
 
 
-def stable_runs(K: np.ndarray, parts) -> Answer:
+def stable_runs(K: np.ndarray, parts) -> Intervals:
     """Stable runs of a grid; an end is in the middle between a stable point and its unstable neighbour.
 
     parts: (bundle, verdicts `(columns, points)`) pairs.
@@ -129,15 +129,15 @@ def stable_runs(K: np.ndarray, parts) -> Answer:
     edges = np.concatenate([[0.0], (K[1:] + K[:-1]) / 2, K[-1:]])
     change = np.diff(np.pad(stable, ((0, 0), (1, 1))).astype(int), axis=-1)
     first, last = np.nonzero(change == 1), np.nonzero(change == -1)
-    return Answer(column[first[0]], edges[first[1]], edges[last[1]])
+    return Intervals(column[first[0]], edges[first[1]], edges[last[1]])
 
 
-def bisected(spec: Spec, tolerance: float) -> Answer:
+def bisected(spec: Spec, tolerance: float) -> Intervals:
     """Bisection for the largest stable K_VE, column by column; tolerance: relative to the range."""
     return _largest(spec, tolerance, one_by_one=True)
 
 
-def bisected_together(spec: Spec, tolerance: float) -> Answer:
+def bisected_together(spec: Spec, tolerance: float) -> Intervals:
     """Bisection for the largest stable K_VE, with the eigenvalues of all columns in one call."""
     return _largest(spec, tolerance, one_by_one=False)
 
@@ -154,7 +154,7 @@ def _largest(spec, tolerance, one_by_one):
             ends.append(_narrowed(cut, B, low, high, tolerance * stop))
             columns.append(part.column[some])
     high = np.concatenate(ends)
-    return Answer(np.concatenate(columns), np.zeros(high.size), high)
+    return Intervals(np.concatenate(columns), np.zeros(high.size), high)
 
 
 def _narrowed(cut, B, stable, unstable, width):
@@ -166,7 +166,7 @@ def _narrowed(cut, B, stable, unstable, width):
     return (stable + unstable) / 2
 
 
-def bisected_by_feedback(spec: Spec, tolerance: float) -> Answer:
+def bisected_by_feedback(spec: Spec, tolerance: float) -> Intervals:
     """Bisection with python-control, by `feedback` and its poles in each step."""
     stop = grid_of(spec, 1)[-1]
     columns, ends = [], []
@@ -179,10 +179,10 @@ def bisected_by_feedback(spec: Spec, tolerance: float) -> Answer:
                 low, high = (middle, high) if test(middle) else (low, middle)
             columns.append(part.column[row])
             ends.append((low + high) / 2)
-    return Answer(np.array(columns), np.zeros(len(ends)), np.array(ends))
+    return Intervals(np.array(columns), np.zeros(len(ends)), np.array(ends))
 
 
-def refined(spec: Spec, setting: tuple[int, float]) -> Answer:
+def refined(spec: Spec, setting: tuple[int, float]) -> Intervals:
     """A batched grid, then each change of verdict on it bisected, all together; setting: (points, relative tolerance)."""
     points, tolerance = setting
     K = grid_of(spec, points)
@@ -193,7 +193,7 @@ def refined(spec: Spec, setting: tuple[int, float]) -> Answer:
         inside, outside = np.where(stable[row, at], K[at], K[at + 1]), np.where(stable[row, at], K[at + 1], K[at])
         ends = _narrowed(part.cut.at(row), part.B_VE[row], inside, outside, tolerance * K[-1])
         answers.append(_with_ends(stable_runs(K, [(part, stable)]), K, (part.column[row], at, ends)))
-    return Answer(*(np.concatenate([getattr(answer, name) for answer in answers]) for name in ("column", "low", "high")))
+    return Intervals(*(np.concatenate([getattr(answer, name) for answer in answers]) for name in ("column", "low", "high")))
 
 
 def _with_ends(coarse, K, changes):
@@ -204,10 +204,10 @@ def _with_ends(coarse, K, changes):
     def better(end):
         return np.array([middle.get(key, key[1]) for key in zip(coarse.column.tolist(), end.tolist(), strict=True)])
 
-    return Answer(coarse.column, better(coarse.low), better(coarse.high))
+    return Intervals(coarse.column, better(coarse.low), better(coarse.high))
 
 
-def decomposed(spec: Spec, angles: int) -> Answer:
+def decomposed(spec: Spec, angles: int) -> Intervals:
     """D-decomposition: the boundary sampled over the unit circle, its crossings refined by a secant.
 
     The method of textbooks, and the nearest to that of this tool. angles: their number, over the upper half of the circle.
@@ -215,7 +215,7 @@ def decomposed(spec: Spec, angles: int) -> Answer:
     stop = next(axis.stop for axis in spec.sweep if axis.name == "K_VE")
     theta = np.pi * (np.arange(angles) + 0.5) / angles
     parts = [_labelled(part, stop, *_crossings(part, theta)) for part in bundles(spec)]
-    return Answer(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+    return Intervals(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
 def _terms(cut: Cut, w) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from typing import Any
 
 from wavesweep.bench import rivals, this_tool
 from wavesweep.bench.measuring import Pair, Patience, Row, interleaved
-from wavesweep.bench.problems import COLUMNS, PROBLEMS, Answer, Problem, bundles, checked, digest, references, score
+from wavesweep.bench.problems import COLUMNS, PROBLEMS, Intervals, Problem, bundles, checked, digest, references, score
 from wavesweep.spec import Spec
 
 PART = "stiffness"
@@ -26,7 +26,7 @@ class Method:
     """
 
     name: str
-    solve: Callable[[Spec, Any], Answer]
+    solve: Callable[[Spec, Any], Intervals]
     settings: tuple[tuple[Any, str, int], ...]
 
 
@@ -79,7 +79,7 @@ def _row(problem: Problem, method: Method, chosen: tuple[Any, str, int], patienc
     setting, name, columns = chosen
     spec = problem.ask(columns)
     method.solve(problem.ask(min(COLUMNS)), method.settings[0][0])  # warm: imports, caches
-    answers: list[Answer] = []
+    answers: list[Intervals] = []
     pair = interleaved(lambda: answers.append(method.solve(spec, setting)), partial(this_tool.library, spec), patience)
     return _measured(problem, (method.name, name), columns, pair) | _scored(problem, columns, answers[-1])
 
@@ -95,7 +95,7 @@ def _own_row(problem: Problem, columns: int, patience: Patience) -> Row:
 
 
 def _command_row(problem: Problem, columns: int, patience: Patience) -> Row:
-    answers: list[Answer] = []
+    answers: list[Intervals] = []
     call = partial(this_tool.library, problem.ask(columns))
     pair = interleaved(lambda: answers.append(this_tool.command(problem, columns)), call, patience)
     return _measured(problem, (COMMAND, "zwidth --no-plot"), columns, pair) | _scored(problem, columns, answers[-1])
@@ -109,7 +109,7 @@ def _measured(problem: Problem, named: tuple[str, str], columns: int, pair: Pair
     }  # fmt: skip
 
 
-def _scored(problem: Problem, columns: int, answer: Answer) -> dict[str, Any]:
+def _scored(problem: Problem, columns: int, answer: Intervals) -> dict[str, Any]:
     known = references()["intervals"][problem.name]
     truth = checked(known, digest(problem.ask(max(COLUMNS))), problem.title)["columns"]
     span = (0.0, problem.stop)

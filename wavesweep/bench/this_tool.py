@@ -23,7 +23,7 @@ from wavesweep.analysis.intervals.isolate import isolate
 from wavesweep.analysis.intervals.regions import regions
 from wavesweep.analysis.intervals.stable import trace_excludes_stability
 from wavesweep.bench.measuring import Row
-from wavesweep.bench.problems import COLUMNS, PROBLEMS, Answer, Problem
+from wavesweep.bench.problems import COLUMNS, PROBLEMS, Intervals, Problem
 from wavesweep.diagram import draw
 from wavesweep.lifted import cut_at_wall
 from wavesweep.paper.specs import folder
@@ -49,15 +49,15 @@ def library(spec: Spec) -> Any:
     return wavesweep.compile(spec).stable_intervals("K_VE", (along.start, along.stop), **axes)
 
 
-def answer_of(table: Mapping[str, Any]) -> Answer:
+def answer_of(table: Mapping[str, Any]) -> Intervals:
     """The answer in a table of intervals."""
     interval = np.asarray(table["interval"])
     stable = np.asarray(table["intervals"]) > 0
     column = np.cumsum(interval <= 0) - 1
-    return Answer(column[stable], np.asarray(table["low"])[stable], np.asarray(table["high"])[stable])
+    return Intervals(column[stable], np.asarray(table["low"])[stable], np.asarray(table["high"])[stable])
 
 
-def command(problem: Problem, columns: int) -> Answer:
+def command(problem: Problem, columns: int) -> Intervals:
     """`wavesweep zwidth` as a process of its own, and its table read back."""
     settings = [word for setting in problem.overrides(columns) for word in ("--set", setting)]
     with tempfile.TemporaryDirectory() as out:

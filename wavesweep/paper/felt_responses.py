@@ -42,7 +42,7 @@ Columns = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
-class Response:
+class FeltResponse:
     """The response that the hand feels, at the frequencies of a spec's [bode] table.
 
     omega: rad/sample of the slow rate, as the paper's axes. admittance (m/N), impedance (N/m): complex. stable: whether
@@ -55,13 +55,13 @@ class Response:
     stable: bool
 
 
-def respond(spec: Spec, frequency_hz=None) -> Response:
+def respond(spec: Spec, frequency_hz=None) -> FeltResponse:
     """Compute the response of one spec, at the frequencies (Hz) of its [bode] table unless others are given."""
     frequency = np.asarray(spec.frequency_hz if frequency_hz is None else frequency_hz, float)
     return respond_to(draw(spec.values), spec.values, 1, frequency)[0]
 
 
-def respond_to(diagram: Diagram, values: Mapping, size: int, frequency: np.ndarray) -> list[Response]:
+def respond_to(diagram: Diagram, values: Mapping, size: int, frequency: np.ndarray) -> list[FeltResponse]:
     """Compute the responses of `size` loops that share one drawing.
 
     values: flat keys -> one value for all loops, or an array over them; the wall and the rates are read from it.
@@ -70,7 +70,7 @@ def respond_to(diagram: Diagram, values: Mapping, size: int, frequency: np.ndarr
     felt = [np.broadcast_to(part, (size, frequency.size)) for part in steady_state(prepare(diagram, K, B), frequency)]
     stable = np.broadcast_to(spectral_radius(cut_at_wall(diagram), K, B) < 1, (size,)).tolist()
     omega = 2 * np.pi * frequency * values["rates.ratio"] / values["rates.fast_hz"]
-    return [Response(omega, *each) for each in zip(*felt, stable, strict=True)]
+    return [FeltResponse(omega, *each) for each in zip(*felt, stable, strict=True)]
 
 
 def estimated(spec: Spec) -> Columns:
@@ -84,14 +84,14 @@ def within(omega: np.ndarray, band: tuple[float, float]) -> np.ndarray:
     return (omega >= band[0]) & (omega <= band[1] + 1e-9)
 
 
-def deviation(response: Response, ideal: Response, band: tuple[float, float]) -> float:
+def deviation(response: FeltResponse, ideal: FeltResponse, band: tuple[float, float]) -> float:
     """Mean relative deviation of the admittance's magnitude from the ideal's over the band."""
     chosen = within(response.omega, band)
     found, wanted = np.abs(response.admittance[chosen]), np.abs(ideal.admittance[chosen])
     return float(np.mean(np.abs(found - wanted) / wanted))
 
 
-def stiffness_error(response: Response, stiffness: float, band: tuple[float, float]) -> float:
+def stiffness_error(response: FeltResponse, stiffness: float, band: tuple[float, float]) -> float:
     """Mean deviation (N/m) of the transmitted impedance's magnitude from a stiffness (N/m) over the band."""
     chosen = within(response.omega, band)
     return float(np.mean(np.abs(np.abs(response.impedance[chosen]) - stiffness)))
@@ -103,7 +103,7 @@ def natural_frequency(omega: np.ndarray, magnitude: np.ndarray) -> float:
     return float(omega[peaks[0] if peaks.size else magnitude.argmax()])
 
 
-def peak(response: Response) -> float:
+def peak(response: FeltResponse) -> float:
     """Give the first natural frequency of a response, rad/sample."""
     return natural_frequency(response.omega, np.abs(response.admittance))
 

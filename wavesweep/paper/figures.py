@@ -16,7 +16,7 @@ from wavesweep.paper.felt_responses import CONTROLLERS, HIGH, LOW, LOW_OF_FIGURE
 from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.specs import load_paper
 from wavesweep.paper.statements import STATEMENTS
-from wavesweep.plots.regions import Plane, draw_planes
+from wavesweep.plots.planes import Plane, draw_planes
 from wavesweep.plots.responses import Line, Panel, draw_magnitudes
 from wavesweep.plots.style import symbol
 from wavesweep.results import fields_of

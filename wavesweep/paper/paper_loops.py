@@ -10,7 +10,7 @@ from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.analysis.passivity import ChannelNorm, channel_norm
 from wavesweep.diagram import draw, keys_read
 from wavesweep.lifted import cut_at_wall
-from wavesweep.paper.felt_responses import CONTROLLERS, Response, estimated, respond_to
+from wavesweep.paper.felt_responses import CONTROLLERS, FeltResponse, estimated, respond_to
 from wavesweep.paper.readings import Reading
 from wavesweep.paper.specs import load_paper
 from wavesweep.spec import Spec, find_key
@@ -36,17 +36,17 @@ class PaperLoops:
         self._experiments: dict[str, Mapping[str, np.ndarray]] = {}
         self.uncertified = 0  # stable intervals that were asked for and are not proved
 
-    def response(self, name: str, reading: Reading = BASE[0], change: Change | None = None) -> Response:
+    def response(self, name: str, reading: Reading = BASE[0], change: Change | None = None) -> FeltResponse:
         """Give the response of a spec at its own frequencies."""
         return self.responses(name, [reading], change)[0]
 
-    def responses(self, name: str, readings: Sequence[Reading], change: Change | None = None) -> list[Response]:
+    def responses(self, name: str, readings: Sequence[Reading], change: Change | None = None) -> list[FeltResponse]:
         """Give the same for each reading."""
         return [one for (one,) in self.families(name, readings, [change or {}])]
 
     def families(
         self, name: str, readings: Sequence[Reading], changes: Sequence[Change], frequency_hz: tuple[float, ...] = ()
-    ) -> list[list[Response]]:
+    ) -> list[list[FeltResponse]]:
         """Give for each reading the responses with each change, at the spec's frequencies unless others are given."""
         frequency = np.asarray(frequency_hz or self._own(name).frequency_hz)
         key = ("response", name, frequency_hz)

@@ -39,7 +39,7 @@ from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.filters import butterworth
 from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.resolvent import alias_angles, solved_response
-from wavesweep.paper.felt_responses import HIGH, LOW, Response, deviation, respond, respond_to
+from wavesweep.paper.felt_responses import HIGH, LOW, FeltResponse, deviation, respond, respond_to
 from wavesweep.paper.specs import load_paper
 from wavesweep.plots.responses import Line, Panel, draw_magnitudes
 from wavesweep.results import Field
@@ -165,7 +165,7 @@ def passive_bank() -> Table:
     return Table.of("passive-bank", columns, facts, fields=FIELDS)
 
 
-def _row(design: Design, ideal: Response) -> dict:
+def _row(design: Design, ideal: FeltResponse) -> dict:
     """A design and its effects; no response if its loop is unstable."""
     found, without = (_response(design, Kp) for Kp in (20.0, 0.0))
     facts = {
@@ -191,7 +191,7 @@ def _values(design: Design, Kp: float) -> dict:
     return {**load_paper("fig6").values, "controller.Kp": Kp, "local_model.delay": design.local_delay}
 
 
-def _response(design: Design, Kp: float) -> Response:
+def _response(design: Design, Kp: float) -> FeltResponse:
     values, frequency = _values(design, Kp), np.asarray(load_paper("fig6").frequency_hz)
     return respond_to(drawn(design, values), values, 1, frequency)[0]
 

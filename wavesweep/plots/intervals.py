@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.layout import MOST_PANELS, Layout, axes_of, evenly, lay_out
-from wavesweep.plots.regions import draw_region
+from wavesweep.plots.planes import draw_region
 from wavesweep.plots.style import DOUBTFUL, ONE_COLUMN, TWO_COLUMNS, UNKNOWN, family_colours, figure, incomplete, label, symbol
 
 _PANEL_HEIGHT = 2.3  # inches

@@ -6,7 +6,7 @@ from support.march import march
 from support.specs import KINDS
 
 from wavesweep import diagram
-from wavesweep.analysis.simulation import CONTROLLERS, Options, simulate
+from wavesweep.analysis.simulation import CONTROLLERS, Effects, simulate
 from wavesweep.diagram.direct import dc_slow
 from wavesweep.errors import UsageError
 
@@ -35,7 +35,7 @@ def test_with_everything_off_it_is_the_linear_march(values, push, kind, velocity
 
 @pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm"])
 def test_a_direct_wall_is_felt_inside_only(values, push, kind):
-    seen = simulate(values(kind, K_VE=150.0), push, Options(wall=0.001)).signals
+    seen = simulate(values(kind, K_VE=150.0), push, Effects(wall=0.001)).signals
     sampled = slice(None, None, 1 if kind == "dc" else 20)
     inside = seen["x"][sampled] > 0.001
     assert 0.05 < inside.mean() < 0.95
@@ -49,7 +49,7 @@ def test_a_direct_wall_is_felt_inside_only(values, push, kind):
 def test_waves_and_contact_agree_within_every_tick(values, push, integration, delay, local_delay):
     """What goes round within a tick is solved: the waves that came back are those that the outgoing wave made."""
     changes = {"environment.integration": integration, "environment.delay": delay, "local_model.delay": local_delay}
-    seen = simulate(values("pmw-lm", K_VE=150.0, Kp=10.0, **changes), push, Options(wall=0.001)).signals
+    seen = simulate(values("pmw-lm", K_VE=150.0, Kp=10.0, **changes), push, Effects(wall=0.001)).signals
     held = {name: np.concatenate([np.zeros(delay), seen[name]])[: len(push)] for name in ("v_s", "x_s")}
     returned = held["v_s"] + seen["v_2"] + 10.0 * (held["x_s"] - seen["x"])
     np.testing.assert_allclose(seen["v_m"], returned, atol=1e-12)
@@ -62,7 +62,7 @@ def test_waves_and_contact_agree_within_every_tick(values, push, integration, de
 
 
 def test_an_encoder_sees_the_nearest_step(values, push):
-    seen = simulate(values("pmw", velocity="difference"), push, Options(resolution=5e-5)).signals
+    seen = simulate(values("pmw", velocity="difference"), push, Effects(resolution=5e-5)).signals
     steps = seen["x_hat"] / 5e-5
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
     assert np.abs(seen["x_hat"] - seen["x"]).max() <= 2.5e-5 * (1 + 1e-9)
@@ -70,7 +70,7 @@ def test_an_encoder_sees_the_nearest_step(values, push):
 
 
 def test_motors_have_a_limit(values, push):
-    seen = simulate(values("pmw"), 3 * push, Options(max_force=1.5)).signals
+    seen = simulate(values("pmw"), 3 * push, Effects(max_force=1.5)).signals
     assert np.abs(seen["f_m"]).max() > 1.5
     assert np.array_equal(seen["f_device"], np.clip(seen["f_m"], -1.5, 1.5))
 
@@ -78,7 +78,7 @@ def test_motors_have_a_limit(values, push):
 def test_the_device_moves_for_the_real_length_of_a_jittering_tick(values):
     """In free motion under a constant force the velocity tells the time that has passed."""
     free = values("dc", K_VE=0.0, B_VE=0.0)
-    seen = simulate(free, np.ones(500), Options(jitter=0.3, seed=2)).signals
+    seen = simulate(free, np.ones(500), Effects(jitter=0.3, seed=2)).signals
     lengths = np.diff(seen["time"])
     assert 0.7e-3 <= lengths.min() < 0.75e-3
     assert 1.25e-3 < lengths.max() <= 1.3e-3
@@ -86,7 +86,7 @@ def test_the_device_moves_for_the_real_length_of_a_jittering_tick(values):
 
 
 def test_a_late_result_is_held_from_the_tick_when_it_comes(values):
-    late = simulate(values("dc-slow"), np.zeros(400), Options(late=15, seed=1), x=1e-3)
+    late = simulate(values("dc-slow"), np.zeros(400), Effects(late=15, seed=1), x=1e-3)
     f_m, F_s = late.signals["f_m"], late.signals["F_s"][::20]
     assert len(set(late.late.tolist())) > 5
     for frame, (ticks, force) in enumerate(zip(late.late, F_s, strict=True)):
@@ -96,7 +96,7 @@ def test_a_late_result_is_held_from_the_tick_when_it_comes(values):
 
 def test_of_two_results_the_newer_one_stays(values):
     """More than a frame late a result may be overtaken, and is then not held any more."""
-    seen = simulate(values("dc-slow"), np.zeros(4000), Options(late=70, seed=1), x=1e-3)
+    seen = simulate(values("dc-slow"), np.zeros(4000), Effects(late=70, seed=1), x=1e-3)
     frames = {force: frame for frame, force in enumerate(seen.signals["F_s"][::20].tolist())}
     held = [frames[force] for force in seen.signals["f_m"].tolist() if force in frames]
     assert held == sorted(held)
@@ -104,34 +104,34 @@ def test_of_two_results_the_newer_one_stays(values):
 
 
 def test_a_lost_result_leaves_the_old_one(values):
-    some = simulate(values("dc-slow"), np.zeros(400), Options(dropped=0.5, seed=3), x=1e-3)
+    some = simulate(values("dc-slow"), np.zeros(400), Effects(dropped=0.5, seed=3), x=1e-3)
     assert {-1, 0} == set(some.late.tolist())
     for frame in np.flatnonzero(some.late == -1):
         assert frame == 0 or some.signals["f_m"][20 * frame] == some.signals["f_m"][20 * frame - 1]
-    every = simulate(values("pmw"), np.ones(400), Options(dropped=1.0))
+    every = simulate(values("pmw"), np.ones(400), Effects(dropped=1.0))
     assert np.all(every.signals["v_m"] == 0.0)
 
 
 def test_a_seed_gives_one_experiment_and_features_keep_their_numbers(values, push):
     loop = values("pmw")
-    both, again = (simulate(loop, push, Options(jitter=0.2, late=9, seed=4)) for _ in range(2))
+    both, again = (simulate(loop, push, Effects(jitter=0.2, late=9, seed=4)) for _ in range(2))
     assert np.array_equal(both.signals["x"], again.signals["x"])
-    assert np.array_equal(both.late, simulate(loop, push, Options(late=9, seed=4)).late)
-    assert not np.array_equal(both.late, simulate(loop, push, Options(late=9, seed=0)).late)
+    assert np.array_equal(both.late, simulate(loop, push, Effects(late=9, seed=4)).late)
+    assert not np.array_equal(both.late, simulate(loop, push, Effects(late=9, seed=0)).late)
 
 
 def test_friction_holds_the_device(values, push):
     """Below Coulomb's force nothing moves at all; above it the device rests in between, and does not chatter."""
     loop = values("dc", K_VE=150.0)
-    assert np.all(simulate(loop, 0.1 * push / np.abs(push).max(), Options(friction=0.11)).signals["x"] == 0.0)
-    v = simulate(loop, push, Options(friction=0.3)).signals["v"]
+    assert np.all(simulate(loop, 0.1 * push / np.abs(push).max(), Effects(friction=0.11)).signals["x"] == 0.0)
+    v = simulate(loop, push, Effects(friction=0.3)).signals["v"]
     assert 0.05 < (v == 0.0).mean() < 0.95
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_energy_is_accounted_for(values, push, kind):
     """Without damping what the hand gave and the motors did not take is the device's motion."""
-    experiment = simulate(values(kind, K_VE=150.0, **{"device.damping": 0.0}), push, Options(max_force=2.0))
+    experiment = simulate(values(kind, K_VE=150.0, **{"device.damping": 0.0}), push, Effects(max_force=2.0))
     left = experiment.energy.hand - experiment.energy.device
     np.testing.assert_allclose(left[:-1], 0.05 * experiment.signals["v"][1:] ** 2, atol=1e-10 * left.max())
 
@@ -148,7 +148,7 @@ def test_the_channel_without_aliasing_makes_no_energy(values, push):
 
 
 def test_an_unstable_loop_overflows_without_a_crash(values):
-    experiment = simulate(values("dc", K_VE=1e8), np.ones(2000), Options(resolution=1e-5, max_force=None, friction=0.1))
+    experiment = simulate(values("dc", K_VE=1e8), np.ones(2000), Effects(resolution=1e-5, max_force=None, friction=0.1))
     assert 10 < experiment.finite < 2000
     assert len(experiment.signals["x"]) == 2000
 
@@ -169,7 +169,7 @@ def test_no_force_at_all_is_an_experiment_too(values):
 )
 def test_an_option_without_meaning_is_refused(option, text):
     with pytest.raises(UsageError, match=text):
-        Options(**option)
+        Effects(**option)
 
 
 def test_a_kind_without_a_law_is_refused_and_never_simulated_as_another_kind(values, push, monkeypatch):

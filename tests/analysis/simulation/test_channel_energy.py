@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from wavesweep.analysis.simulation import Options, simulate
+from wavesweep.analysis.simulation import Effects, simulate
 
 T = 1e-3
 
@@ -39,8 +39,8 @@ def push():
 
 
 EXPERIMENTS = [
-    Options(),
-    Options(wall=0.001, resolution=5e-5, max_force=1.5, friction=0.05, jitter=0.2, seed=3),
+    Effects(),
+    Effects(wall=0.001, resolution=5e-5, max_force=1.5, friction=0.05, jitter=0.2, seed=3),
 ]
 
 

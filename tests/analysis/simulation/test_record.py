@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.analysis.simulation import Options, Tone, estimate, simulate
+from wavesweep.analysis.simulation import Effects, Tone, estimate, simulate
 from wavesweep.analysis.simulation.inputs import sine, stepped_sine
 from wavesweep.errors import UsageError
 
@@ -47,7 +47,7 @@ def test_an_offset_does_not_matter(values):
 def test_nonideal_parts_show_in_the_estimate(values):
     """A device with friction gives way less to a small force than to a large one."""
     record = sine(1000.0, 3.0, seconds=4.0)
-    loop, options = values("pmw-lm", Kp=20.0), Options(friction=0.26, resolution=5.5e-5, max_force=3.3)
+    loop, options = values("pmw-lm", Kp=20.0), Effects(friction=0.26, resolution=5.5e-5, max_force=3.3)
     found = [
         estimate(simulate(loop, size * record.force, options).signals, record.tones, 1000.0, 20)["admittance_abs"][0]
         for size in (0.5, 1.0, 2.0)

@@ -6,19 +6,19 @@ between two programs and not as the same mistake twice. A test reads the imports
 drawing has no law here; `simulate` refuses such a kind by name and never takes another kind's law for it.
 
 `both_loops` runs the ticks; `direct_coupling` and `wave_control` are the control laws, with `avatar` and `cascade` for
-walls and filters behind waves; `device`, `hardware` and `inputs` are the rest of the experiment; `record` has the results.
+walls and filters behind waves; `body`, `hardware` and `inputs` are the rest of the experiment; `record` has the results.
 """
 
 from wavesweep.analysis.simulation.both_loops import CONTROLLERS, compile_loop, simulate
 from wavesweep.analysis.simulation.from_spec import hand_force, record_path, simulated, simulated_columns
-from wavesweep.analysis.simulation.hardware import Options
+from wavesweep.analysis.simulation.hardware import Effects
 from wavesweep.analysis.simulation.inputs import Tone
 from wavesweep.analysis.simulation.record import Energy, Simulation, estimate, table
 
 __all__ = [
     "CONTROLLERS",
+    "Effects",
     "Energy",
-    "Options",
     "Simulation",
     "Tone",
     "compile_loop",

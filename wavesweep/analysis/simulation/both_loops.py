@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavesweep.analysis.simulation.device import Body, slide, zero_order_hold
+from wavesweep.analysis.simulation.body import Body, slide, zero_order_hold
 from wavesweep.analysis.simulation.direct_coupling import dc, dc_lm, dc_slow, direct_memory, direct_tick
-from wavesweep.analysis.simulation.hardware import Options, encoder, lateness, motor, tick_lengths
+from wavesweep.analysis.simulation.hardware import Effects, encoder, lateness, motor, tick_lengths
 from wavesweep.analysis.simulation.record import Simulation, energies, signals_of
 from wavesweep.analysis.simulation.wave_control import pmw, pmw_lm, wave_memory, wave_tick
 from wavesweep.errors import UsageError
@@ -73,28 +73,28 @@ def compile_loop(values: Mapping, surface: float | None = None) -> SimulatedLoop
     return SimulatedLoop(T, values["device.velocity"], plant, CONTROLLERS[kind], CONTROLLERS[kind].law(values, surface))
 
 
-def simulate(values: Mapping, force, options: Options | None = None, x: float = 0.0) -> Simulation:
+def simulate(values: Mapping, force, effects: Effects | None = None, x: float = 0.0) -> Simulation:
     """Run the experiment under a record of hand forces.
 
-    The equations are those of the model, in their order; `options` adds effects outside the linear model. A tick is
+    The equations are those of the model, in their order; `effects` adds effects outside the linear model. A tick is
     about a hundred operations on plain Python floats (filters as one-pole sections, walls solved in closed form for each
     way of touching, the plant by coefficients made for all ticks at once), which takes no longer than a few calls of
     numpy would and keeps the equations readable: about 1 s for a minute at 1 kHz with everything on.
 
-    Parameters: `values` the flat values of a spec, `force` the hand's force (N) per tick, shape ``(ticks,)``, `options`
-    see `Options`, `x` the initial position (m), at rest.
+    Parameters: `values` the flat values of a spec, `force` the hand's force (N) per tick, shape ``(ticks,)``, `effects`
+    see `Effects`, `x` the initial position (m), at rest.
 
     Errors: see `compile_loop`; `IllPosedLoopError` if a loop without delay has no solution.
 
     Accuracy: rounding, about 1e-15 of the largest signal per tick: contact, saturation and friction are solved within
     the tick, not iterated. An encoder, late results and jitter see the signal at the ticks, as their originals do.
     """
-    options = Options() if options is None else options
+    effects = Effects() if effects is None else effects
     force = np.asarray(force, dtype=float)
-    loop = compile_loop(values, options.wall)
-    late = lateness(options, -(-len(force) // loop.frame))
-    lengths = tick_lengths(options, loop.T, len(force))
-    rows, last = _run(loop, values, options, force.tolist(), lengths, late, x)
+    loop = compile_loop(values, effects.wall)
+    late = lateness(effects, -(-len(force) // loop.frame))
+    lengths = tick_lengths(effects, loop.T, len(force))
+    rows, last = _run(loop, values, effects, force.tolist(), lengths, late, x)
     signals = signals_of(rows, force, lengths)
     moved = np.diff(signals["x"], append=last) if len(rows) else np.zeros(0)
     finite = np.isfinite(np.append(signals["x"], last))
@@ -107,10 +107,10 @@ def simulate(values: Mapping, force, options: Options | None = None, x: float = 
     )
 
 
-def _run(loop: SimulatedLoop, values: Mapping, options: Options, force: list, lengths: np.ndarray, late: list, x: float):
+def _run(loop: SimulatedLoop, values: Mapping, effects: Effects, force: list, lengths: np.ndarray, late: list, x: float):
     """Return a row per tick (`x`, `v`, `x_hat`, `v_hat`, `f_device`, the controller's signals), and the last `x`."""
-    measure, exert = encoder(options.resolution), motor(options.max_force)
-    move = _mover(values, options, loop, lengths)
+    measure, exert = encoder(effects.resolution), motor(effects.max_force)
+    move = _mover(values, effects, loop, lengths)
     step, memory, v = loop.control.tick, loop.control.memory(loop.law), 0.0
     x_before, rows = measure(x), []
     for k, f_h in enumerate(force):
@@ -124,15 +124,15 @@ def _run(loop: SimulatedLoop, values: Mapping, options: Options, force: list, le
     return rows, x
 
 
-def _mover(values: Mapping, options: Options, loop: SimulatedLoop, lengths: np.ndarray) -> Callable:
+def _mover(values: Mapping, effects: Effects, loop: SimulatedLoop, lengths: np.ndarray) -> Callable:
     """Return a function that moves the device by the next tick at each call."""
     body = Body(
         values["device.mass"] + values["operator.mass"],
         values["device.damping"] + values["operator.damping"],
         values["operator.stiffness"],
-        options.friction,
+        effects.friction,
     )
-    plants = _plants(body, options, loop, lengths)
+    plants = _plants(body, effects, loop, lengths)
 
     def free(x: float, v: float, f: float) -> tuple[float, float]:
         a, b, c, d, e, g = next(plants)[1]
@@ -141,12 +141,12 @@ def _mover(values: Mapping, options: Options, loop: SimulatedLoop, lengths: np.n
     def rubbing(x: float, v: float, f: float) -> tuple[float, float]:
         return slide(body, x, v, f, *next(plants))
 
-    return rubbing if options.friction else free
+    return rubbing if effects.friction else free
 
 
-def _plants(body: Body, options: Options, loop: SimulatedLoop, lengths: np.ndarray) -> Iterator:
+def _plants(body: Body, effects: Effects, loop: SimulatedLoop, lengths: np.ndarray) -> Iterator:
     """Yield the length of each tick and the plant's increments over it; ticks of one length share them."""
-    if options.jitter == 0:
+    if effects.jitter == 0:
         return ((loop.T, loop.plant) for _ in lengths)
     increments = zero_order_hold(body.mass, body.damping, body.stiffness, lengths)
     return zip(lengths.tolist(), increments.tolist(), strict=True)

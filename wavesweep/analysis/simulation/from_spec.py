@@ -10,7 +10,7 @@ import numpy as np
 
 from wavesweep.analysis.simulation import inputs
 from wavesweep.analysis.simulation.both_loops import simulate
-from wavesweep.analysis.simulation.hardware import Options, changed
+from wavesweep.analysis.simulation.hardware import Effects, changed
 from wavesweep.analysis.simulation.inputs import Input
 from wavesweep.analysis.simulation.record import Simulation, table
 from wavesweep.spec import Spec
@@ -25,19 +25,19 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
     """Run the experiment of a spec's [simulate] table.
 
     Parameters: `force` the hand's force (N) per fast tick in place of the input that the spec names, shape
-    ``(ticks,)``; `changes` fields of `Options` (``wall=0.01, friction=0.2``) in place of the spec's.
+    ``(ticks,)``; `changes` fields of `Effects` (``wall=0.01, friction=0.2``) in place of the spec's.
 
     Errors: `SpecError` if the experiment does not fit the fast rate, `UsageError` for a record that cannot be read,
     a force that is not a vector of finite numbers, or an option that does not exist or is out of range.
     """
     spec = spec.as_simulated()
     force = hand_force(spec).force if force is None else inputs.given(force).force
-    return simulate(spec.values, force, changed(options_of(spec), changes))
+    return simulate(spec.values, force, changed(effects_of(spec), changes))
 
 
-def options_of(spec: Spec) -> Options:
+def effects_of(spec: Spec) -> Effects:
     """Return the effects that the spec adds to the linear model."""
-    return Options(**{field.name: spec.simulate[field.name] for field in fields(Options)})
+    return Effects(**{field.name: spec.simulate[field.name] for field in fields(Effects)})
 
 
 def hand_force(spec: Spec) -> Input:

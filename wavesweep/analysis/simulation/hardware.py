@@ -18,7 +18,7 @@ _EXACT_STEPS = 2.0**53  # beyond this many encoder steps every double is one
 
 
 @dataclass(frozen=True)
-class Options:
+class Effects:
     """Effects of a simulated experiment beyond the linear model; all of them are off by default.
 
     Parameters:
@@ -62,16 +62,16 @@ class Options:
             raise UsageError(f"option late: expected a whole number of ticks, found {self.late}")
 
 
-def changed(options: Options, changes: Mapping[str, float | None]) -> Options:
+def changed(effects: Effects, changes: Mapping[str, float | None]) -> Effects:
     """Return the effects with some of them changed.
 
     Errors: `UsageError` for a name that is no option, or a number out of range.
     """
-    known = [field.name for field in fields(Options)]
+    known = [field.name for field in fields(Effects)]
     unknown = [name for name in changes if name not in known]
     if unknown:
         raise UsageError(f"option {', '.join(unknown)}: expected some of {', '.join(known)}, found an unknown name")
-    return replace(options, **changes)
+    return replace(effects, **changes)
 
 
 def encoder(resolution: float) -> Callable[[float], float]:
@@ -88,24 +88,24 @@ def motor(max_force: float | None) -> Callable[[float], float]:
     return lambda f: min(max(f, -max_force), max_force)
 
 
-def tick_lengths(options: Options, T: float, ticks: int) -> np.ndarray:
+def tick_lengths(effects: Effects, T: float, ticks: int) -> np.ndarray:
     """Return the length of every fast tick (s), ``T·(1 + jitter·U)`` with ``U`` uniform over -1 to 1."""
-    if options.jitter == 0:
+    if effects.jitter == 0:
         return np.full(ticks, T)
-    source = _source(options, 0)
-    return T * (1 + options.jitter * source.uniform(-1.0, 1.0, ticks))
+    source = _source(effects, 0)
+    return T * (1 + effects.jitter * source.uniform(-1.0, 1.0, ticks))
 
 
-def lateness(options: Options, frames: int) -> list[int | None]:
+def lateness(effects: Effects, frames: int) -> list[int | None]:
     """Return the ticks by which each slow result is late, None for one that is lost."""
-    late = _source(options, 1).integers(0, int(options.late), frames, endpoint=True).tolist()
-    lost = _source(options, 2).uniform(size=frames) < options.dropped
+    late = _source(effects, 1).integers(0, int(effects.late), frames, endpoint=True).tolist()
+    lost = _source(effects, 2).uniform(size=frames) < effects.dropped
     return [None if gone else ticks for ticks, gone in zip(late, lost.tolist(), strict=True)]
 
 
-def _source(options: Options, stream: int) -> np.random.Generator:
+def _source(effects: Effects, stream: int) -> np.random.Generator:
     """Return the random stream of one effect, so that enabling one does not change the numbers of the others."""
-    return np.random.default_rng(np.random.SeedSequence(int(options.seed), spawn_key=(stream,)))
+    return np.random.default_rng(np.random.SeedSequence(int(effects.seed), spawn_key=(stream,)))
 
 
 Mail = tuple[tuple[int, Any], ...]

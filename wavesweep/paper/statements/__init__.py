@@ -1,10 +1,10 @@
 """Every quantitative or comparative statement of the paper, in its order, and the functions that judge them."""
 
-from wavesweep.paper.statements import channel, experiments, figure2, introduction, stability, transparency
+from wavesweep.paper.statements import aliasing, experiments, figure2, introduction, stability, transparency
 
 STATEMENTS = (
     *introduction.STATEMENTS,
-    *channel.STATEMENTS,
+    *aliasing.STATEMENTS,
     *figure2.STATEMENTS,
     *transparency.STATEMENTS,
     *stability.STATEMENTS,

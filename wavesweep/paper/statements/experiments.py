@@ -10,7 +10,7 @@ from wavesweep.paper.felt_responses import (
     CONTROLLERS,
     LOW,
     WHOLE,
-    Response,
+    FeltResponse,
     deviation,
     deviation_of,
     estimated,
@@ -71,10 +71,12 @@ def experiment_approaches_the_ideal(paper: PaperLoops) -> Finding:
     return _experiment(paper, check, simulated, lambda loop: deviation(loop, paper.response("dc"), LOW))
 
 
-def _experiment(paper: PaperLoops, check: Callable, simulated: list[float], measure: Callable[[Response], float]) -> Finding:
+def _experiment(
+    paper: PaperLoops, check: Callable, simulated: list[float], measure: Callable[[FeltResponse], float]
+) -> Finding:
     """Check a number of each of the three loops: as simulated, then as each other reading's linear response has it."""
 
-    def seen(found: Response, without: Response) -> Answer:
+    def seen(found: FeltResponse, without: FeltResponse) -> Answer:
         if not (found.stable and without.stable):
             return UNSTABLE
         return check([measure(loop) for loop in (found, without, paper.response("dc"))])
@@ -95,7 +97,7 @@ def impedance_is_closer_everywhere(paper: PaperLoops) -> Finding:
 
 
 def _nearer(paper: PaperLoops, band: tuple[float, float]) -> Finding:
-    def check(*loops: Response) -> Answer:
+    def check(*loops: FeltResponse) -> Answer:
         if not all(loop.stable for loop in loops):
             return UNSTABLE
         off = [stiffness_error(loop, 500.0, band) for loop in loops]

@@ -11,7 +11,7 @@ from wavesweep.paper.felt_responses import (
     HIGH,
     LOW_OF_FIGURE_2,
     WHOLE,
-    Response,
+    FeltResponse,
     deviation,
     falls,
     peak,
@@ -35,7 +35,7 @@ CLOSE = 0.05  # relative: what is "like" a spring is within this, and what is af
 def direct_coupling_shows_the_stiffness(paper: PaperLoops) -> Finding:
     """Inverse of direct coupling's admittance at 0.05 Hz against K_VE = 500 N/m, to 1 %."""
 
-    def check(direct: Response) -> Answer:
+    def check(direct: FeltResponse) -> Answer:
         felt = 1 / np.abs(direct.admittance[0])
         return Answer(bool(abs(felt - 500) < 5), f"{show(felt, 5)} N/m")
 
@@ -55,7 +55,7 @@ def larger_b_hurts_at_high_frequency(paper: PaperLoops) -> Finding:
 def waves_hurt_at_high_frequency(paper: PaperLoops) -> Finding:
     """Mean deviation from the ideal above 0.6 rad/sample: whether it is more than 5 % for each b of Figure 2."""
 
-    def check(family: Sequence[Response]) -> Answer:
+    def check(family: Sequence[FeltResponse]) -> Answer:
         off = [deviation(response, paper.response("dc"), HIGH) for response in family]
         return Answer(min(off) > CLOSE, f"off by {show(off)}")
 
@@ -68,7 +68,7 @@ def filter_is_a_spring(paper: PaperLoops) -> Finding:
     return over(tried, _spring, paper.families("pmw", tried, [{}], (1e-3,)), paper.values("pmw", tried))
 
 
-def _spring(family: Sequence[Response], values) -> Answer:
+def _spring(family: Sequence[FeltResponse], values) -> Answer:
     (static,) = family
     if not static.stable:
         return UNSTABLE
@@ -91,7 +91,7 @@ def b_is_like_damping(paper: PaperLoops) -> Finding:
     """Damping that the control force puts on the device, Im(impedance)/omega, between 1 and 3 rad/sample on
     average: whether it rises with b and is within a factor of 2 of it."""
 
-    def check(family: Sequence[Response]) -> Answer:
+    def check(family: Sequence[FeltResponse]) -> Answer:
         damping = [_damping(response) for response in family]
         near = all(0.5 < value / b < 2 for value, b in zip(damping, IMPEDANCES, strict=True))
         return Answer(rises(damping) and near, f"{show(damping)} N s/m for b = {show(IMPEDANCES)}")
@@ -99,7 +99,7 @@ def b_is_like_damping(paper: PaperLoops) -> Finding:
     return _over_family(paper, check)
 
 
-def _damping(response: Response) -> float:
+def _damping(response: FeltResponse) -> float:
     chosen = within(response.omega, (1.0, 3.0))
     return float(np.mean(response.impedance[chosen].imag / (response.omega[chosen] / 0.02)))
 
@@ -114,7 +114,7 @@ def larger_b_lowers_the_natural_frequency(paper: PaperLoops) -> Finding:
     return _over_family(paper, _peaks_fall)
 
 
-def _peaks_fall(family: Sequence[Response]) -> Answer:
+def _peaks_fall(family: Sequence[FeltResponse]) -> Answer:
     peaks = [peak(response) for response in family]
     return Answer(falls(peaks), f"{show(peaks)} rad/sample")
 
@@ -122,7 +122,7 @@ def _peaks_fall(family: Sequence[Response]) -> Answer:
 def higher_cutoff_nears_the_ideal(paper: PaperLoops) -> Finding:
     """Mean deviation from the ideal up to pi rad/sample for LP1 at 5, 10, 15, 20 Hz, b = 25: whether it falls."""
 
-    def check(family: Sequence[Response]) -> Answer:
+    def check(family: Sequence[FeltResponse]) -> Answer:
         if not all(response.stable for response in family):
             return UNSTABLE
         return _ordered(paper, family, WHOLE, falls)
@@ -140,16 +140,16 @@ def higher_cutoff_costs_stability(paper: PaperLoops) -> Finding:
     return over(OF_ONE_CUTOFF, check, paper.limit_families("pmw", OF_ONE_CUTOFF, CUTOFFS))
 
 
-def _over_family(paper: PaperLoops, check: Callable[[Sequence[Response]], Answer]) -> Finding:
+def _over_family(paper: PaperLoops, check: Callable[[Sequence[FeltResponse]], Answer]) -> Finding:
     """Check the four curves of Figure 2 under each reading; if one is unstable, so is the outcome."""
 
-    def seen(family: Sequence[Response]) -> Answer:
+    def seen(family: Sequence[FeltResponse]) -> Answer:
         return check(family) if all(response.stable for response in family) else UNSTABLE
 
     return over(PMW, seen, paper.families("fig2", PMW, FAMILY))
 
 
-def _ordered(paper: PaperLoops, family: Sequence[Response], band: tuple[float, float], order) -> Answer:
+def _ordered(paper: PaperLoops, family: Sequence[FeltResponse], band: tuple[float, float], order) -> Answer:
     off = [deviation(response, paper.response("dc"), band) for response in family]
     return Answer(order(off), f"off by {show(off)}")
 

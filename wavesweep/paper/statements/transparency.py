@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.paper.felt_responses import HIGH, LOW, LOW_OF_FIGURE_2, WHOLE, Response, deviation, peak, show, within
+from wavesweep.paper.felt_responses import HIGH, LOW, LOW_OF_FIGURE_2, WHOLE, FeltResponse, deviation, peak, show, within
 from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.readings import PMW, PMW_LM
 from wavesweep.paper.specs import load_paper
@@ -35,7 +35,7 @@ def bank_does_little_at_low_frequency(paper: PaperLoops) -> Finding:
     """Stiffness that the hand feels at 0.05 Hz with filter bank and local model but Kp = 0, against without: whether
     they are within 5 %."""
 
-    def check(found: Response, without: Response) -> Answer:
+    def check(found: FeltResponse, without: FeltResponse) -> Answer:
         felt = [1 / np.abs(loop.admittance[0]) for loop in (found, without)]
         holds = bool(abs(felt[0] / felt[1] - 1) <= LITTLE)
         return Answer(holds, f"{show(felt[0], 4)} N/m, without {show(felt[1], 4)} N/m")
@@ -46,7 +46,7 @@ def bank_does_little_at_low_frequency(paper: PaperLoops) -> Finding:
 def gain_helps_at_low_frequency(paper: PaperLoops) -> Finding:
     """Mean deviation from the ideal below 0.6 rad/sample with Kp = 20 against Kp = 0, both with the local model."""
 
-    def check(found: Response, without: Response) -> Answer:
+    def check(found: FeltResponse, without: FeltResponse) -> Answer:
         if not (found.stable and without.stable):
             return UNSTABLE
         off = [deviation(response, paper.response("dc"), LOW) for response in (found, without)]
@@ -71,7 +71,7 @@ def _spread_over_b(paper: PaperLoops, chosen: slice) -> Finding:
     low = own[within(paper.response("fig6").omega, LOW_OF_FIGURE_2)]
     found = paper.families("fig6", PMW_LM, FAMILY, (STATIC_HZ, *low.tolist()))
 
-    def check(family: Sequence[Response]) -> Answer:
+    def check(family: Sequence[FeltResponse]) -> Answer:
         if not all(curve.stable for curve in family):
             return UNSTABLE
         sizes = np.abs([curve.admittance[chosen] for curve in family])
@@ -101,7 +101,7 @@ def much_closer_at_high_frequency(paper: PaperLoops) -> Finding:
 def natural_frequency_approaches(paper: PaperLoops) -> Finding:
     """First natural frequency of PMW+LM, PMW and DC: whether PMW+LM's is nearer to DC's than PMW's is."""
 
-    def check(*loops: Response) -> Answer:
+    def check(*loops: FeltResponse) -> Answer:
         found, without, ideal = (peak(loop) for loop in (*loops, paper.response("dc")))
         numbers = f"{show(found)} rad/sample, PMW {show(without)}, DC {show(ideal)}"
         return Answer(abs(found - ideal) < abs(without - ideal), numbers)
@@ -112,7 +112,7 @@ def natural_frequency_approaches(paper: PaperLoops) -> Finding:
 def renders_stiffer_contact(paper: PaperLoops) -> Finding:
     """Stiffness that the hand feels at 0.05 Hz, PMW+LM against PMW: whether it is larger."""
 
-    def check(*loops: Response) -> Answer:
+    def check(*loops: FeltResponse) -> Answer:
         found, without = (1 / np.abs(loop.admittance[0]) for loop in loops)
         return Answer(bool(found > without), f"{show(found, 4)} N/m, PMW {show(without, 4)} N/m")
 
@@ -122,14 +122,14 @@ def renders_stiffer_contact(paper: PaperLoops) -> Finding:
 def _both(paper: PaperLoops, check, change=None) -> Finding:
     """Check PMW+LM and PMW under each reading; if one of them is unstable, the outcome is "unstable"."""
 
-    def seen(*loops: Response) -> Answer:
+    def seen(*loops: FeltResponse) -> Answer:
         return check(*loops) if all(loop.stable for loop in loops) else UNSTABLE
 
     return over(PMW_LM, seen, paper.responses("fig6", PMW_LM, change), paper.responses("pmw", PMW_LM))
 
 
 def _closer(paper: PaperLoops, band: tuple[float, float], factor: float, change=None) -> Finding:
-    def check(*loops: Response) -> Answer:
+    def check(*loops: FeltResponse) -> Answer:
         found, without = (deviation(loop, paper.response("dc"), band) for loop in loops)
         return Answer(found < without / factor, f"off by {show(found)}, PMW by {show(without)}")
 
@@ -137,7 +137,7 @@ def _closer(paper: PaperLoops, band: tuple[float, float], factor: float, change=
 
 
 @dataclass(frozen=True)
-class Axis:
+class FigureAxis:
     """A vertical axis: the figure, the band that it shows, its highest tick label and the one below, mm/N."""
 
     figure: str
@@ -147,21 +147,21 @@ class Axis:
 
 
 AXES = (
-    Axis("2a", LOW_OF_FIGURE_2, 2, 4),
-    Axis("2b", WHOLE, 10, 15),
-    Axis("6a", LOW, 4, 5),
-    Axis("6b", HIGH, 5, 10),
+    FigureAxis("2a", LOW_OF_FIGURE_2, 2, 4),
+    FigureAxis("2b", WHOLE, 10, 15),
+    FigureAxis("6a", LOW, 4, 5),
+    FigureAxis("6b", HIGH, 5, 10),
 )
 
 
-def fits(axis: Axis) -> Callable[[PaperLoops], Finding]:
+def fits(axis: FigureAxis) -> Callable[[PaperLoops], Finding]:
     """Give the judge of one axis."""
 
     def judge(paper: PaperLoops) -> Finding:
         """Largest magnitude among the figure's curves: whether it lies between the two highest legible tick labels,
         in mm/N."""
 
-        def check(loops: Sequence[Response]) -> Answer:
+        def check(loops: Sequence[FeltResponse]) -> Answer:
             if not all(loop.stable for loop in loops):
                 return UNSTABLE
             curves = [*loops, paper.response("dc")]

@@ -4,7 +4,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from wavesweep.analysis.simulation.device import Body, slide, zero_order_hold
+from wavesweep.analysis.simulation.body import Body, slide, zero_order_hold
 
 T = 1e-3
 
