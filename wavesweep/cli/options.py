@@ -112,7 +112,7 @@ _HANDS = (
         metavar="RANGES",
         help=(
             "Ranges of the hands for --hand box, e.g. mass=0.1..0.4,damping=2..5 (kg, N*s/m; stiffness in N/m). Default: "
-            "mass=0.005..0.6,damping=2..10,stiffness=100..1000, from a fingertip to an arm."
+            "mass=0.005..0.6, damping=2..10, stiffness=100..1000, from a fingertip to an arm."
         ),
     ),
     click.option(

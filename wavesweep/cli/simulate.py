@@ -9,7 +9,7 @@ from wavesweep.cli.options import Options, common
 @click.argument("spec")
 @common
 def command(spec: str, options: Options) -> None:
-    """Simulate both loops tick by tick, with contact, friction and hardware limits if wanted.
+    """Simulate both loops tick by tick, optionally with contact, friction and hardware limits.
 
     SPEC is a TOML file. Its [simulate] table gives the force of the hand, and effects that the linear model does not
     have: a one-sided wall, an encoder, friction, a force limit, imperfect timing, or all of a device by its name. If the
