@@ -5,7 +5,7 @@ import pytest
 pytest.importorskip("flint", reason="python-flint is the witness of the other stress")
 from stress.hands import judge
 
-from wavesweep.analysis.passivity import held
+from wavesweep.analysis.passivity import hand_box
 
 pytestmark = pytest.mark.slow
 
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow
 def test_a_light_hand_that_aliases_between_the_hands_of_a_grid_is_found(seed, monkeypatch):
     """Three of the five in 256 that a grid of six hands along each axis had missed, with little time for a proof: the
     search has to find them. The others take longer."""
-    monkeypatch.setattr(held, "WORK", 20_000)
+    monkeypatch.setattr(hand_box, "WORK", 20_000)
     (verdict,) = judge(seed)
     assert verdict.kind == "right", verdict.truth
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.passivity.channel import channel_norm, ways_of
+from wavesweep.analysis.passivity.channel import channel_norm, channel_of
 from wavesweep.analysis.simulation.cascade import advance, at_rest, butterworth
 from wavesweep.diagram import draw
 from wavesweep.lifted.resolvent import alias_angles, response_of
@@ -37,14 +37,14 @@ def worst_wave(values, frames: int) -> np.ndarray:
     values: flat keys, numbers. The worst input is the singular vector of the lifted way out, in the basis of the
     aliases `conj(l_m) / (norm^2 - |HP_m|^2)`, l the row of LP1. It is scaled to a largest value of 1.
     """
-    ways = ways_of(draw(values))
+    channel = channel_of(draw(values))
     norm = channel_norm(values)
-    theta = np.array([float(norm.outward_omega * ways.period)])
-    phi = alias_angles(theta, ways.ratio)
-    G = response_of(ways.outward, 1).at(np.zeros(1, int), phi)[0, :, :, 0]
+    theta = np.array([float(norm.outward_omega * channel.period)])
+    phi = alias_angles(theta, channel.ratio)
+    G = response_of(channel.outward, 1).at(np.zeros(1, int), phi)[0, :, :, 0]
     other = np.abs(G[:, 1]) ** 2 if G.shape[-1] > 1 else 0.0
     vector = G[:, 0].conj() / (float(norm.outward) ** 2 - other)
-    wave = (np.exp(1j * np.outer(np.arange(frames * ways.ratio), phi[0])) @ vector).real
+    wave = (np.exp(1j * np.outer(np.arange(frames * channel.ratio), phi[0])) @ vector).real
     return wave / np.abs(wave).max()
 
 

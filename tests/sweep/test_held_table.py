@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wavesweep import sweep
-from wavesweep.analysis.passivity import HandBox, box_intervals, colgate_schenkel, damping_needed, held
+from wavesweep.analysis.passivity import HandBox, box_intervals, colgate_schenkel, damping_needed, hand_box
 from wavesweep.analysis.passivity.hand import worst_modes
 from wavesweep.cli.summaries import HandTally
 from wavesweep.errors import UsageError
@@ -117,7 +117,7 @@ def test_the_box_names_the_hand_that_ends_it():
 
 @pytest.mark.slow
 def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
-    monkeypatch.setattr(held, "WORK", 1000)
+    monkeypatch.setattr(hand_box, "WORK", 1000)
     run = held_intervals(spec_of("dc-slow"), holders_of("box", BOX, False))
     rows = rows_of(run, "box")
     assert not rows["settled"].any()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wavesweep.analysis.passivity import channel_norm
-from wavesweep.analysis.passivity.channel import ways_of
+from wavesweep.analysis.passivity.channel import channel_of
 from wavesweep.diagram import draw
 
 THETA = np.pi * np.linspace(0, 1, 801) ** 2
@@ -52,8 +52,8 @@ def test_without_waves_there_is_no_norm(values):
 
 
 def lifted_ways(values):
-    """Both ways of the channel as weighted matrices over one frame of ticks, built tick by tick at each angle."""
-    ways, M = ways_of(draw(values)), values["rates.ratio"]
+    """Both directions of the channel as weighted matrices over one frame of ticks, built tick by tick at each angle."""
+    channel, M = channel_of(draw(values)), values["rates.ratio"]
     z = np.exp(1j * THETA)
 
     def toeplitz(block, row):
@@ -68,11 +68,11 @@ def lifted_ways(values):
         feeds = np.concatenate([powers[M - 1 - k] @ B for k in range(M)], axis=1)
         return reads @ np.linalg.solve(z[:, None, None] * np.eye(n) - powers[M], feeds + 0j * z[:, None, None]) + within
 
-    outward = [np.sqrt(M) * toeplitz(ways.outward, 0)[:, :1]]
-    inward = [np.where(np.arange(M) < ways.delay, 1 / z[:, None], 1.0)[..., None] / np.sqrt(M)]
-    if ways.inward:
-        outward.append(toeplitz(ways.outward, 1))
-        inward.append(toeplitz(ways.inward, 0))
+    outward = [np.sqrt(M) * toeplitz(channel.outward, 0)[:, :1]]
+    inward = [np.where(np.arange(M) < channel.delay, 1 / z[:, None], 1.0)[..., None] / np.sqrt(M)]
+    if channel.inward:
+        outward.append(toeplitz(channel.outward, 1))
+        inward.append(toeplitz(channel.inward, 0))
     return np.concatenate(outward, axis=1), np.concatenate(inward, axis=2)
 
 

@@ -6,7 +6,7 @@ from support.growth import growth_rate
 
 from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, cut_with_hands, worst_hand, worst_modes
-from wavesweep.analysis.passivity.held import box_intervals
+from wavesweep.analysis.passivity.hand_box import box_intervals
 
 LOOPS = {
     "pmw": {"integration": "explicit", "K_VE": 900.0},

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from support.march import march
 
-from wavesweep.analysis.passivity.port import TOLERANCE, port_margin
-from wavesweep.analysis.passivity.port_loop import PortResponse, port_loop
+from wavesweep.analysis.passivity.port import TOLERANCE, PortResponse, port_loop, port_margin
 from wavesweep.diagram import draw
 from wavesweep.lifted.frame import lifted_system
 

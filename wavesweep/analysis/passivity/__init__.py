@@ -2,7 +2,7 @@
 
 from wavesweep.analysis.passivity.channel import ChannelNorm, channel_norm, filter_table, sufficient_order
 from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, WorstHand, swing_with_hand, worst_hand
-from wavesweep.analysis.passivity.held import HeldIntervals, box_intervals
+from wavesweep.analysis.passivity.hand_box import BoxIntervals, box_intervals
 from wavesweep.analysis.passivity.passive_hand import (
     DampingNeeded,
     PassiveWalls,
@@ -15,10 +15,10 @@ from wavesweep.analysis.passivity.port import PortMargin, port_margin
 
 __all__ = [
     "HOLDING_A_DEVICE",
+    "BoxIntervals",
     "ChannelNorm",
     "DampingNeeded",
     "HandBox",
-    "HeldIntervals",
     "PassiveWalls",
     "PortMargin",
     "WorstHand",

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.passivity.hinf import Element, Summit, angles, climb, largest, repeated, then, tick
+from wavesweep.analysis.passivity.hinf import Element, Peak, angles, largest, peak_by_levels, repeated, then, tick
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
@@ -15,7 +15,7 @@ from wavesweep.lifted.resolvent import Response, alias_angles, flattened, respon
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Ways:
+class Channel:
     """The wave channel, one block a way, both at the fast rate; their batch is in one axis.
 
     outward: `u_m` -> what is sampled for the slow environment, and what reaches a local model if there is one.
@@ -32,7 +32,7 @@ class Ways:
     period: np.ndarray
 
 
-def ways_of(diagram: Diagram) -> Ways | None:
+def channel_of(diagram: Diagram) -> Channel | None:
     """Cut the drawing at the channel's ports: None for a drawing without waves.
 
     The ports are `(u_m, v_s, v_l)` in and `(u_s, u_h, v_m)` out: those that the drawing and its blocks name as carrying waves.
@@ -53,11 +53,11 @@ def ways_of(diagram: Diagram) -> Ways | None:
             "the wave channel is not of a shape whose norm is known: expected a sampled wave to the slow "
             "environment, its returned wave held and added as it is, and at most one local model"
         )
-    outward = _way(diagram, channel, outgoing, (sampled, *(f"{block.name}.{block.waves[0]}" for block in local)))
-    inward = _way(diagram, channel, f"{local[0].name}.{local[0].waves[1]}", (returning,)) if local else None
+    outward = _path(diagram, channel, outgoing, (sampled, *(f"{block.name}.{block.waves[0]}" for block in local)))
+    inward = _path(diagram, channel, f"{local[0].name}.{local[0].waves[1]}", (returning,)) if local else None
     period = np.asarray(diagram.period * diagram.ratio)
     batch = np.broadcast_shapes(outward.batch, inward.batch if inward else (), period.shape)
-    return Ways(
+    return Channel(
         flattened(outward, batch),
         flattened(inward, batch) if inward else None,
         diagram.ratio,
@@ -76,7 +76,7 @@ def _only(sums, signal):
     return next(iter(made)) if list(made.values()) == [1] else None
 
 
-def _way(diagram, channel, source, sinks) -> Block:
+def _path(diagram, channel, source, sinks) -> Block:
     """From one wave to others through the channel's filters, all that is no wave on this way left at zero."""
     own = {f"{block.name}.{port}" for block in channel for port in block.outputs}
     inputs, sums, left = [source], {}, [*sinks, *(f"{block.name}.{port}" for block in channel for port in block.inputs)]
@@ -88,7 +88,7 @@ def _way(diagram, channel, source, sinks) -> Block:
         elif signal not in own and signal not in inputs and signal not in sums:
             inputs.append(signal)
     block, _ = prune(connect("way", channel, sums, inputs, sinks))
-    return Block("way", (source,), sinks, block.states, block.E, block.B[..., :1], block.C, block.D[..., :1])
+    return Block("channel", (source,), sinks, block.states, block.E, block.B[..., :1], block.C, block.D[..., :1])
 
 
 TOLERANCE = 1e-10  # relative, of the norm
@@ -120,18 +120,18 @@ class ChannelNorm:
 def channel_norm(values) -> ChannelNorm | None:
     """H-infinity norm of the lifted wave channel, every wave weighted by the root of its period; None without waves.
 
-    values: flat keys; filter cutoffs and rates may be arrays. Ports as in `ways_of`. The position feedback Kp, the wave
+    values: flat keys; filter cutoffs and rates may be arrays. Ports as in `channel_of`. The position feedback Kp, the wave
     impedance, the device and both walls are outside, so none of them matters, and neither do the two delays: they only
-    turn phases. Not a grid: a level just above the value is shown to be met at no frequency (`climb`).
+    turn phases. Not a grid: a level just above the value is shown to be met at no frequency (`peak_by_levels`).
     Accuracy: 1e-10 relative; the value is attained at `omega` to rounding.
     """
     diagram = draw(values)
-    ways = ways_of(diagram)
-    if ways is None:
+    channel = channel_of(diagram)
+    if channel is None:
         return None
-    batch, loops = ways.period.shape, ways.period.size
-    outward, inward = outward_summit(ways, loops), inward_summit(ways, loops)
-    sides = [(np.sqrt(s.value).reshape(batch), s.theta.reshape(batch) / ways.period) for s in (outward, inward)]
+    batch, loops = channel.period.shape, channel.period.size
+    outward, inward = outward_peak(channel, loops), inward_peak(channel, loops)
+    sides = [(np.sqrt(s.value).reshape(batch), s.theta.reshape(batch) / channel.period) for s in (outward, inward)]
     (out, out_omega), (back, back_omega) = sides
     return ChannelNorm(
         np.maximum(out, back),
@@ -144,13 +144,13 @@ def channel_norm(values) -> ChannelNorm | None:
     )
 
 
-def outward_summit(ways: Ways, loops: int) -> Summit:
+def outward_peak(channel: Channel, loops: int) -> Peak:
     """Square of the norm of `u_m -> (u_s, u_h)`: in the basis of the aliases `diag|HP|^2 + l l*`, l the row of LP1."""
-    response = response_of(ways.outward, loops)
-    root = np.sqrt(ways.ratio)
+    response = response_of(channel.outward, loops)
+    root = np.sqrt(channel.ratio)
 
     def value(owner, theta):
-        gain = np.abs(response.at(owner, alias_angles(theta, ways.ratio))[..., 0]) ** 2
+        gain = np.abs(response.at(owner, alias_angles(theta, channel.ratio))[..., 0]) ** 2
         return largest(gain[..., 1] if gain.shape[-1] > 1 else 0 * gain[..., 0], gain[..., 0])
 
     def level(owner, square):
@@ -158,25 +158,25 @@ def outward_summit(ways: Ways, loops: int) -> Summit:
         every = _supply(block, owner, square, block.C[owner][:, 1:], block.D[owner][:, 1:])
         scale = np.array([root] + [1.0] * (block.C.shape[-2] - 1))[:, None]
         event = _supply(block, owner, square, scale * block.C[owner], scale * block.D[owner])
-        return angles(then(event, repeated(every, ways.ratio - 1)))
+        return angles(then(event, repeated(every, channel.ratio - 1)))
 
-    return climb(value, level, loops, _slack)
+    return peak_by_levels(value, level, loops, _slack)
 
 
-def inward_summit(ways: Ways, loops: int) -> Summit:
+def inward_peak(channel: Channel, loops: int) -> Peak:
     """Square of the norm of `(v_s, v_l) -> v_m`: `diag|LP2|^2 + c c*`, c the aliases of the held wave, of length 1."""
-    response = response_of(ways.inward, loops) if ways.inward else None
+    response = response_of(channel.inward, loops) if channel.inward else None
 
     def value(owner, theta):
-        phi = alias_angles(theta, ways.ratio)
-        hold = _hold_power(theta, phi, ways.ratio)
+        phi = alias_angles(theta, channel.ratio)
+        hold = _hold_power(theta, phi, channel.ratio)
         own = np.abs(response.at(owner, phi)[..., 0, 0]) ** 2 if response else 0 * hold
         return largest(own, hold)
 
     def level(owner, square):
-        return angles(_inward_frame(ways, response, owner, square))
+        return angles(_inward_frame(channel, response, owner, square))
 
-    return climb(value, level, loops, _slack)
+    return peak_by_levels(value, level, loops, _slack)
 
 
 def _slack(_, square):
@@ -198,7 +198,7 @@ def _supply(block, owner, square, C, D) -> Element:
     return tick(A, block.B[owner], -transposed @ C, -transposed @ D, room)
 
 
-def _inward_frame(ways, response: Response | None, owner, square) -> Element:
+def _inward_frame(channel, response: Response | None, owner, square) -> Element:
     """The frame of the way back: its state is the held wave, then that of LP2 and the delay."""
     n = response.block.E.shape[-1] if response else 0
     A, B = np.zeros((owner.size, n + 1, n + 1)), np.zeros((owner.size, n + 1, 1))
@@ -212,8 +212,8 @@ def _inward_frame(ways, response: Response | None, owner, square) -> Element:
     every = tick(A, B, -transposed @ C, -transposed @ D, square[:, None, None] - D * D)
     first = np.zeros((n + 1, 1))
     first[0] = 1
-    new = tick(np.diag(1 - first[:, 0]), first, 0 * A, 0 * B, ways.ratio * square[:, None, None])
-    return then(repeated(every, ways.delay), then(new, repeated(every, ways.ratio - ways.delay)))
+    new = tick(np.diag(1 - first[:, 0]), first, 0 * A, 0 * B, channel.ratio * square[:, None, None])
+    return then(repeated(every, channel.delay), then(new, repeated(every, channel.ratio - channel.delay)))
 
 
 ORDERS = tuple(range(1, 9))

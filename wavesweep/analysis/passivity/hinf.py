@@ -11,7 +11,7 @@ RAISES = 30  # of the level; it converges after a few
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Summit:
+class Peak:
     """Per loop: the largest value, the angle (rad per frame) where it is taken, and whether no larger one can exist.
 
     certified: the pencil of the level just above has no eigenvalue on the unit circle but such where the response,
@@ -23,7 +23,7 @@ class Summit:
     certified: np.ndarray
 
 
-def climb(value_at, angles_at, loops: int, slack, start=START) -> Summit:
+def peak_by_levels(value_at, angles_at, loops: int, slack, start=START) -> Peak:
     """Maximise over the angle, for `loops` loops at once.
 
     value_at(owner, theta): the response of the loops `owner` at `theta`, both `(points,)`.
@@ -44,7 +44,7 @@ def climb(value_at, angles_at, loops: int, slack, start=START) -> Summit:
         active = active[beaten]
         if not active.size:
             break
-    return Summit(value, theta, certified)
+    return Peak(value, theta, certified)
 
 
 def _with_middles(found):

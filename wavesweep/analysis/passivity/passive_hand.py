@@ -4,9 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.analysis.passivity.hinf import angles, climb
-from wavesweep.analysis.passivity.port import level_frame, port_margin
-from wavesweep.analysis.passivity.port_loop import PortResponse, port_loop
+from wavesweep.analysis.passivity.hinf import angles, peak_by_levels
+from wavesweep.analysis.passivity.port import PortResponse, level_frame, port_loop, port_margin
 from wavesweep.analysis.spectrum import is_stable
 from wavesweep.diagram import WALL, draw
 from wavesweep.diagram.block import Block, matrix
@@ -67,20 +66,20 @@ def damping_needed(values) -> DampingNeeded | None:
     loop = port_loop(diagram, values["environment.K_VE"], values["environment.B_VE"], diagram.hand.reaction)
     period = np.broadcast_to(diagram.period, loop.batch).reshape(-1)
     response = PortResponse(loop, LOWEST, to_rest=False)
-    summit = climb(
+    peak = peak_by_levels(
         lambda owner, theta: -period[owner] * response.smallest(owner, theta),
         lambda owner, level: angles(level_frame(loop, owner, -level / period[owner])),
         loop.loops,
         lambda _, level: SLACK * (1 + np.abs(level)),
     )
-    needed = np.where(_builds_up(response, loop.loops), np.inf, summit.value)
+    needed = np.where(_builds_up(response, loop.loops), np.inf, peak.value)
     batch = loop.batch
     frame = period * diagram.ratio
     return DampingNeeded(
         needed.reshape(batch),
-        (summit.theta / frame).reshape(batch),
+        (peak.theta / frame).reshape(batch),
         (_responsive(loop) & loop.finite).reshape(batch),
-        (summit.certified & loop.finite).reshape(batch),
+        (peak.certified & loop.finite).reshape(batch),
     )
 
 

@@ -1,16 +1,224 @@
-"""Passivity at the hand's port: whether the whole loop can give the hand more energy than it took."""
+"""Passivity at the hand's port: the loop as the port sees it, its map frequency by frequency, and the margin."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from wavesweep.analysis.passivity.hinf import Element, angles, climb, passage, repeated, then, tick
-from wavesweep.analysis.passivity.port_loop import PortLoop, PortResponse, port_loop
+from wavesweep.analysis.passivity.hinf import Element, angles, passage, peak_by_levels, repeated, smallest_hermitian, then, tick
+from wavesweep.analysis.response.bordered import solved
+from wavesweep.analysis.response.frame import prepare
 from wavesweep.analysis.spectrum import is_stable
 from wavesweep.diagram import draw
+from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import hand_drifts
 from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted.circle import on_circle
+from wavesweep.lifted.connect import connect
+from wavesweep.lifted.lift import fast_side, slow_side, wall_sum
+from wavesweep.lifted.resolvent import alias_angles, flattened, response_of
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PortLoop:
+    """Both rates with the wall in place, one loop per element of the flattened `batch`.
+
+    fast: from `f_h` and the held signals to the displacement in the tick and the samples, a block of the tick.
+    slow: from what the hand adds to the samples to the sources of the held signals, a block of the frame.
+    event: what happens at phase 0: its states are those of `fast` and of the slow blocks, its inputs the held signals
+    as shown (none without delay), its outputs their sources.
+    finite: `(loops,)`, false where the frame overflowed; the slow block is zero there.
+    source: the drawing and its wall (K_VE, B_VE).
+    """
+
+    fast: Block
+    slow: Block
+    event: Block
+    ratio: int
+    delay: int
+    batch: tuple[int, ...]
+    finite: np.ndarray
+    source: tuple
+
+    @property
+    def loops(self) -> int:
+        """How many loops there are."""
+        return math.prod(self.batch)
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Mean eigenvalue of the port's Hermitian part over all frequencies (m/N), `(loops,)`: its direct term."""
+        return self.fast.D[:, 0, 0]
+
+
+def port_loop(diagram: Diagram, K_VE, B_VE, seen: str | None = None) -> PortLoop:
+    """Connect both rates; `K_VE` (N/m), `B_VE` (N*s/m): numbers or arrays over the diagram's batch.
+
+    seen: the fast signal that the port shows, by default the displacement of the hand's device.
+    """
+    samples = tuple(diagram.samples.values())
+    fast = _without_idle(fast_side(diagram, (seen or diagram.hand.displacement, *samples)))
+    held = fast.inputs[1:]
+    sources = tuple(diagram.holds[name] for name in held)
+    wall = wall_sum(diagram, K_VE, B_VE)
+    with np.errstate(over="ignore", invalid="ignore"):
+        slow, _ = slow_side(diagram, sources, injected=True, wall=wall)
+    event = _event(diagram, fast, held, sources, wall)
+    batch = np.broadcast_shapes(fast.batch, slow.batch, event.batch, np.shape(diagram.period))
+    fast, slow, event = (flattened(block, batch) for block in (fast, slow, event))
+    finite = np.logical_and.reduce([np.isfinite(getattr(slow, name)).all((-1, -2)) for name in "EBCD"])
+    slow = replace(slow, **{name: np.where(finite[:, None, None], getattr(slow, name), 0) for name in "EBCD"})
+    return PortLoop(fast, slow, event, diagram.ratio, diagram.delay, batch, finite, (diagram, K_VE, B_VE))
+
+
+def _without_idle(fast: Block) -> Block:
+    """Leave out the held signals that nothing reads."""
+    keep = [i for i in range(len(fast.inputs)) if i == 0 or np.any(fast.B[..., i]) or np.any(fast.D[..., i])]
+    return replace(fast, inputs=tuple(fast.inputs[i] for i in keep), B=fast.B[..., keep], D=fast.D[..., keep])
+
+
+def _event(diagram, fast, held, sources, wall) -> Block:
+    """Sampler, slow blocks and wall at one instant; the fast states stand still."""
+    samples = tuple(diagram.samples.values())
+    n, shape = len(fast.states), fast.B.shape[:-2]
+    reader = Block(
+        "tick",
+        held,
+        samples,
+        fast.states,
+        np.zeros((*shape, n, n)),
+        np.zeros((*shape, n, len(held))),
+        fast.C[..., 1:, :],
+        fast.D[..., 1:, 1:],
+    )
+    shown = () if diagram.delay == 0 else tuple(f"shown.{name}" for name in held)
+    sums = dict(diagram.sums) | wall
+    for name, source in zip(held, shown or sources, strict=True):
+        sums[f"tick.{name}"] = {source: 1}
+    for name, source in diagram.samples.items():
+        sums[name] = {f"tick.{source}": 1}
+    return connect("event", (reader, *diagram.slow), sums, shown, sources)
+
+
+OVERFLOW = 1e100  # entries of a frame that overflows, or nearly
+LOWEST = 1e-7  # rad per frame below which shares are 0/0 and a drift has its pole
+
+
+class PortResponse:
+    """The lifted map as a diagonal (the fast way of each alias) and a mixture of low rank (the way over the slow side).
+
+    Where the fast side samples a position that nothing holds, its response has the pole z = 1, which only the slow loop
+    takes away: a difference of large numbers. There the mixture is put together from displacements: to shift the sample
+    by p is to shift the state x by p, and that is an input (z - 1) p of the closed loop.
+    """
+
+    def __init__(self, loop: PortLoop, lowest: float = LOWEST, *, to_rest: bool = True):
+        self.to_rest = to_rest  # whether there is anything below `lowest` to look at
+        self.loop, self.ratio, self.delay, self.lowest = loop, loop.ratio, loop.delay, lowest
+        fast, slow = loop.fast, loop.slow
+        hand = loop.source[0].hand
+        self.shifted = _drifts(fast, hand)
+        if self.shifted:
+            fast, slow = _from_displacements(fast, slow, hand.position)
+        self.fast, self.slow = response_of(fast, loop.loops), response_of(slow, loop.loops)
+
+    def parts(self, owner, theta):
+        """d `(points, M)`, left `(points, M, r)`, right `(points, r, M)` of `diag(d) + left right`; theta not 0."""
+        phi = alias_angles(theta, self.ratio)
+        fast = self.fast.at(owner, phi)
+        slow = self.slow.at(owner, theta[:, None])[:, 0]
+        share = np.exp(-1j * phi * self.delay) * on_circle(-theta)[:, None] / (self.ratio * on_circle(-phi))
+        left = (fast[..., 0, 1:] * share[..., None]) @ slow
+        right = np.swapaxes(fast[..., 1:, 0], -1, -2)
+        if self.shifted:
+            shift = fast[..., 0, 0] * on_circle(theta)[:, None] / on_circle(phi)
+            right = np.concatenate([right, shift[:, None, :]], axis=1)
+        return fast[..., 0, 0], left, right
+
+    def smallest(self, owner, theta):
+        """Smallest eigenvalue of the Hermitian part (m/N) of the loops `owner` at `theta` (rad per frame)."""
+        found = smallest_hermitian(*self.parts(owner, np.maximum(theta, self.lowest)))
+        low = np.flatnonzero((theta < self.lowest) & self.to_rest)
+        if low.size:
+            seen = self.at_rest.smallest(owner[low], theta[low])
+            found[low] = np.where(np.isfinite(seen), seen, found[low])
+        return found
+
+    @cached_property
+    def at_rest(self) -> "AtRest":
+        """What takes over below `lowest`."""
+        return AtRest(self.loop)
+
+
+class AtRest:
+    """The same map without aliases, `T + O (w - E)^-1 G` of the closed loop, which stays finite down to zero frequency.
+
+    T is a Toeplitz matrix that no frequency changes (see `response.frame.Shown`): its symmetric part is diagonal in its own
+    eigenvectors, found once, and the rest is of low rank.
+    """
+
+    def __init__(self, loop: PortLoop):
+        diagram, K_VE, B_VE = loop.source
+        frame = prepare(diagram, K_VE, B_VE, (diagram.hand.displacement,))
+        E = frame.E.copy()
+        if frame.lead is not None:  # where nothing reads the scene's position, its pole at 0 is nobody's
+            E[..., frame.lead, frame.lead] = np.where(frame.free, -1.0, E[..., frame.lead, frame.lead])
+        lag = np.abs(np.subtract.outer(*[np.arange(loop.ratio)] * 2))
+        toeplitz = frame.shown.impulse[0][..., 0, :][..., lag] * np.where(lag == 0, 1.0, 0.5)
+        lost = ~np.isfinite(toeplitz).all((-1, -2), keepdims=True) | frame.lost[..., None, None]
+        diagonal, vectors = np.linalg.eigh(np.where(lost, 0.0, toeplitz))
+        left, right = np.swapaxes(vectors, -1, -2) @ frame.shown.seen[0][..., 0, :, :], frame.shown.left[0] @ vectors
+        parts = E, frame.dE, np.where(lost, np.nan, diagonal[..., None, :]), left, right
+        self.E, self.dE, self.diagonal, self.left, self.right = (_flattened(part, loop) for part in parts)
+
+    def smallest(self, owner, theta):
+        """Smallest eigenvalue of the Hermitian part (m/N) of the loops `owner` at `theta` (rad per frame)."""
+        w = on_circle(theta)[:, None, None]
+        with np.errstate(all="ignore"):
+            A, right = w * np.eye(self.E.shape[-1]) - self.E[owner], self.right[owner] + 0 * w
+            state, _ = solved(A, self.dE[owner], right, np.zeros(right.shape))
+            parts = self.diagonal[owner][:, 0] + 0j, self.left[owner] + 0j, state
+            good = np.logical_and.reduce([(np.abs(part) < OVERFLOW).all(tuple(range(1, part.ndim))) for part in parts])
+            found = np.full(owner.size, np.nan)
+            if good.any():
+                found[good] = smallest_hermitian(*(part[good] for part in parts))
+            return found
+
+
+def _flattened(array, loop):
+    """An array of matrices with its batch, broadcast to that of the loop, in one axis."""
+    return np.broadcast_to(array, (*loop.batch, *array.shape[-2:])).reshape(loop.loops, *array.shape[-2:])
+
+
+def _drifts(fast, hand):
+    """Whether a sampled position is held by nothing on the fast side, and its displacement comes out of it."""
+    if fast.outputs[0] != hand.displacement:
+        return False
+    return hand.position in fast.states and not np.any(fast.E[..., fast.states.index(hand.position)])
+
+
+def _from_displacements(fast, slow, position):
+    """The fast side without its position; the slow side with an input that shifts the position of the scene."""
+    x = fast.states.index(position)
+    rest = [i for i in range(len(fast.states)) if i != x]
+    fast = replace(
+        fast,
+        states=tuple(fast.states[i] for i in rest),
+        E=fast.E[..., rest, :][..., rest],
+        B=fast.B[..., rest, :],
+        C=fast.C[..., rest],
+    )
+    push = np.zeros((*slow.B.shape[:-1], 1))
+    push[..., [i for i, name in enumerate(slow.states) if name == f"frame.{position}"], 0] = 1
+    return fast, replace(
+        slow,
+        inputs=(*slow.inputs, "shift"),
+        B=np.concatenate([slow.B, push], axis=-1),
+        D=np.concatenate([slow.D, np.zeros((*slow.D.shape[:-1], 1))], axis=-1),
+    )
+
 
 TOLERANCE = 1e-9  # of the mean eigenvalue: by how much the margin may be negative for rounding's sake
 SLACK = 1e-10  # of the margin and of the mean eigenvalue: what the margin is good to
@@ -50,7 +258,7 @@ def port_margin(values) -> PortMargin:
 
     values: flat keys, numbers or arrays. A held force does the work `f_h[k] (x[k+1] - x[k])` in a tick, so the loop is
     passive exactly when the lifted map between the two is positive real. Not a grid: the level just below the margin is
-    shown to be met at no frequency (`climb`, on the frame's `scattering` element).
+    shown to be met at no frequency (`peak_by_levels`, on the frame's `scattering` element).
     Accuracy: 1e-10 of the margin and of the mean eigenvalue.
     """
     diagram = draw(values)
@@ -82,13 +290,13 @@ def stable(diagram: Diagram, K_VE, B_VE) -> np.ndarray:
 def lowest_eigenvalue(loop: PortLoop):
     """(margin, angle in rad per frame, certified) of each loop."""
     response = PortResponse(loop)
-    summit = climb(
+    peak = peak_by_levels(
         lambda owner, theta: -response.smallest(owner, theta),
         lambda owner, level: angles(level_frame(loop, owner, -level)),
         loop.loops,
         lambda owner, level: SLACK * (np.abs(level) + loop.mean[owner]),
     )
-    return np.where(loop.finite, -summit.value, np.nan), summit.theta, summit.certified & loop.finite
+    return np.where(loop.finite, -peak.value, np.nan), peak.theta, peak.certified & loop.finite
 
 
 def level_frame(loop: PortLoop, owner, level) -> Element:

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from wavesweep.analysis.passivity.enclosure import over_box, solved_left, stacked
+from wavesweep.analysis.passivity.enclosure import excluded, over_box, solved_left, stacked
 from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, cut_with_hands, worst_modes
-from wavesweep.analysis.passivity.hand_proof import excluded, prove
-from wavesweep.analysis.passivity.held import MARGIN, box_intervals
-from wavesweep.analysis.passivity.held_frame import basis, frame_over, held_loop
+from wavesweep.analysis.passivity.hand_box import MARGIN, box_intervals, prove
+from wavesweep.analysis.passivity.hand_frame import basis, frame_over, hand_loop
 from wavesweep.lifted import close
 
 NARROW = HandBox((0.05, 0.1), (3.0, 4.0), (300.0, 400.0))
@@ -45,7 +44,7 @@ def test_the_frame_of_every_hand_and_wall_is_within_its_enclosure(random_values,
     r = np.random.default_rng(seed)
     low = np.array([0.01, 0.5, 50.0 * (seed % 3 > 0), v["environment.K_VE"]])
     high = low * (1 + 0.1 * r.random(4))
-    loop = held_loop(v, HandBox(*zip(low[:3], high[:3], strict=True)))
+    loop = hand_loop(v, HandBox(*zip(low[:3], high[:3], strict=True)))
     ends = loop.points(low), loop.points(high)
     low, high = np.minimum(*ends), np.maximum(*ends)
     e = r.uniform(-1, 1, (50, 4))

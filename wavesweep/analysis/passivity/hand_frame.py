@@ -24,7 +24,7 @@ MASS, DAMPING, STIFFNESS, WALL = range(4)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HeldLoop:
+class HandLoop:
     """A loop taken apart, so that what depends on the hand, the device's rows of the tick, can be put in as an enclosure.
 
     own: mass (kg) and damping (N*s/m) of the device. tick: the fast side with some hand; device: its states there, as
@@ -82,7 +82,7 @@ class HeldLoop:
         return 1 - float(self.values["environment.B_VE"]) * self.slow.D[1, 0], self.slow.D[0, 0]
 
 
-def held_loop(values, box: HandBox) -> HeldLoop:
+def hand_loop(values, box: HandBox) -> HandLoop:
     """Take the loop apart, by a hand of the box; springs in all of its hands or in none."""
     diagram = draw(with_hands(values, box.points(np.full((1, 3), 0.5))))
     cut = cut_at_wall(diagram)
@@ -101,7 +101,7 @@ def held_loop(values, box: HandBox) -> HeldLoop:
     known = (*cut.states, drift.lead)
     kept = [i for i, name in enumerate(slow.states) if name in known]
     period = float(np.reshape(diagram.period, -1)[0])
-    return HeldLoop(
+    return HandLoop(
         dict(values), (float(values["device.mass"]), float(values["device.damping"])), period, diagram.ratio, diagram.delay,
         _one(tick), {name.removeprefix(own): i for i, name in enumerate(tick.states) if name.startswith(own)},
         np.concatenate([_at(pushed.C)[:, at], _at(pushed.D)[:, 1:]], -1), _one(slow), (_at(slow.C)[2:], _at(slow.D)[2:]),
@@ -121,8 +121,8 @@ def _one(block):
     return Block(block.name, block.inputs, block.outputs, block.states, *parts)
 
 
-def frame_over(loop: HeldLoop, low, high) -> tuple[Enclosure, np.ndarray]:
-    """Frame-to-frame matrix, less identity, drift aside, over boxes `(n, 4)` of points as `HeldLoop.points` has them.
+def frame_over(loop: HandLoop, low, high) -> tuple[Enclosure, np.ndarray]:
+    """Frame-to-frame matrix, less identity, drift aside, over boxes `(n, 4)` of points as `HandLoop.points` has them.
 
     Returned in coordinates of its own, near to diagonal in the middle of each box; and its eigenvalues there.
     """
