@@ -44,11 +44,11 @@ class Loop:
         """
         from wavesweep.sweep.grid import make_grid
         from wavesweep.sweep.interval_table import in_memory
-        from wavesweep.sweep.job import question
+        from wavesweep.sweep.job import job_over
 
         axis, others = self._along(along, span), self._axes(axes)
         grid = make_grid(self.spec, others, axis.path, self.read)
-        return _frame(in_memory(question(grid, axis, None if grid.loop_axes else self.cut)))
+        return _frame(in_memory(job_over(grid, axis, None if grid.loop_axes else self.cut)))
 
     def spectral_radius(self, **axes) -> np.ndarray:
         """Largest eigenvalue modulus per frame of `ratio` ticks, without drift, over the product of the axes given.

@@ -24,7 +24,7 @@ import numpy as np
 from wavesweep.diagram import draw
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.spec import load
-from wavesweep.sweep.job import ask
+from wavesweep.sweep.job import job_of
 from wavesweep.sweep.tasks import records_of, solve, with_batch
 
 STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
@@ -41,15 +41,15 @@ def main() -> None:
     options.add_argument("--jobs", default="1,2", help="numbers of jobs, e.g. 1,2,4; none runs no sweep")
     options.add_argument("--out", help="keep the results there")
     given = options.parse_args()
-    asked = ask(load(given.spec), "K_VE")
-    print(f"{given.spec}: {asked.columns} slices, {asked.grid.loops} loops, {len(asked.chunks)} chunks")
+    job = job_of(load(given.spec), "K_VE")
+    print(f"{given.spec}: {job.slices} slices, {job.grid.loops} loops, {len(job.chunks)} chunks")
     with tempfile.TemporaryDirectory() as folder:
         jobs = [int(number) for number in given.jobs.split(",") if number]
         times = {number: run(given.spec, number, Path(given.out or folder) / f"jobs{number}") for number in jobs}
     for number, seconds in times.items():
         print(f"  {number} jobs: {times[1] / seconds:.2f} times as fast as one" if 1 in times else "")
-    profile(asked)
-    ratio(asked)
+    profile(job)
+    ratio(job)
 
 
 def run(spec, jobs, out):
@@ -73,15 +73,15 @@ def run(spec, jobs, out):
     return wall
 
 
-def profile(asked):
+def profile(job):
     """Where a worker's time goes, on a chunk from the middle."""
-    work = asked.work(asked.chunks[len(asked.chunks) // 2])
-    solve(work)
+    task = job.task(job.chunks[len(job.chunks) // 2])
+    solve(task)
     profiler = cProfile.Profile()
     started = time.thread_time()
-    profiler.runcall(lambda: records_of(solve(work)))
+    profiler.runcall(lambda: records_of(solve(task)))
     total = time.thread_time() - started
-    print(f"One chunk of {asked.chunks[len(asked.chunks) // 2].columns} slices: {1e3 * total:.0f} ms")
+    print(f"One chunk of {job.chunks[len(job.chunks) // 2].slices} slices: {1e3 * total:.0f} ms")
     stats = pstats.Stats(profiler).stats
     for function, meaning in PARTS.items():
         seconds = sum(cumulated for (_, _, name), (_, _, _, cumulated, _) in stats.items() if name == function)
@@ -91,28 +91,28 @@ def profile(asked):
         print(f"  of all that, LAPACK {name:12} {100 * seconds / total:5.1f} %")
 
 
-def ratio(asked):
+def ratio(job):
     """This tool and a dense grid of eigenvalues on the same random slices."""
-    grid, random = asked.grid, np.random.default_rng(1)
-    count = max(1, asked.columns // THOUSANDTH)
-    column = np.sort(random.choice(asked.columns, count, replace=False))
+    grid, random = job.grid, np.random.default_rng(1)
+    count = max(1, job.slices // THOUSANDTH)
+    column = np.sort(random.choice(job.slices, count, replace=False))
     loop, wall = np.divmod(column, grid.walls)
     # A zero among other values would need a drawing of its own; for the time it makes no difference.
     values = dict(grid.spec.values) | {path: np.maximum(v, 1e-9) for path, v in grid.loop_values(loop).items()}
     wall_values = grid.wall_values()["environment.B_VE"][wall]
-    K = np.linspace(asked.axis.start, asked.axis.stop, GRID)
+    K = np.linspace(job.axis.start, job.axis.stop, GRID)
     started = time.thread_time()
     for start in range(0, count, 50):  # in the cache, as a careful user would
         part = {path: v[start : start + 50] if np.ndim(v) else v for path, v in values.items()}
         B = wall_values[start : start + 50]
         E = close(with_batch(cut_at_wall(draw(part)), B.size).at((slice(None), None)), K, B[:, None])
         np.abs(1 + np.linalg.eigvals(E)).max(-1) < 1  # noqa: B015 - for its time
-    dense = (time.thread_time() - started) / count * asked.columns
-    number = len(asked.chunks) // 2
-    work = asked.work(asked.chunks[number])
+    dense = (time.thread_time() - started) / count * job.slices
+    number = len(job.chunks) // 2
+    task = job.task(job.chunks[number])
     started = time.thread_time()
-    solve(work)
-    exact = (time.thread_time() - started) / asked.chunks[number].columns * asked.columns
+    solve(task)
+    exact = (time.thread_time() - started) / job.chunks[number].slices * job.slices
     print(f"The whole sweep in one process: a grid of {GRID} eigenvalue problems a slice {dense:.0f} s (a random thousandth,")
     print(f"scaled), all intervals exactly {exact:.0f} s (one chunk, scaled): {dense / exact:.1f} times as fast, to 1e-12 in")
     print(f"place of {100 / (GRID - 1):.1f} % of the range, and certified")

@@ -58,7 +58,7 @@ def test_a_dash_writes_the_table_to_stdout_and_no_file(name, wavesweep, sweep, s
 
 def test_workers_are_passed_on(wavesweep, sweep, spec):
     wavesweep("zwidth", spec, "--no-plot", "--jobs", "3", "--backend", "dask", "--scheduler", "tcp://there:8786")
-    expected = {"jobs": 3, "backend": "dask", "scheduler": "tcp://there:8786", "along": "K_VE", "progress": None}
+    expected = {"jobs": 3, "backend": "dask", "scheduler": "tcp://there:8786", "along": "K_VE", "hands": None, "progress": None}
     expected |= {"checkpoint": Path("results/wall/.zwidth.parts"), "force": False}
     assert sweep.seen == [("intervals", expected)]
 

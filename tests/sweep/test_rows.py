@@ -8,20 +8,20 @@ import pytest
 from wavesweep import sweep
 from wavesweep.spec import load
 from wavesweep.sweep import checkpoint
-from wavesweep.sweep.checkpoint import MemoryParts
+from wavesweep.sweep.checkpoint import MemoryCheckpoint
 from wavesweep.sweep.interval_table import compute, in_memory
-from wavesweep.sweep.job import Chunks, ask, cut_otherwise, cut_up
-from wavesweep.sweep.run import joined
+from wavesweep.sweep.job import Chunks, cut_otherwise, cut_up, job_of
+from wavesweep.sweep.table import joined
 from wavesweep.sweep.workers import Workers
 
 HERE = Workers(1, None, None, "a test")
 SIZES = [(1, 7), (5, 7), (1, 3), (1, 1), (100, 7)]
 
 
-def table_of(asked):
-    parts = MemoryParts()
-    compute(asked, parts, HERE)
-    return joined(checkpoint.blocks(asked, parts))
+def table_of(job):
+    store = MemoryCheckpoint()
+    compute(job, store, HERE)
+    return joined(checkpoint.blocks(job, store))
 
 
 def one_by_one(spec):
@@ -32,7 +32,7 @@ def one_by_one(spec):
         tables = spec.tables() | {"sweep": {"along": spec.along, spec.along: {"start": 0, "stop": 20000}}}
         del tables["bode"]
         changes = {axis.path: value for axis, value in zip(axes, values, strict=True)}
-        one = in_memory(ask(load(tables).with_values(changes)))
+        one = in_memory(job_of(load(tables).with_values(changes)))
         size = one["low"].size
         found.append({axis.name: np.full(size, value) for axis, value in zip(axes, values, strict=True)} | one)
     return joined(found)
@@ -40,7 +40,7 @@ def one_by_one(spec):
 
 @pytest.mark.slow
 def test_the_table_is_that_of_every_combination_on_its_own_in_the_specs_order(mixed, same):
-    table = table_of(ask(mixed))
+    table = table_of(job_of(mixed))
     assert (table["intervals"] > 1).any()
     same(table, one_by_one(mixed))
 
@@ -48,8 +48,8 @@ def test_the_table_is_that_of_every_combination_on_its_own_in_the_specs_order(mi
 @pytest.mark.slow
 @pytest.mark.parametrize(("deep", "wide"), SIZES)
 def test_borders_of_chunks_leave_no_trace(mixed, same, deep, wide):
-    asked = ask(mixed)
-    same(table_of(cut_otherwise(asked, deep=deep, wide=wide)), table_of(asked))
+    job = job_of(mixed)
+    same(table_of(cut_otherwise(job, deep=deep, wide=wide)), table_of(job))
 
 
 @pytest.mark.slow
@@ -61,17 +61,17 @@ def test_they_leave_none_along_other_axes(same, along):
             "along": along, along: {"start": 0.05, "stop": 40}, "K_VE": [100.0, 900.0], "device.damping": [0.5, 1.0, 2.0],
         },
     })  # fmt: skip
-    asked = ask(spec)
+    job = job_of(spec)
     for deep, wide in ((1, 2), (1, 1), (2, 2)):
-        same(table_of(cut_otherwise(asked, deep=deep, wide=wide)), table_of(asked))
+        same(table_of(cut_otherwise(job, deep=deep, wide=wide)), table_of(job))
 
 
 def test_borders_of_blocks_leave_no_trace(mixed, same, monkeypatch):
-    asked = ask(mixed)
-    whole = table_of(asked)
+    job = job_of(mixed)
+    whole = table_of(job)
     for size in (1, 5, 32):
         monkeypatch.setattr(checkpoint, "BLOCK", size)
-        same(table_of(asked), whole)
+        same(table_of(job), whole)
 
 
 def test_what_is_not_read_is_computed_once(mixed):
@@ -85,14 +85,14 @@ def test_chunks_cover_every_column_once(loops, walls):
     chunks = cut_up(loops, walls, cost=1e-6)
     columns = [column for number in range(len(chunks)) for column in _columns(chunks, number)]
     assert columns == list(range(loops * walls))
-    owner = np.concatenate([np.full(chunks[number].columns, number) for number in range(len(chunks))])
+    owner = np.concatenate([np.full(chunks[number].slices, number) for number in range(len(chunks))])
     assert np.array_equal(chunks.of(np.arange(loops * walls)), owner)
 
 
 def _columns(chunks: Chunks, number):
     chunk = chunks[number]
     found = [loop * chunks.walls + wall for loop in chunk.loops for wall in chunk.walls]
-    assert (found[0], len(found)) == (chunk.first, chunk.columns)
+    assert (found[0], len(found)) == (chunk.first, chunk.slices)
     return found
 
 

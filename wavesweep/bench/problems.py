@@ -115,8 +115,7 @@ def bundles(spec: Spec) -> Iterator[Bundle]:
     B = grid.wall_values()["environment.B_VE"]
     changes = grid.loop_values(np.arange(grid.loops))
     column = np.empty(grid.loops * grid.walls, int)
-    loop, wall = grid.column_of(np.arange(grid.size))
-    column[loop * grid.walls + wall] = np.arange(grid.size)
+    column[grid.slice_of(np.arange(grid.size))] = np.arange(grid.size)
     for members, values in groups(spec, changes, grid.loops):
         cut = with_batch(cut_at_wall(draw(values)), members.size)
         owner = np.repeat(np.arange(members.size), B.size)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:
-    from wavesweep.sweep.guarantees import Holders
+    from wavesweep.sweep.hands import Hands
 
 STDOUT = "-"
 _RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
@@ -124,27 +124,27 @@ _HANDS = (
 )
 
 
-def hands(body: Callable[..., None]) -> Callable[..., None]:
-    """Add the options for hands to a command; its body receives them as `holders`, None for the free device only."""
+def hand_options(body: Callable[..., None]) -> Callable[..., None]:
+    """Add the options for hands to a command; its body receives them as `hands`, None for the free device only."""
 
     @wraps(body)
     def gathered(hand: str, hand_box: str | None, passive: bool, **given: Any) -> None:
-        body(holders=_holders(hand, hand_box, passive), **given)
+        body(hands=_hands(hand, hand_box, passive), **given)
 
     for option in reversed(_HANDS):
         gathered = option(gathered)
     return gathered
 
 
-def _holders(hand: str, hand_box: str | None, passive: bool) -> Holders | None:
+def _hands(hand: str, hand_box: str | None, passive: bool) -> Hands | None:
     if hand_box is not None and hand != "box":
         raise click.UsageError(f"--hand-box needs --hand box, found --hand {hand}")
     ranges = _ranges(hand_box) if hand_box is not None else {}
     if hand == "free" and not passive:
         return None
-    from wavesweep.sweep import holders_of
+    from wavesweep.sweep import hands_of
 
-    return holders_of(hand, ranges, passive)
+    return hands_of(hand, ranges, passive)
 
 
 def _ranges(text: str) -> dict[str, tuple[float, float]]:

@@ -21,7 +21,7 @@ from wavesweep.cli.options import Options
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
     from wavesweep.sweep import Table
-    from wavesweep.sweep.guarantees import Holders
+    from wavesweep.sweep.hands import Hands
 
 Line = tuple[str, bool]  # a message, and whether it is a warning
 Progress = Callable[..., None]
@@ -63,22 +63,20 @@ def produce(
         say(where(paths, time.perf_counter() - started))
 
 
-def produce_intervals(
-    kind: str, source: str, options: Options, along: str | None = None, holders: Holders | None = None
-) -> None:
+def produce_intervals(kind: str, source: str, options: Options, along: str | None = None, hands: Hands | None = None) -> None:
     """Compute and write a table of stable intervals, which need not fit into memory; otherwise as `produce`.
 
-    along: axis of the intervals, the spec's own by default. holders: hands whose intervals are added to those of the loop
+    along: axis of the intervals, the spec's own by default. hands: those whose intervals are added to those of the loop
     itself. Finished chunks are kept beside the results or, if the table goes to stdout, in a temporary folder.
     """
     from wavesweep import sweep
 
-    find = sweep.intervals if holders is None else partial(sweep.held_intervals, holders=holders)
-    name = kind if holders is None else f"{kind}-hands"
+    name = kind if hands is None else f"{kind}-hands"
 
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
         folder = Path(temporary) / "parts" if options.to_stdout else folder_of(specs, options) / f".{name}.parts"
-        return [replace(find(specs[0], along=along, checkpoint=folder, force=options.force, **work), kind=kind)]
+        found = sweep.intervals(specs[0], along=along, hands=hands, checkpoint=folder, force=options.force, **work)
+        return [replace(found, kind=kind)]
 
     kept = tempfile.TemporaryDirectory(prefix="wavesweep-", ignore_cleanup_errors=True) if options.to_stdout else nullcontext()
     with kept as temporary:

@@ -6,21 +6,21 @@ from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.cli.options import Options, common, hands
+from wavesweep.cli.options import Options, common, hand_options
 
 if TYPE_CHECKING:
-    from wavesweep.sweep.guarantees import Holders
+    from wavesweep.sweep.hands import Hands
 
 
 @click.command("stability-region")
 @click.argument("spec")
-@hands
+@hand_options
 @common
-def command(spec: str, options: Options, holders: Holders | None) -> None:
+def command(spec: str, options: Options, hands: Hands | None) -> None:
     """Find the stable intervals along any axis for every combination of the others.
 
     SPEC is a TOML file; its key sweep.along gives the axis of the intervals, and its [sweep] table the other axes.
     """
     from wavesweep.cli.output import produce_intervals
 
-    produce_intervals("stability-region", spec, options, holders=holders)
+    produce_intervals("stability-region", spec, options, hands=hands)

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.cli.options import Options, common, hands
+from wavesweep.cli.options import Options, common, hand_options
 
 if TYPE_CHECKING:
-    from wavesweep.sweep.guarantees import Holders
+    from wavesweep.sweep.hands import Hands
 
 
 @click.command("zwidth")
 @click.argument("spec")
-@hands
+@hand_options
 @common
-def command(spec: str, options: Options, holders: Holders | None) -> None:
+def command(spec: str, options: Options, hands: Hands | None) -> None:
     """Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.
 
     SPEC is a TOML file; its [sweep] table gives the axes. All stable intervals are found, not only the first one. The
@@ -24,4 +24,4 @@ def command(spec: str, options: Options, holders: Holders | None) -> None:
     """
     from wavesweep.cli.output import produce_intervals
 
-    produce_intervals("zwidth", spec, options, along="K_VE", holders=holders)
+    produce_intervals("zwidth", spec, options, along="K_VE", hands=hands)

@@ -21,7 +21,7 @@ from wavesweep.plots.responses import Line, Panel, draw_magnitudes
 from wavesweep.plots.style import symbol
 from wavesweep.results import fields_of
 from wavesweep.sweep import Table, intervals, responses
-from wavesweep.sweep.run import facts_of
+from wavesweep.sweep.table import facts_of
 
 
 def _named(name: str, table: Table, figure: Callable[[Path], None] | None) -> Table:

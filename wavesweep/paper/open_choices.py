@@ -11,7 +11,7 @@ from wavesweep.paper.specs import load_paper
 from wavesweep.results import Field
 from wavesweep.spec import KEYS, Spec
 from wavesweep.sweep import Table, intervals
-from wavesweep.sweep.run import facts_of
+from wavesweep.sweep.table import facts_of
 from wavesweep.sweep.tasks import radius_over
 
 AXES = {  # column: axis of the spec

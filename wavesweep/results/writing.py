@@ -21,7 +21,7 @@ from wavesweep.results.folder import (
 )
 from wavesweep.results.package import package_text
 from wavesweep.results.schema import Field, checked, fields_of
-from wavesweep.sweep.run import Columns, Table, joined
+from wavesweep.sweep.table import Columns, Table, joined
 
 _PREFIX = ".wavesweep-"  # of the folders that tables are written in
 

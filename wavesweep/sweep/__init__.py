@@ -1,12 +1,11 @@
-"""Which slices, in which order, as which table."""
+"""The slices that a spec asks for, computed in chunks, as tables."""
 
-from wavesweep.sweep.run import Table
+from wavesweep.sweep.table import Table
 
-__all__ = ["Table", "filter_choices", "held_intervals", "holders_of", "intervals", "passivity", "plan", "responses", "simulate"]
+__all__ = ["Table", "filter_choices", "hands_of", "intervals", "passivity", "plan", "responses", "simulate"]
 
 _HOMES = {
-    "held_intervals": "wavesweep.sweep.held_table",
-    "holders_of": "wavesweep.sweep.held_table",
+    "hands_of": "wavesweep.sweep.hands",
     "intervals": "wavesweep.sweep.interval_table",
     "responses": "wavesweep.sweep.response_table",
     "filter_choices": "wavesweep.sweep.passivity_table",

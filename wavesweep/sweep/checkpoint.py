@@ -11,26 +11,26 @@ import numpy as np
 
 from wavesweep.analysis.doubt import words
 from wavesweep.errors import CheckpointError
-from wavesweep.sweep.job import Chunks, Question
-from wavesweep.sweep.tasks import DTYPE, is_whole
+from wavesweep.sweep.job import Chunks, Job
+from wavesweep.sweep.tasks import HAND_RECORD, RECORD, is_whole
 
 MANIFEST = "manifest.json"
 SUFFIX = ".records"
 
 
-class MemoryParts:
-    """Finished chunks of a run that is too short to be worth a folder."""
+class MemoryCheckpoint:
+    """Finished chunks of a run that is too short for a folder."""
 
     def __init__(self):
         self._records = {}
 
     @property
     def place(self) -> Path | None:
-        """The folder; None, there is none."""
+        """None: there is no folder."""
         return None
 
     def finished(self) -> list[int]:
-        """Numbers of the chunks that are finished."""
+        """Numbers of the finished chunks."""
         return sorted(self._records)
 
     def save(self, number: int, records: np.ndarray) -> None:
@@ -38,7 +38,7 @@ class MemoryParts:
         self._records[number] = records
 
     def load(self, number: int) -> np.ndarray:
-        """Give a finished chunk back."""
+        """The records of a finished chunk."""
         return self._records[number]
 
     def remove(self) -> None:
@@ -46,16 +46,16 @@ class MemoryParts:
         self._records.clear()
 
 
-class FolderParts:
-    """Finished chunks as files of one folder, with a manifest that says of which run.
+class FolderCheckpoint:
+    """Finished chunks as files of one folder, with a manifest that identifies the run.
 
-    A part is written under a temporary name and renamed, and has the checksum of its records in its name: whatever
-    happens to the process, a part is there whole or not at all, and what the disk did to it later is seen.
+    A chunk's file is written under a temporary name and renamed, and has the checksum of its records in its name. So if the
+    process is killed, the file is there whole or not at all, and later damage is noticed.
     """
 
-    def __init__(self, folder: Path, chunks: Chunks, names: Mapping[int, str], dtype=DTYPE):
+    def __init__(self, folder: Path, chunks: Chunks, names: Mapping[int, str], dtype=RECORD):
         self._folder, self._chunks, self._names, self._dtype = folder, chunks, dict(names), dtype
-        self._sound = set()  # of those whose checksum needs no second look
+        self._sound = set()  # numbers of the chunks whose checksum was compared
 
     @property
     def place(self) -> Path:
@@ -63,7 +63,7 @@ class FolderParts:
         return self._folder
 
     def finished(self) -> list[int]:
-        """Numbers of the chunks that are finished."""
+        """Numbers of the finished chunks."""
         return sorted(self._names)
 
     def save(self, number: int, records: np.ndarray) -> None:
@@ -77,12 +77,12 @@ class FolderParts:
         self._sound.add(number)
 
     def load(self, number: int) -> np.ndarray:
-        """Read a finished chunk. Raises CheckpointError where it is not what was written."""
+        """Read a finished chunk. Raises CheckpointError if its file was damaged."""
         path = self._folder / self._names[number]
         records = np.fromfile(path, self._dtype)
         if number not in self._sound:
             checksum = path.stem.rpartition("-")[2]
-            if f"{zlib.crc32(records.tobytes()):08x}" != checksum or not is_whole(records, self._chunks[number].columns):
+            if f"{zlib.crc32(records.tobytes()):08x}" != checksum or not is_whole(records, self._chunks[number].slices):
                 raise _unusable(self._folder, f"{path.name} is not what was written")
             self._sound.add(number)
         return records
@@ -92,11 +92,25 @@ class FolderParts:
         shutil.rmtree(self._folder)
 
 
-def open_folder(folder: Path, facts: Mapping[str, object], chunks: Chunks, force: bool = False, dtype=DTYPE) -> FolderParts:
-    """Open the folder of a run, made if it is missing; `facts` (JSON-able) say which run it is.
+def checkpoint_of(job: Job, folder: Path | None, force: bool) -> MemoryCheckpoint | FolderCheckpoint:
+    """The checkpoint of a job: in the folder, or in memory without a folder or for a single chunk."""
+    if folder is None or (len(job.chunks) < 2 and not folder.exists()):
+        return MemoryCheckpoint()
+    from wavesweep import __version__
 
-    dtype: of its records. force: throw away what is there where it is of no use. Raises CheckpointError where a
-    checkpoint is torn or of another run: it may be somebody's night of work, so it is not silently begun anew.
+    run = {"spec_sha256": job.grid.spec.sha256, "along": job.axis.name, "tool_version": __version__, "layout": 2}
+    if job.guarantee is None:
+        return open_folder(folder, run, job.chunks, force)
+    return open_folder(folder, run | {"guarantee": repr(job.guarantee)}, job.chunks, force, HAND_RECORD)
+
+
+def open_folder(
+    folder: Path, facts: Mapping[str, object], chunks: Chunks, force: bool = False, dtype=RECORD
+) -> FolderCheckpoint:
+    """Open the folder of a run, made if it is missing; `facts` (JSON-able) identify the run.
+
+    dtype: of its records. force: remove a checkpoint that cannot be used. Raises CheckpointError if a checkpoint is
+    damaged or of another run: it may hold a night of work, so it is not silently removed.
     """
     expected = {**facts, "chunks": [chunks.loops, chunks.walls, chunks.deep, chunks.wide]}
     try:
@@ -119,10 +133,10 @@ def _opened(folder, expected, chunks, dtype):
         temporary = folder / f"{MANIFEST}.{os.getpid()}.tmp"
         temporary.write_text(json.dumps(expected, indent=1), encoding="utf-8")
         temporary.replace(manifest)
-    parts = FolderParts(folder, chunks, _names(folder, len(chunks)), dtype)
-    for number in parts.finished():
-        parts.load(number)
-    return parts
+    store = FolderCheckpoint(folder, chunks, _names(folder, len(chunks)), dtype)
+    for number in store.finished():
+        store.load(number)
+    return store
 
 
 def _names(folder, chunks):
@@ -157,31 +171,30 @@ def _unusable(folder, why):
 BLOCK = 1 << 17  # combinations; 13 columns of them take some 15 MB
 
 
-def blocks(asked: Question, parts) -> Iterator[dict[str, np.ndarray]]:
-    """Yield the table's columns for consecutive combinations; `parts`: all chunks, finished."""
-    grid = asked.grid
+def blocks(job: Job, store) -> Iterator[dict[str, np.ndarray]]:
+    """Yield the table's columns for consecutive combinations; store: a checkpoint in which all chunks are finished."""
+    grid = job.grid
     for start in range(0, grid.size, BLOCK):
         combination = np.arange(start, min(start + BLOCK, grid.size))
-        loop, wall = grid.column_of(combination)
-        which, records = _gather(asked.chunks, parts, loop * grid.walls + wall)
-        yield _columns(grid, asked.axis.name, combination[which], records)
+        which, records = _gather(job.chunks, store, grid.slice_of(combination))
+        yield _columns(grid, job.axis.name, combination[which], records)
 
 
-def _gather(chunks, parts, column):
-    """The records of the columns in their order, and for each the index of its column in `column`.
+def _gather(chunks, store, slices):
+    """The records of the slices in their order, and for each the index of its slice in `slices`.
 
-    Where the wall's axes are not the last ones, neighbouring rows are in different chunks, and each chunk is read again
-    for every block that it has rows in: from the page cache, at a cost far below that of solving it.
+    If the wall's axes are not the last ones, neighbouring rows are in different chunks, and each chunk is read again for
+    every block that has rows of it: from the page cache, at a cost far below that of computing it.
     """
-    owner = chunks.of(column)
+    owner = chunks.of(slices)
     order = np.argsort(owner, kind="stable")
     borders = np.flatnonzero(np.diff(owner[order])) + 1
     which, records = [], []
     for members in np.split(order, borders):
         chunk = chunks[int(owner[members[0]])]
-        found = parts.load(chunk.number)
-        wanted = column[members] - chunk.first
-        first, end = (np.searchsorted(found["column"], wanted, side=side) for side in ("left", "right"))
+        found = store.load(chunk.number)
+        wanted = slices[members] - chunk.first
+        first, end = (np.searchsorted(found["slice"], wanted, side=side) for side in ("left", "right"))
         rows = end - first
         at = np.repeat(first - np.concatenate([[0], np.cumsum(rows)[:-1]]), rows) + np.arange(rows.sum())
         which.append(np.repeat(members, rows))
@@ -194,7 +207,7 @@ def _gather(chunks, parts, column):
 
 
 def _columns(grid, along, combination, records):
-    found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "column"}
+    found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
     found["doubt"] = words(found["doubt"])
     leading = grid.axis_columns(combination)
     return leading | {"along": np.full(records.size, along, dtype=object)} | found

@@ -14,8 +14,9 @@ from wavesweep.spec import Axis, Spec, find_key
 class Grid:
     """The combinations of `axes` in their order, the first slowest.
 
-    A combination is a loop (its values on the axes `loop_axes`) closed with a wall (its values on `wall_axes`); axes in
-    neither are not read by the controller, and combinations that differ in them alone are the same column.
+    A combination is a loop (its values on the axes `loop_axes`) closed with a wall (its values on `wall_axes`): a slice,
+    numbered `loop * walls + wall`. The controller reads no other axis, so combinations that differ only in the others
+    are the same slice.
     """
 
     spec: Spec
@@ -27,6 +28,12 @@ class Grid:
     def ignored(self) -> tuple[Axis, ...]:
         """Axes that the controller does not read."""
         return tuple(axis for axis in self.axes if axis not in self.loop_axes and axis not in self.wall_axes)
+
+    @property
+    def notices(self) -> list[str]:
+        """A sentence for each axis that the controller does not read."""
+        kind = self.spec.values["controller.kind"]
+        return [f"{axis.name} is not read by {kind}: evaluated once, its rows repeated" for axis in self.ignored]
 
     @property
     def size(self) -> int:
@@ -43,19 +50,34 @@ class Grid:
         """Number of walls that each loop is closed with."""
         return _count(self.wall_axes)
 
+    @property
+    def slices(self) -> int:
+        """Number of pairs of a loop and a wall, all of which are computed."""
+        return self.loops * self.walls
+
     def loop_values(self, index) -> dict[str, np.ndarray]:
         """Path -> values of the loops `index` (flat, in the order of the loop axes)."""
         return _values(self.loop_axes, index)
 
     def wall_values(self) -> dict[str, np.ndarray]:
-        """Path -> values of the walls; a path of the wall that is no axis has the spec's value."""
+        """Path -> values of the walls; the spec's value for a path that is no axis."""
         swept = _values(self.wall_axes, np.arange(self.walls))
         return {path: swept.get(path, np.full(self.walls, self.spec.values[path])) for path in WALL}
 
-    def column_of(self, combination) -> tuple[np.ndarray, np.ndarray]:
-        """(loop, wall) of each combination (flat indices)."""
+    def slice_of(self, combination) -> np.ndarray:
+        """Number of the slice of each combination (flat indices)."""
         digits = dict(zip((axis.path for axis in self.axes), _digits(self.axes, combination), strict=True))
-        return tuple(_flat(part, digits, np.size(combination)) for part in (self.loop_axes, self.wall_axes))
+        loop, wall = (_flat(part, digits, np.size(combination)) for part in (self.loop_axes, self.wall_axes))
+        return loop * self.walls + wall
+
+    def slices_of_a_drawing(self, most: int) -> Iterator[tuple[np.ndarray, dict]]:
+        """Yield (numbers, values) for all slices, at most `most` of one drawing at a time; see `groups`."""
+        loop, wall = np.divmod(np.arange(self.slices), self.walls)
+        changes = self.loop_values(loop) | {path: values[wall] for path, values in self.wall_values().items()}
+        for members, values in groups(self.spec, changes, self.slices):
+            for start in range(0, members.size, most):
+                part = slice(start, start + most)
+                yield members[part], selected(values, part)
 
     def axis_columns(self, combination) -> dict[str, np.ndarray]:
         """Name -> value of each combination, the table's leading columns."""
@@ -68,7 +90,7 @@ class Grid:
 def make_grid(spec: Spec, axes, along: str | None = None, read=None) -> Grid:
     """Sort the axes by what they change; `along` (a path) is the axis that intervals lie on, not among `axes`.
 
-    read: the keys that the controller reads, where they are known already.
+    read: the keys that the controller reads, if they are known already.
     """
     read = keys_read(spec.values) if read is None else read
     if along is not None and not _is_read(along, read):
@@ -86,7 +108,7 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None) -> Grid:
 
 
 def _is_read(path, read):
-    """A key that others derive from is read where these are."""
+    """Whether the controller reads the key, or one that is derived from it."""
     if path in read:
         return True
     if path == "rates.slow_hz":
@@ -113,11 +135,11 @@ def _flat(axes, digits, size):
 
 
 def groups(spec: Spec, changes: Mapping[str, np.ndarray], size: int, resolved=None) -> Iterator[tuple[np.ndarray, dict]]:
-    """Yield (members, values): indices into the `size` loops, and flat values with arrays where these differ.
+    """Yield (members, values): indices into the `size` loops, and flat values with arrays for those in which they differ.
 
-    changes: path -> value per loop. Loops of one group differ in floats only, and where one is zero, which may take a branch
-    out of the drawing, all are. Whole numbers and keys that others derive from go through the
-    spec, once per distinct combination; resolved: a dict that remembers these from call to call.
+    changes: path -> value per loop. Loops of one group differ in floats only. If such a float is zero in one of them, it
+    is zero in all, since a zero may take a branch out of the drawing. Whole numbers and keys that others derive from go
+    through the spec, once per distinct combination. resolved: a dict that remembers these from call to call.
     """
     structural = {path: column for path, column in changes.items() if not is_plain(spec, path)}
     plain = {path: column for path, column in changes.items() if path not in structural}
@@ -129,7 +151,7 @@ def groups(spec: Spec, changes: Mapping[str, np.ndarray], size: int, resolved=No
 
 
 def is_plain(spec, path) -> bool:
-    """Whether an array of floats may stand in for the value of that key."""
+    """Whether the key may have an array of floats in place of its value."""
     return not find_key(path).structural and isinstance(spec.values.get(path), float)
 
 
@@ -150,3 +172,8 @@ def _distinct(columns, size):
     label = label.reshape(-1)
     order = np.argsort(label, kind="stable")
     return sorted(np.split(order, np.flatnonzero(np.diff(label[order])) + 1), key=lambda part: part[0])
+
+
+def selected(values: Mapping[str, object], part) -> dict:
+    """The flat values of some of the loops; part: an index, a slice or an array of indices."""
+    return {path: v[part] if np.ndim(v) else v for path, v in values.items()}

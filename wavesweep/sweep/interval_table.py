@@ -1,25 +1,34 @@
-"""Stable intervals over a sweep, as a table."""
+"""Stable intervals over a sweep, as a table: those of the spec's loop and, if they are asked for, those for hands."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from wavesweep.diagram import WALL
 from wavesweep.spec import Spec
-from wavesweep.sweep.checkpoint import MemoryParts, blocks, open_folder
-from wavesweep.sweep.job import Question, ask, expected_seconds
-from wavesweep.sweep.run import Columns, Table, facts_of, joined
-from wavesweep.sweep.tasks import HELD, certified_columns
+from wavesweep.sweep.checkpoint import MemoryCheckpoint, blocks, checkpoint_of
+from wavesweep.sweep.job import Job, cut_otherwise, expected_seconds, job_of
+from wavesweep.sweep.table import Columns, Table, facts_of, joined
+from wavesweep.sweep.tasks import END_HANDS, certified_slices
 from wavesweep.sweep.workers import Workers, choose, results
 
+if TYPE_CHECKING:
+    from wavesweep.sweep.hands import Guarantee, Hands
+
 Progress = Callable[[int, int, int], None]
-JOBS = 2
+FEW = 4  # slices of a chunk of guarantees: each takes from tenths of a second to some seconds
+ABOUT_ENDS = (*END_HANDS["low"], *END_HANDS["high"], "settled")
 
 
 def intervals(
     spec: Spec,
     along: str | None = None,
+    hands: "Hands | None" = None,
     jobs: int | None = None,
     backend: str | None = None,
     scheduler: str | None = None,
@@ -29,72 +38,98 @@ def intervals(
 ) -> Table:
     """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
 
-    jobs: worker processes where the work is worth them (2 by default). backend: any of joblib's, then used in any case;
-    scheduler: address of the dask scheduler. progress(done, of, certified) is told of slices. checkpoint: folder for
-    finished chunks, from which a run of the same spec goes on; by default they stay in memory. force: begin anew where
-    the folder is of no use. Raises UsageError, CheckpointError (torn, or of another run), WavesweepError (a dead worker).
+    hands: adds the column `hand` and rows for other hands. Its words are "free" for the device alone, "operator" for the
+    spec's operator if it has one, "passive" and "box" (see `Hands`), and "port" for the intervals in which the spec's own
+    loop is stable and passive at the hand's port. If only the port is asked for, the other rows are those of the spec's loop.
+    jobs: number of worker processes if the work is worth them. backend: any of joblib's, which is then used in any case.
+    scheduler: address of the dask scheduler. progress: is called with the number of slices done, of all slices, and of
+    certified ones. checkpoint: folder for finished chunks, from which a run of the same spec goes on; by default they
+    stay in memory. force: start again if the folder cannot be used.
+    Raises UsageError, CheckpointError (torn, or of another run), WavesweepError (a worker process died).
     """
     started = time.perf_counter()
-    asked = ask(spec, along)
-    parts = parts_of(asked, checkpoint, force)
-    workers = choose(jobs or JOBS, backend, scheduler, len(asked.chunks), partial(expected_seconds, asked))
-    tally = compute(asked, parts, workers, progress)
+    stages = stages_of(spec, along, hands)
+    tallies, stores = [], []
+    for stage in stages:
+        job, report = stage.job, progress and _continued(progress, sum(each.job.slices for each in stages), tallies)
+        stores.append(checkpoint_of(job, checkpoint and checkpoint / stage.hand, force))
+        workers = choose(jobs, backend, scheduler, len(job.chunks), partial(expected_seconds, job))
+        tallies.append(compute(job, stores[-1], workers, report))
     timings = {
         "compute_s": time.perf_counter() - started,
-        "kernel_s": tally.seconds,
-        "workers": workers.count,
-        "slices_from_checkpoint": tally.kept,
+        "kernel_s": sum(tally.seconds for tally in tallies),
+        **({"workers": workers.count} if hands is None else {}),
+        "slices_from_checkpoint": sum(tally.kept for tally in tallies),
     }
-    slices = {"computed": asked.columns, "skipped": asked.grid.size - asked.columns, "certified": tally.certified}
-    facts = facts_of(spec, {"intervals": method(asked.axis.path)}, slices, timings, notices(asked.grid))
-    axes = {axis.name: axis.values for axis in asked.grid.axes}
-    return Table("zwidth", partial(blocks, asked, parts), facts, axes, forget=parts.remove)
+    facts = _facts(spec, hands, stages, sum(tally.certified for tally in tallies), timings)
+    axes = {axis.name: axis.values for axis in stages[0].job.grid.axes}
+    return Table("zwidth", partial(_rows, stages, stores, hands), facts, axes, forget=partial(_forget, stores, checkpoint))
 
 
-def parts_of(asked: Question, checkpoint: Path | None, force: bool):
-    """Where finished chunks are kept: in the folder `checkpoint`, or in memory without one or for a single chunk."""
-    if checkpoint is None or (len(asked.chunks) < 2 and not checkpoint.exists()):
-        return MemoryParts()
-    from wavesweep import __version__
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One kind of rows.
 
-    run = {"spec_sha256": asked.grid.spec.sha256, "along": asked.axis.name, "tool_version": __version__, "layout": 2}
-    if asked.guarantee is None:
-        return open_folder(checkpoint, run, asked.chunks, force)
-    return open_folder(checkpoint, run | {"guarantee": repr(asked.guarantee)}, asked.chunks, force, HELD)
+    hand: the word in the column `hand`, empty if the table has no such column. job: computes the rows. method: how, in a line.
+    """
+
+    hand: str
+    job: Job
+    method: str
+
+
+def stages_of(spec: Spec, along: str | None, hands: "Hands | None") -> list[Stage]:
+    """The stages of a run, settled before anything is computed. Raises UsageError for a job that cannot be done."""
+    own = job_of(spec, along)
+    how = method(own.axis.path)
+    if hands is None:
+        return [Stage("", own, how)]
+    hands.refuse(own)
+    free = hands.without_operator(spec)
+    stages = [Stage("free" if free is None else "operator", own, how)]
+    if free is not None and hands.hand != "free":
+        stages.insert(0, Stage("free", job_of(free, along), how))
+    return stages + [Stage(each.kind, _guaranteed(own, each), each.method) for each in hands.guarantees()]
+
+
+def _guaranteed(own: Job, guarantee: "Guarantee") -> Job:
+    walls = own.grid.walls
+    few = cut_otherwise(own, deep=max(1, FEW // walls), wide=min(FEW, walls))
+    return replace(few, guarantee=guarantee, cut=None)
 
 
 class Tally:
-    """What is done so far: slices, those of them from a checkpoint, certified ones, and seconds in the workers."""
+    """Counts of slices, of those taken from a checkpoint, and of certified ones, and the seconds spent in the workers."""
 
     def __init__(self):
         self.done = self.kept = self.certified = 0
         self.seconds = 0.0
 
-    def add(self, columns, records, seconds=0.0):
+    def add(self, slices, records, seconds=0.0):
         """Count a chunk."""
-        self.done += columns
-        self.certified += certified_columns(records)
+        self.done += slices
+        self.certified += certified_slices(records)
         self.seconds += seconds
 
 
-def compute(asked: Question, parts, workers: Workers, progress: Progress | None = None) -> Tally:
-    """Solve every chunk that is not among the parts yet, and add it to them."""
-    tally, chunks, kept = Tally(), asked.chunks, parts.finished()
-    for number in kept:
-        tally.add(chunks[number].columns, parts.load(number))
+def compute(job: Job, store, workers: Workers, progress: Progress | None = None) -> Tally:
+    """Compute every chunk that the checkpoint `store` does not have yet, and save it there."""
+    tally, chunks, known = Tally(), job.chunks, store.finished()
+    for number in known:
+        tally.add(chunks[number].slices, store.load(number))
     tally.kept = tally.done
-    missing = sorted(set(range(len(chunks))) - set(kept))
-    finished = results(workers, missing, lambda number: asked.work(chunks[number]))
+    missing = sorted(set(range(len(chunks))) - set(known))
+    finished = results(workers, missing, lambda number: job.task(chunks[number]))
     try:
         for number, records, seconds in finished:
-            parts.save(number, records)
-            tally.add(chunks[number].columns, records, seconds)
+            store.save(number, records)
+            tally.add(chunks[number].slices, records, seconds)
             if progress:
-                progress(tally.done, asked.columns, tally.certified)
+                progress(tally.done, job.slices, tally.certified)
     except BaseException as error:
-        if parts.place:
+        if store.place:
             error.add_note(
-                f"{tally.done} of {asked.columns} slices are kept in {parts.place}; the same command goes on from there."
+                f"{tally.done} of {job.slices} slices are kept in {store.place}; the same command goes on from there."
             )
         raise
     finally:
@@ -102,11 +137,52 @@ def compute(asked: Question, parts, workers: Workers, progress: Progress | None 
     return tally
 
 
-def in_memory(asked: Question) -> Columns:
-    """The table of a question, solved in this process."""
-    parts = MemoryParts()
-    compute(asked, parts, Workers(1, None, None, "as a library"))
-    return joined(blocks(asked, parts))
+def _continued(progress, total, before):
+    """The reports of one stage as reports of all of them; before: the tallies of the stages before it."""
+    done, certified = sum(tally.done for tally in before), sum(tally.certified for tally in before)
+    return lambda now, _, proved: progress(done + now, total, certified + proved)
+
+
+def in_memory(job: Job) -> Columns:
+    """The table of a job, computed in this process."""
+    store = MemoryCheckpoint()
+    compute(job, store, Workers(1, None, None, "as a library"))
+    return joined(blocks(job, store))
+
+
+def _rows(stages, stores, hands) -> Iterator[dict[str, np.ndarray]]:
+    """Yield the rows of one stage after the other."""
+    for stage, store in zip(stages, stores, strict=True):
+        for block in blocks(stage.job, store):
+            yield block if hands is None else _with_hand(block, stage.hand, hands.box)
+
+
+def _with_hand(block, hand, box):
+    """The block with the column `hand` behind the axes; if there is a box, with the columns ABOUT_ENDS as the last ones."""
+    rows = len(block["along"])
+    names = [name for name in block if name not in ABOUT_ENDS]
+    names.insert(names.index("along") + 1, "hand")
+    missing = {name: np.full(rows, np.nan) for name in ABOUT_ENDS} | {"settled": block["certified"]}
+    found = missing | block | {"hand": np.full(rows, hand, dtype=object)}
+    return {name: found[name] for name in (*names, *(ABOUT_ENDS if box else ()))}
+
+
+def _forget(stores, folder):
+    for store in stores:
+        store.remove()
+    if folder and folder.exists():
+        folder.rmdir()
+
+
+def _facts(spec, hands, stages, certified, timings) -> dict:
+    computed = sum(stage.job.slices for stage in stages)
+    counts = {"computed": computed, "skipped": sum(stage.job.grid.size for stage in stages) - computed, "certified": certified}
+    methods = {stage.hand or "intervals": stage.method for stage in stages}
+    own = stages[0].job
+    facts = facts_of(spec, methods, counts, timings, [*own.grid.notices, *(hands.notices(own) if hands else ())])
+    if hands and hands.box:
+        facts["hand_box"] = {name: list(getattr(hands.box, name)) for name in ("mass", "damping", "stiffness")}
+    return facts
 
 
 def method(path) -> str:
@@ -114,9 +190,3 @@ def method(path) -> str:
     if path in WALL:
         return "crossings of the unit circle from one real polynomial, proved by Smith's discs, polished in state space"
     return "roots of the eigenvalues' critical functions on Chebyshev panels, proved by Smith's discs, polished"
-
-
-def notices(grid) -> list[str]:
-    """What a user should know before reading the table."""
-    kind = grid.spec.values["controller.kind"]
-    return [f"{axis.name} is not read by {kind}: evaluated once, its rows repeated" for axis in grid.ignored]

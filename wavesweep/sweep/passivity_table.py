@@ -12,14 +12,13 @@ from wavesweep.diagram import draw
 from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
 from wavesweep.sweep.grid import Grid, groups, make_grid
-from wavesweep.sweep.run import Table, facts_of
-from wavesweep.sweep.tasks import PORT, PortWork
+from wavesweep.sweep.table import Table, facts_of
+from wavesweep.sweep.tasks import PORT, PortTask
 from wavesweep.sweep.workers import choose, results
 
-JOBS = 2
-CHUNK = 128  # loops handed to a worker at once: a third of a second
+CHUNK = 128  # loops in a task: a third of a second
 READY = 1.5  # s that workers take longer than those of `intervals` to be ready and to load SciPy
-CHANNEL = ("rates.", "filters.")  # what the channel is made of; all else is outside its ports
+CHANNEL = ("rates.", "filters.")  # the keys that the channel depends on; all others are outside its ports
 METHODS = {
     "channel": "H-infinity norm by levels: the level just above it is met at no frequency (symplectic pencil of a frame)",
     "port": "least eigenvalue of the Hermitian part by levels, the level just below it met at no frequency",
@@ -29,16 +28,15 @@ METHODS = {
 def passivity(spec: Spec, jobs=None, backend=None, scheduler=None, progress=None) -> Table:
     """Channel norm and port margin for every combination of the axes of [sweep] that have values.
 
-    An axis with a span alone is not swept. What an axis does not change is computed once: the norm hangs on filters
-    and rates alone, the margin on what the controller reads. jobs, backend, scheduler, progress: as for `intervals`.
+    An axis that has only a span is not swept. Nothing is computed twice: the norm depends on filters and rates, the
+    margin on the keys that the controller reads. jobs, backend, scheduler, progress: as for `intervals`.
     """
     started = time.perf_counter()
     grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
     channel = _channel_columns(grid)
-    port, workers = _port_columns(grid, (jobs or JOBS, backend, scheduler), progress)
+    port, workers = _port_columns(grid, (jobs, backend, scheduler), progress)
     certified = port.pop("certified") & channel.pop("certified")
-    computed = grid.loops * grid.walls
-    counts = {"computed": computed, "skipped": grid.size - computed, "certified": int(certified.sum())}
+    counts = {"computed": grid.slices, "skipped": grid.size - grid.slices, "certified": int(certified.sum())}
     timings = {"compute_s": time.perf_counter() - started, "workers": workers.count}
     facts = facts_of(spec, METHODS, counts, timings, _notices(grid))
     return Table.of("passivity", _rows(grid, {**channel, **port}), facts)
@@ -55,9 +53,9 @@ ORDER = ("channel_norm", "channel_omega", "port_margin", "port_omega", "channel_
 
 
 def _rows(grid, found) -> dict:
-    loop, wall = grid.column_of(np.arange(grid.size))
-    column = loop * grid.walls + wall
-    return grid.axis_columns(np.arange(grid.size)) | {name: found[name][column] for name in ORDER}
+    combination = np.arange(grid.size)
+    slices = grid.slice_of(combination)
+    return grid.axis_columns(combination) | {name: found[name][slices] for name in ORDER}
 
 
 def channels_of(grid: Grid) -> Grid:
@@ -72,7 +70,7 @@ def _channel_columns(grid: Grid) -> dict[str, np.ndarray]:
     found = {
         "channel_norm": np.full(size, np.nan),
         "channel_omega": np.full(size, np.nan),
-        # A channel that is not there adds no energy.
+        # A loop without a channel has none that adds energy.
         "channel_passive": np.ones(size, bool),
         "certified": np.ones(size, bool),
     }
@@ -86,7 +84,7 @@ def _channel_columns(grid: Grid) -> dict[str, np.ndarray]:
 
 
 def _inner(grid, inside):
-    """For each column of the grid the loop of `inside`, whose axes are some of the grid's loop axes."""
+    """For each slice of the grid the loop of `inside`, whose axes are some of the grid's loop axes."""
     shape = tuple(len(axis.values) for axis in grid.loop_axes)
     digits = dict(zip(grid.loop_axes, np.unravel_index(np.arange(grid.loops), shape), strict=True)) if shape else {}
     loop = np.zeros(grid.loops, int)
@@ -97,41 +95,30 @@ def _inner(grid, inside):
 
 def _port_columns(grid: Grid, wanted, progress):
     """Table columns of the port and `certified`, `(loops * walls,)`, and the workers that computed them."""
-    size = grid.loops * grid.walls
-    work = list(_port_work(grid, size))
-    workers = choose(*wanted, len(work), partial(_expected_seconds, work))
-    found, done = np.zeros(size, PORT), 0
-    for _, records, _ in results(workers, range(len(work)), work.__getitem__):
-        found[records["column"]] = records
+    tasks = [PortTask(*part) for part in grid.slices_of_a_drawing(CHUNK)]
+    workers = choose(*wanted, len(tasks), partial(_expected_seconds, tasks))
+    found, done = np.zeros(grid.slices, PORT), 0
+    for _, records, _ in results(workers, range(len(tasks)), tasks.__getitem__):
+        found[records["slice"]] = records
         done += records.size
         if progress:
-            progress(done, size, int(found["certified"].sum()))
-    return {name: np.ascontiguousarray(found[name]) for name in PORT.names if name != "column"}, workers
+            progress(done, grid.slices, int(found["certified"].sum()))
+    return {name: np.ascontiguousarray(found[name]) for name in PORT.names if name != "slice"}, workers
 
 
-def _port_work(grid, size) -> Iterator[PortWork]:
-    loop, wall = np.divmod(np.arange(size), grid.walls)
-    changes = grid.loop_values(loop) | {path: values[wall] for path, values in grid.wall_values().items()}
-    for members, values in groups(grid.spec, changes, size):
-        for start in range(0, members.size, CHUNK):
-            part = slice(start, start + CHUNK)
-            yield PortWork(members[part], {path: v[part] if np.ndim(v) else v for path, v in values.items()})
-
-
-def _expected_seconds(work) -> float:
+def _expected_seconds(tasks) -> float:
     """Seconds in one process beyond READY, from some loops of the first chunk and of the last."""
-    pieces = [each.first(16) for each in (work[0], work[-1])]
+    pieces = [task.first(16) for task in (tasks[0], tasks[-1])]
     pieces[0].first(1).records()  # the first call of everything costs more than it will later
     started = time.perf_counter()
     loops = sum(piece.records().size for piece in pieces)
-    return (time.perf_counter() - started) / loops * sum(each.column.size for each in work) - READY
+    return (time.perf_counter() - started) / loops * sum(task.slices.size for task in tasks) - READY
 
 
 def _notices(grid) -> Iterator[str]:
-    """Yield what a user should know before reading the table."""
+    """Yield notices about axes that are not swept, and about a missing channel."""
     kind, values = grid.spec.values["controller.kind"], grid.spec.values
-    for axis in grid.ignored:
-        yield f"{axis.name} is not read by {kind}: evaluated once, its rows repeated"
+    yield from grid.notices
     for axis in grid.spec.sweep:
         if not axis.values:
             yield f"{axis.name} has a span and no values: not swept, held at the spec's {values[axis.path]:g}"

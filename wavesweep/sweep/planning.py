@@ -1,4 +1,4 @@
-"""What a run would compute, said before it runs."""
+"""The lines of `wavesweep check`: a run described before it runs."""
 
 from functools import cache, partial
 
@@ -7,14 +7,14 @@ from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.sweep.grid import make_grid
-from wavesweep.sweep.interval_table import JOBS, method
-from wavesweep.sweep.job import ask, expected_seconds
+from wavesweep.sweep.interval_table import method
+from wavesweep.sweep.job import expected_seconds, job_of
 from wavesweep.sweep.passivity_table import channels_of
 from wavesweep.sweep.workers import choose
 
 
 def plan(spec: Spec) -> list[str]:
-    """Lines for `wavesweep check`: the loop, what each command would compute and how, what is skipped and why."""
+    """Lines for `wavesweep check`: the loop, the work and the method of each command, and the keys that are skipped and why."""
     diagram = draw(spec.values)
     cut = cut_at_wall(diagram)
     kind, where = spec.values["controller.kind"], spec.source or spec.name
@@ -39,14 +39,14 @@ def _loop_lines(spec, diagram, cut):
 
 def _interval_lines(spec, command, along):
     try:
-        asked = ask(spec, along)
+        job = job_of(spec, along)
     except (SpecError, UsageError) as error:
         return [f"  {command}: not possible with this spec: {error}"]
-    grid, axis, expected = asked.grid, asked.axis, cache(partial(expected_seconds, asked))
+    grid, axis, expected = job.grid, job.axis, cache(partial(expected_seconds, job))
     product = " x ".join(f"{a.name}[{len(a.values)}]" for a in grid.axes) or "the spec's own values"
-    workers = choose(JOBS, None, None, len(asked.chunks), expected)
-    repeated = f", {grid.size - asked.columns} more are repeats" if grid.size > asked.columns else ""
-    slices = f"{_count(asked.columns, 'slice')} over {_count(grid.loops, 'compiled loop')}{repeated}"
+    workers = choose(None, None, None, len(job.chunks), expected)
+    repeated = f", {grid.size - job.slices} more are repeats" if grid.size > job.slices else ""
+    slices = f"{_count(job.slices, 'slice')} over {_count(grid.loops, 'compiled loop')}{repeated}"
     span = f"({axis.start:g}, {axis.stop:g})"
     who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
     return [
@@ -62,7 +62,7 @@ def _duration(seconds):
 
 def _bode_lines(spec):
     grid, points = make_grid(spec, spec.bode), spec.frequency_hz
-    curves = _count(grid.loops * grid.walls, "curve")
+    curves = _count(grid.slices, "curve")
     frequencies = f"{len(points)} frequencies from {min(points):g} to {max(points):g} Hz"
     return [f"  bode: {curves} of {frequencies}; method: lifted resolvent of both rates"]
 
@@ -71,7 +71,7 @@ def _passivity_line(spec):
     grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
     channels = channels_of(grid).loops if draw(spec.values).waves else 0
     return (
-        f"  passivity: hand's port of {_count(grid.loops * grid.walls, 'loop')}, norm of {_count(channels, 'wave channel')}; "
+        f"  passivity: hand's port of {_count(grid.slices, 'loop')}, norm of {_count(channels, 'wave channel')}; "
         "method: level sets of the frame's energy balance, without a frequency grid"
     )
 

@@ -10,10 +10,10 @@ from wavesweep.diagram import draw
 from wavesweep.errors import UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import find_key
-from wavesweep.sweep.grid import Grid, groups, make_grid
-from wavesweep.sweep.run import Table, facts_of
+from wavesweep.sweep.grid import Grid, make_grid
+from wavesweep.sweep.table import Table, facts_of
 
-SPARED = 1e-6  # relative error up to which a row is vouched for
+SPARED = 1e-6  # relative error up to which a row has no doubt
 
 
 def parts_of(name: str, response) -> dict[str, np.ndarray]:
@@ -23,9 +23,9 @@ def parts_of(name: str, response) -> dict[str, np.ndarray]:
 
 
 def doubt_of(errors, stable, lost) -> np.ndarray:
-    """The word of each row (see `DOUBTS`); errors: bounds on relative errors, NaN where a number is not known.
+    """The word of each row (see `DOUBTS`); errors: bounds on relative errors, NaN if a number is not known.
 
-    An unstable loop has no steady response, whatever its digits are; one that overflows within a frame has no number.
+    An unstable loop has no steady response, even if its digits are good; one that overflows within a frame has no number.
     """
     rounded = ~np.logical_and.reduce([error <= SPARED for error in errors])
     words = np.where(lost, "overflow", np.where(stable, np.where(rounded, "rounding", ""), "unstable"))
@@ -38,8 +38,8 @@ BLOCK = 200_000  # responses in one batch
 def responses(specs, **_work) -> Table:
     """Admittance, impedance, worst-case gain and verdict of every spec, for every combination of its [bode] axes.
 
-    An axis that only some of the specs have holds the spec's own value for the others. What is said of workers is not
-    read: thousands of curves take less time than starting one. Raises UsageError for a frequency beyond half the fast rate.
+    A spec without one of the axes has its own value in that column. Workers are not used: thousands of curves take less
+    time than starting one. Raises UsageError for a frequency beyond half the fast rate.
     """
     started = time.perf_counter()
     names = list(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
@@ -47,10 +47,9 @@ def responses(specs, **_work) -> Table:
     for spec in specs:
         grid = make_grid(spec, spec.bode)
         tables.append(_rows(grid, np.asarray(spec.frequency_hz), names))
-        counts["computed"] += grid.loops * grid.walls
-        counts["skipped"] += grid.size - grid.loops * grid.walls
-        kind = spec.values["controller.kind"]
-        notices += [f"{axis.name} is not read by {kind}: evaluated once, its rows repeated" for axis in grid.ignored]
+        counts["computed"] += grid.slices
+        counts["skipped"] += grid.size - grid.slices
+        notices += grid.notices
     columns = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
     facts = facts_of(specs[0], METHODS, counts, {"compute_s": time.perf_counter() - started}, notices)
     if len(specs) > 1:
@@ -79,37 +78,29 @@ def one_spec(spec, axes, frequency) -> dict:
 
 def _rows(grid: Grid, frequency, names) -> dict:
     """Rows of one spec: combinations in order, frequencies innermost."""
-    loop, wall = grid.column_of(np.arange(grid.size))
-    found = response_arrays(grid, frequency)
-    column, repeat = loop * grid.walls + wall, frequency.size
-    leading = grid.axis_columns(np.arange(grid.size))
+    combination, repeat = np.arange(grid.size), frequency.size
+    found, slices = response_arrays(grid, frequency), grid.slice_of(combination)
+    leading = grid.axis_columns(combination)
     own = {name: np.full(grid.size, grid.spec.values.get(find_key(name).path, np.nan)) for name in names}
     rows = {name: np.repeat(values, repeat) for name, values in (own | leading).items()}
     text = {"spec": grid.spec.name, "controller": grid.spec.values["controller.kind"]}
     rows |= {name: np.full(grid.size * repeat, word, dtype=object) for name, word in text.items()}
     rows["frequency_hz"] = np.tile(frequency, grid.size)
-    return rows | {name: values[column].reshape(-1) for name, values in found.items()}
+    return rows | {name: values[slices].reshape(-1) for name, values in found.items()}
 
 
 def response_arrays(grid: Grid, frequency) -> dict[str, np.ndarray]:
-    """Table columns from `omega_Ts` on, each `(loops * walls, points)`."""
+    """Table columns from `omega_Ts` on, each `(slices, points)`."""
     _refuse_aliases(grid, frequency)
-    size = grid.loops * grid.walls
-    loop, wall = np.divmod(np.arange(size), grid.walls)
-    changes = grid.loop_values(loop) | {path: values[wall] for path, values in grid.wall_values().items()}
     out = {}
-    for members, values in groups(grid.spec, changes, size):
-        width = max(1, BLOCK // frequency.size)
-        for start in range(0, members.size, width):
-            part = members[start : start + width]
-            block = {path: v[start : start + width] if np.ndim(v) else v for path, v in values.items()}
-            for name, array in _block(block, frequency).items():
-                out.setdefault(name, np.empty((size, frequency.size), array.dtype))[part] = array
+    for numbers, values in grid.slices_of_a_drawing(max(1, BLOCK // frequency.size)):
+        for name, array in _block(values, frequency).items():
+            out.setdefault(name, np.empty((grid.slices, frequency.size), array.dtype))[numbers] = array
     return out
 
 
 def _refuse_aliases(grid, frequency):
-    """A force that is held over a tick has no frequency beyond half the fast rate."""
+    """Raise UsageError for frequencies beyond half the fast rate, which a force that is held over a tick does not have."""
     rates = [axis.values for axis in grid.axes if axis.path == "rates.fast_hz"]
     limit = min(*rates[0], np.inf) / 2 if rates else grid.spec.values["rates.fast_hz"] / 2
     if frequency.size and frequency.max() > limit:
@@ -117,7 +108,7 @@ def _refuse_aliases(grid, frequency):
 
 
 def _block(values, frequency):
-    """The same for one drawing."""
+    """The columns for loops of one drawing."""
     diagram, K, B, ratio = draw(values), values["environment.K_VE"], values["environment.B_VE"], values["rates.ratio"]
     loop = prepare(diagram, K, B)
     found, radius = respond(loop, frequency), spectral_radius(cut_at_wall(diagram), K, B)

@@ -17,11 +17,11 @@ from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.sweep.response_table import doubt_of, parts_of
-from wavesweep.sweep.run import Table, facts_of
+from wavesweep.sweep.table import Table, facts_of
 
 
 def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> dict[str, np.ndarray]:
-    """Give the columns of the table `simulate-response`, a row per tone; see `estimate` for the accuracy."""
+    """The columns of the table `simulate-response`, a row per tone; see `estimate` for the accuracy."""
     values = spec.values
     seen = estimate(simulation.signals, tones, values["rates.fast_hz"], simulation.frame)
     # The normalised frequency is that of the slow rate, also for dc, whose frame is one tick.
@@ -45,20 +45,20 @@ RESPONSE_METHODS = {
 
 
 def simulate(spec: Spec) -> list[Table]:
-    """Simulate the spec; give its time series and, for settled sines, the response estimated from it."""
+    """The time series of the simulated spec and, for settled sines, the response estimated from it."""
     started = time.perf_counter()
     hand = hand_force(spec)
     simulation = simulated(spec, hand.force)
     columns = table(simulation)
-    marched = time.perf_counter()
-    facts = _facts(spec, METHODS, {"march_s": marched - started}, list(_notices(spec)))
+    simulated_at = time.perf_counter()
+    facts = _facts(spec, METHODS, {"march_s": simulated_at - started}, list(_notices(spec)))
     rows = len(columns["tick"])
     facts["ticks"] = {"wanted": len(hand.force), "simulated": rows}
     tables = [Table.of("simulate", columns, facts)]
     tones = [tone for tone in hand.tones if tone.last <= rows]
     if tones:
         response = seen_response(spec, simulation, tones)
-        timings = {"estimate_s": time.perf_counter() - marched}
+        timings = {"estimate_s": time.perf_counter() - simulated_at}
         tables.append(Table.of("simulate-response", response, _facts(spec, RESPONSE_METHODS, timings, [])))
     return tables
 
@@ -66,7 +66,7 @@ def simulate(spec: Spec) -> list[Table]:
 def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]) -> dict[str, Any]:
     facts = facts_of(spec, methods, {"computed": 1, "skipped": 0, "certified": 0}, timings, notices)
     if spec.simulate["input"] == "record":
-        # The digest of the spec knows the record by its name alone.
+        # The digest of the spec covers only the name of the record.
         facts["record_sha256"] = hashlib.sha256(record_path(spec).read_bytes()).hexdigest()
     return facts
 

@@ -1,4 +1,4 @@
-"""The workers that a sweep runs on: none, processes of this machine, or one of joblib's other backends."""
+"""The workers that a sweep runs on: none, processes of this machine, or another backend of joblib's."""
 
 import os
 import signal
@@ -19,14 +19,14 @@ PATIENCE = "10s"  # for a dask scheduler to answer
 
 
 def enter(workers, opened: ExitStack) -> None:
-    """Make the workers' backend joblib's own for as long as `opened` is open. Raises UsageError where that cannot be."""
+    """Make the workers' backend joblib's own for as long as `opened` is open. Raises UsageError if that is impossible."""
     import joblib
 
     opened.enter_context(_one_blas_thread())
     if workers.backend == "ray":
         _import("ray", "ray.util.joblib").register_ray()
     options = {"client": _client(workers.scheduler, opened)} if workers.backend == "dask" else {}
-    # The others say no to it, and inherit the environment.
+    # The other backends refuse it, and inherit the environment.
     limit = {"inner_max_num_threads": 1} if workers.backend == "loky" else {}
     try:
         opened.enter_context(joblib.parallel_config(workers.backend, n_jobs=workers.count, **limit, **options))
@@ -84,12 +84,13 @@ def _one_blas_thread():
 LOKY = "loky"
 BLOCK = 4  # chunks per worker in a block, where a backend gives results in blocks only
 DIED = "a worker process died (killed, or out of memory); fewer --jobs take less memory"
+PROCESSES = 2  # by default
 WORTH = 0.6  # s of work; measured: two loky workers are ready after 0.2 s, and below this they save nothing
 
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """Who does the work: `count` workers of a joblib backend, or this process (count 1, backend None), and why."""
+    """`count` workers of a joblib backend, or this process (count 1, backend None), and why these were chosen."""
 
     count: int
     backend: str | None
@@ -97,8 +98,12 @@ class Workers:
     why: str
 
 
-def choose(jobs: int, backend: str | None, scheduler: str | None, chunks: int, seconds: Callable[[], float]) -> Workers:
-    """Decide who does the work; seconds: gives what it takes in this process, asked only where it matters."""
+def choose(jobs: int | None, backend: str | None, scheduler: str | None, chunks: int, seconds: Callable[[], float]) -> Workers:
+    """Decide which workers compute `chunks` chunks.
+
+    jobs: how many workers, PROCESSES if None. seconds: estimates the time in this process, called only if it matters.
+    """
+    jobs = jobs or PROCESSES
     if backend is not None:
         return Workers(jobs, backend, scheduler, f"the backend {backend} was asked for")
     if jobs == 1:
@@ -111,25 +116,23 @@ def choose(jobs: int, backend: str | None, scheduler: str | None, chunks: int, s
     return Workers(min(jobs, chunks), LOKY, None, f"estimated {max(1, round(expected))} s of work")
 
 
-def results(workers: Workers, numbers, work_of: Callable) -> Iterator[tuple]:
+def results(workers: Workers, numbers, task_of: Callable) -> Iterator[tuple]:
     """Yield (number, records, seconds) of every chunk as it is finished, in no particular order.
 
-    work_of(number): the chunk's `Work`, made when it is handed out. Raises UsageError for a backend that is not there,
-    WavesweepError where a worker dies. Closing the generator ends the workers.
+    task_of(number): the chunk's `Task`, made when it is handed out. Raises UsageError for a backend that is missing,
+    WavesweepError if a worker dies. Closing the generator ends the workers.
     """
     if workers.backend is None:
-        return (timed(number, work_of(number), os.getpid()) for number in numbers)
-    return _elsewhere(workers, numbers, work_of)
+        return (timed(number, task_of(number), os.getpid()) for number in numbers)
+    return _elsewhere(workers, numbers, task_of)
 
 
-def _elsewhere(workers, numbers, work_of):
+def _elsewhere(workers, numbers, task_of):
     import joblib
-
-    from wavesweep.sweep.workers import deaths, enter
 
     with ExitStack() as opened:
         enter(workers, opened)
-        calls = (joblib.delayed(timed)(number, work_of(number), os.getpid()) for number in numbers)
+        calls = (joblib.delayed(timed)(number, task_of(number), os.getpid()) for number in numbers)
         try:
             yield from _unordered(joblib, calls)
         except deaths(workers.backend) as error:

@@ -18,9 +18,9 @@ class Table:
 
     kind: the table's name, and that of its files. blocks: gives the columns (name -> array, in the table's order) in
     blocks of consecutive rows, as often as it is called. facts: JSON-able, see `results`. axes: name -> values of each
-    leading column, where a figure has to be laid out before all rows are there. fields: the columns' fields, where
+    leading column, if a figure has to be laid out before all rows are there. fields: the columns' fields, if
     `results` does not know the kind. figure: draws the table as PNG at a path. text: the table as Markdown. forget:
-    removes what the rows are made from, once they are safe elsewhere.
+    removes the checkpoint that the rows are read from, once they are safe elsewhere.
     """
 
     kind: str
@@ -34,7 +34,7 @@ class Table:
 
     @classmethod
     def of(cls, kind: str, columns: Columns, facts: Mapping[str, object], **more: Any) -> Table:
-        """The table whose rows are all at hand."""
+        """A table of rows that are known already."""
         return cls(kind, lambda: (columns,), facts, **more)
 
     @property
@@ -43,7 +43,7 @@ class Table:
         return joined(self.blocks())
 
     def watched(self, *watchers: Callable[[Columns], None]) -> Table:
-        """The same table; whoever reads its blocks shows each of them to the watchers as well."""
+        """The same table; as its blocks are read, each is shown to the watchers as well."""
 
         def blocks() -> Iterator[Columns]:
             for block in self.blocks():

@@ -6,8 +6,7 @@ import wavesweep
 from wavesweep import sweep
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
-from wavesweep.sweep import job
-from wavesweep.sweep.job import ask
+from wavesweep.sweep.job import expected_seconds, job_of
 from wavesweep.sweep.workers import choose
 
 
@@ -63,8 +62,7 @@ def test_workers_are_chosen_where_the_work_is_worth_them(jobs, backend, chunks, 
 
 
 def test_the_expectation_is_of_the_whole(long):
-    asked = ask(long)
-    assert 0.01 < job.expected_seconds(asked) < 30
+    assert 0.01 < expected_seconds(job_of(long)) < 30
 
 
 def test_check_says_slices_chunks_workers_and_why(mixed, long):

@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from wavesweep import sweep
 from wavesweep.analysis.passivity import HandBox, box_intervals, colgate_schenkel, damping_needed, hand_box
 from wavesweep.analysis.passivity.hand import worst_modes
 from wavesweep.cli.summaries import HandTally
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
-from wavesweep.sweep import held_intervals, held_table, holders_of, workers
+from wavesweep.sweep import hands_of, interval_table, intervals, workers
 
 OPERATOR = {"mass": 0.2, "damping": 5.0, "stiffness": 300.0}
 LINE = {"mass": (0.1, 0.6), "damping": (3.0, 3.0), "stiffness": (300.0, 300.0)}  # quickly searched
@@ -38,22 +37,22 @@ def rows_of(run, hand):
     ],
 )
 def test_which_hands_have_rows(operator, hand, port, expected):
-    run = held_intervals(spec_of(operator=operator), holders_of(hand, LINE if hand == "box" else {}, port))
+    run = intervals(spec_of(operator=operator), hands=hands_of(hand, LINE if hand == "box" else {}, port))
     assert list(dict.fromkeys(run.columns["hand"])) == expected
 
 
 def test_the_other_rows_are_those_of_the_plain_table(same):
     spec = spec_of(operator=OPERATOR, B_VE=[0.0, 1.0])
-    run = held_intervals(spec, holders_of("passive", None, False))
+    run = intervals(spec, hands=hands_of("passive", None, False))
     for hand, loop in (("operator", spec), ("free", spec_of(B_VE=[0.0, 1.0]))):
         rows = rows_of(run, hand)
         del rows["hand"]
-        same(rows, sweep.intervals(loop).columns)
+        same(rows, intervals(loop).columns)
 
 
 def test_for_direct_coupling_the_walls_of_every_passive_hand_are_colgates_and_certified():
     damping = np.array([0.0, 1.0, 2.9])
-    run = held_intervals(spec_of(B_VE=damping.tolist()), holders_of("passive", None, False))
+    run = intervals(spec_of(B_VE=damping.tolist()), hands=hands_of("passive", None, False))
     rows = rows_of(run, "passive")
     assert rows["certified"].all()
     assert rows["low"].tolist() == [0, 0, 0]
@@ -79,7 +78,7 @@ def test_the_damping_asked_for_is_convex_over_the_walls_of_direct_coupling(kind,
 
 
 def test_what_nothing_proves_is_not_certified():
-    run = held_intervals(spec_of("pmw-lm", B_VE=[1.0]), holders_of("passive", None, True))
+    run = intervals(spec_of("pmw-lm", B_VE=[1.0]), hands=hands_of("passive", None, True))
     assert rows_of(run, "passive")["intervals"].tolist() == [0]
     assert any("no damping is enough" in notice for notice in run.facts["notices"])
     for hand in ("passive", "port"):
@@ -88,7 +87,7 @@ def test_what_nothing_proves_is_not_certified():
 
 def test_along_another_number_the_least_damping_of_the_device_is_found():
     spec = spec_of(along="device.damping", **{"device.damping": {"start": 0, "stop": 20}, "B_VE": [0.0, 2.0]})
-    rows = rows_of(held_intervals(spec, holders_of("passive", None, False)), "passive")
+    rows = rows_of(intervals(spec, hands=hands_of("passive", None, False)), "passive")
     expected = colgate_schenkel(500.0, np.array([0.0, 2.0]), 1e-3)
     assert rows["low"] == pytest.approx(expected, rel=1e-5)
     assert rows["high"].tolist() == [20, 20]
@@ -97,7 +96,7 @@ def test_along_another_number_the_least_damping_of_the_device_is_found():
 @pytest.mark.slow
 def test_the_box_names_the_hand_that_ends_it():
     spec = spec_of("dc-slow", B_VE=[0.0, 1.0])
-    run = held_intervals(spec, holders_of("box", BOX, False))
+    run = intervals(spec, hands=hands_of("box", BOX, False))
     rows = rows_of(run, "box")
     assert not rows["certified"].any()
     assert rows["settled"].all()
@@ -118,7 +117,7 @@ def test_the_box_names_the_hand_that_ends_it():
 @pytest.mark.slow
 def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
     monkeypatch.setattr(hand_box, "WORK", 1000)
-    run = held_intervals(spec_of("dc-slow"), holders_of("box", BOX, False))
+    run = intervals(spec_of("dc-slow"), hands=hands_of("box", BOX, False))
     rows = rows_of(run, "box")
     assert not rows["settled"].any()
     tally = HandTally()
@@ -131,9 +130,9 @@ def test_a_box_that_is_too_much_to_prove_is_not_settled(monkeypatch):
 @pytest.mark.slow
 def test_the_rows_do_not_depend_on_workers_chunks_or_a_stop(tmp_path, monkeypatch, same):
     spec = spec_of("dc-slow", **{"device.mass": [0.1, 0.2, 0.3]})
-    holders = holders_of("box", LINE, True)
-    alone = held_intervals(spec, holders, jobs=1)
-    monkeypatch.setattr(held_table, "FEW", 1)
+    hands = hands_of("box", LINE, True)
+    alone = intervals(spec, hands=hands, jobs=1)
+    monkeypatch.setattr(interval_table, "FEW", 1)
     monkeypatch.setattr(workers, "WORTH", -1.0)
 
     def stop_at(done, _total, _certified):
@@ -141,8 +140,8 @@ def test_the_rows_do_not_depend_on_workers_chunks_or_a_stop(tmp_path, monkeypatc
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        held_intervals(spec, holders, checkpoint=tmp_path / "parts", progress=stop_at, jobs=1)
-    run = held_intervals(spec, holders, checkpoint=tmp_path / "parts", jobs=2)
+        intervals(spec, hands=hands, checkpoint=tmp_path / "parts", progress=stop_at, jobs=1)
+    run = intervals(spec, hands=hands, checkpoint=tmp_path / "parts", jobs=2)
     assert run.facts["timings"]["slices_from_checkpoint"] == 4  # a single chunk, the free device's, stays in memory
     same(run.columns, alone.columns)
     run.forget()
@@ -151,7 +150,7 @@ def test_the_rows_do_not_depend_on_workers_chunks_or_a_stop(tmp_path, monkeypatc
 
 def test_progress_counts_all_hands_together():
     seen = []
-    held_intervals(spec_of(B_VE=[0.0, 1.0]), holders_of("free", None, True), progress=lambda *now: seen.append(now[:2]))
+    intervals(spec_of(B_VE=[0.0, 1.0]), hands=hands_of("free", None, True), progress=lambda *now: seen.append(now[:2]))
     assert seen[-1] == (4, 4)
     assert {total for _, total in seen} == {4}
 
@@ -166,9 +165,9 @@ def test_progress_counts_all_hands_together():
 )
 def test_what_cannot_be_answered_is_refused(spec, hand, said):
     with pytest.raises(UsageError, match=said):
-        held_intervals(spec, holders_of(hand, {}, False))
+        intervals(spec, hands=hands_of(hand, {}, False))
 
 
 def test_an_empty_box_is_refused():
     with pytest.raises(UsageError, match=r"mass expected 0 <= low <= high, found \(0.5, 0.1\)"):
-        holders_of("box", {"mass": (0.5, 0.1)}, False)
+        hands_of("box", {"mass": (0.5, 0.1)}, False)

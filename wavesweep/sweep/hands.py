@@ -1,0 +1,185 @@
+"""Intervals guaranteed for hands: for every passive hand, for every hand of a box, for every held force at the port."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from wavesweep.analysis.doubt import NONE, SEARCH
+from wavesweep.analysis.passivity import (
+    HOLDING_A_DEVICE,
+    HandBox,
+    any_hand_walls,
+    box_intervals,
+    damping_needed,
+    port_margin,
+    port_passive_walls,
+    swing_with_hand,
+)
+from wavesweep.analysis.passivity.hand import OPERATOR
+from wavesweep.diagram import WALL, draw, drift_of
+from wavesweep.errors import UsageError
+from wavesweep.spec import Spec
+from wavesweep.sweep.grid import selected
+from wavesweep.sweep.job import Job
+from wavesweep.sweep.tasks import END_HANDS, HAND_RECORD, IntervalTask
+
+METHODS = {
+    "passive": "damping that every passive hand asks for against the device's own; each value looked at is proved",
+    "box": "exact intervals of the hands found to matter, intersected; where settled, a cover of the box by pieces, each "
+    "stable by a weighted Gershgorin bound, proves all but a thousandth of the interval at either end; else searched",
+    "port": "port margin; each value looked at is proved, what lies between two of the same kind is not",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Guarantee:
+    """The hands for which an interval is guaranteed: "passive", "box" (those of `box`) or "port"; see `METHODS`."""
+
+    kind: str
+    box: HandBox | None = None
+
+    @property
+    def method(self) -> str:
+        """How the intervals are found, in a line."""
+        return METHODS[self.kind]
+
+    def task(self, task: IntervalTask) -> "HandTask":
+        """The same loops and walls, with these guarantees in place of the stable intervals."""
+        return HandTask(*(getattr(task, field.name) for field in fields(task)), self)
+
+    def records(self, values: Mapping[str, object], along: str, span: tuple[float, float]) -> np.ndarray:
+        """Intervals of the key `along` within `span` for one loop, as records of slice 0.
+
+        values: flat keys, numbers. Certified are those for every passive hand of a direct coupling along the wall: its
+        force is linear in the wall, so the walls that a damping pays for are a convex set, which its ends prove. The
+        others are not: nothing proves that no smaller interval hides, or that no hand ends it a little sooner.
+        """
+        if self.kind == "box":
+            return _for_box(values, span, self.box)
+        if self.kind == "port":
+            return _from_ends(port_passive_walls(values, span, along), span, lambda at: port_margin(_at(values, along, at)))
+        found = any_hand_walls(values, span, path=along)
+        convex = not draw(values).slow and along in WALL
+        return _from_ends(found, span, lambda at: damping_needed(_at(values, along, at)), certified=convex)
+
+
+def _at(values, along, ends):
+    return {**values, along: ends}
+
+
+def _from_ends(found, span, measure, certified=False) -> np.ndarray:
+    records = _blank(found.low, found.high)
+    if certified and found.low.size:
+        records["certified"], records["settled"], records["doubt"] = True, True, NONE
+    for end, border in zip(("low", "high"), span, strict=True):
+        real = np.flatnonzero(records[end] != border) if found.low.size else []
+        if len(real):
+            records[f"{end}_omega"][real] = measure(records[end][real]).omega
+    return records
+
+
+def _for_box(values, span, box) -> np.ndarray:
+    found = box_intervals(values, span, box)
+    records = _blank(found.low, found.high)
+    records["settled"] = found.settled
+    for end, hands in (("low", found.low_hand), ("high", found.high_hand)):
+        for row in np.flatnonzero(~np.isnan(hands[:, 0])):
+            records[f"{end}_omega"][row] = swing_with_hand(values, hands[row], records[end][row])
+            for name, number in zip(END_HANDS[end], hands[row], strict=True):
+                records[name][row] = number
+    return records
+
+
+def _blank(low, high) -> np.ndarray:
+    """Records with these ends, or the one record of a slice without intervals."""
+    records = np.zeros(max(low.size, 1), HAND_RECORD)
+    records["doubt"] = SEARCH
+    for name in HAND_RECORD.names:
+        if HAND_RECORD[name].kind == "f":
+            records[name] = np.nan
+    records["intervals"] = low.size
+    if low.size:
+        records["interval"], records["low"], records["high"] = np.arange(low.size), low, high
+    return records
+
+
+@dataclass(frozen=True, slots=True)
+class Hands:
+    """The hands for which intervals are asked for, beside those of the spec's own loop.
+
+    hand: "free" (the free device only), "passive" (adds the intervals guaranteed for every passive hand) or "box" (adds
+    those for every hand of `box`). port: whether to add the intervals in which the port is passive for held forces.
+    """
+
+    hand: str = "free"
+    box: HandBox | None = None
+    port: bool = False
+
+    def guarantees(self) -> list[Guarantee]:
+        """The guarantees asked for."""
+        asked = [] if self.hand == "free" else [Guarantee(self.hand, self.box)]
+        return asked + ([Guarantee("port")] if self.port else [])
+
+    def refuse(self, job: Job) -> None:
+        """Raise UsageError if the spec's own job leaves no answer for these hands."""
+        swept = [axis.name for axis in (*job.grid.axes, job.axis) if axis.path in OPERATOR]
+        if self.hand != "free" and swept:
+            raise UsageError(f"hand {self.hand}: every hand is looked at, so {', '.join(swept)} cannot be an axis as well")
+        if self.hand == "box" and job.axis.path != WALL[0]:
+            raise UsageError(
+                f"hand box: expected intervals along K_VE, found {job.axis.name}; the other hands go along any axis"
+            )
+        if self.hand == "passive" and job.grid.spec.values["device.velocity"] != "difference":
+            raise UsageError(
+                'hand passive: expected device.velocity = "difference", found "exact": a point sample of the velocity can be '
+                "anything at no cost in energy, so no damping answers for what its feedback does"
+            )
+
+    def without_operator(self, spec: Spec) -> Spec | None:
+        """The spec for the free device; None if it has no operator anyway."""
+        operated = any(spec.values[path] for path in OPERATOR)
+        return spec.with_values(dict.fromkeys(OPERATOR, 0.0)) if operated else None
+
+    def notices(self, job: Job) -> Iterator[str]:
+        """Yield the notice that no interval can be guaranteed for every passive hand, if that is known beforehand."""
+        diagram = draw(job.grid.spec.values)
+        if self.hand != "passive" or diagram.waves is None or diagram.ratio == 1:
+            return
+        swept = any(axis.path == "controller.Kp" for axis in (*job.grid.axes, job.axis))
+        if not swept and f"frame.{diagram.hand.position}" not in drift_of(diagram).shift:
+            yield "waves without Kp: a motion at a multiple of the slow rate drags the avatar along, and no damping is enough"
+
+
+def hands_of(hand: str, box: dict[str, tuple[float, float]] | None, port: bool) -> Hands:
+    """The hands for these options; box: ranges in place of those of the literature. Raises UsageError for an empty range."""
+    if hand != "box":
+        return Hands(hand, None, port)
+    try:
+        return Hands(hand, replace(HOLDING_A_DEVICE, **(box or {})), port)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HandTask(IntervalTask):
+    """Guaranteed intervals, a loop and a wall at a time; each takes from tenths of a second to some seconds."""
+
+    guarantee: Guarantee | None = None
+
+    def records(self) -> np.ndarray:
+        """The intervals as records; slices are numbered as by `solve`."""
+        walls = len(self.walls[WALL[0]])
+        found = {}
+        for members, values in self.groups:
+            for place, loop in enumerate(members.tolist()):
+                for wall in range(walls):
+                    records = self.guarantee.records(self._values(values, place, wall), self.along, self.span)
+                    records["slice"] = number = loop * walls + wall
+                    found[number] = records
+        return np.concatenate([found[number] for number in sorted(found)])
+
+    def _values(self, values, place, wall):
+        """Flat keys, numbers, of one loop and wall."""
+        own = selected(values, place) | selected(self.walls, wall)
+        return {path: v.item() if isinstance(v, np.generic) else v for path, v in own.items()}
