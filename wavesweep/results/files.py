@@ -51,7 +51,7 @@ def csv_header(fields: tuple[Field, ...]) -> bytes:
 def csv_rows(columns: Mapping[str, np.ndarray]) -> Any:
     """The rows of checked columns as a buffer: the shortest decimals that read back to the same bits, 1 and 0, NaN.
 
-    Arrow quotes all texts or none; they are quoted where one of these rows needs it.
+    Arrow quotes all texts or none; they are quoted if one of these rows needs it.
     """
     import pyarrow.csv
 
@@ -67,9 +67,9 @@ def csv_rows(columns: Mapping[str, np.ndarray]) -> Any:
 def read(path: str | Path) -> dict[str, np.ndarray]:
     """Give the columns of a CSV or Parquet table in their order, exactly as they were written.
 
-    Numbers are float64 with NaN where missing, whole numbers int64, booleans bool, names object arrays of str. The kind of
+    Numbers are float64 with NaN if missing, whole numbers int64, booleans bool, names object arrays of str. The kind of
     a column of a CSV follows from its name, or from the data package beside it.
-    Raises UsageError for a file of another kind, OSError where it cannot be read.
+    Raises UsageError for a file of another kind, OSError if it cannot be read.
     """
     path = Path(path)
     if path.suffix == ".csv":
@@ -135,7 +135,7 @@ def _made(kind: Any, length: int, *buffers: Any) -> Any:
 
 
 def _encoded(values: list) -> tuple[np.ndarray, bytes]:
-    """Texts one behind the other in UTF-8, and where each of them begins; each different one is encoded once."""
+    """The offset of each text, and all texts in UTF-8 one behind the other; equal ones are encoded once."""
     try:
         texts = {value: str(value).encode("utf-8") for value in dict.fromkeys(values)}
     except UnicodeEncodeError as error:

@@ -23,7 +23,7 @@ SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
 
 
 def refuse_other_spec(kind: str, directory: str | Path, sha256: str) -> None:
-    """Raise UsageError where the directory holds a table of this kind that another spec made, or an unknown one.
+    """Raise UsageError if the directory holds a table of this kind that another spec made, or an unknown one.
 
     Results of the same spec may be replaced: the new ones are equal.
     """
@@ -39,7 +39,7 @@ def existing_sha256(kind: str, directory: str | Path) -> str | None:
     files = [Path(directory) / f"{kind}{suffix}" for suffix in SUFFIXES]
     if not any(file.exists() for file in files):
         return None
-    # Files without a readable package of ours are somebody's all the same: say so, do not replace them.
+    # Files without a readable package of ours belong to somebody as well, and are not replaced.
     return packaged_sha256(files[-1])
 
 

@@ -199,7 +199,7 @@ def checked(fields: tuple[Field, ...], columns: Mapping[str, Any], first_row: in
     """Give the columns in their fields' order as contiguous float64, int64, bool and object arrays.
 
     `first_row` is how many rows of the table came before these; it only makes the row numbers of errors right.
-    Raises WavesweepError where columns are missing, unknown, of unequal length or of the wrong kind, and where a
+    Raises WavesweepError if columns are missing, unknown, of unequal length or of the wrong kind, and if a
     number is infinite: no table holds an infinity, several readers break on it.
     """
     expected = [field.name for field in fields]

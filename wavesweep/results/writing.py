@@ -38,8 +38,8 @@ def publish(table: Table, directory: str | Path, force: bool = False, plot: bool
     force      replace results of another spec
     plot       draw the figure
 
-    Raises UsageError where the directory holds results of another spec, WavesweepError where the columns do not fit the
-    fields or a number is infinite, OSError where something cannot be written.
+    Raises UsageError if the directory holds results of another spec, WavesweepError if the columns do not fit the
+    fields or a number is infinite, OSError if a file cannot be written.
     """
     directory, facts = Path(directory), dict(table.facts)
     fields, blocks = _opened(table)
@@ -91,7 +91,7 @@ def _write_rows(stem: Path, fields: tuple[Field, ...], facts: Mapping[str, Any],
 
 
 def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns]) -> Iterator[Columns]:
-    """Yield checked columns in groups of a fixed number of rows, and what remains."""
+    """Yield checked columns in groups of a fixed number of rows, and the remaining rows."""
     pending, waiting, rows = [], 0, 0
     for block in blocks:
         pending.append(checked(fields, block, rows))

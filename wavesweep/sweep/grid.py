@@ -88,7 +88,7 @@ class Grid:
 
 
 def make_grid(spec: Spec, axes, along: str | None = None, read=None) -> Grid:
-    """Sort the axes by what they change; `along` (a path) is the axis that intervals lie on, not among `axes`.
+    """The grid of the axes; `along` (a path) is the axis that intervals lie on, not among `axes`.
 
     read: the keys that the controller reads, if they are known already.
     """

@@ -82,7 +82,7 @@ def _one_blas_thread():
 
 
 LOKY = "loky"
-BLOCK = 4  # chunks per worker in a block, where a backend gives results in blocks only
+BLOCK = 4  # chunks per worker in a block, for a backend that gives results in blocks only
 DIED = "a worker process died (killed, or out of memory); fewer --jobs take less memory"
 PROCESSES = 2  # by default
 WORTH = 0.6  # s of work; measured: two loky workers are ready after 0.2 s, and below this they save nothing
@@ -158,9 +158,9 @@ def _unordered(joblib, calls):
 
 @contextmanager
 def _deaf_children():
-    """Let processes that are started here not hear Ctrl-C, which a terminal sends to all: it is the parent's to answer.
+    """Let processes that are started here ignore Ctrl-C, which a terminal sends to all: the parent answers it.
 
-    A worker that was still importing would write a traceback. What arrives meanwhile is heard afterwards.
+    A worker that was still importing would write a traceback. A signal that arrives meanwhile is delivered afterwards.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield

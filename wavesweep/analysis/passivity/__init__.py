@@ -1,4 +1,4 @@
-"""Passivity: of the wave channel, of the hand's port, and of what a hand may be."""
+"""Passivity of the wave channel and of the hand's port, and stability for all passive hands and for a box of hands."""
 
 from wavesweep.analysis.passivity.channel import ChannelNorm, channel_norm, filter_table, sufficient_order
 from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, WorstHand, swing_with_hand, worst_hand

@@ -1,4 +1,4 @@
-"""The norm of the wave channel: how much energy the filters, samplers and holds can add to what passes them."""
+"""The norm of the wave channel: the energy that filters, samplers and holds can add to the waves that pass them."""
 
 from dataclasses import dataclass
 
@@ -16,13 +16,13 @@ from wavesweep.lifted.resolvent import Response, alias_angles, flattened, respon
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Channel:
-    """The wave channel, one block a way, both at the fast rate; their batch is in one axis.
+    """The wave channel as two blocks at the fast rate, one for each direction; their batch is in one axis.
 
-    outward: `u_m` -> what is sampled for the slow environment, and what reaches a local model if there is one.
-    inward: the local model's wave -> its part of `v_m`; the other part is the held wave of the slow environment itself (None
-    without a local model).
-    ratio, delay: ticks in a frame; phase from which a new held wave is shown. period: of the frame, s, in the shape
-    of the batch.
+    outward: from `u_m` to the wave that is sampled for the slow environment, and to the wave of a local model if there is
+    one. inward: from the local model's wave to its part of `v_m`, None without a local model; the other part is the held
+    wave of the slow environment itself.
+    ratio: ticks in a frame. delay: phase from which a new held wave is applied. period: of the frame (s), in the shape of
+    the batch.
     """
 
     outward: Block
@@ -33,11 +33,11 @@ class Channel:
 
 
 def channel_of(diagram: Diagram) -> Channel | None:
-    """Cut the drawing at the channel's ports: None for a drawing without waves.
+    """The channel between its ports in the drawing; None for a drawing without waves.
 
     The ports are `(u_m, v_s, v_l)` in and `(u_s, u_h, v_m)` out: those that the drawing and its blocks name as carrying waves.
-    Between them lie filters, samplers and holds. The device, both environments and what else the returned wave is made of,
-    positions for one, are outside. Raises WavesweepError for a channel of another shape than one environment at the slow
+    Between them lie filters, samplers and holds. The device, both environments and the other parts of the returned wave,
+    such as positions, are outside. Raises WavesweepError for a channel of another shape than one environment at the slow
     rate, whose wave is held and added as it is, and at most one local model at the fast rate.
     """
     if diagram.waves is None:
@@ -71,13 +71,13 @@ def _ends(blocks):
 
 
 def _only(sums, signal):
-    """The signal that alone makes this one, with a gain of 1; None where it is made otherwise."""
+    """The signal that this one is equal to; None if it is a sum or has another gain."""
     made = sums.get(signal, {})
     return next(iter(made)) if list(made.values()) == [1] else None
 
 
 def _path(diagram, channel, source, sinks) -> Block:
-    """From one wave to others through the channel's filters, all that is no wave on this way left at zero."""
+    """From one wave to others through the channel's filters, with all other inputs at zero."""
     own = {f"{block.name}.{port}" for block in channel for port in block.outputs}
     inputs, sums, left = [source], {}, [*sinks, *(f"{block.name}.{port}" for block in channel for port in block.inputs)]
     while left:
@@ -98,9 +98,10 @@ TOLERANCE = 1e-10  # relative, of the norm
 class ChannelNorm:
     """Norms of the channel, arrays over the batch of the values.
 
-    norm: of the whole. omega: where it is reached, rad/s, in [0, pi/T_s], up to multiples of 2 pi/T_s. outward, inward:
-    of the way to the environment and of the way back; nothing joins them within the ports, so the norm is the larger.
-    outward_omega, inward_omega: theirs. certified: no frequency exceeds the norm by more than TOLERANCE, relative.
+    norm: of the whole. omega: frequency at which it is reached, rad/s, in [0, pi/T_s], up to multiples of 2 pi/T_s.
+    outward, inward: norms of the direction to the environment and of the direction back; no signal joins them within the
+    ports, so the norm is the larger one. outward_omega, inward_omega: their frequencies. certified: no frequency
+    exceeds the norm by more than TOLERANCE, relative.
     """
 
     norm: np.ndarray
@@ -185,7 +186,7 @@ def _slack(_, square):
 
 
 def _hold_power(theta, phi, ratio):
-    """`|sin(theta/2) / (ratio sin(phi/2))|^2`, what a hold puts into each alias; they add up to 1."""
+    """`|sin(theta/2) / (ratio sin(phi/2))|^2`, the power of a held signal in each alias; they add up to 1."""
     below = ratio * np.sin(phi / 2)
     return np.where(below == 0, 1.0, np.sin(theta / 2)[..., None] / np.where(below == 0, 1, below)) ** 2
 
@@ -199,7 +200,7 @@ def _supply(block, owner, square, C, D) -> Element:
 
 
 def _inward_frame(channel, response: Response | None, owner, square) -> Element:
-    """The frame of the way back: its state is the held wave, then that of LP2 and the delay."""
+    """The frame of the direction back: its state is the held wave, then that of LP2 and the delay."""
     n = response.block.E.shape[-1] if response else 0
     A, B = np.zeros((owner.size, n + 1, n + 1)), np.zeros((owner.size, n + 1, 1))
     C, D = np.ones((owner.size, 1, n + 1)), np.zeros((owner.size, 1, 1))
@@ -225,8 +226,8 @@ def filter_table(values, orders=ORDERS, cutoffs_hz=CUTOFFS_HZ) -> dict[str, np.n
 
     `lp1_order`, `lp1_cutoff_hz`; `channel_norm` of `pmw` and its `channel_omega` (rad/s); `excess`, norm less 1: how
     far from passive; `energy_gain`, norm^2 - 1: the energy (J per J sent) that aliasing can add to a wave, at most;
-    `bank_norm`: that of the way out of `pmw-lm`, `u_m -> (u_s, u_h)`, with a high-pass of the same order and cutoff,
-    which is power-complementary; `certified`. The way back of `pmw-lm` has the norm sqrt(2) for every LP2 that passes
+    `bank_norm`: that of the outward direction of `pmw-lm`, `u_m -> (u_s, u_h)`, with a high-pass of the same order and cutoff,
+    which is power-complementary; `certified`. The inward direction of `pmw-lm` has the norm sqrt(2) for every LP2 that passes
     constants, because `v_m = v_1 + v_2` adds two waves, so it is not a column.
     values: flat keys; rates are taken from it, and all but the filters is ignored.
     """
@@ -251,7 +252,7 @@ def _of_order(values, order, cutoffs):
 
 
 def sufficient_order(table, energy_gain: float = 1e-3) -> dict[float, int | None]:
-    """Least order per cutoff (Hz) whose aliasing adds at most `energy_gain` (J per J); None where no order does.
+    """Least order per cutoff (Hz) whose aliasing adds at most `energy_gain` (J per J); None if no order does.
 
     No finite order at a cutoff below half the slow rate makes it zero: the stop band is not empty of any Butterworth.
     """

@@ -1,4 +1,4 @@
-"""Matrices that depend on parameters, enclosed over a box of them: a polynomial of second degree, and a bound beside it."""
+"""Matrices that depend on parameters, enclosed over a box: a polynomial of second degree with a bound, and its stability."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Enclosure:
     at the same e: a Taylor model of second order (M. Berz, K. Makino, Verified integration of ODEs and flows using
     differential algebraic methods on high-order Taylor models, Reliable Computing 4, 361-369, 1998). A plain array in a
     sum or a product is a matrix that depends on nothing.
-    Accuracy: rounding of the sums is not enclosed; whoever draws a conclusion leaves room for it.
+    Accuracy: rounding of the sums is not enclosed; a proof has to leave room for it.
     """
 
     centre: np.ndarray
@@ -24,7 +24,7 @@ class Enclosure:
     curves: np.ndarray
     rest: np.ndarray
 
-    __array_ufunc__ = None  # an array on the left leaves the operation to us
+    __array_ufunc__ = None  # so that an array on the left leaves the operation to this class
 
     @property
     def parts(self) -> tuple[np.ndarray, ...]:
@@ -88,10 +88,10 @@ def _product(x: Enclosure, y, times) -> Enclosure:
 
 
 def solved_left(E: Enclosure, row: Enclosure) -> Enclosure:
-    """Enclosure of `row E^-1`: solved order by order, and what that leaves divided by the least that E can be.
+    """Enclosure of `row E^-1`: solved order by order, with the residual times a bound of `|E^-1|` as the rest.
 
-    `|E^-1| <= |E0^-1| (I - R |E0^-1|)^-1`, R the radius of E, where the inverse on the right is not negative; else the
-    rest is infinite.
+    `|E^-1| <= |E0^-1| (I - R |E0^-1|)^-1`, R the radius of E, if no entry of the inverse on the right is negative; else
+    the rest is infinite.
     """
     inverse = inverted(E.centre)
     each = inverse[..., None, :, :]
@@ -111,7 +111,7 @@ def solved_left(E: Enclosure, row: Enclosure) -> Enclosure:
 
 
 def inverted(A):
-    """The inverse, infinite where there is none."""
+    """The inverse, infinite if there is none."""
     sign, size = np.linalg.slogdet(A)
     regular = ((sign != 0) & np.isfinite(size))[..., None, None]
     return np.where(regular, np.linalg.inv(np.where(regular, A, np.eye(A.shape[-1]))), np.inf)
@@ -137,14 +137,14 @@ def _whole(block, batch, count):
 
 
 def constant(array, count) -> Enclosure:
-    """What depends on none of `count` parameters."""
+    """The enclosure of an array that depends on none of `count` parameters."""
     array = np.asarray(array)
     zero = np.zeros((*array.shape[:-2], count * (count + 1) // 2, *array.shape[-2:]))
     return Enclosure(array, zero[..., :count, :, :], zero, np.zeros(array.shape))
 
 
 def over_box(low, high) -> list[Enclosure]:
-    """A parameter each of the last axis of `low` and `high` (`(..., k)`): numbers `(..., 1, 1)`."""
+    """The k parameters between `low` and `high` (`(..., k)`), each as a number `(..., 1, 1)`."""
     count = low.shape[-1]
     found = []
     for k in range(count):
@@ -155,7 +155,7 @@ def over_box(low, high) -> list[Enclosure]:
 
 
 def with_another(X: Enclosure, Y: Enclosure, middle, half) -> Enclosure:
-    """`X + t Y`, t another parameter, last of all: within `half` of `middle` (`(..., 1, 1)`)."""
+    """`X + t Y`; t is one more parameter, the last one, within `half` of `middle` (`(..., 1, 1)`)."""
     count = X.slopes.shape[-3]
     at, more = X + middle * Y, half * Y
     i, j = np.triu_indices(count + 1)
@@ -166,7 +166,7 @@ def with_another(X: Enclosure, Y: Enclosure, middle, half) -> Enclosure:
     return Enclosure(at.centre, slopes, curves, at.rest + np.abs(more.curves).sum(-3) + more.rest)
 
 
-ROOM = 1e-9  # of a weighted row: what rounding may add to it
+ROOM = 1e-9  # of a weighted row, for its rounding
 SECTORS = 4  # of the upper half of the plane, one about each of the largest eigenvalues
 SWEEPS = 8  # of the power iteration that tells which parameter does most
 
@@ -175,7 +175,7 @@ def excluded(A: Enclosure) -> tuple[np.ndarray, np.ndarray]:
     """Whether every `I + A` is stable, `(pieces,)`, and which parameter adds most to the bound, `(pieces,)`.
 
     A: real matrices, near to diagonal in some basis that is common to them. For z outside, `z - I - A` is invertible
-    where it is diagonally dominant in some weights: `sum_j |A_ij| d_j < |z - 1 - A_ii| d_i`. That is asked of each sector
+    if it is diagonally dominant in some weights: `sum_j |A_ij| d_j < |z - 1 - A_ii| d_i`. This is tried for each sector
     `|z| >= 1, a <= arg z <= b` of the upper half plane (the lower one is its image), with the least of the right side
     in it; the weights d are solved for (A. Berman, R. Plemmons, Nonnegative matrices in the mathematical sciences,
     1979: they exist exactly for a nonsingular M-matrix) and then tried.
@@ -199,7 +199,7 @@ def excluded(A: Enclosure) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _flattened(A):
-    """Centre, slopes, what pairs of parameters add at most, and all that no slope says."""
+    """Centre, slopes, bounds of the terms of second degree, and a bound of all that is not linear."""
     i, j = np.triu_indices(A.slopes.shape[1])
     centre = A.centre + A.curves[:, i == j].sum(1) / 2  # e^2 is within a half of a half
     bends = np.abs(A.curves) * np.where(i == j, 0.5, 1.0)[:, None, None]
@@ -207,7 +207,7 @@ def _flattened(A):
 
 
 def _modulus(centre, slopes, curves):
-    """At most how large `centre + sum slopes_k e_k + sum curves_ij e_i e_j` is, to second order in the square of it.
+    """A bound of `|centre + sum slopes_k e_k + sum curves_ij e_i e_j|`, to second order in its square.
 
     A mode that only turns with the parameters grows by its third order alone.
     """
@@ -246,7 +246,7 @@ def _dominant(off, away):
 
 
 def _solved(matrix):
-    """`matrix^-1 1`, or -1 where a matrix is singular."""
+    """`matrix^-1 1`, or -1 if a matrix is singular."""
     ones = np.ones((*matrix.shape[:-1], 1))
     try:
         return np.linalg.solve(matrix, ones)[..., 0]

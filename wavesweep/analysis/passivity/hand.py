@@ -1,4 +1,4 @@
-"""Hands in a box of masses, dampings and stiffnesses, and the one that a loop bears least."""
+"""Hands in a box of masses, dampings and stiffnesses, and a search for the hand that destabilises a loop most."""
 
 from dataclasses import dataclass
 
@@ -42,14 +42,14 @@ class HandBox:
         return np.clip(hands, self.low, self.high)
 
     def shares(self, hands) -> np.ndarray:
-        """The shares that `points` makes these hands of, 0 where the range is a point."""
+        """The shares at which `points` gives these hands, 0 if the range is a point."""
         hands, free = np.clip(hands, self.low, self.high), self.high > self.low
         log, start, ratio = self._log()
         evenly = np.log(np.where(log, hands, 1) / start) / np.log(np.where(free & log, ratio, 2))
         return np.where(log, evenly, np.cbrt(hands / np.where(free, self.high, 1))) * free
 
     def _log(self):
-        """Which ranges do not begin at 0, their lower ends and the ratio of both, else 1."""
+        """Whether each range begins above 0, and its lower end and the ratio of its ends, or 1."""
         log = self.low > 0
         start = np.where(log, self.low, 1)
         return log, start, np.where(log, self.high / start, 1)
@@ -82,7 +82,7 @@ def worst_modes(values, hands, K_VE, B_VE) -> tuple[np.ndarray, np.ndarray]:
 
     hands: `(n, 3)`. K_VE (N/m), B_VE (N*s/m): numbers or arrays `(n,)`. The damping ratio of a mode z is
     `-Re log z / |log z|`: 1 for a mode that decays without swinging, 0 on the unit circle, negative outside. A slow
-    decay of no harm has a spectral radius near 1; by the damping ratio it does not hide a mode that swings up.
+    but harmless decay has a spectral radius near 1; the damping ratio shows a growing oscillation beside it.
     """
     hands = np.asarray(hands, float)
     K_VE, B_VE = (np.broadcast_to(np.asarray(a, float), hands.shape[:1]) for a in (K_VE, B_VE))
@@ -103,7 +103,7 @@ def swing_with_hand(values, hand, K_VE) -> float:
 
 
 def _measures(E):
-    """Spectral radius of I + E and the least damping ratio; infinite and -1 where the frame overflowed."""
+    """Spectral radius of I + E and the least damping ratio; infinite and -1 if the frame overflowed."""
     delta, finite = eigenvalues(E)
     # A mode at z = 0 decays at once, and any small number stands for it.
     growth = np.log1p(np.clip(excess(delta), -1 + 1e-15, 1e12)) / 2
@@ -113,10 +113,10 @@ def _measures(E):
 
 
 GRID = 6  # hands along each range of the first look
-EDGE = 128  # hands along each edge of the box, where a light hand's resonance may pass any multiple of the rates
-SPREAD = 500  # hands all over the box: of those that a resonance singles out a regular grid may have none
+EDGE = 128  # hands along each edge of the box: the resonance of a light hand may pass any multiple of the rates
+SPREAD = 500  # hands all over the box: a regular grid may miss the hands that a resonance singles out
 SEEDS = 6  # of the grid, of the edges and of those all over, how many are improved
-FINEST = 1e-9  # of a range, where the search stops
+FINEST = 1e-9  # of a range, at which the search stops
 STEPS = 60  # or after so many looks around, on a ridge that goes on and on
 ROUNDING = 1e-13  # a measure that rises by no more than this has not risen
 NEIGHBOURS = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -10,20 +10,21 @@ from wavesweep.analysis.passivity.hand import HandBox, cut_with_hands, worst_han
 from wavesweep.analysis.passivity.hand_frame import WALL, HandLoop, frame_over, hand_loop
 
 ROUNDS = 16
-MARGIN = 1e-3  # of an interval, at either end: what is proved leaves it out, where the loop is about to be unstable
-PROBES = np.array([1e-9, 0.02, 0.15, 0.4, 0.65, 0.9, 0.98, 1 - 1e-9])  # shares of an interval that hands are tried at
-NOBODY = (float("nan"),) * 3
-SAME = 1e-8  # a damping ratio this little below 0 is rounding
+MARGIN = 1e-3  # of an interval, left out of the proof at either end, where the loop is about to be unstable
+PROBES = np.array([1e-9, 0.02, 0.15, 0.4, 0.65, 0.9, 0.98, 1 - 1e-9])  # shares of an interval at which hands are tried
+NO_HAND = (float("nan"),) * 3
+SAME = 1e-8  # a damping ratio that is below 0 by less is rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoxIntervals:
-    """Intervals of K_VE (N/m), stable for every hand that was found to matter.
+    """Intervals of K_VE (N/m) that are stable for every hand that was found to matter.
 
     low, high: `(intervals,)`. low_hand, high_hand: `(intervals, 3)`, the hand (kg, N*s/m, N/m) that sets that end, NaN
-    where the range ends it. hands: `(n, 3)`, all that were closed in. each: the intervals of each of these are proved.
-    settled: proved for every hand of the box but within MARGIN of an interval's ends, and there the last search found no
-    hand that it does not hold for. What is not settled is the outcome of a search alone. method: the same in a sentence.
+    if the range ends it. hands: `(n, 3)`, all hands whose intervals were intersected. each: whether the intervals of each
+    of them are proved. settled: whether stability is proved for every hand of the box, except within MARGIN of the ends,
+    where every hand tried in the last search was stable. If not, the intervals rest on a search alone. method: the same
+    in a sentence.
     """
 
     low: np.ndarray
@@ -39,10 +40,11 @@ class BoxIntervals:
 def box_intervals(values, span, box: HandBox) -> BoxIntervals:
     """Intervals of K_VE within `span` (low, high) that are stable for every hand of the box.
 
-    values: flat keys, numbers. The exact intervals of a few hands are intersected; then the worst hand is looked for at
-    the ends of what is left and between, by damping ratio, and closed in where it is unstable; and again, until none is
-    found. Then the box is cut into pieces until each is proved or holds a hand that breaks an interval, which is closed
-    in as well (`hand_proof`); and where the pieces had to be smallest, the search begins once more.
+    values: flat keys, numbers. The exact intervals of a few hands are intersected. Then the hand with the least damping
+    ratio is searched for at the ends of these intervals and between them; if it is unstable, its own intervals are
+    intersected as well, and the search is repeated until it finds no such hand. Then the box is cut into pieces until each
+    is proved or contains a hand that is unstable in an interval, which is treated in the same way (`prove`). The search
+    begins once more from the hands whose neighbourhood had to be cut finest.
     """
     hands, left, each = _corners_and_middle(box), [Piece(*map(float, span))], True
     fresh, known, proved, settled, work = hands, hands[:0], [], False, WORK
@@ -83,15 +85,15 @@ def _within(interval, others):
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """An interval and the hands that end it, NOBODY where the range does."""
+    """An interval and the hands that set its ends, NO_HAND if the range does."""
 
     low: float
     high: float
-    low_hand: tuple[float, ...] = NOBODY
-    high_hand: tuple[float, ...] = NOBODY
+    low_hand: tuple[float, ...] = NO_HAND
+    high_hand: tuple[float, ...] = NO_HAND
 
     def inner(self, share) -> tuple[float, float]:
-        """It without so much of it at either end."""
+        """The interval without this share of it at either end."""
         aside = share * (self.high - self.low)
         return self.low + aside, self.high - aside
 
@@ -119,7 +121,7 @@ def _per_hand(values, span, hands):
 
 
 def _intersected(left, pieces, hand):
-    """What both have, each end with the hand that sets it."""
+    """The intersection, each end with the hand that sets it."""
     name = tuple(hand.tolist())
     both = []
     for old in left:
@@ -139,17 +141,20 @@ def _unstable_hands(values, box, left, known):
     return np.unique(hands[damping < -SAME], axis=0)
 
 
-WORK = 400_000  # pieces to look at, times what each costs in a loop of its order: some seconds
-CHUNK = 512  # pieces looked at together
+WORK = 400_000  # pieces to judge, times the cost of a piece in a loop of its order: some seconds
+CHUNK = 512  # pieces judged together
 UNSTABLE = 1e-9  # beyond 1, of a spectral radius
-SOFTEST = 1e-6  # of the stiffest: where no position is fed back, softer springs than that, but none at all, are left out
-TOLD = 8  # hands to go on from, of either end of the interval and of all of it
+SOFTEST = 1e-6  # of the stiffest spring: without position feedback, softer springs are left out, but not the stiffness 0
+TOLD = 8  # hands to start the next search from, for either end of the interval and for all of it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Proof:
-    """holds: every hand is proved. unstable, hardest: hands `(n, 3)` (kg, N*s/m, N/m) that are unstable at some wall, and
-    those whose neighbourhood was cut finest. work: pieces looked at, times what each costs."""
+    """The outcome for an interval.
+
+    holds: whether it is proved for every hand. unstable: hands `(n, 3)` (kg, N*s/m, N/m) that are unstable at some wall.
+    hardest: hands `(n, 3)` whose neighbourhood was cut finest. work: pieces judged, times the cost of each.
+    """
 
     holds: bool
     unstable: np.ndarray
@@ -161,14 +166,14 @@ NOTHING = np.zeros((0, 3))
 
 
 def prove(values, box: HandBox, walls: tuple[float, float], work: int = WORK) -> Proof:
-    """Try to prove it for K_VE in `walls` (N/m); values: flat keys, numbers.
+    """Try to prove stability for every hand of the box and every K_VE in `walls` (N/m).
 
-    A piece is proved where no matrix of its enclosure has an eigenvalue on or outside the unit circle (`excluded`); if
-    it is not, it is halved across the parameter that does most to its bound, and given up when `work` is spent. A piece
-    whose middle is unstable ends the search.
-    Accuracy: every hand of the box, but for springs softer than SOFTEST of the stiffest where waves feed no position back
-    and the box begins without a spring (they hold the scene ever more loosely; none at all is proved by itself). The
-    bound leaves room for rounding.
+    values: flat keys, numbers. A piece is proved if no matrix of its enclosure has an eigenvalue on or outside the unit
+    circle (`excluded`). If it is not proved, it is halved across the parameter that adds most to its bound, until `work`
+    is spent. A piece whose middle is unstable ends the proof.
+    Accuracy: every hand of the box is covered, with one exception. If waves feed no position back and the range of the
+    stiffness begins at 0, springs softer than SOFTEST of the stiffest are left out, since they hold the scene ever more
+    loosely; the stiffness 0 is proved by itself. The bound leaves room for rounding.
     """
     proofs = []
     for part in _parts(values, box):
@@ -181,7 +186,7 @@ def prove(values, box: HandBox, walls: tuple[float, float], work: int = WORK) ->
 
 
 def _parts(values, box):
-    """The box, or its hands with a spring and those without where the frame is another."""
+    """The box, or its hands with a spring and those without, if these have different frames."""
     low, high = box.stiffness
     if low > 0 or high == 0:
         return [box]
@@ -217,7 +222,7 @@ def _hands(loop, box, points):
 
 def _judged(loop, low, high):
     """Spectral radius in the middle, whether the piece is proved, and the parameter to cut it across."""
-    with np.errstate(all="ignore"):  # what overflows is not proved
+    with np.errstate(all="ignore"):  # a piece that overflows is not proved
         frame, modes = frame_over(loop, low, high)
         proved, split = excluded(frame)
         bounded = np.isfinite(frame.rest).all((-1, -2))
@@ -226,7 +231,7 @@ def _judged(loop, low, high):
 
 
 def _halved(low, high, split):
-    """Both halves of every piece, even in the logarithm where it spans more than a factor of four."""
+    """Both halves of every piece, equal in the logarithm if it spans more than a factor of four."""
     at = np.arange(len(low))
     a, b = low[at, split], high[at, split]
     wide = np.where(a > 0, np.sqrt(np.maximum(a * b, 0)), b / 16)

@@ -1,4 +1,4 @@
-"""The frame of a held device, enclosed over a box of hands and walls."""
+"""The frame of a loop with a hand at its device, enclosed over a box of hands and walls."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ TERMS = 12  # of the device's series, whose n-th is at most about 0.6^n/n!
 REACH = 0.25  # of a tick, up to which the series is taken; the rest by doubling
 SKEW = 1e7  # condition of eigenvectors beyond which those of a matrix nearby are taken
 BLUR = 1e-4  # of it, how near
-FAR = 0.05  # between eigenvalues that are told apart however near the matrix
+FAR = 0.05  # between eigenvalues that count as separate
 SINGULAR = 1e12
 ROUNDING = 1e-14  # of the terms of a product in another basis
 MASS, DAMPING, STIFFNESS, WALL = range(4)
@@ -25,7 +25,7 @@ MASS, DAMPING, STIFFNESS, WALL = range(4)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HandLoop:
-    """A loop taken apart, so that what depends on the hand, the device's rows of the tick, can be put in as an enclosure.
+    """A loop in parts, so that the device's rows of the tick, which depend on the hand, can be replaced by an enclosure.
 
     own: mass (kg) and damping (N*s/m) of the device. tick: the fast side with some hand; device: its states there, as
     {"v": row}. force: `(1, n + m)`, on the device, from the n states of the tick and the m held inputs. slow: the slow
@@ -61,7 +61,7 @@ class HandLoop:
         return np.stack([1 / (mass + self.own[0]), damping + self.own[1], stiffness, K / (a - K * D)], -1)
 
     def hands_and_walls(self, points) -> tuple[np.ndarray, np.ndarray]:
-        """And back: hands `(..., 3)` and K_VE."""
+        """Hands `(..., 3)` and K_VE at these points."""
         inverse, damping, stiffness, t = np.moveaxis(points, -1, 0)
         a, D = self._wall
         hands = np.stack([1 / inverse - self.own[0], damping - self.own[1], stiffness], -1)
@@ -136,14 +136,14 @@ def frame_over(loop: HandLoop, low, high) -> tuple[Enclosure, np.ndarray]:
     V, back = basis(A)
     t, half = (part[:, WALL, None, None] / 2 for part in (low + high, high - low))
     found = with_another(*_closed(loop, frame, V, back, cut), t, half)
-    # what the plain way makes of the middle, and this one, may differ by rounding alone
+    # the frame in the middle of the piece, computed directly and in parts, may differ by rounding only
     rounding = 2 * np.abs(back @ A @ V - found.centre) + ROUNDING * (np.abs(back) @ np.abs(A) @ np.abs(V))
     rest = np.where(finite, found.rest + rounding, np.inf)
     return Enclosure(found.centre, found.slopes, found.curves, rest), np.linalg.eigvals(A)
 
 
 def basis(A):
-    """Eigenvectors and their inverse, or those of a matrix nearby where they are too skew; a proof may take any basis."""
+    """Eigenvectors and their inverse, of a matrix nearby if they are too skew; a proof may use any basis."""
     n = A.shape[-1]
     V = np.linalg.eig(A)[1].astype(complex)
     back = inverted(V)
@@ -244,7 +244,7 @@ def _power(A, ticks):
 def _closed(loop, frame, V, back, cut):
     """With slow blocks and wall, as `cut_at_wall` and `close` have it: X, Y of `V^-1 A V = X + t Y`.
 
-    `t = K/(a - K D_x)`, a = 1 - B D_v; what the wall reads, `(K x + B v)/(a - K D_x)`, is `v B/a + t (x + v B D_x/a)`.
+    `t = K/(a - K D_x)`, a = 1 - B D_v; the wall's force, `(K x + B v)/(a - K D_x)`, is `v B/a + t (x + v B D_x/a)`.
     """
     side, x, v, D = _side(loop, frame)
     B_VE = float(loop.values["environment.B_VE"])
@@ -267,7 +267,7 @@ def _closed(loop, frame, V, back, cut):
 
 
 def _side(loop, frame):
-    """The slow side, and the rows of it that the wall reads, what drifts counted from the state that leads it."""
+    """The slow side and its rows that the wall reads; states that drift are relative to the lead of the drift."""
     states, n, lead = len(loop.slow.states), len(loop.tick.states), loop.lead
     moved, C = np.eye(states), loop.slow.C[:2].copy()
     if lead is not None:

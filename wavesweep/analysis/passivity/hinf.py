@@ -14,8 +14,8 @@ RAISES = 30  # of the level; it converges after a few
 class Peak:
     """Per loop: the largest value, the angle (rad per frame) where it is taken, and whether no larger one can exist.
 
-    certified: the pencil of the level just above has no eigenvalue on the unit circle but such where the response,
-    looked at there and half-way between neighbours, is below that level.
+    certified: at every eigenvalue on the unit circle of the pencil of the level just above, and half-way between
+    neighbouring ones, the response is below that level.
     """
 
     value: np.ndarray
@@ -48,14 +48,14 @@ def peak_by_levels(value_at, angles_at, loops: int, slack, start=START) -> Peak:
 
 
 def _with_middles(found):
-    """The angles found, 0 and pi, and the middles between neighbours; NaN where there are fewer."""
+    """The angles found, 0 and pi, and the middles between neighbours; NaN if there are fewer."""
     ends = np.broadcast_to([0.0, np.pi], (*found.shape[:-1], 2))
     known = np.sort(np.concatenate([found, ends], axis=-1), axis=-1)  # NaN goes last
     return np.concatenate([known, (known[..., 1:] + known[..., :-1]) / 2], axis=-1)
 
 
 def _raise(value, theta, value_at, owners, candidates):
-    """Take for each of the owners the best of its candidates where that is better than what it has."""
+    """Replace the value of each owner by that of its best candidate, if that is larger."""
     row, column = np.nonzero(np.isfinite(candidates))
     at = np.full(candidates.shape, -np.inf)
     at[row, column] = value_at(owners[row], candidates[row, column])
@@ -65,7 +65,7 @@ def _raise(value, theta, value_at, owners, candidates):
     value[owners[better]], theta[owners[better]] = found[better], where[better]
 
 
-NEAR = 1e-3  # distance from the unit circle up to which an eigenvalue is looked at; errors are far smaller
+NEAR = 1e-3  # distance from the unit circle up to which an eigenvalue counts as on it; errors are far smaller
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,10 +125,10 @@ def repeated(element: Element, count: int) -> Element:
 
 
 def angles(frame: Element) -> np.ndarray:
-    """Angles (rad per frame, in [0, pi]) at which the level may be met, `(loops, 2n)`; NaN for what is off the circle.
+    """Angles (rad per frame, in [0, pi]) at which the level may be met, `(loops, 2n)`; NaN for eigenvalues off the circle.
 
     They are the unit-circle eigenvalues of the symplectic pencil `[A 0; -Q I] - z [I G; 0 A^T]`, by QZ: on an inverted
-    pencil slow filters of high order lose them, and A has no inverse where the loop has delays. Those that rounding may
+    pencil slow filters of high order lose them, and A has no inverse if the loop has delays. Those that rounding may
     have moved off the circle, up to NEAR, are given too, so the list has more, not fewer, than there are. A frame that
     overflowed gives NaN alone.
     """

@@ -1,4 +1,4 @@
-"""Stability with every passive hand: the damping that it asks for, and the walls within which there is enough."""
+"""Stability with every passive hand: the damping that it needs, and the walls for which there is enough."""
 
 from dataclasses import dataclass, replace
 
@@ -10,18 +10,18 @@ from wavesweep.analysis.spectrum import is_stable
 from wavesweep.diagram import WALL, draw
 from wavesweep.diagram.block import Block, matrix
 
-SLACK = 1e-10  # of the damping and of 1 N*s/m: what no frequency exceeds
-SURE = 1e-7  # of the same: rounding at the lowest frequency, where the position's pole cancels, with room
-LOWEST = 1e-4  # rad per frame that stands for zero frequency, where a position's pole is
+SLACK = 1e-10  # of the damping and of 1 N*s/m, within which no frequency needs more
+SURE = 1e-7  # of the same, for rounding at the lowest frequency, where the position's pole cancels, with room
+LOWEST = 1e-4  # rad per frame, in place of zero frequency, where the position has its pole
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DampingNeeded:
     """Arrays over the batch of the values.
 
-    damping: d* (N*s/m), of device and hand together; infinite where none is enough (see `damping_needed`). omega: the
-    frequency that asks for it, rad/s, in [0, pi/T_s]. responsive: whether the controller, its position prescribed, is
-    stable; else no damping is enough. certified: no frequency asks for more than SLACK more.
+    damping: d* (N*s/m), of device and hand together; infinite if none is enough (see `damping_needed`). omega: the
+    frequency that needs it, rad/s, in [0, pi/T_s]. responsive: whether the controller, its position prescribed, is
+    stable; else no damping is enough. certified: whether no frequency needs more than SLACK more.
     """
 
     damping: np.ndarray
@@ -48,7 +48,7 @@ def damping_needed(values) -> DampingNeeded | None:
     """Least damping d* of device and hand with which the loop is stable whatever else, passive, the hand is.
 
     values: flat keys, numbers or arrays; `device.velocity` must be `difference`, else None: a point sample of the
-    velocity can be anything at no cost in energy, so no damping bounds what feedback of it does.
+    velocity can be anything at no cost in energy, so no damping bounds the work of its feedback.
 
     In a tick a damper takes at least `d dx^2/T` for the displacement dx, whatever way it goes, and masses and springs
     take nothing in the end. The held force takes `f_m dx`. So all of it is passive for a continuous hand exactly when
@@ -58,7 +58,7 @@ def damping_needed(values) -> DampingNeeded | None:
     asks nothing of hands whose force moves within the tick, and lets the device's mass help.
     Waves without position feedback need infinite damping at any LP1: a motion at a multiple of the slow rate aliases to
     a wave that moves the avatar, and the force that this builds up stays.
-    Accuracy: 1e-10 of d* and of 1 N*s/m; where zero frequency asks for d*, 1e-8, the position's pole being near.
+    Accuracy: 1e-10 of d* and of 1 N*s/m; 1e-8 if zero frequency needs d*, since the position's pole is near.
     """
     if values["device.velocity"] != "difference":
         return None
@@ -120,18 +120,18 @@ def _responsive(loop):
     return is_stable(loop.slow.E[:, rest][:, :, rest]) if rest else np.ones(loop.loops, bool)
 
 
-POINTS = 33  # stiffnesses of the first look
+POINTS = 33  # stiffnesses tried first
 CUTS = 15  # points of one round of refinement
-TINY = 1e-300  # stands in for a zero that would take a state out of the loop
-FINEST = 1e-10  # of the range, where an end is placed
+TINY = 1e-300  # in place of a zero, which would take a state out of the loop
+FINEST = 1e-10  # of the range, to which an end is refined
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PassiveWalls:
     """Intervals of K_VE (N/m), `(intervals,)` each.
 
-    low, high: the passive side of each end. method: every stiffness that was looked at is proved passive or not; that
-    nothing else lies between two neighbours of the same kind is not proved.
+    low, high: the passive side of each end. method: every stiffness tried is proved to be passive or not; the walls
+    between two neighbours of the same kind are not proved.
     """
 
     low: np.ndarray
@@ -150,8 +150,8 @@ def port_passive_walls(values, span, path: str = "environment.K_VE") -> PassiveW
 def any_hand_walls(values, span, hand_damping: float = 0.0, path: str = "environment.K_VE") -> PassiveWalls | None:
     """Stiffnesses within `span` stable with every passive hand of at least `hand_damping` (N*s/m).
 
-    None where `damping_needed` is. The guarantee is for continuous hands of any mass and stiffness, nonlinear ones and
-    ones that change included. path: another number to look along, in place of K_VE.
+    None if `damping_needed` is None. The guarantee is for continuous hands of any mass and stiffness, including nonlinear
+    and time-varying ones. path: another number to look along, in place of K_VE.
     """
     if values["device.velocity"] != "difference":
         return None
@@ -171,7 +171,7 @@ def _away_from_zero(path, p):
 def _intervals(passive, span) -> PassiveWalls:
     """Runs of stiffnesses that pass, their ends refined all together by multisection."""
     low, high = map(float, span)
-    # evenly in the square root: the interesting end is the soft one, and 0 belongs to the range
+    # evenly in the square root: the soft end matters most, and 0 belongs to the range
     points = low + (high - low) * np.linspace(0, 1, POINTS) ** 2
     good = passive(points)
     change = np.flatnonzero(good[1:] != good[:-1])

@@ -26,10 +26,10 @@ class PortLoop:
     """Both rates with the wall in place, one loop per element of the flattened `batch`.
 
     fast: from `f_h` and the held signals to the displacement in the tick and the samples, a block of the tick.
-    slow: from what the hand adds to the samples to the sources of the held signals, a block of the frame.
-    event: what happens at phase 0: its states are those of `fast` and of the slow blocks, its inputs the held signals
+    slow: from the hand's part of the samples to the sources of the held signals, a block of the frame.
+    event: the change at phase 0: its states are those of `fast` and of the slow blocks, its inputs the held signals
     as shown (none without delay), its outputs their sources.
-    finite: `(loops,)`, false where the frame overflowed; the slow block is zero there.
+    finite: `(loops,)`, false if the frame overflowed; the slow block is then zero.
     source: the drawing and its wall (K_VE, B_VE).
     """
 
@@ -44,7 +44,7 @@ class PortLoop:
 
     @property
     def loops(self) -> int:
-        """How many loops there are."""
+        """Number of loops."""
         return math.prod(self.batch)
 
     @property
@@ -107,10 +107,10 @@ LOWEST = 1e-7  # rad per frame below which shares are 0/0 and a drift has its po
 
 
 class PortResponse:
-    """The lifted map as a diagonal (the fast way of each alias) and a mixture of low rank (the way over the slow side).
+    """The lifted map as a diagonal (the fast side, for each alias) and a mixture of low rank (through the slow side).
 
-    Where the fast side samples a position that nothing holds, its response has the pole z = 1, which only the slow loop
-    takes away: a difference of large numbers. There the mixture is put together from displacements: to shift the sample
+    If the fast side samples a position that nothing holds, its response has the pole z = 1, which only the slow loop
+    removes: a difference of large numbers. In that case the mixture is put together from displacements: to shift the sample
     by p is to shift the state x by p, and that is an input (z - 1) p of the closed loop.
     """
 
@@ -148,7 +148,7 @@ class PortResponse:
 
     @cached_property
     def at_rest(self) -> "AtRest":
-        """What takes over below `lowest`."""
+        """The map for angles below `lowest`."""
         return AtRest(self.loop)
 
 
@@ -163,7 +163,7 @@ class AtRest:
         diagram, K_VE, B_VE = loop.source
         frame = prepare(diagram, K_VE, B_VE, (diagram.hand.displacement,))
         E = frame.E.copy()
-        if frame.lead is not None:  # where nothing reads the scene's position, its pole at 0 is nobody's
+        if frame.lead is not None:  # if nothing reads the scene's position, its pole at 0 is in no response
             E[..., frame.lead, frame.lead] = np.where(frame.free, -1.0, E[..., frame.lead, frame.lead])
         lag = np.abs(np.subtract.outer(*[np.arange(loop.ratio)] * 2))
         toeplitz = frame.shown.impulse[0][..., 0, :][..., lag] * np.where(lag == 0, 1.0, 0.5)
@@ -221,7 +221,7 @@ def _from_displacements(fast, slow, position):
 
 
 TOLERANCE = 1e-9  # of the mean eigenvalue: by how much the margin may be negative for rounding's sake
-SLACK = 1e-10  # of the margin and of the mean eigenvalue: what the margin is good to
+SLACK = 1e-10  # of the margin and of the mean eigenvalue: accuracy of the margin
 HUGE = 1e10  # an unstable loop that grows by this much in a frame keeps no digit worth reporting
 
 
@@ -231,7 +231,7 @@ class PortMargin:
 
     margin: smallest eigenvalue, over all frequencies, of the Hermitian part of the lifted map from the held force to
     the displacement in the tick, m/N; NaN for a loop so unstable that a frame of it overflows, or nearly.
-    omega: where, rad/s, in [0, pi/T_s].
+    omega: its frequency, rad/s, in [0, pi/T_s].
     mean: of all eigenvalues over all frequencies (T^2/2m and a little less), which is the natural scale, m/N.
     stable: every eigenvalue but drift inside the unit circle.
     certified: no frequency has an eigenvalue below the margin by more than SLACK of it and of the mean.
@@ -247,8 +247,8 @@ class PortMargin:
     def passive(self) -> np.ndarray:
         """Stable, and no eigenvalue below zero by more than TOLERANCE of the mean.
 
-        The margin is zero, not positive, where a spring holds the scene: a constant force then moves nothing, at zero
-        frequency the map has a zero row and column. So zero has to pass, and rounding about it.
+        The margin is zero, not positive, if a spring holds the scene: a constant force then moves nothing, and at zero
+        frequency the map has a zero row and column. So zero has to pass, and so has rounding about it.
         """
         return self.stable & (self.margin >= -TOLERANCE * self.mean)
 
