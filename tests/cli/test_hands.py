@@ -4,10 +4,12 @@ import json
 
 import numpy as np
 import pytest
+from support.search import quick_search
 
 from wavesweep import results
 from wavesweep.results import Field
 
+quick = pytest.fixture(quick_search)
 SPEC = """
 [device]
 velocity = "difference"
@@ -59,6 +61,7 @@ def test_free_held_guaranteed_and_passive_stand_in_one_table(kind, wavesweep, he
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("quick")
 def test_the_box_is_told_beside_its_hands(wavesweep, held, tmp_path):
     code, _, err = wavesweep("zwidth", held, "--hand", "box", "--hand-box", "mass=0.1..0.4, stiffness=100..100")
     assert code == 0

@@ -2,6 +2,7 @@
 
 import pytest
 
+from wavesweep.paper.open_choices import open_choices
 from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.statements import STATEMENTS
 from wavesweep.paper.verdicts import judge
@@ -17,3 +18,9 @@ def paper():
 def judged(paper):
     """The columns of the table of statements."""
     return judge(paper, STATEMENTS).columns
+
+
+@pytest.fixture(scope="session")
+def choices():
+    """The columns of the study of open choices."""
+    return open_choices().columns

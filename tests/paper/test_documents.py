@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wavesweep.paper.documents import choices_text, counted, statements_text
-from wavesweep.paper.open_choices import FIELDS, open_choices
+from wavesweep.paper.open_choices import FIELDS
 from wavesweep.paper.readings import CHOICES
 
 
@@ -19,11 +19,6 @@ def test_a_bar_in_a_cell_does_not_end_it(judged):
     text = statements_text(judged)
     rows = [line for line in text.splitlines() if line.startswith("| ")]
     assert {line.replace("\\|", "").count("|") for line in rows} == {8, 4}
-
-
-@pytest.fixture(scope="module")
-def choices():
-    return open_choices().columns
 
 
 @pytest.mark.slow

@@ -93,13 +93,10 @@ def test_a_natural_frequency_is_the_first_peaks_and_not_the_largest_ones():
 
 
 @pytest.mark.slow
-def test_no_choice_of_the_study_serves_all_figures():
-    from wavesweep.paper.open_choices import open_choices
-
-    columns = open_choices().columns
-    near = np.abs(columns["K_at_1"] - 800) <= 8
+def test_no_choice_of_the_study_serves_all_figures(choices):
+    near = np.abs(choices["K_at_1"] - 800) <= 8
     assert near.any()
-    assert (columns["fig2_stable"] & columns["fig6_stable"]).any()
+    assert (choices["fig2_stable"] & choices["fig6_stable"]).any()
     # Walls with a limit are explicit, and before these Figure 6's loop with local model is unstable at 500 N/m.
-    assert not (near & columns["fig2_stable"] & columns["fig6_stable"]).any()
-    assert set(columns["integration"][~np.isnan(columns["K_at_1"])]) == {"explicit"}
+    assert not (near & choices["fig2_stable"] & choices["fig6_stable"]).any()
+    assert set(choices["integration"][~np.isnan(choices["K_at_1"])]) == {"explicit"}

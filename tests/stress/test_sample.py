@@ -9,7 +9,7 @@ from stress.command import NAMES, verdicts
 pytestmark = pytest.mark.slow
 
 MANY = {  # of the slow ones; else 20
-    "responses": 8, "numbers": 3, "constructed": 4, "long_filters": 4, "windows": 4, "wild": 8,
+    "responses": 8, "numbers": 3, "constructed": 3, "long_filters": 4, "windows": 3, "wild": 6,
 }  # fmt: skip
 
 

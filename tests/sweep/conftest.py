@@ -3,6 +3,7 @@
 import pytest
 from support.tables import same
 
+from wavesweep import sweep
 from wavesweep.spec import load
 
 TABLES = {
@@ -26,16 +27,22 @@ def changed(**sweep):
     return load({**TABLES, "sweep": {"along": "K_VE", "K_VE": TABLES["sweep"]["K_VE"], **sweep}})
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def mixed():
     """The wall's axis between those of the loop, an axis that is not read, one in whole numbers, and holes."""
     return load(TABLES)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def long():
     """Several chunks."""
     return changed(b={"start": 5, "stop": 100, "num": 200}, B_VE={"start": 0, "stop": 15, "num": 81})
+
+
+@pytest.fixture(scope="session")
+def long_table(long):
+    """The table of the long sweep, computed in this process."""
+    return sweep.intervals(long, jobs=1).columns
 
 
 @pytest.fixture(name="same")

@@ -1,6 +1,7 @@
 """A checkpoint is gone on from where it is of the same run and whole, and refused aloud where it is not."""
 
 import json
+import shutil
 
 import pytest
 
@@ -12,10 +13,10 @@ class Stopped(BaseException):
     """Somebody stopped the run."""
 
 
-@pytest.fixture
-def stopped(long, tmp_path):
+@pytest.fixture(scope="module")
+def kept(long, tmp_path_factory):
     """A folder with two finished chunks of four."""
-    folder = tmp_path / ".zwidth.parts"
+    folder = tmp_path_factory.mktemp("stopped") / ".zwidth.parts"
     told = []
 
     def stop(*counts):
@@ -29,18 +30,24 @@ def stopped(long, tmp_path):
     return folder
 
 
+@pytest.fixture
+def stopped(kept, tmp_path):
+    """A copy of it."""
+    return shutil.copytree(kept, tmp_path / kept.name)
+
+
 def parts_in(folder):
     return sorted(folder.glob("*.records"))
 
 
 @pytest.mark.slow
-def test_a_run_goes_on_where_it_was_stopped(stopped, long, same):
+def test_a_run_goes_on_where_it_was_stopped(stopped, long, long_table, same):
     assert len(parts_in(stopped)) == 2
     told = []
     run = sweep.intervals(long, jobs=1, checkpoint=stopped, progress=lambda *counts: told.append(counts))
     assert len(told) == 2
     assert run.facts["timings"]["slices_from_checkpoint"] == 8100
-    same(run.columns, sweep.intervals(long).columns)
+    same(run.columns, long_table)
     run.forget()
     assert not stopped.exists()
 

@@ -17,9 +17,9 @@ from wavesweep.sweep.workers import Workers, results
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("jobs", "backend"), [(1, "loky"), (2, "loky"), (4, "loky"), (2, "threading"), (2, "multiprocessing")])
-def test_workers_give_the_bits_that_none_give(long, same, jobs, backend, tmp_path):
+def test_workers_give_the_bits_that_none_give(long, long_table, same, jobs, backend, tmp_path):
     run = sweep.intervals(long, jobs=jobs, backend=backend, checkpoint=tmp_path / "parts")
-    same(run.columns, sweep.intervals(long, jobs=1).columns)
+    same(run.columns, long_table)
     assert run.facts["timings"]["workers"] == jobs
 
 
@@ -37,9 +37,9 @@ def cluster():
 
 
 @pytest.mark.slow
-def test_a_dask_cluster_of_two_processes_gives_the_same_bits(long, same, cluster):
+def test_a_dask_cluster_of_two_processes_gives_the_same_bits(long, long_table, same, cluster):
     run = sweep.intervals(long, backend="dask", scheduler=cluster)
-    same(run.columns, sweep.intervals(long, jobs=1).columns)
+    same(run.columns, long_table)
 
 
 @pytest.mark.slow
@@ -79,14 +79,14 @@ def die_once(mark):
 
 
 @pytest.mark.slow
-def test_a_worker_that_dies_is_an_error_and_what_is_finished_is_kept(long, same, monkeypatch, tmp_path):
+def test_a_worker_that_dies_is_an_error_and_what_is_finished_is_kept(long, long_table, same, monkeypatch, tmp_path):
     # The worker gets the function by value: nothing in its own modules is changed.
     monkeypatch.setattr(workers, "timed", die_once(tmp_path / "died"))
     with pytest.raises(WavesweepError, match="a worker process died") as caught:
         sweep.intervals(long, jobs=2, backend="loky", checkpoint=tmp_path / "parts")
     assert "the same command goes on from there" in caught.value.__notes__[0]
     monkeypatch.undo()
-    same(sweep.intervals(long, jobs=1, checkpoint=tmp_path / "parts").columns, sweep.intervals(long, jobs=1).columns)
+    same(sweep.intervals(long, jobs=1, checkpoint=tmp_path / "parts").columns, long_table)
 
 
 def test_what_fails_in_a_worker_fails_here(monkeypatch):

@@ -52,7 +52,7 @@ def _interval_lines(spec, command, along):
     return [
         f"  {command}: stable intervals along {axis.name} in {span} for {product}: {slices}",
         f"    method: {method(axis.path)}",
-        f"    work: {_count(len(asked.chunks), 'chunk')}, about {_duration(expected() / workers.count)}; {who} ({workers.why})",
+        f"    work: {_count(len(job.chunks), 'chunk')}, about {_duration(expected() / workers.count)}; {who} ({workers.why})",
     ]
 
 

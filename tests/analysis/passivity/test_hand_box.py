@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from support.search import quick_search
 
 from wavesweep.analysis.passivity.enclosure import excluded, over_box, solved_left, stacked
 from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, cut_with_hands, worst_modes
@@ -9,6 +10,7 @@ from wavesweep.analysis.passivity.hand_box import MARGIN, box_intervals, prove
 from wavesweep.analysis.passivity.hand_frame import basis, frame_over, hand_loop
 from wavesweep.lifted import close
 
+quick = pytest.fixture(quick_search)
 NARROW = HandBox((0.05, 0.1), (3.0, 4.0), (300.0, 400.0))
 
 
@@ -81,6 +83,7 @@ LATE = {"velocity": "difference", "delay": 3}
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize(
     ("kind", "changes"), [("dc", LATE), ("dc-slow", {}), ("dc-lm", LATE), ("pmw", {}), ("pmw", LATE), ("pmw-lm", {})]
 )
@@ -101,6 +104,7 @@ def test_a_box_is_proved_up_to_where_a_hand_of_it_is_unstable(values, kind, chan
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("quick")
 def test_springs_from_none_on_are_proved_where_they_hold_nothing_else(values):
     """With waves and no position feedback the box is taken in two, hands with a spring and hands without."""
     loose = HandBox((0.05, 0.1), (3.0, 4.0), (0.0, 400.0))
