@@ -1,4 +1,4 @@
-"""Eigenvalues of the closed loop beside the unit circle: spectral radius, verdict, and how many lie outside."""
+"""Eigenvalues of the closed loop beside the unit circle: spectral radius, verdict, and their number outside."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ BALANCING = 3  # sweeps
 
 
 def eigenvalues(E):
-    """Eigenvalues less 1 of `I + E`, complex `(..., n)`, and whether E is finite; zeros where it is not."""
+    """Eigenvalues less 1 of `I + E`, complex `(..., n)`, and whether E is finite; zeros if it is not."""
     finite = np.isfinite(E).all((-1, -2))
     return np.linalg.eigvals(np.where(finite[..., None, None], E, 0.0)).astype(complex), finite
 
@@ -25,7 +25,7 @@ def excess(delta):
 
 
 def is_stable(E) -> np.ndarray:
-    """Whether every eigenvalue of `I + E` is inside the unit circle; never where E is not finite."""
+    """Whether every eigenvalue of `I + E` is inside the unit circle; never if E is not finite."""
     delta, finite = eigenvalues(E)
     return finite & (excess(delta) < 0).all(-1)
 

@@ -65,7 +65,7 @@ def csv_rows(columns: Mapping[str, np.ndarray]) -> Any:
 
 
 def read(path: str | Path) -> dict[str, np.ndarray]:
-    """Give the columns of a CSV or Parquet table in their order, exactly as they were written.
+    """Give the columns of the CSV or Parquet table at `path` in their order, exactly as they were written.
 
     Numbers are float64 with NaN if missing, whole numbers int64, booleans bool, names object arrays of str. The kind of
     a column of a CSV follows from its name, or from the data package beside it.

@@ -25,7 +25,7 @@ SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
 def refuse_other_spec(kind: str, directory: str | Path, sha256: str) -> None:
     """Raise UsageError if the directory holds a table of this kind that another spec made, or an unknown one.
 
-    Results of the same spec may be replaced: the new ones are equal.
+    sha256: the digest of the spec. Results of the same spec may be replaced: the new ones are equal.
     """
     found = existing_sha256(kind, directory)
     if found is None or found == sha256:
@@ -44,13 +44,13 @@ def existing_sha256(kind: str, directory: str | Path) -> str | None:
 
 
 def discard(kind: str, directory: str | Path) -> None:
-    """Remove the files of a table, if there are any; `refuse_other_spec` has checked their spec before."""
+    """Remove the files of the table `kind` in a directory, if there are any; `refuse_other_spec` has checked their spec."""
     for suffix in SUFFIXES:
         (Path(directory) / f"{kind}{suffix}").unlink(missing_ok=True)
 
 
 def refuse_unusable(directory: str | Path) -> None:
-    """Raise UsageError if the folder for the results is a file, or cannot be made or written to."""
+    """Raise UsageError if `directory`, the folder for the results, is a file, or cannot be made or written to."""
     place = Path(directory).absolute()
     while not place.exists() and place != place.parent:
         place = place.parent

@@ -198,7 +198,7 @@ def _axis(name: str) -> Field:
 def checked(fields: tuple[Field, ...], columns: Mapping[str, Any], first_row: int = 0) -> dict[str, np.ndarray]:
     """Give the columns in their fields' order as contiguous float64, int64, bool and object arrays.
 
-    `first_row` is how many rows of the table came before these; it only makes the row numbers of errors right.
+    `first_row` is the number of rows of the table before these; it only makes the row numbers of errors right.
     Raises WavesweepError if columns are missing, unknown, of unequal length or of the wrong kind, and if a
     number is infinite: no table holds an infinity, several readers break on it.
     """

@@ -65,7 +65,10 @@ def publish(table: Table, directory: str | Path, force: bool = False, plot: bool
 
 
 def stream(table: Table, out: BinaryIO) -> None:
-    """Write a table as CSV to a binary stream. Raises WavesweepError before the first byte if its first rows are unfit."""
+    """Write a table as CSV to the binary stream `out`.
+
+    Raises WavesweepError before the first byte if its first rows are unfit.
+    """
     fields, blocks = _opened(table)
     out.write(csv_header(fields))
     out.writelines(csv_rows(group) for group in _groups(fields, blocks))

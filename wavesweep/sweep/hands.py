@@ -106,7 +106,7 @@ def _blank(low, high) -> np.ndarray:
 
 @dataclass(frozen=True, slots=True)
 class Hands:
-    """The hands for which intervals are asked for, beside those of the spec's own loop.
+    """Hands whose intervals are added to those of the spec's own loop.
 
     hand: "free" (the free device only), "passive" (adds the intervals guaranteed for every passive hand) or "box" (adds
     those for every hand of `box`). port: whether to add the intervals in which the port is passive for held forces.
@@ -117,7 +117,7 @@ class Hands:
     port: bool = False
 
     def guarantees(self) -> list[Guarantee]:
-        """The guarantees asked for."""
+        """The guarantees for these hands."""
         asked = [] if self.hand == "free" else [Guarantee(self.hand, self.box)]
         return asked + ([Guarantee("port")] if self.port else [])
 
@@ -152,7 +152,11 @@ class Hands:
 
 
 def hands_of(hand: str, box: dict[str, tuple[float, float]] | None, port: bool) -> Hands:
-    """The hands for these options; box: ranges in place of those of the literature. Raises UsageError for an empty range."""
+    """Hands from the options of a command.
+
+    hand: "free", "passive" or "box". box: ranges in place of those of the literature. port: also the intervals in which the
+    hand's port is passive. Raises UsageError if a range is empty.
+    """
     if hand != "box":
         return Hands(hand, None, port)
     try:

@@ -1,4 +1,4 @@
-"""Stable intervals over a sweep, as a table: those of the spec's loop and, if they are asked for, those for hands."""
+"""Stable intervals over a sweep, as a table: those of the spec's loop and, as an option, those for hands."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -40,7 +40,7 @@ def intervals(
 
     hands: adds the column `hand` and rows for other hands. Its words are "free" for the device alone, "operator" for the
     spec's operator if it has one, "passive" and "box" (see `Hands`), and "port" for the intervals in which the spec's own
-    loop is stable and passive at the hand's port. If only the port is asked for, the other rows are those of the spec's loop.
+    loop is stable and passive at the hand's port. If only the port is added, the other rows are those of the spec's loop.
     jobs: number of worker processes if the work is worth them. backend: any of joblib's, which is then used in any case.
     scheduler: address of the dask scheduler. progress: is called with the number of slices done, of all slices, and of
     certified ones. checkpoint: folder for finished chunks, from which a run of the same spec goes on; by default they
@@ -70,7 +70,7 @@ def intervals(
 class Stage:
     """One kind of rows.
 
-    hand: the word in the column `hand`, empty if the table has no such column. job: computes the rows. method: how, in a line.
+    hand: the word in the column `hand`, empty if the table has no such column. job: computes the rows. method: in a line.
     """
 
     hand: str

@@ -36,10 +36,10 @@ BLOCK = 200_000  # responses in one batch
 
 
 def responses(specs, **_work) -> Table:
-    """Admittance, impedance, worst-case gain and verdict of every spec, for every combination of its [bode] axes.
+    """Admittance, impedance, worst-case gain and verdict of all specs, for every combination of their [bode] axes.
 
-    A spec without one of the axes has its own value in that column. Workers are not used: thousands of curves take less
-    time than starting one. Raises UsageError for a frequency beyond half the fast rate.
+    A spec without one of the axes has its own value in that column. Workers are not used (`_work` is ignored): thousands of
+    curves take less time than starting one. Raises UsageError for a frequency beyond half the fast rate.
     """
     started = time.perf_counter()
     names = list(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))

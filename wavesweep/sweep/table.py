@@ -14,7 +14,7 @@ Columns = Mapping[str, np.ndarray]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """A table on its way to files; it need not fit into memory.
+    """A table that need not fit into memory, with all that its files need.
 
     kind: the table's name, and that of its files. blocks: gives the columns (name -> array, in the table's order) in
     blocks of consecutive rows, as often as it is called. facts: JSON-able, see `results`. axes: name -> values of each

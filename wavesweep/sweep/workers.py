@@ -101,7 +101,7 @@ class Workers:
 def choose(jobs: int | None, backend: str | None, scheduler: str | None, chunks: int, seconds: Callable[[], float]) -> Workers:
     """Decide which workers compute `chunks` chunks.
 
-    jobs: how many workers, PROCESSES if None. seconds: estimates the time in this process, called only if it matters.
+    jobs: number of workers, PROCESSES if None. seconds: estimates the time in this process, called only if it matters.
     """
     jobs = jobs or PROCESSES
     if backend is not None:

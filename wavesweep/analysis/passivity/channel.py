@@ -224,12 +224,12 @@ CUTOFFS_HZ = (2.0, 5.0, 8.57, 10.0, 15.0, 20.0, 25.0)
 def filter_table(values, orders=ORDERS, cutoffs_hz=CUTOFFS_HZ) -> dict[str, np.ndarray]:
     """Columns over every order and cutoff (Hz) of LP1, orders slowest.
 
-    `lp1_order`, `lp1_cutoff_hz`; `channel_norm` of `pmw` and its `channel_omega` (rad/s); `excess`, norm less 1: how
-    far from passive; `energy_gain`, norm^2 - 1: the energy (J per J sent) that aliasing can add to a wave, at most;
+    `lp1_order`, `lp1_cutoff_hz`; `channel_norm` of `pmw` and its `channel_omega` (rad/s); `excess`, norm less 1;
+    `energy_gain`, norm^2 - 1: the energy (J per J sent) that aliasing can add to a wave, at most;
     `bank_norm`: that of the outward direction of `pmw-lm`, `u_m -> (u_s, u_h)`, with a high-pass of the same order and cutoff,
     which is power-complementary; `certified`. The inward direction of `pmw-lm` has the norm sqrt(2) for every LP2 that passes
     constants, because `v_m = v_1 + v_2` adds two waves, so it is not a column.
-    values: flat keys; rates are taken from it, and all but the filters is ignored.
+    values: flat keys, of which rates alone are read. orders, cutoffs_hz: those of LP1.
     """
     cutoffs = np.asarray(cutoffs_hz, float)
     parts = [_of_order(dict(values), order, cutoffs) for order in orders]
@@ -254,7 +254,8 @@ def _of_order(values, order, cutoffs):
 def sufficient_order(table, energy_gain: float = 1e-3) -> dict[float, int | None]:
     """Least order per cutoff (Hz) whose aliasing adds at most `energy_gain` (J per J); None if no order does.
 
-    No finite order at a cutoff below half the slow rate makes it zero: the stop band is not empty of any Butterworth.
+    table: the columns of `filter_table`. No finite order at a cutoff below half the slow rate makes it zero: the stop band is
+    not empty of any Butterworth.
     """
     found = {}
     for cutoff in np.unique(table["lp1_cutoff_hz"]):

@@ -96,7 +96,10 @@ def worst_modes(values, hands, K_VE, B_VE) -> tuple[np.ndarray, np.ndarray]:
 
 
 def swing_with_hand(values, hand, K_VE) -> float:
-    """Frequency (rad/s) of the mode that grows most, or decays slowest, with the hand `(3,)` and the wall K_VE (N/m)."""
+    """Frequency (rad/s) of the mode that grows most, or decays slowest.
+
+    values: flat keys. hand: `(3,)`. K_VE: the wall (N/m).
+    """
     cut = cut_with_hands(values, np.reshape(hand, (1, 3)))
     delta = np.linalg.eigvals(close(cut, K_VE, values["environment.B_VE"])[0]).astype(complex)
     return float(np.abs(np.angle(1 + delta[np.argmax(np.abs(1 + delta))])) / np.reshape(cut.period, -1)[0])
@@ -125,7 +128,7 @@ METHOD = "searched: grid, edges, spread and pattern search, verified by eigenval
 
 @dataclass(frozen=True, slots=True)
 class WorstHand:
-    """A hand (kg, N*s/m, N/m), the loop's spectral radius and least damping ratio with it, and how it was found."""
+    """A hand (kg, N*s/m, N/m), the loop's spectral radius and least damping ratio with it, and the search that found it."""
 
     mass: float
     damping: float
@@ -182,7 +185,7 @@ def _free(box):
 
 
 def _seeds(box, badness, walls, known):
-    """The worst hands of a grid, known ones among them, and of the edges, as shares, and how bad they are.
+    """The worst hands of a grid, known ones among them, and of the edges, as shares, and their badness.
 
     Both have the axes (walls, up to 3 SEEDS), the shares one more.
     """

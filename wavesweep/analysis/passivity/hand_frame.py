@@ -31,7 +31,7 @@ class HandLoop:
     {"v": row}. force: `(1, n + m)`, on the device, from the n states of the tick and the m held inputs. slow: the slow
     side with a frame of zeros, from the wall's force; feeds: the inputs of that frame, from its states and from the
     wall's force. kept: the states that the loop has, the lead of its drift among them.
-    shift: how far the states drift beside it. kind: "integrates" and "conserved" as in
+    shift: drift of the states beside it. kind: "integrates" and "conserved" as in
     `Cut`, or "plain". doublings: of the device's series, enough for every hand of the box.
     """
 

@@ -28,7 +28,7 @@ def peak_by_levels(value_at, angles_at, loops: int, slack, start=START) -> Peak:
 
     value_at(owner, theta): the response of the loops `owner` at `theta`, both `(points,)`.
     angles_at(owner, level): angles at which a level may be met, `(owners, any)` with NaN for none.
-    slack(owner, value): by how much the level that is shown to be out of reach lies above the value.
+    slack(owner, value): distance of the level that is shown to be out of reach above the value.
     Source: S. Boyd, V. Balakrishnan, Systems & Control Letters 15 (1990); N. Bruinsma, M. Steinbuch, ibid. 14 (1990):
     between two neighbouring angles at which a level is met the response is on one side of it, so their middle tells
     which, and the next level is what was found there. Quadratic convergence: 2 to 5 rounds.

@@ -142,7 +142,7 @@ class PassiveWalls:
 def port_passive_walls(values, span, path: str = "environment.K_VE") -> PassiveWalls:
     """Stiffnesses within `span` (low, high) with which the hand's port is passive for held forces (`port_margin`).
 
-    path: another number to look along, in place of K_VE.
+    values: flat keys, numbers. path: another number to look along, in place of K_VE.
     """
     return _intervals(lambda p: port_margin(dict(values) | {path: _away_from_zero(path, p)}).passive, span)
 
@@ -150,8 +150,8 @@ def port_passive_walls(values, span, path: str = "environment.K_VE") -> PassiveW
 def any_hand_walls(values, span, hand_damping: float = 0.0, path: str = "environment.K_VE") -> PassiveWalls | None:
     """Stiffnesses within `span` stable with every passive hand of at least `hand_damping` (N*s/m).
 
-    None if `damping_needed` is None. The guarantee is for continuous hands of any mass and stiffness, including nonlinear
-    and time-varying ones. path: another number to look along, in place of K_VE.
+    values: flat keys, numbers. None if `damping_needed` is None. The guarantee is for continuous hands of any mass and
+    stiffness, including nonlinear and time-varying ones. path: another number to look along, in place of K_VE.
     """
     if values["device.velocity"] != "difference":
         return None
