@@ -1,12 +1,14 @@
 """Real roots of a polynomial in (-1, 1): what is called proved must be so, exactly."""
 
 from itertools import pairwise
+from math import comb
 
 import numpy as np
 import pytest
 from support import sturm
 
-from wavesweep.analysis.intervals.isolate import EDGE, isolate
+from wavesweep.analysis.intervals.bernstein import change_of_basis, largest_bernstein, roots_by_sign
+from wavesweep.analysis.intervals.isolate import EDGE, by_discs, isolate
 
 
 def random_roots(r, degree):
@@ -46,12 +48,12 @@ def nothing(_, __):
 HARD = [nothing, close_pair, near_real, near_one, at_both_ends, multiple]
 
 
-def check(coefficients, noise):
+def check(coefficients, noise, method=isolate):
     """Compare one row with Sturm's count, for the polynomial itself and two within its noise; whether it was proved.
 
     Where an end is left open, a root within EDGE of it is not asked about.
     """
-    found = isolate(coefficients[None], np.array([noise]))
+    found = method(coefficients[None], np.array([noise]))
     if not found.proved[0]:
         return False
     order = np.argsort(found.value[0][found.inside[0]])
@@ -71,14 +73,15 @@ def check(coefficients, noise):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("method", [isolate, by_discs])
 @pytest.mark.parametrize("hard", HARD)
-def test_what_is_proved_is_so(hard):
+def test_what_is_proved_is_so(hard, method):
     """Gaps from 1e-12 to 0.1, exact coefficients and noisy ones: the count of roots is exact, each in its place."""
     r, proved = np.random.default_rng(HARD.index(hard)), 0
     for _ in range(20):
         roots = random_roots(r, int(r.integers(2, 9))) + hard(r, 10 ** r.uniform(-12, -1))
         c = np.array([float(a) for a in sturm.from_roots(roots)])
-        proved += check(c, 0.0) + check(c, np.abs(c).max() * 10 ** r.uniform(-16, -6))
+        proved += check(c, 0.0, method) + check(c, np.abs(c).max() * 10 ** r.uniform(-16, -6), method)
     assert proved >= (36 if hard in (nothing, multiple) else 8)
 
 
@@ -91,11 +94,40 @@ def test_a_pair_of_roots_is_found_down_to_small_gaps(gap):
 
 
 @pytest.mark.parametrize("gap", [1e-9, 1e-12, 0.0])
-def test_a_pair_within_the_noise_is_not_proved(gap):
+@pytest.mark.parametrize("method", [isolate, by_discs])
+def test_a_pair_within_the_noise_is_not_proved(gap, method):
     """Two roots or none: coefficients known to 1e-13 cannot say, and neither does the proof."""
     for pair in ([0.3, 0.3 + gap], [complex(0.3, gap)]):
         c = np.array([float(a) for a in sturm.from_roots([*pair, -0.7, complex(0.1, 0.4)])])
-        assert not isolate(c[None], np.array([1e-13])).proved[0]
+        assert not method(c[None], np.array([1e-13])).proved[0]
+
+
+def test_signs_decide_ordinary_rows_and_find_what_discs_find():
+    """Random rows: nearly all decided without an eigenvalue, with the same roots and slopes."""
+    c = np.random.default_rng(0).standard_normal((300, 9)) / np.arange(1, 10)
+    (row, value, within, slope), complete = roots_by_sign(c / np.abs(c).max(-1, keepdims=True), np.full(300, 1e-13))
+    found = by_discs(c, np.full(300, 1e-13))
+    assert complete.mean() > 0.98
+    assert np.all(within < 2)
+    for index in np.flatnonzero(complete & found.proved):
+        inside = found.inside[index]
+        order = np.argsort(found.value[index][inside])
+        np.testing.assert_allclose(value[row == index], found.value[index][inside][order], atol=1e-9)
+        assert slope[row == index].tolist() == found.slope_sign[index][inside][order].tolist()
+
+
+@pytest.mark.parametrize("n", [2, 5, 9, 16])
+def test_bernstein_coefficients_are_those_of_the_polynomial(n):
+    """Every U_k summed up in both bases; and a Chebyshev polynomial has the largest coefficients that noise may have."""
+    x = np.linspace(-0.9, 0.8, 7)
+    t, angle = (x + 1) / 2, np.arccos(x)
+    bernstein = np.array([comb(n - 1, i) * t**i * (1 - t) ** (n - 1 - i) for i in range(n)])
+    second_kind = np.array([np.sin((k + 1) * angle) / np.sin(angle) for k in range(n)])
+    np.testing.assert_allclose(change_of_basis(n).T @ bernstein, second_kind, atol=1e-10)
+    first_kind = np.zeros(n)
+    first_kind[n - 1] = 0.5
+    first_kind[max(n - 3, 0)] -= 0.5 * (n > 2)
+    assert np.abs(change_of_basis(n) @ first_kind).max() == pytest.approx(largest_bernstein(n - 1))
 
 
 @pytest.mark.parametrize("tail", [[1e-14], [1e-12, 1e-17], [-1e-10, 3e-14, 1e-20]])

@@ -8,7 +8,7 @@ from support.intervals import cut_of, intervals_of, pairs
 from support.specs import values_of
 
 from wavesweep.analysis.intervals import stable_intervals
-from wavesweep.analysis.intervals.boundary import shift
+from wavesweep.analysis.intervals.boundary import ends
 from wavesweep.lifted.circle import on_circle
 
 # Two crossings that nearly merge in front of z = 1; the truth is from 512-bit ball arithmetic.
@@ -39,7 +39,7 @@ def test_an_end_that_rounding_moves_too_far_is_not_certified(kind, changes, fixe
 def test_the_bound_is_that_of_perturbed_entries(kind, along):
     """The end of a loop whose entries move by 1e-7 of themselves, at random: within the bound, and not far below it."""
     values = values_of(kind, integration="explicit", lp1_cutoff_hz=8.57)
-    cut, r, ends = cut_of(values), np.random.default_rng(0), []
+    cut, r, found = cut_of(values), np.random.default_rng(0), []
     fixed = np.array([1.0 if along == "K_VE" else 200.0])
 
     def end(loop):
@@ -47,11 +47,11 @@ def test_the_bound_is_that_of_perturbed_entries(kind, along):
         return found.high[0], found.high_omega[:1] * loop.period
 
     value, theta = end(cut)
-    bound = shift(cut, along, fixed, on_circle(theta), np.zeros(1, bool))[0] * 1e-7 / np.finfo(float).eps
+    bound = ends(cut, along, fixed, value, on_circle(theta), np.zeros(1, bool))[1] * 1e-7 / np.finfo(float).eps
     for _ in range(20):
         moved = {part: getattr(cut, part) * (1 + 1e-7 * r.choice([-1, 1], getattr(cut, part).shape)) for part in "EBCD"}
-        ends.append(end(replace(cut, **moved))[0])
-    assert 0.05 * bound < np.abs(np.array(ends) - value).max() <= bound
+        found.append(end(replace(cut, **moved))[0])
+    assert 0.05 * bound < np.abs(np.array(found) - value).max() <= bound
 
 
 def test_what_a_nearly_ill_posed_loop_lost_is_known():

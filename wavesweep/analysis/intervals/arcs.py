@@ -62,21 +62,25 @@ def _collect(cut, along, fixed, span, opened, found):
     for lost in (found.lost, found.overflown):
         complete[lost[0]] = False
     column, seed, jump = found.column[inside], found.x[inside], 2.0 * found.slope_sign[inside]
-    theta, value, converged = polish(cut.at(column), along, fixed[column], seed, max(map(abs, span)))
+    theta, value, converged, inverses = polish(cut.at(column), along, fixed[column], seed, max(map(abs, span)))
     astray = np.abs(theta - seed) > found.within[inside] + 1e-9
     complete[column[~converged | astray]] = False
     order = np.lexsort((theta, column))
-    column, theta, value, jump = column[order], theta[order], value[order], jump[order]
+    column, theta, value, jump, at = (part[order] for part in (column, theta, value, jump, np.arange(column.size)))
     new = np.ones(column.size, bool)
     close_by = np.diff(theta) <= 1e-9 * np.minimum(theta[1:], np.pi - theta[1:])
     new[1:] = (np.diff(column) != 0) | ~close_by
-    column, theta, value, jump = column[new], theta[new], value[new], jump[new]
+    column, theta, value, jump, at = (part[new] for part in (column, theta, value, jump, at))
     first, last = np.full(fixed.size, np.pi), np.zeros(fixed.size)
     np.minimum.at(first, column, theta)
     np.maximum.at(last, column, theta)
     at_one, at_minus_one = (np.sign(_boundary(opened, a)[0]) for a in (first / 2, (np.pi + last) / 2))
-    ends = at_both_ends(cut, np.arange(fixed.size), along, fixed, at_one, at_minus_one)
+    ends, more = at_both_ends(cut, np.arange(fixed.size), along, fixed, at_one, at_minus_one)
     bit = np.full(fixed.size, END_BIT)
     hiding = ((found.open_low, bit), (found.open_high, bit))
     complete &= ~open_inside(cut, np.arange(fixed.size), along, fixed, span, hiding)
-    return Crossings(*(np.concatenate(pair) for pair in zip((column, value, theta, jump), ends, strict=True)), complete)
+    parts = (np.concatenate(pair) for pair in zip((column, value, theta, jump, at), ends, strict=True))
+    column, value, theta, jump, at = parts
+    at[at.size - 2 * fixed.size :] += len(inverses)
+    nothing = np.full(fixed.size, np.nan)
+    return Crossings(column, value, theta, jump, at, np.concatenate([inverses, more]), complete, nothing)

@@ -13,6 +13,7 @@ from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 K_VE, B_VE = "K_VE", "B_VE"
 ROUNDS = 12  # Newton from a seed of 8 digits needs 2; from the fallback's arcs a few more
+NEAR = 1e-8  # of a state, by which it may change from where an inverse was taken for one refinement to make up for it
 ORDINARY = 16.0  # condition of the algebraic loops up to which entries are good to a few roundings
 
 
@@ -48,16 +49,27 @@ def terms(cut: Cut, w) -> Terms:
 
     Accuracy: a refined solve in delta form, so relative to the distance of the nearest pole, however many poles crowd at z = 1.
     """
+    return terms_and_inverse(cut, w)[0]
+
+
+def terms_and_inverse(cut: Cut, w) -> tuple[Terms, np.ndarray]:
+    """The same, and the inverse of `w I - E`, which serves `ends` there."""
     w = np.asarray(w)
-    _, _, state = _states(cut, w)
-    return terms_of(cut, w, read(cut.C, state) + cut.D[..., 0])
+    _, back, state = _states(cut, w)
+    return terms_of(cut, w, read(cut.C, state) + cut.D[..., 0]), back
 
 
-def _states(cut, w):
-    """`w I - E`, its inverse, and the states for a unit force."""
-    A = np.asarray(w)[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
-    back = inverse(A)
+def _states(cut, w, back=None):
+    """`w I - E`, its inverse (or `back`, that of a point so near that one refinement makes up for it), and the states for a
+    unit force."""
+    A = _shifted(cut, w)
+    back = inverse(A) if back is None else back
     return A, back, refined(A, back, cut.B + 0 * A[..., :1])
+
+
+def _shifted(cut, w):
+    """`w I - E`."""
+    return np.asarray(w)[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
 
 
 def read(C, state):
@@ -80,37 +92,50 @@ def polish(cut: Cut, along: str, fixed, theta, scale):
 
     cut: one loop per seed. fixed: the other wall parameter, per seed. scale: the largest value of interest; where K is
     beyond it, Newton runs on 1/K, since a crossing at a very large K lies next to a pole of K.
-    Returns (theta, value, converged): the angle (rad per frame), the wall parameter there, and whether Newton's last step
-    is at rounding.
+    Returns (theta, value, converged, inverse): the angle (rad per frame), the wall parameter there, whether Newton's last
+    step is at rounding, and the inverse of `w I - E` there or next to it, `(seeds, n, n)`.
     Accuracy: value good to about 1e-13 relative, less where the curve crosses the real axis at a grazing angle.
     """
-    theta, value = theta.astype(float), np.full(theta.shape, np.nan)
-    done, active = np.zeros(theta.shape, bool), np.arange(theta.size)
+    theta, value, inverses = theta.astype(float), np.full(theta.shape, np.nan), None
+    (done, far_off), active = np.zeros((2, *theta.shape), bool), np.arange(theta.size)
     for _ in range(ROUNDS):
-        if not active.size:
+        if not active.size and inverses is not None:
             break
-        now, slope = _value_and_slope(cut.at(active), along, fixed[active], theta[active])
+        some = cut if active.size == theta.size else cut.at(active)
+        now, slope, back, speed = _value_and_slope(some, along, fixed[active], theta[active])
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             far = np.abs(now) > scale
             now, slope = np.where(far, 1 / now, now), np.where(far, -slope / now**2, slope)
             step = -now.imag / slope.imag
         step = np.where(np.isfinite(step), step, 0.0)
-        small = np.abs(step) <= 1e-9 * np.minimum(theta[active], np.pi - theta[active])
+        size = np.abs(step)
+        small = size <= 1e-9 * np.minimum(theta[active], np.pi - theta[active])
         theta[active] = np.clip(theta[active] + step, 1e-3 * theta[active], np.pi - 1e-3 * (np.pi - theta[active]))
         with np.errstate(divide="ignore"):
             estimate = now.real + step * slope.real  # the step's error is its square: exact at 1e-9
             value[active] = np.where(far, 1 / estimate, estimate)
         done[active] = small & (slope.imag != 0)
+        if inverses is None:
+            inverses = back
+        else:
+            inverses[active] = back
+        far_off[active] = size * speed > NEAR
         active = active[~small]
-    return theta, value, done
+    moved = np.flatnonzero(far_off)
+    if moved.size:  # by more than what one refinement makes up for
+        inverses[moved] = inverse(_shifted(cut.at(moved), on_circle(theta[moved])))
+    return theta, value, done, inverses
 
 
 def _value_and_slope(cut, along, fixed, theta):
-    """K(theta) and dK/dtheta, complex."""
+    """K(theta) and dK/dtheta, complex; the inverse there; and how fast the states change, relatively, per angle."""
     w = on_circle(theta)
     _, back, state = _states(cut, w)
-    G, dG = read(cut.C, state) + cut.D[..., 0], -read(cut.C, back @ state)
-    return _solved(terms_of(cut, w, G), _slopes_of(cut, w, G, dG), along, fixed, w)
+    turn = back @ state
+    G, dG = read(cut.C, state) + cut.D[..., 0], -read(cut.C, turn)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        speed = np.fmax.reduce((np.abs(turn) / np.abs(state))[..., 0], axis=-1, initial=0)
+    return *_solved(terms_of(cut, w, G), _slopes_of(cut, w, G, dG), along, fixed, w), back, speed
 
 
 def _solved(t, slopes, along, fixed, w):
@@ -121,34 +146,36 @@ def _solved(t, slopes, along, fixed, w):
         return value, (slopes.one - fixed * d_other - value * d_solved) / solved * (1j * (1 + w))
 
 
-def shift(cut: Cut, along: str, fixed, w, on_axis):
-    """By how much the wall parameter at a crossing moves when every entry of the loop moves by a rounding, and by more
-    where the algebraic loops behind these entries are ill-conditioned; and what that leaves of the characteristic equation,
-    relative to its terms.
+def ends(cut: Cut, along: str, fixed, value, w, on_axis, back=None):
+    """What is left of the characteristic equation at a crossing, relative to its terms; by how much the wall parameter moves
+    there when every entry of the loop moves by a rounding, and by more where the algebraic loops behind these entries are
+    ill-conditioned; and what that leaves of the equation.
 
-    cut: one loop per crossing. w: `exp(j theta) - 1` there. on_axis: whether the crossing is held at z = 1 or -1. To first
-    order an entry's change reaches `G` as `C R dE R B`, R the resolvent, and `K = (one - fixed*other)/solved` with it; where K
-    grazes the real axis, the angle gives way by `Im dK/Im K'`, which moves K by `Re K'` times as much.
+    cut: one loop per crossing. value: the wall parameter. w: `exp(j theta) - 1` there. on_axis: whether the crossing is held
+    at z = 1 or -1. back: inverses of `w I - E` there or next to it. To first order an entry's change reaches `G` as
+    `C R dE R B`, R the resolvent, and `K = (one - fixed*other)/solved` with it; where K grazes the real axis, the angle gives
+    way by `Im dK/Im K'`, which moves K by `Re K'` times as much.
     """
-    G, error, dG = _with_errors(cut, w)
+    G, error, dG = _with_errors(cut, w, back)
     t, slopes, errors = terms_of(cut, w, G), _slopes_of(cut, w, G, dG), terms_of(cut, np.abs(w), error)
     (solved, other), (of_solved, of_other) = t.along(along), errors.along(along)
     with np.errstate(all="ignore"):
-        value, turned = _solved(t, slopes, along, fixed, w)
-        left = np.abs(fixed) * of_other + np.abs(value) * of_solved
+        exact, turned = _solved(t, slopes, along, fixed, w)
+        left = np.abs(fixed) * of_other + np.abs(exact) * of_solved
         grazing = np.where(on_axis, 1.0, np.abs(turned) / np.abs(turned.imag))
-        size = np.abs(t.one) + np.abs(fixed * other) + np.abs(value * solved)
+        size = np.abs(t.one) + np.abs(fixed * other) + np.abs(exact * solved)
         size = np.where(size > 0, size, 1)  # at K_VE = 0 the equation is 0 = 0 by structure
-        return np.maximum(1, cut.condition / ORDINARY) * left / np.abs(solved) * grazing, left / size
+        moved = np.maximum(1, cut.condition / ORDINARY) * left / np.abs(solved) * grazing
+        return residual(t, *((value, fixed) if along == K_VE else (fixed, value))), moved, left / size
 
 
-def _with_errors(cut, w):
+def _with_errors(cut, w, back):
     """Rows V, ADVANCE, OFFSET of G at w, how far a rounding of every entry and the solve's own error move them, and their
     derivative by w."""
-    A, back, state = _states(cut, w)
-    B = cut.B + 0 * A[..., :1]
-    transposed = [np.swapaxes(part, -1, -2) for part in (A, back, cut.C)]
-    left = np.swapaxes(refined(transposed[0], transposed[1], transposed[2] + 0 * A[..., :1]), -1, -2)
-    far = np.abs(left) @ (np.abs(cut.E) @ np.abs(state) + np.abs(cut.B)) + np.abs(cut.C) @ np.abs(state) + np.abs(cut.D)
-    missed = np.abs(left) @ np.abs(B - A @ state)
+    A, back, state = _states(cut, w, back)
+    left = cut.C @ back
+    left = left + (cut.C - left @ A) @ back
+    size = np.abs(state)
+    far = np.abs(left) @ (np.abs(cut.E) @ size + np.abs(cut.B)) + np.abs(cut.C) @ size + np.abs(cut.D)
+    missed = np.abs(left) @ np.abs(cut.B - A @ state)
     return ((cut.C @ state + cut.D)[..., 0], (np.finfo(float).eps * far + missed)[..., 0], -(left @ state)[..., 0])

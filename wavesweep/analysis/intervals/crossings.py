@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.intervals.boundary import K_VE, Terms, polish, read, terms
+from wavesweep.analysis.intervals.boundary import K_VE, Terms, polish, read, terms, terms_and_inverse
 from wavesweep.analysis.intervals.isolate import EDGE, isolate
 from wavesweep.lifted.circle import on_circle, solve
 from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all
+FAR = 1e8  # times the span's largest value; beyond, a value may as well be at the other infinity
 NEAREST, FARTHEST = 1e-3, 0.6  # scales r of the warp; r = 1 would leave roots at infinity when the loop has pure delays
 
 
@@ -21,12 +22,16 @@ class Polynomial:
     """`sum_k (base_k + y slope_k) U_{k-1}(cos phi)`, y the wall parameter that is fixed; roots in (-1, 1) are crossings.
 
     base, slope: `(..., n)`. noise: `(..., 2)`, bounds on the error of each coefficient of either.
+    value: `(..., 3, n + 1)`, in the same basis; of the first less y times the second, over the third, the wall parameter at a
+    root is the quotient. value_noise: `(..., 3)`, bounds on the error of each of these coefficients.
     scale: r of the warp `tan(theta/2) = r tan(phi/2)`, `(...)`.
     """
 
     base: np.ndarray
     slope: np.ndarray
     noise: np.ndarray
+    value: np.ndarray
+    value_noise: np.ndarray
     scale: np.ndarray
 
 
@@ -49,15 +54,21 @@ def sampled_polynomial(cut: Cut, along: str, scale) -> Polynomial:
     count = cut.order + SPARE
     phi = np.pi * np.arange(1, count + 1) / (count + 1)
     solved, fixed, one = _scaled(cut, np.exp(1j * phi), scale, along)
-    base, slope = (one * solved.conj()).imag, -(fixed * solved.conj()).imag
-    size = [np.abs(part * solved).max(-1) for part in (one, fixed)]
     transform = np.sin(np.outer(phi, np.arange(1, count + 1))) * (2 / (count + 1))
+    on_one, on_fixed = one * solved.conj(), fixed * solved.conj()
+    size = [np.abs(part).max(-1) for part in (on_one, on_fixed, solved)]
+    curve, noise = _sines([on_one.imag, -on_fixed.imag], size[:2], transform, cut.order)
+    real = [part * np.sin(phi) for part in (on_one.real, on_fixed.real, np.abs(solved) ** 2)]
+    value, value_noise = _sines(real, [*size[:2], size[2] ** 2], transform, cut.order + 1)
+    return Polynomial(curve[..., 0, :], curve[..., 1, :], noise, value, value_noise, scale)
+
+
+def _sines(samples, size, transform, degree):
+    """The first coefficients of sine polynomials from their samples, and bounds on the errors of each of them."""
     # Sums and not a matrix product: BLAS may round a row differently in another batch, and a sweep's bytes must not change.
-    base, slope = ((part[..., None] * transform).sum(-2) for part in (base, slope))
-    spare = [np.abs(part[..., cut.order :]).max(-1) for part in (base, slope)]
-    floor = 4 * count * np.finfo(float).eps
-    noise = np.stack([8 * s + floor * m for s, m in zip(spare, size, strict=True)], axis=-1)
-    return Polynomial(base[..., : cut.order], slope[..., : cut.order], noise, scale)
+    found = (np.stack(samples, axis=-2)[..., None] * transform).sum(-2)
+    floor = 4 * len(transform) * np.finfo(float).eps
+    return found[..., :degree], 8 * np.abs(found[..., degree:]).max(-1) + floor * np.stack(size, axis=-1)
 
 
 def _scaled(cut, zeta, scale, along):
@@ -88,18 +99,24 @@ SLIVER = 1e-12  # of the span, at either end of it, in which a crossing next to 
 
 @dataclass(frozen=True, slots=True)
 class Crossings:
-    """A flat list of crossings.
+    """A flat list of crossings that may be inside the span.
 
     column: which column it belongs to. value: the wall parameter. theta: angle of the eigenvalue that crosses (rad per
     frame, 0 and pi included). jump: by how much the number of unstable eigenvalues grows as the value grows past it.
+    inverse: of `w I - E` at the crossing or next to it, `inverses[inverse]`.
     complete: `(columns,)`, whether the list of that column is proved complete.
+    above: `(columns,)`, by how much that number grows from the low end of the span to an infinite value, less what belongs to
+    the loop alone; NaN if that is not known.
     """
 
     column: np.ndarray
     value: np.ndarray
     theta: np.ndarray
     jump: np.ndarray
+    inverse: np.ndarray
+    inverses: np.ndarray
     complete: np.ndarray
+    above: np.ndarray
 
 
 def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) -> Crossings:
@@ -109,25 +126,64 @@ def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) 
     The eigenvalue moves outward with the sign of d Im K/d theta at an interior crossing (K analytic in z), which is the
     sign of the polynomial's derivative turned round; at z = 1 and -1 with the sign of the polynomial. Where a root may be
     at such an end itself (an undamped device crosses twice at z = 1, at K_VE = 0), the column is complete only if no wall
-    parameter of that bit of the circle is inside the span.
+    parameter of that bit of the circle is inside the span. Crossings that are surely outside the span are only counted.
     """
     coefficients = polynomial.base[owner] + fixed[:, None] * polynomial.slope[owner]
     n = coefficients.shape[-1]
     noise = polynomial.noise[owner, 0] + np.abs(fixed) * polynomial.noise[owner, 1]  # per coefficient; |U_k| <= k + 1
     roots = isolate(coefficients, noise * (n * (n + 1) / 2))
     column, which = np.nonzero(roots.inside)
-    seed = angle(roots.value[column, which], polynomial.scale[owner[column]])
-    theta, value, converged = polish(cut.at(owner[column]), along, fixed[column], seed, max(map(abs, span)))
+    cosine, jump = roots.value[column, which], -2.0 * roots.slope_sign[column, which]
+    side = _side(polynomial, owner[column], fixed[column], cosine, span)
+    above = np.bincount(column, jump * (side > 0), minlength=fixed.size)
+    column, cosine, jump = (part[side == 0] for part in (column, cosine, jump))
+    seed = angle(cosine, polynomial.scale[owner[column]])
+    theta, value, converged, inverses = polish(cut.at(owner[column]), along, fixed[column], seed, max(map(abs, span)))
     complete = roots.proved & np.isfinite(coefficients).all(-1)
     # A polished angle far from its seed has left the root that the proof is about.
     astray = ~(np.abs(theta - seed) <= 1e-4 * np.minimum(seed, np.pi - seed)) | ~converged
     complete[column[astray]] = False
-    jump = -2.0 * roots.slope_sign[column, which]
-    ends = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
+    ends, more = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
     bits = [abs(place - angle(edge, polynomial.scale[owner])) for place, edge in ((0.0, 1 - EDGE), (np.pi, EDGE - 1))]
     hiding = zip((roots.open_at_one, roots.open_at_minus_one), bits, strict=True)
     complete &= ~open_inside(cut, owner, along, fixed, span, hiding)
-    return Crossings(*(np.concatenate(pair) for pair in zip((column, value, theta, jump), ends, strict=True)), complete)
+    column, value, theta, jump, at = (
+        np.concatenate(pair) for pair in zip((column, value, theta, jump, np.arange(column.size)), ends, strict=True)
+    )
+    at[theta.size - 2 * fixed.size :] += len(inverses)
+    above = above + np.bincount(column, _growth_above(value, jump, span), minlength=fixed.size)
+    above[~complete | roots.open_at_one | roots.open_at_minus_one] = np.nan
+    return Crossings(column, value, theta, jump, at, np.concatenate([inverses, more]), complete, above)
+
+
+def _side(polynomial, owner, fixed, cosine, span):
+    """1 or -1 for a root whose wall parameter is surely above or below the span, 0 for others.
+
+    The wall parameter is a quotient of two polynomials, the lower one not negative: which side is the sign of a sum.
+    """
+    over, noise = polynomial.value[owner], polynomial.value_noise[owner]
+    before, now, total, weight = np.zeros_like(cosine), np.ones_like(cosine), 0.0, 0
+    twice = 2 * cosine
+    for k in range(over.shape[-1]):
+        total, weight = total + over[..., k] * now[:, None], weight + k + 1
+        before, now = now, twice * now - before
+    first, second, lower = total.T
+    upper, unsure = first - fixed * second, weight * (noise[:, 0] + np.abs(fixed) * noise[:, 1])
+    low, high = (upper - end * lower for end in span)
+    unsure = [unsure + weight * abs(end) * noise[:, 2] for end in span]
+    return (high > unsure[1]).astype(int) - (low < -unsure[0])
+
+
+def _growth_above(value, jump, span):
+    """What each crossing adds to the growth from the low end on; one at infinity says on which side its eigenvalue arrives.
+
+    NaN where rounding decides whether a value is at one infinity or the other.
+    """
+    low, size = span[0], np.abs(value)
+    near = np.abs(value - low) <= 4 * np.spacing(np.maximum(abs(low), size))
+    growth = np.where((value > low) & ~near, jump, 0.0)
+    growth = np.where(size > FAR * max(map(abs, span)), np.nan, growth)
+    return np.where(np.isnan(value), np.nan, np.where(size == np.inf, np.minimum(jump, 0), growth))
 
 
 def open_inside(cut: Cut, owner, along: str, fixed, span, ends):
@@ -148,22 +204,26 @@ def open_inside(cut: Cut, owner, along: str, fixed, span, ends):
 
 
 def at_both_ends(cut: Cut, owner, along: str, fixed, sign_at_one, sign_at_minus_one):
-    """Crossings at z = 1 and z = -1 of every column: (column, value, theta, jump); the value is infinite where there is none.
+    """Crossings at z = 1 and z = -1 of every column: (column, value, theta, jump, inverse), and the inverses of `w I - E` that
+    the last of these numbers; the value is infinite where there is none.
 
     sign_at_one, sign_at_minus_one: sign of the polynomial there, which says which way the eigenvalue goes.
     """
-    values = []
+    values, inverses = [], []
     for w in (0.0, -2.0):
+        t, inverse = terms_and_inverse(cut, np.full(cut.batch, w))
+        inverses.append(inverse)
         if w == 0.0 and cut.integrates:
             values.append(np.full(fixed.shape, 0.0 if along == K_VE else np.inf))
             continue
-        t = terms(cut, np.full(cut.batch, w))
         solved, other = t.along(along)
         with np.errstate(divide="ignore", invalid="ignore"):
             values.append((t.one[owner] - fixed * other[owner]) / solved[owner])
-    return (
+    found = (
         np.tile(np.arange(fixed.size), 2),
         np.concatenate(values),
         np.repeat([0.0, np.pi], fixed.size),
         np.concatenate([sign_at_one, -sign_at_minus_one]),
+        np.concatenate([owner, owner + len(inverses[0])]),
     )
+    return found, np.concatenate(inverses)

@@ -1,8 +1,10 @@
 """All real roots in (-1, 1) of a polynomial known to within an error bound, with the proof that there are no others."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
+
+from wavesweep.analysis.intervals.bernstein import roots_by_sign
 
 EDGE = 1e-7  # so near to +-1 a root is not told from one at the end itself
 
@@ -11,8 +13,8 @@ EDGE = 1e-7  # so near to +-1 a root is not told from one at the end itself
 class Roots:
     """Roots per row of coefficients.
 
-    value: `(rows, n-1)`, real. radius: of the disc that the true root is in. inside: which of them are real roots in
-    (-1, 1). slope_sign: sign of the polynomial's derivative there. at_one, at_minus_one: sign of the polynomial at 1 and
+    value: `(rows, n-1)`, real. radius: within what of it the true root is, and no other. inside: which of them are real roots
+    in (-1, 1). slope_sign: sign of the polynomial's derivative there. at_one, at_minus_one: sign of the polynomial at 1 and
     -1. proved: `(rows,)`, whether the list is complete and right for every polynomial within the error bound, but for the
     ends: open_at_one, open_at_minus_one say that a root may be there, within EDGE of the end on either side.
     """
@@ -35,35 +37,69 @@ class Roots:
 def isolate(coefficients, noise) -> Roots:
     """Real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within `noise`.
 
-    coefficients: `(rows, n)`; noise: `(rows,)`. The n-1 complex roots are the eigenvalues of the colleague matrix
-    (Specht 1957; Good 1961). Proof: by Smith's theorem (B. T. Smith, J. ACM 17, 1970) discs about n-1 approximations,
-    of radius `r_i / weight_i`, `r_i = |q(x_i)| / (|lead| prod |x_i - x_j|)`, weights of sum 1, hold all the roots, and an
-    isolated disc holds exactly one. |q(x_i)| is enlarged by what the noise can do there. So when each disc that touches
-    [-1, 1] is isolated and centred on the real axis, no root can hide, not even two that lie close together: these would
-    make their discs meet.
+    coefficients: `(rows, n)`; noise: `(rows,)`. By the signs of Bernstein coefficients (`roots_by_sign`), and by Smith's
+    discs (`by_discs`) in the rows that these leave undecided.
     """
-    rows, n = coefficients.shape
-    if n < 2:
-        empty = np.zeros((rows, 0))
-        sign = np.sign(coefficients[:, 0]) if n else np.zeros(rows)
-        closed = np.zeros(rows, bool)
-        return Roots(empty, empty, empty > 1, empty, sign, sign, np.abs(coefficients).sum(-1) > 2 * noise, closed, closed)
-    size = np.abs(coefficients).max(-1)
-    coefficients = coefficients / np.where(size > 0, size, 1)[:, None]
-    noise = noise / np.where(size > 0, size, 1)
+    coefficients, noise = _of_size_one(coefficients, noise)
+    (row, value, within, slope), complete = roots_by_sign(coefficients, noise)
+    found = _none(coefficients)
+    rank = np.arange(row.size) - np.searchsorted(row, row)
+    for part, those in ((found.value, value), (found.radius, within), (found.inside, True), (found.slope_sign, slope)):
+        part[row, rank] = those
+    found.proved[complete] = True
+    rest = np.flatnonzero(~complete)
+    if rest.size:
+        discs = by_discs(coefficients[rest], noise[rest])
+        for field in fields(Roots):
+            getattr(found, field.name)[rest] = getattr(discs, field.name)
+    return found
+
+
+def by_discs(coefficients, noise) -> Roots:
+    """The same. The n-1 complex roots are the eigenvalues of the colleague matrix (Specht 1957; Good 1961).
+
+    Proof: by Smith's theorem (B. T. Smith, J. ACM 17, 1970) discs about n-1 approximations, of radius `r_i / weight_i`,
+    `r_i = |q(x_i)| / (|lead| prod |x_i - x_j|)`, weights of sum 1, hold all the roots, and an isolated disc holds exactly
+    one. |q(x_i)| is enlarged by what the noise can do there. So when each disc that touches [-1, 1] is isolated and centred
+    on the real axis, no root can hide, not even two that lie close together: these would make their discs meet.
+    """
+    coefficients, noise = _of_size_one(coefficients, noise)
+    found = _none(coefficients)
+    if coefficients.shape[1] < 2:
+        return replace(found, proved=np.abs(coefficients).sum(-1) > 2 * noise)
     roots = _eigenvalues(coefficients)
     proved, radius, edge = _proof(coefficients, noise, roots)
     again = np.flatnonzero(~proved)
     if again.size:
         proved[again], radius[again], edge[again] = _proof(coefficients[again], noise[again], _spread(roots[again]))
-    inside = (roots.imag == 0) & (np.abs(roots.real) < 1) & ~edge
-    weight = np.arange(1, n + 1)
-    ends = (coefficients * weight).sum(-1), (coefficients * (weight * (-1.0) ** np.arange(n))).sum(-1)
+    inside = (roots.imag == 0) & (np.abs(roots.real) < 1) & ~edge & (np.abs(coefficients).max(-1) > 0)[:, None]
     open_ = [
-        (edge & (side * roots.real > 0)).any(-1) | (np.abs(end) <= 2 * noise) for side, end in zip((1, -1), ends, strict=True)
+        (edge & (side * roots.real > 0)).any(-1) | (np.abs(end) <= 2 * noise)
+        for side, end in zip((1, -1), _at_ends(coefficients), strict=True)
     ]
-    inside &= (size > 0)[:, None]
-    return Roots(roots.real, radius, inside, _slope_sign(coefficients, roots), *map(np.sign, ends), proved, *open_)
+    slope_sign = _slope_sign(coefficients, roots)
+    return Roots(roots.real, radius, inside, slope_sign, found.at_one, found.at_minus_one, proved, *open_)
+
+
+def _of_size_one(coefficients, noise):
+    """Both divided by the largest coefficient of the row."""
+    size = np.abs(coefficients).max(-1, initial=0)
+    size = np.where(size > 0, size, 1)
+    return coefficients / size[:, None], noise / size
+
+
+def _none(coefficients) -> Roots:
+    """No roots, nothing proved."""
+    rows, n = coefficients.shape
+    empty, closed = np.zeros((rows, max(n - 1, 0))), np.zeros(rows, bool)
+    signs = map(np.sign, _at_ends(coefficients))
+    return Roots(empty, empty.copy(), empty > 0, empty.copy(), *signs, closed, closed.copy(), closed.copy())
+
+
+def _at_ends(coefficients):
+    """The polynomial at 1 and at -1."""
+    weight = np.arange(1, coefficients.shape[1] + 1)
+    return (coefficients * weight).sum(-1), (coefficients * (weight * (-1.0) ** (weight - 1))).sum(-1)
 
 
 def _eigenvalues(coefficients):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.intervals.isolate import isolate
+from wavesweep.analysis.intervals.isolate import by_discs
 
 NODES, KEPT = 20, 14  # samples per panel; the Chebyshev coefficients from KEPT on must have decayed and bound the error
 DECAYED = 1e-9
@@ -64,7 +64,7 @@ def panel_roots(
     panel at an end of the interval that is narrower than this and proves nothing is left open. settling: number of a function
     that settles a panel on which it is proved to be positive, whatever the others do; its own roots do not count.
 
-    On each panel the interpolant at NODES points must have decayed, and `isolate` must prove its roots for every function
+    On each panel the interpolant at NODES points must have decayed, and `by_discs` must prove its roots for every function
     within the error bound; else the panel is split. The bound has what rounding and the coefficients that are cut away can
     do, and what can hide between the nodes: the interpolant of a function that is analytic and at most G inside an ellipse
     about the panel with semi-axes of sum r is off by at most `4 G r^-n/(r - 1)`, n its degree (L. N. Trefethen,
@@ -217,7 +217,7 @@ def _proved_roots(coefficients, noise):
     weight = np.arange(1, KEPT + 1) * np.abs(coefficients)
     rows = np.arange(noise.size)
     for degree in DEGREES:
-        roots = isolate(coefficients[rows, :degree], noise[rows] + weight[rows, degree:].sum(-1))
+        roots = by_discs(coefficients[rows, :degree], noise[rows] + weight[rows, degree:].sum(-1))
         proved = roots.proved & ~roots.open_at_one & ~roots.open_at_minus_one
         yield rows[proved], roots.rows(proved)
         rows = rows[~proved]

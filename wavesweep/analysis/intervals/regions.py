@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.analysis.doubt import COUNTS, NONE, ROUNDING
-from wavesweep.analysis.intervals.boundary import K_VE, residual, shift, terms
+from wavesweep.analysis.intervals.boundary import K_VE, ends
 from wavesweep.analysis.intervals.crossings import Crossings
 from wavesweep.analysis.spectrum import count_outside
 from wavesweep.lifted.circle import on_circle
@@ -100,32 +100,29 @@ def cut_span(span, columns: int, column, value, theta, jump, slack=0.0) -> Parts
 def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regions:
     """Cut the span at the crossings and label what lies between; loops `cut.at(owner)`, one per column.
 
-    The eigenvalues of the first region of each column are counted; the counts of the others follow from the directions of
-    the crossings, and where one of them comes to 0, which makes an interval stable, it is counted too. Columns whose
-    crossings are not all proved have every region counted at many points, and a region has no label where these disagree.
+    The count of the first region of each column follows from that of infinite values, which is one number of the loop, and
+    from the directions of all crossings between (`_first_counts`); the counts of the other regions from the directions of the
+    crossings before them. Where eigenvalues were counted in a column's first region, they are counted as well in every region
+    whose count comes to 0, which makes an interval stable. Columns whose crossings are not all proved have every region
+    counted at many points, and a region has no label where these disagree.
     """
     parts = cut_span(span, fixed.size, found.column, found.value, found.theta, found.jump)
-    unstable, doubt = np.zeros(parts.column.size, int), np.zeros(parts.column.size, int)
+    doubt, rise = np.zeros(parts.column.size, int), np.cumsum(parts.gain)
+    first = np.flatnonzero(~parts.has_previous)
+    rise -= rise[first][parts.column]
 
     def matrices(some, value):
         return close(cut.at(owner[parts.column[some]]), *_wall(along, value, fixed[parts.column[some]]))
 
-    first = np.flatnonzero(~parts.has_previous)
-    unstable[first] = count_where_clear(parts, first, matrices)
-    rise = np.cumsum(parts.gain)
-    unstable += np.where(parts.has_previous, rise - rise[first][parts.column] + unstable[first][parts.column], 0).astype(int)
-    doubt[np.isin(parts.column, parts.column[first[unstable[first] < 0]])] = ROUNDING
-    claimed = np.flatnonzero(parts.has_previous & (unstable <= 0) & found.complete[parts.column])
+    least = np.minimum.reduceat(rise, first)
+    begins, counted = _first_counts(owner, found, least, lambda columns: count_where_clear(parts, first[columns], matrices))
+    unstable = (rise + begins[parts.column]).astype(int)
+    unstable[first] = begins
+    doubt[(begins < 0)[parts.column]] = ROUNDING
+    claimed = np.flatnonzero(parts.has_previous & (unstable <= 0) & (found.complete & counted)[parts.column])
     seen = count_where_clear(parts, claimed, matrices)
     doubt[claimed] = np.maximum(doubt[claimed], np.where(seen < 0, ROUNDING, np.where(seen == unstable[claimed], NONE, COUNTS)))
-    column, value, theta = (part[parts.order] for part in (found.column, found.value, found.theta))
-    error = _residual(cut.at(owner[column]), along, fixed[column], value, theta)
-    ends = np.flatnonzero((unstable[parts.has_previous] == 0) | (unstable[parts.has_next] == 0))
-    end_doubt, at = np.zeros(error.size, int), column[ends]
-    moved, left_over = shift(cut.at(owner[at]), along, fixed[at], _place(theta[ends]), np.isin(theta[ends], (0.0, np.pi)))
-    usual = error[ends] <= USUAL * (left_over + np.finfo(float).eps)
-    firm = moved <= FIRM * (np.abs(value[ends]) + NEAR_ZERO * (span[1] - span[0]))
-    end_doubt[ends] = np.where(usual & firm, NONE, ROUNDING)
+    error, end_doubt = _judged_ends(cut, owner, along, fixed, span, found, parts, unstable)
     whole = parts.labelled(unstable, doubt, end_doubt, error)
     worst = np.where(found.complete, NONE, COUNTS)
     np.maximum.at(worst, whole.column, whole.doubt)
@@ -134,6 +131,51 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
         return whole
     unstable[again] = count_where_all_agree(parts, again, matrices)
     return replace(whole, unstable=unstable)
+
+
+def _first_counts(owner, found, least, count):
+    """Unstable eigenvalues in the first region of each column, -1 where not known, and where they were counted there.
+
+    least: `(columns,)`, by how much the count falls at most from the first region on. count(columns): eigenvalues outside.
+    At infinite values of the wall parameter as many are outside as the loop has zeros there from the wall's force to what it
+    reads, whatever the other parameter is. What the crossings leave of that must be the same in the first and the last
+    column of a loop for which all crossings are known; then it holds for those between, unless a count there is negative.
+    """
+    begins, known = np.full(owner.size, -1), np.flatnonzero(np.isfinite(found.above))
+    counted = np.ones(owner.size, bool)
+    new = np.diff(owner[known], prepend=-1) != 0
+    begin, end = known[new], known[np.append(new[1:], True)[: known.size]]
+    counted[known] = False
+    counted[begin] = counted[end] = True
+    at = np.flatnonzero(counted)
+    begins[at] = count(at)
+    grown = [np.where(begins[some] < 0, np.nan, begins[some] + found.above[some]) for some in (begin, end)]
+    agreed = np.where(grown[0] == grown[1], grown[0], np.nan)[np.cumsum(new) - 1]
+    between = ~counted[known]
+    known, left = known[between], (agreed - found.above[known])[between]
+    sure = left + least[known] >= 0
+    begins[known[sure]] = left[sure]
+    again = known[~sure]
+    begins[again], counted[again] = count(again), True
+    return begins, counted
+
+
+def _judged_ends(cut, owner, along, fixed, span, found, parts, unstable):
+    """Residual and doubt of each inner end; those of stable regions must stand clear of rounding."""
+    column, value, theta = (part[parts.order] for part in (found.column, found.value, found.theta))
+    error, doubt = np.zeros(column.size), np.zeros(column.size, int)
+    of_stable = np.flatnonzero((unstable[parts.has_previous] == 0) | (unstable[parts.has_next] == 0))
+    column, value, theta = (part[of_stable] for part in (column, value, theta))
+    back = found.inverses[found.inverse[parts.order[of_stable]]]
+    left, moved, usual = ends(
+        cut.at(owner[column]), along, fixed[column], value, _place(theta), np.isin(theta, (0.0, np.pi)), back
+    )
+    # At z = 1 an integrating loop meets the equation 0 = 0 at K_VE = 0, by structure.
+    error[of_stable] = np.where(cut.integrates & (theta == 0.0), 0.0, left)
+    clear = error[of_stable] <= USUAL * (usual + np.finfo(float).eps)
+    firm = moved <= FIRM * (np.abs(value) + NEAR_ZERO * (span[1] - span[0]))
+    doubt[of_stable] = np.where(clear & firm, NONE, ROUNDING)
+    return error, doubt
 
 
 def count_where_clear(parts: Parts, which, matrices):
@@ -170,11 +212,3 @@ def _wall(along, value, fixed):
 def _place(theta):
     """`w = exp(j theta) - 1`, exactly at both ends of the circle."""
     return np.where(theta == np.pi, -2.0, np.where(theta == 0.0, 0.0, on_circle(theta)))
-
-
-def _residual(cut, along, fixed, value, theta):
-    w = _place(theta)
-    K, B = _wall(along, value, fixed)
-    # At z = 1 an integrating loop meets the equation 0 = 0 at K_VE = 0, by structure.
-    with np.errstate(invalid="ignore"):
-        return np.where(cut.integrates & (theta == 0.0), 0.0, residual(terms(cut, w), K, B))

@@ -44,13 +44,14 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     cut: loops, batch shape `(slices,)`. span: (low, high). fixed: `(slices, columns)`, values of the other wall parameter.
 
     Crossings are the roots of one real polynomial per column (`crossings`), polished in state space (`boundary`).
-    Certified means: Smith's discs prove that the polynomial has no further real root, whatever its coefficients are
-    within their measured error (`isolate`), so that no pair of crossings can hide; both ends satisfy the characteristic
-    equation to rounding, and rounding of the loop's own entries cannot move them by more (`boundary.shift`); and eigenvalues,
-    counted independently in the first region and in every stable one, agree with the counts that follow from region to
-    region by the crossings' directions (`regions`). Columns that are unstable for every wall are certified so from their
-    trace. Columns that fail are done again on arcs in state space (`arcs`); what fails still is in doubt, and the
-    regions whose label is not known are left out. Of a loop whose frame overflows nothing is known.
+    Certified means: the signs of Bernstein coefficients, or Smith's discs, prove that the polynomial has no further real root,
+    whatever its coefficients are within their measured error (`isolate`), so that no pair of crossings can hide; both ends
+    satisfy the characteristic equation to rounding, and rounding of the loop's own entries cannot move them by more
+    (`boundary.ends`); and the counts of unstable eigenvalues follow by the crossings' directions, from region to
+    region and from one number per loop, which eigenvalues counted in its first and last column agree on (`regions`).
+    Columns that are unstable for every wall are certified so from their trace. Columns that fail are done again on arcs in
+    state space (`arcs`); what fails still is in doubt, and the regions whose label is not known are left out. Of a loop whose
+    frame overflows nothing is known.
     Accuracy: ends to about 1e-12 relative, measured against 40-digit arithmetic; at the least 1e-9 of the end and a
     hundred-thousandth of the span together.
     """

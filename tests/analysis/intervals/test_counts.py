@@ -1,0 +1,59 @@
+"""Unstable eigenvalues that are not counted but follow from the crossings: the same number, or they are counted."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.intervals import cut_of
+from support.specs import random_values
+
+from wavesweep.analysis.intervals import regions, stable, stable_intervals
+
+K_FIXED = np.concatenate([[0], np.random.default_rng(5).uniform(0, 15, 11)])
+B_FIXED = np.exp(np.linspace(0, 9, 12))
+
+
+@pytest.mark.parametrize(
+    ("along", "span", "fixed"), [("K_VE", (0, 2e4), K_FIXED), ("K_VE", (100, 2e3), K_FIXED), ("B_VE", (0, 300), B_FIXED)]
+)
+def test_counts_that_follow_are_those_of_eigenvalues(along, span, fixed, monkeypatch):
+    """60 loops of all kinds, 12 columns each: most follow, and every one of these is counted here after all."""
+    usual, seen = regions._first_counts, []
+
+    def compared(owner, found, least, count):
+        begins, counted = usual(owner, found, least, count)
+        rest = np.flatnonzero(~counted)
+        seen.append((owner.size, rest.size))
+        np.testing.assert_array_equal(count(rest), begins[rest])
+        return begins, counted
+
+    monkeypatch.setattr(regions, "_first_counts", compared)
+    for seed in range(60):
+        stable_intervals(cut_of(random_values(seed)), along, span, fixed[None])
+    columns, followed = np.sum(seen, axis=0)
+    assert followed > 0.5 * columns > 100
+
+
+def test_a_wrong_growth_is_noticed_and_every_column_is_counted(monkeypatch):
+    """One direction turned round in the last column: its count does not fit the first one's, and all are counted."""
+    cut = cut_of(random_values(3, "pmw"))
+    right, usual = stable_intervals(cut, "K_VE", (0, 2e4), K_FIXED[None]), stable.crossings
+
+    def wrong(*arguments):
+        found = usual(*arguments)
+        return replace(found, above=found.above + 2.0 * (np.arange(found.above.size) == found.above.size - 1))
+
+    monkeypatch.setattr(stable, "crossings", wrong)
+    counted = []
+    first = regions._first_counts
+
+    def listening(*arguments):
+        counted.append(first(*arguments)[1])
+        return first(*arguments)
+
+    monkeypatch.setattr(regions, "_first_counts", listening)
+    found = stable_intervals(cut, "K_VE", (0, 2e4), K_FIXED[None])
+    assert counted
+    assert counted[0].all()
+    assert found.certified.all()
+    np.testing.assert_array_equal(found.high, right.high)
