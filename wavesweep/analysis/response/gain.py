@@ -56,82 +56,107 @@ def _over_aliases(loop, frequency, ratio):
 
 
 class Frame:
-    """The lifted map in parts that no frequency changes: see `Shown`."""
+    """The lifted map in parts that no frequency changes: see `Shown`.
+
+    The way through the state, `O (w - E)^-1 G`, is that of a matrix no larger than the state between two with orthonormal
+    columns, `O = left corner` and `G = entry right'`: the force's own law and what it shows are a column of each as well.
+    """
 
     def __init__(self, loop: Loop):
-        self.loop, self.O = loop, taken(loop.shown.seen, (..., 0, slice(None), slice(None)))
+        self.loop, self.n = loop, len(loop.states)
+        O, self.dO = taken(loop.shown.seen, (..., 0, slice(None), slice(None)))
+        O = O.copy()
         self.impulse = taken(loop.shown.impulse, (..., 0, slice(None)))
         if loop.lead is not None:
-            self.O[0][..., loop.lead] += 1  # the scene's position is everybody's
+            O[..., loop.lead] += 1  # the scene's position is everybody's
+        (G, self.dG), law = loop.shown.left, loop.shown.law
+        self.sizes = np.abs(O)
+        if law is not None:
+            G, O = np.concatenate([G, law[0]], axis=-2), np.concatenate([O, np.ones((*O.shape[:-1], 1))], axis=-1)
+        self.finite = (np.abs(G) < HUGE).all((-1, -2)) & (np.abs(O) < HUGE).all((-1, -2))
+        G, O = (np.where(self.finite[..., None, None], part, 0) for part in (G, O))
+        self.lengths = np.sqrt((O**2).sum(-2)), np.sqrt((G**2).sum(-1))
+        self.left, self.corner = np.linalg.qr(O)
+        self.right, entry = np.linalg.qr(np.swapaxes(G, -1, -2))
+        self.entry = np.swapaxes(entry, -1, -2)
         idle = (loop.E == 0).all(-2).any(-1)  # a state that nothing reads but the output, and that does not decay
         self.drifts = loop.free | idle | (loop.law is not None)
 
     def gain(self, frequency):
         """The largest singular value at each frequency (Hz), and a bound on its error (m/N)."""
-        loop, points = self.loop, circle(self.loop, frequency)
-        n, ratio = len(loop.states), loop.diagram.ratio
-        w = points.frame[:, None, None]
-        law, (G, dG) = loop.shown.law, (part[..., None, :, :] for part in loop.shown.left)
-        eye = np.eye(n)
-        X, dX = solved(w * eye - loop.E[..., None, :, :], loop.dE[..., None, :, :] + 0 * w.real, G + 0 * w, dG + 0 * w.real)
-        size, O, dO = np.abs(X), np.abs(self.O[0])[..., None, :, :], self.O[1][..., None, :, :]
+        loop, n, points = self.loop, self.n, circle(self.loop, frequency)
+        ratio, w = loop.diagram.ratio, points.frame[:, None, None]
+        factoring = 2 * n * ROUNDING  # of a column's length, what is lost by factors in place of it
+        of_O, of_G = (factoring * length for length in self.lengths)
+        vague = of_G[..., :n] + np.sqrt((self.dG**2).sum(-1))  # of a row, in whichever direction
+        G, dG = self.entry[..., None, :n, :], vague[..., None, :, None]
+        eye, none = np.eye(n), 0 * w.real
+        X, dX = solved(w * eye - loop.E[..., None, :, :], loop.dE[..., None, :, :] + none, G + 0 * w, dG + 0 * np.abs(G) + none)
+        size, O, dO = np.abs(X), self.sizes[..., None, :, :], self.dO[..., None, :, :]
         error = _norm_of_product(O, dX) + _norm_of_product(dO + n * ROUNDING * O, size)
+        error = error + (of_O[..., None, :n, None] * size).sum((-1, -2))
         error = error + np.sqrt(ratio * (self.impulse[1] ** 2).sum(-1))[..., None]
-        still = None
+        law = loop.shown.law
         if law is not None:
-            still = loop.still[..., None, :, None] * (law[0][..., None, :, :] / w)
-            unsure = (law[1] + 8 * ROUNDING * np.abs(law[0]))[..., None, :, :] / np.abs(w)
-            unsure = np.abs(loop.still)[..., None, :, None] * unsure
+            still = loop.still[..., None, :, None] / w
+            X = np.concatenate([X, still * self.entry[..., None, n:, :]], axis=-2)
+            unsure = np.abs(still) * (law[1] + (8 * ROUNDING + 2 * factoring) * np.abs(law[0]))[..., None, :, :]
             error = error + np.sqrt(ratio * (unsure**2).sum((-1, -2)))
-        value = self._dense(X, still) if ratio <= DENSE else self._lanczos(X, still)
+        core = self.corner[..., None, :, :] @ X
+        value = self._dense(core) if ratio <= DENSE else self._lanczos(core)
         drifting = (points.frame == 0) & self.drifts[..., None]
         return np.where(drifting, np.inf, value), error
 
-    def _dense(self, X, still):
+    def _within(self, core):
+        """Where all numbers are far from overflow, and core and impulse with zeros elsewhere."""
+        impulse = self.impulse[0][..., None, :]
+        finite = (np.abs(impulse) < HUGE).all(-1) & self.finite[..., None] & (np.abs(core) < HUGE).all((-1, -2))
+        return finite, np.where(finite[..., None, None], core, 0), np.where(finite[..., None], impulse, 0)
+
+    def _dense(self, core):
         """By LAPACK, from the whole matrix."""
         lag = np.subtract.outer(*[np.arange(self.loop.diagram.ratio)] * 2)
-        toeplitz = np.where(lag >= 0, self.impulse[0][..., lag], 0)
-        matrix = self.O[0][..., None, :, :] @ X + toeplitz[..., None, :, :]
-        matrix = matrix if still is None else matrix + still
-        finite = (np.abs(matrix) < HUGE).all((-1, -2))
-        value = np.linalg.svd(np.where(finite[..., None, None], matrix, 0), compute_uv=False)[..., 0]
+        finite, core, impulse = self._within(core)
+        toeplitz = np.where(lag >= 0, impulse[..., lag], 0)
+        through = (self.left[..., None, :, :] @ core) @ np.swapaxes(self.right, -1, -2)[..., None, :, :]
+        value = np.linalg.svd(through + toeplitz, compute_uv=False)[..., 0]
         return np.where(finite, value, np.nan)
 
-    def _lanczos(self, X, still):
+    def _lanczos(self, core):
         """Golub-Kahan-Lanczos with full reorthogonalisation, all points at once; T by way of its Fourier transform."""
         ratio = self.loop.diagram.ratio
-        O = np.broadcast_to(self.O[0][..., None, :, :], (*X.shape[:-2], *self.O[0].shape[-2:]))
-        if still is not None:
-            X = np.concatenate([X, still], axis=-2)
-            O = np.concatenate([O, np.ones((*O.shape[:-1], 1))], axis=-1)
-        impulse = self.impulse[0][..., None, :]
-        finite = (np.abs(impulse) < HUGE).all(-1) & np.logical_and(*((np.abs(part) < HUGE).all((-1, -2)) for part in (X, O)))
-        X, O = (np.where(finite[..., None, None], part, 0) for part in (X, O))
-        spectrum = np.fft.fft(np.where(finite[..., None], impulse, 0), 2 * ratio)
+        finite, core, impulse = self._within(core)
+        spectrum, left, right = np.fft.fft(impulse, 2 * ratio), self.left[..., None, :, :], self.right[..., None, :, :]
+        spectra, cores = (spectrum, spectrum.conj()), (core, np.swapaxes(core.conj(), -1, -2))
+        outward, inward = (left, right), tuple(np.swapaxes(part, -1, -2).copy() for part in (left, right))
 
-        def forward(v):
-            own = np.fft.ifft(spectrum * np.fft.fft(v, 2 * ratio))[..., :ratio]
-            return own + (O @ (X @ v[..., None]))[..., 0]
+        def apply(v, back):
+            own = np.fft.ifft(spectra[back] * np.fft.fft(v, 2 * ratio))[..., :ratio]
+            return own + _by_real(outward[back], (cores[back] @ _by_real(inward[1 - back], v)[..., None])[..., 0])
 
-        def backward(u):
-            own = np.fft.ifft(spectrum.conj() * np.fft.fft(u, 2 * ratio))[..., :ratio]
-            return own + (np.swapaxes(X.conj(), -1, -2) @ (np.swapaxes(O, -1, -2) @ u[..., None]))[..., 0]
-
-        v, best = np.abs(X).sum(-2) / _norm(np.abs(X).sum(-2)) + 0.1 * np.hanning(ratio) + 0j, 0.0
+        ones = np.ones((*core.shape[:-2], ratio), complex)
+        v = _by_real(right, (cores[1] @ _by_real(inward[0], ones)[..., None])[..., 0])
+        v, best = v / _norm(v) + 0.1 * np.hanning(ratio), 0.0
         basis, band, settled = [], [], ~finite  # a point that has settled keeps its value, whichever others have not
         for _ in range(min(STEPS, ratio)):
             v = v / _norm(v)
             basis.append(v)
-            band.append(forward(v))
+            band.append(apply(v, 0))
             span = np.stack(band, axis=-1)
             value = np.sqrt(np.maximum(np.linalg.eigvalsh(np.swapaxes(span.conj(), -1, -2) @ span)[..., -1], 0))
             best, settled = np.where(settled, best, value), settled | (np.abs(value - best) <= SETTLED * value)
             if settled.all():
                 break
-            v = backward(band[-1])
+            v = apply(band[-1], 1)
             for known in basis * 2:
                 v = v - known * (known.conj() * v).sum(-1, keepdims=True)
         return np.where(finite, best, np.nan)
+
+
+def _by_real(A, v):
+    """`A v`, A real and v complex, without making A complex."""
+    parts = np.ascontiguousarray(v).view(float).reshape(*v.shape, 2)
+    return (A @ parts).view(complex)[..., 0]
 
 
 def _norm_of_product(A, B):
