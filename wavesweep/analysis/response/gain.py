@@ -108,19 +108,19 @@ class Frame:
         return np.where(drifting, np.inf, value), error
 
     def _within(self, core):
-        """Where all numbers are far from overflow, and core and impulse with zeros elsewhere."""
-        impulse = self.impulse[0][..., None, :]
-        finite = (np.abs(impulse) < HUGE).all(-1) & self.finite[..., None] & (np.abs(core) < HUGE).all((-1, -2))
-        return finite, np.where(finite[..., None, None], core, 0), np.where(finite[..., None], impulse, 0)
+        """Where all numbers are far from overflow, the core with zeros elsewhere, and the impulse, or zeros, for all points."""
+        tame = (np.abs(self.impulse[0]) < HUGE).all(-1) & self.finite
+        finite = tame[..., None] & (np.abs(core) < HUGE).all((-1, -2))
+        return finite, np.where(finite[..., None, None], core, 0), np.where(tame[..., None], self.impulse[0], 0)[..., None, :]
 
     def _dense(self, core):
         """By LAPACK, from the whole matrix."""
         lag = np.subtract.outer(*[np.arange(self.loop.diagram.ratio)] * 2)
         finite, core, impulse = self._within(core)
         toeplitz = np.where(lag >= 0, impulse[..., lag], 0)
-        through = (self.left[..., None, :, :] @ core) @ np.swapaxes(self.right, -1, -2)[..., None, :, :]
-        value = np.linalg.svd(through + toeplitz, compute_uv=False)[..., 0]
-        return np.where(finite, value, np.nan)
+        over = np.swapaxes(_by_real(self.right[..., None, :, :], np.swapaxes(core, -1, -2)), -1, -2)
+        matrix = _by_real(self.left[..., None, :, :], over) + toeplitz
+        return np.where(finite, np.linalg.svd(matrix, compute_uv=False)[..., 0], np.nan)
 
     def _lanczos(self, core):
         """Golub-Kahan-Lanczos with full reorthogonalisation, all points at once; T by way of its Fourier transform."""
@@ -132,10 +132,9 @@ class Frame:
 
         def apply(v, back):
             own = np.fft.ifft(spectra[back] * np.fft.fft(v, 2 * ratio))[..., :ratio]
-            return own + _by_real(outward[back], (cores[back] @ _by_real(inward[1 - back], v)[..., None])[..., 0])
+            return own + _by_real(outward[back], cores[back] @ _by_real(inward[1 - back], v[..., None]))[..., 0]
 
-        ones = np.ones((*core.shape[:-2], ratio), complex)
-        v = _by_real(right, (cores[1] @ _by_real(inward[0], ones)[..., None])[..., 0])
+        v = _by_real(right, cores[1] @ _by_real(inward[0], np.ones((*core.shape[:-2], ratio, 1), complex)))[..., 0]
         v, best = v / _norm(v) + 0.1 * np.hanning(ratio), 0.0
         basis, band, settled = [], [], ~finite  # a point that has settled keeps its value, whichever others have not
         for _ in range(min(STEPS, ratio)):
@@ -155,8 +154,8 @@ class Frame:
 
 def _by_real(A, v):
     """`A v`, A real and v complex, without making A complex."""
-    parts = np.ascontiguousarray(v).view(float).reshape(*v.shape, 2)
-    return (A @ parts).view(complex)[..., 0]
+    parts = np.ascontiguousarray(v).view(float)
+    return (A @ parts).view(complex)
 
 
 def _norm_of_product(A, B):
