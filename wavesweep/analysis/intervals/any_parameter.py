@@ -1,12 +1,13 @@
 """Stable intervals along any number of a loop, from its eigenvalues."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wavesweep.analysis.doubt import COUNTS, NONE, OVERFLOW, SEARCH
 from wavesweep.analysis.intervals.panels import bracketed_roots, panel_roots
 from wavesweep.analysis.intervals.regions import count_where_clear, cut_span
+from wavesweep.analysis.intervals.rows import Rows
 from wavesweep.analysis.intervals.stable import Intervals, doubts_of, intervals_of
 
 ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
@@ -69,8 +70,9 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
         bounds,
         settling=BEYOND,
     )
-    column, kind, value, theta, miss, good = _polished(evaluate, found, width)
-    doubtful = tuple(part[~good] for part in (column, value - NARROWEST * width, value + NARROWEST * width))
+    ends = _polished(evaluate, found, width)
+    unsure = ends.take(~ends.good)
+    doubtful = unsure.column, unsure.value - NARROWEST * width, unsure.value + NARROWEST * width
     labelled = [
         (*_merged(*some), label, doubt)
         for some, label, doubt in (
@@ -80,24 +82,23 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
             (doubtful, UNKNOWN, SEARCH),
         )
     ]
-    crossing = good & ((kind != PAIR) | (theta > 0))  # a reciprocal pair of real eigenvalues crosses nothing
-    column, kind, value, theta, miss = (part[crossing] for part in (column, kind, value, theta, miss))
+    # A reciprocal pair of real eigenvalues crosses nothing.
+    ends = ends.take(ends.good & ((ends.function != PAIR) | (ends.theta > 0)))
     for owner, left, right, _, _ in labelled:
-        free = ~_inside(column, value, owner, left, right)
-        column, kind, value, theta, miss = (part[free] for part in (column, kind, value, theta, miss))
+        ends = ends.take(~_inside(ends.column, ends.value, owner, left, right))
     edges = [
         np.concatenate([part for some in labelled for part in (some[0], some[0])]),
         np.concatenate([part for some in labelled for part in some[1:3]]),
     ]
     nowhere = np.full(edges[0].size, np.nan)
-    jump = np.concatenate([np.where(kind == PAIR, 2.0, 1.0), nowhere])
-    error = np.abs(np.concatenate([miss, np.zeros(nowhere.size)]))
+    jump = np.concatenate([np.where(ends.function == PAIR, 2.0, 1.0), nowhere])
+    error = np.abs(np.concatenate([ends.miss, np.zeros(nowhere.size)]))
     parts = cut_span(
         span,
         columns,
-        np.concatenate([column, edges[0]]),
-        np.concatenate([value, edges[1]]),
-        np.concatenate([theta, nowhere]),
+        np.concatenate([ends.column, edges[0]]),
+        np.concatenate([ends.value, edges[1]]),
+        np.concatenate([ends.theta, nowhere]),
         jump,
         slack=ATTACHED * width,
     )
@@ -176,9 +177,21 @@ def _excess(z, scale):
     return (total - least) / magnitude, np.log(magnitude) + 2 * np.log(scale), 4 * n * np.minimum(size / magnitude, 1e12)
 
 
-def _polished(evaluate, found, width):
-    """Every root that was found, to rounding, duplicates of overlapping panels dropped: (column, function, p, angle of the
-    eigenvalue, how far it is from its place, whether all is well)."""
+@dataclass(frozen=True, slots=True)
+class _Ends(Rows):
+    """Roots to rounding: column, function and value of the parameter; angle theta of the eigenvalue there, by how much it
+    misses its place, and whether all is well."""
+
+    column: np.ndarray
+    function: np.ndarray
+    value: np.ndarray
+    theta: np.ndarray
+    miss: np.ndarray
+    good: np.ndarray
+
+
+def _polished(evaluate, found, width) -> _Ends:
+    """Every root that was found, to rounding, duplicates of overlapping panels dropped."""
     column, kind = found.column, found.function
     reach = np.minimum(found.within, 0.1 * width) + 1e-9 * width  # the disc, which no other root is in
 
@@ -188,12 +201,11 @@ def _polished(evaluate, found, width):
 
     x, bracketed = bracketed_roots(value, found.x - reach, found.x + reach)
     miss, theta = _nearest(evaluate, column, x, kind)
-    good = bracketed & (np.abs(miss) <= CLEAR)
-    order = np.lexsort((x, kind, column))
-    column, kind, x, theta, miss, good = (part[order] for part in (column, kind, x, theta, miss, good))
+    ends = _Ends(column, kind, x, theta, miss, bracketed & (np.abs(miss) <= CLEAR))
+    ends = ends.take(np.lexsort((x, kind, column)))
     new = np.ones(x.size, bool)
-    new[1:] = (np.diff(column) != 0) | (np.diff(kind) != 0) | (np.diff(x) > 1e-10 * width)
-    return column[new], kind[new], x[new], theta[new], miss[new], good[new]
+    new[1:] = (np.diff(ends.column) != 0) | (np.diff(ends.function) != 0) | (np.diff(ends.value) > 1e-10 * width)
+    return ends.take(new)
 
 
 def _nearest(evaluate, column, x, kind):

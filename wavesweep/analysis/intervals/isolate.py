@@ -5,12 +5,13 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from wavesweep.analysis.intervals.bernstein import roots_by_sign
+from wavesweep.analysis.intervals.rows import Rows
 
 EDGE = 1e-7  # so near to +-1 a root is not told from one at the end itself
 
 
 @dataclass(frozen=True, slots=True)
-class Roots:
+class Roots(Rows):
     """Roots per row of coefficients.
 
     value: `(rows, n-1)`, real. radius: within what of it the true root is, and no other. inside: which of them are real roots
@@ -28,10 +29,6 @@ class Roots:
     proved: np.ndarray
     open_at_one: np.ndarray
     open_at_minus_one: np.ndarray
-
-    def rows(self, index) -> "Roots":
-        """Those rows alone."""
-        return Roots(*(getattr(self, field.name)[index] for field in fields(self)))
 
 
 def isolate(coefficients, noise) -> Roots:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.analysis.intervals.isolate import by_discs
+from wavesweep.analysis.intervals.rows import Rows
 
 NODES, KEPT = 20, 14  # samples per panel; the Chebyshev coefficients from KEPT on must have decayed and bound the error
 DECAYED = 1e-9
@@ -101,7 +102,7 @@ def panel_roots(
 
 
 @dataclass(frozen=True, slots=True)
-class _Panels:
+class _Panels(Rows):
     """Panels of a generation: whose, and middle and half-width of each, the overlap with its neighbours included."""
 
     column: np.ndarray
@@ -185,7 +186,7 @@ def _hidden(sample, panels, bounds, which, trend, peak):
     which = which[inside[which]]
     if not which.size:
         return hidden
-    some = _Panels(panels.column[which], panels.middle[which], panels.half[which])
+    some = panels.take(which)
     _, log, _ = sample(some.column, some.at(RIM))
     log = log - trend[:, which, None] * RIM.real
     with np.errstate(over="ignore", invalid="ignore"):
@@ -219,7 +220,7 @@ def _proved_roots(coefficients, noise):
     for degree in DEGREES:
         roots = by_discs(coefficients[rows, :degree], noise[rows] + weight[rows, degree:].sum(-1))
         proved = roots.proved & ~roots.open_at_one & ~roots.open_at_minus_one
-        yield rows[proved], roots.rows(proved)
+        yield rows[proved], roots.take(proved)
         rows = rows[~proved]
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from wavesweep.analysis.doubt import COUNTS, NONE, ROUNDING
 from wavesweep.analysis.intervals.boundary import K_VE, ends
 from wavesweep.analysis.intervals.crossings import Crossings
+from wavesweep.analysis.intervals.rows import Rows
 from wavesweep.analysis.spectrum import count_outside
 from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.cut import Cut, close
@@ -20,7 +21,7 @@ MANY_SHARES = (*np.linspace(0, 1, 18)[1:-1], 1e-2, 1e-3, 1e-4, 1e-6)  # where it
 
 
 @dataclass(frozen=True, slots=True)
-class Regions:
+class Regions(Rows):
     """Consecutive parts of the swept range, sorted by column and value; no eigenvalue crosses the circle inside one.
 
     column, low, high; low_theta, high_theta: angle of what crosses at that end, NaN where only the range ends there.

@@ -1,6 +1,6 @@
 """Stable intervals along a wall parameter, for a whole batch of loops at once."""
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -9,11 +9,12 @@ from wavesweep.analysis.intervals.arcs import arc_crossings
 from wavesweep.analysis.intervals.boundary import K_VE
 from wavesweep.analysis.intervals.crossings import crossings, sampled_polynomial, warp_scale
 from wavesweep.analysis.intervals.regions import Regions, cut_span, regions
+from wavesweep.analysis.intervals.rows import Rows
 from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 
 @dataclass(frozen=True, slots=True)
-class Intervals:
+class Intervals(Rows):
     """One element per stable interval, or one with index -1 for a column that has none; sorted by column, then value.
 
     column: index into the columns in C order, `slice * fixed.shape[-1] + position`. index: 0, 1, ... within the column.
@@ -117,9 +118,8 @@ def doubts_of(parts: Regions, doubt) -> np.ndarray:
 
 def _select(parts, kept, names) -> Regions:
     """The regions of the columns `kept`, the columns renamed to `names`."""
-    mask = kept[parts.column]
-    taken = {f.name: getattr(parts, f.name)[mask] for f in fields(parts)}
-    return Regions(**(taken | {"column": names[taken["column"]]}))
+    taken = parts.take(kept[parts.column])
+    return replace(taken, column=names[taken.column])
 
 
 def _sorted(done) -> tuple[Regions, np.ndarray]:
@@ -128,8 +128,8 @@ def _sorted(done) -> tuple[Regions, np.ndarray]:
     doubt = np.concatenate([some for _, _, some in done])[np.argsort(np.concatenate([names for _, names, _ in done]))]
     if len(parts) == 1:
         return parts[0], doubt
-    order = np.argsort(np.concatenate([part.column for part in parts]), kind="stable")
-    return Regions(*(np.concatenate([getattr(part, f.name) for part in parts])[order] for f in fields(Regions))), doubt
+    whole = Regions.join(parts)
+    return whole.take(np.argsort(whole.column, kind="stable")), doubt
 
 
 def intervals_of(r: Regions, doubt, period) -> Intervals:
@@ -170,8 +170,8 @@ def _joined(cut, along, span, fixed) -> Intervals:
         if names.size:
             part = stable_intervals(loop.at(owner[names]), along, span, flat[names, None])
             parts.append(replace(part, column=names[part.column]))
-    order = np.argsort(np.concatenate([part.column for part in parts]), kind="stable")
-    return Intervals(*(np.concatenate([getattr(part, f.name) for part in parts])[order] for f in fields(Intervals)))
+    whole = Intervals.join(parts)
+    return whole.take(np.argsort(whole.column, kind="stable"))
 
 
 def trace_excludes_stability(cut: Cut, owner, along: str, fixed, span):
