@@ -20,8 +20,8 @@ def test_counts_that_follow_are_those_of_eigenvalues(along, span, fixed, monkeyp
     """60 loops of all kinds, 12 columns each: most follow, and every one of these is counted here after all."""
     usual, seen = regions._first_counts, []
 
-    def compared(owner, found, least, count):
-        begins, counted = usual(owner, found, least, count)
+    def compared(owner, above, followed, least, count):
+        begins, counted = usual(owner, above, followed, least, count)
         rest = np.flatnonzero(~counted)
         seen.append((owner.size, rest.size))
         np.testing.assert_array_equal(count(rest), begins[rest])

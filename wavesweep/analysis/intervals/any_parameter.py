@@ -9,6 +9,7 @@ from wavesweep.analysis.intervals.panels import bracketed_roots, panel_roots
 from wavesweep.analysis.intervals.regions import count_where_clear, cut_span
 from wavesweep.analysis.intervals.rows import Rows
 from wavesweep.analysis.intervals.stable import Intervals, doubts_of, intervals_of
+from wavesweep.analysis.spectrum import excess
 
 ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
 NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing is given up
@@ -156,12 +157,12 @@ def _criticals(E):
         logs.append(np.log(magnitude).sum(-1))
         with np.errstate(over="ignore"):
             errors.append(np.minimum(scale / np.maximum(magnitude.min(-1, initial=1.0), 1e-30), 1e12))
-    excess = _excess(1 + w, scale)
-    phases, logs, errors = (np.stack([*parts, part]) for parts, part in zip((phases, logs, errors), excess, strict=True))
+    beyond = _beyond(1 + w, scale)
+    phases, logs, errors = (np.stack([*parts, part]) for parts, part in zip((phases, logs, errors), beyond, strict=True))
     return np.where(finite, phases, np.nan), np.where(finite, logs, np.inf), errors
 
 
-def _excess(z, scale):
+def _beyond(z, scale):
     """`(t/n)^2 + e/m - 2`, as in `_criticals`: t the sum of the n eigenvalues, e the sum of the m products of two of them.
 
     Where it is positive |t| exceeds n or |e| exceeds m, so an eigenvalue exceeds 1. Where a complex pair dominates, t may
@@ -219,6 +220,6 @@ def _nearest(evaluate, column, x, kind):
     best = np.argmin(np.abs(pair), axis=-1)[:, None]
     first = np.take_along_axis(w[:, i], best, -1)[:, 0]
     single = np.take_along_axis(w, np.argmin(np.where(kind[:, None] == ONE, np.abs(w), np.abs(w + 2)), -1)[:, None], -1)[:, 0]
-    miss = np.where(kind == PAIR, np.take_along_axis(pair, best, -1)[:, 0].real, 2 * single.real + np.abs(single) ** 2)
+    miss = np.where(kind == PAIR, np.take_along_axis(pair, best, -1)[:, 0].real, excess(single))
     theta = np.where(kind == PAIR, np.abs(np.angle(1 + first)) * (first.imag != 0), np.where(kind == ONE, 0.0, np.pi))
     return miss, theta

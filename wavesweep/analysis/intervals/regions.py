@@ -16,6 +16,7 @@ SMALL_RESIDUAL = 1e-9  # of what crosses inside an unstable part, where only the
 USUAL = 64.0  # times rounding: what a polished end may leave of its equation
 FIRM = 1e-9 / 16  # of an end, what one rounding of every entry of the loop may move it by; lifting a loop costs some more
 NEAR_ZERO = 1e-5  # of the span, which an end is given in addition: one next to zero has few digits of itself
+NARROW = 1e-6  # of the span; eigenvalues of so small a region are always counted
 SHARES = (0.5, 0.1, 0.9, 1e-3, 0.999, 1e-6)  # of a region's width: the count is the same at all, and clearer at some
 MANY_SHARES = (*np.linspace(0, 1, 18)[1:-1], 1e-2, 1e-3, 1e-4, 1e-6)  # where it may not be the same
 
@@ -104,8 +105,8 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
     The count of the first region of each column follows from that of infinite values, which is one number of the loop, and
     from the directions of all crossings between (`_first_counts`); the counts of the other regions from the directions of the
     crossings before them. Where eigenvalues were counted in a column's first region, they are counted as well in every region
-    whose count comes to 0, which makes an interval stable. Columns whose crossings are not all proved have every region
-    counted at many points, and a region has no label where these disagree.
+    whose count comes to 0, which makes an interval stable, and in narrow ones of all columns. Columns whose crossings are not
+    all proved have every region counted at many points, and a region has no label where these disagree.
     """
     parts = cut_span(span, fixed.size, found.column, found.value, found.theta, found.jump)
     doubt, rise = np.zeros(parts.column.size, int), np.cumsum(parts.gain)
@@ -116,11 +117,16 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
         return close(cut.at(owner[parts.column[some]]), *_wall(along, value, fixed[parts.column[some]]))
 
     least = np.minimum.reduceat(rise, first)
-    begins, counted = _first_counts(owner, found, least, lambda columns: count_where_clear(parts, first[columns], matrices))
+    narrow = parts.high - parts.low < NARROW * (span[1] - span[0])
+    followed = np.isfinite(found.above) & ~narrow[first]
+    begins, counted = _first_counts(
+        owner, found.above, followed, least, lambda columns: count_where_clear(parts, first[columns], matrices)
+    )
     unstable = (rise + begins[parts.column]).astype(int)
     unstable[first] = begins
     doubt[(begins < 0)[parts.column]] = ROUNDING
-    claimed = np.flatnonzero(parts.has_previous & (unstable <= 0) & (found.complete & counted)[parts.column])
+    claimed = parts.has_previous & (unstable <= 0) & found.complete[parts.column] & (narrow | counted[parts.column])
+    claimed = np.flatnonzero(claimed)
     seen = count_where_clear(parts, claimed, matrices)
     doubt[claimed] = np.maximum(doubt[claimed], np.where(seen < 0, ROUNDING, np.where(seen == unstable[claimed], NONE, COUNTS)))
     error, end_doubt = _judged_ends(cut, owner, along, fixed, span, found, parts, unstable)
@@ -134,15 +140,16 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
     return replace(whole, unstable=unstable)
 
 
-def _first_counts(owner, found, least, count):
+def _first_counts(owner, above, followed, least, count):
     """Unstable eigenvalues in the first region of each column, -1 where not known, and where they were counted there.
 
-    least: `(columns,)`, by how much the count falls at most from the first region on. count(columns): eigenvalues outside.
+    above: see `Crossings`; followed: `(columns,)`, whether the count may follow from it. least: `(columns,)`, by how much the
+    count falls at most from the first region on. count(columns): eigenvalues outside.
     At infinite values of the wall parameter as many are outside as the loop has zeros there from the wall's force to what it
     reads, whatever the other parameter is. What the crossings leave of that must be the same in the first and the last
     column of a loop for which all crossings are known; then it holds for those between, unless a count there is negative.
     """
-    begins, known = np.full(owner.size, -1), np.flatnonzero(np.isfinite(found.above))
+    begins, known = np.full(owner.size, -1), np.flatnonzero(followed)
     counted = np.ones(owner.size, bool)
     new = np.diff(owner[known], prepend=-1) != 0
     begin, end = known[new], known[np.append(new[1:], True)[: known.size]]
@@ -150,10 +157,10 @@ def _first_counts(owner, found, least, count):
     counted[begin] = counted[end] = True
     at = np.flatnonzero(counted)
     begins[at] = count(at)
-    grown = [np.where(begins[some] < 0, np.nan, begins[some] + found.above[some]) for some in (begin, end)]
+    grown = [np.where(begins[some] < 0, np.nan, begins[some] + above[some]) for some in (begin, end)]
     agreed = np.where(grown[0] == grown[1], grown[0], np.nan)[np.cumsum(new) - 1]
     between = ~counted[known]
-    known, left = known[between], (agreed - found.above[known])[between]
+    known, left = known[between], (agreed - above[known])[between]
     sure = left + least[known] >= 0
     begins[known[sure]] = left[sure]
     again = known[~sure]
