@@ -93,7 +93,7 @@ def test_python_control_gets_the_lifted_loop(hole):
         (lambda loop: loop.stable_intervals(B_VE=[]), "at least one value"),
         (lambda loop: loop.stable_intervals(B_VE=[-1.0]), "B_VE"),
         (lambda loop: loop.stable_intervals(B_VE=[np.nan]), "finite"),
-        (lambda loop: loop.response([0.0]), "> 0"),
+        (lambda loop: loop.response([-1.0]), ">= 0"),
         (lambda loop: loop.response([501.0]), "at most half"),
         (lambda loop: loop.spectral_radius(**{"device.velocity": [1]}), "numeric key"),
     ],

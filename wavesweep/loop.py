@@ -64,8 +64,8 @@ class Loop:
     def response(self, frequency_hz=None, **axes):
         """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.
 
-        frequency_hz: Hz, those of the spec's [bode] table by default; 0 < f, up to the fast Nyquist frequency. axes: see
-        `Loop`. Accuracy: every row has bounds on its relative errors, or a reason of doubt; see `analysis.doubt`.
+        frequency_hz: Hz, those of the spec's [bode] table by default; 0 (the static limit) up to the fast Nyquist frequency.
+        axes: see `Loop`. Accuracy: every row has bounds on its relative errors, or a reason of doubt; see `analysis.doubt`.
         """
         from wavesweep.sweep.response_table import one_spec
 
@@ -135,8 +135,8 @@ class Loop:
 
     def _frequencies(self, frequency_hz):
         frequency = np.asarray(self.spec.frequency_hz if frequency_hz is None else frequency_hz, float).ravel()
-        if not np.all((frequency > 0) & np.isfinite(frequency)):
-            raise UsageError("frequency_hz: expected finite numbers > 0")
+        if not np.all((frequency >= 0) & np.isfinite(frequency)):
+            raise UsageError("frequency_hz: expected finite numbers >= 0")
         return frequency
 
 

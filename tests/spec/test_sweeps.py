@@ -157,7 +157,7 @@ def test_a_delay_beside_a_swept_ratio_is_checked_per_combination():
     [
         ({"b": {"start": 1, "stop": 2}}, "bode.b: expected num beside start and stop, or a list, found only a span"),
         ({"frequency_hz": {"start": 1, "stop": 2}}, "bode.frequency_hz: expected num beside start and stop"),
-        ({"frequency_hz": [0]}, "bode.frequency_hz[0]: expected a number > 0, found 0"),
+        ({"frequency_hz": [-1]}, "bode.frequency_hz[0]: expected a number >= 0, found -1"),
         ({"frequency": [0]}, "bode.frequency: expected frequency_hz, one of"),
         ({"along": "b"}, "bode.along: expected frequency_hz, one of"),
     ],

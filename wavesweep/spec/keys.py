@@ -162,7 +162,9 @@ SIMULATE_KEYS = MappingProxyType({key.path: key for key in _SIMULATE})
 STUDY_KEYS = MappingProxyType(
     {
         "sweep.along": Key("sweep.along", "string", "K_VE", "", "the axis whose stable intervals are wanted"),
-        "bode.frequency_hz": _positive("bode.frequency_hz", None, "Hz", "frequencies of the responses"),
+        "bode.frequency_hz": Key(
+            "bode.frequency_hz", "number", None, "Hz", "frequencies of the responses; 0 for the static limit", low=0.0
+        ),
         **SIMULATE_KEYS,
     }
 )

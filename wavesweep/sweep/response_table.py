@@ -6,7 +6,7 @@ import numpy as np
 
 from wavesweep.analysis.response import prepare, respond, worst_gain
 from wavesweep.analysis.spectrum import spectral_radius
-from wavesweep.diagram import draw
+from wavesweep.diagram import draw, keys_read
 from wavesweep.errors import UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import find_key
@@ -38,8 +38,9 @@ BLOCK = 200_000  # responses in one batch
 def responses(specs, **_work) -> Table:
     """Admittance, impedance, worst-case gain and verdict of all specs, for every combination of their [bode] axes.
 
-    A spec without one of the axes has its own value in that column. Workers are not used (`_work` is ignored): thousands of
-    curves take less time than starting one. Raises UsageError for a frequency beyond half the fast rate.
+    A spec without one of the axes has its own value in that column, or NaN if its controller does not read it. Workers are
+    not used (`_work` is ignored): thousands of curves take less time than starting one. Raises UsageError for a frequency
+    beyond half the fast rate.
     """
     started = time.perf_counter()
     names = list(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
@@ -81,7 +82,9 @@ def _rows(grid: Grid, frequency, names) -> dict:
     combination, repeat = np.arange(grid.size), frequency.size
     found, slices = response_arrays(grid, frequency), grid.slice_of(combination)
     leading = grid.axis_columns(combination)
-    own = {name: np.full(grid.size, grid.spec.values.get(find_key(name).path, np.nan)) for name in names}
+    read = keys_read(grid.spec.values)
+    paths = {name: find_key(name).path for name in names}
+    own = {name: np.full(grid.size, grid.spec.values[path] if path in read else np.nan) for name, path in paths.items()}
     rows = {name: np.repeat(values, repeat) for name, values in (own | leading).items()}
     text = {"spec": grid.spec.name, "controller": grid.spec.values["controller.kind"]}
     rows |= {name: np.full(grid.size * repeat, word, dtype=object) for name, word in text.items()}

@@ -2,6 +2,17 @@
 
 from wavesweep.analysis.response.frame import Loop, prepare
 from wavesweep.analysis.response.gain import worst_gain
+from wavesweep.analysis.response.static import felt, felt_map, static_response
 from wavesweep.analysis.response.steady import Response, respond, steady_state
 
-__all__ = ["Loop", "Response", "prepare", "respond", "steady_state", "worst_gain"]
+__all__ = [
+    "Loop",
+    "Response",
+    "felt",
+    "felt_map",
+    "prepare",
+    "respond",
+    "static_response",
+    "steady_state",
+    "worst_gain",
+]

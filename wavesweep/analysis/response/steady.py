@@ -7,11 +7,13 @@ import numpy as np
 from wavesweep.analysis.response.bordered import CLOSE, at_rest, bordered
 from wavesweep.analysis.response.circle import circle
 from wavesweep.analysis.response.frame import Loop
+from wavesweep.analysis.response.static import static_response
 from wavesweep.analysis.response.ticks import ROUNDING
 from wavesweep.lifted.circle import solve
 
 GOOD = 1e-9  # bound on the relative error up to which the modes are believed; beyond, the larger system is solved
 LOST = 0.1  # relative error from which on a number has no digit
+LOW = 2e-4  # of the slowest pole and of the slow rate, the frequency that the static limit is held against
 NOISE = 1e-13  # of the sizes of the modes, what rounding may leave of an entry of their sum
 TERMS = 2_000_000  # ticks times frequencies at a time
 BLOCK = 200_000  # entries of one batch of matrices
@@ -34,18 +36,44 @@ def steady_state(loop: Loop, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
 
 
 def respond(loop: Loop, frequency_hz) -> Response:
-    """Transmitted admittance and impedance with bounds on their errors; frequency_hz: `(points,)`, Hz, above 0.
+    """Transmitted admittance and impedance with bounds on their errors; frequency_hz: `(points,)`, Hz; 0: the static limit.
 
     The hand's force `exp(j w k T)` gives a sum over `w + 2 pi m/T_s`; both are its components at w itself. The state at
     the start of a frame solves `(w - E) X = g` with the loop closed, so nothing is taken through a pole of an open loop,
     and a drift is set apart (see `Loop`). Through modes of E first; where these cancel too far, see `bordered`.
-    Accuracy: as bounded, from the residual of the solution, the errors of all entries and the size of the inverse.
+    Accuracy: as bounded, from the residual of the solution, the errors of all entries and the size of the inverse. At 0 Hz
+    the error is the distance to an extrapolation from low frequencies, which shares no formula with the limit.
     """
     frequency, width = np.atleast_1d(np.asarray(frequency_hz, float)), max(1, TERMS // loop.diagram.ratio)
     with np.errstate(all="ignore"):
-        modal = Modal(loop)
-        parts = [_responses(loop, modal, circle(loop, frequency[at : at + width])) for at in range(0, frequency.size, width)]
-    return Response(*(np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)))
+        modal, still = Modal(loop), frequency == 0
+        moving = frequency[~still]
+        parts = [_responses(loop, modal, circle(loop, moving[at : at + width])) for at in range(0, moving.size, width)]
+        found = [np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)]
+        if not still.any():
+            return Response(*found)
+        limit = _at_rest(loop, modal)
+    if not parts:
+        return Response(*(part + np.zeros(frequency.size, part.dtype) for part in limit))
+    whole = [np.empty((*part.shape[:-1], frequency.size), part.dtype) for part in found]
+    for array, part, one in zip(whole, found, limit, strict=True):
+        array[..., ~still], array[..., still] = part, one
+    return Response(*whole)
+
+
+def _at_rest(loop, modal):
+    """The static limit, `(..., 1)` each, held against low frequencies f, f/2 and f/4, whose real parts are even in f."""
+    limit = [part[..., None] for part in static_response(loop)]
+    slow = np.min(np.abs(modal.poles), where=np.abs(modal.poles) > 0, initial=1.0)
+    rate = float(np.min(loop.diagram.rate if loop.diagram.rate is not None else 1 / np.asarray(loop.diagram.period)))
+    low = _responses(loop, modal, circle(loop, LOW * slow * rate / loop.diagram.ratio * np.array([1, 0.5, 0.25])))
+    errors = []
+    for value, part, error in zip(limit, low[:2], low[2:], strict=True):
+        first, second = ((4 * part[..., [at + 1]] - part[..., [at]]).real / 3 for at in (0, 1))
+        expected = (16 * second - first) / 15
+        off = np.abs(value - expected) / np.maximum(np.abs(value), np.abs(expected))
+        errors.append(np.where(value == 0, 0.0, off) + error.max(-1, keepdims=True))
+    return (*(part + 0j for part in limit), *errors)
 
 
 def _responses(loop, modal, points):
