@@ -6,6 +6,7 @@ import sys
 import control
 import numpy as np
 import pytest
+from support.specs import KINDS, nested, values_of
 
 import wavesweep
 from wavesweep import results
@@ -83,9 +84,24 @@ def test_python_control_gets_the_lifted_loop(hole):
     assert radius[-2] == pytest.approx(float(hole.spectral_radius()), rel=1e-12)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("changes", [{}, {"Kp": 20.0}, {"stiffness": 100.0}, {"K_VE": 0.0}])
+def test_displacements_have_no_pole_of_a_drift(kind, changes):
+    """The poles that decide stability and no others, and the same way from forces to displacements as through the positions."""
+    loop = wavesweep.compile(nested(values_of(kind, delay=3, **changes)))
+    system, whole = loop.to_control("displacement"), loop.to_control()
+    assert np.abs(system.poles()).max() == pytest.approx(float(loop.spectral_radius()), rel=1e-9)
+    assert np.abs(system.poles() - 1).min() > 1e-4
+    z = 1.0007 * np.exp(0.3j)
+    positions = whole(z)
+    expected = np.vstack([positions[1:] - positions[:-1], z * positions[:1] - positions[-1:]])
+    np.testing.assert_allclose(system(z), expected, atol=1e-9 * np.abs(expected).max())
+
+
 @pytest.mark.parametrize(
     ("call", "says"),
     [
+        (lambda loop: loop.to_control("force"), "position"),
         (lambda loop: loop.stable_intervals(B_V=[1.0]), "did you mean B_VE"),
         (lambda loop: loop.stable_intervals(along="K_LM", span=(0, 1)), "does not read"),
         (lambda loop: loop.stable_intervals(along="b"), "span"),

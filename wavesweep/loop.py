@@ -91,21 +91,31 @@ class Loop:
 
         return _frame(simulated_columns(self.spec, force, **options))
 
-    def to_control(self):
-        """The lifted closed loop as a `control.StateSpace`: a frame's M hand forces (N) in, its M positions (m) out, dt = T_s.
+    def to_control(self, output: str = "position"):
+        """The lifted closed loop as a `control.StateSpace`: a frame's M hand forces (N) in, M outputs, dt = T_s.
 
-        Position is a state. If the loop drifts, it therefore has a pole at exactly 1 here.
+        output: "position" (m), or "displacement" (m), the change of the position in each tick. Position is a state. If the loop
+        drifts, it therefore has a pole at exactly 1, which is no sign of instability. Displacements do not show the drift, and
+        the system from forces to them has no such pole. Errors: UsageError for any other output.
         """
         import control
 
+        from wavesweep.analysis.response import displacements
         from wavesweep.lifted.frame import lifted_system
 
         values = self.spec.values
-        block = lifted_system(draw(values), values["rates.ratio"], values["environment.K_VE"], values["environment.B_VE"])
+        wall, ratio = (values["environment.K_VE"], values["environment.B_VE"]), values["rates.ratio"]
+        if output == "position":
+            block = lifted_system(draw(values), ratio, *wall)
+        elif output == "displacement":
+            block = displacements(draw(values), ratio, *wall)
+        else:
+            raise UsageError(f'output: expected "position" or "displacement", found {output!r}')
         A = np.eye(len(block.states)) + block.E
-        frame = values["rates.ratio"] / values["rates.fast_hz"]
         outputs = [name.removeprefix("frame.") for name in block.outputs]
-        return control.ss(A, block.B, block.C, block.D, frame, inputs=list(block.inputs), outputs=outputs)
+        return control.ss(
+            A, block.B, block.C, block.D, ratio / values["rates.fast_hz"], inputs=list(block.inputs), outputs=outputs
+        )
 
     def _along(self, name, span) -> Axis:
         key = _key(name)

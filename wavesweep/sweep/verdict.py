@@ -1,7 +1,5 @@
 """The verdict on a spec's own design: stable or not, how far each number may go, what the hand feels."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from wavesweep.analysis.response import felt, felt_map, prepare, respond
@@ -89,7 +87,9 @@ def _felt(spec):
     diagram = draw(values)
     stiffness = float(felt(felt_map(diagram), K))
     low = SLOW_SHARE * values["rates.fast_hz"] / values["rates.ratio"]
-    impedance = respond(prepare(diagram, K, B), np.array([low, low / 2])).impedance.imag / (2 * np.pi * np.array([low, low / 2]))
+    impedance = respond(prepare(diagram, K, B), np.array([low, low / 2])).impedance.imag / (
+        2 * np.pi * np.array([low, low / 2])
+    )
     damping = (4 * impedance[1] - impedance[0]) / 3
     return {"stiffness": _number(stiffness), "damping": _number(damping)}
 

@@ -1,10 +1,13 @@
-"""The limit of a response towards 0 Hz: what the hand feels of a steady push."""
+"""What is left without the drift: the limit of a response towards 0 Hz, and the lifted map to displacements."""
 
 import numpy as np
 
 from wavesweep.analysis.response.frame import Loop, prepare
+from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.lifted.circle import solve
+from wavesweep.lifted.frame import unrolled
+from wavesweep.lifted.lift import prune
 
 WALLS = (10.0, 100.0, 1000.0)  # N/m: three of them determine a Moebius map
 STILL = 1e-9  # a displacement per tick of that share of its terms is rounding
@@ -66,3 +69,18 @@ def felt(coefficients: np.ndarray, K_VE) -> np.ndarray:
     with np.errstate(all="ignore"):
         found = (a + b * K_VE) / (1 + c * K_VE)
     return np.where(np.isfinite(found), found, np.nan)
+
+
+def displacements(diagram: Diagram, ratio: int, K_VE, B_VE) -> Block:
+    """The closed loop as one block per frame of `ratio` ticks: inputs `f_h[0..ratio-1]` (N), outputs `dx[0..ratio-1]` (m).
+
+    A displacement is what the position changes by in a tick. No drift is among the states: a position that everything is
+    counted from shows in no displacement, and neither does a combination of states that the loop conserves.
+    """
+    names = tuple(f"frame.dx[{i}]" for i in range(ratio)), tuple(f"{diagram.hand.force}[{i}]" for i in range(ratio))
+    if diagram.ratio == 1 and ratio > 1:  # one tick is the loop's own frame: close it, then repeat it
+        return unrolled(displacements(diagram, 1, K_VE, B_VE), np.eye(ratio)[:, None, :], names[1], names[0])
+    loop = prepare(diagram, K_VE, B_VE, (diagram.hand.displacement,))
+    impulse, lag = loop.shown.impulse[0][..., 0, :], np.subtract.outer(np.arange(ratio), np.arange(ratio))
+    C, D = loop.shown.seen[0][..., 0, :, :], np.where(lag >= 0, impulse[..., lag], 0.0)
+    return prune(Block("lifted", names[1], names[0], loop.states, loop.E, loop.shown.left[0], C, D))[0]
