@@ -58,6 +58,8 @@ def intervals_table():
         "certified": np.array([True, True, True]),
         "residual": np.full(3, 1e-15),
         "doubt": np.full(3, "", dtype=object),
+        "felt_low": np.zeros(3),
+        "felt_high": np.array([90.0, 80.0, 70.0]),
     }
 
 

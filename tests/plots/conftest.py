@@ -10,7 +10,7 @@ def table_of_intervals(axes, along, rows):
     for place, found in rows:
         listed = found or [(np.nan, np.nan, np.nan, np.nan, True)]
         flat += [
-            (*place, along, len(found), number, *interval, 1e-14, "" if interval[-1] else "rounding")
+            (*place, along, len(found), number, *interval, 1e-14, "" if interval[-1] else "rounding", *interval[:2])
             for number, interval in enumerate(listed)
         ]
     names = [
@@ -25,6 +25,8 @@ def table_of_intervals(axes, along, rows):
         "certified",
         "residual",
         "doubt",
+        "felt_low",
+        "felt_high",
     ]
     columns = {name: np.array(values) for name, values in zip(names, zip(*flat, strict=True), strict=True)}
     kinds = {"along": object, "certified": bool, "doubt": object}

@@ -53,6 +53,8 @@ def columns():
         "certified": np.arange(length) % 2 == 0,
         "residual": np.full(length, 1e-16),
         "doubt": np.array(["", "rounding"] * (length // 2), dtype=object),
+        "felt_low": np.array(HARD[::-1]),
+        "felt_high": np.array(HARD[::-1]),
     }
 
 

@@ -27,6 +27,12 @@ class Field:
     description: str
 
 
+# The last columns of tables of intervals, behind those about hands.
+_FELT = tuple(
+    Field(f"felt_{end}", "number", "N/m", f"static stiffness that the hand feels at {end}; missing without an interval")
+    for end in ("low", "high")
+)
+
 _INTERVALS = (
     Field("along", "string", "", "name of the axis that the intervals lie on"),
     Field("intervals", "integer", "1", "number of stable intervals of this combination"),
@@ -38,6 +44,7 @@ _INTERVALS = (
     Field("certified", "boolean", "", "ends and label are verified, no crossing inside can have been missed"),
     Field("residual", "number", "1", "largest relative residual of the characteristic equation at the ends"),
     Field("doubt", "string", "", f"why the row is not certified: {', '.join(OF_INTERVALS)}; empty where it is"),
+    *_FELT,
 )
 
 _DOUBT = Field("doubt", "string", "", f"why the row is not vouched for: {', '.join(OF_RESPONSES)}; empty where it is")
@@ -170,7 +177,9 @@ def fields(kind: str, axes: Iterable[str] = (), along: str = "K_VE", extra: Iter
     columns = [replace(field, unit=unit) if field.name in ("low", "high") else field for field in TABLES[kind]]
     wanted = set(extra)
     columns[1:1] = [field for field in (_HAND,) if field.name in wanted]
-    return (*map(_axis, axes), *columns, *(field for field in _ENDS if field.name in wanted))
+    ends = [field for field in _ENDS if field.name in wanted]
+    last = len(columns) - len(_FELT) if ends else len(columns)
+    return (*map(_axis, axes), *columns[:last], *ends, *columns[last:])
 
 
 def fields_of(kind: str, columns: Mapping[str, Any]) -> tuple[Field, ...]:

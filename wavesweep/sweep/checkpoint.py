@@ -98,7 +98,7 @@ def checkpoint_of(job: Job, folder: Path | None, force: bool) -> MemoryCheckpoin
         return MemoryCheckpoint()
     from wavesweep import __version__
 
-    run = {"spec_sha256": job.grid.spec.sha256, "along": job.axis.name, "tool_version": __version__, "layout": 2}
+    run = {"spec_sha256": job.grid.spec.sha256, "along": job.axis.name, "tool_version": __version__, "layout": 3}
     if job.guarantee is None:
         return open_folder(folder, run, job.chunks, force)
     return open_folder(folder, run | {"guarantee": repr(job.guarantee)}, job.chunks, force, HAND_RECORD)

@@ -22,7 +22,7 @@ from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
 from wavesweep.sweep.grid import selected
 from wavesweep.sweep.job import Job
-from wavesweep.sweep.tasks import END_HANDS, HAND_RECORD, IntervalTask
+from wavesweep.sweep.tasks import END_HANDS, HAND_RECORD, IntervalTask, with_felt
 
 METHODS = {
     "passive": "damping that every passive hand asks for against the device's own; each value looked at is proved",
@@ -181,7 +181,7 @@ class HandTask(IntervalTask):
                     records = self.guarantee.records(self._values(values, place, wall), self.along, self.span)
                     records["slice"] = number = loop * walls + wall
                     found[number] = records
-        return np.concatenate([found[number] for number in sorted(found)])
+        return with_felt(self, np.concatenate([found[number] for number in sorted(found)]))
 
     def _values(self, values, place, wall):
         """Flat keys, numbers, of one loop and wall."""

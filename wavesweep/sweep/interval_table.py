@@ -14,7 +14,7 @@ from wavesweep.spec import Spec
 from wavesweep.sweep.checkpoint import MemoryCheckpoint, blocks, checkpoint_of
 from wavesweep.sweep.job import Job, cut_otherwise, expected_seconds, job_of
 from wavesweep.sweep.table import Columns, Table, facts_of, joined
-from wavesweep.sweep.tasks import END_HANDS, certified_slices
+from wavesweep.sweep.tasks import END_HANDS, FELT, certified_slices
 from wavesweep.sweep.workers import Workers, choose, results
 
 if TYPE_CHECKING:
@@ -158,13 +158,13 @@ def _rows(stages, stores, hands) -> Iterator[dict[str, np.ndarray]]:
 
 
 def _with_hand(block, hand, box):
-    """The block with the column `hand` behind the axes; if there is a box, with the columns ABOUT_ENDS as the last ones."""
+    """The block with the column `hand` behind the axes; if there is a box, with the columns ABOUT_ENDS before what is felt."""
     rows = len(block["along"])
-    names = [name for name in block if name not in ABOUT_ENDS]
+    names = [name for name in block if name not in (*ABOUT_ENDS, *FELT)]
     names.insert(names.index("along") + 1, "hand")
     missing = {name: np.full(rows, np.nan) for name in ABOUT_ENDS} | {"settled": block["certified"]}
     found = missing | block | {"hand": np.full(rows, hand, dtype=object)}
-    return {name: found[name] for name in (*names, *(ABOUT_ENDS if box else ()))}
+    return {name: found[name] for name in (*names, *(ABOUT_ENDS if box else ()), *FELT)}
 
 
 def _forget(stores, folder):

@@ -12,6 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
+from wavesweep.analysis.response import felt, felt_map
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import WALL, draw
 from wavesweep.lifted import Cut, close, cut_at_wall
@@ -31,15 +32,17 @@ FIELDS = (
     ("residual", "<f8"),
     ("doubt", "i1"),
 )
-RECORD = np.dtype(list(FIELDS))
+FELT = ("felt_low", "felt_high")
+_FELT = tuple((name, "<f8") for name in FELT)
+RECORD = np.dtype([*FIELDS, *_FELT])
 END_HANDS = {end: tuple(f"{end}_hand_{part}" for part in ("mass", "damping", "stiffness")) for end in ("low", "high")}
 # Guarantees for hands have the hand that sets each end as well, and whether they are proved for every hand.
-HAND_RECORD = np.dtype([*FIELDS, *((name, "<f8") for names in END_HANDS.values() for name in names), ("settled", "?")])
+HAND_RECORD = np.dtype([*FIELDS, *((name, "<f8") for names in END_HANDS.values() for name in names), ("settled", "?"), *_FELT])
 
 
 def records_of(found: Intervals) -> np.ndarray:
     """The intervals as records, sorted by slice (numbered from 0 in the chunk)."""
-    records = np.empty(found.column.size, RECORD)
+    records = np.zeros(found.column.size, RECORD)
     records["slice"] = found.column
     records["intervals"], records["interval"] = found.count, np.maximum(found.index, 0)
     for name in ("low", "high", "low_omega", "high_omega", "certified", "residual", "doubt"):
@@ -116,7 +119,36 @@ class IntervalTask:
 
     def records(self) -> np.ndarray:
         """The intervals as records."""
-        return records_of(solve(self))
+        return with_felt(self, records_of(solve(self)))
+
+
+def with_felt(task: IntervalTask, records: np.ndarray) -> np.ndarray:
+    """The records with the static stiffness that the hand feels at both ends of each interval (N/m; NaN: none)."""
+    walls = len(task.walls[WALL[0]])
+    loop, wall = np.divmod(records["slice"], walls)
+    K = task.walls[WALL[0]][wall]
+    for name in FELT:
+        records[name] = np.nan
+    for members, values in task.groups:
+        rows = np.flatnonzero(np.isin(loop, members) & (records["intervals"] > 0))
+        at = np.searchsorted(members, loop[rows])
+        if not rows.size:
+            continue
+        if task.along in WALL:
+            known = felt_map(draw(values), _batch(values))
+            known = np.broadcast_to(known.reshape(3, -1), (3, members.size))[:, at]
+        for name, end in zip(FELT, ("low", "high"), strict=True):
+            p = records[end][rows]
+            if task.along not in WALL:
+                varied = selected(values, at) | {task.along: np.where(p == 0, TINY, p)}
+                known = felt_map(draw(varied), p.shape)
+            records[name][rows] = felt(known, p if task.along == WALL[0] else K[rows])
+    return records
+
+
+def _batch(values):
+    """The shape of the arrays among the values."""
+    return np.broadcast_shapes(*(np.shape(value) for value in values.values()))
 
 
 def solve(task: IntervalTask) -> Intervals:

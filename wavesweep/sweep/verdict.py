@@ -10,7 +10,7 @@ from wavesweep.lifted import close, cut_at_wall
 from wavesweep.spec import SYMBOLS, Axis, Spec
 from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.interval_table import in_memory
-from wavesweep.sweep.job import question
+from wavesweep.sweep.job import job_over
 
 FAR = 10.0  # factor up to which a number is followed
 USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}  # followed up to FAR times that, from 0
@@ -51,7 +51,7 @@ def _limit(spec, name, path, cut):
     axis = Axis(name, path, (), *span, False, "linear")
     found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "certified": False}
     try:
-        rows = in_memory(question(make_grid(spec, (), path), axis, cut))
+        rows = in_memory(job_over(make_grid(spec, (), path), axis, cut))
     except WavesweepError as error:
         return found | {"stable": None, "doubt": str(error)}
     inside = (rows["low"] <= value) & (value <= rows["high"])

@@ -60,6 +60,7 @@ def felt_map(diagram: Diagram, batch: tuple[int, ...] = ()) -> np.ndarray:
     known = np.isfinite(Z).all(0)
     rows = np.where(known[..., None, None], np.moveaxis(rows, 0, -2), np.eye(3))
     a, b, c = np.moveaxis(solve(rows, np.moveaxis(Z / WALLS[1], 0, -1)[..., None])[..., 0], -1, 0)
+    a = np.where(np.abs(a) < NOTHING, 0.0, a)  # nothing is felt of no wall but rounding
     return np.where(known, np.stack([a * WALLS[1], b, c / WALLS[1]]), np.nan)
 
 
