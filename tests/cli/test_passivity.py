@@ -4,8 +4,10 @@ import json
 
 import numpy as np
 import pytest
+from support.specs import values_of
 
 from wavesweep import results
+from wavesweep.analysis.passivity import port_damping_needed, port_margin
 
 pytestmark = pytest.mark.slow
 
@@ -17,7 +19,8 @@ filters.lp1.order = [1, 2, 4]
 Kp = [0, 20]
 K_VE = { start = 0, stop = 2000 }
 """
-HEADER = "filters.lp1.order,Kp,channel_norm,channel_omega,port_margin,port_omega,channel_passive,port_passive"
+OWN = "channel_norm,channel_omega,port_margin,port_omega,channel_passive,port_passive,stable,damping_needed"
+HEADER = f"filters.lp1.order,Kp,{OWN}"
 SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
 
 
@@ -45,8 +48,9 @@ def test_a_row_per_combination_in_every_file(wavesweep, filters, tmp_path):
     facts = json.loads((folder / "passivity.datapackage.json").read_text())["wavesweep"]
     assert facts["slices"] == {"computed": 6, "skipped": 0, "certified": 6}
     assert "K_VE has a span and no values: not swept, held at the spec's 500" in err
-    assert "channel: passive in 0 of 6 rows; norm 1.000002 to 1.053277" in err
+    assert "channel: passive to within 0.1 % of energy in 2 of 6 rows, strictly in 0; norm 1.000002 to 1.053277" in err
     assert "hand's port: passive in 0 of 6 rows" in err
+    assert "no damping of the device makes it passive in 3 rows" in err
 
 
 def test_a_controller_without_waves_has_a_row_too(wavesweep, filters):
@@ -76,10 +80,14 @@ def test_the_filter_choices_are_a_second_table(wavesweep, filters, tmp_path):
 
 def test_cutoffs_that_the_rates_cannot_have_are_left_out(wavesweep, filters, tmp_path):
     lower = [f"filters.{name}.cutoff_hz=5" for name in ("lp1", "hp", "lp2")]
-    settings = [part for setting in ("rates.fast_hz=30", "bode.frequency_hz=[1]", *lower) for part in ("--set", setting)]
+    settings = [
+        part
+        for setting in ("rates.fast_hz=30", "rates.ratio=1", "bode.frequency_hz=[1]", *lower)
+        for part in ("--set", setting)
+    ]
     assert wavesweep("passivity", filters, "--filters", "--no-plot", *settings)[0] == 0
     table = results.read(tmp_path / "results/filters/passivity-filters.csv")
-    assert set(table["lp1_cutoff_hz"].tolist()) == {2.0, 5.0, 8.57, 10.0}
+    assert set(table["lp1_cutoff_hz"].tolist()) == {1.2, 3.0, 5.14, 6.0, 9.0, 12.0}
 
 
 @pytest.mark.parametrize(
@@ -97,3 +105,30 @@ def test_every_shape_of_table_has_a_figure(wavesweep, filters, tmp_path, axes, k
     assert wavesweep("passivity", "other.toml")[0] == 0
     assert (tmp_path / "results/other/passivity.png").stat().st_size > 5000
     assert filters
+
+
+@pytest.mark.parametrize(("tolerance", "enough"), [(1e-3, 3), (0.2, 1)])
+def test_one_tolerance_decides_both_verdicts(tolerance, enough, wavesweep, tmp_path, monkeypatch):
+    """The order that the table of filters calls enough passes as passive in the summary, and a lower one does not."""
+    monkeypatch.chdir(tmp_path)
+    orders = [order for order in (enough - 1, enough) if order]
+    filters = "[filters]\nlp1 = { order = 1, cutoff_hz = 10 }"
+    (tmp_path / "one.toml").write_text(f'[controller]\nkind = "pmw"\n[sweep]\n"filters.lp1.order" = {orders}\n{filters}\n')
+    code, _, err = wavesweep("passivity", "one.toml", "--filters", "--no-plot", "--tolerance", str(tolerance))
+    assert code == 0
+    assert f"{enough} at 10 Hz" in err
+    assert f"passive to within {100 * tolerance:g} % of energy in 1 of {len(orders)} row" in err
+
+
+def test_the_damping_needed_makes_the_port_passive():
+    """With it, and not with a hundredth less."""
+    values = values_of("pmw", velocity="difference", Kp=20.0, ratio=5)
+    needed = float(port_damping_needed(values))
+    assert needed > 0
+    for factor, passive in ((1.0, True), (0.99, False)):
+        assert port_margin(values | {"device.damping": 1.5 + factor * needed}).passive == passive
+
+
+def test_no_damping_is_needed_or_none_is_enough():
+    assert port_damping_needed(values_of("dc", K_VE=50.0)) == 0
+    assert np.isnan(port_damping_needed(values_of("pmw")))

@@ -18,10 +18,18 @@ if TYPE_CHECKING:
 @click.option(
     "--filters",
     is_flag=True,
-    help="Write a second table, passivity-filters: the norm of the channel with LP1 of order 1 to 8 at the paper's cutoffs.",
+    help="Write a second table, passivity-filters: the norm of the channel with LP1 of order 1 to 8 at several cutoffs.",
+)
+@click.option(
+    "--tolerance",
+    metavar="SHARE",
+    type=click.FloatRange(min=0.0),
+    default=1e-3,
+    show_default=True,
+    help="Energy (J per J sent) that aliasing may add for the channel to count as passive, here and with --filters.",
 )
 @common
-def command(spec: str, options: Options, filters: bool) -> None:
+def command(spec: str, options: Options, filters: bool, tolerance: float) -> None:
     """Compute the norm of the wave channel and the passivity margin at the hand's port.
 
     SPEC is a TOML file; each axis of its [sweep] table that has values is swept. The channel is passive if its norm is at
@@ -36,6 +44,9 @@ def command(spec: str, options: Options, filters: bool) -> None:
 
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
         (asked,) = specs
-        return [sweep.passivity(asked, **work), *([sweep.filter_choices(asked)] if filters else [])]
+        return [
+            sweep.passivity(asked, tolerance, **work),
+            *([sweep.filter_choices(asked, tolerance)] if filters else []),
+        ]
 
     produce(["passivity", *(["passivity-filters"] if filters else [])], [spec], options, compute)

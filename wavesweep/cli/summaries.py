@@ -172,29 +172,41 @@ def passivity(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Line]:
     rows = len(columns["channel_norm"])
     norms = columns["channel_norm"][~np.isnan(columns["channel_norm"])]
     if norms.size:
-        passive = int(columns["channel_passive"].sum())
-        yield f"wave channel: passive in {passive} of {_count(rows, 'row')}; norm {_range(norms)}", False
+        strictly, gain = int(columns["channel_passive"].sum()), facts["tolerance"]
+        within = int(((columns["channel_norm"] ** 2 - 1 <= gain) | columns["channel_passive"]).sum())
+        verdict = f"passive to within {100 * gain:g} % of energy in {within} of {_count(rows, 'row')}, strictly in {strictly}"
+        yield f"wave channel: {verdict}; norm {_range(norms)}", False
     margins = columns["port_margin"][~np.isnan(columns["port_margin"])]
     reach = f"; margin {_range(margins)} m/N" if margins.size else ""
     yield f"hand's port: passive in {int(columns['port_passive'].sum())} of {_count(rows, 'row')}{reach}", False
+    needed = columns["damping_needed"][columns["damping_needed"] > 0]
+    never = int(np.isnan(columns["damping_needed"]).sum())
+    if needed.size:
+        yield f"further damping of the device that makes it passive: {_range(needed, 3)} N*s/m", False
+    if never:
+        yield f"no damping of the device makes it passive in {_count(never, 'row')}", False
+    unstable = int((~columns["stable"]).sum())
+    if unstable:
+        yield f"not stable in the first place: {_count(unstable, 'row')}", True
     slices = facts["slices"]
     if slices["certified"] < slices["computed"]:
         yield f"{slices['computed'] - slices['certified']} of {slices['computed']} loops not certified", True
 
 
-def filter_choices(columns: Columns, _: Mapping[str, Any]) -> Iterator[Line]:
-    """Yield the least order at each cutoff with which aliasing adds at most 0.1 % of energy."""
+def filter_choices(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Line]:
+    """Yield the least order at each cutoff with which aliasing adds at most the tolerated share of energy."""
     order = dict(zip(columns["lp1_cutoff_hz"].tolist(), columns["sufficient_order"].tolist(), strict=True))
     known = [f"{each:g} at {cutoff:g} Hz" for cutoff, each in order.items() if not np.isnan(each)]
-    yield f"least order of LP1 with which aliasing adds at most 0.1 % of energy: {', '.join(known) or 'none'}", False
+    least = f"least order of LP1 with which aliasing adds at most {100 * facts['tolerance']:g} % of energy"
+    yield f"{least}: {', '.join(known) or 'none'}", False
     beyond = [f"{cutoff:g} Hz" for cutoff, each in order.items() if np.isnan(each)]
     if beyond and known:
         yield f"no order up to {columns['lp1_order'].max()} is enough at {', '.join(beyond)}", False
 
 
-def _range(values: np.ndarray) -> str:
+def _range(values: np.ndarray, digits: int = 7) -> str:
     low, high = values.min(), values.max()
-    return f"{low:.7g}" if low == high else f"{low:.7g} to {high:.7g}"
+    return f"{low:.{digits}g}" if low == high else f"{low:.{digits}g} to {high:.{digits}g}"
 
 
 def simulation(columns: Columns, facts: Mapping[str, Any]) -> Iterator[Line]:

@@ -140,6 +140,8 @@ _PASSIVITY = (
     Field("port_omega", "number", "rad/s", "frequency of that margin"),
     Field("channel_passive", "boolean", "", "the wave channel gives out no more energy than it takes in"),
     Field("port_passive", "boolean", "", "the whole loop gives the hand no more energy than it takes in"),
+    Field("stable", "boolean", "", "the loop is stable with the spec's own operator"),
+    Field("damping_needed", "number", "N*s/m", "further device damping that makes the port passive; missing if none is enough"),
 )
 
 _PASSIVITY_FILTERS = (
@@ -150,7 +152,7 @@ _PASSIVITY_FILTERS = (
     Field("energy_gain", "number", "1", "channel_norm^2 - 1: energy that aliasing can add to a wave, J per J, at most"),
     Field("bank_norm", "number", "1", "norm of the way out of pmw-lm, with a high-pass of the same order and cutoff"),
     Field("certified", "boolean", "", "no frequency exceeds either norm by more than 1e-10, relative"),
-    Field("sufficient_order", "number", "1", "least order at this cutoff with energy_gain <= 0.001; missing where none is"),
+    Field("sufficient_order", "number", "1", "least order at this cutoff within the run's tolerance; missing where none is"),
 )
 
 TABLES: Mapping[str, tuple[Field, ...]] = {

@@ -9,14 +9,15 @@ import numpy as np
 from wavesweep.analysis.passivity import channel_norm, filter_table, sufficient_order
 from wavesweep.analysis.passivity.channel import CUTOFFS_HZ
 from wavesweep.diagram import draw
-from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
 from wavesweep.sweep.grid import Grid, groups, make_grid
 from wavesweep.sweep.table import Table, facts_of
 from wavesweep.sweep.tasks import PORT, PortTask
 from wavesweep.sweep.workers import choose, results
 
-CHUNK = 128  # loops in a task: a third of a second
+TOLERANCE = 1e-3  # J per J sent that aliasing may add for the channel to pass for passive in a verdict
+PAPER_HZ = 50.0  # the slow rate that the cutoffs of the table of filters are for
+CHUNK = 32  # loops in a task: up to a second or two
 READY = 1.5  # s that workers take longer than those of `intervals` to be ready and to load SciPy
 CHANNEL = ("rates.", "filters.")  # the keys that the channel depends on; all others are outside its ports
 METHODS = {
@@ -25,7 +26,7 @@ METHODS = {
 }
 
 
-def passivity(spec: Spec, jobs=None, backend=None, scheduler=None, progress=None) -> Table:
+def passivity(spec: Spec, tolerance: float = TOLERANCE, jobs=None, backend=None, scheduler=None, progress=None) -> Table:
     """Channel norm and port margin for every combination of the axes of [sweep] that have values.
 
     An axis that has only a span is not swept. Nothing is computed twice: the norm depends on filters and rates, the
@@ -39,7 +40,7 @@ def passivity(spec: Spec, jobs=None, backend=None, scheduler=None, progress=None
     counts = {"computed": grid.slices, "skipped": grid.size - grid.slices, "certified": int(certified.sum())}
     timings = {"compute_s": time.perf_counter() - started, "workers": workers.count}
     facts = facts_of(spec, METHODS, counts, timings, _notices(grid))
-    return Table.of("passivity", _rows(grid, {**channel, **port}), facts)
+    return Table.of("passivity", _rows(grid, {**channel, **port}), facts | {"tolerance": tolerance})
 
 
 def in_memory(spec: Spec, axes) -> dict:
@@ -49,7 +50,10 @@ def in_memory(spec: Spec, axes) -> dict:
     return _rows(grid, found)
 
 
-ORDER = ("channel_norm", "channel_omega", "port_margin", "port_omega", "channel_passive", "port_passive")
+ORDER = (
+    *("channel_norm", "channel_omega", "port_margin", "port_omega", "channel_passive", "port_passive"),
+    *("stable", "damping_needed"),
+)
 
 
 def _rows(grid, found) -> dict:
@@ -126,24 +130,25 @@ def _notices(grid) -> Iterator[str]:
         yield f"{kind} has no wave channel: its norm is missing, and what is not there adds no energy (channel_passive 1)"
 
 
-ENOUGH = 1e-3  # J per J sent that aliasing may add
-FILTER_METHODS = {
-    "channel": "H-infinity norm by levels, for LP1 of order 1 to 8; the spec's rates and nothing else of it",
-    "sufficient_order": f"least order at this cutoff whose energy_gain is at most {ENOUGH:g}",
-}
+def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
+    """How far from passive the channel is for every order of LP1, at cutoffs that suit the spec's slow rate.
 
-
-def filter_choices(spec: Spec) -> Table:
-    """How far from passive the channel is for every order and cutoff of LP1 that the paper could mean."""
+    The cutoffs are those that the paper could mean, which has 50 Hz, in proportion to the slow rate. tolerance: J per J sent
+    that aliasing may add for an order to be enough.
+    """
     started = time.perf_counter()
-    cutoffs = [cutoff for cutoff in CUTOFFS_HZ if cutoff < spec.values["rates.fast_hz"] / 2]
-    if not cutoffs:
-        raise UsageError(f"filter choices: expected a fast rate above {2 * min(CUTOFFS_HZ):g} Hz for the cutoffs to fit")
+    fast, ratio = spec.values["rates.fast_hz"], spec.values["rates.ratio"]
+    # Rounded, so that tables of rates such as 1000/30 Hz can be read.
+    cutoffs = [cutoff for each in CUTOFFS_HZ if (cutoff := float(f"{each * fast / ratio / PAPER_HZ:.3g}")) < fast / 2]
     columns = filter_table(spec.values, cutoffs_hz=cutoffs)
-    enough = sufficient_order(columns, ENOUGH)
+    enough = sufficient_order(columns, tolerance)
     orders = [enough[cutoff] for cutoff in columns["lp1_cutoff_hz"].tolist()]
     columns = columns | {"sufficient_order": np.array([np.nan if order is None else order for order in orders])}
     rows = columns["certified"].size
     counts = {"computed": rows, "skipped": 0, "certified": int(columns["certified"].sum())}
-    facts = facts_of(spec, FILTER_METHODS, counts, {"compute_s": time.perf_counter() - started})
-    return Table.of("passivity-filters", columns, facts)
+    methods = {
+        "channel": "H-infinity norm by levels, for LP1 of order 1 to 8; the spec's rates and nothing else of it",
+        "sufficient_order": f"least order at this cutoff whose energy_gain is at most {tolerance:g}",
+    }
+    facts = facts_of(spec, methods, counts, {"compute_s": time.perf_counter() - started})
+    return Table.of("passivity-filters", columns, facts | {"tolerance": tolerance})

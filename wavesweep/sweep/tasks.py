@@ -214,6 +214,7 @@ def with_batch(cut: Cut, size: int) -> Cut:
 
 PORT = np.dtype([
     ("slice", "<i8"), ("port_margin", "<f8"), ("port_omega", "<f8"), ("port_passive", "?"), ("certified", "?"),
+    ("stable", "?"), ("damping_needed", "<f8"),
 ])  # fmt: skip
 
 
@@ -233,14 +234,15 @@ class PortTask:
 
     def records(self) -> np.ndarray:
         """A record per loop."""
-        from wavesweep.analysis.passivity import port_margin
+        from wavesweep.analysis.passivity import port_damping_needed, port_margin
 
         found = port_margin(self.values)
         records = np.empty(self.slices.size, PORT)
         records["slice"], records["port_margin"], records["port_omega"] = self.slices, found.margin, found.omega
         # A loop whose digits are all lost has no margin, so no frequency either.
         records["port_omega"][np.isnan(records["port_margin"])] = np.nan
-        records["port_passive"], records["certified"] = found.passive, found.certified
+        records["port_passive"], records["certified"], records["stable"] = found.passive, found.certified, found.stable
+        records["damping_needed"] = port_damping_needed(self.values, found)
         return records
 
 

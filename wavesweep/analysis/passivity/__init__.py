@@ -1,6 +1,7 @@
 """Passivity of the wave channel and of the hand's port, and stability for all passive hands and for a box of hands."""
 
 from wavesweep.analysis.passivity.channel import ChannelNorm, channel_norm, filter_table, sufficient_order
+from wavesweep.analysis.passivity.damping import port_damping_needed
 from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, WorstHand, swing_with_hand, worst_hand
 from wavesweep.analysis.passivity.hand_box import BoxIntervals, box_intervals
 from wavesweep.analysis.passivity.passive_hand import (
@@ -28,6 +29,7 @@ __all__ = [
     "colgate_schenkel",
     "damping_needed",
     "filter_table",
+    "port_damping_needed",
     "port_margin",
     "port_passive_walls",
     "sufficient_order",
