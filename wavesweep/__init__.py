@@ -4,9 +4,18 @@ Importing the package costs nothing; a name is loaded when it is first touched.
 """
 
 __version__ = "0.1.0"
-__all__ = ["__version__", "compile", "load"]
 
-_HOMES = {"load": "wavesweep.spec", "compile": "wavesweep.loop"}
+_HOMES = {
+    "load": "wavesweep.spec",
+    "Spec": "wavesweep.spec",
+    "compile": "wavesweep.loop",
+    "Loop": "wavesweep.loop",
+    **dict.fromkeys(
+        ("zwidth", "stability_region", "bode", "passivity", "filter_choices", "simulate", "verdict"), "wavesweep.library"
+    ),
+    **dict.fromkeys(("WavesweepError", "UsageError", "SpecError", "IllPosedLoopError", "CheckpointError"), "wavesweep.errors"),
+}
+__all__ = ["__version__", *_HOMES]  # noqa: PLE0604 - the names are strings
 
 
 def __getattr__(name):

@@ -33,6 +33,13 @@ class Loop:
     cut: Cut
     read: frozenset[str]
 
+    def __repr__(self) -> str:
+        """The controller, the order and the frame, and the numbers that the loop reads by their symbols."""
+        values, ticks = self.spec.values, self.cut.period * self.spec.values["rates.fast_hz"]
+        numbers = ", ".join(f"{name} = {values[path]:g}" for name, path in SYMBOLS.items() if path in self.read)
+        frame = f"frame of {round(float(ticks))} ticks, {1e3 * float(self.cut.period):.6g} ms"
+        return f"<Loop {self.spec.name}: {values['controller.kind']}, {self.cut.order} states, {frame}; {numbers}>"
+
     def stable_intervals(self, along: str = "K_VE", span=None, **axes):
         """All stable intervals along an axis, for the product of the other axes given: a DataFrame, a row per interval.
 
@@ -48,7 +55,7 @@ class Loop:
 
         axis, others = self._along(along, span), self._axes(axes)
         grid = make_grid(self.spec, others, axis.path, self.read)
-        return _frame(in_memory(job_over(grid, axis, None if grid.loop_axes else self.cut)))
+        return _frame("zwidth", in_memory(job_over(grid, axis, None if grid.loop_axes else self.cut)))
 
     def spectral_radius(self, **axes) -> np.ndarray:
         """Largest eigenvalue modulus per frame of `ratio` ticks, without drift, over the product of the axes given.
@@ -70,7 +77,7 @@ class Loop:
         from wavesweep.sweep.response_table import one_spec
 
         frequency = self._frequencies(frequency_hz)
-        return _frame(one_spec(self.spec, self._axes(axes), frequency))
+        return _frame("bode", one_spec(self.spec, self._axes(axes), frequency))
 
     def passivity(self, **axes):
         """Norm of the wave channel and margin at the hand's port: a DataFrame with the columns of `wavesweep passivity`.
@@ -79,7 +86,7 @@ class Loop:
         """
         from wavesweep.sweep.passivity_table import in_memory
 
-        return _frame(in_memory(self.spec, self._axes(axes)))
+        return _frame("passivity", in_memory(self.spec, self._axes(axes)))
 
     def simulate(self, force=None, **options):
         """Both loops run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
@@ -89,7 +96,7 @@ class Loop:
         """
         from wavesweep.analysis.simulation import simulated_columns
 
-        return _frame(simulated_columns(self.spec, force, **options))
+        return _frame("simulate", simulated_columns(self.spec, force, **options))
 
     def to_control(self, output: str = "position"):
         """The lifted closed loop as a `control.StateSpace`: a frame's M hand forces (N) in, M outputs, dt = T_s.
@@ -160,7 +167,7 @@ def _key(name):
     return key
 
 
-def _frame(columns):
-    import pandas
+def _frame(kind, columns):
+    from wavesweep.library import frame
 
-    return pandas.DataFrame(dict(columns))
+    return frame(kind, columns)

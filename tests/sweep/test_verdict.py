@@ -1,0 +1,74 @@
+"""The verdict on a spec's own design, against the library's own answers and laws of the model."""
+
+import json
+
+import numpy as np
+import pytest
+from support.specs import KINDS, nested, values_of
+
+import wavesweep
+from wavesweep.spec import SYMBOLS
+
+WAVES = values_of("pmw", integration="explicit", velocity="difference", delay=1, b=10.0)
+
+
+def verdict(values):
+    return wavesweep.verdict(nested(values))
+
+
+def limit_of(found, name):
+    return next(each for each in found["limits"] if each["name"] == name)
+
+
+def test_it_can_be_written_as_json():
+    for kind in KINDS:
+        json.dumps(verdict(values_of(kind)), allow_nan=False)
+
+
+def test_the_limits_are_the_ends_of_the_stable_interval_about_the_value():
+    found = verdict(WAVES)
+    assert found["stable"]
+    assert limit_of(found, "K_VE")["high"] == pytest.approx(798.521, abs=1e-2)
+    for name in ("K_VE", "b"):
+        limit, path = limit_of(found, name), SYMBOLS[name]
+        assert limit["certified"]
+        for end, inside in (("low", 1.001), ("high", 0.999)):
+            if limit[end]:
+                radius = [
+                    float(wavesweep.compile(nested(WAVES | {path: limit[end] * each})).spectral_radius())
+                    for each in (inside, 2 - inside)
+                ]
+                assert radius[0] < 1 < radius[1]
+
+
+def test_an_unstable_design_is_called_so_and_has_no_slowest_mode():
+    found = verdict(WAVES | {"environment.K_VE": 900.0})
+    assert not found["stable"]
+    assert found["spectral_radius"] > 1
+    assert found["slowest"] is None
+    assert limit_of(found, "K_VE")["stable"] is False
+
+
+def test_the_delay_may_grow_to_the_last_tick_that_is_stable():
+    found = verdict(WAVES)["delay"]
+    for delay, stable in ((found["most"], True), (found["most"] + 1, False)):
+        changed = WAVES | {"environment.delay": delay}
+        assert (wavesweep.compile(nested(changed)).spectral_radius() < 1) == stable
+
+
+def test_direct_coupling_at_the_fast_rate_feels_the_wall_as_it_is():
+    felt = verdict(values_of("dc", K_VE=300.0, B_VE=2.0))["felt"]
+    assert felt["stiffness"] == pytest.approx(300.0, rel=1e-9)
+    assert felt["damping"] == pytest.approx(2.0, rel=1e-3)
+
+
+def test_a_late_wall_is_felt_with_less_damping():
+    """A force that is late by tau has the damping B - K tau: half a frame of hold here."""
+    felt = verdict(values_of("dc-slow", K_VE=50.0, B_VE=3.0))["felt"]
+    assert felt["damping"] == pytest.approx(3.0 - 50.0 * 0.0095, rel=2e-2)
+
+
+def test_the_slowest_mode_decays_as_a_simulation_does():
+    found = verdict(WAVES)["slowest"]
+    assert 0 < found["damping_ratio"] < 1
+    assert found["time_constant_s"] == pytest.approx(-0.02 / np.log(verdict(WAVES)["spectral_radius"]), rel=1e-9)

@@ -1,0 +1,58 @@
+"""The calls that do what the commands do."""
+
+import pandas
+import pytest
+
+import wavesweep
+
+SPEC = {
+    "controller": {"kind": "pmw"},
+    "sweep": {"K_VE": {"start": 0, "stop": 2000}, "B_VE": [0.5, 1.0], "b": [10.0, 25.0]},
+    "bode": {"frequency_hz": [0.0, 1.0]},
+    "simulate": {"duration_s": 0.5},
+}
+
+
+def test_every_name_is_there_and_has_a_docstring():
+    for name in wavesweep.__all__:
+        assert getattr(wavesweep, name) is not None
+        assert name == "__version__" or getattr(wavesweep, name).__doc__
+
+
+def test_the_spec_s_own_sweep_is_a_table_with_units_and_facts():
+    table = wavesweep.zwidth(SPEC, jobs=1)
+    assert list(table.columns[:2]) == ["B_VE", "b"]
+    assert table.attrs["units"]["high"] == "N/m"
+    assert table.attrs["units"]["B_VE"] == "N*s/m"
+    assert table.attrs["facts"]["slices"]["computed"] == 4
+    alone = wavesweep.compile(SPEC).stable_intervals(B_VE=[0.5, 1.0], b=[10.0, 25.0], span=(0, 2000))
+    pandas.testing.assert_frame_equal(table, alone, check_like=True)
+    assert alone.attrs["units"] == table.attrs["units"]
+
+
+def test_hands_are_an_option():
+    table = wavesweep.zwidth(
+        SPEC | {"controller": {"kind": "dc"}, "device": {"velocity": "difference"}}, hand="passive", jobs=1
+    )
+    assert set(table["hand"]) == {"free", "passive"}
+
+
+def test_the_other_commands_have_a_call_each():
+    assert set(wavesweep.bode(SPEC)["frequency_hz"]) == {0.0, 1.0}
+    assert wavesweep.passivity(SPEC, jobs=1)["damping_needed"].isna().all()
+    assert wavesweep.filter_choices(SPEC).attrs["units"]["lp1_cutoff_hz"] == "Hz"
+    assert len(wavesweep.simulate(SPEC)[0]) == 500
+    region = wavesweep.stability_region({**SPEC, "sweep": {"along": "b", "b": {"start": 5, "stop": 50}}}, jobs=1)
+    assert region["along"].tolist() == ["b"] * len(region)
+
+
+def test_a_loop_prints_as_a_person_would_want_it():
+    assert repr(wavesweep.compile(SPEC)) == (
+        "<Loop spec: pmw, 3 states, frame of 20 ticks, 20 ms; K_VE = 500, B_VE = 1, Kp = 0, b = 25>"
+    )
+
+
+def test_errors_can_be_caught_by_name():
+    with pytest.raises(wavesweep.SpecError):
+        wavesweep.zwidth({"controller": {"kind": "nothing"}})
+    assert issubclass(wavesweep.SpecError, wavesweep.UsageError)

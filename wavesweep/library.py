@@ -1,0 +1,99 @@
+"""What the commands compute, as calls: a spec with its own sweep in, DataFrames out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from wavesweep.spec import Spec, load
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+Source = Spec | str | Path | Mapping[str, Any]
+
+
+def frame(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any] | None = None) -> DataFrame:
+    """Columns of a table of that kind as a DataFrame; `.attrs` has the `units` of the columns, and `facts` if there are any."""
+    import pandas
+
+    from wavesweep.results import fields_of
+
+    table = pandas.DataFrame(dict(columns))
+    table.attrs["units"] = {field.name: field.unit for field in fields_of(kind, columns)}
+    if facts is not None:
+        table.attrs["facts"] = dict(facts)
+    return table
+
+
+def zwidth(
+    source: Source,
+    along: str | None = "K_VE",
+    hand: str = "free",
+    hand_box: Mapping[str, tuple[float, float]] | None = None,
+    passive: bool = False,
+    **work: Any,
+) -> DataFrame:
+    """Stable intervals over the spec's own [sweep], as `wavesweep zwidth` computes them.
+
+    source: a spec, a path, or nested tables. along: the axis of the intervals; None for the spec's own. hand: "free", "passive"
+    or "box", see `wavesweep zwidth --help`. hand_box: ranges of mass (kg), damping (N*s/m) and stiffness (N/m) of a box.
+    passive: adds the intervals in which the hand's port is passive. work: jobs, backend, scheduler, progress, checkpoint and
+    force, see `wavesweep.sweep.intervals`. Errors: UsageError, SpecError, WavesweepError.
+    """
+    from wavesweep import sweep
+
+    hands = None if hand == "free" and not passive else sweep.hands_of(hand, dict(hand_box or {}), passive)
+    return _framed(sweep.intervals(_spec(source), along, hands, **work))
+
+
+def stability_region(source: Source, along: str | None = None, **options: Any) -> DataFrame:
+    """The same along the spec's own axis, as `wavesweep stability-region` computes them; options: as for `zwidth`."""
+    return zwidth(source, along, **options)
+
+
+def bode(*sources: Source) -> DataFrame:
+    """Admittance (m/N), impedance (N/m) and worst-case gain of specs over their [bode] axes, as `wavesweep bode` has them."""
+    from wavesweep import sweep
+
+    return _framed(sweep.responses([_spec(source) for source in sources]))
+
+
+def passivity(source: Source, tolerance: float = 1e-3, **work: Any) -> DataFrame:
+    """Wave channel and hand's port over the spec's [sweep], as `wavesweep passivity` has them.
+
+    tolerance: J per J sent that aliasing may add. work: jobs, backend, scheduler, progress.
+    """
+    from wavesweep import sweep
+
+    return _framed(sweep.passivity(_spec(source), tolerance, **work))
+
+
+def filter_choices(source: Source, tolerance: float = 1e-3) -> DataFrame:
+    """Norm of the wave channel for orders 1 to 8 of LP1, as `wavesweep passivity --filters` has it."""
+    from wavesweep import sweep
+
+    return _framed(sweep.filter_choices(_spec(source), tolerance))
+
+
+def simulate(source: Source) -> list[DataFrame]:
+    """The run that the spec's [simulate] describes, and for settled sines its response, as `wavesweep simulate` has them."""
+    from wavesweep import sweep
+
+    return [_framed(table) for table in sweep.simulate(_spec(source).as_simulated())]
+
+
+def verdict(source: Source) -> dict[str, Any]:
+    """What `wavesweep check` says of the spec's own design, as a dict; see `wavesweep.sweep.verdict`."""
+    from wavesweep.sweep.verdict import verdict as found
+
+    return found(_spec(source))
+
+
+def _spec(source):
+    return source if isinstance(source, Spec) else load(source)
+
+
+def _framed(table):
+    return frame(table.kind, table.columns, table.facts)
