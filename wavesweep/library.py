@@ -1,4 +1,4 @@
-"""What the commands compute, as calls: a spec with its own sweep in, DataFrames out."""
+"""The commands as calls: a spec with its own sweep in, DataFrames out."""
 
 from __future__ import annotations
 
@@ -49,12 +49,18 @@ def zwidth(
 
 
 def stability_region(source: Source, along: str | None = None, **options: Any) -> DataFrame:
-    """The same along the spec's own axis, as `wavesweep stability-region` computes them; options: as for `zwidth`."""
+    """The same along the spec's own axis, as `wavesweep stability-region` computes them.
+
+    source: a spec, a path, or nested tables. along: another axis than the spec's own. options: as for `zwidth`.
+    """
     return zwidth(source, along, **options)
 
 
 def bode(*sources: Source) -> DataFrame:
-    """Admittance (m/N), impedance (N/m) and worst-case gain of specs over their [bode] axes, as `wavesweep bode` has them."""
+    """Admittance (m/N), impedance (N/m) and worst-case gain over the [bode] axes, as `wavesweep bode` computes them.
+
+    sources: specs, paths, or nested tables.
+    """
     from wavesweep import sweep
 
     return _framed(sweep.responses([_spec(source) for source in sources]))
@@ -63,7 +69,8 @@ def bode(*sources: Source) -> DataFrame:
 def passivity(source: Source, tolerance: float = 1e-3, **work: Any) -> DataFrame:
     """Wave channel and hand's port over the spec's [sweep], as `wavesweep passivity` has them.
 
-    tolerance: J per J sent that aliasing may add. work: jobs, backend, scheduler, progress.
+    source: a spec, a path, or nested tables. tolerance: J per J sent that aliasing may add. work: jobs, backend, scheduler,
+    progress.
     """
     from wavesweep import sweep
 
@@ -71,21 +78,24 @@ def passivity(source: Source, tolerance: float = 1e-3, **work: Any) -> DataFrame
 
 
 def filter_choices(source: Source, tolerance: float = 1e-3) -> DataFrame:
-    """Norm of the wave channel for orders 1 to 8 of LP1, as `wavesweep passivity --filters` has it."""
+    """Norm of the wave channel for orders 1 to 8 of LP1, as `passivity --filters` has it.
+
+    source: a spec, a path, or nested tables. tolerance: as for `passivity`.
+    """
     from wavesweep import sweep
 
     return _framed(sweep.filter_choices(_spec(source), tolerance))
 
 
 def simulate(source: Source) -> list[DataFrame]:
-    """The run that the spec's [simulate] describes, and for settled sines its response, as `wavesweep simulate` has them."""
+    """The run that the [simulate] of `source` describes and, for settled sines, its response; see `wavesweep simulate`."""
     from wavesweep import sweep
 
     return [_framed(table) for table in sweep.simulate(_spec(source).as_simulated())]
 
 
 def verdict(source: Source) -> dict[str, Any]:
-    """What `wavesweep check` says of the spec's own design, as a dict; see `wavesweep.sweep.verdict`."""
+    """The verdict of `wavesweep check` on the own design of `source`, as a dict; see `wavesweep.sweep.verdict`."""
     from wavesweep.sweep.verdict import verdict as found
 
     return found(_spec(source))

@@ -30,7 +30,8 @@ def passivity(spec: Spec, tolerance: float = TOLERANCE, jobs=None, backend=None,
     """Channel norm and port margin for every combination of the axes of [sweep] that have values.
 
     An axis that has only a span is not swept. Nothing is computed twice: the norm depends on filters and rates, the
-    margin on the keys that the controller reads. jobs, backend, scheduler, progress: as for `intervals`.
+    margin on the keys that the controller reads. tolerance: J per J sent that aliasing may add, for the verdicts of the
+    summary. jobs, backend, scheduler, progress: as for `intervals`.
     """
     started = time.perf_counter()
     grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))

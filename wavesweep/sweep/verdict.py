@@ -1,4 +1,4 @@
-"""The verdict on a spec's own design: stable or not, how far each number may go, what the hand feels."""
+"""The verdict on a spec's own design: stability, the room that each number has, and the feel."""
 
 import numpy as np
 
@@ -19,10 +19,10 @@ SLOW_SHARE = 1e-4  # of the slow rate: a frequency so low that the impedance is 
 
 
 def verdict(spec: Spec) -> dict:
-    """What can be said of the spec's own design in a line each; all of it JSON-able, a missing number is None.
+    """The verdict on the spec's own design as a JSON-able dict; a missing number is None.
 
     stable, spectral_radius (per frame); limits: per number of the loop the stable interval that its value lies in, and the
-    factors to its ends (see `limits`); delay: how many ticks it may grow to; felt: stiffness (N/m) and damping (N*s/m) of
+    factors to its ends (see `limits`); delay: the number of ticks it may grow to; felt: stiffness (N/m) and damping (N*s/m) of
     the wall as the hand feels it at low frequency; slowest: time constant (s) and damping ratio of the slowest mode;
     channel_norm: of the wave channel, 1 or less if it is passive.
     """
@@ -38,8 +38,8 @@ def verdict(spec: Spec) -> dict:
 def limits(spec: Spec, cut=None) -> list[dict]:
     """For each symbol that the loop reads: value, the ends of the stable interval about it, and the factors to them.
 
-    low, high: None if the interval goes on to the end of what was looked at (`from`, `to`): 0 or a tenth of the value, and ten
-    times the value. certified: whether the interval is.
+    low, high: None if the interval goes on to the end of the range that was searched (`from`, `to`): 0 or a tenth of the
+    value, and ten times the value. certified: whether the interval is.
     """
     read = keys_read(spec.values)
     return [_limit(spec, name, path, cut) for name, path in SYMBOLS.items() if path in read]
