@@ -26,13 +26,27 @@ class Spec:
     source: str | None
     _values: dict[str, float | int | str] = field(repr=False)
     _studies: Studies = field(repr=False)
-    given: Given = field(repr=False)  # the keys as given, with their places; `with_values` starts from them
+    _given: Given = field(repr=False)  # the keys of the loop as given, with their places; `with_values` starts from them
     for_simulation: bool = False  # whether [simulate] is part of the request, see `as_simulated`
 
     @property
     def values(self) -> Mapping[str, float | int | str]:
         """The resolved value of every path (`environment.K_VE`), in the order and the units of `KEYS`; read-only."""
         return MappingProxyType(self._values)
+
+    @property
+    def given(self) -> frozenset[str]:
+        """The paths of the keys of the loop and of [simulate] that were given: by the spec, by `--set` or by `with_values`.
+
+        All others have their defaults. A swept key is given only if it has a value of its own besides; a slow rate
+        appears as `rates.slow_hz`, and a filter's band edges under their own names.
+        """
+        return frozenset((*self._given.leaves, *self._studies.experiment.given))
+
+    @property
+    def source_place(self) -> Place:
+        """The place of the whole source, from which a mistake finds its line."""
+        return self._given.source
 
     @property
     def along(self) -> str:
@@ -70,7 +84,7 @@ class Spec:
             raise SpecError(mistakes)
         preset = self.simulate["preset"]
         device = DEVICES[preset].loop() if preset else {}
-        changes = {path: value for path, value in device.items() if path not in self.given.leaves}
+        changes = {path: value for path, value in device.items() if path not in self._given.leaves}
         return replace(self.with_values(changes), for_simulation=True)
 
     def tables(self) -> dict[str, dict]:
@@ -94,7 +108,7 @@ class Spec:
         return tables
 
     def _with_band_edges(self) -> dict[str, float | int | str]:
-        edges = {path: float(leaf.value) for path, leaf in self.given.leaves.items() if path.startswith("filters.")}
+        edges = {path: float(leaf.value) for path, leaf in self._given.leaves.items() if path.startswith("filters.")}
         known = {**edges, **self._values}
         return {path: known[path] for path in KEYS if path in known}
 
@@ -112,7 +126,7 @@ class Spec:
 
         `rates.ratio` and `rates.slow_hz` displace each other. Errors: SpecError with every mistake of the changes.
         """
-        given, mistakes = self.given, []
+        given, mistakes = self._given, []
         for name, value in changes.items():
             key = find_key(name)
             if key is None:
@@ -123,7 +137,7 @@ class Spec:
         mistakes += wrong
         if mistakes:
             raise SpecError(mistakes)
-        return replace(self, _values=values, given=given)
+        return replace(self, _values=values, _given=given)
 
 
 def sweep_axes(spec: Spec, along: str | None = None) -> tuple[Axis, tuple[Axis, ...]]:
@@ -142,7 +156,7 @@ def sweep_axes(spec: Spec, along: str | None = None) -> tuple[Axis, tuple[Axis, 
     wanted = [axis for axis in spec.sweep if axis.path == path] or _default_axes(name, path)
     if not wanted or not wanted[0].start < wanted[0].stop:
         expected = f"a span to search, `{name} = {{ start = ..., stop = ... }}` in [sweep]"
-        place = wanted[0].place if wanted else spec.given.source.under(("sweep",))
+        place = wanted[0].place if wanted else spec.source_place.under(("sweep",))
         mistakes.append(Leaf(None, place).mistake(f"sweep.{name}", expected, "a single value" if wanted else "none"))
     if mistakes:
         raise SpecError(mistakes)
