@@ -18,9 +18,10 @@ SHORT = ("--set", "simulate.duration_s=0.5", "--set", "simulate.settle_s=0.1")
 def simulate(wavesweep, spec):
     """Simulate the spec for half a second with the settings given, and give (exit code, stdout, stderr)."""
 
-    def run(*settings, plot=False, force=False, out="there"):
+    def run(*settings, plot=False, force=False, out="there", device=None):
         switches = ["--plot" if plot else "--no-plot", *(["--force"] if force else []), "--out", out]
         given = [word for setting in settings for word in ("--set", f"simulate.{setting}")]
+        given += ["--set", f"device.preset={device}"] if device else []
         return wavesweep("simulate", spec, *SHORT, *given, *switches)
 
     return run
@@ -104,8 +105,8 @@ def test_a_dash_writes_the_time_series_to_stdout(simulate):
 
 
 def test_equal_runs_give_equal_bytes(simulate):
-    settings = ("input=noise", "jitter=0.2", "late=4", "dropped=0.1", "seed=7", "preset=phantom-omni", "wall=0.0")
-    first, again = ([simulate(*settings, out=out), Path(out, "simulate.parquet").read_bytes()] for out in "ab")
+    settings = ("input=noise", "jitter=0.2", "late=4", "dropped=0.1", "seed=7", "wall=0.0")
+    first, again = ([simulate(*settings, out=out, device="omni"), Path(out, "simulate.parquet").read_bytes()] for out in "ab")
     assert first[1] == again[1]
 
 
@@ -126,7 +127,7 @@ def test_a_loop_that_diverges_is_told_and_no_failure(wavesweep, spec):
 
 
 def test_what_happened_is_told(simulate):
-    _, _, err = simulate("preset=phantom-omni", "wall=0.0005", "late=3", "dropped=0.2", "amplitude=8", "jitter=0.1")
+    _, _, err = simulate("wall=0.0005", "late=3", "dropped=0.2", "amplitude=8", "jitter=0.1", device="omni")
     assert "contact made " in err
     assert "motors at their limit of 3.3 N for " in err
     assert "of 25 slow results " in err
@@ -135,8 +136,8 @@ def test_what_happened_is_told(simulate):
 
 
 def test_it_is_told_where_the_spec_stands_before_the_preset(simulate):
-    _, _, err = simulate("preset=phantom-omni", "friction=0.1")
-    assert "the spec takes precedence over the preset phantom-omni: friction = 0.1 and not 0.26\n" in err
+    _, _, err = simulate("friction=0.1", device="omni")
+    assert "the spec takes precedence over the preset omni: simulate.friction = 0.1 and not 0.26\n" in err
 
 
 def test_a_recorded_force_is_read_and_vouched_for(simulate):

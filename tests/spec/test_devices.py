@@ -1,35 +1,106 @@
-"""A preset stands in for what a spec does not give itself, in the simulation alone."""
+"""A device preset sets the keys that a spec does not give itself, for every command, and each number has its source."""
 
 import pytest
 
-from wavesweep.spec import load
+from wavesweep.errors import SpecError
+from wavesweep.spec import KEYS, load
+from wavesweep.spec.checking import check
 from wavesweep.spec.devices import DEVICES
+from wavesweep.spec.keys import SIMULATE_KEYS
 
 LOOP = {"controller": {"kind": "pmw"}}
+COMPLETE = [name for name, device in DEVICES.items() if not device.unknown()]
+INCOMPLETE = [name for name in DEVICES if name not in COMPLETE]
+
+
+def on(name, **own):
+    return LOOP | {"device": {"preset": name} | own}
 
 
 @pytest.mark.parametrize("name", DEVICES)
-def test_a_device_fills_in_what_is_not_given(name):
+def test_every_number_fits_its_key_and_has_a_source(name):
     device = DEVICES[name]
-    spec = load(LOOP | {"simulate": {"preset": name}})
-    simulated = spec.as_simulated()
-    assert (simulated.values["device.mass"], simulated.values["device.damping"]) == (device.mass, device.damping)
-    assert {key: simulated.simulate[key] for key in device.beyond_the_model()} == device.beyond_the_model()
-    assert spec.values["device.mass"] == 0.1
-    assert device.published
-    assert device.assumed
+    assert device.title
+    for path, number in device.numbers.items():
+        assert check((KEYS | SIMULATE_KEYS)[path], number.value) == number.value
+        assert number.source
+        # Nobody publishes viscous damping, so none may pass as published, but for the paper's own.
+        assert path != "device.damping" or number.assumed or name == "paper"
+    assert name == "paper" or device.wall[2].startswith("CHAI3D")
 
 
-def test_what_is_given_stands_before_the_device():
-    own = {"device": {"mass": 0.1}, "simulate": {"preset": "phantom-omni", "friction": 0.0}}
-    simulated = load(LOOP | own).as_simulated()
-    assert (simulated.values["device.mass"], simulated.values["device.damping"]) == (0.1, 0.5)
-    assert (simulated.simulate["friction"], simulated.simulate["resolution"]) == (0.0, 0.055e-3)
+@pytest.mark.parametrize(
+    ("name", "stiffness", "damping"),
+    [
+        ("touch", 400, 4),
+        ("omni", 700, 5),
+        ("desktop", 1000, 5),
+        ("falcon", 3000, 20),
+        ("omega", 5000, 30),
+        ("sigma", 4000, 30),
+        ("lambda", 8000, 30),
+    ],
+)
+def test_recommended_walls_are_those_of_chai3d(name, stiffness, damping):
+    assert DEVICES[name].wall[:2] == (stiffness, damping)
+
+
+@pytest.mark.parametrize("name", COMPLETE)
+def test_a_device_sets_keys_that_are_not_given(name):
+    device, spec = DEVICES[name], load(on(name))
+    assert {path: spec.values[path] for path in device.loop()} == device.loop()
+    assert {key: spec.simulate[key] for key in device.simulation()} == device.simulation()
+    assert (spec.preset, load(LOOP).preset) == (name, None)
+    assert spec.given == {"controller.kind", "device.preset", *device.numbers}
+
+
+def test_given_keys_take_precedence():
+    spec = load(on("touch", mass=0.1) | {"simulate": {"friction": 0.0}})
+    assert (spec.values["device.mass"], spec.values["device.damping"]) == (0.1, 0.5)
+    assert (spec.simulate["friction"], spec.simulate["resolution"]) == (0.0, 0.055e-3)
+    assert load(on("touch"), ["device.mass=0.2"]).values["device.mass"] == 0.2
+
+
+@pytest.mark.parametrize("name", INCOMPLETE)
+def test_a_number_that_is_not_published_has_to_be_given(name):
+    with pytest.raises(SpecError) as error:
+        load(on(name))
+    assert [mistake.key for mistake in error.value.mistakes] == list(DEVICES[name].unknown())
+    own = {path.split(".")[1]: 0.3 for path in DEVICES[name].unknown()}
+    spec = load(on(name, **own))
+    assert {path: spec.values[path] for path in DEVICES[name].unknown()} == dict.fromkeys(DEVICES[name].unknown(), 0.3)
+
+
+def test_a_missing_number_is_a_mistake_at_the_preset(tmp_path):
+    path = tmp_path / "a.toml"
+    path.write_text('controller.kind = "dc"\n[device]\nmass = 0.2\npreset = "omega"\n')
+    with pytest.raises(SpecError) as error:
+        load(path)
+    expected = "expected a number >= 0 in N*s/m (none is published for omega), found nothing"
+    assert str(error.value) == f"{path}:4:1: device.damping: {expected}"
+
+
+def test_an_unknown_device_is_one_mistake():
+    with pytest.raises(SpecError, match="did you mean `omega`") as error:
+        load(on("omga"))
+    assert len(error.value.mistakes) == 1
+
+
+def test_a_device_may_be_changed_afterwards():
+    spec = load(LOOP).with_values({"device.preset": "falcon"})
+    assert spec.sha256 == load(on("falcon")).sha256
+    assert spec.simulate["friction"] == 0.5
+    assert spec.with_values({"device.mass": 1.0}).values["device.mass"] == 1.0
+
+
+def test_a_spec_with_a_device_is_the_one_with_its_numbers():
+    numbers = DEVICES["touch"].loop()
+    explicit = load(LOOP | {"device": {path.split(".")[1]: value for path, value in numbers.items()}})
+    assert load(on("touch")).sha256 == explicit.sha256
 
 
 def test_the_resolved_tables_load_to_the_same_simulation():
-    spec = load(LOOP | {"simulate": {"preset": "novint-falcon", "input": "stepped-sine", "frequency_hz": [1, 2]}})
-    simulated = spec.as_simulated()
+    simulated = load(on("falcon") | {"simulate": {"input": "stepped-sine", "frequency_hz": [1, 2]}}).as_simulated()
     again = load(simulated.tables()).as_simulated()
     assert again.tables() == simulated.tables()
     assert again.sha256 == simulated.sha256

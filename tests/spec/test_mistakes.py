@@ -42,20 +42,20 @@ def write(tmp_path, monkeypatch):
         (
             "[device]\ndampin = 1",
             (
-                "a.toml:4:1: device.dampin: expected one of mass, damping, velocity, found an unknown key; "
+                "a.toml:4:1: device.dampin: expected one of preset, mass, damping, velocity, found an unknown key; "
                 "did you mean `device.damping`?"
             ),
         ),
         (
             '[device]\n"mass.x" = 1',
             (
-                'a.toml:4:1: device."mass.x": expected one of mass, damping, velocity, found an unknown key; '
+                'a.toml:4:1: device."mass.x": expected one of preset, mass, damping, velocity, found an unknown key; '
                 "did you mean `device.mass`?"
             ),
         ),
         (
             '[device]\n"größe" = 1',
-            'a.toml:4:1: device."größe": expected one of mass, damping, velocity, found an unknown key',
+            'a.toml:4:1: device."größe": expected one of preset, mass, damping, velocity, found an unknown key',
         ),
         (
             "[environment]\ndelay = 21",

@@ -84,7 +84,7 @@ def test_the_frequencies_are_replaced():
         ("sweep.b.num=3", "--set sweep.b.num=3: sweep.b: expected both start and stop, found only num"),
         (
             "device.mas=1",
-            "--set device.mas=1: device.mas: expected one of mass, damping, velocity, found an unknown key; ",
+            "--set device.mas=1: device.mas: expected one of preset, mass, damping, velocity, found an unknown key; ",
         ),
         ("a b=1", '--set a b=1: "a b": expected one of the tables'),
         ("[rates]=1", '--set [rates]=1: "[rates]": expected one of the tables'),

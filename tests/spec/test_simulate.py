@@ -72,7 +72,7 @@ def test_a_simulated_spec_keeps_what_it_is_when_values_change_and_when_it_travel
     [
         ("simulate.input=stepped-sine", "input", "stepped-sine"),
         ("simulate.frequency_hz=8", "frequency_hz", (8.0,)),
-        ("simulate.preset=phantom-omni", "friction", 0.26),
+        ("device.preset=omni", "friction", 0.26),
         ("simulate.wall=-0.001", "wall", -0.001),
         ("simulate={ seed = 4 }", "seed", 4),
     ],
@@ -96,10 +96,7 @@ def test_mistakes_come_at_once_with_place_and_nearest_name(tmp_path):
         f"5:1: simulate.fricton: expected one of {keys}, found an unknown key; did you mean `simulate.friction`?",
         "6:10: simulate.jitter: expected a number <= 0.9, found 2",
         "7:8: simulate.late: expected a whole number >= 0, found 0.5",
-        (
-            '8:10: simulate.preset: expected one of "paper", "phantom-omni", "novint-falcon", found "phantom"; '
-            "did you mean `phantom-omni`?"
-        ),
+        f"8:1: simulate.preset: expected one of {keys}, found an unknown key; did you mean `device.preset`?",
         "9:1: simulate.frequency_hz: expected both start and stop, found only start, stp",
         "9:26: simulate.frequency_hz.start: expected a number > 0, found 0",
         (

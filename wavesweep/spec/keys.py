@@ -103,6 +103,14 @@ _TABLE = [
     _positive("rates.fast_hz", 1000.0, "Hz", "rate of the haptic loop"),
     _whole("rates.ratio", 20, "fast ticks in a frame of the slow environment", low=1, high=HIGHEST_RATIO),
     _positive("rates.slow_hz", None, "Hz", "rate of the slow environment, in place of the ratio"),
+    Key(
+        "device.preset",
+        "string",
+        None,
+        "",
+        "device by name; sets mass, damping and [simulate]'s friction, resolution and max_force if they are not given",
+        choices=tuple(DEVICES),
+    ),
     _positive("device.mass", 0.1, "kg", "mass of the haptic device"),
     _gain("device.damping", 1.5, "N*s/m", "viscous damping of the haptic device"),
     _choice("device.velocity", "exact", "how velocity is measured: the state, or the position's difference", VELOCITIES),
@@ -146,7 +154,6 @@ _SIMULATE = [
     _gain("simulate.duration_s", None, "s", "simulated time; by default 10 s, or what the steps or the record take"),
     # 2^53 - 1 is the largest whole number that every reader of JSON keeps.
     _whole("simulate.seed", 0, "seed of noise, jitter, lateness and drops", low=0, high=2**53 - 1),
-    Key("simulate.preset", "string", None, "", "device by name, for what is not given itself", choices=tuple(DEVICES)),
     _number("simulate.wall", None, "m", "where a one-sided wall begins; absent: the linear wall on both sides of 0"),
     _gain("simulate.resolution", 0.0, "m", "step of the encoder; 0 for none"),
     _positive("simulate.max_force", None, "N", "largest force of the motors; absent: no limit"),

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.checking import Rejected, check, expectation, show
+from wavesweep.spec.devices import DEVICES, HapticDevice
 from wavesweep.spec.keys import BAND_EDGES, FILTERS, HIGHEST_ORDER, HIGHEST_RATIO, KEYS, VALUE_PATHS, Key
 from wavesweep.spec.reading import Leaf, Place
 
@@ -23,6 +24,11 @@ class Given:
         """Return the given leaf at `path`, or an empty one at the place that it would have."""
         return self.leaves.get(path) or Leaf(None, self.source.under(tuple(path.split("."))))
 
+    def device(self) -> HapticDevice | None:
+        """Return the device that the spec names; None if it names none, or one that does not exist."""
+        leaf = self.leaves.get("device.preset")
+        return DEVICES.get(leaf.value) if leaf is not None and isinstance(leaf.value, str) else None
+
     def replaced(self, path: str, leaf: Leaf) -> Given:
         """Return the same with another value at `path`; a rate displaces the other way to give it."""
         twin = {"rates.ratio": "rates.slow_hz", "rates.slow_hz": "rates.ratio"}.get(path)
@@ -35,8 +41,10 @@ def resolve(given: Given) -> tuple[dict[str, float | int | str], list[Mistake]]:
     checked, mistakes = check_each(KEYS, given.leaves)
     wrong = set(given.leaves) - set(checked)
     # Defaults replace wrong values, so that one mistake does not hide those that are independent of it.
-    values = {path: checked.get(path, KEYS[path].default) for path in VALUE_PATHS}
-    mistakes += _required(given)
+    device = given.device()
+    known = (device.loop() if device else {}) | checked
+    values = {path: known.get(path, KEYS[path].default) for path in VALUE_PATHS}
+    mistakes += [*_required(given), *(_unknown(given, device) if device else ())]
     mistakes += _resolve_rates(given, checked, values)
     for name in FILTERS:
         mistakes += _resolve_filter(name, given, checked, values)
@@ -64,6 +72,14 @@ def _rejected(path: str, given: Given, checked: Mapping) -> bool:
 def _required(given: Given) -> list[Mistake]:
     missing = (key for key in KEYS.values() if key.required and key.path not in given.leaves)
     return [given.leaf(key.path).mistake(key.path, expectation(key), "nothing (it has no default)") for key in missing]
+
+
+def _unknown(given: Given, device: HapticDevice) -> Iterator[Mistake]:
+    """Yield a mistake for each key of the device without a number, if the spec does not give its own."""
+    leaf = given.leaf("device.preset")
+    for path in (path for path in device.unknown() if path not in given.leaves):
+        expected = f"{expectation(KEYS[path])} in {KEYS[path].unit} (none is published for {leaf.value})"
+        yield leaf.mistake(path, expected, "nothing", of_key=True)
 
 
 def _resolve_rates(given: Given, checked: Mapping, values: dict) -> list[Mistake]:

@@ -9,11 +9,10 @@ from types import MappingProxyType
 from wavesweep.errors import Mistake, SpecError
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import nearest
-from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.keys import KEYS, SYMBOLS, find_key
 from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.resolving import Given, resolve
-from wavesweep.spec.studies import Studies, axis_fault, need_values
+from wavesweep.spec.studies import Experiment, Studies, axis_fault, need_values
 
 K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
 
@@ -36,12 +35,19 @@ class Spec:
 
     @property
     def given(self) -> frozenset[str]:
-        """The paths of the keys of the loop and of [simulate] that were given: by the spec, by `--set` or by `with_values`.
+        """The paths of the keys of the loop and of [simulate] that were given, or follow from a device preset that was.
 
-        All others have their defaults. A swept key is given only if it has a value of its own besides; a slow rate
-        appears as `rates.slow_hz`, and a filter's band edges under their own names.
+        Overrides by `--set` and values of `with_values` are given too. All others have their defaults. A swept key is given
+        only if it has a value of its own besides; a slow rate appears as `rates.slow_hz`, and a filter's band edges under
+        their own names.
         """
-        return frozenset((*self._given.leaves, *self._studies.experiment.given))
+        device = self._given.device()
+        return frozenset((*self._given.leaves, *self._studies.experiment.given, *(device.numbers if device else ())))
+
+    @property
+    def preset(self) -> str | None:
+        """The name of the device in `device.preset`, None if none is named; its numbers are in `values` and `simulate`."""
+        return str(self._given.leaves["device.preset"].value) if self._given.device() else None
 
     @property
     def source_place(self) -> Place:
@@ -71,21 +77,21 @@ class Spec:
     @property
     def simulate(self) -> Mapping[str, float | int | str | tuple | None]:
         """The resolved keys of [simulate] by their last name (`friction`), None if one is absent; read-only."""
-        return MappingProxyType(self._studies.experiment.values)
+        return MappingProxyType(self._experiment().values)
+
+    def _experiment(self) -> Experiment:
+        device = self._given.device()
+        return self._studies.experiment.on(device) if device else self._studies.experiment
 
     def as_simulated(self) -> Spec:
-        """Return the spec of `simulate`: its digest covers [simulate] too, and the preset's mass and damping are in it.
+        """Return the spec of `simulate`, whose digest covers [simulate] too.
 
-        Values that the spec itself gives take precedence over those of the preset. Errors: SpecError if the experiment
-        does not fit the fast rate.
+        Errors: SpecError if the experiment does not fit the fast rate.
         """
         mistakes = list(self._studies.experiment.beyond_limits(self._values["rates.fast_hz"]))
         if mistakes:
             raise SpecError(mistakes)
-        preset = self.simulate["preset"]
-        device = DEVICES[preset].loop() if preset else {}
-        changes = {path: value for path, value in device.items() if path not in self._given.leaves}
-        return replace(self.with_values(changes), for_simulation=True)
+        return replace(self, for_simulation=True)
 
     def tables(self) -> dict[str, dict]:
         """Return the resolved spec as nested tables that JSON can hold.
@@ -104,7 +110,7 @@ class Spec:
         bode = (self._studies.frequencies, *self.bode)
         tables["bode"] = {axis.name: axis.written() for axis in bode}
         if self.for_simulation:
-            tables["simulate"] = self._studies.experiment.written()
+            tables["simulate"] = self._experiment().written()
         return tables
 
     def _with_band_edges(self) -> dict[str, float | int | str]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, axis_place, build_axis, linear, logarithmic
 from wavesweep.spec.checking import Rejected, check, nearest, show
-from wavesweep.spec.devices import DEVICES
+from wavesweep.spec.devices import HapticDevice
 from wavesweep.spec.keys import BAND_EDGES, KEYS, SIMULATE_KEYS, STUDY_KEYS, SYMBOLS, find_key
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.resolving import LIMITS, Given, check_each, exceeds_limit
@@ -49,6 +49,11 @@ class Experiment:
         frequencies = {"frequency_hz": self.frequencies.written()} if self.frequencies else {}
         return present | frequencies
 
+    def on(self, device: HapticDevice) -> Experiment:
+        """Return the experiment with the limits of a device, except for keys that are given themselves."""
+        known = {name: value for name, value in device.simulation().items() if f"simulate.{name}" not in self.given}
+        return replace(self, values=self.values | known)
+
     def beyond_limits(self, fast_hz: float) -> Iterator[Mistake]:
         """Yield the mistakes that depend on the fast rate (Hz)."""
         half, most = fast_hz / 2, MOST_TICKS / fast_hz
@@ -82,9 +87,8 @@ def build_experiment(leaves: Sorted) -> tuple[Experiment, list[Mistake]]:
     """Return the experiment and its mistakes; limits that the fast rate sets are checked by `beyond_limits`."""
     found, mistakes = check_each(SIMULATE_KEYS, leaves.simulate)
     checked = {path.split(".")[1]: value for path, value in found.items()}
-    device = DEVICES[checked["preset"]].beyond_the_model() if "preset" in checked else {}
     defaults = {path.split(".")[1]: key.default for path, key in SIMULATE_KEYS.items()}
-    values = defaults | device | checked
+    values = defaults | checked
     axis, wrong = _frequencies(leaves.frequencies)
     settled = not wrong and ("input" in checked or "simulate.input" not in leaves.simulate)
     if settled:

@@ -73,12 +73,12 @@ def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float],
 
 def _notices(spec: Spec) -> Iterator[str]:
     """Yield notices about values that a user may not expect."""
-    options, preset = spec.simulate, spec.simulate["preset"]
-    if preset:
-        own = {**DEVICES[preset].loop(), **DEVICES[preset].beyond_the_model()}
-        used = {**spec.values, **options}
+    options = spec.simulate
+    if spec.preset:
+        own = {path: number.value for path, number in DEVICES[spec.preset].numbers.items()}
+        used = {**spec.values, **{f"simulate.{name}": value for name, value in options.items()}}
         given = [f"{path} = {used[path]:g} and not {value:g}" for path, value in own.items() if used[path] != value]
         if given:
-            yield f"the spec takes precedence over the preset {preset}: {', '.join(given)}"
+            yield f"the spec takes precedence over the preset {spec.preset}: {', '.join(given)}"
     if options["resolution"] and spec.values["device.velocity"] == "exact":
         yield 'device.velocity = "exact" does not see the encoder; "difference" takes its velocity from it'
