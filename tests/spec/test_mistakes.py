@@ -75,7 +75,10 @@ def write(tmp_path, monkeypatch):
         ),
         (
             "[rates]\nslow_hz = 30",
-            ("a.toml:4:11: rates.slow_hz: expected rates.fast_hz = 1000.0 divided by a whole number from 1 to 1000, found 30"),
+            (
+                "a.toml:4:11: rates.slow_hz: expected rates.fast_hz = 1000.0 divided by a whole number from 1 to 1000 "
+                "(the nearest: 30.303 Hz, ratio = 33 and 29.4118 Hz, ratio = 34), found 30"
+            ),
         ),
         (
             "[sweep]\nB_V = [1]",

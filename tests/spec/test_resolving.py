@@ -2,6 +2,7 @@
 
 import math
 import random
+import re
 
 import pytest
 from scipy import signal
@@ -125,3 +126,22 @@ def test_the_filter_meets_its_edges(case):
 )
 def test_edges_that_no_double_can_tell_apart_need_a_very_high_order(case):
     assert butterworth_order(*case)[0] > 12
+
+
+@pytest.mark.parametrize(
+    ("slow_hz", "nearest"),
+    [
+        (60, "62.5 Hz, ratio = 16 and 58.8235 Hz, ratio = 17"),
+        (1500, "1000 Hz, ratio = 1"),
+        (600, "1000 Hz, ratio = 1 and 500 Hz, ratio = 2"),
+        (0.3, "1 Hz, ratio = 1000"),
+        (1e-300, "1 Hz, ratio = 1000"),
+        (1e300, "1000 Hz, ratio = 1"),
+    ],
+)
+def test_a_refused_rate_names_the_nearest_and_they_work(slow_hz, nearest):
+    with pytest.raises(SpecError) as error:
+        load({"controller": {"kind": "dc"}, "rates": {"slow_hz": slow_hz}})
+    assert f"(the nearest: {nearest})" in str(error.value)
+    for ratio in re.findall(r"ratio = (\d+)", nearest):
+        assert load({"controller": {"kind": "dc"}}, [f"rates.ratio={ratio}"]).values["rates.ratio"] == int(ratio)

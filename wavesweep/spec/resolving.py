@@ -93,7 +93,9 @@ def _resolve_rates(given: Given, checked: Mapping, values: dict) -> list[Mistake
         return []
     ratio = _whole_ratio(values["rates.fast_hz"], checked["rates.slow_hz"])
     if ratio is None:
-        expected = f"rates.fast_hz = {values['rates.fast_hz']!r} divided by a whole number from 1 to {HIGHEST_RATIO}"
+        fast_hz = values["rates.fast_hz"]
+        expected = f"rates.fast_hz = {fast_hz!r} divided by a whole number from 1 to {HIGHEST_RATIO}"
+        expected += f" (the nearest: {_nearest_rates(fast_hz, checked['rates.slow_hz'])})"
         return [leaf.mistake("rates.slow_hz", expected, show(leaf.value))]
     values["rates.ratio"] = ratio
     return []
@@ -107,6 +109,13 @@ def _whole_ratio(fast_hz: float, slow_hz: float) -> int | None:
     # 1000/3 is no double, nor are 333.3 and 111.1: what divides exactly as written is off by the rounding of both
     # numbers and of their product, at most 1.5 units in the last place.
     return ratio if math.isclose(slow_hz * ratio, fast_hz, rel_tol=4e-16) else None
+
+
+def _nearest_rates(fast_hz: float, slow_hz: float) -> str:
+    """Describe the slow rates next to `slow_hz`, by their ratios too, because few of the rates are short decimals."""
+    below = math.floor(min(fast_hz / slow_hz, HIGHEST_RATIO))
+    ratios = [ratio for ratio in (below, below + 1) if 1 <= ratio <= HIGHEST_RATIO]
+    return " and ".join(f"{fast_hz / ratio:g} Hz, ratio = {ratio}" for ratio in ratios)
 
 
 def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict) -> list[Mistake]:
