@@ -7,10 +7,8 @@ from dataclasses import dataclass, field
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.checking import Rejected, check, show
-from wavesweep.spec.keys import STUDY_KEYS, Key, find_key
+from wavesweep.spec.keys import AXIS_KEYS, STUDY_KEYS, Key, find_key
 from wavesweep.spec.reading import Leaf, Place
-
-MOST_VALUES = 1_000_000
 
 
 def linear(start: float, stop: float, num: int) -> tuple[float, ...]:
@@ -45,10 +43,7 @@ def _power_of_ten(exponent: float, lowest: float, highest: float) -> float:
         return highest
 
 
-SCALES = {"linear": linear, "log": logarithmic}
-
-_NUM = Key("num", "integer", None, "1", "how many values", low=1, high=MOST_VALUES)
-_SCALE = Key("scale", "string", "linear", "", "how the values are spaced", choices=tuple(SCALES))
+SPACINGS = {"linear": linear, "log": logarithmic}
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,12 +109,12 @@ def _from_span(label: str, name: str, key: Key, parts: dict[str, Leaf]) -> tuple
     if mistakes:
         return None, mistakes
     start, stop, num, scale = (numbers.get(part) for part in ("start", "stop", "num", "scale"))
-    scale = scale or _SCALE.default
+    scale = scale or AXIS_KEYS["scale"].default
     wrong = _span_fault(start, stop, num, scale)
     if wrong:
         part, expected = wrong
         return None, [parts[part].mistake(f"{label}.{part}", expected, show(parts[part].value))]
-    values = SCALES[scale](start, stop, num) if num else ()
+    values = SPACINGS[scale](start, stop, num) if num else ()
     try:
         if key.type == "integer":
             values = tuple(check(key, value) for value in values)
@@ -129,7 +124,7 @@ def _from_span(label: str, name: str, key: Key, parts: dict[str, Leaf]) -> tuple
 
 
 def _check_parts(label: str, key: Key, parts: dict[str, Leaf]) -> tuple[dict, list[Mistake]]:
-    keys = {"start": key, "stop": key, "num": _NUM, "scale": _SCALE}
+    keys = {**AXIS_KEYS, "start": key, "stop": key}
     numbers, mistakes = {}, []
     for part, leaf in parts.items():
         if part not in keys:

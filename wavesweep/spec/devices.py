@@ -17,7 +17,7 @@ OMNI = "PHANTOM Omni data sheet, as commonly quoted; the Geomagic Touch has the 
 DESKTOP = "PHANTOM Desktop data sheet, as commonly quoted; the Geomagic Touch X has the same"
 FALCON = "Novint Falcon product sheet, as commonly quoted"
 OMEGA = "Force Dimension omega.3 data sheet, as commonly quoted"
-CHAI3D = "CHAI3D 3.3, src/devices/"
+CHAI3D = "CHAI3D, github.com/chai3d/chai3d, src/devices/"
 PHANTOM_TABLE = f"{CHAI3D}CPhantomDevices.cpp"
 DELTA_TABLE = f"{CHAI3D}CDeltaDevices.cpp"
 

@@ -5,15 +5,32 @@ Validation, documents and the units of columns derive from this table.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from wavesweep.controllers import CONTROLLERS
+from wavesweep.controllers import CONTROLLERS, MEANINGS
 from wavesweep.spec.devices import DEVICES
 
-INTEGRATIONS = ("explicit", "implicit", "trapezoidal")
-VELOCITIES = ("exact", "difference")
-INPUTS = ("sine", "stepped-sine", "chirp", "step", "pulse", "noise", "record")
+INTEGRATIONS = {
+    "explicit": "the spring reads the position before the step; usually the least stable wall",
+    "implicit": "the spring reads the position after the step; usually the most stable wall",
+    "trapezoidal": "the spring reads the position after a step with the mean of both velocities",
+}
+VELOCITIES = {
+    "exact": "the velocity itself, as an ideal sensor measures it",
+    "difference": "the last step of the position over the tick, as an encoder gives it",
+}
+INPUTS = {
+    "sine": "one frequency",
+    "stepped-sine": "several frequencies in turn, each until it has settled and is measured",
+    "chirp": "a sine whose frequency rises steadily",
+    "step": "a constant force from at_s on",
+    "pulse": "a constant force for width_s",
+    "noise": "white noise, a new value in each tick",
+    "record": "the force of a CSV file",
+}
+SCALES = {"linear": "equal steps", "log": "equal factors, as for frequencies"}
 FILTERS = ("lp1", "hp", "lp2")
 BAND_EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
 HIGHEST_ORDER = 12
@@ -36,7 +53,8 @@ class Key:
     """One key: `type` is "number", "integer" or "string"; `default` None means that the key may be absent.
 
     Numbers lie in `low`..`high`, without `low` itself if `above_low` is true. If there are `choices`, no other value is
-    allowed. Limits set by other keys (`environment.delay <= rates.ratio`) are checked when a spec is resolved.
+    allowed; `meanings` describes some of them. Limits set by other keys (`environment.delay <= rates.ratio`) are checked
+    when a spec is resolved.
     """
 
     path: str
@@ -49,6 +67,7 @@ class Key:
     above_low: bool = False
     choices: tuple = ()
     required: bool = False
+    meanings: Mapping = field(default_factory=dict, repr=False)
 
     @property
     def numeric(self) -> bool:
@@ -70,12 +89,12 @@ def _gain(path: str, default: float, unit: str, description: str) -> Key:
     return Key(path, "number", default, unit, description, low=0.0)
 
 
-def _whole(path: str, default: int, description: str, *, low: int, high: int | None, unit: str = "1") -> Key:
+def _whole(path: str, default: int | None, description: str, *, low: int, high: int | None, unit: str = "1") -> Key:
     return Key(path, "integer", default, unit, description, low=low, high=high)
 
 
-def _choice(path: str, default: str | None, description: str, choices: tuple) -> Key:
-    return Key(path, "string", default, "", description, choices=choices, required=default is None)
+def _choice(path: str, default: str, description: str, meanings: Mapping[str, str]) -> Key:
+    return Key(path, "string", default, "", description, choices=tuple(meanings), meanings=meanings)
 
 
 def _number(path: str, default: float | None, unit: str, description: str) -> Key:
@@ -110,6 +129,7 @@ _TABLE = [
         "",
         "device by name; sets mass, damping and [simulate]'s friction, resolution and max_force if they are not given",
         choices=tuple(DEVICES),
+        meanings={name: device.title for name, device in DEVICES.items()},
     ),
     _positive("device.mass", 0.1, "kg", "mass of the haptic device"),
     _gain("device.damping", 1.5, "N*s/m", "viscous damping of the haptic device"),
@@ -128,7 +148,16 @@ _TABLE = [
         high=None,
         unit="tick",
     ),
-    _choice("controller.kind", None, "how hand and environment are coupled", CONTROLLERS.keys()),
+    Key(
+        "controller.kind",
+        "string",
+        None,
+        "",
+        "how hand and environment are coupled",
+        choices=CONTROLLERS.keys(),
+        required=True,
+        meanings=MEANINGS,
+    ),
     _positive("controller.b", 25.0, "N*s/m", "wave impedance"),
     _gain("controller.Kp", 0.0, "N^(1/2)*m^(-1/2)*s^(-1/2)", "gain of the position correction in the returned wave"),
     *_filter("lp1", 1, 10.0, "the anti-aliasing low-pass before the downsampler"),
@@ -173,6 +202,16 @@ STUDY_KEYS = MappingProxyType(
             "bode.frequency_hz", "number", None, "Hz", "frequencies of the responses; 0 for the static limit", low=0.0
         ),
         **SIMULATE_KEYS,
+    }
+)
+
+# The parts of an axis of [sweep] or [bode] that is no list; `start` and `stop` have type, range and unit of the axis's key.
+AXIS_KEYS = MappingProxyType(
+    {
+        "start": Key("start", "number", None, "", "first value of the axis, in the unit of its key"),
+        "stop": Key("stop", "number", None, "", "last value of the axis, in the unit of its key"),
+        "num": _whole("num", None, "how many values; without it the axis is a span to search", low=1, high=1_000_000),
+        "scale": _choice("scale", "linear", "how the values are spaced", SCALES),
     }
 )
 

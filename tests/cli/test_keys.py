@@ -1,0 +1,97 @@
+"""`keys` explains every key from the one table of keys, as text and as JSON."""
+
+import json
+
+import pytest
+
+from wavesweep.controllers import CONTROLLERS, MEANINGS
+from wavesweep.spec import KEYS, STUDY_KEYS, SYMBOLS
+from wavesweep.spec.devices import DEVICES
+from wavesweep.spec.keys import AXIS_KEYS
+
+EVERY = {**KEYS, **STUDY_KEYS}
+
+
+def test_every_key_is_listed_with_unit_default_and_meaning(wavesweep):
+    code, out, err = wavesweep("keys")
+    assert (code, err) == (0, "")
+    rows = {line.split()[0]: line for line in out.splitlines() if line}
+    for path, key in EVERY.items():
+        assert key.description in rows[path]
+        assert key.unit in ("", "1") or f" {key.unit} " in rows[path]
+        assert key.default is None or str(key.default) in rows[path]
+    for study in ("sweep", "bode"):
+        assert {f"{study}.AXIS.{part}" for part in AXIS_KEYS} <= rows.keys()
+    tables = [line for line in out.splitlines() if line.startswith("[")]
+    assert len(tables) == len(set(tables))
+    assert {"[sweep]", "[bode]", "[simulate]", "[device]"} <= set(tables)
+
+
+@pytest.mark.parametrize("path", EVERY)
+def test_each_key_is_explained_with_its_values(path, wavesweep):
+    code, out, _ = wavesweep("keys", path)
+    assert code == 0
+    key = EVERY[path]
+    assert key.description in out
+    assert all(str(choice) in out and meaning in out for choice, meaning in key.meanings.items())
+
+
+@pytest.mark.parametrize("key", [*EVERY.values(), *AXIS_KEYS.values()], ids=lambda key: key.path)
+def test_every_word_that_a_key_takes_has_a_meaning(key):
+    if key.type == "string" and key.choices and key.path != "controller.kind":
+        assert set(key.meanings) == set(key.choices)
+
+
+def test_every_controller_of_the_package_has_a_meaning():
+    assert set(MEANINGS) == set(CONTROLLERS)
+
+
+@pytest.mark.parametrize(("symbol", "path"), SYMBOLS.items())
+def test_symbols_are_keys_too(symbol, path, wavesweep):
+    assert wavesweep("keys", symbol) == wavesweep("keys", path)
+    assert f"symbol: {symbol}" in wavesweep("keys", symbol)[1]
+
+
+def test_a_table_and_an_axis_are_explained(wavesweep):
+    assert "filters.hp" not in wavesweep("keys", "filters.lp1")[1]
+    assert wavesweep("keys", "filters.lp1")[1].count("filters.lp1.") == 6
+    out = wavesweep("keys", "sweep.device.mass")[1]
+    assert "axis over device.mass" in out
+    assert [part for part in AXIS_KEYS if f"sweep.device.mass.{part} " not in out] == []
+
+
+def test_devices_are_listed_with_numbers_and_sources(wavesweep):
+    out = wavesweep("keys", "device.preset")[1]
+    for device in DEVICES.values():
+        assert device.title in out
+        for path, number in device.numbers.items():
+            mark = "assumed" if number.assumed else "source"
+            assert f"{path} = {number.value:g} {EVERY[path].unit}; {mark}: {number.source}" in out
+    assert out.count("device.mass: not known") == 3
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [("controler.kind", "controller.kind"), ("k_ve", "K_VE"), ("lp1", "filters.lp1"), ("simulat", "simulate")],
+)
+def test_an_unknown_key_is_a_usage_error_with_the_nearest_one(name, meant, wavesweep):
+    code, out, err = wavesweep("keys", name)
+    assert (code, out) == (2, "")
+    assert err == f"Error: {name} is no key of a spec; did you mean {meant}?\n"
+
+
+def test_the_same_as_json(wavesweep):
+    code, out, err = wavesweep("keys", "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert {path: (found[path]["type"], found[path]["default"]) for path in EVERY} == {
+        path: (key.type, key.default) for path, key in EVERY.items()
+    }
+    assert found["controller.b"]["symbol"] == "b"
+    assert found["local_model.delay"]["choices"] == {"0": "", "1": ""}
+    assert found["controller.kind"]["choices"] == MEANINGS
+    touch = found["device.preset"]["devices"]["touch"]
+    assert touch["numbers"]["device.mass"]["value"] == 0.045
+    assert touch["recommended_wall"]["stiffness"] == 400.0
+    assert found["device.preset"]["devices"]["omega"]["not_known"] == ["device.mass", "device.damping"]
+    assert list(json.loads(wavesweep("keys", "K_VE", "--json")[1])) == ["environment.K_VE"]
