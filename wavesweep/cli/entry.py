@@ -30,6 +30,7 @@ COMMANDS = MappingProxyType(
         "paper": "Reproduce the paper's figures and test its statements.",
         "bench": "Measure run time against error, for this tool and for other methods.",
         "check": "Validate a spec and list what would be computed, by which method.",
+        "init": "Write a commented spec to begin with.",
         "keys": "Explain the keys of a spec: values, units and defaults.",
     }
 )

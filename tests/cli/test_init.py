@@ -1,0 +1,152 @@
+"""`init` writes a spec that loads, in which every key that the loop reads is explained, and never over another file."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from wavesweep import sweep as real_sweep
+from wavesweep.cli.init import starter
+from wavesweep.controllers import CONTROLLERS
+from wavesweep.diagram import keys_read
+from wavesweep.spec import KEYS, STUDY_KEYS, load, sweep_axes
+from wavesweep.spec.devices import DEVICES
+
+KINDS = list(CONTROLLERS)
+KEY_LINE = re.compile(r"^(#?)(\w+) = (.+)$")
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Write a starter spec and give its path and text."""
+
+    def write(kind, device=None):
+        path = tmp_path / f"{kind}-{device}.toml"
+        path.write_text(starter(kind, device, path.name))
+        return path, path.read_text()
+
+    return write
+
+
+def key_lines(text):
+    """(number of the line, path, whether it is a comment) of every key in a text."""
+    table = ""
+    for number, line in enumerate(text.splitlines()):
+        if heading := re.fullmatch(r"\[([\w.]+)\]", line):
+            table = heading[1]
+        elif found := KEY_LINE.fullmatch(line):
+            yield number, f"{table}.{found[2]}", bool(found[1])
+
+
+def digest(path):
+    return load(path).as_simulated().sha256
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("device", [None, *DEVICES])
+def test_the_spec_loads_and_has_a_sweep(kind, device, written):
+    path, _ = written(kind, device)
+    spec = load(path)
+    assert (spec.values["controller.kind"], spec.preset) == (kind, device)
+    along, others = sweep_axes(spec, "K_VE")
+    assert (along.stop, [axis.name for axis in others]) == (5000, ["B_VE", *(["b"] if kind.startswith("pmw") else [])])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("device", [None, "touch", "omega"])
+def test_a_comment_shows_the_value_that_the_spec_has_anyway(kind, device, written):
+    path, text = written(kind, device)
+    before, lines = digest(path), text.splitlines()
+    commented = [number for number, _, is_comment in key_lines(text) if is_comment]
+    assert len(commented) > 10
+    for number in commented:
+        path.write_text("\n".join([*lines[:number], lines[number][1:], *lines[number + 1 :]]))
+        assert digest(path) == before
+    path.write_text("\n".join(line[1:] if number in commented else line for number, line in enumerate(lines)))
+    assert digest(path) == before
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("device", [None, "desktop"])
+def test_every_key_is_explained_with_its_unit(kind, device, written):
+    _, text = written(kind, device)
+    lines = text.splitlines()
+    for number, path, _ in key_lines(text):
+        study, _, axis = path.partition(".")
+        key = KEYS.get(path) or STUDY_KEYS.get(path) or next(key for p, key in KEYS.items() if p.endswith(f".{axis}"))
+        prose = []
+        while lines[number := number - 1].startswith("# "):
+            prose.insert(0, lines[number][2:])
+        assert key.description in " ".join(prose), (path, study)
+        assert key.unit in ("", "1") or f"{key.unit}: " in " ".join(prose)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_keys_are_those_that_the_loop_reads(kind, written):
+    path, text = written(kind)
+    read = keys_read({**load(path).values, "controller.Kp": 1.0})
+    shown = {path for _, path, _ in key_lines(text) if path in KEYS}
+    assert shown == {path.replace("rates.ratio", "rates.slow_hz") for path in read}
+
+
+def test_wall_and_velocity_are_left_to_a_user(written):
+    """Their defaults are the most stable choices, so a summary has to be able to say that nobody has made them."""
+    given = load(written("pmw-lm")[0]).given
+    assert not given & {"environment.integration", "environment.delay", "device.velocity", "local_model.integration"}
+
+
+def test_a_number_that_is_not_published_is_marked(written):
+    _, text = written("pmw", "sigma")
+    assert text.count("A GUESS, none is published for sigma: put your own") == 2
+    assert "ASSUMED, put your own" in written("pmw", "touch")[1]
+
+
+def test_a_controller_from_outside_has_its_spec_too(written, monkeypatch):
+    monkeypatch.setitem(CONTROLLERS, "mine", CONTROLLERS["dc-slow"])
+    assert load(written("mine")[0]).values["controller.kind"] == "mine"
+
+
+def test_other_commands_take_the_file(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert wavesweep("init", "pmw", "--device", "touch") == (0, "", "pmw.toml\n")
+    code, out, _ = wavesweep("check", "pmw.toml")
+    assert code == 0
+    assert "pmw.toml: valid, controller pmw" in out
+    assert real_sweep.plan(load("pmw.toml"))
+
+
+def test_an_existing_file_is_replaced_by_force_only(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("pmw.toml").write_text("mine")
+    code, out, err = wavesweep("init")
+    assert (code, out) == (2, "")
+    assert err == "Error: pmw.toml: the file exists; expected another --out FILE, or --force to replace it\n"
+    assert Path("pmw.toml").read_text() == "mine"
+    assert wavesweep("init", "--force") == (0, "", "pmw.toml\n")
+    assert load("pmw.toml").name == "pmw"
+    assert [path.name for path in tmp_path.iterdir()] == ["pmw.toml"]
+
+
+def test_the_file_may_be_named_or_go_to_stdout(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert wavesweep("init", "dc", "--out", "wall.toml") == (0, "", "wall.toml\n")
+    assert "wavesweep check wall.toml" in Path("wall.toml").read_text()
+    code, out, err = wavesweep("init", "dc", "--out", "-")
+    assert (code, err) == (0, "")
+    assert out == Path("wall.toml").read_text().replace("wall.toml", "dc.toml")
+    code, _, err = wavesweep("init", "--out", "nowhere/wall.toml")
+    assert code == 1
+    assert "No such file or directory" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (("pmv",), "Error: pmv is no controller; expected one of dc, dc-slow, dc-lm, pmw, pmw-lm; did you mean pmw?\n"),
+        (("pmw", "--device", "tuch"), f"Error: tuch is no device; expected one of {', '.join(DEVICES)}; did you mean touch?\n"),
+    ],
+)
+def test_an_unknown_name_is_a_usage_error(arguments, line, wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert wavesweep("init", *arguments) == (2, "", line)
+    assert list(tmp_path.iterdir()) == []
