@@ -114,3 +114,23 @@ def test_a_folder_that_is_a_file_is_named(wavesweep, sweep, spec, tmp_path):
     assert code == 2
     assert err.strip().startswith("Error: taken: ")
     assert sweep.seen == []  # said before the work
+
+
+@pytest.mark.parametrize(
+    ("typed", "line"),
+    [
+        ("zwdth", "No such command 'zwdth'. Did you mean zwidth?"),
+        ("stability_region", "No such command 'stability_region'. Did you mean stability-region?"),
+        ("frobnicate", "No such command 'frobnicate'."),
+    ],
+)
+def test_a_mistyped_command_gets_the_nearest_one(typed, line, wavesweep):
+    code, out, err = wavesweep(typed, "a.toml")
+    assert (code, out) == (2, "")
+    assert err.splitlines()[-1] == f"Error: {line}"
+
+
+def test_a_mistyped_option_gets_the_nearest_one(wavesweep, spec):
+    code, _, err = wavesweep("zwidth", spec, "--forse")
+    assert code == 2
+    assert "--force" in err.splitlines()[-1]

@@ -5,19 +5,25 @@ A new command is a line in `COMMANDS` and a module of its name with a `command` 
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from types import FrameType, MappingProxyType
+from types import FrameType, MappingProxyType, ModuleType
+from typing import TYPE_CHECKING
 
 import click
 
 from wavesweep.errors import SpecError, WavesweepError
 
+if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
 INTERRUPTED = 130
 TERMINATED = 143
+COMPLETING = "_WAVESWEEP_COMPLETE"  # set by the completion of a shell
 
 # The short helps are listed here so that `wavesweep --help` need not import the commands; a test holds them against these.
 COMMANDS = MappingProxyType(
@@ -52,13 +58,37 @@ class LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import a command; None if there is none of this name."""
         del ctx
-        return import_module(module_of(cmd_name)).command if cmd_name in COMMANDS else None
+        if cmd_name not in COMMANDS:
+            return None
+        command = import_module(module_of(cmd_name)).command
+        return _completion().prepare(command) if COMPLETING in os.environ else command
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command that the first argument names; if there is none of that name, a usage error with the nearest one."""
+        name = str(args[0])
+        if name not in COMMANDS and not name.startswith("-") and not ctx.resilient_parsing:
+            from difflib import get_close_matches
+
+            close = get_close_matches(name, COMMANDS, n=1)
+            ctx.fail(f"No such command {name!r}." + (f" Did you mean {close[0]}?" if close else ""))
+        return super().resolve_command(ctx, args)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Commands from the table, without importing their modules; options of the group."""
+        options = click.Command.shell_complete(self, ctx, incomplete)
+        return [*_completion().commands(COMMANDS.items(), incomplete), *options]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands from the table, without importing their modules as click would."""
         del ctx
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))
+
+
+def _completion() -> ModuleType:
+    from wavesweep.cli import completion
+
+    return completion
 
 
 def _print_version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
@@ -99,6 +129,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
+        if COMPLETING in os.environ:
+            _completion().register()
         with _sigterm_unwinds():
             code = group.main(arguments, prog_name="wavesweep", standalone_mode=False)
     except BaseException as error:  # noqa: BLE001 - the one place that gives each kind of failure its line and exit code

@@ -1,0 +1,176 @@
+"""A shell completes commands, specs, keys, axes, devices and controllers, and loads nothing heavy for that."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from wavesweep.cli import completion, main
+from wavesweep.cli.entry import COMMANDS, group
+from wavesweep.controllers import CONTROLLERS
+from wavesweep.spec import KEYS, SYMBOLS
+from wavesweep.spec.devices import DEVICES
+from wavesweep.spec.keys import SIMULATE_KEYS
+
+
+@pytest.fixture
+def complete(monkeypatch, capsys):
+    """What a shell is offered behind the words that are typed; the last word is incomplete."""
+
+    def run(*words, shell="bash"):
+        monkeypatch.setenv("_WAVESWEEP_COMPLETE", f"{shell}_complete")
+        monkeypatch.setenv("COMP_WORDS", "\n".join(["wavesweep", *words]))
+        monkeypatch.setenv("COMP_CWORD", words[-1] if shell == "fish" else str(len(words)))
+        with pytest.raises(SystemExit) as end:
+            main([])
+        assert end.value.code == 0
+        lines = capsys.readouterr().out.splitlines()
+        return lines[1::3] if shell == "zsh" else [line.split(",", 1)[1].split("\t")[0] for line in lines if line]
+
+    return run
+
+
+@pytest.fixture(name="specs")
+def files(tmp_path, monkeypatch):
+    """A folder with specs at several depths, and with other files."""
+    monkeypatch.chdir(tmp_path)
+    names = (
+        "mine.toml",
+        "notes.txt",
+        "sweeps/a.toml",
+        "sweeps/deep/b.toml",
+        "sweeps/x/y/z/c.toml",
+        ".venv/d.toml",
+        "sweeps/t.csv",
+    )
+    for name in names:
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).touch()
+
+
+def test_commands_are_completed(complete):
+    assert complete("") == list(COMMANDS)
+    assert complete("zw") == ["zwidth"]
+    assert complete("--ver") == ["--version"]
+
+
+@pytest.mark.parametrize(
+    ("typed", "found"),
+    [
+        ("", ["mine.toml", "sweeps/a.toml", "sweeps/deep/b.toml"]),
+        ("sw", ["sweeps/a.toml", "sweeps/deep/b.toml"]),
+        ("sweeps/", ["sweeps/a.toml", "sweeps/deep/b.toml"]),
+        ("sweeps/x/", ["sweeps/x/y/z/c.toml"]),
+        ("./m", ["./mine.toml"]),
+        (".v", [".venv/d.toml"]),
+    ],
+)
+@pytest.mark.parametrize("command", ["zwidth", "check", "bode"])
+@pytest.mark.usefixtures("specs")
+def test_specs_are_completed(command, typed, found, complete):
+    assert complete(command, typed) == found
+
+
+@pytest.mark.usefixtures("specs")
+def test_any_file_is_offered_if_there_is_no_spec():
+    assert [item.type for item in completion.specs("nothing/he")] == ["file"]
+    assert [item.type for item in completion.specs("notes")] == ["file"]
+
+
+def test_keys_for_set_are_completed(complete):
+    assert complete("zwidth", "a.toml", "--set", "contr") == ["controller.kind=", "controller.b=", "controller.Kp="]
+    offered = complete("zwidth", "a.toml", "--set", "")
+    assert {f"{name}=" for name in (*KEYS, *SIMULATE_KEYS, *SYMBOLS, "sweep.along")} <= set(offered)
+    assert complete("bode", "a.toml", "b.toml", "--set", "bode.fr") == ["bode.frequency_hz="]
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (("--set", "controller.kind", "="), list(CONTROLLERS)),
+        (("--set", "controller.kind", "=", "pmw-"), ["pmw-lm"]),
+        (("--set", "device.preset", "=", "o"), ["omni", "omega"]),
+        (("--set", "sweep.along", "=", "K_"), ["K_VE", "K_LM"]),
+        (("--set", "=", "environment.integration", "=", "e"), ["explicit"]),
+        (("--set", "b", "=", "4", "--set", "sweep.device.m"), ["sweep.device.mass="]),
+        (("--set", "device.mass", "="), []),
+        (("--set", "nothing", "="), []),
+        (("--set", "b", "=", "4", "--forc"), ["--force"]),
+    ],
+)
+def test_bash_gets_the_part_behind_the_equals_sign(words, found, complete):
+    assert complete("zwidth", "a.toml", *words) == found
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells_get_whole_words(shell, complete):
+    assert complete("zwidth", "a.toml", "--set", "device.preset=o", shell=shell) == [
+        "device.preset=omni",
+        "device.preset=omega",
+    ]
+
+
+def test_controllers_devices_and_keys_are_completed(complete):
+    assert complete("init", "") == list(CONTROLLERS)
+    assert complete("init", "pmw", "--device", "") == list(DEVICES)
+    assert complete("keys", "environment.i") == ["environment.integration"]
+    assert complete("keys", "sweep.dev") == ["sweep.device.mass", "sweep.device.damping"]
+
+
+def test_every_argument_of_a_command_is_completed():
+    """An argument under another name would silently be left out."""
+    for name in COMMANDS:
+        arguments = [p.name for p in group.get_command(None, name).params if p.param_type_name == "argument"]
+        assert set(arguments) <= set(completion.COMPLETIONS), name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", ["zwidth a", "zwidth a.toml --set contr", "", "init p"])
+def test_completion_loads_nothing_heavy(words):
+    program = (
+        "import sys\nfrom wavesweep.cli import main\n"
+        "try:\n    main([])\nfinally:\n    print('modules', *sys.modules, file=sys.stderr)"
+    )
+    typed = ["wavesweep", *(words.split() or [""])]
+    given = {"_WAVESWEEP_COMPLETE": "bash_complete", "COMP_WORDS": "\n".join(typed), "COMP_CWORD": str(len(typed) - 1)}
+    done = subprocess.run([sys.executable, "-c", program], env=os.environ | given, capture_output=True, text=True, check=True)
+    loaded = set(done.stderr.splitlines()[-1].split()[1:])
+    assert "wavesweep.cli.completion" in loaded
+    assert loaded & {"numpy", "scipy", "pandas", "matplotlib", "pyarrow", "wavesweep.sweep", "wavesweep.diagram"} == set()
+    assert words or not loaded & {"wavesweep.cli.zwidth", "wavesweep.cli.bench"}
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_there_is_a_script_for_each_shell(shell, monkeypatch, capsys):
+    monkeypatch.setenv("_WAVESWEEP_COMPLETE", f"{shell}_source")
+    with pytest.raises(SystemExit):
+        main([])
+    script = capsys.readouterr().out
+    assert f"_WAVESWEEP_COMPLETE={shell}_complete" in script
+    # After `KEY=` there is no space, so that the value can be typed.
+    assert shell != "bash" or "compopt -o nospace" in script
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not shutil.which("bash"), reason="no bash")
+@pytest.mark.usefixtures("specs")
+def test_bash_itself_completes(tmp_path):
+    """The script in a shell: the words are taken apart at `=`, as readline does it."""
+    program = tmp_path / "bin" / "wavesweep"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m wavesweep "$@"\n')
+    program.chmod(0o755)
+    script = (
+        'eval "$(_WAVESWEEP_COMPLETE=bash_source wavesweep)"\n'
+        'ask() { COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMPREPLY=()\n'
+        '_wavesweep_completion wavesweep; echo "${COMPREPLY[*]}"; }\n'
+        "ask wavesweep zwidth sw\nask wavesweep zwidth mine.toml --set controller.kind = dc-\n"
+    )
+    path = f"{program.parent}:{os.environ['PATH']}"
+    shell = [shutil.which("bash"), "-c", script]
+    done = subprocess.run(shell, env=os.environ | {"PATH": path}, capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["sweeps/a.toml sweeps/deep/b.toml", "dc-slow dc-lm"]
+    assert done.stderr == ""

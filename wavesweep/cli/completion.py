@@ -1,0 +1,156 @@
+"""Shell completion: specs, keys and values of --set, devices and controllers. Loaded only if a shell asks for it."""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+import click
+from click.shell_completion import BashComplete, CompletionItem, add_completion_class, split_arg_string
+
+from wavesweep.controllers import CONTROLLERS, MEANINGS
+from wavesweep.spec.devices import DEVICES
+from wavesweep.spec.keys import KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
+
+STUDIES = ("sweep", "bode")
+DEEPEST, MOST_FOLDERS = 3, 200  # of the search for specs: a shell waits for it
+
+
+class Bash(BashComplete):
+    """Bash, which takes `--set KEY=VALUE` apart at the `=` and replaces only the part behind it."""
+
+    source_template = BashComplete.source_template.replace(
+        "    return 0\n",
+        "    [[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == *= ]] && compopt -o nospace\n\n    return 0\n",
+    )
+    _typed = ""
+
+    def get_completion_args(self) -> tuple[list[str], str]:
+        """Words before the cursor and the incomplete one, both with their `=`."""
+        position = int(os.environ["COMP_CWORD"])
+        words = split_arg_string(os.environ["COMP_WORDS"])[1 : position + 1]
+        incomplete = len(words) == position
+        joined: list[str] = []
+        for before, word in zip(["", *words], words, strict=False):
+            if joined and "=" in (before, word):
+                joined[-1] += word
+            else:
+                joined.append(word)
+        last = joined.pop() if incomplete and joined else ""
+        self._typed = last[: last.rfind("=") + 1].removeprefix("--set=")
+        return joined, last
+
+    def format_completion(self, item: CompletionItem) -> str:
+        """Type and value without the part that is typed already."""
+        return f"{item.type},{item.value.removeprefix(self._typed)}"
+
+
+def register() -> None:
+    """Let click use the completion of this module for bash; it knows zsh and fish."""
+    add_completion_class(Bash)
+
+
+def prepare(command: click.Command) -> click.Command:
+    """Give the parameters of a command their completions, by name."""
+    for parameter in command.params:
+        if parameter.name in COMPLETIONS:
+            parameter.shell_complete = _completer(COMPLETIONS[parameter.name])
+    return command
+
+
+def _completer(candidates: Callable[[str], Iterable[CompletionItem]]) -> Callable:
+    return lambda _, incomplete: list(candidates(incomplete))
+
+
+def commands(helps: Iterable[tuple[str, str]], incomplete: str) -> list[CompletionItem]:
+    """The commands that begin with `incomplete`. helps: pairs of name and short help."""
+    return [CompletionItem(name, help=text) for name, text in helps if name.startswith(incomplete)]
+
+
+def specs(incomplete: str) -> list[CompletionItem]:
+    """TOML files whose path begins with `incomplete`, a few folders deep; any file if there is none."""
+    folder, slash, start = incomplete.rpartition("/")
+    found = [CompletionItem(path) for path in sorted(_toml_files(folder + slash, start))]
+    return found or [CompletionItem(incomplete, type="file")]
+
+
+def _toml_files(folder: str, start: str) -> Iterator[str]:
+    """Paths of TOML files in a folder ("" or with a slash at its end) whose name there begins with `start`."""
+    pending, visited = deque([(folder, start, 1)]), 0
+    while pending and (visited := visited + 1) <= MOST_FOLDERS:
+        here, begin, depth = pending.popleft()
+        try:
+            entries = sorted(Path(here or ".").iterdir())
+        except OSError:
+            continue
+        for entry in entries:
+            if not entry.name.startswith(begin) or (entry.name.startswith(".") and not begin):
+                continue
+            if entry.suffix == ".toml":
+                yield here + entry.name
+            elif depth < DEEPEST and entry.is_dir():
+                pending.append((f"{here}{entry.name}/", "", depth + 1))
+
+
+def keys(incomplete: str) -> Iterator[CompletionItem]:
+    """Keys, symbols and axes that begin with `incomplete`."""
+    for name, key in _settable(incomplete).items():
+        yield CompletionItem(name, help=key.description)
+
+
+def settings(incomplete: str) -> Iterator[CompletionItem]:
+    """`KEY=` for --set, and behind the `=` the values that the key takes, if these are words."""
+    name, equals, value = incomplete.partition("=")
+    if not equals:
+        for item in keys(incomplete):
+            yield CompletionItem(f"{item.value}=", help=item.help)
+        return
+    key = find_key(name) or STUDY_KEYS.get(name)
+    names = _axes() if name == "sweep.along" else dict.fromkeys(key.choices, "") | dict(key.meanings) if key else {}
+    for choice, meaning in names.items():
+        if str(choice).startswith(value):
+            yield CompletionItem(f"{name}={choice}", help=meaning)
+
+
+def axes(incomplete: str) -> Iterator[CompletionItem]:
+    """Names of axes."""
+    return (CompletionItem(name, help=text) for name, text in _axes().items() if name.startswith(incomplete))
+
+
+def _axes() -> dict[str, str]:
+    names = [*SYMBOLS, *(path for path, key in KEYS.items() if key.numeric and path not in SYMBOLS.values())]
+    return {name: find_key(name).description for name in names}
+
+
+def _settable(incomplete: str) -> dict[str, Key]:
+    """Everything that --set takes and that begins with `incomplete`; of the axes the symbols, or all behind `sweep.`."""
+    known = {**KEYS, **STUDY_KEYS, **{symbol: KEYS[path] for symbol, path in SYMBOLS.items()}}
+    for study in STUDIES:
+        names = _axes() if incomplete.startswith(f"{study}.") else ()
+        known |= {f"{study}.{name}": find_key(name) for name in names}
+    return {name: key for name, key in known.items() if name.startswith(incomplete)}
+
+
+def _among(meanings: dict[str, str]) -> Callable[[str], list[CompletionItem]]:
+    return lambda incomplete: commands(meanings.items(), incomplete)
+
+
+def _files(incomplete: str) -> list[CompletionItem]:
+    return [CompletionItem(incomplete, type="file")]
+
+
+# Name of a parameter of any command -> its candidates.
+COMPLETIONS: dict[str, Callable[[str], Iterable[CompletionItem]]] = {
+    "spec": specs,
+    "specs": specs,
+    "overrides": settings,
+    "along": axes,
+    "name": keys,
+    "kind": _among({kind: MEANINGS.get(kind, "") for kind in CONTROLLERS}),
+    "device": _among({name: device.title for name, device in DEVICES.items()}),
+    "table": _files,
+    "tables": _files,
+    "out": _files,
+}
