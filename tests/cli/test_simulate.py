@@ -138,6 +138,7 @@ def test_what_happened_is_told(simulate):
 def test_it_is_told_where_the_spec_stands_before_the_preset(simulate):
     _, _, err = simulate("friction=0.1", device="omni")
     assert "the spec takes precedence over the preset omni: simulate.friction = 0.1 and not 0.26\n" in err
+    assert "the preset omni adds to the linear loop: resolution = 5.5e-05, max_force = 3.3\n" in err
 
 
 def test_a_recorded_force_is_read_and_vouched_for(simulate):

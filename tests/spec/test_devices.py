@@ -61,6 +61,13 @@ def test_given_keys_take_precedence():
     assert load(on("touch"), ["device.mass=0.2"]).values["device.mass"] == 0.2
 
 
+def test_assumed_numbers_are_known_as_such():
+    assert load(LOOP).assumed == set()
+    assert load(on("touch")).assumed == {"device.damping"}
+    assert load(on("touch"), ["device.damping=0.5"]).assumed == set()
+    assert load(on("falcon")).assumed == {"device.mass", "device.damping", "simulate.friction"}
+
+
 @pytest.mark.parametrize("name", INCOMPLETE)
 def test_a_number_that_is_not_published_has_to_be_given(name):
     with pytest.raises(SpecError) as error:

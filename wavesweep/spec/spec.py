@@ -50,6 +50,14 @@ class Spec:
         return str(self._given.leaves["device.preset"].value) if self._given.device() else None
 
     @property
+    def assumed(self) -> frozenset[str]:
+        """The paths of the device preset's numbers that have no public source and that the spec does not give itself."""
+        device = self._given.device()
+        numbers = device.numbers.items() if device else ()
+        own = {*self._given.leaves, *self._studies.experiment.given}
+        return frozenset(path for path, number in numbers if number.assumed and path not in own)
+
+    @property
     def source_place(self) -> Place:
         """The place of the whole source, from which a mistake finds its line."""
         return self._given.source

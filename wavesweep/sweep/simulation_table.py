@@ -77,6 +77,10 @@ def _notices(spec: Spec) -> Iterator[str]:
     if spec.preset:
         own = {path: number.value for path, number in DEVICES[spec.preset].numbers.items()}
         used = {**spec.values, **{f"simulate.{name}": value for name, value in options.items()}}
+        limits = DEVICES[spec.preset].simulation().items()
+        beyond = [f"{name} = {value:g}" for name, value in limits if value and options[name] == value]
+        if beyond:
+            yield f"the preset {spec.preset} adds to the linear loop: {', '.join(beyond)}"
         given = [f"{path} = {used[path]:g} and not {value:g}" for path, value in own.items() if used[path] != value]
         if given:
             yield f"the spec takes precedence over the preset {spec.preset}: {', '.join(given)}"
