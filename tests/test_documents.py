@@ -12,7 +12,10 @@ from wavesweep.spec import KEYS
 
 ROOT = pathlib.Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-BESIDE = ("ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE", "wavesweep/ACCURACY.md")
+BESIDE = (
+    *("ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE"),
+    *("wavesweep/ACCURACY.md", "wavesweep/TABLES.md"),
+)
 TEXTS = {name: (ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "sweeps/paper/README.md", *BESIDE)}
 LINKS = [(name, link) for name, text in TEXTS.items() for link in re.findall(r"\]\((?!http)([^)]*)\)", text)]
 
