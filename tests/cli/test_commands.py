@@ -1,6 +1,7 @@
 """What all commands share: the help, the table of commands, options and where the results go."""
 
 import importlib
+import json
 from pathlib import Path
 
 import pytest
@@ -58,9 +59,11 @@ def test_a_dash_writes_the_table_to_stdout_and_no_file(name, wavesweep, sweep, s
 
 def test_workers_are_passed_on(wavesweep, sweep, spec):
     wavesweep("zwidth", spec, "--no-plot", "--jobs", "3", "--backend", "dask", "--scheduler", "tcp://there:8786")
-    expected = {"jobs": 3, "backend": "dask", "scheduler": "tcp://there:8786", "along": "K_VE", "hands": None, "progress": None}
+    expected = {"jobs": 3, "backend": "dask", "scheduler": "tcp://there:8786", "along": "K_VE", "hands": None}
     expected |= {"checkpoint": Path("results/wall/.zwidth.parts"), "force": False}
-    assert sweep.seen == [("intervals", expected)]
+    ((name, given),) = sweep.seen
+    assert (name, {key: value for key, value in given.items() if key != "progress"}) == ("intervals", expected)
+    assert callable(given["progress"])
 
 
 def test_stability_region_leaves_the_axis_to_the_spec(wavesweep, sweep, spec):
@@ -89,9 +92,87 @@ def test_quiet_says_nothing(wavesweep, sweep, spec):
 def test_the_summary_names_intervals_holes_and_the_largest_stiffness(wavesweep, sweep, spec):
     _, _, err = wavesweep("zwidth", spec, "--no-plot")
     assert "2 slices: 3 stable intervals, 1 slice with a hole" in err
-    assert "largest stable K_VE: 4448.82 at B_VE = 1\n" in err
+    assert "largest stable K_VE: 4448.82 N/m at B_VE = 1 N*s/m (the edge of that axis)\n" in err
+    felt = "stiffest wall as the hand feels it: 90 N/m with K_VE = 700 N/m at B_VE = 0.5 N*s/m (the edge of that axis)\n"
+    assert felt in err
     assert "all 3 rows certified" in err
     assert len(sweep.seen) == 1
+
+
+def test_the_summary_can_be_one_json_object_on_stdout(wavesweep, sweep, spec):
+    code, out, err = wavesweep("zwidth", spec, "--no-plot", "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert (found["command"], found["specs"]) == ("zwidth", ["wall"])
+    files = [f"results/wall/zwidth{suffix}" for suffix in (".csv", ".parquet", ".datapackage.json")]
+    assert (found["files"], found["changed"], len(sweep.seen)) == (files, [], 1)
+    table = found["tables"]["zwidth"]
+    assert table["largest"] == {
+        "value": 4448.819, "ended_by": "stability", "at": {"B_VE": 1.0}, "at_the_edge_of": ["B_VE"], "equal_rows": 1,
+    }  # fmt: skip
+    assert (table["stiffest_felt"]["value"], table["stiffest_felt"]["with"]) == (90.0, 700.0)
+    assert (table["rows"], table["certified_rows"], table["doubts"], table["slices_with_a_hole"]) == (3, 3, {}, 1)
+
+
+@pytest.mark.parametrize("name", SWEEPS)
+def test_json_and_the_table_cannot_both_go_to_stdout(name, wavesweep, sweep, spec):
+    code, out, err = wavesweep(name, spec, "--json", "--out", "-")
+    assert (code, out, sweep.seen) == (2, "", [])
+    assert "--json and --out - would both write to stdout" in err
+
+
+def test_an_edited_spec_replaces_its_own_results_and_says_the_changes(wavesweep, sweep, spec, tmp_path):
+    def run(*more):
+        return wavesweep("zwidth", spec, "--no-plot", *more)
+
+    assert "replaced" not in run()[2]
+    assert "replaced" not in run()[2]
+    (tmp_path / spec).write_text((tmp_path / spec).read_text().replace("[0.5, 1.0]", "[0.5, 1.0, 2.0]"))
+    assert "replaced the results of this spec; changed: sweep.B_VE [0.5, 1] -> [0.5, 1, 2]\n" in run()[2]
+    code, _, err = run("--set", "b=40", "--set", "environment.delay=3")
+    assert code == 0
+    assert "replaced the results of this spec; changed: environment.delay 0 -> 3, b 25 -> 40\n" in err
+    assert json.loads(run("--json")[1])["changed"] == ["environment.delay 3 -> 0", "b 40 -> 25"]
+    assert len(sweep.seen) == 5
+
+
+def test_the_place_of_a_spec_survives_a_move_of_the_project_and_shows_no_path(wavesweep, sweep, spec, tmp_path, monkeypatch):
+    package = "results/wall/zwidth.datapackage.json"
+    (tmp_path / "one").mkdir()
+    (tmp_path / spec).rename(tmp_path / "one" / spec)
+    monkeypatch.chdir(tmp_path / "one")
+    wavesweep("zwidth", spec, "--no-plot")
+    assert str(tmp_path) not in Path(package).read_text()
+    assert tmp_path.name not in Path(package).read_text()
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "one").rename(tmp_path / "two")
+    monkeypatch.chdir(tmp_path / "two")
+    assert wavesweep("zwidth", spec, "--no-plot", "--set", "b=40")[0] == 0
+    assert len(sweep.seen) == 2
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ([], 'engines usually integrate explicitly or semi-implicitly (both are "explicit" here), deliver'),
+        (["environment.delay=0"], "integration and velocity are the defaults, kind ones: engines usually integrate"),
+        (
+            ["environment.integration=explicit", "environment.delay=1", "device.velocity=difference"],
+            "assumes: explicit integration of the wall, delay of 1 of 20 ticks, velocity from differences of position\n",
+        ),
+        (["controller.kind=dc", "device.velocity=exact"], "assumes: ideal wall at the fast rate, exact velocity\n"),
+        (
+            ["environment.integration=explicit", "device.velocity=exact", "sweep.environment.delay=[0, 20]"],
+            "wall, delay swept, exact velocity\n",
+        ),
+    ],
+)
+def test_the_summary_says_which_wall_it_is_for_and_what_the_defaults_are(settings, said, wavesweep, spec):
+    code, _, err = wavesweep("zwidth", spec, "--no-plot", *(word for setting in settings for word in ("--set", setting)))
+    assert code == 0
+    assert said in err
+    facts = json.loads(Path("results/wall/zwidth.datapackage.json").read_text())["wavesweep"]
+    assert f"assumes: {facts['assumes']}\n" in err
 
 
 def test_a_table_of_several_specs_goes_to_a_folder_of_all_their_names(wavesweep, sweep, spec, tmp_path):

@@ -79,14 +79,26 @@ def test_what_cannot_be_asked_is_a_usage_error(arguments, message, wavesweep, sw
     assert sweep.seen == []
 
 
-def test_results_of_another_spec_are_refused_before_the_work(wavesweep, sweep, spec):
+def test_results_of_another_spec_are_refused_before_the_work(wavesweep, sweep, spec, tmp_path):
+    (tmp_path / "other.toml").write_text((tmp_path / spec).read_text() + "[device]\nmass = 0.2\n")
     wavesweep("zwidth", spec, "--no-plot", "--out", "here")
-    code, _, err = wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--set", "b=40")
-    assert code == 2
-    assert "--force" in err
+    for several in (["zwidth", "other.toml"], ["zwidth", "other.toml", "--json"]):
+        code, _, err = wavesweep(*several, "--no-plot", "--out", "here")
+        assert code == 2
+        assert "found results of another spec" in err
+        assert "--force" in err
     assert len(sweep.seen) == 1
-    code, _, _ = wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--set", "b=40", "--force")
+    code, _, err = wavesweep("zwidth", "other.toml", "--no-plot", "--out", "here", "--force")
     assert code == 0
+    assert "replaced" not in err
+
+
+def test_results_of_several_other_specs_are_refused_before_the_work(wavesweep, sweep, spec, tmp_path):
+    (tmp_path / "other.toml").write_text((tmp_path / spec).read_text())
+    wavesweep("bode", spec, "--no-plot", "--out", "here")
+    code, _, err = wavesweep("bode", spec, "other.toml", "--no-plot", "--out", "here")
+    assert (code, len(sweep.seen)) == (2, 1)
+    assert "--force" in err
 
 
 def test_a_reader_that_leaves_early_is_no_error_to_talk_about(spec, tmp_path):

@@ -55,8 +55,8 @@ def test_free_held_guaranteed_and_passive_stand_in_one_table(kind, wavesweep, he
         table = results.read(folder / f"{kind}.{name}")
         assert list(dict.fromkeys(table["hand"].tolist())) == ["free", "operator", "passive", "port"]
         assert table["high"][table["hand"] == "passive"] == pytest.approx([6000, 4000], rel=1e-6)
-    assert "stable with every passive hand (passive): largest stable K_VE: 6000 at B_VE = 0; all 2 rows certified" in err
-    assert "hand's port passive, forces held over a tick (port): largest stable K_VE: " in err
+    assert "stable with every passive hand (passive): largest stable K_VE: 6000 N/m at B_VE = 0 N*s/m (the edge" in err
+    assert "hand's port passive, forces held over a tick (port): largest passive K_VE: " in err
     package = json.loads((folder / f"{kind}.datapackage.json").read_text())
     assert set(package["wavesweep"]["methods"]) == {"free", "operator", "passive", "port"}
 
@@ -73,9 +73,27 @@ def test_the_box_is_told_beside_its_hands(wavesweep, held, tmp_path):
     assert table["high_hand_stiffness"][box].tolist() == [100, 100]
     assert np.isnan(table["high_hand_mass"][~box]).all()
     assert "stable with every hand of the box (box): " in err
-    assert " ended by a hand of 0.1 kg, 2 N*s/m, 100 N/m; 2 of 2 rows not certified" in err
+    assert " ended by a hand of 0.1 kg, 2 N*s/m, 100 N/m; " in err
+    assert "; 2 of 2 rows not certified" in err
     facts = json.loads((tmp_path / "results/held/zwidth.datapackage.json").read_text())["wavesweep"]
     assert facts["hand_box"] == {"mass": [0.1, 0.4], "damping": [2, 10], "stiffness": [100, 100]}
+
+
+@pytest.mark.parametrize(
+    ("flag", "said"),
+    [
+        ("--passive", "(port): nowhere passive in the swept range; "),
+        ("--hand=passive", "(passive): nowhere stable with every passive hand in the swept range; "),
+    ],
+)
+def test_where_nothing_is_passive_it_is_not_called_unstable(flag, said, wavesweep, held):
+    """The wall has more damping than the device, and a heavy operator keeps the loop stable."""
+    settings = ("sweep.B_VE=[14]", "operator.mass=1", "operator.damping=0")
+    code, _, err = wavesweep("zwidth", held, flag, "--no-plot", *(word for each in settings for word in ("--set", each)))
+    assert code == 0
+    assert said in err
+    assert "(operator): largest stable K_VE: " in err
+    assert "no stable" not in err
 
 
 def test_a_dash_writes_the_same_table_to_stdout(wavesweep, held, tmp_path):

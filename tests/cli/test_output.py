@@ -49,10 +49,27 @@ def test_nothing_moves_where_nobody_watches(monkeypatch):
         assert said() == "done\r\n"
 
 
-def test_nothing_moves_in_a_file(capsys):
+def test_a_short_run_says_nothing_in_a_file(capsys):
     with output.progress(quiet=False) as report:
-        assert report is None
+        report(1, 4)
+        report(4, 4)
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_long_run_says_a_line_now_and_then_in_a_file(capsys):
+    """A report each second for 1000 s, of which a checkpoint had the first 500 of 2000."""
+    now = [0.0]
+    murmur = output.Murmur(clock=lambda: now[0])
+    for second in range(1, 1001):
+        now[0] = float(second)
+        murmur.hear(min(500 + 2 * second, 2000), 2000, certified=0)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.splitlines() == [
+        f"{500 + 2 * at:,} of 2,000 done ({(500 + 2 * at) // 20} %) after {after}, about {left} left"
+        for at, after, left in ((10, "10 s", "12 min"), (20, "20 s", "12 min"), (40, "40 s", "12 min"), (80, "80 s", "11 min"),
+                                (160, "3 min", "10 min"), (320, "5 min", "7 min"), (640, "11 min", "2 min"))
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("no_color", "coloured"), [("", True), ("1", False)])

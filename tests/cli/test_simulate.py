@@ -11,6 +11,7 @@ from wavesweep.analysis.simulation import CONTROLLERS, both_loops
 
 EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"
 SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
+KEYS = {"kind": "controller.kind"}
 SHORT = ("--set", "simulate.duration_s=0.5", "--set", "simulate.settle_s=0.1")
 
 
@@ -18,10 +19,11 @@ SHORT = ("--set", "simulate.duration_s=0.5", "--set", "simulate.settle_s=0.1")
 def simulate(wavesweep, spec):
     """Simulate the spec for half a second with the settings given, and give (exit code, stdout, stderr)."""
 
-    def run(*settings, plot=False, force=False, out="there", device=None):
+    def run(*settings, plot=False, force=False, out="there", device=None, **loop):
         switches = ["--plot" if plot else "--no-plot", *(["--force"] if force else []), "--out", out]
         given = [word for setting in settings for word in ("--set", f"simulate.{setting}")]
         given += ["--set", f"device.preset={device}"] if device else []
+        given += [word for name, value in loop.items() for word in ("--set", f"{KEYS.get(name, name)}={value}")]
         return wavesweep("simulate", spec, *SHORT, *given, *switches)
 
     return run
@@ -84,9 +86,8 @@ def test_the_facts_hold_the_whole_spec_and_its_digest(simulate):
 def test_other_forces_have_no_response_and_leave_none_behind(simulate):
     simulate(plot=True)
     code, _, err = simulate("input=step")
-    assert code == 2
-    assert "--force" in err
-    assert simulate("input=step", force=True)[0] == 0
+    assert code == 0
+    assert "replaced the results of this spec; changed: simulate.input sine -> step" in err
     assert files("there") == {f"simulate{suffix}" for suffix in SUFFIXES} - {"simulate.png"}
 
 
@@ -118,12 +119,27 @@ def test_a_loop_that_diverges_is_told_and_no_failure(wavesweep, spec):
     columns = results.read("there/simulate.csv")
     rows = len(columns["tick"])
     assert 0 < rows < 10_000
-    assert f"the loop diverges: numbers overflow in tick {rows}, " in err
+    assert "UNSTABLE: the linear loop diverges (spectral radius 494.531 per frame)\n" in err
+    assert f"stopped after tick {rows}, {rows / 1000:g} s: a force exceeds 1e+06 N; the rows end before it\n" in err
     assert f"dc, force of the hand sine: {rows} of 10000 ticks" in err
-    assert "inf" not in Path("there/simulate.csv").read_text()
+    assert " J" not in err
     facts = json.loads(Path("there/simulate.datapackage.json").read_text())["wavesweep"]
-    assert facts["ticks"] == {"wanted": 10_000, "simulated": rows}
+    assert facts["ticks"] == {"wanted": 10_000, "simulated": rows, "stopped": "a force exceeds 1e+06 N"}
+    assert facts["linear_loop"] == {"stable": False, "spectral_radius": pytest.approx(494.531, rel=1e-5)}
+    assert facts["limits"] == {"position_m": 1e3, "force_N": 1e6}
     assert not Path("there/simulate-response.csv").exists()
+
+
+def test_a_loop_that_diverges_slowly_is_compared_with_no_steady_response(simulate):
+    """The columns of the linear response are missing, and the table says why."""
+    code, _, err = simulate("frequency_hz=10", "max_force=3", kind="dc", K_VE=8000)
+    assert code == 0
+    assert "UNSTABLE: " in err
+    assert "response at 1 frequency: an unstable loop has no steady response to compare it with (doubt: unstable)\n" in err
+    columns = results.read("there/simulate-response.csv")
+    assert columns["doubt"].tolist() == ["unstable"]
+    missing = [name for name, column in columns.items() if column.dtype == float and np.isnan(column).all()]
+    assert missing == [name for name in columns if name.startswith("linear_")]
 
 
 def test_what_happened_is_told(simulate):
@@ -168,7 +184,11 @@ def test_the_examples_run(example, wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     settings = ("--set", "simulate.frequency_hz=[2]", "--set", "simulate.duration_s=4", "--quiet", "--no-plot")
     assert wavesweep("simulate", str(example), *settings) == (0, "", "")
-    assert len(results.read(f"results/{example.stem}/simulate.parquet")["tick"]) == 4000
+    facts = json.loads(Path(f"results/{example.stem}/simulate.datapackage.json").read_text())["wavesweep"]
+    rows = len(results.read(f"results/{example.stem}/simulate.parquet")["tick"])
+    # The own designs of some of them are unstable.
+    assert (rows == 4000) == (not facts["ticks"]["stopped"])
+    assert rows == 4000 or not facts["linear_loop"]["stable"]
     assert example.read_text().startswith("# ")
 
 

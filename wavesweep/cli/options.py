@@ -28,6 +28,7 @@ class Options:
     scheduler: str | None
     plot: bool
     force: bool
+    as_json: bool
     quiet: bool
     debug: bool
 
@@ -42,17 +43,25 @@ override = click.option(
     "overrides",
     multiple=True,
     metavar="KEY=VALUE",
-    help="Set a key of the spec to another value, e.g. controller.b=40, or b=40. May be repeated.",
+    help="Set a key of the spec to another value for this run, e.g. controller.b=40, b=40 or 'sweep.b=[20, 40]'. "
+    "May be repeated.",
 )
-quiet = click.option("--quiet", is_flag=True, help="Print errors only.")
+quiet = click.option("--quiet", is_flag=True, help="Print errors only: no summary and no progress.")
 # Read by the entry, before any command runs; declared here so that each help lists it.
 debug = click.option("--debug", is_flag=True, help="Show a traceback if the command fails.")
+
+as_json = click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    help="Print the summary as one JSON object on stdout, in place of the lines on stderr. The README lists its keys.",
+)
 
 _COMMON = (
     click.option(
         "--out",
         metavar="DIR",
-        help="Folder for the results [default: results/<spec's name>]. With - the CSV is written to stdout.",
+        help="Folder for the results [default: results/<spec's name>]. With - the CSV is written to stdout, and no file.",
     ),
     override,
     click.option(
@@ -61,7 +70,7 @@ _COMMON = (
         type=click.IntRange(min=1),
         default=2,
         show_default=True,
-        help="Largest number of worker processes. Short runs use none.",
+        help="Largest number of worker processes. Runs that take less than a second or two use none.",
     ),
     click.option(
         "--backend", metavar="NAME", help="Joblib backend of the workers: loky (the default), threading, dask, ray, ..."
@@ -69,8 +78,14 @@ _COMMON = (
     click.option(
         "--scheduler", metavar="ADDRESS", help="Address of the dask scheduler, e.g. tcp://host:8786; only with --backend dask."
     ),
-    click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure."),
-    click.option("--force", is_flag=True, help="Replace existing results of another spec."),
+    click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or write the table only."),
+    click.option(
+        "--force",
+        is_flag=True,
+        help="Replace results of another spec, and start again if an interrupted run of another spec was left behind. "
+        "Results of the same spec file are replaced without it.",
+    ),
+    as_json,
     quiet,
     debug,
 )
@@ -84,6 +99,8 @@ def common(body: Callable[..., None]) -> Callable[..., None]:
         options = Options(**{field.name: given.pop(field.name) for field in fields(Options)})
         if options.scheduler is not None and options.backend != "dask":
             raise click.UsageError(f"--scheduler needs --backend dask, found --backend {options.backend or 'missing'}")
+        if options.as_json and options.to_stdout:
+            raise click.UsageError("--json and --out - would both write to stdout; name a folder, or leave one of them out")
         body(options=options, **given)
 
     for option in reversed(_COMMON):

@@ -6,13 +6,13 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 
 Line = tuple[str, bool]  # a message, and whether it is a warning
 Progress = Callable[..., None]
+FIRST_WORD = 10.0  # s after which a run without a terminal says that it goes on
+MOST_CHANGES = 5  # of a spec that are listed
 
 
 def produce(
@@ -41,26 +43,72 @@ def produce(
     the one whose digest the results carry.
     """
     from wavesweep import results, spec
+    from wavesweep.sweep.table import digest_of
 
     started = time.perf_counter()
     specs = [asked(spec.load(source, options.overrides)) for source in sources]
     directory = folder_of(specs, options)
+    place = results.place_of(sources, directory)
     if not options.to_stdout:
         # Before the work as well as after it: a refusal should not cost a long run.
-        for kind in kinds if len(specs) == 1 and not options.force else ():
-            results.refuse_other_spec(kind, directory, specs[0].sha256)
+        for kind in kinds if not options.force else ():
+            results.refuse_other_spec(kind, directory, digest_of(specs), place)
         results.refuse_unusable(directory)
     with progress(options.quiet) as report:
         tables = compute(specs, jobs=options.jobs, backend=options.backend, scheduler=options.scheduler, progress=report)
+    before = None if options.to_stdout else results.existing_facts(kinds[0], directory)
+    tables = [replace(table, facts={**table.facts, "spec_place": place}) for table in tables]
     finished = [_finish(table, directory, options, main=table is tables[0]) for table in tables]
     for kind in set() if options.to_stdout else set(kinds) - {table.kind for table in tables}:
         results.discard(kind, directory)  # another spec's, which would pass for one of this run
-    if options.quiet:
+    changed = results.changes(before, tables[0].facts) if before and before.get("spec_place") == place else []
+    _report(kinds[0], specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
+
+
+def _report(
+    command: str,
+    specs: Sequence[Spec],
+    options: Options,
+    facts: Mapping[str, Any],
+    finished: Sequence[Finished],
+    changed: Sequence[str],
+    seconds: float,
+) -> None:
+    """Print the summary of a run: one JSON object on stdout, or lines on stderr."""
+    if options.as_json:
+        show_json(
+            {
+                "command": command,
+                "specs": [spec.name for spec in specs],
+                "spec_sha256": facts["spec_sha256"],
+                "assumes": facts.get("assumes", ""),
+                "notices": [notice for each in finished for notice in each.notices],
+                "tables": {each.kind: each.numbers for each in finished},
+                "files": [str(path) for each in finished for path in each.paths],
+                "changed": list(changed),
+                "seconds": round(seconds, 3),
+            }
+        )
+    if options.quiet or options.as_json:
         return
-    for line, warning in chain.from_iterable(lines for lines, _ in finished):
-        say(line, warning)
-    for paths in filter(None, (paths for _, paths in finished)):
-        say(where(paths, time.perf_counter() - started))
+    for each in finished:
+        for line, warning in chain(((notice, False) for notice in each.notices), each.lines):
+            say(line, warning)
+    if facts.get("assumes"):
+        say(f"assumes: {facts['assumes']}")
+    if changed:
+        shown = [*changed[:MOST_CHANGES], *([f"{len(changed) - MOST_CHANGES} more"] if len(changed) > MOST_CHANGES else [])]
+        say(f"replaced the results of this spec; changed: {', '.join(shown)}")
+    for each in finished:
+        if each.paths:
+            say(where(each.paths, seconds))
+
+
+def show_json(summary: Mapping[str, Any]) -> None:
+    """Print the summary of a command as one JSON object on stdout."""
+    import json
+
+    click.echo(json.dumps(summary, allow_nan=False))
 
 
 def produce_intervals(kind: str, source: str, options: Options, along: str | None = None, hands: Hands | None = None) -> None:
@@ -88,8 +136,18 @@ def folder_of(specs: Sequence[Spec], options: Options) -> Path:
     return Path(options.out or Path("results", "+".join(each.name for each in specs)))
 
 
-def _finish(table: Table, directory: Path, options: Options, main: bool) -> tuple[Iterator[Line], list[Path]]:
-    """Write a table to files, or to stdout if it is the main one; return the lines of its summary and the files' paths."""
+class Finished(NamedTuple):
+    """A table that was written: its kind, notices, summary as numbers and as lines, and the paths of its files."""
+
+    kind: str
+    notices: list[str]
+    numbers: Mapping[str, Any]
+    lines: list[Line]
+    paths: list[Path]
+
+
+def _finish(table: Table, directory: Path, options: Options, main: bool) -> Finished:
+    """Write a table to files, or to stdout if it is the main one, and summarise it."""
     from wavesweep import results
     from wavesweep.cli.summaries import tally_of
 
@@ -103,7 +161,8 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> tupl
         tally.add(table.columns)
     # The rows are written, so the checkpoint is not needed any more.
     table.forget()
-    return tally.lines(table.facts), paths
+    notices = [str(notice) for notice in table.facts.get("notices", ())]
+    return Finished(table.kind, notices, tally.numbers(table.facts), list(tally.lines(table.facts)), paths)
 
 
 def _drawn(table: Table) -> Table:
@@ -125,23 +184,60 @@ def say(text: str, warning: bool = False) -> None:
 
 @contextmanager
 def progress(quiet: bool) -> Iterator[Progress | None]:
-    """Yield a function of (done, total, certified) that moves a progress bar; None if stderr is no terminal."""
-    if quiet or not sys.stderr.isatty():
+    """Yield a function of (done, total, certified) that moves a progress bar; None if nothing is to be said.
+
+    If stderr is no terminal, it writes a line now and then instead: after FIRST_WORD seconds, then ever more rarely.
+    """
+    if quiet:
         yield None
-        return
+    elif sys.stderr.isatty():
+        with ExitStack() as opened:
+            yield _bar(opened)
+    else:
+        yield Murmur().hear
+
+
+def _bar(opened: ExitStack) -> Progress:
     bars: list[Any] = []
-    with ExitStack() as opened:
 
-        def move(done: int, total: int, certified: int | None = None) -> None:
-            # The bar appears with the first report: a run too short for one shows none. It would go to stdout.
-            if not bars:
-                shown = {"file": sys.stderr, "show_pos": True, "item_show_func": lambda text: text}
-                bars.append(opened.enter_context(click.progressbar(length=total, **shown)))
-                bars.append(_Rate(done))
-            bar, rate = bars
-            bar.update(done - bar.pos, rate.text(done, certified))
+    def move(done: int, total: int, certified: int | None = None) -> None:
+        # The bar appears with the first report: a run too short for one shows none. It would go to stdout.
+        if not bars:
+            shown = {"file": sys.stderr, "show_pos": True, "item_show_func": lambda text: text}
+            bars.append(opened.enter_context(click.progressbar(length=total, **shown)))
+            bars.append(_Rate(done))
+        bar, rate = bars
+        bar.update(done - bar.pos, rate.text(done, certified))
 
-        yield move
+    return move
+
+
+class Murmur:
+    """A line of progress on stderr after FIRST_WORD seconds, and again each time the run has taken twice as long.
+
+    clock: gives the time in seconds.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, self._started, self._next = clock, clock(), FIRST_WORD
+        self._first: tuple[int, float] | None = None
+
+    def hear(self, done: int, total: int, certified: int | None = None) -> None:
+        """Take a report, and write a line if it is time for one."""
+        del certified
+        seconds = self._clock() - self._started
+        if self._first is None:
+            self._first = (done, seconds)  # a checkpoint may have had most of it
+        if seconds < self._next or done >= total:
+            return
+        self._next = 2 * seconds
+        advance, taken = done - self._first[0], seconds - self._first[1]
+        left = f", about {_duration(taken * (total - done) / advance)} left" if advance and taken > 0 else ""
+        say(f"{done:,} of {total:,} done ({100 * done // total} %) after {_duration(seconds)}{left}")
+
+
+def _duration(seconds: float) -> str:
+    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
 class _Rate:

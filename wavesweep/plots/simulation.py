@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import IDEAL, TWO_COLUMNS, distinct_colour, figure
+from wavesweep.plots.style import DOUBTFUL, IDEAL, TWO_COLUMNS, distinct_colour, figure
 
 _MOST_POINTS = 1600  # of a line: more than it has pixels along
 _DETAIL_FRAMES = 40
@@ -39,7 +39,17 @@ def simulate(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
             grid[0, 1].set_title("the shaded stretch in detail")
         for row in grid:
             _legend(row[-1])
+        if said := _unstable(facts):
+            canvas.suptitle(said, color=DOUBTFUL)
         canvas.align_ylabels()
+
+
+def _unstable(facts: Mapping[str, Any]) -> str:
+    """The title of a run of an unstable loop, or of one that stopped early; otherwise empty."""
+    linear, stopped = facts.get("linear_loop", {"stable": True}), facts.get("ticks", {}).get("stopped")
+    radius = linear.get("spectral_radius")
+    said = ["unstable" + (f": spectral radius {radius:.6g} per frame" if radius is not None else "")] * (not linear["stable"])
+    return "; ".join([*said, *([f"stopped, {stopped}"] if stopped else [])])
 
 
 def _spans(columns: Columns, facts: Mapping[str, Any]) -> list[slice]:

@@ -1,15 +1,18 @@
 """The tables: their columns and units, written as CSV and Parquet beside a data package, and read back exactly."""
 
 from wavesweep.results.files import read
-from wavesweep.results.folder import discard, refuse_other_spec, refuse_unusable
+from wavesweep.results.folder import changes, discard, existing_facts, place_of, refuse_other_spec, refuse_unusable
 from wavesweep.results.schema import Field, fields, fields_of
 from wavesweep.results.writing import publish, stream
 
 __all__ = [
     "Field",
+    "changes",
     "discard",
+    "existing_facts",
     "fields",
     "fields_of",
+    "place_of",
     "publish",
     "read",
     "refuse_other_spec",

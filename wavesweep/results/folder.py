@@ -5,14 +5,17 @@ Tables are written in a folder of their own inside it. A run at work holds a loc
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from wavesweep.errors import UsageError
-from wavesweep.results.package import packaged_sha256
+from wavesweep.results.package import packaged_facts
+from wavesweep.spec import SYMBOLS
 
 try:
     import fcntl
@@ -20,27 +23,90 @@ except ImportError:  # not on this system: nothing is locked there, and nothing 
     fcntl = None
 
 SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
+LONGEST = 40  # characters of a list in a message
 
 
-def refuse_other_spec(kind: str, directory: str | Path, sha256: str) -> None:
+def place_of(sources: Iterable[str | Path], directory: str | Path) -> str:
+    """Give a digest of the places of spec files as seen from the directory of the results.
+
+    sources: their paths. It identifies the files also if their text changes, survives a move of the whole project, and shows no path of the machine.
+    """
+    seen_from = os.path.realpath(directory)
+    places = [Path(_relative(os.path.realpath(source), seen_from)).as_posix() for source in sources]
+    return hashlib.sha256("\n".join(places).encode("utf-8", "surrogateescape")).hexdigest()
+
+
+def _relative(file: str, folder: str) -> str:
+    try:
+        return os.path.relpath(file, folder)
+    except ValueError:  # on another drive
+        return file
+
+
+def refuse_other_spec(kind: str, directory: str | Path, sha256: str, place: str = "") -> None:
     """Raise UsageError if the directory holds a table of this kind that another spec made, or an unknown one.
 
-    sha256: the digest of the spec. Results of the same spec may be replaced: the new ones are equal.
+    sha256: the digest of the spec. place: that of its file, see `place_of`; results of the same file may be replaced, also
+    if it was edited, and those of an equal spec in any case.
     """
-    found = existing_sha256(kind, directory)
-    if found is None or found == sha256:
+    found = existing_facts(kind, directory)
+    if found is None or found.get("spec_sha256") == sha256 or (place and found.get("spec_place") == place):
         return
-    maker = f"another spec (SHA-256 {found[:12]}…, this one has {sha256[:12]}…)" if found else "an unknown origin"
+    maker = f"another spec ({_name(found)}SHA-256 {found['spec_sha256'][:12]}…)" if found else "an unknown origin"
     raise UsageError(f"{Path(directory) / kind}.*: found results of {maker}; give --force to replace them, or another --out")
 
 
-def existing_sha256(kind: str, directory: str | Path) -> str | None:
-    """Give the SHA-256 of the spec of the results in the folder: "" if it is unknown, None if there are no results."""
+def _name(facts: Mapping[str, Any]) -> str:
+    names = ", ".join(facts.get("specs", ()))
+    return f"{names}; " if names else ""
+
+
+def existing_facts(kind: str, directory: str | Path) -> dict[str, Any] | None:
+    """Give the facts of the table `kind` in a directory: empty if they are unknown, None if there is no such table."""
     files = [Path(directory) / f"{kind}{suffix}" for suffix in SUFFIXES]
     if not any(file.exists() for file in files):
         return None
     # Files without a readable package of ours belong to somebody as well, and are not replaced.
-    return packaged_sha256(files[-1])
+    return packaged_facts(files[-1])
+
+
+def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Give the differences between the specs of two runs, such as `b 25 -> 40`, in the order of the keys.
+
+    before, now: the facts of both runs.
+    """
+    old, new = (dict(_numbers(facts)) for facts in (before, now))
+    return [f"{key} {_shown(old, key)} -> {_shown(new, key)}" for key in {**new, **old} if old.get(key) != new.get(key)]
+
+
+def _numbers(facts: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield the keys of the specs of a run, the short ones if there are some, and their values."""
+    short = {path: symbol for symbol, path in SYMBOLS.items()}
+    for name, tables in (facts.get("specs") or {"": facts.get("spec", {})}).items():
+        for path, value in _flat(tables):
+            yield f"{name}: {short.get(path, path)}" if name else short.get(path, path), value
+
+
+def _flat(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in tables.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{above}{name}.")
+        else:
+            yield f"{above}{name}", value
+
+
+def _shown(values: Mapping[str, Any], key: str) -> str:
+    if key not in values:
+        return "nothing"
+    value = values[key]
+    if isinstance(value, list):
+        text = f"[{', '.join(map(_text, value))}]"
+        return text if len(text) <= LONGEST else f"{len(value)} values"
+    return _text(value)
+
+
+def _text(value: object) -> str:
+    return f"{value:.12g}" if isinstance(value, float) else str(value)
 
 
 def discard(kind: str, directory: str | Path) -> None:

@@ -47,18 +47,19 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
     return json.dumps(package, indent=2, allow_nan=False) + "\n"
 
 
-def packaged_sha256(package: Path) -> str:
-    """Give the SHA-256 of the spec in a package, "" if it is no readable package of this program."""
+def packaged_facts(package: Path) -> dict[str, Any]:
+    """Give the facts of the run in a package, empty if it is no readable package of this program."""
     try:
-        return str(json.loads(package.read_text(encoding="utf-8"))["wavesweep"]["spec_sha256"])
+        facts = json.loads(package.read_text(encoding="utf-8"))["wavesweep"]
+        return dict(facts) if facts["spec_sha256"] else {}
     except (FileNotFoundError, ValueError, KeyError, TypeError):
-        return ""
+        return {}
 
 
 def packaged_kinds(csv: Path) -> dict[str, FieldKind]:
     """Give the kind of each column of a CSV from the package beside it; empty without one of this program."""
     package = csv.with_suffix(".datapackage.json")
-    if not packaged_sha256(package):
+    if not packaged_facts(package):
         return {}
     schema = json.loads(package.read_text(encoding="utf-8"))["resources"][0]["schema"]
     return {field["name"]: field["type"] for field in schema["fields"]}

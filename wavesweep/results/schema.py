@@ -130,7 +130,7 @@ _SIMULATE_RESPONSE = (
         for field in (*_RESPONSE, *_BOUNDS)
         if field.name.startswith(("admittance", "impedance"))
     ),
-    replace(_DOUBT, description="why the linear response is not vouched for; empty where it is"),
+    replace(_DOUBT, description="why the linear response is not vouched for, or missing (unstable); empty where it is"),
 )
 
 _PASSIVITY = (

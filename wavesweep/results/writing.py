@@ -14,7 +14,7 @@ from wavesweep.results.files import GROUP_ROWS, ParquetFile, csv_header, csv_row
 from wavesweep.results.folder import (
     SUFFIXES,
     at_work_in,
-    existing_sha256,
+    existing_facts,
     refuse_other_spec,
     refuse_unusable,
     remove_leftovers,
@@ -32,10 +32,10 @@ def publish(table: Table, directory: str | Path, force: bool = False, plot: bool
     Everything is written in a temporary folder beside the results, and put in place at the end; a figure that another
     spec left behind is removed. How the rows are cut into blocks leaves no trace in the bytes.
 
-    table      its facts need `spec_sha256`; those under "timings" stay out of the Parquet file, so that equal runs give
-               equal bytes
+    table      its facts need `spec_sha256`; `timings` and `spec_place` stay out of the Parquet file, so that equal runs
+               give equal bytes in any folder
     directory  made if it is missing
-    force      replace results of another spec
+    force      replace results of another spec; those of the same file (`spec_place`) are replaced in any case
     plot       draw the figure
 
     Raises UsageError if the directory holds results of another spec, WavesweepError if the columns do not fit the
@@ -44,7 +44,7 @@ def publish(table: Table, directory: str | Path, force: bool = False, plot: bool
     directory, facts = Path(directory), dict(table.facts)
     fields, blocks = _opened(table)
     if not force:
-        refuse_other_spec(table.kind, directory, facts["spec_sha256"])
+        refuse_other_spec(table.kind, directory, facts["spec_sha256"], facts.get("spec_place", ""))
     refuse_unusable(directory)
     directory.mkdir(parents=True, exist_ok=True)
     remove_leftovers(directory, _PREFIX)
@@ -84,7 +84,7 @@ def _opened(table: Table) -> tuple[tuple[Field, ...], Iterable[Columns]]:
 
 
 def _write_rows(stem: Path, fields: tuple[Field, ...], facts: Mapping[str, Any], blocks: Iterable[Columns]) -> None:
-    lasting = {name: fact for name, fact in facts.items() if name != "timings"}
+    lasting = {name: fact for name, fact in facts.items() if name not in ("timings", "spec_place")}
     parquet = ParquetFile(stem.with_suffix(".parquet"), fields, lasting)
     with closing(parquet), stem.with_suffix(".csv").open("wb") as csv:
         csv.write(csv_header(fields))
@@ -111,7 +111,7 @@ def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns]) -> Iterator[Co
 
 
 def _put_in_place(stem: Path, directory: Path, sha256: str) -> list[Path]:
-    if existing_sha256(stem.name, directory) != sha256 and not stem.with_suffix(".png").exists():
+    if (existing_facts(stem.name, directory) or {}).get("spec_sha256") != sha256 and not stem.with_suffix(".png").exists():
         (directory / f"{stem.name}.png").unlink(missing_ok=True)
     placed = []
     # The package last: its hashes then vouch for files that are there already.

@@ -179,7 +179,9 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     counts = {"computed": computed, "skipped": sum(stage.job.grid.size for stage in stages) - computed, "certified": certified}
     methods = {stage.hand or "intervals": stage.method for stage in stages}
     own = stages[0].job
-    facts = facts_of(spec, methods, counts, timings, [*own.grid.notices, *(hands.notices(own) if hands else ())])
+    notices = [*own.grid.notices, *(hands.notices(own) if hands else ())]
+    swept = [own.axis.path, *(axis.path for axis in own.grid.axes)]
+    facts = facts_of(spec, methods, counts, timings, notices, swept)
     if hands and hands.box:
         facts["hand_box"] = {name: list(getattr(hands.box, name)) for name in ("mass", "damping", "stiffness")}
     return facts

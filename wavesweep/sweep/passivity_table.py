@@ -40,7 +40,7 @@ def passivity(spec: Spec, tolerance: float = TOLERANCE, jobs=None, backend=None,
     certified = port.pop("certified") & channel.pop("certified")
     counts = {"computed": grid.slices, "skipped": grid.size - grid.slices, "certified": int(certified.sum())}
     timings = {"compute_s": time.perf_counter() - started, "workers": workers.count}
-    facts = facts_of(spec, METHODS, counts, timings, _notices(grid))
+    facts = facts_of(spec, METHODS, counts, timings, _notices(grid), [axis.path for axis in grid.axes])
     return Table.of("passivity", _rows(grid, {**channel, **port}), facts | {"tolerance": tolerance})
 
 
@@ -152,4 +152,5 @@ def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
         "sufficient_order": f"least order at this cutoff whose energy_gain is at most {tolerance:g}",
     }
     facts = facts_of(spec, methods, counts, {"compute_s": time.perf_counter() - started})
-    return Table.of("passivity-filters", columns, facts | {"tolerance": tolerance})
+    facts |= {"tolerance": tolerance, "assumes": "the rates of the spec, and nothing else of it"}
+    return Table.of("passivity-filters", columns, facts)

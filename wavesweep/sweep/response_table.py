@@ -52,10 +52,8 @@ def responses(specs, **_work) -> Table:
         counts["skipped"] += grid.size - grid.slices
         notices += grid.notices
     columns = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
-    facts = facts_of(specs[0], METHODS, counts, {"compute_s": time.perf_counter() - started}, notices)
-    if len(specs) > 1:
-        facts["specs"] = {spec.name: spec.tables() for spec in specs}
-        facts["spec_sha256"] = _digest(specs)
+    swept = [axis.path for spec in specs for axis in spec.bode]
+    facts = facts_of(list(specs), METHODS, counts, {"compute_s": time.perf_counter() - started}, notices, swept)
     return Table.of("bode", columns, facts)
 
 
@@ -64,12 +62,6 @@ METHODS = {
     "worst_gain": "singular values of the lifted map from forces to positions",
     "errors": "residual, rounding of all entries and size of the inverse, entry by entry",
 }
-
-
-def _digest(specs):
-    import hashlib
-
-    return hashlib.sha256("".join(spec.sha256 for spec in specs).encode()).hexdigest()
 
 
 def one_spec(spec, axes, frequency) -> dict:

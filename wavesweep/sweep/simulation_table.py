@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from wavesweep.analysis.response import prepare, respond
 from wavesweep.analysis.simulation import Simulation, Tone, estimate, hand_force, record_path, simulated, table
+from wavesweep.analysis.simulation.both_loops import FARTHEST, STRONGEST
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw
 from wavesweep.lifted import cut_at_wall
@@ -20,20 +22,31 @@ from wavesweep.sweep.response_table import doubt_of, parts_of
 from wavesweep.sweep.table import Table, facts_of
 
 
+def radius_of(spec: Spec) -> float:
+    """Spectral radius per frame of the spec's linear loop, which has none of the effects of [simulate]."""
+    wall = (spec.values["environment.K_VE"], spec.values["environment.B_VE"])
+    return float(spectral_radius(cut_at_wall(draw(spec.values)), *wall))
+
+
 def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> dict[str, np.ndarray]:
-    """The columns of the table `simulate-response`, a row per tone; see `estimate` for the accuracy."""
+    """The columns of the table `simulate-response`, a row per tone; see `estimate` for the accuracy.
+
+    If the linear loop is not stable, it has no steady response, and the columns of that response are missing.
+    """
     values = spec.values
     seen = estimate(simulation.signals, tones, values["rates.fast_hz"], simulation.frame)
     # The normalised frequency is that of the slow rate, also for dc, whose frame is one tick.
     seen["omega_Ts"] = 2 * np.pi * seen["frequency_hz"] * values["rates.ratio"] / values["rates.fast_hz"]
-    diagram, wall = draw(values), (values["environment.K_VE"], values["environment.B_VE"])
-    loop, stable = prepare(diagram, *wall), spectral_radius(cut_at_wall(diagram), *wall) < 1
+    stable = radius_of(spec) < 1
+    loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"])
     named = {"spec": spec.name, "controller": values["controller.kind"]}
     columns = {name: np.full(len(tones), word, dtype=object) for name, word in named.items()} | seen
     linear = respond(loop, seen["frequency_hz"])
     columns |= parts_of("linear_admittance", linear.admittance) | parts_of("linear_impedance", linear.impedance)
     errors = (linear.admittance_error, linear.impedance_error)
     columns |= {f"linear_{name}_error": error for name, error in zip(("admittance", "impedance"), errors, strict=True)}
+    if not stable:
+        columns |= {name: np.full(len(tones), np.nan) for name in columns if name.startswith("linear_")}
     return columns | {"doubt": doubt_of(errors, stable, loop.lost)}
 
 
@@ -50,17 +63,25 @@ def simulate(spec: Spec) -> list[Table]:
     hand = hand_force(spec)
     simulation = simulated(spec, hand.force)
     columns = table(simulation)
-    simulated_at = time.perf_counter()
-    facts = _facts(spec, METHODS, {"march_s": simulated_at - started}, list(_notices(spec)))
+    simulated_at, radius = time.perf_counter(), radius_of(spec)
+    linear = {"stable": radius < 1, "spectral_radius": radius if isfinite(radius) else None}
+    facts = _facts(spec, METHODS, {"march_s": simulated_at - started}, list(_notices(spec))) | {"linear_loop": linear}
     rows = len(columns["tick"])
-    facts["ticks"] = {"wanted": len(hand.force), "simulated": rows}
+    facts["ticks"] = {"wanted": len(hand.force), "simulated": rows, "stopped": _stopped(simulation, rows, len(hand.force))}
+    facts["limits"] = {"position_m": FARTHEST, "force_N": STRONGEST}
     tables = [Table.of("simulate", columns, facts)]
     tones = [tone for tone in hand.tones if tone.last <= rows]
     if tones:
         response = seen_response(spec, simulation, tones)
         timings = {"estimate_s": time.perf_counter() - simulated_at}
-        tables.append(Table.of("simulate-response", response, _facts(spec, RESPONSE_METHODS, timings, [])))
+        facts = _facts(spec, RESPONSE_METHODS, timings, []) | {"linear_loop": linear}
+        tables.append(Table.of("simulate-response", response, facts))
     return tables
+
+
+def _stopped(simulation: Simulation, rows: int, wanted: int) -> str:
+    """Why the rows end before the last tick; empty if they do not."""
+    return simulation.stopped or ("numbers overflow" if rows < wanted else "")
 
 
 def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float], notices: list[str]) -> dict[str, Any]:

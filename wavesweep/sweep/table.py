@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -60,17 +61,32 @@ def joined(blocks: Iterable[Columns]) -> Columns:
     return parts[0] if len(parts) == 1 else {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def facts_of(spec, methods, slices, timings, notices=()) -> dict:
-    """The facts of a run over one spec: versions, the resolved spec and its digest, methods, counts, timings in s."""
+def facts_of(specs, methods, slices, timings, notices=(), swept=()) -> dict:
+    """The facts of a run: versions, the resolved specs and their digest, assumptions, methods, counts, timings in s.
+
+    specs: a spec or several, of which `spec` in the facts is the first. swept: paths of the axes of the table.
+    """
     from wavesweep import __version__
+    from wavesweep.sweep.assumptions import assumed_by
+
+    several = specs if isinstance(specs, (list, tuple)) else (specs,)
 
     return {
         "schema_version": 1,
         "tool_version": __version__,
-        "spec": spec.tables(),
-        "spec_sha256": spec.sha256,
+        "spec": several[0].tables(),
+        "spec_sha256": digest_of(several),
+        **({"specs": {spec.name: spec.tables() for spec in several}} if len(several) > 1 else {}),
+        "assumes": assumed_by(several, swept),
         "methods": dict(methods),
         "slices": dict(slices),
         "notices": list(notices),
         "timings": {name: round(seconds, 6) for name, seconds in timings.items()},
     }
+
+
+def digest_of(specs) -> str:
+    """The SHA-256 of a spec, or of the digests of several."""
+    if len(specs) == 1:
+        return specs[0].sha256
+    return sha256("".join(spec.sha256 for spec in specs).encode()).hexdigest()

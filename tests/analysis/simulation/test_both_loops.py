@@ -7,6 +7,7 @@ from support.specs import KINDS
 
 from wavesweep import diagram
 from wavesweep.analysis.simulation import CONTROLLERS, Effects, simulate
+from wavesweep.analysis.simulation.both_loops import FARTHEST, STRONGEST
 from wavesweep.diagram.direct import dc_slow
 from wavesweep.errors import UsageError
 
@@ -30,7 +31,8 @@ def test_with_everything_off_it_is_the_linear_march(values, push, kind, velocity
         if name in experiment.signals:
             step = 1 if kind == "dc" else 20
             assert np.array_equal(getattr(plain, name), experiment.signals[name][::step])
-    assert experiment.finite == len(push)
+    assert experiment.stopped == ""
+    assert len(experiment.signals["x"]) == len(push)
 
 
 @pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm"])
@@ -147,10 +149,33 @@ def test_the_channel_without_aliasing_makes_no_energy(values, push):
     np.testing.assert_allclose(energy.channel, energy.user - energy.slow, atol=1e-15)
 
 
-def test_an_unstable_loop_overflows_without_a_crash(values):
-    experiment = simulate(values("dc", K_VE=1e8), np.ones(2000), Effects(resolution=1e-5, max_force=None, friction=0.1))
-    assert 10 < experiment.finite < 2000
-    assert len(experiment.signals["x"]) == 2000
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("effects", [{}, {"resolution": 1e-5, "friction": 0.1}, {"max_force": 3.0}])
+def test_an_unstable_loop_stops_before_its_numbers_mean_nothing(values, kind, effects):
+    """Not every kind diverges with every effect; those that do stop at the limits."""
+    experiment = simulate(values(kind, K_VE=1e8), np.ones(4000), Effects(**effects))
+    signals, rows = experiment.signals, len(experiment.signals["x"])
+    assert {len(column) for column in signals.values()} == {rows}
+    assert np.abs(signals["x"]).max() <= FARTHEST
+    assert max(np.abs(signals[name]).max() for name in ("f_h", "f_m", "f_device")) <= STRONGEST
+    assert bool(experiment.stopped) == (rows < 4000)
+    assert len(experiment.energy.hand) == rows
+    assert np.abs(experiment.energy.device).max() < FARTHEST * STRONGEST
+
+
+def test_a_stopped_run_is_the_beginning_of_a_longer_one(values):
+    """With forces a thousandth as large the linear loop goes on a little longer, through the same numbers."""
+    small, large = (simulate(values("dc", K_VE=1e6), np.full(2000, force)) for force in (1e-3, 1.0))
+    rows = len(large.signals["x"])
+    assert "force exceeds 1e+06 N" in large.stopped
+    assert 10 < rows < len(small.signals["x"]) < 2000
+    np.testing.assert_allclose(1e3 * small.signals["x"][:rows], large.signals["x"], rtol=1e-9)
+
+
+def test_a_free_device_that_flies_away_is_stopped_by_its_position(values):
+    experiment = simulate(values("dc", K_VE=0.0, B_VE=0.0, **{"device.damping": 0.0}), np.full(20_000, 10.0))
+    assert experiment.stopped == "the hand's position exceeds 1000 m"
+    assert len(experiment.signals["x"]) == pytest.approx(1e3 * np.sqrt(2 * 1e3 / 100), rel=1e-3)
 
 
 def test_no_force_at_all_is_an_experiment_too(values):

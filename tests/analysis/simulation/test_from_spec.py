@@ -93,8 +93,8 @@ def test_the_table_has_the_same_columns_for_every_controller(kind):
 def test_no_infinity_gets_into_the_table_of_a_loop_that_diverges():
     run = simulated(load({"controller": {"kind": "dc"}, "environment": {"K_VE": 1e8}}))
     columns = table(run)
-    rows = len(columns["tick"])
-    assert 10 < rows <= run.finite < 10_000
+    assert 2 < len(columns["tick"]) < 10_000
+    assert run.stopped
     assert not any(np.isinf(column).any() for column in columns.values())
     assert np.isfinite(columns["energy_hand"]).all()
 

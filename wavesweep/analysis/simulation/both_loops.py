@@ -19,6 +19,10 @@ from wavesweep.analysis.simulation.record import Simulation, energies, signals_o
 from wavesweep.analysis.simulation.wave_control import pmw, pmw_lm, wave_memory, wave_tick
 from wavesweep.errors import UsageError
 
+FARTHEST = 1e3  # m
+STRONGEST = 1e6  # N
+"""A simulation stops before the first tick in which the hand is farther away, or a force is larger: it means nothing there."""
+
 
 class Control(NamedTuple):
     """The functions of a controller: values -> its law, law -> its memory at rest, and one tick of it."""
@@ -84,6 +88,9 @@ def simulate(values: Mapping, force, effects: Effects | None = None, x: float = 
     Parameters: `values` the flat values of a spec, `force` the hand's force (N) per tick, shape ``(ticks,)``, `effects`
     see `Effects`, `x` the initial position (m), at rest.
 
+    The simulation stops early if the position exceeds `FARTHEST` or a force `STRONGEST`, as those of an unstable loop do;
+    `Simulation.stopped` then gives the reason.
+
     Errors: see `compile_loop`; `IllPosedLoopError` if a loop without delay has no solution.
 
     Accuracy: rounding, about 1e-15 of the largest signal per tick: contact, saturation and friction are solved within
@@ -94,21 +101,23 @@ def simulate(values: Mapping, force, effects: Effects | None = None, x: float = 
     loop = compile_loop(values, effects.wall)
     late = lateness(effects, -(-len(force) // loop.frame))
     lengths = tick_lengths(effects, loop.T, len(force))
-    rows, last = _run(loop, values, effects, force.tolist(), lengths, late, x)
-    signals = signals_of(rows, force, lengths)
+    rows, last, stopped = _run(loop, values, effects, force.tolist(), lengths, late, x)
+    signals = signals_of(rows, force[: len(rows)], lengths)
     moved = np.diff(signals["x"], append=last) if len(rows) else np.zeros(0)
-    finite = np.isfinite(np.append(signals["x"], last))
     return Simulation(
         signals={name: _frozen(column) for name, column in signals.items()},
         energy=energies(signals, moved, loop.T, loop.frame),
         late=_frozen(np.array([-1 if ticks is None else ticks for ticks in late], dtype=int)),
         frame=loop.frame,
-        finite=len(force) if finite.all() else int(finite.argmin()),
+        stopped=stopped,
     )
 
 
 def _run(loop: SimulatedLoop, values: Mapping, effects: Effects, force: list, lengths: np.ndarray, late: list, x: float):
-    """Return a row per tick (`x`, `v`, `x_hat`, `v_hat`, `f_device`, the controller's signals), and the last `x`."""
+    """Return a row per tick (`x`, `v`, `x_hat`, `v_hat`, `f_device`, the controller's signals), the last `x`, and a reason.
+
+    The reason is empty if all ticks were simulated.
+    """
     measure, exert = encoder(effects.resolution), motor(effects.max_force)
     move = _mover(values, effects, loop, lengths)
     step, memory, v = loop.control.tick, loop.control.memory(loop.law), 0.0
@@ -117,11 +126,19 @@ def _run(loop: SimulatedLoop, values: Mapping, effects: Effects, force: list, le
         x_hat = measure(x)
         v_hat = v if loop.velocity == "exact" else (x_hat - x_before) / loop.T
         memory, seen = step(loop.law, memory, k, x_hat, v_hat, late[k // loop.frame])
+        if not (abs(x) <= FARTHEST and abs(f_h) <= STRONGEST and abs(seen.f_m) <= STRONGEST):  # also if one is NaN
+            return rows, x, _too_large(x)
         f_device = exert(seen.f_m)
         rows.append((x, v, x_hat, v_hat, f_device, seen))
         x, v = move(x, v, f_h - f_device)
         x_before = x_hat
-    return rows, x
+    return rows, x, ""
+
+
+def _too_large(x: float) -> str:
+    if not abs(x) <= FARTHEST:
+        return f"the hand's position exceeds {FARTHEST:g} m"
+    return f"a force exceeds {STRONGEST:g} N"
 
 
 def _mover(values: Mapping, effects: Effects, loop: SimulatedLoop, lengths: np.ndarray) -> Callable:

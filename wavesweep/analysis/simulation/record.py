@@ -49,14 +49,14 @@ class Simulation:
     them `u_h`, `v_l`, `v_2`. `F_s` also without waves.
     `energy`: see `Energy`. `frame`: ticks in a frame, 1 for `dc`.
     `late`: ticks by which each frame's slow result was late, -1 for one that was lost.
-    `finite`: number of ticks before a number left the range of doubles; all of them unless the loop is unstable.
+    `stopped`: why the simulation ended before the last tick of the force; empty if it did not.
     """
 
     signals: Mapping[str, np.ndarray]
     energy: Energy
     late: np.ndarray
     frame: int
-    finite: int
+    stopped: str
 
 
 def signals_of(rows: list, force: np.ndarray, lengths: np.ndarray) -> dict[str, np.ndarray]:
@@ -116,7 +116,7 @@ def table(simulation: Simulation) -> dict[str, np.ndarray]:
     """Return the columns of the table `simulate` for a simulation, a row per fast tick, in SI units.
 
     The columns do not depend on the controller: signals that it does not have are NaN throughout. Slow signals hold the last
-    update. The rows end before the first tick in which a number leaves the range of doubles.
+    update. The rows end where the simulation stopped, or before the first tick in which a number leaves the range of doubles.
     """
     signals, frame = simulation.signals, simulation.frame
     ticks = np.arange(len(signals["x"]))

@@ -1,0 +1,247 @@
+"""The summary of a table of stable intervals, counted while its rows are written."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from wavesweep.analysis.doubt import DOUBTS, INCOMPLETE
+from wavesweep.spec import find_key
+from wavesweep.spec.spec import K_VE_SPAN
+
+Line = tuple[str, bool]  # a message, and whether it is a warning
+Columns = Mapping[str, np.ndarray]
+Axes = Mapping[str, Sequence[float]]
+# hand -> the title of its line, the adjective of its intervals, and the sentence if it has none
+HANDS = {
+    "": ("", "stable", "no stable {along} anywhere in the swept range"),
+    "free": ("free device", "stable", "no stable {along} anywhere in the swept range"),
+    "operator": ("with the spec's operator", "stable", "no stable {along} anywhere in the swept range"),
+    "passive": ("stable with every passive hand", "stable", "nowhere stable with every passive hand in the swept range"),
+    "box": ("stable with every hand of the box", "stable", "nowhere stable with every hand of the box in the swept range"),
+    "port": ("hand's port passive, forces held over a tick", "passive", "nowhere passive in the swept range"),
+}
+# Their rows are never proved as a whole: a doubt says nothing about the range outside of their intervals.
+SEARCHED = ("passive", "box", "port")
+ENDS = {"stability": "", "range": ", where the swept range ends", "unknown": ", beyond which stability is not known"}
+
+
+class Extreme:
+    """The largest value seen so far, the row that has it, and the number of rows that have it."""
+
+    def __init__(self) -> None:
+        self.value, self.row, self.ties = -np.inf, {}, 0
+
+    def add(self, values: np.ndarray, columns: Columns) -> None:
+        """Take the values of a block of rows; missing ones are passed over."""
+        if not (values >= self.value).any():
+            return
+        row = int(np.nanargmax(values))
+        if values[row] > self.value:
+            self.value, self.ties = float(values[row]), 0
+            self.row = {
+                name: column[row].item() if hasattr(column[row], "item") else column[row] for name, column in columns.items()
+            }
+        self.ties += int(np.sum(values == self.value))
+
+    def place(self) -> dict[str, float]:
+        """The axes' values in that row."""
+        return {name: self.row[name] for name in list(self.row)[: list(self.row).index("along")] if name != "spec"}
+
+
+class IntervalTally:
+    """Counts the rows of a table of intervals for one loop.
+
+    hand: the word of its rows in the column `hand`, empty if there is none. axes: name -> values of the other axes. stop: the
+    end of the swept range.
+    """
+
+    def __init__(self, hand: str = "", axes: Axes | None = None, stop: float = np.inf) -> None:
+        self._hand, self._axes, self._stop = hand, axes or {}, stop
+        self._rows = self._intervals = self._split = 0
+        self._doubts: Counter[str] = Counter()
+        self._along = "?"
+        self._largest, self._felt = Extreme(), Extreme()
+
+    def add(self, columns: Columns) -> None:
+        """Count a block of rows."""
+        if not len(columns["along"]):
+            return
+        stable = columns["intervals"] > 0
+        self._along = str(columns["along"][0])
+        self._rows += len(stable)
+        self._intervals += int(stable.sum())
+        # Every slice has exactly one row numbered 0.
+        self._split += int(((columns["intervals"] > 1) & (columns["interval"] == 0)).sum())
+        self._doubts.update(columns["doubt"][~columns["certified"]].tolist())
+        self._largest.add(columns["high"], columns)
+        for end in ("low", "high"):
+            self._felt.add(columns[f"felt_{end}"], {**columns, "value": columns[end]})
+
+    def numbers(self) -> dict[str, Any]:
+        """The summary as numbers and words."""
+        return {
+            "along": self._along,
+            "unit": _unit(self._along).strip(),
+            "stable_intervals": self._intervals,
+            "slices_with_a_hole": self._split,
+            "rows": self._rows,
+            "certified_rows": self._rows - self._doubts.total(),
+            "doubts": {word: self._doubts[word] for word in DOUBTS if self._doubts[word]},
+            "largest": self._largest_numbers(),
+            "stiffest_felt": self._felt_numbers(),
+        }
+
+    def _largest_numbers(self) -> dict[str, Any] | None:
+        row, ended = self._largest.row, "stability"
+        if not row:
+            return None
+        if self._hand in SEARCHED:
+            ended = "range" if row["high"] == self._stop else "stability"
+        elif np.isnan(row["high_omega"]):
+            ended = "unknown" if row["doubt"] in INCOMPLETE else "range"
+        return {"value": row["high"], "ended_by": ended, **self._where(self._largest)}
+
+    def _felt_numbers(self) -> dict[str, Any] | None:
+        if not self._felt.row:
+            return None
+        return {"value": self._felt.value, "unit": "N/m", "with": self._felt.row["value"], **self._where(self._felt)}
+
+    def _where(self, extreme: Extreme) -> dict[str, Any]:
+        place = extreme.place()
+        edges = [name for name, value in place.items() if _at_an_edge(value, self._axes.get(name, ()))]
+        return {"at": place, "at_the_edge_of": edges, "equal_rows": extreme.ties}
+
+    def counts(self, slices: Mapping[str, int]) -> str:
+        """Text: the numbers of slices and of intervals."""
+        skipped = f" ({slices['skipped']} skipped)" if slices["skipped"] else ""
+        holes = f", {count(self._split, 'slice')} with a hole" if self._split else ""
+        return f"{count(slices['computed'], 'slice')}{skipped}: {count(self._intervals, 'stable interval')}{holes}"
+
+    def certified(self) -> Line:
+        """Text: the number of certified rows, and the reasons of doubt about the others."""
+        # Rows and not slices: an uncertified row names the interval that a user should not rely on.
+        every = count(self._rows, "row")
+        if not self._doubts:
+            return "the only row is certified" if self._rows == 1 else f"all {every} certified", False
+        reasons = ", ".join(f"{word} {self._doubts[word]}" for word in DOUBTS if self._doubts[word])
+        return f"{self._doubts.total()} of {every} not certified ({reasons})", True
+
+    def meanings(self) -> Iterator[Line]:
+        """Yield the meaning of each reason of doubt that occurs."""
+        yield from ((f"  {word}: {DOUBTS[word]}", True) for word in DOUBTS if self._doubts[word])
+
+    def largest(self) -> str:
+        """Text: the largest stable value and its place."""
+        found, (_, adjective, none) = self._largest_numbers(), HANDS[self._hand]
+        if found is None:
+            undecided = self._hand not in SEARCHED and any(self._doubts[word] for word in INCOMPLETE)
+            known = f"no {adjective} {self._along} found, but part of the swept range could not be decided"
+            return known if undecided else none.format(along=self._along)
+        value = f"largest {adjective} {self._along}: {found['value']:.6g}{_unit(self._along)}"
+        return f"{value}{self._place(found)}{ENDS[found['ended_by']]}{_ended_by(self._largest.row)}"
+
+    def stiffest_felt(self) -> str:
+        """Text: the largest static stiffness that the hand feels within the stable intervals, and its place; may be empty."""
+        found = self._felt_numbers()
+        if found is None:
+            return ""
+        wall = f" with {self._along} = {found['with']:.6g}{_unit(self._along)}"
+        return f"stiffest wall as the hand feels it: {found['value']:.6g} N/m{wall}{self._place(found)}"
+
+    def feels_the_wall(self) -> bool:
+        """Whether the stiffest wall and the stiffest felt are the same, as with direct coupling."""
+        return bool(self._largest.row) and np.isclose(self._felt.value, self._largest.value, rtol=1e-9)
+
+    def _place(self, found: Mapping[str, Any]) -> str:
+        if not found["at"]:
+            return ""
+        at = [
+            f"{name} = {value:g}{_unit(name)}{' (the edge of that axis)' if name in found['at_the_edge_of'] else ''}"
+            for name, value in found["at"].items()
+        ]
+        others = found["equal_rows"] - 1
+        more = f", and in {count(others, 'other row')}" if others else ""
+        return f" at {', '.join(at)}{more}"
+
+
+def _at_an_edge(value: float, values: Sequence[float]) -> bool:
+    return len(values) > 1 and value in (min(values), max(values))
+
+
+def _unit(name: str) -> str:
+    """The unit of an axis with a space before it; empty if it has none."""
+    key = find_key(name)
+    return f" {key.unit}" if key is not None and key.unit not in ("", "1") else ""
+
+
+def _ended_by(row: Mapping[str, Any]) -> str:
+    """Text: the hand that ends the interval, if one is known."""
+    hand = [row.get(f"high_hand_{part}", np.nan) for part in ("mass", "damping", "stiffness")]
+    return "" if np.isnan(hand[0]) else ", ended by a hand of {:.4g} kg, {:.4g} N*s/m, {:.4g} N/m".format(*hand)
+
+
+def _stop(facts: Mapping[str, Any], along: str) -> float:
+    """The end of the swept range of an axis; infinite if it is not known."""
+    axis = facts.get("spec", {}).get("sweep", {}).get(along, {"stop": K_VE_SPAN[1] if along == "K_VE" else np.inf})
+    return float(axis["stop"] if isinstance(axis, Mapping) else np.max(axis))
+
+
+def count(number: int, noun: str) -> str:
+    """A number and its noun."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+class HandTally:
+    """Counts the rows of a table of intervals, separately for each hand if it has several.
+
+    axes: as for `IntervalTally`. facts: those of the run, from which the end of the swept range follows.
+    """
+
+    def __init__(self, axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
+        self._axes, self._facts = axes, facts or {}
+        self._plain = IntervalTally(axes=axes)
+        self._tallies: dict[str, IntervalTally] = {}
+        self._unsettled = 0
+
+    def add(self, columns: Columns) -> None:
+        """Count a block of rows, all of one hand."""
+        if "hand" not in columns:
+            self._plain.add(columns)
+            return
+        if not len(columns["hand"]):
+            return
+        hand = str(columns["hand"][0])
+        rows = {name: column for name, column in columns.items() if name != "hand"}
+        if hand not in self._tallies:
+            self._tallies[hand] = IntervalTally(hand, self._axes, _stop(self._facts, str(columns["along"][0])))
+        self._tallies[hand].add(rows)
+        if "settled" in columns and hand == "box":
+            self._unsettled += int((~columns["settled"]).sum())
+
+    def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:
+        """The summary as numbers and words."""
+        slices = {"slices": dict(facts["slices"])}
+        if not self._tallies:
+            return slices | self._plain.numbers()
+        hands = {hand: tally.numbers() for hand, tally in self._tallies.items()}
+        return slices | {"hands": hands, "rows_of_the_box_not_proved": self._unsettled}
+
+    def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
+        """Yield the lines, each with a flag that is true for a warning."""
+        if not self._tallies:
+            yield self._plain.counts(facts["slices"]), False
+            yield self._plain.largest(), False
+            if felt := self._plain.stiffest_felt():
+                yield felt, False
+            yield self._plain.certified()
+            yield from self._plain.meanings()
+        for hand, tally in self._tallies.items():
+            parts = [tally.largest(), "" if tally.feels_the_wall() else tally.stiffest_felt(), tally.certified()[0]]
+            yield f"{HANDS[hand][0]} ({hand}): {'; '.join(part for part in parts if part)}", False
+        if self._unsettled:
+            rows = count(self._unsettled, "row")
+            yield f"{rows} of the box not proved (settled 0): a hand that the search missed may be unstable", True

@@ -1,0 +1,54 @@
+"""What a result is for: integration of the wall, delay and velocity, and which of them the spec left to the defaults."""
+
+from collections.abc import Collection, Sequence
+
+from wavesweep.diagram import keys_read
+from wavesweep.spec import Spec
+
+INTEGRATION, DELAY, VELOCITY = "environment.integration", "environment.delay", "device.velocity"
+
+
+def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
+    """A sentence about the wall, the delay and the velocity that a result of `spec` is for.
+
+    swept: paths of the axes of the result, which have no single value. If the spec gives one of the three no value of its
+    own, the sentence says so, and names the usual practice of engines, which is less kind than the default.
+    """
+    read, values = keys_read(spec.values), spec.values
+    parts = [_wall(values, read)]
+    if DELAY in read:
+        delay, ratio = values[DELAY], values["rates.ratio"]
+        parts.append("delay swept" if DELAY in swept else f"delay of {delay} of {ratio} ticks" if delay else "no delay")
+    if VELOCITY in read:
+        parts.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
+    kept = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read and path not in spec.given and path not in swept]
+    return "; ".join([", ".join(parts), *([_defaults(kept, values["rates.ratio"])] if kept else [])])
+
+
+def assumed_by(specs: Sequence[Spec], swept: Collection[str] = ()) -> str:
+    """The sentence of one spec, or those of several with their names; swept: see `assumes`."""
+    said = {spec.name: assumes(spec, swept) for spec in specs}
+    if len(set(said.values())) == 1:
+        return next(iter(said.values()))
+    return ". ".join(f"{name}: {sentence}" for name, sentence in said.items())
+
+
+def _wall(values, read):
+    if INTEGRATION in read:
+        return f"{values[INTEGRATION]} integration of the wall"
+    return "wall at the slow rate, without integration" if "rates.ratio" in read else "ideal wall at the fast rate"
+
+
+def _defaults(kept, ratio):
+    usual = {
+        INTEGRATION: 'integrate explicitly or semi-implicitly (both are "explicit" here)',
+        DELAY: f"deliver their results a frame late (delay = {ratio})",
+        VELOCITY: 'take velocity from the encoder ("difference")',
+    }
+    names = _listed([path.rpartition(".")[2] for path in kept])
+    verb = "is the default, a kind one" if len(kept) == 1 else "are the defaults, kind ones"
+    return f"{names} {verb}: engines usually {_listed([usual[path] for path in kept])}"
+
+
+def _listed(words):
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
