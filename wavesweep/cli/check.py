@@ -1,24 +1,134 @@
 """`wavesweep check`."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from math import pi
+from typing import TYPE_CHECKING, Any
+
 import click
 
-from wavesweep.cli.options import debug, override, quiet
+from wavesweep.cli.options import as_json, debug, override, quiet
+
+if TYPE_CHECKING:
+    from wavesweep.spec import Spec
+
+Facts = Mapping[str, Any]
 
 
 @click.command("check")
 @click.argument("spec")
 @override
+@as_json
 @quiet
 @debug
 def command(spec: str, overrides: tuple[str, ...], **switches: bool) -> None:
-    """Validate a spec and list what would be computed, by which method.
+    """Judge a spec's own design, and list the work that each command would do.
 
-    SPEC is a TOML file. All of its mistakes are listed at once. For a valid spec the states of the loop, the methods, the
-    numbers of slices and workers, and the estimated time are listed, and the axes and keys that are skipped, with the reason.
+    SPEC is a TOML file. All of its mistakes are listed at once. For a valid spec the verdict on its own design comes first:
+    whether the loop is stable, the range in which it stays so if one number changes and all others are kept, the delay that
+    it stands, the stiffness and the damping that the hand feels, the slowest mode, the norm of the wave channel, and the
+    assumptions. Then follow the states of the loop, the methods, the numbers of slices and workers, the estimated time,
+    and the axes and keys that are skipped, with the reason.
     """
     from wavesweep import spec as specs
     from wavesweep import sweep
+    from wavesweep.sweep.verdict import verdict
 
-    lines = sweep.plan(specs.load(spec, overrides))
-    if not switches["quiet"]:
-        click.echo("\n".join(lines))
+    loaded = specs.load(spec, overrides)
+    found, lines = verdict(loaded), sweep.plan(loaded)
+    if switches["as_json"]:
+        from wavesweep.cli.output import show_json
+
+        summary = {"command": "check", "specs": [loaded.name], "spec_sha256": loaded.sha256, "assumes": found["assumes"]}
+        show_json(summary | {"verdict": found, "plan": lines})
+    elif not switches["quiet"]:
+        click.echo("\n".join([*verdict_lines(loaded, found), *lines]))
+
+
+def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
+    """Yield the verdict on the spec's own design, in about eight lines."""
+    values = spec.values
+    frame = 1e3 * found["period_s"]
+    radius = f"spectral radius {_text(found['spectral_radius'])} per frame of {frame:.6g} ms"
+    yield f"{spec.name}, {values['controller.kind']}: {'stable' if found['stable'] else 'UNSTABLE'} ({radius})"
+    bounded = [each for each in found["limits"] if _bounded(each)]
+    yield from (f"  {_limit(spec, each)}" for each in bounded)
+    others = [each for each in found["limits"] if each not in bounded]
+    if others:
+        state = "stable" if found["stable"] else "unstable"
+        spans = ", ".join(f"{each['name']} {each['from']:g} to {each['to']:g}{_unit(each['name'])}" for each in others)
+        yield f"  {state} at every value searched: {spans}"
+    if found["delay"]:
+        yield f"  {_delay(found['delay'])}"
+    if found["stable"]:
+        yield f"  felt at low frequency: {_text(found['felt']['stiffness'])} N/m and {_damping(found['felt']['damping'])}"
+        yield f"  slowest mode: {_slowest(found['slowest'])}"
+    if found["channel_norm"] is not None:
+        yield f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
+    yield f"  assumes: {found['assumes']}"
+
+
+def _bounded(limit: Facts) -> bool:
+    """Whether stability changes in the range searched, or is not known there."""
+    whole = [[limit["from"], limit["to"]]]
+    return limit["stable"] is None or not limit["certified"] or limit["intervals"] not in ([], whole)
+
+
+def _limit(spec: Spec, limit: Facts) -> str:
+    from wavesweep.spec import find_key
+
+    name, value, unit = limit["name"], limit["value"], _unit(limit["name"])
+    default = "" if find_key(name).path in spec.given else ", the default"
+    here = f"{name} = {value:g}{unit}{default}"
+    if limit["stable"] is None:
+        return f"{here}: not known ({limit['doubt']})"
+    proved = "" if limit["certified"] else f", not proved ({limit['doubt']})"
+    if not limit["stable"]:
+        spans = " and ".join(f"{low:.6g} to {high:.6g}{unit}" for low, high in limit["intervals"])
+        searched = f"{limit['from']:g} to {limit['to']:g}{unit}"
+        return f"{here}: stable in {spans}{proved}" if spans else f"{here}: nowhere stable in {searched}{proved}"
+    low, high = limit["from"] if limit["low"] is None else limit["low"], limit["high"]
+    end = f"to {high:.6g}{unit}" if high is not None else f"to at least {limit['to']:g}{unit}"
+    factors = _factors(limit) if value else ""
+    return f"{here}: stable from {low:.6g} {end}{factors}{proved}"
+
+
+def _factors(limit: Facts) -> str:
+    """The factors by which the value may shrink and grow."""
+    ways = [("fall to", limit["low"]), ("rise to", limit["high"])]
+    said = [f"{way} {100 * end / limit['value']:.3g} %" for way, end in ways if end]
+    return f" (it may {' and '.join(said)})" if said else ""
+
+
+def _unit(name: str) -> str:
+    from wavesweep.spec import find_key
+
+    return f" {find_key(name).unit}"
+
+
+def _delay(delay: Facts) -> str:
+    here = f"delay = {delay['ticks']} of {delay['frame']} ticks"
+    if delay["most"] is None:
+        return f"{here}: unstable at this delay"
+    if delay["most"] == delay["frame"]:
+        return f"{here}: stable up to a whole frame"
+    least = "at least " if delay["most"] == delay["tried"] else ""
+    return f"{here}: stable up to {least}{delay['most']} ticks"
+
+
+def _damping(damping: float | None) -> str:
+    late = "; negative, as the wall answers late" if damping is not None and damping < 0 else ""
+    return f"{_text(damping, 4)} N*s/m{late}"
+
+
+def _slowest(mode: Facts | None) -> str:
+    if mode is None:
+        return "none"
+    return f"falls to 1/e in {_text(mode['time_constant_s'], 4)} s, damping ratio {_text(mode['damping_ratio'], 3)}" + (
+        f", {mode['omega'] / (2 * pi):.4g} Hz" if mode["omega"] else ""
+    )
+
+
+def _text(value: float | None, digits: int = 6) -> str:
+    return "not known" if value is None else f"{value:.{digits}g}"

@@ -35,7 +35,7 @@ COMMANDS = MappingProxyType(
         "passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port.",
         "paper": "Reproduce the paper's figures and test its statements.",
         "bench": "Measure run time against error, for this tool and for other methods.",
-        "check": "Validate a spec and list what would be computed, by which method.",
+        "check": "Judge a spec's own design, and list the work that each command would do.",
         "init": "Write a commented spec to begin with.",
         "keys": "Explain the keys of a spec: values, units and defaults.",
     }

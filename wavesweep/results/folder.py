@@ -29,7 +29,8 @@ LONGEST = 40  # characters of a list in a message
 def place_of(sources: Iterable[str | Path], directory: str | Path) -> str:
     """Give a digest of the places of spec files as seen from the directory of the results.
 
-    sources: their paths. It identifies the files also if their text changes, survives a move of the whole project, and shows no path of the machine.
+    sources: their paths. The digest identifies the files also if their text changes, survives a move of the whole project, and
+    shows no path of the machine.
     """
     seen_from = os.path.realpath(directory)
     places = [Path(_relative(os.path.realpath(source), seen_from)).as_posix() for source in sources]

@@ -8,6 +8,7 @@ from wavesweep.diagram import WALL, draw, keys_read
 from wavesweep.errors import WavesweepError
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.spec import SYMBOLS, Axis, Spec
+from wavesweep.sweep.assumptions import assumes
 from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.interval_table import in_memory
 from wavesweep.sweep.job import job_over
@@ -21,17 +22,18 @@ SLOW_SHARE = 1e-4  # of the slow rate: a frequency so low that the impedance is 
 def verdict(spec: Spec) -> dict:
     """The verdict on the spec's own design as a JSON-able dict; a missing number is None.
 
-    stable, spectral_radius (per frame); limits: per number of the loop the stable interval that its value lies in, and the
-    factors to its ends (see `limits`); delay: the number of ticks it may grow to; felt: stiffness (N/m) and damping (N*s/m) of
-    the wall as the hand feels it at low frequency; slowest: time constant (s) and damping ratio of the slowest mode;
-    channel_norm: of the wave channel, 1 or less if it is passive.
+    stable, spectral_radius (per frame), period_s (of the frame), assumes (see `assumptions`); limits: per number of the loop
+    the stable interval that its value lies in (see `limits`); delay: the number of ticks it may grow to; felt: stiffness
+    (N/m) and damping (N*s/m) of the wall as the hand feels it at low frequency; slowest: time constant (s) and damping
+    ratio of the slowest mode; channel_norm: of the wave channel, 1 or less if it is passive.
     """
     values = spec.values
     cut = cut_at_wall(draw(values))
     K, B = (values[path] for path in WALL)
     delta = eigenvalues(close(cut, K, B))[0]
     radius = float(np.abs(1 + delta).max(initial=0.0))
-    found = {"stable": radius < 1, "spectral_radius": radius, "limits": limits(spec, cut), "delay": _delays(spec)}
+    found = {"stable": radius < 1, "spectral_radius": radius, "period_s": float(cut.period), "assumes": assumes(spec)}
+    found |= {"limits": limits(spec, cut), "delay": _delays(spec)}
     return found | {"felt": _felt(spec), "slowest": _slowest(delta, float(cut.period)), "channel_norm": _channel_norm(values)}
 
 
@@ -39,7 +41,7 @@ def limits(spec: Spec, cut=None) -> list[dict]:
     """For each symbol that the loop reads: value, the ends of the stable interval about it, and the factors to them.
 
     low, high: None if the interval goes on to the end of the range that was searched (`from`, `to`): 0 or a tenth of the
-    value, and ten times the value. certified: whether the interval is.
+    value, and ten times the value. intervals: all stable intervals in that range. certified: whether they are.
     """
     read = keys_read(spec.values)
     return [_limit(spec, name, path, cut) for name, path in SYMBOLS.items() if path in read]
@@ -49,12 +51,14 @@ def _limit(spec, name, path, cut):
     value = spec.values[path]
     span = (value / FAR if path not in WALL and value else 0.0, FAR * (value or USUAL.get(name, 1.0)))
     axis = Axis(name, path, (), *span, False, "linear")
-    found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "certified": False}
+    found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
     try:
         rows = in_memory(job_over(make_grid(spec, (), path), axis, cut))
     except WavesweepError as error:
-        return found | {"stable": None, "doubt": str(error)}
+        return found | {"stable": None, "doubt": str(error), "certified": False}
     inside = (rows["low"] <= value) & (value <= rows["high"])
+    pairs = zip(rows["low"].tolist(), rows["high"].tolist(), strict=True)
+    found["intervals"] = [list(pair) for pair, number in zip(pairs, rows["intervals"].tolist(), strict=True) if number]
     found |= {"stable": bool(inside.any()), "doubt": str(rows["doubt"][0]), "certified": bool(rows["certified"].all())}
     if not inside.any():
         return found

@@ -1,0 +1,86 @@
+"""`check` begins with the verdict on the spec's own design, in a few lines that a newcomer can read."""
+
+import json
+import re
+
+import pytest
+
+import wavesweep as library
+from wavesweep.spec import SYMBOLS
+
+DESIGN = """
+[controller]
+kind = "pmw"
+b = 10.0
+[environment]
+integration = "explicit"
+delay = 1
+[device]
+velocity = "difference"
+"""
+
+
+@pytest.fixture
+def check(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(DESIGN)
+
+    def run(*settings, flags=()):
+        code, out, err = wavesweep("check", "mine.toml", *(word for each in settings for word in ("--set", each)), *flags)
+        assert (code, err) == (0, "")
+        return out
+
+    return run
+
+
+def test_a_stable_design_is_told_its_room_and_its_feel(check):
+    lines = check().splitlines()
+    end = next(number for number, line in enumerate(lines) if line.startswith("mine.toml: valid"))
+    assert lines[:end] == [
+        "mine, pmw: stable (spectral radius 0.937103 per frame of 20 ms)",
+        "  K_VE = 500 N/m, the default: stable from 0 to 798.521 N/m (it may rise to 160 %)",
+        "  b = 10 N*s/m: stable from 7.36189 to 47.7852 N*s/m (it may fall to 73.6 % and rise to 478 %)",
+        "  stable at every value searched: B_VE 0 to 10 N*s/m, Kp 0 to 200 N^(1/2)*m^(-1/2)*s^(-1/2)",
+        "  delay = 1 of 20 ticks: stable up to 8 ticks",
+        "  felt at low frequency: 293.093 N/m and -0.4669 N*s/m; negative, as the wall answers late",
+        "  slowest mode: falls to 1/e in 0.3079 s, damping ratio 0.0785, 6.565 Hz",
+        "  wave channel: norm 1.053277 (passive up to 1)",
+        "  assumes: explicit integration of the wall, delay of 1 of 20 ticks, velocity from differences of position",
+    ]
+
+
+def test_the_ends_in_the_lines_are_those_of_stability(check):
+    """The spectral radius, computed by another way, crosses 1 at each end that a line names."""
+    loop = library.compile("mine.toml")
+    ends = re.findall(r"^  (K_VE|b) = .*?: stable from ([\d.]+) to ([\d.]+) ", check(), re.MULTILINE)
+    assert [name for name, _, _ in ends] == ["K_VE", "b"]
+    for name, low, high in ends:
+        inside, outside = loop.spectral_radius(**{name: [float(high) * (1 - 1e-4), float(high) * (1 + 1e-4)]})
+        assert inside < 1 < outside
+        if float(low):
+            outside, inside = loop.spectral_radius(**{name: [float(low) * (1 - 1e-4), float(low) * (1 + 1e-4)]})
+            assert inside < 1 < outside
+
+
+def test_an_unstable_design_is_called_so_and_shown_the_way_back(check):
+    out = check("K_VE=900")
+    assert out.startswith("mine, pmw: UNSTABLE (spectral radius 1.")
+    assert "\n  K_VE = 900 N/m: stable in 0 to 798.521 N/m\n" in out
+    assert "\n  delay = 1 of 20 ticks: unstable at this delay\n" in out
+    assert "slowest mode" not in out
+    assert "felt" not in out
+
+
+def test_a_loop_without_waves_and_slow_environment_has_fewer_lines(check):
+    out = check("controller.kind=dc")
+    assert "  wave channel:" not in out
+    assert "delay =" not in out
+    assert "  felt at low frequency: 500 N/m and " in out
+
+
+def test_json_holds_the_verdict_and_the_plan(check):
+    found = json.loads(check(flags=["--json"]))
+    assert (found["command"], found["specs"]) == ("check", ["mine"])
+    assert found["verdict"] == library.verdict("mine.toml")
+    assert found["plan"][0].startswith("mine.toml: valid, controller pmw")
+    assert {limit["name"] for limit in found["verdict"]["limits"]} <= set(SYMBOLS)
