@@ -9,7 +9,7 @@ import pytest
 from wavesweep.cli.entry import COMMANDS, group, module_of
 
 WITH_TABLES = [name for name in COMMANDS if name not in ("check", "paper", "bench", "keys", "init")]  # no SPEC, or no table
-SWEEPS = [name for name in WITH_TABLES if name not in ("simulate", "passivity")]
+SWEEPS = [name for name in WITH_TABLES if name not in ("simulate", "passivity", "compare")]
 
 
 @pytest.mark.parametrize("name", COMMANDS)

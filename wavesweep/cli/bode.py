@@ -1,10 +1,8 @@
 """`wavesweep bode`."""
 
-from pathlib import Path
-
 import click
 
-from wavesweep.cli.options import Options, common
+from wavesweep.cli.options import Options, common, refuse_equal_names
 
 
 @click.command("bode")
@@ -18,8 +16,5 @@ def command(specs: tuple[str, ...], options: Options) -> None:
     from wavesweep import sweep
     from wavesweep.cli.output import produce
 
-    stems = [Path(source).stem for source in specs]
-    for stem in stems:
-        if stems.count(stem) > 1:
-            raise click.UsageError(f"two specs are called {stem}; expected different file names, which label the curves")
+    refuse_equal_names(specs)
     produce(["bode"], specs, options, lambda specs, **work: [sweep.responses(specs, **work)])

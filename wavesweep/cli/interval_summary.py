@@ -48,8 +48,9 @@ class Extreme:
         self.ties += int(np.sum(values == self.value))
 
     def place(self) -> dict[str, float]:
-        """The axes' values in that row."""
-        return {name: self.row[name] for name in list(self.row)[: list(self.row).index("along")] if name != "spec"}
+        """The axes' values in that row, without those that the loop does not read."""
+        names = list(self.row)[: list(self.row).index("along")]
+        return {name: self.row[name] for name in names if name != "spec" and not np.isnan(self.row[name])}
 
 
 class IntervalTally:
@@ -245,3 +246,30 @@ class HandTally:
         if self._unsettled:
             rows = count(self._unsettled, "row")
             yield f"{rows} of the box not proved (settled 0): a hand that the search missed may be unstable", True
+
+
+class SpecTally:
+    """Counts the rows of a comparison, separately for each spec."""
+
+    def __init__(self) -> None:
+        self._tallies: dict[str, IntervalTally] = {}
+
+    def add(self, columns: Columns) -> None:
+        """Count a block with all rows of its specs."""
+        names = list(columns)
+        for spec in dict.fromkeys(columns["spec"].tolist()):
+            rows = {name: column[columns["spec"] == spec] for name, column in columns.items()}
+            axes = {name: np.unique(rows[name]).tolist() for name in names[1 : names.index("along")]}
+            self._tallies[spec] = IntervalTally(axes=axes)
+            self._tallies[spec].add(rows)
+
+    def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:
+        """The summary as numbers and words."""
+        return {"slices": dict(facts["slices"]), "specs": {spec: tally.numbers() for spec, tally in self._tallies.items()}}
+
+    def lines(self, _: Mapping[str, Any]) -> Iterator[Line]:
+        """Yield the lines, each with a flag that is true for a warning."""
+        for spec, tally in self._tallies.items():
+            certified, warning = tally.certified()
+            parts = [tally.largest(), tally.stiffest_felt(), certified]
+            yield f"{spec}: {'; '.join(part for part in parts if part)}", warning

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from functools import wraps
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -106,6 +107,14 @@ def common(body: Callable[..., None]) -> Callable[..., None]:
     for option in reversed(_COMMON):
         gathered = option(gathered)
     return gathered
+
+
+def refuse_equal_names(sources: Sequence[str]) -> None:
+    """Raise UsageError if two files of specs have the same stem, which labels rows and curves."""
+    stems = [PurePath(source).stem for source in sources]
+    for stem in stems:
+        if stems.count(stem) > 1:
+            raise click.UsageError(f"two specs are called {stem}; expected different file names, which label the curves")
 
 
 _HANDS = (

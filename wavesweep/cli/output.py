@@ -94,8 +94,8 @@ def _report(
     for each in finished:
         for line, warning in chain(((notice, False) for notice in each.notices), each.lines):
             say(line, warning)
-    if facts.get("assumes"):
-        say(f"assumes: {facts['assumes']}")
+    for line in facts.get("assumes", "").splitlines():
+        say(f"assumes: {line}")
     if changed:
         shown = [*changed[:MOST_CHANGES], *([f"{len(changed) - MOST_CHANGES} more"] if len(changed) > MOST_CHANGES else [])]
         say(f"replaced the results of this spec; changed: {', '.join(shown)}")
@@ -169,6 +169,8 @@ def _drawn(table: Table) -> Table:
     """The table with its figure. If its rows come in blocks, those that the figure shows are kept."""
     from wavesweep import plots
 
+    if table.figure is not None:
+        return table
     if table.axes is not None:
         picture = plots.Picture(table.axes)
         return replace(table.watched(picture.add), figure=partial(picture.draw, table.facts))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavesweep.cli.interval_summary import Columns, HandTally, Line, count
+from wavesweep.cli.interval_summary import Columns, HandTally, Line, SpecTally, count
 
 if TYPE_CHECKING:
     from wavesweep.sweep import Table
@@ -15,8 +15,10 @@ if TYPE_CHECKING:
 Numbers = Mapping[str, Any]
 
 
-def tally_of(table: Table) -> WholeTable | HandTally:
+def tally_of(table: Table) -> WholeTable | HandTally | SpecTally:
     """Return the summary of a table: call `add` with each of its blocks, then `numbers` and `lines`."""
+    if table.kind == "compare":
+        return SpecTally()
     return HandTally(table.axes, table.facts) if table.axes is not None else WholeTable(*SUMMARIES[table.kind])
 
 
@@ -41,12 +43,13 @@ class WholeTable:
 
 def bode(columns: Columns, _: Mapping[str, Any]) -> Numbers:
     """Curves, frequencies, the specs with unstable loops, and rows with other doubts."""
-    frequencies = len(np.unique(columns["frequency_hz"]))
+    leading = [columns[name] for name in list(columns)[: list(columns).index("controller")]]
+    curves = list(dict.fromkeys(zip(*(map(str, column.tolist()) for column in leading), strict=True)))
     doubted = np.isin(columns["doubt"], ["", "unstable"], invert=True)
     return {
         "rows": len(columns["frequency_hz"]),
-        "frequencies": frequencies,
-        "curves": len(columns["frequency_hz"]) // max(frequencies, 1),
+        "frequencies": len(np.unique(columns["frequency_hz"])),
+        "curves": len(curves),
         "unstable_specs": sorted(set(columns["spec"][~columns["stable"]].tolist())),
         "doubted_rows": int(doubted.sum()),
         "doubts": sorted(set(columns["doubt"][doubted].tolist())),
@@ -55,7 +58,8 @@ def bode(columns: Columns, _: Mapping[str, Any]) -> Numbers:
 
 def bode_lines(found: Numbers) -> Iterator[Line]:
     """Yield the lines, each with a flag that is true for a warning."""
-    yield f"{count(found['curves'], 'curve')} of {found['frequencies']} frequencies", False
+    each = "different " if found["rows"] != found["curves"] * found["frequencies"] else ""
+    yield f"{count(found['curves'], 'curve')} of {found['frequencies']} {each}frequencies", False
     if found["unstable_specs"]:
         yield f"some loops are unstable and have no steady response: curves of {', '.join(found['unstable_specs'])}", True
     if found["doubted_rows"]:
@@ -235,6 +239,7 @@ def _span(ends: list[float], digits: int = 7) -> str:
 
 SUMMARIES = {
     "bode": (bode, bode_lines),
+    "compare-bode": (bode, bode_lines),
     "passivity": (passivity, passivity_lines),
     "passivity-filters": (filter_choices, filter_lines),
     "simulate": (simulation, simulation_lines),

@@ -8,8 +8,9 @@ from types import MappingProxyType
 
 _HOMES = MappingProxyType(
     {
-        "Picture": "intervals", "bode": "responses", "passivity": "margins", "passivity_filters": "margins",
-        "simulate": "simulation", "simulate_response": "responses", "zwidth": "intervals",
+        "Picture": "intervals", "bode": "responses", "compare": "comparison", "compare_bode": "comparison",
+        "passivity": "margins", "passivity_filters": "margins", "simulate": "simulation",
+        "simulate_response": "responses", "zwidth": "intervals",
     }
 )  # fmt: skip
 

@@ -156,6 +156,8 @@ _PASSIVITY_FILTERS = (
 )
 
 TABLES: Mapping[str, tuple[Field, ...]] = {
+    "compare": (_BODE[0], *_INTERVALS),
+    "compare-bode": _BODE,
     "zwidth": _INTERVALS,
     "stability-region": _INTERVALS,
     "bode": _BODE,
@@ -169,6 +171,8 @@ TABLES: Mapping[str, tuple[Field, ...]] = {
 def fields(kind: str, axes: Iterable[str] = (), along: str = "K_VE", extra: Iterable[str] = ()) -> tuple[Field, ...]:
     """Give the columns of a table in order: the swept axes, then those that every table of this kind has.
 
+    A comparison has the spec before the axes.
+
     `along` names the axis that `low` and `high` are values of; they take its unit. `extra` names the further columns of
     a table of intervals: `hand`, after `along`, and the hands at the ends.
     Raises WavesweepError for a table or an axis that does not exist.
@@ -177,11 +181,12 @@ def fields(kind: str, axes: Iterable[str] = (), along: str = "K_VE", extra: Iter
         raise WavesweepError(f"no table is called {kind!r}, expected one of {', '.join(TABLES)}")
     unit = _axis(along).unit
     columns = [replace(field, unit=unit) if field.name in ("low", "high") else field for field in TABLES[kind]]
+    first = [columns.pop(0)] if kind == "compare" else []  # the spec comes before the axes
     wanted = set(extra)
     columns[1:1] = [field for field in (_HAND,) if field.name in wanted]
     ends = [field for field in _ENDS if field.name in wanted]
     last = len(columns) - len(_FELT) if ends else len(columns)
-    return (*map(_axis, axes), *columns[:last], *ends, *columns[last:])
+    return (*first, *map(_axis, axes), *columns[:last], *ends, *columns[last:])
 
 
 def fields_of(kind: str, columns: Mapping[str, Any]) -> tuple[Field, ...]:

@@ -2,9 +2,10 @@
 
 from wavesweep.sweep.table import Table
 
-__all__ = ["Table", "filter_choices", "hands_of", "intervals", "passivity", "plan", "responses", "simulate"]
+__all__ = ["Table", "compare", "filter_choices", "hands_of", "intervals", "passivity", "plan", "responses", "simulate"]
 
 _HOMES = {
+    "compare": "wavesweep.sweep.comparison",
     "hands_of": "wavesweep.sweep.hands",
     "intervals": "wavesweep.sweep.interval_table",
     "responses": "wavesweep.sweep.response_table",

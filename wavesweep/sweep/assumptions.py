@@ -26,11 +26,11 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
 
 
 def assumed_by(specs: Sequence[Spec], swept: Collection[str] = ()) -> str:
-    """The sentence of one spec, or those of several with their names; swept: see `assumes`."""
-    said = {spec.name: assumes(spec, swept) for spec in specs}
-    if len(set(said.values())) == 1:
-        return next(iter(said.values()))
-    return ". ".join(f"{name}: {sentence}" for name, sentence in said.items())
+    """The sentence of one spec, or those of several with their names, one a line; swept: see `assumes`."""
+    said = [assumes(spec, swept) for spec in specs]
+    if len(set(said)) == 1:
+        return said[0]
+    return "\n".join(f"{spec.name}: {sentence}" for spec, sentence in zip(specs, said, strict=True))
 
 
 def _wall(values, read):

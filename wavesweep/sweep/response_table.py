@@ -74,14 +74,22 @@ def _rows(grid: Grid, frequency, names) -> dict:
     combination, repeat = np.arange(grid.size), frequency.size
     found, slices = response_arrays(grid, frequency), grid.slice_of(combination)
     leading = grid.axis_columns(combination)
-    read = keys_read(grid.spec.values)
-    paths = {name: find_key(name).path for name in names}
-    own = {name: np.full(grid.size, grid.spec.values[path] if path in read else np.nan) for name, path in paths.items()}
+    own = {name: np.full(grid.size, own_value(grid.spec, name)) for name in names}
     rows = {name: np.repeat(values, repeat) for name, values in (own | leading).items()}
     text = {"spec": grid.spec.name, "controller": grid.spec.values["controller.kind"]}
     rows |= {name: np.full(grid.size * repeat, word, dtype=object) for name, word in text.items()}
     rows["frequency_hz"] = np.tile(frequency, grid.size)
     return rows | {name: values[slices].reshape(-1) for name, values in found.items()}
+
+
+def own_value(spec, name):
+    """The spec's own value of a key, named as an axis is; NaN if its controller does not read it and the key takes floats."""
+    key, values, read = find_key(name), spec.values, keys_read(spec.values)
+    if key.path == "rates.slow_hz":
+        return values["rates.fast_hz"] / values["rates.ratio"] if "rates.ratio" in read else np.nan
+    if key.type == "integer":
+        return values[key.path]
+    return values.get(key.path, np.nan) if key.path in read else np.nan
 
 
 def response_arrays(grid: Grid, frequency) -> dict[str, np.ndarray]:

@@ -1,0 +1,157 @@
+"""`compare` puts the walls and the responses of several specs into one table each, and into one figure."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wavesweep as library
+from wavesweep import results
+
+WAVES = """
+[controller]
+kind = "pmw"
+[environment]
+integration = "explicit"
+[sweep]
+K_VE = { start = 0, stop = 6000 }
+B_VE = [0.5, 1.0, 1.5]
+b = [10, 25]
+[bode]
+frequency_hz = [1, 5]
+"""
+DIRECT = """
+[controller]
+kind = "dc-slow"
+[environment]
+delay = 3
+[sweep]
+K_VE = { start = 0, stop = 6000 }
+B_VE = [1, 2]
+rates.slow_hz = [50, 100]
+[bode]
+frequency_hz = [1, 2, 3]
+"""
+SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
+
+
+@pytest.fixture
+def compare(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "waves.toml").write_text(WAVES)
+    (tmp_path / "direct.toml").write_text(DIRECT)
+
+    def run(*more, specs=("waves.toml", "direct.toml")):
+        return wavesweep("compare", *specs, *more)
+
+    return run
+
+
+@pytest.mark.slow
+def test_it_writes_two_tables_and_their_figures(compare):
+    code, out, err = compare()
+    assert (code, out) == (0, "")
+    written = {file.name for file in Path("results/waves+direct").iterdir()}
+    assert written == {f"{kind}{suffix}" for kind in ("compare", "compare-bode") for suffix in SUFFIXES}
+    assert "waves: largest stable K_VE: " in err
+    assert "direct: largest stable K_VE: " in err
+    assert "; stiffest wall as the hand feels it: " in err
+    assert "2 curves of 4 different frequencies\n" in err
+    assert (
+        "assumes: direct: wall at the slow rate, without integration, delay of 3 of 20 ticks, exact velocity; velocity" in err
+    )
+
+
+def test_its_rows_are_those_of_each_specs_own_zwidth(compare):
+    """Behind the spec and the axes of both, to the bit; an axis of the other spec has the own value, or none."""
+    assert compare("--no-plot", "--quiet") == (0, "", "")
+    for suffix in (".csv", ".parquet"):
+        table = results.read(f"results/waves+direct/compare{suffix}")
+        assert list(table)[:5] == ["spec", "B_VE", "b", "rates.slow_hz", "along"]
+        for name in ("waves", "direct"):
+            rows = {key: column[table["spec"] == name] for key, column in table.items()}
+            own = library.zwidth(f"{name}.toml")
+            assert len(own) == len(rows["spec"])
+            for key in own:
+                np.testing.assert_array_equal(rows[key], own[key].to_numpy())
+        assert np.isnan(table["b"][table["spec"] == "direct"]).all()
+        assert (table["rates.slow_hz"][table["spec"] == "waves"] == 50.0).all()
+
+
+def test_its_responses_are_those_of_bode(compare, wavesweep):
+    compare("--no-plot", "--quiet")
+    wavesweep("bode", "waves.toml", "direct.toml", "--no-plot", "--quiet", "--out", "bode")
+    assert Path("results/waves+direct/compare-bode.csv").read_bytes() == Path("bode/bode.csv").read_bytes()
+
+
+def test_the_facts_name_all_specs_and_units(compare):
+    compare("--no-plot", "--quiet")
+    package = json.loads(Path("results/waves+direct/compare.datapackage.json").read_text())
+    units = {field["name"]: field["unit"] for field in package["resources"][0]["schema"]["fields"]}
+    assert (units["spec"], units["b"], units["rates.slow_hz"], units["high"]) == ("", "N*s/m", "Hz", "N/m")
+    assert list(package["wavesweep"]["specs"]) == ["waves", "direct"]
+    assert package["wavesweep"]["slices"]["computed"] == 6 + 4
+
+
+def test_an_edited_spec_is_named_with_its_change(compare):
+    compare("--no-plot", "--quiet")
+    Path("direct.toml").write_text(DIRECT.replace("delay = 3", "delay = 5"))
+    code, _, err = compare("--no-plot")
+    assert code == 0
+    assert "replaced the results of this spec; changed: direct: environment.delay 3 -> 5\n" in err
+    assert compare("--no-plot", specs=("direct.toml", "waves.toml"))[0] == 0
+    code, _, err = compare("--no-plot", "--out", "results/waves+direct", specs=("direct.toml",))
+    assert code == 2
+    assert "found results of another spec (waves, direct; SHA-256 " in err
+
+
+def test_the_summary_as_json_has_the_extremes_of_each_spec(compare):
+    code, out, err = compare("--no-plot", "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    specs = found["tables"]["compare"]["specs"]
+    own = library.zwidth("waves.toml")
+    assert specs["waves"]["largest"]["value"] == own.high.max()
+    assert specs["waves"]["stiffest_felt"]["value"] == own.felt_high.max()
+    assert specs["direct"]["largest"]["at"].keys() == {"B_VE", "rates.slow_hz"}
+    assert found["tables"]["compare-bode"]["curves"] == 2
+
+
+def test_a_dash_writes_the_table_of_walls_to_stdout(compare):
+    code, out, _ = compare("--out", "-")
+    assert code == 0
+    assert not Path("results").exists()
+    compare("--no-plot", "--quiet")
+    assert out == Path("results/waves+direct/compare.csv").read_text()
+
+
+def test_equal_names_are_refused(compare):
+    code, _, err = compare(specs=("waves.toml", "./waves.toml"))
+    assert code == 2
+    assert "two specs are called waves" in err
+
+
+def test_the_lines_of_the_figure_go_through_the_ends_and_bridge_no_gap(compare, monkeypatch):
+    """Read back from the axes: each upper end is a vertex, and no line joins samples with different numbers of intervals."""
+    from wavesweep.plots import comparison
+
+    drawn = []
+    monkeypatch.setattr(comparison, "_handles", lambda specs: drawn.append(specs) or ([], []))
+    seen = []
+    walls = comparison._walls
+    monkeypatch.setattr(comparison, "_walls", lambda axes, *more: (walls(axes, *more), seen.append(axes)))
+    assert compare("--quiet")[0] == 0
+    table = results.read("results/waves+direct/compare.csv")
+    lines = [line.get_xydata() for line in seen[0].get_lines()]
+    vertices = {(float(x), float(y)) for line in lines for x, y in line if not np.isnan(y)}
+    stable = table["intervals"] > 0
+    ends = set(zip(table["B_VE"][stable].tolist(), table["high"][stable].tolist(), strict=True))
+    lower = set(zip(table["B_VE"][stable].tolist(), table["low"][stable].tolist(), strict=True))
+    assert ends <= vertices <= ends | lower
+    numbers = {}
+    for key in zip(*(table[name].tolist() for name in ("spec", "B_VE", "high", "intervals")), strict=True):
+        numbers.setdefault(key[1:3], set()).add(key[3])
+    for line in lines:
+        counts = [numbers[tuple(point)] for point in line.tolist() if tuple(point) in numbers]
+        assert not counts or set.intersection(*counts)

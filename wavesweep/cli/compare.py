@@ -1,0 +1,46 @@
+"""`wavesweep compare`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from wavesweep.cli.options import Options, common, refuse_equal_names
+
+if TYPE_CHECKING:
+    from wavesweep.spec import Spec
+    from wavesweep.sweep import Table
+
+
+@click.command("compare")
+@click.argument("specs", metavar="SPEC...", nargs=-1, required=True)
+@common
+def command(specs: tuple[str, ...], options: Options) -> None:
+    """Compare the Z-width and the responses of several specs, in one figure and one table.
+
+    Each SPEC is a TOML file with its own [sweep] and [bode]. The table compare has a row per spec and stable interval of
+    K_VE: the column spec, then the columns of zwidth. The table compare-bode has the responses, as bode writes them. The
+    figure shows the largest stable stiffness and the stiffness that the hand feels there, and admittance and impedance,
+    a colour per spec.
+    """
+    from wavesweep import sweep
+    from wavesweep.cli.output import folder_of, produce
+
+    refuse_equal_names(specs)
+
+    def compute(loaded: list[Spec], **work: Any) -> list[Table]:
+        kept = None if options.to_stdout else folder_of(loaded, options) / ".compare.parts"
+        walls, responses = sweep.compare(loaded, checkpoint=kept, force=options.force, **work)
+        return [replace(walls, figure=_figure(walls, responses)), responses]
+
+    def _figure(walls: Table, responses: Table) -> Any:
+        if options.to_stdout or not options.plot:
+            return None
+        from wavesweep import plots
+
+        return partial(plots.compare, walls.columns, walls.facts, responses=responses.columns)
+
+    produce(["compare", "compare-bode"], specs, options, compute)

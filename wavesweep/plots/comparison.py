@@ -1,0 +1,141 @@
+"""The figure of a comparison: stable walls and their feel, and the responses, a colour per spec."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+
+from wavesweep.plots.responses import bode
+from wavesweep.plots.style import DOUBTFUL, TWO_COLUMNS, distinct_colour, figure, label, symbol
+
+Columns = Mapping[str, np.ndarray]
+_WALLS = ((("high", "low"), f"ends of stable {symbol('K_VE')} (N/m)"), (("felt_high", "felt_low"), "felt there (N/m)"))
+_RESPONSES = (("admittance_abs", "admittance (m/N)"), ("impedance_abs", "impedance (N/m)"))
+_MARKERS = "os^Dv<>P"
+_DASHES = ("-", (0, (5, 1.5)), (0, (3, 1, 1, 1)))
+_FEW = 25  # samples of a curve up to which each is marked
+
+
+def compare(columns: Columns, facts: Mapping[str, Any], path: Path, responses: Columns | None = None) -> None:
+    """Draw a `compare` table as PNG; responses: the columns of its `compare-bode`, drawn below if they are given.
+
+    Above are the ends of all stable intervals of K_VE, and the static stiffness that the hand feels there, over the first
+    axis that has several values. Samples are joined by a line if they have equally many intervals. If the swept range and
+    not the loop ends an interval, its end is hollow. Responses of unstable loops are faint.
+    """
+    specs = list(dict.fromkeys(columns["spec"].tolist()))
+    height = 2.9 if responses is None else 5.2
+    with figure(path, TWO_COLUMNS, height) as canvas:
+        grid = canvas.subplots(1 if responses is None else 2, 2, squeeze=False)
+        x = _abscissa(columns)
+        for axes, (names, title) in zip(grid[0], _WALLS, strict=True):
+            _walls(axes, columns, specs, x, names)
+            axes.set_ylabel(title)
+        for axes, (name, title) in zip(grid[1] if responses is not None else (), _RESPONSES, strict=False):
+            _curves(axes, responses, specs, name)
+            axes.set_ylabel(title)
+        for axes in grid.flat:
+            axes.grid(visible=True, color="0.9", linewidth=0.5)
+        canvas.align_ylabels()
+        canvas.legend(*_handles(specs), loc="outside lower center", ncols=min(4, len(specs) + 2))
+        if assumes := facts.get("assumes"):
+            lines = [fill(line, 160) for line in f"assumes: {assumes}".splitlines()]
+            canvas.suptitle("\n".join(lines), fontsize=5.5, color="0.3")
+
+
+def compare_bode(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
+    """Draw a `compare-bode` table, as a `bode` table is drawn."""
+    bode(columns, facts, path)
+
+
+def _handles(specs: list[str]) -> tuple[list[Any], list[str]]:
+    from matplotlib.lines import Line2D
+
+    looks = [Line2D([], [], **_look(number)) for number in range(len(specs))]
+    clipped = Line2D([], [], color="0.4", marker="o", markersize=3, markerfacecolor="white", linestyle="")
+    lower = Line2D([], [], color="0.4", linestyle=":", linewidth=0.8)
+    return [*looks, clipped, lower], [*specs, "the swept range ends it", "lower end of a further interval"]
+
+
+def _look(number: int) -> dict[str, Any]:
+    """Colour, marker and dashes of a spec."""
+    return {
+        "color": distinct_colour(number), "marker": _MARKERS[number % len(_MARKERS)], "markersize": 3,
+        "linestyle": _DASHES[number % len(_DASHES)],
+    }  # fmt: skip
+
+
+def _axes_of(columns: Columns) -> list[str]:
+    names = list(columns)
+    return names[1 : names.index("along")]
+
+
+def _abscissa(columns: Columns) -> str | None:
+    """The axis to draw over: B_VE, or the first one with several values; None if there is none."""
+    several = [name for name in _axes_of(columns) if len(np.unique(columns[name][~np.isnan(columns[name])])) > 1]
+    return "B_VE" if "B_VE" in several else next(iter(several), None)
+
+
+def _walls(axes: Any, columns: Columns, specs: list[str], x: str | None, names: tuple[str, str]) -> None:
+    for number, spec in enumerate(specs):
+        rows = {key: column[columns["spec"] == spec] for key, column in columns.items()}
+        style = _look(number)
+        for curve in _split(rows, [each for each in _axes_of(columns) if each != x]):
+            across = np.full(len(curve["high"]), float(number)) if x is None else curve[x]
+            _ends(axes, across, curve, names, style)
+    axes.set_ylim(0, 1.06 * max(np.nanmax(columns[names[0]], initial=0.0), 1e-3))
+    if x is None:
+        axes.set_xticks(range(len(specs)), specs)
+    else:
+        axes.set_xlabel(label(x))
+
+
+def _split(rows: Columns, others: list[str]) -> Iterator[Columns]:
+    """Yield the rows of each combination of the other axes."""
+    if not others:
+        yield rows
+        return
+    keys = np.nan_to_num(np.stack([rows[name] for name in others], axis=1).astype(float), nan=-1.0)
+    _, which = np.unique(keys, axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    for number in range(which.max() + 1):
+        yield {key: column[which == number] for key, column in rows.items()}
+
+
+def _ends(axes: Any, across: np.ndarray, curve: Columns, names: tuple[str, str], style: Mapping[str, Any]) -> None:
+    """Draw upper and lower ends; samples with different numbers of intervals are not joined: one begins or ends in between."""
+    few = len(np.unique(across)) <= _FEW
+    for number in range(int(curve["intervals"].max(initial=0))):
+        here = np.flatnonzero((curve["interval"] == number) & (curve["intervals"] > 0))
+        here = here[np.argsort(across[here], kind="stable")]
+        at, clipped = across[here], np.isnan(curve["high_omega"][here])
+        ordinal = np.searchsorted(np.unique(across), at)
+        cuts = np.flatnonzero((np.diff(curve["intervals"][here]) != 0) | (np.diff(ordinal) > 1)) + 1
+        for part in np.split(np.arange(len(at)), cuts):
+            marker = style["marker"] if few or len(part) == 1 else ""
+            axes.plot(at[part], curve[names[0]][here][part], **{**style, "marker": marker})
+            below = np.where(curve["low"][here] > 0, curve[names[1]][here], np.nan)[part]
+            axes.plot(at[part], below, color=style["color"], linestyle=":", linewidth=0.8, marker=marker and ".", markersize=2)
+        shown = clipped if few else clipped & (np.arange(len(at)) % max(1, len(at) // _FEW) == 0)
+        axes.plot(at[shown], curve[names[0]][here][shown], **{**style, "linestyle": "", "markerfacecolor": "white"})
+
+
+def _curves(axes: Any, columns: Columns, specs: list[str], name: str) -> None:
+    names = list(columns)
+    others = names[: names.index("spec")]
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    for number, spec in enumerate(specs):
+        rows = {key: column[columns["spec"] == spec] for key, column in columns.items()}
+        for curve in _split(rows, others):
+            shown = (curve["frequency_hz"] > 0) & (curve[name] > 0)
+            alpha = 1.0 if curve["stable"].all() else 0.35
+            line = {**_look(number), "alpha": alpha} | ({"marker": ""} if shown.sum() > 1 else {})
+            axes.plot(curve["frequency_hz"][shown], curve[name][shown], **line)
+            doubted = shown & np.isin(curve["doubt"], ["", "unstable"], invert=True)
+            axes.plot(curve["frequency_hz"][doubted], curve[name][doubted], "x", color=DOUBTFUL, markersize=3)
+    axes.set_xlabel("frequency (Hz)")

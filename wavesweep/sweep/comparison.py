@@ -1,0 +1,70 @@
+"""Several specs beside each other: the stable intervals of the wall's stiffness, and the responses, as two tables."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from wavesweep.spec import Spec, sweep_axes
+from wavesweep.sweep.interval_table import Progress, intervals
+from wavesweep.sweep.response_table import METHODS, own_value, responses
+from wavesweep.sweep.table import Columns, Table, facts_of, joined
+
+
+def compare(
+    specs: Sequence[Spec],
+    jobs: int | None = None,
+    backend: str | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+    checkpoint: Path | None = None,
+    force: bool = False,
+) -> list[Table]:
+    """The tables `compare` and `compare-bode` of several specs, each with its own sweep and its own frequencies.
+
+    specs: their names differ. The first table has a row per spec and stable interval along K_VE: the column `spec`, the axes
+    of all sweeps, and the columns of `zwidth`. A spec without one of the axes has its own value in that column, or a missing
+    one if its controller does not read it. jobs, backend, scheduler, checkpoint, force: as for `intervals`. progress: is
+    called with the counts of one spec after the other.
+    """
+    work = {"jobs": jobs, "backend": backend, "scheduler": scheduler, "progress": progress, "force": force}
+    found = [
+        intervals(spec, "K_VE", checkpoint=checkpoint and checkpoint / spec.name, **work) for spec in specs
+    ]  # in turn: each uses all workers
+    axes = [axis for spec in specs for axis in sweep_axes(spec, "K_VE")[1]]
+    names = list(dict.fromkeys(axis.name for axis in axes))
+    columns = joined([_with_spec(spec, table.columns, names) for spec, table in zip(specs, found, strict=True)])
+    facts = _facts(specs, found, [axis.path for axis in axes])
+    both = responses(specs)
+    forget = _forgetting(found, checkpoint)
+    return [Table.of("compare", columns, facts, forget=forget), replace(both, kind="compare-bode")]
+
+
+def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
+    rows = len(columns["along"])
+    axes = {name: columns.get(name, np.full(rows, own_value(spec, name))) for name in names}
+    rest = {name: column for name, column in columns.items() if name not in axes}
+    return {"spec": np.full(rows, spec.name, dtype=object)} | axes | rest
+
+
+def _facts(specs, tables, swept):
+    facts = [table.facts for table in tables]
+    counts = {name: sum(each["slices"][name] for each in facts) for name in ("computed", "skipped", "certified")}
+    timings = {"compute_s": sum(each["timings"]["compute_s"] for each in facts)}
+    return facts_of(list(specs), facts[0]["methods"] | METHODS, counts, timings, list(_notices(specs, facts)), swept)
+
+
+def _notices(specs, facts) -> Iterator[str]:
+    for spec, each in zip(specs, facts, strict=True):
+        yield from (f"{spec.name}: {notice}" for notice in each["notices"])
+
+
+def _forgetting(tables, folder):
+    def forget():
+        for table in tables:
+            table.forget()
+        if folder and folder.exists():
+            folder.rmdir()
+
+    return forget
