@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -60,8 +61,9 @@ def test_a_dash_writes_the_table_to_stdout_and_no_file(name, wavesweep, sweep, s
 def test_workers_are_passed_on(wavesweep, sweep, spec):
     wavesweep("zwidth", spec, "--no-plot", "--jobs", "3", "--backend", "dask", "--scheduler", "tcp://there:8786")
     expected = {"jobs": 3, "backend": "dask", "scheduler": "tcp://there:8786", "along": "K_VE", "hands": None}
-    expected |= {"checkpoint": Path("results/wall/.zwidth.parts"), "force": False}
     ((name, given),) = sweep.seen
+    expected |= {"checkpoint": given["checkpoint"], "force": False}
+    assert re.fullmatch(r"results/wall/\.zwidth-[0-9a-f]{12}\.parts", str(given["checkpoint"]))
     assert (name, {key: value for key, value in given.items() if key != "progress"}) == ("intervals", expected)
     assert callable(given["progress"])
 
@@ -136,6 +138,18 @@ def test_an_edited_spec_replaces_its_own_results_and_says_the_changes(wavesweep,
     assert "replaced the results of this spec; changed: environment.delay 0 -> 3, b 25 -> 40\n" in err
     assert json.loads(run("--json")[1])["changed"] == ["environment.delay 3 -> 0", "b 40 -> 25"]
     assert len(sweep.seen) == 5
+
+
+def test_an_edited_spec_does_not_meet_the_checkpoint_of_its_earlier_version(wavesweep, sweep, spec):
+    """Each version has a folder of its own; one that was left behind is named, and nothing is thrown away."""
+    for _ in range(2):
+        wavesweep("zwidth", spec, "--no-plot", "--quiet")
+    first, again = (given["checkpoint"] for _, given in sweep.seen)
+    assert first == again
+    first.mkdir()
+    code, _, err = wavesweep("zwidth", spec, "--no-plot", "--set", "b=40")
+    assert (code, sweep.seen[-1][1]["checkpoint"] == first) == (0, False)
+    assert f"an interrupted run of another version of the spec is kept in {first}; remove it if it is not needed\n" in err
 
 
 def test_the_place_of_a_spec_survives_a_move_of_the_project_and_shows_no_path(wavesweep, sweep, spec, tmp_path, monkeypatch):

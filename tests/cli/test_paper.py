@@ -82,3 +82,12 @@ def test_somebody_elses_table_is_not_replaced(wavesweep, tmp_path):
     assert code == 2
     assert "--force" in err
     assert (tmp_path / "there/fig4.csv").read_text() == "mine\n"
+
+
+def test_the_verdicts_as_json_are_one_object_on_stdout(wavesweep):
+    code, out, err = wavesweep("paper", "--no-plot", "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert found["command"] == "paper"
+    assert sum(found["verdicts"].values()) == 1
+    assert "results/paper/statements.csv" in found["files"]

@@ -37,7 +37,7 @@ def command(quick: bool, options: Options) -> None:
     # starts inherit it.
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
     from wavesweep import bench
-    from wavesweep.cli.output import progress, say, where
+    from wavesweep.cli.output import progress, say, show_json, where
     from wavesweep.results import stream
 
     started = time.perf_counter()
@@ -46,7 +46,10 @@ def command(quick: bool, options: Options) -> None:
     if options.to_stdout:
         stream(run, sys.stdout.buffer)
     written = [] if options.to_stdout else _write(run, options)
-    if options.quiet:
+    if options.as_json:
+        lines, files = list(bench.lines(run.columns)), [str(path) for path in written]
+        show_json({"command": "bench", "lines": lines, "files": files, "seconds": round(time.perf_counter() - started, 3)})
+    if options.quiet or options.as_json:
         return
     for line in bench.lines(run.columns):
         say(line)

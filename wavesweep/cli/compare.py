@@ -27,12 +27,12 @@ def command(specs: tuple[str, ...], options: Options) -> None:
     a colour per spec.
     """
     from wavesweep import sweep
-    from wavesweep.cli.output import folder_of, produce
+    from wavesweep.cli.output import parts_of, produce
 
     refuse_equal_names(specs)
 
     def compute(loaded: list[Spec], **work: Any) -> list[Table]:
-        kept = None if options.to_stdout else folder_of(loaded, options) / ".compare.parts"
+        kept = None if options.to_stdout else parts_of("compare", loaded, options)
         walls, responses = sweep.compare(loaded, checkpoint=kept, force=options.force, **work)
         return [replace(walls, figure=_figure(walls, responses)), responses]
 

@@ -96,6 +96,8 @@ def _report(
             say(line, warning)
     for line in facts.get("assumes", "").splitlines():
         say(f"assumes: {line}")
+    for left in sorted(folder_of(specs, options).glob(f".{command}-*.parts")) if not options.to_stdout else ():
+        say(f"an interrupted run of another version of the spec is kept in {left}; remove it if it is not needed")
     if changed:
         shown = [*changed[:MOST_CHANGES], *([f"{len(changed) - MOST_CHANGES} more"] if len(changed) > MOST_CHANGES else [])]
         say(f"replaced the results of this spec; changed: {', '.join(shown)}")
@@ -122,13 +124,24 @@ def produce_intervals(kind: str, source: str, options: Options, along: str | Non
     name = kind if hands is None else f"{kind}-hands"
 
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
-        folder = Path(temporary) / "parts" if options.to_stdout else folder_of(specs, options) / f".{name}.parts"
+        folder = Path(temporary) / "parts" if options.to_stdout else parts_of(name, specs, options)
         found = sweep.intervals(specs[0], along=along, hands=hands, checkpoint=folder, force=options.force, **work)
         return [replace(found, kind=kind)]
 
     kept = tempfile.TemporaryDirectory(prefix="wavesweep-", ignore_cleanup_errors=True) if options.to_stdout else nullcontext()
     with kept as temporary:
         produce([kind], [source], options, compute)
+
+
+def parts_of(name: str, specs: Sequence[Spec], options: Options) -> Path:
+    """Return the folder for the finished chunks of a run.
+
+    Its name has the digest of the specs: if a spec is edited after a run of it was interrupted, the new run begins anew, and
+    the old one goes on if the edit is undone.
+    """
+    from wavesweep.sweep.table import digest_of
+
+    return folder_of(specs, options) / f".{name}-{digest_of(specs)[:12]}.parts"
 
 
 def folder_of(specs: Sequence[Spec], options: Options) -> Path:

@@ -23,22 +23,28 @@ def command(options: Options) -> None:
     stdout. No worker processes are used.
     """
     from wavesweep import paper
-    from wavesweep.cli.output import progress, say, where
+    from wavesweep.cli.output import progress, say, show_json, where
     from wavesweep.results import publish, stream
 
     if options.overrides:
         raise click.UsageError("--set: the paper's values are its own; copy one of its specs and change the copy")
-    directory, said = Path(options.out or Path("results", "paper")), []
+    directory, said, files, began = Path(options.out or Path("results", "paper")), [], [], time.perf_counter()
     with progress(options.quiet) as report:
         started = time.perf_counter()
         for table in paper.tables(report):
             if not options.to_stdout:
                 written = publish(table, directory, options.force, options.plot)
+                files += written
                 said.append(where(written, time.perf_counter() - started))
             started = time.perf_counter()
     # The last table is that of the statements.
     if options.to_stdout:
         stream(table, sys.stdout.buffer)
-    if not options.quiet:
+    if options.as_json:
+        verdicts = table.columns["verdict"].tolist()
+        counts = {verdict: verdicts.count(verdict) for verdict in paper.VERDICTS}
+        seconds = round(time.perf_counter() - began, 3)
+        show_json({"command": "paper", "verdicts": counts, "files": [str(path) for path in files], "seconds": seconds})
+    elif not options.quiet:
         for line in [*said, paper.counted(table.columns)]:
             say(line)

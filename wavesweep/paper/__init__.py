@@ -2,5 +2,6 @@
 
 from wavesweep.paper.documents import counted
 from wavesweep.paper.figures import tables
+from wavesweep.paper.verdicts import VERDICTS
 
-__all__ = ["counted", "tables"]
+__all__ = ["VERDICTS", "counted", "tables"]
