@@ -1,5 +1,6 @@
 """The documents cannot rot: what the README lists is what the program has, its code runs, and all links lead somewhere."""
 
+import json
 import pathlib
 import re
 import tomllib
@@ -7,6 +8,7 @@ import tomllib
 import pytest
 
 import wavesweep
+from wavesweep.cli import main
 from wavesweep.cli.entry import COMMANDS
 from wavesweep.spec import KEYS
 
@@ -35,6 +37,29 @@ def test_every_key_stands_in_the_readme_with_its_unit_and_default():
     assert rows == [
         (key.path, key.unit if key.unit not in ("", "1") else "", default(key), key.description) for key in KEYS.values()
     ]
+
+
+def test_the_verdict_in_the_readme_is_the_programs(monkeypatch, capfd):
+    monkeypatch.chdir(ROOT)
+    shown = re.search(r"^    \$ wavesweep (check \S+)\n((?:    .*\n)+)", README, re.MULTILINE)
+    assert main(shown[1].split()) == 0
+    lines = shown[2].splitlines(keepends=True)
+    assert capfd.readouterr().out.startswith("".join(line.removeprefix("    ") for line in lines))
+
+
+def test_every_key_of_the_summaries_is_in_the_readme(monkeypatch, capfd, tmp_path):
+    """Those of all commands with tables over one small spec."""
+    monkeypatch.chdir(tmp_path)
+    spec = '[controller]\nkind = "pmw"\n[sweep]\nB_VE = [1, 2]\n[simulate]\nduration_s = 1\nsettle_s = 0.5\n'
+    (tmp_path / "mine.toml").write_text(spec)
+    documented, used = set(re.findall(r"`(\w+)`", section("Commands"))), set()
+    for name in ("zwidth", "bode", "compare", "simulate", "check", "passivity --filters"):
+        switches = [] if name == "check" else ["--no-plot"]
+        assert main([*name.split(), "mine.toml", "--json", *switches]) == 0
+        found = json.loads(capfd.readouterr().out)
+        used |= set(found).union(*found.get("tables", {}).values())
+    used |= set(found["tables"])  # the names of tables
+    assert {key for key in used if "-" not in key} - documented - {"passivity"} == set()
 
 
 def default(key):

@@ -1,5 +1,6 @@
 """The benchmark runs, and its errors and counts are what they must be; its run times are nobody's business here."""
 
+import json
 import os
 import re
 import subprocess
@@ -96,6 +97,15 @@ def test_a_dash_writes_the_table_to_stdout(capfd):
     streams = capfd.readouterr()
     assert streams.out.startswith(",".join(field.name for field in bench.FIELDS) + "\n")
     assert streams.err == ""
+
+
+@pytest.mark.usefixtures("measured")
+def test_the_summary_as_json_has_the_same_lines(tmp_path, capfd, quick):
+    assert main(["bench", "--quick", "--no-plot", "--json", "--out", str(tmp_path / "out")]) == 0
+    streams = capfd.readouterr()
+    found = json.loads(streams.out)
+    assert (found["command"], found["lines"], streams.err) == ("bench", list(bench.lines(quick.columns)), "")
+    assert len(found["files"]) == 3
 
 
 def test_the_threads_are_limited_before_numpy_is_loaded():

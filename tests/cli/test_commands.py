@@ -1,13 +1,18 @@
 """What all commands share: the help, the table of commands, options and where the results go."""
 
 import importlib
+import inspect
 import json
 import re
+import shlex
 from pathlib import Path
 
 import pytest
 
+from wavesweep import load
 from wavesweep.cli.entry import COMMANDS, group, module_of
+
+ROOT = Path(__file__).parents[2]
 
 WITH_TABLES = [name for name in COMMANDS if name not in ("check", "paper", "bench", "keys", "init")]  # no SPEC, or no table
 SWEEPS = [name for name in WITH_TABLES if name not in ("simulate", "passivity", "compare")]
@@ -25,6 +30,27 @@ def test_every_command_has_help(name, wavesweep):
     code, out, err = wavesweep(name, "--help")
     assert (code, err) == (0, "")
     assert out.startswith(f"Usage: wavesweep {name} ")
+
+
+EXAMPLES = [
+    line.strip()
+    for name in COMMANDS
+    for line in inspect.cleandoc(importlib.import_module(module_of(name)).command.help).splitlines()
+    if line.startswith("  wavesweep ")
+]
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_the_examples_in_the_helps_are_valid(example, tmp_path):
+    """Words and settings are accepted; `mine.toml` and `other.toml` are those of a user."""
+    _, name, *words = shlex.split(example)
+    files = [word for word in words if word.endswith(".toml")]
+    settings = group.get_command(None, name).make_context(name, list(words)).params.get("overrides", ())
+    for file in files:
+        source = ROOT / file if file.startswith("sweeps/") else tmp_path / file
+        if not file.startswith("sweeps/"):
+            source.write_text('controller.kind = "pmw"\n')
+        load(source, settings).as_simulated()
 
 
 @pytest.mark.parametrize("name", WITH_TABLES)

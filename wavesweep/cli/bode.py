@@ -11,7 +11,14 @@ from wavesweep.cli.options import Options, common, refuse_equal_names
 def command(specs: tuple[str, ...], options: Options) -> None:
     """Compute transmitted admittance and impedance over frequency, one curve per spec.
 
-    Each SPEC is a TOML file; the axes of its [bode] table give one curve per combination of their values.
+    The admittance is the motion that the hand gets for its force (m/N), the impedance the force that it feels for its motion
+    (N/m): at low frequency the stiffness felt. Each SPEC is a TOML file; its [bode] table gives the frequencies, and axes,
+    whose values give one curve per combination. Without that table there are 400 frequencies from 0.1 to 50 Hz.
+
+    \b
+    Examples:
+      wavesweep bode sweeps/paper/fig6.toml
+      wavesweep bode mine.toml other.toml --set 'bode.b=[20, 40]'
     """
     from wavesweep import sweep
     from wavesweep.cli.output import produce

@@ -26,10 +26,16 @@ def command(spec: str, overrides: tuple[str, ...], **switches: bool) -> None:
     """Judge a spec's own design, and list the work that each command would do.
 
     SPEC is a TOML file. All of its mistakes are listed at once. For a valid spec the verdict on its own design comes first:
-    whether the loop is stable, the range in which it stays so if one number changes and all others are kept, the delay that
-    it stands, the stiffness and the damping that the hand feels, the slowest mode, the norm of the wave channel, and the
-    assumptions. Then follow the states of the loop, the methods, the numbers of slices and workers, the estimated time,
-    and the axes and keys that are skipped, with the reason.
+    whether the loop is stable; the range in which it stays so if one number changes and all others are kept; the delay up to
+    which it is stable; the stiffness and the damping that the hand feels; the slowest mode; the norm of the wave channel; the
+    assumptions. A number that the spec does not give has its default, and is marked so.
+
+    Then follow the states of the loop, the methods, the numbers of slices and workers, the estimated time, and the axes and
+    keys that are skipped, with the reason. Nothing is written.
+
+    \b
+    Example:
+      wavesweep check mine.toml --set environment.delay=20
     """
     from wavesweep import spec as specs
     from wavesweep import sweep

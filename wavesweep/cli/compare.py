@@ -21,10 +21,14 @@ if TYPE_CHECKING:
 def command(specs: tuple[str, ...], options: Options) -> None:
     """Compare the Z-width and the responses of several specs, in one figure and one table.
 
-    Each SPEC is a TOML file with its own [sweep] and [bode]. The table compare has a row per spec and stable interval of
+    Each SPEC is a TOML file with its own [sweep] and [bode] tables. The table compare has a row per spec and stable interval of
     K_VE: the column spec, then the columns of zwidth. The table compare-bode has the responses, as bode writes them. The
-    figure shows the largest stable stiffness and the stiffness that the hand feels there, and admittance and impedance,
-    a colour per spec.
+    figure shows the ends of the stable stiffness, the stiffness that the hand feels there, admittance and impedance, with a
+    colour per spec. The results go to results/<names of all specs>, and --set applies to all specs.
+
+    \b
+    Example:
+      wavesweep compare mine.toml other.toml
     """
     from wavesweep import sweep
     from wavesweep.cli.output import parts_of, produce

@@ -55,7 +55,7 @@ as_json = click.option(
     "--json",
     "as_json",
     is_flag=True,
-    help="Print the summary as one JSON object on stdout, in place of the lines on stderr. The README lists its keys.",
+    help="Print the summary as one JSON object on stdout, and no text. The README lists its keys.",
 )
 
 _COMMON = (
@@ -79,11 +79,11 @@ _COMMON = (
     click.option(
         "--scheduler", metavar="ADDRESS", help="Address of the dask scheduler, e.g. tcp://host:8786; only with --backend dask."
     ),
-    click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or write the table only."),
+    click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or leave it out."),
     click.option(
         "--force",
         is_flag=True,
-        help="Replace results of another spec, and start again if an interrupted run of another spec was left behind. "
+        help="Replace results of another spec, and begin anew if an interrupted run cannot be continued. "
         "Results of the same spec file are replaced without it.",
     ),
     as_json,

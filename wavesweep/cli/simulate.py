@@ -11,10 +11,18 @@ from wavesweep.cli.options import Options, common
 def command(spec: str, options: Options) -> None:
     """Simulate both loops tick by tick, optionally with contact, friction and hardware limits.
 
-    SPEC is a TOML file. Its [simulate] table gives the force of the hand, and effects that the linear model does not
-    have: a one-sided wall, an encoder, friction, a force limit, imperfect timing, or all of a device by its name. If the
-    force is a sine or a stepped sine, the response estimated from it is written as a second table, simulate-response. If
-    the loop diverges, the rows end before the numbers overflow, and a warning is printed; the exit code is still 0.
+    SPEC is a TOML file. Its [simulate] table gives the force of the hand, and effects that the linear model does not have: a
+    one-sided wall, an encoder, friction, a force limit, imperfect timing, or all of a device by its name. If the force is a
+    sine or a stepped sine, the response estimated from it is written as a second table, simulate-response.
+
+    If the linear loop is unstable, the summary, the figure and the facts of the run say so, with its spectral radius, and the
+    response is compared with no linear one. The simulation stops before the hand is 1 km away or a force exceeds 1e6 N. The
+    exit code is 0 in both cases.
+
+    \b
+    Examples:
+      wavesweep simulate sweeps/examples/rig.toml
+      wavesweep simulate mine.toml --set simulate.input=step --set device.preset=omni
     """
     from wavesweep import sweep
     from wavesweep.cli.output import produce

@@ -19,7 +19,14 @@ if TYPE_CHECKING:
 def command(spec: str, options: Options, hands: Hands | None) -> None:
     """Find the stable intervals along any axis for every combination of the others.
 
-    SPEC is a TOML file; its key sweep.along gives the axis of the intervals, and its [sweep] table the other axes.
+    SPEC is a TOML file; its key sweep.along gives the axis of the intervals (a symbol such as b, or the path of any number,
+    such as "device.damping"), and its [sweep] table the range of that axis and the values of the others. The columns are
+    those of zwidth.
+
+    \b
+    Examples:
+      wavesweep stability-region sweeps/examples/impedance.toml
+      wavesweep stability-region mine.toml --set sweep.along=b --set 'sweep.b={start = 5, stop = 100}'
     """
     from wavesweep.cli.output import produce_intervals
 

@@ -19,8 +19,18 @@ if TYPE_CHECKING:
 def command(spec: str, options: Options, hands: Hands | None) -> None:
     """Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.
 
-    SPEC is a TOML file; its [sweep] table gives the axes. All stable intervals are found, not only the first one. The
-    column certified is 1 if an interval is proved, and otherwise the column doubt gives the reason.
+    The Z-width of a device is the range of virtual walls with which its loop is stable. A wall has the stiffness K_VE (N/m) and
+    the damping B_VE (N*s/m). SPEC is a TOML file; its [sweep] table gives the range of K_VE, the values of B_VE, and those of
+    any other axis, such as the wave impedance b.
+
+    The table has a row per stable interval of K_VE, from low to high. There can be several, with unstable walls between
+    them; all are found. felt_low and felt_high are the stiffness that the hand feels at both ends, which is below K_VE if
+    waves give way. The column certified is 1 if an interval is proved, and otherwise the column doubt gives the reason.
+
+    \b
+    Examples:
+      wavesweep zwidth sweeps/paper/fig4.toml
+      wavesweep zwidth mine.toml --set b=40 --set 'sweep.B_VE=[0, 1, 5]'
     """
     from wavesweep.cli.output import produce_intervals
 
