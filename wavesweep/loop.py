@@ -98,6 +98,29 @@ class Loop:
 
         return _frame("simulate", simulated_columns(self.spec, force, **options))
 
+    def plot_zwidth(self, along: str = "K_VE", span=None, **axes):
+        """The figure of `stable_intervals` with the same parameters, as `wavesweep zwidth` draws it: a matplotlib `Figure`."""
+        columns = self.stable_intervals(along, span, **axes)
+        axis = self._along(along, span)
+        swept = {"along": along, **{name: np.atleast_1d(values).tolist() for name, values in axes.items()}}
+        return _figure("zwidth", columns, self.spec, swept | {along: {"start": axis.start, "stop": axis.stop}})
+
+    def plot_bode(self, frequency_hz=None, **axes):
+        """The figure of `response` with the same parameters, as `wavesweep bode` draws it: a matplotlib `Figure`."""
+        return _figure("bode", self.response(frequency_hz, **axes), self.spec)
+
+    def plot_passivity(self, **axes):
+        """The figure of `passivity` with the same parameters, as `wavesweep passivity` draws it: a matplotlib `Figure`."""
+        return _figure("passivity", self.passivity(**axes), self.spec)
+
+    def plot_simulate(self, force=None, **options):
+        """The figure of `simulate` with the same parameters, as `wavesweep simulate` draws it: a matplotlib `Figure`."""
+        from wavesweep.spec import load
+
+        tables = self.spec.as_simulated().tables()
+        used = load(tables | {"simulate": tables["simulate"] | options}).as_simulated()
+        return _figure("simulate", self.simulate(force, **options), used)
+
     def to_control(self, output: str = "position"):
         """The lifted closed loop as a `control.StateSpace`: a frame's M hand forces (N) in, M outputs, dt = T_s.
 
@@ -165,6 +188,14 @@ def _key(name):
         hint = nearest(name, (*SYMBOLS, *KEYS))
         raise UsageError(f"{name}: expected the name of a numeric key" + (f", did you mean {hint}?" if hint else ""))
     return key
+
+
+def _figure(kind, table, spec, swept=None):
+    """The figure of a DataFrame. swept: the axes of the call in place of those of the spec."""
+    from wavesweep.plots import figure_of
+
+    tables = spec.tables() | ({"sweep": swept} if swept else {})
+    return figure_of(kind)({name: table[name].to_numpy() for name in table}, {"spec": tables, "spec_name": spec.name})
 
 
 def _frame(kind, columns):

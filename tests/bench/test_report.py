@@ -5,7 +5,6 @@ import os
 import re
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +17,7 @@ from wavesweep.bench.measuring import Patience, interleaved
 from wavesweep.bench.problems import PROBLEMS
 from wavesweep.bench.stiffness import COMMAND, LIBRARY, METHODS
 from wavesweep.cli import main
-from wavesweep.plots.bench import bench as draw
+from wavesweep.plots import drawn
 
 
 def rows(run, **wanted):
@@ -63,7 +62,7 @@ def test_all_responses_agree_and_this_tools_is_the_best(quick):
 
 @pytest.mark.slow
 def test_the_table_is_written_and_drawn(quick, tmp_path):
-    results.publish(replace(quick, figure=lambda path: draw(quick.columns, quick.facts, path)), tmp_path)
+    results.publish(drawn(quick), tmp_path)
     assert (tmp_path / "bench.png").stat().st_size > 1000
     back = results.read(tmp_path / "bench.parquet")
     assert list(back) == [field.name for field in bench.FIELDS]

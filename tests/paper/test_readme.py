@@ -44,7 +44,7 @@ def test_the_commands_of_a_figure_make_its_tables(number, paper, tmp_path, monke
     for command, (name, table) in zip(commands, expected.items(), strict=True):
         _, kind, *arguments = shlex.split(command)
         assert main([kind, *arguments, "--no-plot", "--quiet", "--out", str(tmp_path / name)]) == 0
-        publish(table, tmp_path / name, plot=False)
+        publish(table, tmp_path / name, formats=())
         assert (tmp_path / name / f"{kind}.csv").read_bytes() == (tmp_path / name / f"{name}.csv").read_bytes()
 
 

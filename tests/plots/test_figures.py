@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from wavesweep import plots
+from wavesweep.plots import intervals
 from wavesweep.plots.layout import lay_out
+from wavesweep.plots.style import about_figure, save
 
 pytestmark = pytest.mark.slow
 
@@ -21,7 +23,7 @@ def size_of(png):
     ("table", "draw", "inches"),
     [
         ("plane", plots.zwidth, 3.5),
-        ("family", plots.zwidth, 7.0),
+        ("family", plots.zwidth, 3.5),
         ("bars", plots.zwidth, 3.5),
         ("responses", plots.bode, 7.0),
     ],
@@ -29,47 +31,66 @@ def size_of(png):
 def test_a_figure_has_a_papers_width_and_the_same_bytes_each_time(table, draw, inches, request, tmp_path):
     columns = request.getfixturevalue(table)
     for name in ("first.png", "second.png"):
-        draw(columns, {}, tmp_path / name)
+        save(draw(columns, {}), tmp_path / name, about_figure("zwidth", {}))
     first, second = (tmp_path / name for name in ("first.png", "second.png"))
     assert size_of(first.read_bytes())[0] == pytest.approx(200 * inches, abs=1)
     assert first.stat().st_size < 200_000
     assert first.read_bytes() == second.read_bytes()
 
 
-def test_a_table_without_anything_stable_is_drawn(plane, tmp_path):
+def test_a_table_without_anything_stable_is_drawn(plane):
     one = {name: column[:1] for name, column in plane.items()}
     nothing = {**one, "intervals": np.zeros(1, int), "low": np.full(1, np.nan), "high": np.full(1, np.nan)}
-    plots.zwidth(nothing, {}, tmp_path / "nothing.png")
-    assert (tmp_path / "nothing.png").exists()
+    assert plots.zwidth(nothing, {}).axes
 
 
-def test_a_figure_of_a_long_table_keeps_what_it_shows_and_is_the_same(panels, tmp_path):
-    plots.zwidth(panels, {}, tmp_path / "whole.png")
-    assert size_of((tmp_path / "whole.png").read_bytes())[0] == pytest.approx(200 * 7.0, abs=1)
-    assert (tmp_path / "whole.png").stat().st_size < 200_000
-    picture = plots.Picture({name: tuple(np.unique(panels[name]).tolist()) for name in ("B_VE", "b", "K_LM")})
-    for start in range(0, len(panels["b"]), 1000):
-        picture.add({name: column[start : start + 1000] for name, column in panels.items()})
-    picture.draw({}, tmp_path / "blocks.png")
-    assert (tmp_path / "blocks.png").read_bytes() == (tmp_path / "whole.png").read_bytes()
+def png(figure):
+    """The bytes of a figure."""
+    return figure._repr_png_()
+
+
+def test_a_figure_of_a_long_table_is_the_same_in_blocks(panels, monkeypatch):
+    whole = png(plots.zwidth(panels, {}))
+    assert size_of(whole)[0] == pytest.approx(200 * 7.0, abs=1)
+    assert len(whole) < 250_000
+    blocks = [
+        {name: column[start : start + 1000] for name, column in panels.items()} for start in range(0, len(panels["b"]), 1000)
+    ]
+    for kept in (1e9, 2500):  # all of them, or none, so that they are read a second time
+        monkeypatch.setattr(intervals, "_KEPT_ROWS", kept)
+        picture = plots.Picture(
+            {name: tuple(np.unique(panels[name]).tolist()) for name in ("B_VE", "b", "K_LM")}, lambda: blocks
+        )
+        for block in blocks:
+            picture.add(block)
+        assert png(picture.draw({})) == whole
 
 
 def test_roles_are_given_in_order_and_what_is_left_out_is_said():
-    axes = {"K_LM": range(50), "Kp": range(40), "b": range(30), "B_VE": range(1000), "device.mass": range(3)}
-    layout = lay_out(axes)
+    axes = {"K_LM": range(50), "Kp": range(4), "b": range(30), "B_VE": range(1000), "device.mass": range(3)}
+    best = {"K_LM": 33, "b": 7, "B_VE": 999, "device.mass": 2}
+    layout = lay_out(axes, best)
     assert (layout.x, layout.panels, layout.family) == ("B_VE", "K_LM", "Kp")
-    assert (len(layout.points), len(layout.panel_values), len(layout.members)) == (400, 9, 6)
-    assert layout.fixed == {"b": 15, "device.mass": 1}
-    for said in ("400 of 1000 values of B_VE", "9 of 50 values of K_LM", "6 of 40 values of Kp", "b at 15 alone"):
+    assert (len(layout.points), len(layout.panel_values), len(layout.members)) == (400, 6, 4)
+    assert layout.fixed == {"b": 7, "device.mass": 2}
+    assert {0, 33, 49} <= set(layout.panel_values)
+    for said in ("400 of 1000 values of B_VE", "6 of 50 values of K_LM", "b at 7 alone", "device.mass at 2 alone"):
         assert said in layout.left_out
-    assert lay_out({"b": range(4), "Kp": [1.0]}).left_out == ""
-    assert (lay_out({"b": range(4)}).x, lay_out({"b": range(4)}).family) == (None, "b")
+    assert lay_out({"b": range(4), "Kp": [1.0]}, {}).left_out == ""
+    assert (lay_out({"b": range(4)}, {}).x, lay_out({"b": range(4)}, {}).family) == (None, "b")
 
 
-def test_what_is_not_known_is_hatched(plane, bars, tmp_path):
+def test_the_figure_of_a_large_sweep_goes_through_the_best_design(panels):
+    felt = np.where((panels["b"] == 70) & (panels["K_LM"] == 700) & (panels["B_VE"] == 3), 9000.0, panels["felt_high"])
+    figure = plots.zwidth({**panels, "felt_high": felt}, {})
+    (title,) = [axes.get_title() for axes in figure.axes if any(line.get_marker() == "*" for line in axes.lines)]
+    assert "700" in title or "70 " in title
+    assert any("stiffest felt: 9000" in text.get_text() for text in figure.legends[0].get_texts())
+
+
+def test_what_is_not_known_is_hatched(plane, bars):
     """A slice of which part could not be searched looks different from one that is unstable there."""
     for name, table in (("plane", plane), ("bars", bars)):
         doubt = np.where(np.arange(len(table["b" if name == "bars" else "B_VE"])) == 2, "search", table["doubt"]).astype(object)
-        plots.zwidth({**table, "doubt": doubt, "certified": doubt == ""}, {}, tmp_path / "hatched.png")
-        plots.zwidth({**table, "certified": doubt == ""}, {}, tmp_path / "plain.png")
-        assert (tmp_path / "hatched.png").read_bytes() != (tmp_path / "plain.png").read_bytes()
+        hatched = plots.zwidth({**table, "doubt": doubt, "certified": doubt == ""}, {})
+        assert png(hatched) != png(plots.zwidth({**table, "certified": doubt == ""}, {}))

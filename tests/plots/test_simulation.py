@@ -33,11 +33,9 @@ def _facts(kind):
         ("pmw", {"duration_s": 0.001}),
     ],
 )
-def test_every_run_can_be_drawn_the_same_each_time(kind, simulate, tmp_path):
+def test_every_run_can_be_drawn_the_same_each_time(kind, simulate):
     drawn = simulation(kind, **simulate)
-    for name in ("first.png", "second.png"):
-        plots.simulate(*drawn, tmp_path / name)
-    first, second = ((tmp_path / name).read_bytes() for name in ("first.png", "second.png"))
+    first, second = (plots.simulate(*drawn)._repr_png_() for _ in range(2))
     assert struct.unpack(">II", first[16:24])[0] == 1400
     assert len(first) < 250_000
     assert first == second
@@ -69,8 +67,7 @@ def test_without_contact_the_detail_is_where_the_force_sets_in_or_at_the_end(kin
 
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 30])
-def test_a_response_is_drawn_over_the_linear_one(count, tmp_path):
+def test_a_response_is_drawn_over_the_linear_one(count):
     rng = np.random.default_rng(0)
     columns = {field.name: rng.uniform(1, 2, count) for field in fields("simulate-response")}
-    plots.simulate_response(columns, {}, tmp_path / "response.png")
-    assert struct.unpack(">II", (tmp_path / "response.png").read_bytes()[16:24])[0] == 1400
+    assert struct.unpack(">II", plots.simulate_response(columns, {})._repr_png_()[16:24])[0] == 1400

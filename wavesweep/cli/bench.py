@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import sys
 import time
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import click
@@ -58,8 +56,7 @@ def command(quick: bool, options: Options) -> None:
 
 
 def _write(run, options: Options) -> list[Path]:
-    from wavesweep.plots.bench import bench as draw
+    from wavesweep.plots import drawn
     from wavesweep.results import publish
 
-    drawn = replace(run, figure=partial(draw, run.columns, run.facts))
-    return publish(drawn, Path(options.out or Path("results", "bench")), options.force, options.plot)
+    return publish(drawn(run), Path(options.out or Path("results", "bench")), options.force, options.formats)

@@ -38,13 +38,11 @@ def command(specs: tuple[str, ...], options: Options) -> None:
     def compute(loaded: list[Spec], **work: Any) -> list[Table]:
         kept = None if options.to_stdout else parts_of("compare", loaded, options)
         walls, responses = sweep.compare(loaded, checkpoint=kept, force=options.force, **work)
-        return [replace(walls, figure=_figure(walls, responses)), responses]
-
-    def _figure(walls: Table, responses: Table) -> Any:
         if options.to_stdout or not options.plot:
-            return None
+            return [walls, responses]
         from wavesweep import plots
 
-        return partial(plots.compare, walls.columns, walls.facts, responses=responses.columns)
+        draw = partial(plots.compare, walls.columns, walls.facts, responses=responses.columns)
+        return [plots.with_figure(walls, draw), responses]
 
     produce(["compare", "compare-bode"], specs, options, compute)

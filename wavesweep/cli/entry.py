@@ -36,6 +36,7 @@ COMMANDS = MappingProxyType(
         "passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port.",
         "paper": "Reproduce the paper's figures and test its statements.",
         "bench": "Measure run time against error, for this tool and for other methods.",
+        "plot": "Draw the figure of a table again, as PNG, SVG or PDF.",
         "check": "Judge a spec's own design, and list the work that each command would do.",
         "init": "Write a commented spec to begin with.",
         "keys": "Explain the keys of a spec: values, units and defaults.",

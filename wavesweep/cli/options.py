@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import wraps
 from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
@@ -28,6 +28,7 @@ class Options:
     backend: str | None
     scheduler: str | None
     plot: bool
+    formats: tuple[str, ...]
     force: bool
     as_json: bool
     quiet: bool
@@ -57,6 +58,15 @@ as_json = click.option(
     is_flag=True,
     help="Print the summary as one JSON object on stdout, and no text. The README lists its keys.",
 )
+formats = click.option(
+    "--format",
+    "formats",
+    multiple=True,
+    type=click.Choice(["png", "svg", "pdf"]),
+    default=["png"],
+    show_default=True,
+    help="Format of the figure. May be repeated.",
+)
 
 _COMMON = (
     click.option(
@@ -80,6 +90,7 @@ _COMMON = (
         "--scheduler", metavar="ADDRESS", help="Address of the dask scheduler, e.g. tcp://host:8786; only with --backend dask."
     ),
     click.option("--plot/--no-plot", default=True, show_default=True, help="Draw the figure, or leave it out."),
+    formats,
     click.option(
         "--force",
         is_flag=True,
@@ -98,6 +109,7 @@ def common(body: Callable[..., None]) -> Callable[..., None]:
     @wraps(body)
     def gathered(**given: Any) -> None:
         options = Options(**{field.name: given.pop(field.name) for field in fields(Options)})
+        options = options if options.plot else replace(options, formats=())
         if options.scheduler is not None and options.backend != "dask":
             raise click.UsageError(f"--scheduler needs --backend dask, found --backend {options.backend or 'missing'}")
         if options.as_json and options.to_stdout:

@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import replace
-from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -166,8 +165,11 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
 
     tally, paths = tally_of(table), []
     if not options.to_stdout:
-        drawn = _drawn(table) if options.plot else table
-        paths = results.publish(drawn.watched(tally.add), directory, options.force)
+        if options.plot:
+            from wavesweep.plots import drawn
+
+            table = drawn(table)
+        paths = results.publish(table.watched(tally.add), directory, options.force, options.formats)
     elif main:
         results.stream(table.watched(tally.add), sys.stdout.buffer)
     else:
@@ -176,19 +178,6 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
     table.forget()
     notices = [str(notice) for notice in table.facts.get("notices", ())]
     return Finished(table.kind, notices, tally.numbers(table.facts), list(tally.lines(table.facts)), paths)
-
-
-def _drawn(table: Table) -> Table:
-    """The table with its figure. If its rows come in blocks, those that the figure shows are kept."""
-    from wavesweep import plots
-
-    if table.figure is not None:
-        return table
-    if table.axes is not None:
-        picture = plots.Picture(table.axes)
-        return replace(table.watched(picture.add), figure=partial(picture.draw, table.facts))
-    draw = getattr(plots, table.kind.replace("-", "_"))
-    return replace(table, figure=partial(draw, table.columns, table.facts))
 
 
 def say(text: str, warning: bool = False) -> None:

@@ -33,7 +33,7 @@ def command(options: Options) -> None:
         started = time.perf_counter()
         for table in paper.tables(report):
             if not options.to_stdout:
-                written = publish(table, directory, options.force, options.plot)
+                written = publish(table, directory, options.force, options.formats)
                 files += written
                 said.append(where(written, time.perf_counter() - started))
             started = time.perf_counter()

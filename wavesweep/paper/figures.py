@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from wavesweep.paper.felt_responses import CONTROLLERS, HIGH, LOW, LOW_OF_FIGURE
 from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.specs import load_paper
 from wavesweep.paper.statements import STATEMENTS
+from wavesweep.plots import with_figure
 from wavesweep.plots.planes import Plane, draw_planes
 from wavesweep.plots.responses import Line, Panel, draw_magnitudes
 from wavesweep.plots.style import symbol
@@ -24,9 +25,10 @@ from wavesweep.sweep import Table, intervals, responses
 from wavesweep.sweep.table import facts_of
 
 
-def _named(name: str, table: Table, figure: Callable[[Path], None] | None) -> Table:
+def _named(name: str, table: Table, draw: Callable[[], Any] | None) -> Table:
     """Give a table of a kind that `results` knows a name of its own, and its figure."""
-    return replace(table, kind=name, fields=fields_of(table.kind, table.columns), figure=figure)
+    named = replace(table, kind=name, fields=fields_of(table.kind, table.columns))
+    return named if draw is None else with_figure(named, draw)
 
 
 def figure_2(_: PaperLoops) -> list[Table]:
@@ -45,7 +47,7 @@ def figure_2(_: PaperLoops) -> list[Table]:
 def figure_4(_: PaperLoops) -> list[Table]:
     """Z-width of passive multirate wave control, by both sets of inferred values."""
     runs = {name: intervals(load_paper(name)) for name in ("fig4", "fig4-b25")}
-    plane = Plane("", "B_VE", [(_choices(name), run.columns) for name, run in runs.items()], 2000.0, (1.0, 800.0))
+    plane = Plane("", "B_VE", [(_choices(name), run.columns, run.facts) for name, run in runs.items()], 2000.0, (1.0, 800.0))
     draw = partial(draw_planes, [plane])
     return [_named(name, run, draw if name == "fig4" else None) for name, run in runs.items()]
 
@@ -59,7 +61,7 @@ def figure_5(_: PaperLoops) -> list[Table]:
     """Stability region with the local model, the wall integrated implicitly and explicitly."""
     runs = {name: intervals(load_paper(name)) for name in ("fig5", "fig5-explicit")}
     planes = [
-        Plane(f"{name}: {_integration(run)} wall", "K_LM", _by_gain(run.columns), 3000.0, note=_without_limit(run))
+        Plane(f"{name}: {_integration(run)} wall", "K_LM", _by_gain(run), 3000.0, note=_without_limit(run))
         for name, run in runs.items()
     ]
     draw = partial(draw_planes, planes)
@@ -78,9 +80,10 @@ def _without_limit(run: Table) -> str:
     return f"stable up to {symbol('K_VE')} = {run.columns['high'].min():g} N/m"
 
 
-def _by_gain(columns: Mapping[str, np.ndarray]) -> list:
-    gains = np.unique(columns["Kp"])
-    return [(f"{symbol('Kp')} = {Kp:g}", {name: c[columns["Kp"] == Kp] for name, c in columns.items()}) for Kp in gains]
+def _by_gain(run: Table) -> list:
+    columns = run.columns
+    rows = {Kp: columns["Kp"] == Kp for Kp in np.unique(columns["Kp"])}
+    return [(f"{symbol('Kp')} = {Kp:g}", {n: c[of] for n, c in columns.items()}, run.facts) for Kp, of in rows.items()]
 
 
 def figure_6(_: PaperLoops) -> list[Table]:
@@ -162,7 +165,7 @@ def tables(progress: Callable[[int, int], None] | None = None) -> Iterator[Table
     yield replace(study, text=choices_text(study.columns))
     step()
     banks = passive_bank.passive_bank()
-    yield replace(banks, figure=passive_bank.figure(), text=bank_text(banks.columns))
+    yield replace(with_figure(banks, passive_bank.figure()), text=bank_text(banks.columns))
     step()
     judged = verdicts.judge(paper, STATEMENTS, step)
     yield replace(judged, text=statements_text(judged.columns))

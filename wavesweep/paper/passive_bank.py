@@ -197,7 +197,7 @@ def _response(design: Design, Kp: float) -> FeltResponse:
 
 
 def figure():
-    """Give the function that draws the admittance of some designs to a path."""
+    """Give the function that draws the admittance of some designs."""
     lines = []
     for hue, design in enumerate(SHOWN):
         found = _response(design, 20.0)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,8 +16,8 @@ _OURS = "this tool"
 _ACROSS = 3
 
 
-def bench(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path) -> None:
-    """Draw the errors of the table of `wavesweep bench` as PNG: those in stiffness, and those in the response last.
+def bench(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
+    """Draw the errors of the table of `wavesweep bench`: those in stiffness, and those in the response last.
 
     facts: `titles` maps problems to the titles of their panels. A hollow mark is of a method that missed intervals.
     """
@@ -27,7 +26,7 @@ def bench(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Pat
     problems, methods = (list(dict.fromkeys(rows[name].tolist())) for name in ("problem", "method"))
     across = min(len(problems), _ACROSS)
     down = -(-len(problems) // across)
-    with figure(path, TWO_COLUMNS, 2.2 * down + 1.5) as canvas:
+    with figure(TWO_COLUMNS, 2.2 * down + 1.5) as canvas:
         grid = canvas.subplots(down, across, squeeze=False).ravel()
         for axes, problem in zip(grid, problems, strict=False):
             here = rows["problem"] == problem
@@ -36,6 +35,7 @@ def bench(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Pat
         for axes in grid[len(problems) :]:
             axes.remove()
         _legend(canvas, methods)
+    return canvas
 
 
 def _panel(axes: Any, rows: Mapping[str, np.ndarray], methods: list[str]) -> None:

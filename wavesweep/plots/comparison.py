@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from textwrap import fill
 from typing import Any
 
@@ -20,8 +19,8 @@ _DASHES = ("-", (0, (5, 1.5)), (0, (3, 1, 1, 1)))
 _FEW = 25  # samples of a curve up to which each is marked
 
 
-def compare(columns: Columns, facts: Mapping[str, Any], path: Path, responses: Columns | None = None) -> None:
-    """Draw a `compare` table as PNG; responses: the columns of its `compare-bode`, drawn below if they are given.
+def compare(columns: Columns, facts: Mapping[str, Any], responses: Columns | None = None) -> Any:
+    """Draw a `compare` table; responses: the columns of its `compare-bode`, drawn below if they are given.
 
     Above are the ends of all stable intervals of K_VE, and the static stiffness that the hand feels there, over the first
     axis that has several values. Samples are joined by a line if they have equally many intervals. If the swept range and
@@ -29,7 +28,7 @@ def compare(columns: Columns, facts: Mapping[str, Any], path: Path, responses: C
     """
     specs = list(dict.fromkeys(columns["spec"].tolist()))
     height = 2.9 if responses is None else 5.2
-    with figure(path, TWO_COLUMNS, height) as canvas:
+    with figure(TWO_COLUMNS, height) as canvas:
         grid = canvas.subplots(1 if responses is None else 2, 2, squeeze=False)
         x = _abscissa(columns)
         for axes, (names, title) in zip(grid[0], _WALLS, strict=True):
@@ -45,11 +44,12 @@ def compare(columns: Columns, facts: Mapping[str, Any], path: Path, responses: C
         if assumes := facts.get("assumes"):
             lines = [fill(line, 160) for line in f"assumes: {assumes}".splitlines()]
             canvas.suptitle("\n".join(lines), fontsize=5.5, color="0.3")
+    return canvas
 
 
-def compare_bode(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
+def compare_bode(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw a `compare-bode` table, as a `bode` table is drawn."""
-    bode(columns, facts, path)
+    return bode(columns, facts)
 
 
 def _handles(specs: list[str]) -> tuple[list[Any], list[str]]:

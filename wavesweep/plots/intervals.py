@@ -2,116 +2,238 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.layout import MOST_PANELS, Layout, axes_of, evenly, lay_out
-from wavesweep.plots.planes import draw_region
-from wavesweep.plots.style import DOUBTFUL, ONE_COLUMN, TWO_COLUMNS, UNKNOWN, family_colours, figure, incomplete, label, symbol
+from wavesweep.plots.layout import Layout, axes_of, lay_out
+from wavesweep.plots.planes import (
+    FELT_LINE,
+    draw_felt,
+    draw_region,
+    felt_differs,
+    handles_of,
+    mark_range,
+    range_end,
+    range_handle,
+    view_of,
+)
+from wavesweep.plots.refine import Curve, curves_of, spec_of
+from wavesweep.plots.style import (
+    DOUBTFUL,
+    ONE_COLUMN,
+    TWO_COLUMNS,
+    UNKNOWN,
+    Look,
+    family_looks,
+    figure,
+    fitting,
+    incomplete,
+    label,
+    unit,
+    valued,
+)
 
 _PANEL_HEIGHT = 2.3  # inches
 _LETTERS_PER_INCH = 16
 _HALF_BAR = 0.32  # of the distance between two bars
+_KEPT_ROWS = 300_000  # of a table that comes in blocks; a longer one is read a second time
 
-# From the one that promises least to the one that promises most; the colours stay the same whichever are there.
+# From the one that promises least to the one that promises most; the looks stay the same whichever are there.
 HANDS = {
-    "free": ("#0072B2", "free device"),
-    "operator": ("#56B4E9", "operator"),
-    "box": ("#D55E00", "hands of the box"),
-    "passive": ("#009E73", "every passive hand"),
-    "port": ("#CC79A7", "passive port"),
+    "free": (Look("#0072B2", "-"), "free device"),
+    "operator": (Look("#56B4E9", (0, (7, 1.5))), "operator"),
+    "box": (Look("#D55E00", (0, (5, 1.2, 1, 1.2))), "hands of the box"),
+    "passive": (Look("#009E73", (0, (3, 1))), "every passive hand"),
+    "port": (Look("#CC79A7", (0, (1.5, 0.8))), "passive port"),
 }
 
+Columns = Mapping[str, np.ndarray]
 
-def zwidth(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path) -> None:
-    """Draw the stable intervals of a `zwidth` or `stability-region` table as PNG.
 
-    The stable region is filled, with white holes. Its boundary is solid if certified, otherwise dashed red. Slices that
-    are only partly known are hatched outside of their intervals. The values of a second axis are panels, those of a third
-    axis a family of lines. A note lists the values that do not fit.
+def zwidth(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw the stable intervals of a `zwidth` or `stability-region` table.
+
+    The intervals between two values of x are computed for the figure, see `refine`; if that is not possible, thin bars show
+    the values of the table. A single region is filled. Several are outlined, with strokes to the unstable side, so that none
+    hides the hole of another. Boundaries are dashed red if not certified, and slices that are only partly known are hatched
+    outside of their intervals. One further axis is a family of lines, the next one gives panels through the best design.
     """
-    picture = Picture(axes_of(columns))
+    picture = Picture(axes_of(columns), lambda: (columns,))
     picture.add(columns)
-    picture.draw(facts, path)
+    return picture.draw(facts)
+
+
+stability_region = zwidth
 
 
 class Picture:
     """The figure of a table that need not fit into memory: `add` each of its blocks, then `draw`.
 
-    `axes`: name -> values of the table's leading columns.
+    axes: name -> values of the table's leading columns. blocks: gives all blocks again, if they are too many to be kept.
     """
 
-    def __init__(self, axes: Mapping[str, Sequence[float]]) -> None:
-        self._axes, self._layout = axes, None
-        self._kept: list[dict[str, np.ndarray]] = []
+    def __init__(self, axes: Mapping[str, Sequence[float]], blocks: Callable[[], Iterable[Columns]]) -> None:
+        self._axes, self._blocks = axes, blocks
+        self._kept: list[Columns] = []
+        self._rows = 0
+        self._best: dict[str, Any] = {}
 
-    def add(self, columns: Mapping[str, np.ndarray]) -> None:
-        """Keep the rows of a block (its columns by name) that the figure shows."""
-        if self._layout is None:
-            self._layout = (lay_out_hands if "hand" in columns else lay_out)(self._axes)
-        shown = self._layout.shows(columns)
-        self._kept.append({name: column[shown] for name, column in columns.items()})
+    def add(self, columns: Columns) -> None:
+        """Look for the best design in a block (its columns by name), and keep it if it fits."""
+        self._best = best_of([self._best, _best_row(columns)])
+        self._rows += len(columns["along"])
+        self._kept = [*self._kept, columns] if self._rows <= _KEPT_ROWS else []
 
-    def draw(self, facts: Mapping[str, Any], path: Path) -> None:
-        """Draw the figure as PNG."""
-        del facts
-        rows = {name: np.concatenate([block[name] for block in self._kept]) for name in self._kept[0]}
-        _draw(rows, path, self._layout)
+    def draw(self, facts: Mapping[str, Any]) -> Any:
+        """Draw the figure."""
+        kept = self._kept if self._rows <= _KEPT_ROWS else self._blocks()
+        rows, layout = None, None
+        parts = []
+        for block in kept:
+            layout = layout or lay_out(self._axes, self._best, "hand" in block)
+            shown = layout.shows(block)
+            parts.append({name: column[shown] for name, column in block.items()})
+        rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        return _draw(rows, facts, layout, self._best)
 
 
-def _draw(columns: Mapping[str, np.ndarray], path: Path, layout: Layout) -> None:
+def _best_row(columns: Columns) -> dict[str, Any]:
+    """The row with the largest stable value or, of walls, with the largest stiffness felt; empty if none is stable."""
+    rows = columns["intervals"] > 0
+    if (rows & columns["certified"]).any():
+        rows = rows & columns["certified"]
+    if not rows.any():
+        return {}
+    merit = np.where(rows, _merit(columns), -np.inf)
+    row = int(np.nanargmax(merit))
+    return {name: column[row] for name, column in columns.items()} | {"merit": merit[row]}
+
+
+def _merit(columns: Columns) -> np.ndarray:
+    felt = columns.get("felt_high")
+    if felt is None or str(columns["along"][0]) != "K_VE":
+        return columns["high"]
+    return np.where(np.isnan(felt), -np.inf, felt)
+
+
+def best_of(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The best of some rows; certified ones come first."""
+    known = [row for row in found if row]
+    return dict(max(known, key=lambda row: (bool(row["certified"]), row["merit"]))) if known else {}
+
+
+def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapping[str, Any]) -> Any:
     panels = layout.panel_values or (np.nan,)
     across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) else 3
-    rows = -(-len(panels) // across)
+    down = -(-len(panels) // across)
     width = ONE_COLUMN if across == 1 else TWO_COLUMNS
-    height = 2.8 if across == 1 else _PANEL_HEIGHT * rows + 0.4
-    with figure(path, width, height) as canvas:
-        grid = canvas.subplots(rows, across, sharex=True, sharey=True, squeeze=False)
+    entries = _entries(columns, layout, best, _own_points(facts, layout, panels))
+    in_a_row = fitting([str(entry.get_label()) for entry in entries], width)
+    height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + 0.17 * -(-len(entries) // in_a_row)
+    with figure(width, height) as canvas:
+        grid = canvas.subplots(down, across, sharex=True, sharey=True, squeeze=False)
         for axes, value in zip(grid.flat, panels, strict=False):
-            _draw_panel(axes, _rows_where(columns, layout.panels, value), layout)
+            _draw_panel(axes, _rows_where(columns, layout.panels, value), facts, layout, (width / across, height / down))
             if layout.panels is not None:
-                axes.set_title(f"{symbol(layout.panels)} = {value:g}")
+                axes.set_title(valued(layout.panels, value))
+            _mark_best(axes, layout, best, value)
+            axes.plot(*_own_points(facts, layout, [value]), **_OWN)
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
         _limit(grid[0, 0], columns, bars=layout.x is None)
+        for axes in grid.flat[: len(panels)]:
+            mark_range(axes, columns, bars=layout.x is None)
         _name_axes(canvas, columns, layout)
-        _add_legend(canvas, columns, layout)
+        if entries:
+            canvas.legend(handles=entries, loc="outside upper center", ncols=in_a_row, columnspacing=1.0, handlelength=2.0)
+    return canvas
 
 
-def _draw_panel(axes: Any, columns: Mapping[str, np.ndarray], layout: Layout) -> None:
-    if layout.x is not None and not (columns["intervals"] > 0).any():
-        nothing = "nothing known to be stable" if incomplete(columns).any() else "nowhere stable in the swept range"
-        axes.text(0.5, 0.5, nothing, ha="center", va="center", transform=axes.transAxes)
-    members = [_rows_where(columns, layout.family, value) for value in layout.members or (np.nan,)]
-    if layout.x is None:
-        if "hand" in columns:
-            draw_hand_bars(axes, columns)
-        else:
-            draw_bars(axes, members, [f"{v:g}" for v in layout.members])
+_BEST = {"marker": "*", "color": "black", "markersize": 6, "zorder": 5, "linestyle": "none", "clip_on": False}
+_OWN = {"marker": "x", "color": "black", "markersize": 6, "markeredgewidth": 1.4, "zorder": 5, "linestyle": "none"}
+
+
+def _mark_best(axes: Any, layout: Layout, best: Mapping[str, Any], panel: float) -> None:
+    if not best or (layout.panels is not None and best[layout.panels] != panel):
         return
-    if _logarithmic(columns[layout.x]):
-        axes.set_xscale("log")
+    if layout.x is not None:
+        axes.plot(best[layout.x], best["high"], **_BEST)
+    elif layout.family is None or best[layout.family] in layout.members:
+        axes.plot(best["high"], layout.members.index(best[layout.family]) if layout.family else 0, **_BEST)
+
+
+def _own_points(facts: Mapping[str, Any], layout: Layout, panels: Sequence[float]) -> tuple[list[float], list[float]]:
+    """The spec's own design in the plane of the figure, if one of these panels shows it."""
+    spec = spec_of(facts)
+    if spec is None or layout.x is None:
+        return [], []
+    from wavesweep.spec import find_key
+
+    own = {
+        name: spec.values.get(find_key(name).path) for name in (layout.x, layout.panels, layout.family, *layout.fixed) if name
+    }
+    there = layout.panels is None or own[layout.panels] in panels
+    there = there and (layout.family is None or own[layout.family] in layout.members)
+    there = there and all(own[name] == value for name, value in layout.fixed.items())
+    x, along = own[layout.x], spec.values.get(find_key(facts.get("along", spec.along)).path)
+    return ([x], [along]) if there and layout.points[0] <= x <= layout.points[-1] else ([], [])
+
+
+def _draw_panel(axes: Any, columns: Columns, facts: Mapping[str, Any], layout: Layout, inches: tuple[float, float]) -> None:
+    if layout.x is not None and not (columns["intervals"] > 0).any():
+        nothing = "nothing known to be stable" if incomplete(columns).any() else "nowhere stable at the swept values"
+        axes.text(0.5, 0.5, nothing, ha="center", va="center", transform=axes.transAxes)
     if "hand" in columns:
-        draw_hand_regions(axes, columns, layout.x)
+        members = _members(columns)
+        looks, names = [HANDS[hand][0] for hand in members], list(members)
+        members = list(members.values())
     else:
-        for colour, member in zip(family_colours(len(members)), members, strict=True):
-            draw_region(axes, member, layout.x, colour, alone=len(members) == 1)
+        members = [_rows_where(columns, layout.family, value) for value in layout.members or (np.nan,)]
+        looks, names = family_looks(len(members)), [f"{v:g}" for v in layout.members]
+    if layout.x is None:
+        draw_bars(axes, members, names, [look.colour for look in looks] if "hand" in columns else ())
+        return
+    logarithmic = _logarithmic(columns[layout.x])
+    if logarithmic:
+        axes.set_xscale("log")
+    view = view_of(layout.x, logarithmic, *inches)
+    felt = _shows_felt(columns, layout)
+    for look, curve in zip(looks, _curves(members, view, facts, "hand" in columns), strict=True):
+        draw_region(axes, curve, view, look, filled=len(members) == 1)
+        if felt:
+            draw_felt(axes, curve, look)
     axes.set_xlim(columns[layout.x].min(), columns[layout.x].max())
 
 
-def _limit(axes: Any, columns: Mapping[str, np.ndarray], bars: bool) -> None:
-    """Show every interval of the table; all panels share these limits, so that they can be compared."""
+def _curves(members: Sequence[Columns], view: Any, facts: Mapping[str, Any], hands: bool) -> list[Curve]:
+    """The curves of all members in one batch; those of hands each on its own, since only some of them can be refined."""
+    if not hands:
+        return curves_of(members, view, facts)
+    return [curve for member in members for curve in curves_of([member], view, facts)]
+
+
+def _shows_felt(columns: Columns, layout: Layout) -> bool:
+    return layout.x == "B_VE" and str(columns["along"][0]) == "K_VE" and "hand" not in columns and felt_differs(columns)
+
+
+def _limit(axes: Any, columns: Columns, bars: bool) -> None:
+    """Show every interval of the table; all panels share these limits, so that they can be compared.
+
+    There is room beyond the largest value, and below the least one if the swept range ends there.
+    """
     bottom, top = np.nanmin(columns["low"], initial=0.0), np.nanmax(columns["high"], initial=0.0)
-    limits = (float(bottom), float(top + 0.05 * (top - bottom)) if top > bottom else 1.0)
-    axes.set_xlim(limits) if bars else axes.set_ylim(limits)
+    room = 0.06 * (top - bottom)
+    lowest = range_end(columns, "low")
+    if lowest is not None:
+        bottom = max(min(bottom, lowest - room), 0.0)
+    limits = (float(bottom), float(top + room) if top > bottom else 1.0)
+    (axes.set_xlim if bars else axes.set_ylim)(limits)
 
 
-def _rows_where(columns: Mapping[str, np.ndarray], axis: str | None, value: float) -> dict[str, np.ndarray]:
+def _rows_where(columns: Columns, axis: str | None, value: float) -> dict[str, np.ndarray]:
     chosen = slice(None) if axis is None else columns[axis] == value
     return {name: column[chosen] for name, column in columns.items()}
 
@@ -124,7 +246,7 @@ def _logarithmic(values: np.ndarray) -> bool:
     return bool(np.ptp(np.diff(np.log(steps))) < 1e-6 * np.log(steps[-1] / steps[0]))
 
 
-def _name_axes(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) -> None:
+def _name_axes(canvas: Any, columns: Columns, layout: Layout) -> None:
     along = label(str(columns["along"][0]))
     bars = layout.x is None
     # The note is a further line of the label: the layout makes room for that, and for nothing that is placed by hand.
@@ -135,34 +257,52 @@ def _name_axes(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) -
         canvas.supylabel(across, fontsize=8)
 
 
-def _add_legend(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) -> None:
+def _entries(columns: Columns, layout: Layout, best: Mapping[str, Any], own: tuple[list, list]) -> list[Any]:
+    """The entries of the legend."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     handles = hand_handles(columns) if "hand" in columns else []
     if layout.x is not None and layout.family is not None:
-        colours = family_colours(len(layout.members))
-        handles = [Line2D([], [], color=c, label=f"{v:g}") for c, v in zip(colours, layout.members, strict=True)]
+        rows, bottom = (
+            [_rows_where(columns, layout.family, value) for value in layout.members],
+            np.nanmin(columns["low"], initial=np.inf),
+        )
+        names = [valued(layout.family, value) for value in layout.members]
+        handles = handles_of([name + _extent(each, bottom) for name, each in zip(names, rows, strict=True)])
+    if layout.x is not None and _shows_felt(columns, layout):
+        alone = HANDS["free"][0].colour if layout.family is None else "0.3"
+        handles.append(Line2D([], [], color=alone, linestyle=FELT_LINE, linewidth=0.8, label="stiffness felt at the limit"))
+    if best:
+        handles.append(Line2D([], [], **_BEST, label=_in_words(best)))
+    if own[0]:
+        handles.append(Line2D([], [], **_OWN, label="the spec's own"))
     if not (columns["certified"] | promised(columns)).all():
         handles.append(Line2D([], [], color=DOUBTFUL, linestyle="--", label="not certified"))
     if incomplete(columns).any():
         handles.append(Patch(**UNKNOWN, label="not known outside the intervals"))
-    if handles:
-        title = label(layout.family) if layout.family is not None and len(handles) > 1 else None
-        across = 2 if "hand" in columns else 6
-        place = {"loc": "outside upper center", "ncols": across, "columnspacing": 1.0, "handlelength": 1.3}
-        canvas.legend(handles=handles, title=title, **place)
+    if range_end(columns, "low") is not None or range_end(columns, "high") is not None:
+        handles.append(range_handle())
+    return handles
 
 
-def draw_bars(
-    axes: Any, members: Sequence[Mapping[str, np.ndarray]], names: Sequence[str], colours: Sequence[Any] = ()
-) -> None:
+def _in_words(best: Mapping[str, Any]) -> str:
+    """The largest value and, for a wall, the stiffness that the hand feels."""
+    along = str(best["along"])
+    over = "" if best["high_omega"] == best["high_omega"] else "over "
+    felt = best.get("felt_high", np.nan)
+    if along != "K_VE" or not abs(felt - best["high"]) > 0.005 * best["high"]:
+        return f"largest: {over}{best['high']:.5g} {unit(along)}".rstrip()
+    return f"stiffest felt: {felt:.4g} N/m, of a wall of {over}{best['high']:.4g}"
+
+
+def draw_bars(axes: Any, members: Sequence[Columns], names: Sequence[str], colours: Sequence[Any] = ()) -> None:
     """Draw a bar per stable interval, a line of bars per member, named at the left.
 
     An end of the stable set is marked by a stroke; if the swept range ends the bar, there is none. `colours`: one for
     each member; by default all have the same.
     """
-    alike = family_colours(1) * len(members)
+    alike = [family_looks(1)[0].colour] * len(members)
     for place, (columns, colour) in enumerate(zip(members, colours or alike, strict=True)):
         stable = np.flatnonzero(columns["intervals"] > 0).tolist()
         unknown = bool(incomplete(columns).any())
@@ -187,48 +327,16 @@ def _draw_bar(axes: Any, place: int, row: Mapping[str, Any], colour: Any) -> Non
             axes.vlines(row[end], place - _HALF_BAR, place + _HALF_BAR, colors=edge, linestyles=style)
 
 
-def lay_out_hands(axes: Mapping[str, Sequence[float]]) -> Layout:
-    """Give the axes their roles if the hands are the family: one along the figure, one for the panels."""
-    several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
-    x = lay_out(axes).x
-    rest = [name for name in several if name != x]
-    held = {name: several[name][len(several[name]) // 2] for name in rest[1:]}
-    shown = lay_out({name: values for name, values in several.items() if name not in held})
-    panels = rest[0] if rest else None
-    notes = [f"{name} at {value:g} alone, of {len(several[name])} values" for name, value in held.items()]
-    if panels and len(several[panels]) > MOST_PANELS:
-        notes.insert(0, f"{MOST_PANELS} of {len(several[panels])} values of {panels}")
-    if x and len(shown.points) < len(several[x]):
-        notes.insert(0, f"{len(shown.points)} of {len(several[x])} values of {x}")
-    return replace(
-        shown, panels=panels, panel_values=evenly(several, panels, MOST_PANELS), family=None, members=(), fixed=held,
-        left_out=f"Shown: {'; '.join(notes)}." if notes else "",
-    )  # fmt: skip
-
-
-def draw_hand_regions(axes: Any, columns: Mapping[str, np.ndarray], x: str) -> None:
-    """Draw the regions of all hands in one panel."""
-    for hand, rows in _members(columns).items():
-        # Filled faintly: regions of hands lie over each other, and none is always the smaller one.
-        draw_region(axes, rows, x, HANDS[hand][0], alone=False)
-
-
-def draw_hand_bars(axes: Any, columns: Mapping[str, np.ndarray]) -> None:
-    """Draw the intervals as bars, a line of bars per hand."""
-    members = _members(columns)
-    draw_bars(axes, list(members.values()), list(members), [HANDS[hand][0] for hand in members])
-
-
-def promised(columns: Mapping[str, np.ndarray]) -> np.ndarray:
+def promised(columns: Columns) -> np.ndarray:
     """Flags of the rows with a guarantee for hands; their certainty is in the legend, not in the style of the line."""
     if "hand" not in columns:
         return np.zeros(len(columns["along"]), bool)
     return ~np.isin(columns["hand"].astype(str), ("free", "operator"))
 
 
-def hand_handles(columns: Mapping[str, np.ndarray]) -> list[Any]:
+def hand_handles(columns: Columns) -> list[Any]:
     """Entries of the legend, with those regions that have no boundary, since no line shows them."""
-    from matplotlib.patches import Patch
+    from matplotlib.lines import Line2D
 
     members = _members(columns)
     names = {hand: words for hand, (_, words) in HANDS.items()}
@@ -238,19 +346,19 @@ def hand_handles(columns: Mapping[str, np.ndarray]) -> list[Any]:
         names["box"] += " (settled)" if members["box"]["settled"].all() else " (searched)"
     bottom = np.nanmin(columns["low"], initial=np.inf)
     return [
-        Patch(facecolor=(HANDS[hand][0], 0.15), edgecolor=HANDS[hand][0], label=names[hand] + _extent(rows, bottom))
-        for hand, rows in members.items()
+        Line2D([], [], color=HANDS[h][0].colour, linestyle=HANDS[h][0].line, label=names[h] + _extent(rows, bottom))
+        for h, rows in members.items()
     ]
 
 
-def _extent(rows: Mapping[str, np.ndarray], bottom: float) -> str:
+def _extent(rows: Columns, bottom: float) -> str:
     if not rows["intervals"].any():
         return ": none"
     whole = (rows["intervals"] == 1) & (rows["low"] == bottom) & np.isnan(rows["high_omega"])
     return ": whole range" if whole.all() else ""
 
 
-def _members(columns: Mapping[str, np.ndarray]) -> dict[str, dict[str, np.ndarray]]:
+def _members(columns: Columns) -> dict[str, dict[str, np.ndarray]]:
     """The rows of each hand of the table."""
     shown = {**columns, "certified": columns["certified"] | promised(columns)}
     rows = {hand: columns["hand"] == hand for hand in HANDS}

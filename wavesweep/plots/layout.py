@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 # What a person can still read in one figure.
-MOST_MEMBERS = 6
-MOST_PANELS = 9
+MOST_MEMBERS = 8
+MOST_PANELS = 6
 MOST_BARS = 8
 MOST_POINTS = 400  # along the figure: more than that is finer than its pixels
 
@@ -51,21 +51,22 @@ def axes_of(columns: Mapping[str, np.ndarray]) -> dict[str, tuple[float, ...]]:
     return {name: tuple(np.unique(columns[name]).tolist()) for name in list(columns)[: list(columns).index("along")]}
 
 
-def lay_out(axes: Mapping[str, Sequence[float]]) -> Layout:
-    """Give the axes (name -> values) their roles, in their order: along the figure, panels, a family of lines.
+def lay_out(axes: Mapping[str, Sequence[float]], best: Mapping[str, float], hands: bool = False) -> Layout:
+    """Give the axes (name -> values) their roles: along the figure (B_VE or K_VE if possible), a family of lines, panels.
 
-    B_VE or K_VE lies along the figure if possible, since this is how the plane of the wall is usually drawn.
+    The family is the first axis that fits into one panel, or the first of all. best: the values of the best design, which the
+    figure goes through: values that are left out are chosen about it. hands: the family is that of the hands.
     """
     several = {name: tuple(sorted(set(values))) for name, values in axes.items() if len(set(values)) > 1}
     x = along_the_figure(several)
     rest = [name for name in several if name != x]
-    # Bars have their family first, named on the axis across; lines have it in a legend, and panels are easier to read.
-    first, second, *_ = [*rest, None, None]
-    panels, family = (first, second) if x else (second, first)
-    points = evenly(several, x, MOST_POINTS)
-    panel_values = evenly(several, panels, MOST_PANELS)
-    members = evenly(several, family, MOST_MEMBERS if x else MOST_BARS)
-    fixed = {name: several[name][len(several[name]) // 2] for name in rest[2:]}
+    fitting = [name for name in rest if len(several[name]) <= MOST_MEMBERS]
+    family = None if hands else next(iter([*fitting, *rest]), None)
+    panels, *held = [*(name for name in rest if name != family), None]
+    points = evenly(several, x, MOST_POINTS, best)
+    panel_values = evenly(several, panels, MOST_PANELS, best)
+    members = evenly(several, family, MOST_MEMBERS if x else MOST_BARS, best)
+    fixed = {name: best.get(name, several[name][len(several[name]) // 2]) for name in held if name}
     shown = ((x, points), (panels, panel_values), (family, members))
     notes = [f"{len(v)} of {len(several[n])} values of {n}" for n, v in shown if n and len(v) < len(several[n])]
     notes += [f"{name} at {value:g} alone, of {len(several[name])} values" for name, value in fixed.items()]
@@ -83,11 +84,19 @@ def along_the_figure(several: Mapping[str, Sequence[float]]) -> str | None:
     return longest if longest is not None and len(several[longest]) > MOST_BARS else None
 
 
-def evenly(several: Mapping[str, Sequence[float]], name: str | None, most: int) -> tuple[float, ...]:
-    """Return up to `most` values of the axis `name`, equally spaced in its list and with both ends."""
+def evenly(
+    several: Mapping[str, Sequence[float]], name: str | None, most: int, through: Mapping[str, float] | None = None
+) -> tuple[float, ...]:
+    """Return up to `most` values of the axis `name`, about equally spaced in its list, with both ends and that of `through`."""
     if name is None:
         return ()
     values = np.asarray(several[name])
     if len(values) <= most:
         return tuple(values.tolist())
-    return tuple(values[np.linspace(0, len(values) - 1, most).round().astype(int)].tolist())
+    chosen = np.linspace(0, len(values) - 1, most).round().astype(int)
+    if through and name in through:
+        at = int(np.argmin(np.abs(values - through[name])))
+        if at not in (0, len(values) - 1):
+            inner = np.arange(1, most - 1)
+            chosen[inner[np.argmin(np.abs(chosen[inner] - at))]] = at
+    return tuple(values[chosen].tolist())

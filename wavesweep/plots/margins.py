@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from textwrap import wrap
 from typing import Any
 
 import numpy as np
 
 from wavesweep.plots.layout import MOST_BARS, MOST_MEMBERS, MOST_POINTS, along_the_figure, evenly
-from wavesweep.plots.style import TWO_COLUMNS, distinct_colour, family_colours, figure, label, symbol
+from wavesweep.plots.style import TWO_COLUMNS, distinct_colour, family_looks, figure, fitting, label, valued
 
 Columns = Mapping[str, np.ndarray]
 
@@ -22,8 +21,8 @@ _FLOOR = 1e-10
 _PANELS = (("channel_norm", "pmw: channel norm - 1"), ("bank_norm", "pmw-lm, way out: norm - 1"))
 
 
-def passivity(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
-    """Draw a `passivity` table as PNG: norm less 1 on a logarithmic scale, and the port's margin; passive is shaded.
+def passivity(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `passivity` table: norm less 1 on a logarithmic scale, and the port's margin; passive is shaded.
 
     If an axis has many values, they are lines over it, a family for the next axis; otherwise each combination is a dot.
     """
@@ -32,41 +31,41 @@ def passivity(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
     several = {name: values for name, values in axes.items() if len(values) > 1}
     x = along_the_figure(several)
     rest = [name for name in several if name != x]
-    if x is not None:
-        _draw_lines(columns, several, x, rest, path)
-    else:
-        _draw_dots(columns, several, path)
+    columns = {**columns, "port_margin": 1e3 * columns["port_margin"]}
+    return _draw_dots(columns, several) if x is None else _draw_lines(columns, several, x, rest)
 
 
-def _draw_lines(columns: Columns, several: Mapping[str, tuple], x: str, rest: list[str], path: Path) -> None:
+def _draw_lines(columns: Columns, several: Mapping[str, tuple], x: str, rest: list[str]) -> Any:
     family, held = (rest[0] if rest else None), {name: several[name][len(several[name]) // 2] for name in rest[1:]}
     members = evenly(several, family, MOST_MEMBERS)
     shown = {x: evenly(several, x, MOST_POINTS), **({family: members} if family else {}), **{n: (v,) for n, v in held.items()}}
     columns = _where(columns, shown)
-    with figure(path, TWO_COLUMNS, 2.9) as canvas:
+    with figure(TWO_COLUMNS, 2.9) as canvas:
         channel, port = canvas.subplots(1, 2)
-        for colour, value in zip(family_colours(max(1, len(members))), members or (None,), strict=True):
+        for look, value in zip(family_looks(max(1, len(members))), members or (None,), strict=True):
             rows = _where(columns, {family: (value,)} if family else {})
             order = np.argsort(rows[x], kind="stable")
-            name = None if value is None else f"{value:g}"
+            name = None if value is None else valued(family, value)
+            style = {"color": look.colour, "linestyle": look.line, "marker": ".", "markersize": 2.5, "linewidth": 1}
             for panel, values in ((channel, _excess(rows)), (port, rows["port_margin"])):
-                panel.plot(rows[x][order], values[order], color=colour, label=name, marker=".", markersize=2.5, linewidth=1)
+                panel.plot(rows[x][order], values[order], label=name, **style)
         for panel in (channel, port):
             panel.set_xlim(columns[x].min(), columns[x].max())
         _finish(channel.yaxis, port.yaxis, (channel, port), columns)
-        _legend(canvas, port, family)
+        _legend(canvas, port)
         _note(canvas, label(x), _left_out(several, shown))
+    return canvas
 
 
-def _draw_dots(columns: Columns, several: Mapping[str, tuple], path: Path) -> None:
+def _draw_dots(columns: Columns, several: Mapping[str, tuple]) -> Any:
     rows = len(columns["channel_norm"])
     # Axes that have one value, or that are not read, repeat nothing here: a row is a dot.
     chosen = np.linspace(0, rows - 1, min(rows, 2 * MOST_BARS)).round().astype(int)
     columns = {name: column[chosen] for name, column in columns.items()}
     places = np.arange(len(chosen))
-    names = [", ".join(f"{symbol(name)} = {columns[name][row]:g}" for name in several) for row in range(len(chosen))]
+    names = [", ".join(valued(name, columns[name][row]) for name in several) for row in range(len(chosen))]
     note = f"Shown: {len(chosen)} of {rows} combinations." if len(chosen) < rows else ""
-    with figure(path, TWO_COLUMNS, 1.5 + 0.2 * len(chosen)) as canvas:
+    with figure(TWO_COLUMNS, 1.5 + 0.2 * len(chosen)) as canvas:
         channel, port = canvas.subplots(1, 2, sharey=True)
         panels = ((channel, _excess(columns), "channel_passive"), (port, columns["port_margin"], "port_passive"))
         for panel, values, verdict in panels:
@@ -77,8 +76,9 @@ def _draw_dots(columns: Columns, several: Mapping[str, tuple], path: Path) -> No
         channel.set_yticks(places, names)
         channel.set_ylim(len(chosen) - 0.4, -0.6)
         _finish(channel.xaxis, port.xaxis, (channel, port), columns)
-        _legend(canvas, port, None)
+        _legend(canvas, port)
         _note(canvas, "", note)
+    return canvas
 
 
 def _excess(columns: Columns) -> np.ndarray:
@@ -100,7 +100,7 @@ def _finish(channel_axis: Any, port_axis: Any, panels: tuple[Any, Any], columns:
         (channel.axhspan if upright else channel.axvspan)(_TOLERANCE / 10, _TOLERANCE, color=_PASSIVE, alpha=0.2, linewidth=0)
     channel_axis.set_label_text("channel norm - 1")
     _scale_margin(port, columns["port_margin"], upright)
-    port_axis.set_label_text("port margin (m/N)")
+    port_axis.set_label_text("port margin (mm/N)")
 
 
 def _scale_margin(port: Any, margin: np.ndarray, upright: bool) -> None:
@@ -124,13 +124,13 @@ def _where(columns: Columns, wanted: Mapping[str, tuple]) -> dict[str, np.ndarra
     return {name: column[kept] for name, column in columns.items()}
 
 
-def _legend(canvas: Any, panel: Any, family: str | None) -> None:
+def _legend(canvas: Any, panel: Any) -> None:
     from matplotlib.patches import Patch
 
     handles, labels = panel.get_legend_handles_labels()
     shade = Patch(color=_PASSIVE, alpha=0.2, linewidth=0)
-    title = f"{label(family)}" if family else None
-    canvas.legend([*handles, shade], [*labels, "passive"], title=title, loc="outside upper center", ncols=7)
+    labels = [*labels, "passive"]
+    canvas.legend([*handles, shade], labels, loc="outside upper center", ncols=fitting(labels, TWO_COLUMNS), handlelength=2.4)
 
 
 def _left_out(several: Mapping[str, tuple], shown: Mapping[str, tuple]) -> str:
@@ -145,21 +145,23 @@ def _note(canvas: Any, axis: str, note: str) -> None:
         canvas.supxlabel("\n".join(lines), fontsize=8)
 
 
-def passivity_filters(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path) -> None:
-    """Draw a `passivity-filters` table as PNG: without the local model at the left, with it at the right."""
+def passivity_filters(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
+    """Draw a `passivity-filters` table: without the local model at the left, with it at the right."""
     del facts
     orders = np.unique(columns["lp1_order"]).tolist()
-    with figure(path, TWO_COLUMNS, 2.9) as canvas:
+    with figure(TWO_COLUMNS, 2.9) as canvas:
         panels = canvas.subplots(1, 2, sharey=True)
         for panel, (name, title) in zip(panels, _PANELS, strict=True):
-            for colour, order in zip(family_colours(len(orders)), orders, strict=True):
+            for look, order in zip(family_looks(len(orders)), orders, strict=True):
                 rows = columns["lp1_order"] == order
                 excess = np.maximum(columns[name][rows] - 1, _FLOOR)
-                panel.plot(columns["lp1_cutoff_hz"][rows], excess, color=colour, label=f"{order}", marker=".", linewidth=1)
+                style = {"color": look.colour, "linestyle": look.line, "marker": ".", "linewidth": 1}
+                panel.plot(columns["lp1_cutoff_hz"][rows], excess, label=f"{order}", **style)
             panel.set_yscale("log")
             panel.set_xlabel("LP1 cutoff (Hz)")
             panel.set_ylabel(title)
             panel.grid(visible=True, color="0.9", linewidth=0.5)
         panels[0].set_ylim(_FLOOR / 3, 1)
         handles, labels = panels[0].get_legend_handles_labels()
-        canvas.legend(handles, labels, title="order", loc="outside upper center", ncols=8)
+        canvas.legend(handles, labels, title="order of LP1", loc="outside upper center", ncols=8)
+    return canvas

@@ -1,49 +1,73 @@
-"""Stable regions of a plane, drawn from their intervals at the values of x; and regions of several designs side by side."""
+"""Stable regions of a plane, drawn from curves; the end of the swept range; several designs side by side."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import DOUBTFUL, ONE_COLUMN, TWO_COLUMNS, UNKNOWN, family_colours, figure, incomplete, label
+from wavesweep.plots.refine import KNOWN, NARROW, Curve, Interval, View, curves_of
+from wavesweep.plots.style import (
+    DOTS_PER_INCH,
+    DOUBTFUL,
+    ONE_COLUMN,
+    TWO_COLUMNS,
+    UNKNOWN,
+    Look,
+    family_looks,
+    figure,
+    incomplete,
+    label,
+)
+
+_SHADE, _FAINT = 0.22, 0.05
+_BEYOND = {"facecolor": "0.93", "edgecolor": "0.65", "hatch": "....", "linewidth": 0, "zorder": 0.4}
+
+Facts = Mapping[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """One panel: a title, the axis along it, (name, `zwidth` columns) of each design, the top of the axis (N/m).
+    """One panel: a title, the axis along it, (name, `zwidth` columns, facts) of each design, the top of the axis (N/m).
 
     mark: a point (x, y) to compare with. note: text in the middle of the panel.
     """
 
     title: str
     x: str
-    designs: Sequence[tuple[str, Mapping[str, np.ndarray]]]
+    designs: Sequence[tuple[str, Mapping[str, np.ndarray], Facts]]
     top: float
     mark: tuple[float, float] | None = None
     note: str = ""
 
 
-def draw_planes(planes: Sequence[Plane], path: Path) -> None:
-    """Draw the panels side by side as PNG: stable regions filled, their boundaries as lines."""
-    with figure(path, ONE_COLUMN if len(planes) == 1 else TWO_COLUMNS, 2.8) as canvas:
+def draw_planes(planes: Sequence[Plane]) -> Any:
+    """Draw the panels side by side: the boundaries of stable regions, with strokes to the unstable side."""
+    width = ONE_COLUMN if len(planes) == 1 else TWO_COLUMNS
+    with figure(width, 2.8) as canvas:
         grid = np.atleast_1d(canvas.subplots(1, len(planes), sharey=True))
         for axes, plane in zip(grid, planes, strict=True):
-            _draw_plane(axes, plane)
+            _draw_plane(axes, plane, view_of(plane.x, False, width / len(planes), 2.8))
         along = str(planes[0].designs[0][1]["along"][0])
         grid[0].set_ylabel(label(along))
-        _add_legend(canvas, planes[0])
+        names = [name for name, *_ in planes[0].designs]
+        canvas.legend(handles=handles_of(names), loc="outside lower center", ncols=4)
+    return canvas
 
 
-def _draw_plane(axes: Any, plane: Plane) -> None:
-    colours = family_colours(len(plane.designs))
-    for colour, (_, columns) in zip(colours, plane.designs, strict=True):
-        draw_region(axes, columns, plane.x, colour, alone=False)
+def view_of(x: str, logarithmic: bool, width: float, height: float) -> View:
+    """The view of a panel of `width` by `height` inches with its labels."""
+    return View(x, logarithmic, 0.8 * DOTS_PER_INCH * width, 0.8 * DOTS_PER_INCH * height)
+
+
+def _draw_plane(axes: Any, plane: Plane, view: View) -> None:
+    looks = family_looks(len(plane.designs))
+    for look, (_, columns, facts) in zip(looks, plane.designs, strict=True):
+        (curve,) = curves_of([columns], view, facts)
+        draw_region(axes, curve, view, look, filled=False)
     if plane.mark is not None:
         axes.plot(*plane.mark, "x", color="black", markersize=7, zorder=4)
     columns = plane.designs[0][1]
@@ -54,111 +78,175 @@ def _draw_plane(axes: Any, plane: Plane) -> None:
     axes.text(0.5, 0.5, plane.note, ha="center", va="center", transform=axes.transAxes)
 
 
-def _add_legend(canvas: Any, plane: Plane) -> None:
+def handles_of(names: Sequence[str]) -> list[Any]:
+    """Entries of a legend for the members of a family."""
     from matplotlib.lines import Line2D
 
-    colours = family_colours(len(plane.designs))
-    handles = [Line2D([], [], color=c, label=name) for c, (name, _) in zip(colours, plane.designs, strict=True)]
-    canvas.legend(handles=handles, loc="outside lower center", ncols=4)
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A stable interval; an end is real unless the swept range ends there."""
-
-    low: float
-    high: float
-    low_real: bool
-    high_real: bool
-    certified: bool
+    looks = family_looks(len(names))
+    return [Line2D([], [], color=k.colour, linestyle=k.line, label=name) for k, name in zip(looks, names, strict=True)]
 
 
 # An interval followed over neighbouring values of x: (x, interval) in order of x.
 Chain = list[tuple[float, Interval]]
+Line = list[tuple[float, float]]
 
 
-def draw_region(axes: Any, columns: Mapping[str, np.ndarray], x: str, colour: Any, alone: bool) -> None:
-    """Fill the stable region and draw its boundary; a region among others of a family is filled faintly."""
+def draw_region(axes: Any, curve: Curve, view: View, look: Look, filled: bool) -> None:
+    """Draw the known part of a stable region: its area, or strokes from its boundary to the unstable side if not `filled`.
+
+    If the gap between two values of x is not known, a thin bar at each of them shows its intervals.
+    """
     from matplotlib.collections import LineCollection, PolyCollection
+    from matplotlib.patheffects import withTickedStroke
 
-    chains = _chains(columns, x)
-    # Whole chains and not a polygon from each x to the next: seams between polygons show.
-    outlines = [_outline(chain) for chain in chains]
-    cells = list(_cells(columns, x))
+    chains, jumps, seams, bars = _followed(curve)
+    outlines = [_outline(chain) for chain in chains if len(chain) > 1] + seams
+    cells = list(_unknown_cells(curve, view))
     for left, right in cells:
         axes.axvspan(left, right, **UNKNOWN)
     if cells:  # no hatching under what is known
         axes.add_collection(PolyCollection(outlines, facecolor="white", linewidth=0, zorder=0.5))
-    axes.add_collection(PolyCollection(outlines, facecolor=colour, alpha=0.25 if alone else 0.07, linewidth=0))
-    certain = [line for chain in chains for line in _boundary(chain, certified=True)]
+    axes.add_collection(PolyCollection(outlines, facecolor=look.colour, alpha=_SHADE if filled else _FAINT, linewidth=0))
+    strokes = [] if filled else [withTickedStroke(angle=75, spacing=9, length=0.45, linewidth=0.7)]
+    certain = [line for chain in chains for line in _boundary(chain, certified=True)] + jumps
     doubtful = [line for chain in chains for line in _boundary(chain, certified=False)]
-    axes.add_collection(LineCollection(certain, colors=[colour], linewidths=1.2, capstyle="round"))
-    axes.add_collection(LineCollection(doubtful, colors=DOUBTFUL, linewidths=1.2, linestyles="--", zorder=3))
+    line = {"linewidths": 1.2, "path_effects": strokes}
+    axes.add_collection(LineCollection(certain, colors=[look.colour], linestyles=[look.line], **line))
+    axes.add_collection(LineCollection(doubtful, colors=DOUBTFUL, linestyles="--", zorder=3, **line))
+    _draw_bars_at(axes, bars, look)
 
 
-def _cells(columns: Mapping[str, np.ndarray], x: str) -> Iterator[tuple[float, float]]:
+def _draw_bars_at(axes: Any, bars: Chain, look: Look) -> None:
+    """Draw the intervals at single values of x, with a short stroke at each end of the stable set."""
+    for certified in (True, False):
+        chosen = [(x, each) for x, each in bars if each.certified == certified]
+        if chosen:
+            colour = look.colour if certified else DOUBTFUL
+            places, found = zip(*chosen, strict=True)
+            low, high = [each.low for each in found], [each.high for each in found]
+            style = "-" if certified else "--"
+            axes.vlines(places, low, high, colors=[colour], linewidths=0.8, linestyles=style)
+            ends = [(x, e.low) for x, e in chosen if e.low_real] + [(x, e.high) for x, e in chosen if e.high_real]
+            if ends:
+                axes.plot(*zip(*ends, strict=True), "_", color=colour, markersize=5)
+
+
+def draw_felt(axes: Any, curve: Curve, look: Look) -> None:
+    """Draw the stiffness that the hand feels at the upper ends, if these are limits and not ends of the range."""
+    chains, _, _, bars = _followed(curve)
+    for chain in chains:
+        ends = [(x, e.felt_high, e.high_real and e.felt_high == e.felt_high, e.certified) for x, e in chain]
+        for line in (*_stretches(ends, True), *_stretches(ends, False)):
+            axes.plot(*zip(*line, strict=True), color=look.colour, linewidth=0.8, linestyle=FELT_LINE)
+    single = [(x, e.felt_high) for x, e in bars if e.high_real]
+    if single:
+        axes.plot(*zip(*single, strict=True), "v", color=look.colour, markersize=2.5)
+
+
+FELT_LINE = (0, (1, 1.2))
+
+
+def felt_differs(columns: Mapping[str, np.ndarray]) -> bool:
+    """Whether the hand feels another stiffness at some limit than that of the wall."""
+    if "felt_high" not in columns:
+        return False
+    limit = ~np.isnan(columns["high_omega"]) & ~np.isnan(columns["felt_high"])
+    return bool((np.abs(columns["felt_high"] - columns["high"])[limit] > 0.005 * columns["high"][limit]).any())
+
+
+def _unknown_cells(curve: Curve, view: View) -> Iterator[tuple[float, float]]:
     """Give the cells about the partly known values of x, half way to their neighbours."""
-    values, which = np.unique(columns[x], return_inverse=True)
-    middle = (values[1:] + values[:-1]) / 2
-    left, right = np.concatenate([values[:1], middle]), np.concatenate([middle, values[-1:]])
-    for index in np.unique(which[incomplete(columns)]).tolist():
-        yield float(left[index]), float(right[index])
+    found = curve.slices()
+    places = [x for x, *_ in found]
+    middle = [view.between(left, right, 2)[0] for left, right in pairwise(places)]
+    for left, right, (_, _, unknown) in zip([places[0], *middle], [*middle, places[-1]], found, strict=True):
+        if unknown:
+            yield left, right
 
 
-def _chains(columns: Mapping[str, np.ndarray], x: str) -> list[Chain]:
-    """Follow each interval from x to x for as long as it has one partner; a chain without one ends half way.
+def _followed(curve: Curve) -> tuple[list[Chain], list[Line], list[Line], Chain]:
+    """Follow each interval over the gaps that are known.
 
-    If two intervals merge, there is no straight line between them. They are drawn up to half way, so that only computed
-    values are shown and a hole remains a hole.
+    Returns chains; lines across x at which intervals begin, end, part or jump; outlines of the set common to both sides of
+    such a narrow gap; and the intervals beside gaps that are not known, for bars.
     """
-    slices = [(value, _intervals(columns, columns[x] == value)) for value in np.unique(columns[x]).tolist()]
-    growing: dict[int, Chain] = {index: [(slices[0][0], each)] for index, each in enumerate(slices[0][1])}
-    finished: list[Chain] = []
-    for (left, before), (right, after) in pairwise(slices):
-        partners, middle = _partners(before, after), (left + right) / 2
+    found = curve.slices()
+    growing: dict[int, Chain] = dict(enumerate([[(found[0][0], each)] for each in found[0][1]]))
+    chains, jumps, seams, bars = [], [], [], []
+    alone = True
+    for (left, before, _), (right, after, _) in pairwise(found):
+        gap = curve.gaps.get((left, right))
+        kept = {}
+        if gap == KNOWN:
+            kept = {index: index for index in range(len(after))}
+        elif gap == NARROW:
+            kept = _partners(before, after)
+            jumps += _jumps(left, before, right, after)
+            seams += _seams(left, before, right, after, kept)
+        else:
+            bars += [(left, each) for each in before] * alone + [(right, each) for each in after]
+        alone = gap is not None
         grown = {}
         for index, interval in enumerate(after):
-            start = [(middle, interval)] if index not in partners else growing.pop(partners[index])
-            grown[index] = [*start, (right, interval)]
-        finished += [[*chain, (middle, chain[-1][1])] for chain in growing.values()]
+            grown[index] = [*(growing.pop(kept[index]) if index in kept else []), (right, interval)]
+        chains += growing.values()
         growing = grown
-    return finished + list(growing.values())
+    if len(found) == 1:
+        bars = [(found[0][0], each) for each in found[0][1]]
+    return chains + list(growing.values()), jumps, seams, bars
 
 
-def _partners(before: list[Interval], after: list[Interval]) -> dict[int, int]:
+def _partners(before: Sequence[Interval], after: Sequence[Interval]) -> dict[int, int]:
     """Index in `after` -> index in `before`, for pairs of intervals that overlap only each other."""
     overlaps = [(i, j) for i, a in enumerate(before) for j, b in enumerate(after) if a.low < b.high and b.low < a.high]
-    once_before, once_after = Counter(i for i, _ in overlaps), Counter(j for _, j in overlaps)
-    return {j: i for i, j in overlaps if once_before[i] == 1 and once_after[j] == 1}
+    first, second = [i for i, _ in overlaps], [j for _, j in overlaps]
+    return {j: i for i, j in overlaps if first.count(i) == 1 and second.count(j) == 1}
 
 
-def _intervals(columns: Mapping[str, np.ndarray], rows: np.ndarray) -> list[Interval]:
-    stable = np.flatnonzero(rows & (columns["intervals"] > 0))
-    return [
-        Interval(
-            float(columns["low"][row]),
-            float(columns["high"][row]),
-            not np.isnan(columns["low_omega"][row]),
-            not np.isnan(columns["high_omega"][row]),
-            bool(columns["certified"][row]),
-        )
-        for row in stable.tolist()
+def _seams(left: float, before: Sequence[Interval], right: float, after: Sequence[Interval], kept: dict) -> list[Line]:
+    common = [
+        (max(a.low, b.low), min(a.high, b.high)) for i, a in enumerate(before) for j, b in enumerate(after) if kept.get(j) != i
     ]
+    return [[(left, low), (left, high), (right, high), (right, low)] for low, high in common if low < high]
 
 
-def _outline(chain: Chain) -> list[tuple[float, float]]:
+def _jumps(left: float, before: Sequence[Interval], right: float, after: Sequence[Interval]) -> list[Line]:
+    """Lines across a narrow gap: down if the left side is stable alone, up if the right side is, so that the unstable side
+    is at their left.
+    """
+    lines = []
+    for x, these, those, down in ((left, before, after, True), (right, after, before, False)):
+        for each in these:
+            for low, high in _less(each, those):
+                lines.append([(x, high), (x, low)] if down else [(x, low), (x, high)])
+    return lines
+
+
+def _less(each: Interval, others: Sequence[Interval]) -> Iterator[tuple[float, float]]:
+    """The parts of an interval that others do not cover; but not those beside an interval that it goes on in alone."""
+    low = each.low
+    touching = [o for o in others if o.low < each.high and each.low < o.high]
+    for other in touching:
+        if other.low > low and other is not touching[0]:
+            yield low, other.low
+        low = max(low, other.high)
+    if not touching:
+        yield each.low, each.high
+
+
+def _outline(chain: Chain) -> Line:
     return [(x, each.high) for x, each in chain] + [(x, each.low) for x, each in reversed(chain)]
 
 
-def _boundary(chain: Chain, certified: bool) -> Iterator[list[tuple[float, float]]]:
-    """Return the lines along both real ends, either the certified ones or the others."""
-    yield from _stretches([(x, e.low, e.low_real, e.certified) for x, e in chain], certified)
+def _boundary(chain: Chain, certified: bool) -> Iterator[Line]:
+    """Return the lines along both real ends, either the certified ones or the others; the unstable side is at their left."""
+    yield from _stretches([(x, e.low, e.low_real, e.certified) for x, e in reversed(chain)], certified)
     yield from _stretches([(x, e.high, e.high_real, e.certified) for x, e in chain], certified)
 
 
-def _stretches(ends: list[tuple[float, float, bool, bool]], certified: bool) -> Iterator[list[tuple[float, float]]]:
+def _stretches(ends: list[tuple[float, float, bool, bool]], certified: bool) -> Iterator[Line]:
     """Join pieces that touch to one line, for its dashes; a piece is certified if both of its ends are."""
-    line: list[tuple[float, float]] = []
+    line: Line = []
     for (x, value, real, sure), (next_x, next_value, next_real, next_sure) in pairwise(ends):
         if real and next_real and (sure and next_sure) == certified:
             line = [*(line or [(x, value)]), (next_x, next_value)]
@@ -167,3 +255,37 @@ def _stretches(ends: list[tuple[float, float, bool, bool]], certified: bool) -> 
             line = []
     if line:
         yield line
+
+
+def mark_range(axes: Any, columns: Mapping[str, np.ndarray], bars: bool = False) -> None:
+    """Dot the space beyond the swept range if a stable interval reaches its end.
+
+    An end of the range that is the end of the parameter itself (K_VE = 0) is a limit and not marked. Call it when the limits
+    of the axes are set.
+    """
+    limits = axes.get_xlim() if bars else axes.get_ylim()
+    span = axes.axvspan if bars else axes.axhspan
+    beyond = [range_end(columns, end) for end in ("low", "high")]
+    for value, edge in zip(beyond, limits, strict=True):
+        if value is not None and value != edge:
+            span(*sorted((value, edge)), **_BEYOND)
+
+
+def range_end(columns: Mapping[str, np.ndarray], end: str) -> float | None:
+    """The end of the swept range at which stable intervals are cut off; None if none is, or if it is the parameter's end."""
+    from wavesweep.spec import find_key
+
+    cut = (columns["intervals"] > 0) & np.isnan(columns[f"{end}_omega"]) & ~incomplete(columns)
+    if not cut.any():
+        return None
+    extreme = columns[end][cut].min() if end == "low" else columns[end][cut].max()
+    key = find_key(str(columns["along"][0]))
+    own = key.low if end == "low" else key.high
+    return None if own is not None and float(extreme) == own else float(extreme)
+
+
+def range_handle() -> Any:
+    """The entry of a legend for the space beyond the swept range."""
+    from matplotlib.patches import Patch
+
+    return Patch(**_BEYOND, label="beyond the swept range")

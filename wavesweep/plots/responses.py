@@ -2,109 +2,210 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import IDEAL, TWO_COLUMNS, distinct_colour, family_colours, figure, symbol
+from wavesweep.plots.style import (
+    IDEAL,
+    LINES,
+    TWO_COLUMNS,
+    Look,
+    distinct_colour,
+    family_looks,
+    family_map,
+    figure,
+    fitting,
+    label,
+    valued,
+)
 
-_LINES = ("-", (0, (5, 1.5)), (0, (3, 1, 1, 1)), (0, (1, 1)))
 _PANELS = (
-    ("admittance_abs", "admittance (m/N)"),
+    ("admittance_abs", "admittance (mm/N)"),
     ("impedance_abs", "impedance (N/m)"),
-    ("admittance_deg", "phase (deg)"),
-    ("impedance_deg", "phase (deg)"),
+    ("admittance_deg", "phase of admittance (deg)"),
+    ("impedance_deg", "phase of impedance (deg)"),
 )
 _NEAR_ZERO = 0.3  # of the largest: an axis whose values come that close to 0 begins there
+_MOST_CURVES = 12  # that a legend can tell apart; more have a scale of colours
+_MARKS = "osv^D<>p"
+_GRID = {"visible": True, "color": "0.88", "linewidth": 0.5}
+
+Columns = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
 class Curve:
-    """The rows of one spec at one combination of the axes, and the style of their curve."""
+    """The rows of one spec at one combination of the axes, the label and the style of their curve."""
 
     rows: dict[str, np.ndarray]
     label: str
     style: dict[str, Any]
 
 
-def bode(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path) -> None:
-    """Draw a `bode` table as PNG: magnitude and phase of admittance and impedance, over Hz below and omega T_s above.
+def bode(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `bode` table: magnitude and phase of admittance and impedance, over Hz below and omega T_s above.
 
     Direct coupling at the fast rate is the ideal, dashed black. If a loop is unstable, its curve is faint. Inaccurate
-    numbers are crossed out, and unknown ones are left out. Phases are unwrapped.
+    numbers are crossed out, and unknown ones are left out. Phases are those of the table, from -180 to 180 degrees; lines are
+    interrupted at the jumps. The static limit (0 Hz) is a mark at the left edge. One frequency is drawn over the axis that
+    varies. More than a dozen curves have a scale of colours.
     """
     del facts
-    curves = list(_curves(columns))
-    legend_rows = -(-len(curves) // 3)
-    with figure(path, TWO_COLUMNS, 4.0 + 0.17 * legend_rows) as canvas:
+    x = _axis_of(columns)
+    columns = {**columns, "admittance_abs": 1e3 * columns["admittance_abs"]}
+    curves, scale = _curves(columns, x)
+    named = [curve for curve in curves if curve.label]
+    in_a_row = fitting([curve.label for curve in named], TWO_COLUMNS)
+    with figure(TWO_COLUMNS, 4.0 + 0.17 * -(-len(named) // in_a_row)) as canvas:
         grid = canvas.subplots(2, 2, sharex=True)
         for axes, (name, title) in zip(grid.flat, _PANELS, strict=True):
-            _draw_panel(axes, curves, name)
+            _draw_panel(axes, curves, name, x)
             axes.set_ylabel(title)
+            _mark_nyquist(axes, columns, x, name == "admittance_abs")
         for axes in grid[1]:
-            axes.set_xlabel("frequency (Hz)")
-        _add_normalised_frequency(grid[0], columns)
+            axes.set_xlabel("frequency (Hz)" if x == "frequency_hz" else label(x))
+        if x == "frequency_hz":
+            _add_normalised_frequency(grid[0], columns)
         canvas.align_ylabels()
-        canvas.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=min(3, len(curves)))
+        if x != "frequency_hz":
+            canvas.suptitle(f"at {columns['frequency_hz'][0]:g} Hz", fontsize=8)
+        if scale is not None:
+            canvas.colorbar(scale[1], ax=grid, label=label(scale[0]), aspect=40, pad=0.01)
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        if handles:
+            canvas.legend(handles, labels, loc="outside lower center", ncols=min(in_a_row, len(handles)), handlelength=2.4)
+    return canvas
 
 
-def _draw_panel(axes: Any, curves: list[Curve], name: str) -> None:
-    from matplotlib.ticker import MaxNLocator
+def _swept(columns: Columns) -> list[str]:
+    """The axes that have several values, the longest first."""
+    names = list(columns)[: list(columns).index("spec")]
+    count = {name: len(np.unique(columns[name][~np.isnan(columns[name])])) for name in names}
+    return sorted((name for name in names if count[name] > 1), key=lambda name: -count[name])
 
+
+def _axis_of(columns: Columns) -> str:
+    """The axis along the figure: frequency or, if there is only one, the longest axis."""
+    return next(iter(_swept(columns)), "frequency_hz") if len(np.unique(columns["frequency_hz"])) == 1 else "frequency_hz"
+
+
+def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str) -> None:
+    everywhere = np.concatenate([curve.rows[x] for curve in curves])
+    logarithmic = _is_logarithmic(everywhere[everywhere > 0])
+    positive = everywhere[everywhere > 0].min(initial=np.inf)
     for curve in curves:
-        values = curve.rows[name]
-        drawn = _unwrapped(values) if name.endswith("_deg") else values
-        axes.plot(curve.rows["frequency_hz"], drawn, label=curve.label, **curve.style)
-        doubted = curve.rows["doubt"] == "rounding"
-        if doubted.any():
-            axes.plot(curve.rows["frequency_hz"][doubted], drawn[doubted], "x", color=curve.style["color"], markersize=4)
-    frequency = np.concatenate([curve.rows["frequency_hz"] for curve in curves])
-    if frequency.min() > 0 and frequency.max() > 20 * frequency.min():
+        places, values = curve.rows[x], curve.rows[name]
+        order = np.argsort(places, kind="stable")
+        places, values, doubt = places[order], values[order], curve.rows["doubt"][order]
+        static = places == 0 if logarithmic and x == "frequency_hz" else np.zeros(len(places), bool)
+        alone = {"marker": "o", "markersize": 3} if (~static).sum() == 1 else {}
+        line = (places[~static], values[~static])
+        axes.plot(*(_broken(*line) if name.endswith("_deg") else line), label=curve.label or None, **curve.style, **alone)
+        edge = {key: curve.style[key] for key in ("color", "alpha") if key in curve.style}
+        if static.any():
+            axes.plot(positive, values[static][0], marker="<", markersize=4, clip_on=False, zorder=4, **edge)
+        crossed = (doubt == "rounding") & ~static
+        if crossed.any():
+            axes.plot(places[crossed], values[crossed], "x", markersize=4, **edge)
+    if logarithmic:
         axes.set_xscale("log")
     if name.endswith("_abs"):
         axes.set_yscale("log")
     else:
-        axes.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 1.8, 3.6, 4.5, 9, 10]))
-    if frequency.max() > frequency.min():
-        axes.set_xlim(frequency.min(), frequency.max())
-    axes.grid(visible=True, which="major", color="0.88", linewidth=0.5)
+        _in_degrees(axes)
+    if everywhere.max() > everywhere.min():
+        axes.set_xlim(positive if logarithmic else everywhere.min(), everywhere.max())
+    axes.grid(which="major", **_GRID)
 
 
-def _unwrapped(degrees: np.ndarray) -> np.ndarray:
-    """Remove jumps of a full turn, which would be drawn as vertical lines. A missing value interrupts the curve there only."""
-    drawn, known = degrees.copy(), ~np.isnan(degrees)
-    drawn[known] = np.unwrap(degrees[known], period=360.0)
-    return drawn
+def _is_logarithmic(values: np.ndarray) -> bool:
+    steps = np.unique(values)
+    if len(steps) < 3:
+        return False
+    even, factors = np.ptp(np.diff(steps)) / np.ptp(steps), np.ptp(np.diff(np.log(steps))) / np.log(steps[-1] / steps[0])
+    return bool(steps[-1] > 20 * steps[0]) if min(even, factors) > 1e-6 else bool(factors < even or steps[-1] > 200 * steps[0])
 
 
-def _curves(columns: Mapping[str, np.ndarray]) -> Iterator[Curve]:
-    axes = [name for name in list(columns)[: list(columns).index("spec")] if len(np.unique(columns[name])) > 1]
-    for index, spec in enumerate(dict.fromkeys(columns["spec"].tolist())):
-        responses = _responses(_chosen(columns, columns["spec"] == spec), axes)
-        colours = family_colours(len(responses)) if len(responses) > 1 else [distinct_colour(index)]
-        for colour, (place, rows) in zip(colours, responses.items(), strict=True):
-            style = {"color": colour, "linestyle": _LINES[index % len(_LINES)] if len(responses) > 1 else "-"}
-            yield _curve(rows, spec, place if len(responses) > 1 else "", style)
+def _in_degrees(axes: Any) -> None:
+    """Ticks every 45 or 90 degrees, or finer if a phase varies by less."""
+    from matplotlib.ticker import MultipleLocator
+
+    low, high = axes.get_ylim()
+    step = next((step for step in (1, 5, 15, 45) if high - low <= 6 * step), 90)
+    axes.yaxis.set_major_locator(MultipleLocator(step))
+    if high - low > 180:
+        axes.set_ylim(-190, 190)
 
 
-def _responses(columns: Mapping[str, np.ndarray], axes: list[str]) -> dict[str, dict[str, np.ndarray]]:
-    """Yield the rows of each combination of the axes, with its name.
+def _broken(places: np.ndarray, degrees: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The points of a phase, with a missing one wherever it wraps, so that no line is drawn across the panel."""
+    jumps = np.flatnonzero(np.abs(np.diff(degrees)) > 180) + 1
+    return np.insert(places.astype(float), jumps, np.nan), np.insert(degrees, jumps, np.nan)
+
+
+def _mark_nyquist(axes: Any, columns: Columns, x: str, named: bool) -> None:
+    """A line at the Nyquist frequency of the slow rate (omega T_s is pi); none if the specs have different slow rates."""
+    scale = _normalised(columns)
+    if x != "frequency_hz" or scale is None:
+        return
+    nyquist = np.pi / scale
+    if columns["frequency_hz"].min() < nyquist <= columns["frequency_hz"].max():
+        words = {"label": f"slow Nyquist frequency, {nyquist:.4g} Hz"} if named else {}
+        axes.axvline(nyquist, color="0.45", linestyle=(0, (1, 2)), linewidth=1.0, zorder=1.5, **words)
+
+
+def _curves(columns: Columns, x: str) -> tuple[list[Curve], tuple[str, Any] | None]:
+    """The curves and, if they are many, the axis that the scale of colours is for, and the scale."""
+    axes = [name for name in _swept(columns) if name != x]
+    specs = list(dict.fromkeys(columns["spec"].tolist()))
+    found = [_responses(_chosen(columns, columns["spec"] == spec), axes) for spec in specs]
+    several = len(axes) > 0 and sum(map(len, found)) > _MOST_CURVES
+    scale = _scale(columns[axes[0]]) if several else None
+    curves = []
+    for index, (spec, responses) in enumerate(zip(specs, found, strict=True)):
+        looks = (
+            family_looks(len(responses)) if len(responses) > 1 else [Look(distinct_colour(index), LINES[index % len(LINES)])]
+        )
+        for number, ((place, rows), look) in enumerate(zip(responses, looks, strict=True)):
+            colour = scale.to_rgba(rows[axes[0]][0]) if scale is not None and len(responses) > 1 else look.colour
+            style = {"color": colour, "linestyle": look.line if scale is None else LINES[index % len(LINES)]}
+            if len(specs) > 1 and len(responses) > 1 and scale is None:
+                style |= {"marker": _MARKS[index % len(_MARKS)], "markevery": 0.12, "markersize": 3.5}
+            style |= {"linewidth": 0.8} if scale is not None else {}
+            shown = place if len(responses) > 1 and scale is None else ""
+            curve = _curve(rows, spec, shown, style)
+            curves.append(curve if scale is None or number == 0 else replace(curve, label=""))
+    return curves, None if scale is None else (axes[0], scale)
+
+
+def _scale(values: np.ndarray) -> Any:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import LogNorm, Normalize
+
+    known = values[~np.isnan(values)]
+    norm = LogNorm if _is_logarithmic(known[known > 0]) and known.min() > 0 else Normalize
+    return ScalarMappable(norm(float(known.min()), float(known.max())), family_map())
+
+
+def _responses(columns: Columns, axes: list[str]) -> list[tuple[str, dict[str, np.ndarray]]]:
+    """Return the rows of each combination of the axes, with its name.
 
     If a controller ignores an axis, the rows are repeated, and one line is enough.
     """
     values = np.stack([columns[name].astype(float) for name in axes] or [np.zeros(len(columns["spec"]))], axis=1)
+    different, which = np.unique(values, axis=0, return_inverse=True)
     found: dict[bytes, tuple[str, dict[str, np.ndarray]]] = {}
-    for combination in np.unique(values, axis=0):
-        rows = _chosen(columns, (values == combination).all(axis=1))
-        place = ", ".join(f"{symbol(name)} = {value:g}" for name, value in zip(axes, combination, strict=False))
+    for number, combination in enumerate(different):
+        rows = _chosen(columns, which.reshape(-1) == number)
+        place = ", ".join(valued(name, value) for name, value in zip(axes, combination, strict=False))
         found.setdefault(rows["admittance_re"].tobytes() + rows["impedance_re"].tobytes(), (place, rows))
-    return dict(found.values())
+    return list(found.values())
 
 
-def _chosen(columns: Mapping[str, np.ndarray], rows: np.ndarray) -> dict[str, np.ndarray]:
+def _chosen(columns: Columns, rows: np.ndarray) -> dict[str, np.ndarray]:
     return {name: column[rows] for name, column in columns.items()}
 
 
@@ -116,46 +217,52 @@ def _curve(rows: dict[str, np.ndarray], spec: str, place: str, style: dict[str, 
     return Curve(rows, ", ".join(filter(None, words)), style if stable else {**style, "alpha": 0.35})
 
 
-def _add_normalised_frequency(top: Any, columns: Mapping[str, np.ndarray]) -> None:
-    """Add the axis of omega T_s above, unless the specs have different slow rates."""
+def _normalised(columns: Columns) -> float | None:
+    """omega T_s per Hz; None if the specs have different slow rates."""
     positive = columns["frequency_hz"] > 0
     ratios = columns["omega_Ts"][positive] / columns["frequency_hz"][positive]
-    if not len(ratios) or np.ptp(ratios) > 1e-9 * ratios[0]:
-        return
-    scale = float(ratios[0])
-    for axes in top:
+    return float(ratios[0]) if len(ratios) and np.ptp(ratios) <= 1e-9 * ratios[0] else None
+
+
+def _add_normalised_frequency(top: Any, columns: Columns) -> None:
+    """Add the axis of omega T_s above, unless the specs have different slow rates."""
+    scale = _normalised(columns)
+    for axes in top if scale is not None else ():
         above = axes.secondary_xaxis("top", functions=(lambda hz: hz * scale, lambda omega: omega / scale))
         above.set_xlabel(r"$\omega T_s$ (rad/sample)")
 
 
-def simulate_response(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any], path: Path) -> None:
-    """Draw a `simulate-response` table as PNG: dots for the estimates of the run, a line for the linear loop."""
+def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `simulate-response` table: dots for the estimates of the run, a line for the linear loop."""
     del facts
     order = np.argsort(columns["frequency_hz"])
-    sorted_columns = {name: column[order] for name, column in columns.items()}
-    with figure(path, TWO_COLUMNS, 4.0) as canvas:
+    rows = {name: column[order] for name, column in columns.items()}
+    rows |= {name: 1e3 * rows[name] for name in ("admittance_abs", "linear_admittance_abs")}
+    with figure(TWO_COLUMNS, 4.0) as canvas:
         grid = canvas.subplots(2, 2, sharex=True)
         for axes, (name, title) in zip(grid.flat, _PANELS, strict=True):
-            _draw_seen(axes, sorted_columns, name)
+            _draw_seen(axes, rows, name)
+            _mark_nyquist(axes, rows, "frequency_hz", name == "admittance_abs")
             axes.set_ylabel(title)
         for axes in grid[1]:
             axes.set_xlabel("frequency (Hz)")
         canvas.align_ylabels()
         handles, labels = grid[0, 0].get_legend_handles_labels()
-        canvas.legend(handles, labels, loc="outside lower center", ncols=2)
+        canvas.legend(handles, labels, loc="outside lower center", ncols=3)
+    return canvas
 
 
-def _draw_seen(axes: Any, columns: Mapping[str, np.ndarray], name: str) -> None:
+def _draw_seen(axes: Any, columns: Columns, name: str) -> None:
     frequency, linear, seen = columns["frequency_hz"], columns[f"linear_{name}"], columns[name]
+    line = {"marker": "_", "markersize": 14} if len(frequency) == 1 else {}
+    drawn = _broken(frequency, linear) if name.endswith("_deg") else (frequency, linear)
+    axes.plot(*drawn, color=IDEAL, linewidth=0.9, label="linear loop", **line)
+    axes.plot(frequency, seen, "o", color=distinct_colour(0), markersize=3, label="simulated")
     if name.endswith("_deg"):
-        linear = np.unwrap(linear, period=360.0)
-        seen = linear + (seen - linear + 180.0) % 360.0 - 180.0  # on the same turn as the line
+        _in_degrees(axes)
     else:
         axes.set_yscale("log")
-    line = {"marker": "_", "markersize": 14} if len(frequency) == 1 else {}
-    axes.plot(frequency, linear, color=IDEAL, linewidth=0.9, label="linear loop", **line)
-    axes.plot(frequency, seen, "o", color=distinct_colour(0), markersize=3, label="simulated")
-    axes.grid(visible=True, color="0.9", linewidth=0.5)
+    axes.grid(**_GRID)
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,11 +289,9 @@ class Panel:
     logarithmic: bool
 
 
-def draw_magnitudes(
-    lines: Sequence[Line], panels: Sequence[Panel], title: str, path: Path, level: tuple[float, str] | None = None
-) -> None:
-    """Draw the lines as PNG, a panel per band, each scaled to its contents; `level` is a value to compare with."""
-    with figure(path, TWO_COLUMNS, 2.6) as canvas:
+def draw_magnitudes(lines: Sequence[Line], panels: Sequence[Panel], title: str, level: tuple[float, str] | None = None) -> Any:
+    """Draw the lines, a panel per band, each scaled to its contents; `level` is a value to compare with."""
+    with figure(TWO_COLUMNS, 2.6) as canvas:
         for axes, panel in zip(np.atleast_1d(canvas.subplots(1, len(panels))), panels, strict=True):
             _draw_band(axes, lines, panel)
             if level is not None:
@@ -195,14 +300,15 @@ def draw_magnitudes(
         canvas.axes[0].set_ylabel(title)
         handles, labels = canvas.axes[0].get_legend_handles_labels()
         canvas.legend(handles, labels, loc="outside lower center", ncols=6)
+    return canvas
 
 
 def _draw_band(axes: Any, lines: Sequence[Line], panel: Panel) -> None:
-    colours = family_colours(max(1, sum(line.shade is not None for line in lines)))
+    looks = family_looks(max(1, sum(line.shade is not None for line in lines)))
     for line in lines:
         # Only what the band shows, so that the vertical axis fits it.
         chosen = (line.omega >= panel.band[0]) & (line.omega <= panel.band[1] * (1 + 1e-9))
-        axes.plot(line.omega[chosen], line.magnitude[chosen], **_look(line, colours), label=line.label or None)
+        axes.plot(line.omega[chosen], line.magnitude[chosen], **_look(line, looks), label=line.label or None)
     axes.set_xlim(panel.band)
     if panel.logarithmic:
         _by_factors(axes)
@@ -221,8 +327,14 @@ def _by_factors(axes: Any) -> None:
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
-def _look(line: Line, colours: list[Any]) -> dict[str, Any]:
-    colour = IDEAL if line.ideal else distinct_colour(line.hue) if line.shade is None else colours[line.shade]
+def _look(line: Line, looks: list[Look]) -> dict[str, Any]:
+    if line.ideal:
+        look = Look(IDEAL, "--")
+    elif line.shade is None:
+        look = Look(distinct_colour(line.hue), LINES[0 if line.hue == 0 else line.hue % len(LINES)])
+    else:
+        look = looks[line.shade]
     if line.dots:
-        return {"color": colour, "linestyle": "none", "marker": "o", "markersize": 3}
-    return {"color": colour, "linestyle": "--" if line.ideal else "-", "zorder": 3 if line.ideal else 2}
+        marker = "s" if line.ideal else _MARKS[line.hue % len(_MARKS)]
+        return {"color": look.colour, "linestyle": "none", "marker": marker, "markersize": 3}
+    return {"color": look.colour, "linestyle": look.line, "zorder": 3 if line.ideal else 2}

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import DOUBTFUL, IDEAL, TWO_COLUMNS, distinct_colour, figure
+from wavesweep.plots.style import DOUBTFUL, IDEAL, LINES, TWO_COLUMNS, distinct_colour, figure
 
 _MOST_POINTS = 1600  # of a line: more than it has pixels along
 _DETAIL_FRAMES = 40
@@ -16,15 +15,15 @@ _DETAIL_FRAMES = 40
 Columns = Mapping[str, np.ndarray]
 
 
-def simulate(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
-    """Draw a `simulate` table as PNG: hand force, positions and wall, control force, energies, one below the other.
+def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `simulate` table: hand force, positions and wall, control force, energies, one below the other.
 
     At the left is the whole run; if it is long, as the band between the extremes. At the right are some frames in detail:
     around a change of contact, if possible after the run has settled; without contact around the start of a step or a
     pulse, or at the end.
     """
     spans = _spans(columns, facts)
-    with figure(path, TWO_COLUMNS, 6.4) as canvas:
+    with figure(TWO_COLUMNS, 6.4) as canvas:
         grid = canvas.subplots(len(_ROWS), len(spans), sharex="col", squeeze=False)
         for row, (title, draw) in zip(grid, _ROWS, strict=True):
             for axes, span in zip(row, spans, strict=True):
@@ -42,6 +41,7 @@ def simulate(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
         if said := _unstable(facts):
             canvas.suptitle(said, color=DOUBTFUL)
         canvas.align_ylabels()
+    return canvas
 
 
 def _unstable(facts: Mapping[str, Any]) -> str:
@@ -119,7 +119,8 @@ def _line(axes: Any, columns: Columns, name: str, label: str, colour: str, *, he
     if np.isnan(values).all():
         return
     style = {"drawstyle": "steps-post"} if held and len(values) <= _MOST_POINTS else {}
-    axes.plot(*_extremes(columns["time_s"], values), color=colour, label=label, linewidth=0.9, **style)
+    dashes = LINES[len(axes.get_lines()) % len(LINES)]
+    axes.plot(*_extremes(columns["time_s"], values), color=colour, linestyle=dashes, label=label, linewidth=0.9, **style)
 
 
 def _extremes(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ UNKNOWN = {"facecolor": "none", "edgecolor": "0.75", "hatch": "/////", "linewidt
 
 # Okabe and Ito's colours without black, which is the ideal's, and without yellow, which is faint on white.
 _DISTINCT = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00")
+_EDGES = ("cutoff", "passband", "stopband")
 _SYMBOLS = {
     "K_VE": r"$K_\mathrm{VE}$",
     "B_VE": r"$B_\mathrm{VE}$",
@@ -27,6 +30,15 @@ _SYMBOLS = {
     "B_LM": r"$B_\mathrm{LM}$",
     "Kp": r"$K_p$",
     "b": r"$b$",
+}
+_NAMES = {
+    "rates.fast_hz": "fast rate",
+    "rates.slow_hz": "slow rate",
+    "rates.ratio": "ratio of the rates",
+    "environment.delay": "delay",
+    "local_model.delay": "delay of the local model",
+    **{f"filters.{name}.{part}_hz": f"{name.upper()} {part}" for name in ("lp1", "hp", "lp2") for part in _EDGES},
+    **{f"filters.{name}.order": f"{name.upper()} order" for name in ("lp1", "hp", "lp2")},
 }
 _STYLE = {
     "font.size": 8,
@@ -41,7 +53,10 @@ _STYLE = {
     "lines.linewidth": 1.2,
     "figure.constrained_layout.h_pad": 0.03,
     "figure.constrained_layout.w_pad": 0.03,
+    "hatch.linewidth": 0.5,
+    "svg.hashsalt": "wavesweep",
 }
+_COMMANDS = {"simulate-response": "simulate", "passivity-filters": "passivity --filters"}
 
 
 def incomplete(columns: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -53,27 +68,78 @@ def incomplete(columns: Mapping[str, np.ndarray]) -> np.ndarray:
 
 
 @contextmanager
-def figure(path: Path, width: float, height: float) -> Iterator[Any]:
-    """Give a figure to draw in, and write it as PNG to `path` at the end; `width` and `height` in inches.
+def figure(width: float, height: float) -> Iterator[Any]:
+    """Give a matplotlib `Figure` to draw in, `width` by `height` inches, and settle its layout at the end.
 
-    The same drawing gives the same bytes: neither a date nor a program's version goes into the file.
+    It belongs to no window and to no global state. A notebook shows it.
     """
-    import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
-    from PIL import Image
 
-    # No matplotlibrc is read, so that a figure looks the same everywhere.
-    with matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE, "backend": "agg"}):
+    with _style():
         canvas = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
-        agg = FigureCanvasAgg(canvas)
+        FigureCanvasAgg(canvas)
         yield canvas
         _settle(canvas)
+    canvas._repr_png_ = partial(_png, canvas, {})  # the name that notebooks ask a value for
+
+
+def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
+    """Write a figure as PNG, SVG or PDF, by the suffix of `path`, with texts about it (see `about_figure`) in its metadata.
+
+    The same drawing gives the same bytes: there is no date in the file.
+    """
+    with _style():
+        if path.suffix == ".png":
+            path.write_bytes(_png(canvas, about))
+        elif path.suffix == ".svg":
+            words = {"Title": about["Title"], "Creator": about["Software"], "Date": None, "Description": _lines(about)}
+            canvas.savefig(path, format="svg", metadata=words)
+        else:
+            words = {"Title": about["Title"], "Creator": about["Software"], "Subject": _lines(about)}
+            canvas.savefig(path, format="pdf", metadata=words | {"CreationDate": None})
+
+
+def _lines(about):
+    return "; ".join(f"{name}: {text}" for name, text in about.items() if name not in ("Title", "Software"))
+
+
+def _png(canvas: Any, about: Mapping[str, str]) -> bytes:
+    from io import BytesIO
+
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from PIL import Image, PngImagePlugin
+
+    with _style():
+        agg = FigureCanvasAgg(canvas)
         agg.draw()
-        pixels = Image.frombuffer("RGBA", agg.get_width_height(), agg.buffer_rgba())
-        # A palette of 256 colours is plenty for lines and flat areas, and takes a third of the bytes.
-        palette = pixels.convert("RGB").quantize(256, dither=Image.Dither.NONE)
-        palette.save(path, format="png", dpi=(DOTS_PER_INCH, DOTS_PER_INCH), optimize=True)
+    pixels = Image.frombuffer("RGBA", agg.get_width_height(), agg.buffer_rgba())
+    # A palette of 256 colours is plenty for lines and flat areas, and takes a third of the bytes.
+    palette = pixels.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+    texts, file = PngImagePlugin.PngInfo(), BytesIO()
+    for name, text in about.items():
+        texts.add_text(name, text)
+    palette.save(file, format="png", dpi=(DOTS_PER_INCH, DOTS_PER_INCH), optimize=True, pnginfo=texts)
+    return file.getvalue()
+
+
+def _style() -> Any:
+    """The settings of every figure. No matplotlibrc is read, so that a figure looks the same everywhere."""
+    import matplotlib
+
+    return matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE, "backend": "agg"})
+
+
+def about_figure(kind: str, facts: Mapping[str, Any]) -> dict[str, str]:
+    """The texts of a figure's metadata: title, program, command, and the spec with its digest."""
+    made = {"Title": f"wavesweep {kind}", "Software": f"wavesweep {facts.get('tool_version', '')}".rstrip()}
+    made["Command"] = f"wavesweep {_COMMANDS.get(kind, kind)}"
+    if "spec_name" in facts:
+        made["Title"] = f"{kind} of {facts['spec_name']}"
+        made["Spec"] = str(facts["spec_name"])
+    if "spec_sha256" in facts:
+        made["Spec SHA-256"] = str(facts["spec_sha256"])
+    return made
 
 
 def _settle(canvas: Any) -> None:
@@ -87,13 +153,35 @@ def _settle(canvas: Any) -> None:
         axes.set_position([round(float(edge), 4) for edge in axes.get_position().bounds])
 
 
-def family_colours(number: int) -> list[Any]:
-    """Return colours for an ordered family, dark to light; the yellow end of the map is left out, as it is faint on white."""
-    from matplotlib import colormaps
+@dataclass(frozen=True)
+class Look:
+    """Colour and style of a line; the style makes it out in grey as well."""
 
+    colour: Any
+    line: Any = "-"
+
+
+LINES = ("-", (0, (7, 1.5)), (0, (5, 1.2, 1, 1.2)), (0, (3, 1)), (0, (8, 1.2, 1, 1.2, 1, 1.2)), (0, (1.5, 0.8)))
+
+
+def family_looks(number: int) -> list[Look]:
+    """Return the looks of an ordered family, dark to light; the yellow end of the map is left out, as it is faint on white."""
+    return [Look(colour, LINES[index % len(LINES)]) for index, colour in enumerate(family_colours(number))]
+
+
+def family_colours(number: int) -> list[Any]:
+    """Return colours for an ordered family, dark to light."""
     if number == 1:
         return [_DISTINCT[0]]
-    return [colormaps["viridis"](0.85 * index / (number - 1)) for index in range(number)]
+    return [family_map()(index / (number - 1)) for index in range(number)]
+
+
+def family_map() -> Any:
+    """The map of the colours of families, without its yellow end."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps["viridis"]([0.85 * index / 255 for index in range(256)]))
 
 
 def distinct_colour(index: int) -> str:
@@ -101,12 +189,32 @@ def distinct_colour(index: int) -> str:
     return _DISTINCT[index % len(_DISTINCT)]
 
 
+def fitting(texts: Sequence[str], width: float) -> int:
+    """How many columns a legend with these texts has room for in `width` inches."""
+    import re
+
+    longest = max((len(re.sub(r"\\mathrm|[$_{}^\\]", "", text)) for text in texts), default=0)
+    return max(1, min(len(texts), int(width * 72 / (4.2 * longest + 34))))
+
+
 def symbol(name: str) -> str:
     """The name of an axis as a paper prints it."""
-    return _SYMBOLS.get(name, name)
+    return _SYMBOLS.get(name) or _NAMES.get(name) or name.replace(".", " ").replace("_", " ")
+
+
+def unit(name: str) -> str:
+    """The unit of an axis as a paper prints it, empty if it has none."""
+    import re
+
+    found = next(field.unit for field in fields("zwidth", [name]) if field.name == name)
+    return "" if found == "1" else re.sub(r"\^\((.*?)\)", r"$^{\1}$", found.replace("*", "·"))
 
 
 def label(name: str) -> str:
     """The name of an axis with its unit."""
-    unit = next(field.unit for field in fields("zwidth", [name]) if field.name == name)
-    return symbol(name) if unit == "1" else f"{symbol(name)} ({unit.replace('*', '·')})"
+    return f"{symbol(name)} ({unit(name)})" if unit(name) else symbol(name)
+
+
+def valued(name: str, value: float) -> str:
+    """The name of an axis with a value and its unit."""
+    return f"{symbol(name)} = {value:.6g} {unit(name)}".rstrip()

@@ -1,12 +1,14 @@
 """The tables: their columns and units, written as CSV and Parquet beside a data package, and read back exactly."""
 
-from wavesweep.results.files import read
+from wavesweep.results.files import read, read_table
 from wavesweep.results.folder import changes, discard, existing_facts, place_of, refuse_other_spec, refuse_unusable
+from wavesweep.results.package import add_figures
 from wavesweep.results.schema import Field, fields, fields_of
 from wavesweep.results.writing import publish, stream
 
 __all__ = [
     "Field",
+    "add_figures",
     "changes",
     "discard",
     "existing_facts",
@@ -15,6 +17,7 @@ __all__ = [
     "place_of",
     "publish",
     "read",
+    "read_table",
     "refuse_other_spec",
     "refuse_unusable",
     "stream",

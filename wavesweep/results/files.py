@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.results.package import packaged_kinds
-from wavesweep.results.schema import Field, kinds_by_name
+from wavesweep.results.package import packaged_facts, packaged_fault, packaged_kinds
+from wavesweep.results.schema import Field, kind_of, kinds_by_name
 
 # Rows in a row group. A fixed number, so that a file's bytes do not depend on the blocks that its rows came in.
 GROUP_ROWS = 131072
@@ -81,6 +81,50 @@ def read(path: str | Path) -> dict[str, np.ndarray]:
     else:
         raise UsageError(f"{path}: found the suffix {path.suffix!r}, expected .csv or .parquet")
     return {name: _numpy(table.column(name)) for name in table.column_names}
+
+
+def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, Any]]:
+    """Give the kind of the table at `path`, its columns, and the facts of the run that made it.
+
+    The facts of a CSV are in the data package beside it, those of a Parquet file in its schema.
+    Raises UsageError for a file that is torn or changed, or no table of this program; OSError if it cannot be read.
+    """
+    path = Path(path)
+    package = path.with_suffix(".datapackage.json")
+    if not path.is_file():
+        raise UsageError(f"{path}: expected the CSV or Parquet file of a table, found no such file")
+    if path.suffix == ".csv":
+        fault = packaged_fault(path, package)
+        if fault:
+            raise UsageError(f"{path}: {fault}")
+    try:
+        columns = read(path)
+        facts = packaged_facts(package) if path.suffix == ".csv" else _schema_facts(path)
+    except ValueError as error:  # Arrow's errors are ValueErrors as well
+        raise UsageError(
+            f"{path}: expected a whole table, found a file that cannot be read as one ({_short(error)})"
+        ) from error
+    if not facts:
+        raise UsageError(f"{path}: expected a table of wavesweep, found no facts of a run in the file")
+    try:
+        return kind_of(columns, path.stem), columns, facts
+    except WavesweepError as error:
+        raise UsageError(f"{path}: {error}") from None
+
+
+def _short(error: Exception) -> str:
+    return str(error).strip().splitlines()[0]
+
+
+def _schema_facts(path: Path) -> dict[str, Any]:
+    """The facts in the schema of a Parquet file, empty if it has none."""
+    import pyarrow.parquet
+
+    text = (pyarrow.parquet.read_schema(path).metadata or {}).get(b"wavesweep", b"{}")
+    try:
+        return dict(json.loads(text))
+    except (ValueError, TypeError):
+        return {}
 
 
 def _read_csv(path: Path) -> Any:

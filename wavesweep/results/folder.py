@@ -22,7 +22,8 @@ try:
 except ImportError:  # not on this system: nothing is locked there, and nothing removed
     fcntl = None
 
-SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
+FIGURES = (".png", ".svg", ".pdf")
+SUFFIXES = (".csv", ".parquet", *FIGURES, ".datapackage.json")
 LONGEST = 40  # characters of a list in a message
 
 

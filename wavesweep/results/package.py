@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from wavesweep.results.schema import Field, FieldKind
 
 _DIALECT = {"delimiter": ",", "lineTerminator": "\n", "quoteChar": '"', "doubleQuote": True, "header": True}
+_MEDIA = {"png": "image/png", "svg": "image/svg+xml", "pdf": "application/pdf"}
 _HASH_BLOCK = 1 << 20
 
 
-def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any], csv: Path, parquet: Path) -> str:
-    """The package as JSON text, for the two files as they are on disk; `facts` includes the timings."""
+def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any], stem: Path, figures: Sequence[Path]) -> str:
+    """The package as JSON text, for the files as they are on disk; `facts` includes the timings.
+
+    stem: the CSV and the Parquet file without their suffixes.
+    """
     schema = {"fields": [_field(field) for field in fields], "missingValues": ["NaN"]}
     package = {
         "profile": "data-package",
         "name": kind,
+        "title": _title(kind, facts),
         "resources": [
             {
                 "name": f"{kind}-csv",
@@ -28,7 +33,7 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
                 "mediatype": "text/csv",
                 "encoding": "utf-8",
                 "dialect": _DIALECT,
-                **_file(csv),
+                **_file(stem.with_suffix(".csv")),
                 "schema": schema,
             },
             {
@@ -38,13 +43,33 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
                 "type": "file",
                 "format": "parquet",
                 "mediatype": "application/vnd.apache.parquet",
-                **_file(parquet),
+                **_file(stem.with_suffix(".parquet")),
                 "schema": schema,
             },
+            *(figure_resource(kind, facts, figure) for figure in figures),
         ],
         "wavesweep": facts,
     }
-    return json.dumps(package, indent=2, allow_nan=False) + "\n"
+    return _as_text(package)
+
+
+def figure_resource(kind: str, facts: Mapping[str, Any], figure: Path) -> dict[str, Any]:
+    """The entry of a figure among the resources of a package."""
+    form = figure.suffix[1:]
+    return {
+        "name": f"{kind}-{form}",
+        "profile": "data-resource",
+        "type": "file",
+        "title": f"Figure: {_title(kind, facts)}",
+        "description": f"drawn by wavesweep {facts.get('tool_version', '')}".rstrip(),
+        "format": form,
+        "mediatype": _MEDIA[form],
+        **_file(figure),
+    }
+
+
+def _title(kind: str, facts: Mapping[str, Any]) -> str:
+    return f"{kind} of {facts['spec_name']}" if "spec_name" in facts else kind
 
 
 def packaged_facts(package: Path) -> dict[str, Any]:
@@ -54,6 +79,33 @@ def packaged_facts(package: Path) -> dict[str, Any]:
         return dict(facts) if facts["spec_sha256"] else {}
     except (FileNotFoundError, ValueError, KeyError, TypeError):
         return {}
+
+
+def packaged_fault(csv: Path, package: Path) -> str:
+    """Give the reason why a CSV is not the table that the package beside it describes, empty if it is."""
+    if not packaged_facts(package):
+        return f"expected the data package of wavesweep, {package.name}, beside the table, found none"
+    described = json.loads(package.read_text(encoding="utf-8"))["resources"][0]
+    here = _file(csv)
+    if here["hash"] == described.get("hash"):
+        return ""
+    expected = f"expected the {described.get('bytes')} bytes that {package.name} describes"
+    return f"{expected}, found {here['bytes']} other ones: the file is torn or was changed"
+
+
+def add_figures(package: Path, kind: str, figures: Sequence[Path]) -> None:
+    """Enter figures in an existing data package, in place of older ones of the same format."""
+    known = json.loads(package.read_text(encoding="utf-8"))
+    new = [figure_resource(kind, known["wavesweep"], figure) for figure in figures]
+    names = {each["name"] for each in new}
+    known["resources"] = [each for each in known["resources"] if each["name"] not in names] + new
+    written = package.with_name(f".{package.name}.new")
+    written.write_text(_as_text(known), encoding="utf-8")
+    written.replace(package)
+
+
+def _as_text(package: Mapping[str, Any]) -> str:
+    return json.dumps(package, indent=2, allow_nan=False) + "\n"
 
 
 def packaged_kinds(csv: Path) -> dict[str, FieldKind]:

@@ -168,6 +168,9 @@ TABLES: Mapping[str, tuple[Field, ...]] = {
 }
 
 
+OTHER_TABLES = ("bench",)  # with a figure and with columns of their own
+
+
 def fields(kind: str, axes: Iterable[str] = (), along: str = "K_VE", extra: Iterable[str] = ()) -> tuple[Field, ...]:
     """Give the columns of a table in order: the swept axes, then those that every table of this kind has.
 
@@ -196,6 +199,20 @@ def fields_of(kind: str, columns: Mapping[str, Any]) -> tuple[Field, ...]:
     along = columns.get("along", ())
     axes = [name for name in columns if name not in own]
     return fields(kind, axes, str(along[0]) if len(along) else "K_VE", extra)
+
+
+def kind_of(names: Iterable[str], stem: str) -> str:
+    """Give the kind of the table that has columns of these names; stem: the name of its file, if several kinds have them.
+
+    Raises WavesweepError if it is none.
+    """
+    names = list(names)
+    fitting = [kind for kind, known in TABLES.items() if {field.name for field in known} <= set(names)]
+    if stem in fitting or (not fitting and stem in OTHER_TABLES):
+        return stem
+    if not fitting:
+        raise WavesweepError(f"expected the columns of a table with a figure ({', '.join(TABLES)}), found {', '.join(names)}")
+    return max(fitting, key=lambda kind: len(TABLES[kind]))
 
 
 def kinds_by_name() -> dict[str, FieldKind]:

@@ -12,6 +12,7 @@ from typing import Any, BinaryIO
 
 from wavesweep.results.files import GROUP_ROWS, ParquetFile, csv_header, csv_rows
 from wavesweep.results.folder import (
+    FIGURES,
     SUFFIXES,
     at_work_in,
     existing_facts,
@@ -26,7 +27,7 @@ from wavesweep.sweep.table import Columns, Table, joined
 _PREFIX = ".wavesweep-"  # of the folders that tables are written in
 
 
-def publish(table: Table, directory: str | Path, force: bool = False, plot: bool = True) -> list[Path]:
+def publish(table: Table, directory: str | Path, force: bool = False, formats: Iterable[str] = ("png",)) -> list[Path]:
     """Write a table as CSV and Parquet, its figure and text if it has some, and the data package; give their paths.
 
     Everything is written in a temporary folder beside the results, and put in place at the end; a figure that another
@@ -36,7 +37,7 @@ def publish(table: Table, directory: str | Path, force: bool = False, plot: bool
                give equal bytes in any folder
     directory  made if it is missing
     force      replace results of another spec; those of the same file (`spec_place`) are replaced in any case
-    plot       draw the figure
+    formats    of the figure: png, svg, pdf
 
     Raises UsageError if the directory holds results of another spec, WavesweepError if the columns do not fit the
     fields or a number is infinite, OSError if a file cannot be written.
@@ -55,11 +56,11 @@ def publish(table: Table, directory: str | Path, force: bool = False, plot: bool
         opened.enter_context(at_work_in(folder))
         stem = folder / table.kind
         _write_rows(stem, fields, facts, blocks)
-        if plot and table.figure is not None:
-            table.figure(stem.with_suffix(".png"))
+        for form in formats if table.figure is not None else ():
+            table.figure(stem.with_suffix(f".{form}"))
         if table.text is not None:
             stem.with_suffix(".md").write_text(table.text, encoding="utf-8")
-        package = package_text(table.kind, fields, facts, stem.with_suffix(".csv"), stem.with_suffix(".parquet"))
+        package = package_text(table.kind, fields, facts, stem, _figures(stem, directory, facts["spec_sha256"]))
         stem.with_suffix(".datapackage.json").write_text(package, encoding="utf-8")
         return _put_in_place(stem, directory, facts["spec_sha256"])
 
@@ -110,9 +111,18 @@ def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns]) -> Iterator[Co
         yield joined(pending)
 
 
+def _figures(stem: Path, directory: Path, sha256: str) -> list[Path]:
+    """The figures of the table: the new ones, and those of the same spec that stay."""
+    same = (existing_facts(stem.name, directory) or {}).get("spec_sha256") == sha256
+    new, old = ([place.with_suffix(suffix) for suffix in FIGURES] for place in (stem, directory / stem.name))
+    found = [each if each.exists() else kept for each, kept in zip(new, old, strict=True) if each.exists() or same]
+    return [each for each in found if each.exists()]
+
+
 def _put_in_place(stem: Path, directory: Path, sha256: str) -> list[Path]:
-    if (existing_facts(stem.name, directory) or {}).get("spec_sha256") != sha256 and not stem.with_suffix(".png").exists():
-        (directory / f"{stem.name}.png").unlink(missing_ok=True)
+    if (existing_facts(stem.name, directory) or {}).get("spec_sha256") != sha256:
+        for suffix in FIGURES:
+            (directory / f"{stem.name}{suffix}").unlink(missing_ok=True)
     placed = []
     # The package last: its hashes then vouch for files that are there already.
     for suffix in (*SUFFIXES[:-1], ".md", SUFFIXES[-1]):

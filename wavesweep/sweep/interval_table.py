@@ -1,7 +1,7 @@
 """Stable intervals over a sweep, as a table: those of the spec's loop and, as an option, those for hands."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -9,18 +9,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from wavesweep.analysis.doubt import words
 from wavesweep.diagram import WALL
-from wavesweep.spec import Spec
+from wavesweep.spec import Axis, Spec
 from wavesweep.sweep.checkpoint import MemoryCheckpoint, blocks, checkpoint_of
-from wavesweep.sweep.job import Job, cut_otherwise, expected_seconds, job_of
+from wavesweep.sweep.grid import groups
+from wavesweep.sweep.job import Job, bounds_of, cut_otherwise, expected_seconds, job_of
 from wavesweep.sweep.table import Columns, Table, facts_of, joined
-from wavesweep.sweep.tasks import END_HANDS, FELT, certified_slices
+from wavesweep.sweep.tasks import END_HANDS, FELT, RECORD, IntervalTask, certified_slices
 from wavesweep.sweep.workers import Workers, choose, results
 
 if TYPE_CHECKING:
     from wavesweep.sweep.hands import Guarantee, Hands
 
 Progress = Callable[[int, int, int], None]
+WASTE = 4  # a product of loops and walls is computed whole if at most so many times the points are wanted
 FEW = 4  # slices of a chunk of guarantees: each takes from tenths of a second to some seconds
 ABOUT_ENDS = (*END_HANDS["low"], *END_HANDS["high"], "settled")
 
@@ -135,6 +138,48 @@ def compute(job: Job, store, workers: Workers, progress: Progress | None = None)
     finally:
         finished.close()
     return tally
+
+
+def at_points(spec: Spec, axis: Axis, points: Mapping[str, np.ndarray]) -> Columns:
+    """Stable intervals along `axis` at single points, as the records of a table, with the column `slice`: the point's number.
+
+    points: path -> value at each point, `(n,)`; no two points are the same.
+    """
+    count = len(next(iter(points.values())))
+    loops, loop = _distinct_rows({path: column for path, column in points.items() if path not in WALL}, count)
+    walls, wall = _distinct_rows({path: column for path, column in points.items() if path in WALL}, count)
+    if loops.size * walls.size <= WASTE * count:
+        parts = [(np.arange(count), np.sort(loops), np.sort(walls))]
+    else:  # the product would be mostly points that nobody wants
+        by = loop if loops.size <= walls.size else wall
+        members = [np.flatnonzero(by == number) for number in range(by.max() + 1)]
+        parts = [(each, np.unique(loops[loop[each]]), np.unique(walls[wall[each]])) for each in members]
+    found = [_part(spec, axis, points, *part, loops[loop], walls[wall]) for part in parts]
+    records = np.concatenate(found)
+    records = records[np.argsort(records["slice"], kind="stable")]
+    return {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
+
+
+def _distinct_rows(columns, count):
+    """Index of the first point of each distinct row of the columns, and for each point the number of its row."""
+    if not columns:
+        return np.zeros(1, int), np.zeros(count, int)
+    _, first, back = np.unique(np.stack(list(columns.values()), axis=1), axis=0, return_index=True, return_inverse=True)
+    return first, back.reshape(-1)
+
+
+def _part(spec, axis, points, members, loops, walls, loop_of, wall_of):
+    """The records of the points `members`, from the product of some loops and walls, each given by a point that has it."""
+    span = (float(axis.start), float(axis.stop))
+    changes = {path: column[loops] for path, column in points.items() if path not in WALL}
+    wanted = {path: points[path][walls] if path in points else np.full(walls.size, spec.values[path]) for path in WALL}
+    task = IntervalTask(axis.path, span, bounds_of(axis.path, span), tuple(groups(spec, changes, loops.size)), wanted)
+    records = task.records()
+    number = np.searchsorted(loops, loop_of[members]) * walls.size + np.searchsorted(walls, wall_of[members])
+    order = np.argsort(number, kind="stable")
+    kept = records[np.isin(records["slice"], number)]
+    kept["slice"] = members[order][np.searchsorted(number[order], kept["slice"])]
+    return kept
 
 
 def _continued(progress, total, before):

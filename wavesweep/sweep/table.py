@@ -20,8 +20,8 @@ class Table:
     kind: the table's name, and that of its files. blocks: gives the columns (name -> array, in the table's order) in
     blocks of consecutive rows, as often as it is called. facts: JSON-able, see `results`. axes: name -> values of each
     leading column, if a figure has to be laid out before all rows are there. fields: the columns' fields, if
-    `results` does not know the kind. figure: draws the table as PNG at a path. text: the table as Markdown. forget:
-    removes the checkpoint that the rows are read from, once they are safe elsewhere.
+    `results` does not know the kind. figure: writes the figure to a path, in the format of its suffix. text: the table as
+    Markdown. forget: removes the checkpoint that the rows are read from, once they are safe elsewhere.
     """
 
     kind: str
@@ -74,6 +74,7 @@ def facts_of(specs, methods, slices, timings, notices=(), swept=()) -> dict:
     return {
         "schema_version": 1,
         "tool_version": __version__,
+        "spec_name": "+".join(spec.name for spec in several),
         "spec": several[0].tables(),
         "spec_sha256": digest_of(several),
         **({"specs": {spec.name: spec.tables() for spec in several}} if len(several) > 1 else {}),

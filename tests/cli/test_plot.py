@@ -1,0 +1,123 @@
+"""`wavesweep plot`: the figure of a table again, in every format; and figures of every command."""
+
+import json
+import shutil
+
+import pytest
+from PIL import Image
+
+pytestmark = pytest.mark.slow
+
+SPEC = """[controller]
+kind = "pmw"
+[sweep]
+K_VE = { start = 0, stop = 4000 }
+B_VE = [0.5, 1.0, 2.0]
+b = [20, 40]
+[bode]
+frequency_hz = [0, 1, 5, 20]
+b = [20, 40]
+[simulate]
+frequency_hz = 2
+duration_s = 0.5
+"""
+COMMANDS = {
+    "zwidth": ("zwidth",),
+    "stability-region": ("stability-region",),
+    "bode": ("bode",),
+    "passivity": ("passivity",),
+    "simulate": ("simulate",),
+    "passivity-filters": ("passivity", "--filters"),
+}
+FORMATS = ("--format", "png", "--format", "svg", "--format", "pdf")
+
+
+@pytest.fixture
+def wavesweep(wavesweep):
+    """The command line, which takes paths as well."""
+    return lambda *words: wavesweep(*map(str, words))
+
+
+@pytest.fixture
+def spec(tmp_path):
+    """The path of a small spec."""
+    path = tmp_path / "small.toml"
+    path.write_text(SPEC)
+    return path
+
+
+@pytest.mark.parametrize("kind", COMMANDS)
+def test_the_figure_again_from_either_table_has_the_same_bytes(wavesweep, spec, tmp_path, kind):
+    made = tmp_path / "made"
+    command, *options = COMMANDS[kind]
+    assert wavesweep(command, spec, *options, *FORMATS, "--out", made)[0] == 0
+    package = json.loads((made / f"{kind}.datapackage.json").read_text())
+    for table in (made / f"{kind}.csv", made / f"{kind}.parquet"):
+        out = tmp_path / table.suffix[1:]
+        assert wavesweep("plot", table, *FORMATS, "--out", out)[0] == 0
+        for form in ("png", "svg", "pdf"):
+            assert (out / f"{kind}.{form}").read_bytes() == (made / f"{kind}.{form}").read_bytes()
+    names = [resource["name"] for resource in package["resources"]]
+    assert names == [f"{kind}-{form}" for form in ("csv", "parquet", "png", "svg", "pdf")]
+
+
+def test_a_new_figure_beside_the_table_is_entered_in_the_package(wavesweep, spec, tmp_path):
+    wavesweep("zwidth", spec, "--no-plot", "--out", tmp_path)
+    assert wavesweep("plot", tmp_path / "zwidth.csv", "--format", "svg")[0] == 0
+    package = json.loads((tmp_path / "zwidth.datapackage.json").read_text())
+    assert package["resources"][-1]["path"] == "zwidth.svg"
+    assert package["resources"][-1]["bytes"] == (tmp_path / "zwidth.svg").stat().st_size
+    assert wavesweep("plot", tmp_path / "zwidth.csv", "--format", "svg", "--quiet")[0] == 0
+    assert json.loads((tmp_path / "zwidth.datapackage.json").read_text()) == package
+
+
+def test_figures_say_what_made_them(wavesweep, spec, tmp_path):
+    import wavesweep as package
+
+    wavesweep("zwidth", spec, *FORMATS, "--out", tmp_path)
+    digest = package.load(spec).sha256
+    told = Image.open(tmp_path / "zwidth.png").text
+    assert told["Title"] == "zwidth of small"
+    assert told["Software"] == f"wavesweep {package.__version__}"
+    assert (told["Spec"], told["Spec SHA-256"], told["Command"]) == ("small", digest, "wavesweep zwidth")
+    svg, pdf = (tmp_path / "zwidth.svg").read_text(), (tmp_path / "zwidth.pdf").read_bytes()
+    assert digest in svg
+    assert "<dc:date>" not in svg
+    assert digest.encode() in pdf
+    assert b"CreationDate" not in pdf
+
+
+def spoilt(made, case):
+    """The path of a table that cannot be drawn, and a part of the message."""
+    table = made / "zwidth.csv"
+    if case == "missing":
+        return made / "none.csv", "found no such file"
+    if case == "alone":
+        shutil.copy(table, made.parent / "alone.csv")
+        return made.parent / "alone.csv", "data package"
+    if case == "torn":
+        table.write_bytes(table.read_bytes()[:-40])
+        return table, "torn or was changed"
+    if case == "torn parquet":
+        parquet = made / "zwidth.parquet"
+        parquet.write_bytes(parquet.read_bytes()[:-40])
+        return parquet, "cannot be read"
+    if case == "other program":
+        import pyarrow
+        import pyarrow.parquet
+
+        pyarrow.parquet.write_table(pyarrow.table({"x": [1.0]}), made / "other.parquet")
+        return made / "other.parquet", "no facts"
+    (made / "table.txt").write_text("x")
+    return made / "table.txt", "expected .csv or .parquet"
+
+
+@pytest.mark.parametrize("case", ["missing", "alone", "torn", "torn parquet", "other program", "other suffix"])
+def test_bad_tables_get_one_line(wavesweep, spec, tmp_path, case):
+    wavesweep("zwidth", spec, "--no-plot", "--out", tmp_path / "made")
+    table, message = spoilt(tmp_path / "made", case)
+    code, out, err = wavesweep("plot", table)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert len(err.strip().splitlines()) == 1
+    assert not table.with_suffix(".png").exists()

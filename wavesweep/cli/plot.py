@@ -1,0 +1,43 @@
+"""`wavesweep plot`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from wavesweep.cli.options import debug, formats, quiet
+
+
+@click.command("plot")
+@click.argument("table")
+@formats
+@click.option("--out", metavar="DIR", help="Folder for the figure [default: that of the table].")
+@quiet
+@debug
+def command(table: str, formats: tuple[str, ...], out: str | None, **switches: bool) -> None:
+    """Draw the figure of a table again, as PNG, SVG or PDF.
+
+    TABLE is a Parquet file of another command, or a CSV with its data package beside it. The spec is in either, so the
+    figure is the one that the command itself draws. A figure that is there already is replaced.
+    """
+    from wavesweep import plots, results
+    from wavesweep.cli.output import say
+    from wavesweep.plots.style import about_figure, save
+
+    path = Path(table)
+    directory = path.parent if out is None else Path(out)
+    results.refuse_unusable(directory)
+    kind, columns, facts = results.read_table(path)
+    figure = plots.figure_of(kind)(columns, facts)
+    directory.mkdir(parents=True, exist_ok=True)
+    written = [directory / f"{path.stem}.{form}" for form in dict.fromkeys(formats)]
+    for each in written:
+        temporary = each.with_name(f".{each.name}.new{each.suffix}")
+        save(figure, temporary, about_figure(kind, facts))
+        temporary.replace(each)
+    package = directory / f"{path.stem}.datapackage.json"
+    if package.exists() and directory.resolve() == path.parent.resolve():
+        results.add_figures(package, kind, written)
+    if not switches["quiet"]:
+        say(f"Wrote {', '.join(map(str, written))}")
