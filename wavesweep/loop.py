@@ -99,22 +99,34 @@ class Loop:
         return _frame("simulate", simulated_columns(self.spec, force, **options))
 
     def plot_zwidth(self, along: str = "K_VE", span=None, **axes):
-        """The figure of `stable_intervals` with the same parameters, as `wavesweep zwidth` draws it: a matplotlib `Figure`."""
+        """The figure of stable intervals, as `wavesweep zwidth` draws it: a matplotlib `Figure`, which a notebook shows.
+
+        along, span, axes: as for `stable_intervals`. Intervals between the values given are computed for the figure.
+        """
         columns = self.stable_intervals(along, span, **axes)
         axis = self._along(along, span)
         swept = {"along": along, **{name: np.atleast_1d(values).tolist() for name, values in axes.items()}}
         return _figure("zwidth", columns, self.spec, swept | {along: {"start": axis.start, "stop": axis.stop}})
 
     def plot_bode(self, frequency_hz=None, **axes):
-        """The figure of `response` with the same parameters, as `wavesweep bode` draws it: a matplotlib `Figure`."""
+        """The figure of responses, as `wavesweep bode` draws it: a matplotlib `Figure`.
+
+        frequency_hz, axes: as for `response`.
+        """
         return _figure("bode", self.response(frequency_hz, **axes), self.spec)
 
     def plot_passivity(self, **axes):
-        """The figure of `passivity` with the same parameters, as `wavesweep passivity` draws it: a matplotlib `Figure`."""
+        """The figure of channel norm and port margin, as `wavesweep passivity` draws it: a matplotlib `Figure`.
+
+        axes: as for `passivity`.
+        """
         return _figure("passivity", self.passivity(**axes), self.spec)
 
     def plot_simulate(self, force=None, **options):
-        """The figure of `simulate` with the same parameters, as `wavesweep simulate` draws it: a matplotlib `Figure`."""
+        """The figure of a simulation, as `wavesweep simulate` draws it: a matplotlib `Figure`.
+
+        force, options: as for `simulate`.
+        """
         from wavesweep.spec import load
 
         tables = self.spec.as_simulated().tables()

@@ -14,7 +14,7 @@ from wavesweep.cli.entry import COMMANDS, group, module_of
 
 ROOT = Path(__file__).parents[2]
 
-WITH_TABLES = [name for name in COMMANDS if name not in ("check", "paper", "bench", "keys", "init")]  # no SPEC, or no table
+WITH_TABLES = [name for name in COMMANDS if name not in ("check", "paper", "bench", "keys", "init", "plot")]  # no SPEC, or no table
 SWEEPS = [name for name in WITH_TABLES if name not in ("simulate", "passivity", "compare")]
 
 

@@ -38,6 +38,7 @@ from wavesweep.plots.style import (
 
 _PANEL_HEIGHT = 2.3  # inches
 _LETTERS_PER_INCH = 16
+_APART = 1.6  # points between thin bars of two members
 _HALF_BAR = 0.32  # of the distance between two bars
 _KEPT_ROWS = 300_000  # of a table that comes in blocks; a longer one is read a second time
 
@@ -146,7 +147,7 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
         _limit(grid[0, 0], columns, bars=layout.x is None)
         for axes in grid.flat[: len(panels)]:
             mark_range(axes, columns, bars=layout.x is None)
-        _name_axes(canvas, columns, layout)
+        _name_axes(canvas, columns, layout, _assumed(facts, columns))
         if entries:
             canvas.legend(handles=entries, loc="outside upper center", ncols=in_a_row, columnspacing=1.0, handlelength=2.0)
     return canvas
@@ -201,8 +202,10 @@ def _draw_panel(axes: Any, columns: Columns, facts: Mapping[str, Any], layout: L
         axes.set_xscale("log")
     view = view_of(layout.x, logarithmic, *inches)
     felt = _shows_felt(columns, layout)
-    for look, curve in zip(looks, _curves(members, view, facts, "hand" in columns), strict=True):
-        draw_region(axes, curve, view, look, filled=len(members) == 1)
+    curves = _curves(members, view, facts, "hand" in columns)
+    for number, (look, curve) in enumerate(zip(looks, curves, strict=True)):
+        shift = _APART * (number - (len(looks) - 1) / 2)
+        draw_region(axes, curve, view, look, filled=len(members) == 1, shift=shift)
         if felt:
             draw_felt(axes, curve, look)
     axes.set_xlim(columns[layout.x].min(), columns[layout.x].max())
@@ -246,15 +249,28 @@ def _logarithmic(values: np.ndarray) -> bool:
     return bool(np.ptp(np.diff(np.log(steps))) < 1e-6 * np.log(steps[-1] / steps[0]))
 
 
-def _name_axes(canvas: Any, columns: Columns, layout: Layout) -> None:
+def _name_axes(canvas: Any, columns: Columns, layout: Layout, assumed: str) -> None:
     along = label(str(columns["along"][0]))
     bars = layout.x is None
     # The note is a further line of the label: the layout makes room for that, and for nothing that is placed by hand.
-    note = wrap(layout.left_out, int(_LETTERS_PER_INCH * canvas.get_figwidth()))
+    width = int(_LETTERS_PER_INCH * canvas.get_figwidth())
+    note = [*wrap(layout.left_out, width), *wrap(assumed, width)]
     canvas.supxlabel("\n".join([along if bars else label(layout.x), *note]), fontsize=8)
     across = (label(layout.family) if layout.family else "") if bars else along
     if across:
         canvas.supylabel(across, fontsize=8)
+
+
+def _assumed(facts: Mapping[str, Any], columns: Columns) -> str:
+    """The wall, its delay and the velocity that the figure is for, if they are the same in all of it."""
+    tables = facts.get("spec", {})
+    if not {"environment", "device", "controller"} <= set(tables):
+        return ""
+    delay = tables["environment"]["delay"]
+    words = [str(tables["controller"]["kind"]), f"{tables['environment']['integration']} wall"]
+    if "environment.delay" not in columns:
+        words.append("no delay" if delay == 0 else f"delay {delay} tick{'' if delay == 1 else 's'}")
+    return ", ".join([*words, f"{tables['device']['velocity']} velocity"])
 
 
 def _entries(columns: Columns, layout: Layout, best: Mapping[str, Any], own: tuple[list, list]) -> list[Any]:

@@ -31,7 +31,9 @@ def passivity(columns: Columns, facts: Mapping[str, Any]) -> Any:
     several = {name: values for name, values in axes.items() if len(values) > 1}
     x = along_the_figure(several)
     rest = [name for name in several if name != x]
-    columns = {**columns, "port_margin": 1e3 * columns["port_margin"]}
+    # A margin that is below 0 by rounding alone counts as 0, by the verdict of the table.
+    margin = np.where(columns["port_passive"], np.fmax(columns["port_margin"], 0.0), columns["port_margin"])
+    columns = {**columns, "port_margin": 1e3 * margin}
     return _draw_dots(columns, several) if x is None else _draw_lines(columns, several, x, rest)
 
 

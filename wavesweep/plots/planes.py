@@ -91,10 +91,11 @@ Chain = list[tuple[float, Interval]]
 Line = list[tuple[float, float]]
 
 
-def draw_region(axes: Any, curve: Curve, view: View, look: Look, filled: bool) -> None:
+def draw_region(axes: Any, curve: Curve, view: View, look: Look, filled: bool, shift: float = 0.0) -> None:
     """Draw the known part of a stable region: its area, or strokes from its boundary to the unstable side if not `filled`.
 
-    If the gap between two values of x is not known, a thin bar at each of them shows its intervals.
+    If the gap between two values of x is not known, a thin bar at each of them shows its intervals; `shift` (points) keeps
+    bars of different members apart.
     """
     from matplotlib.collections import LineCollection, PolyCollection
     from matplotlib.patheffects import withTickedStroke
@@ -106,18 +107,31 @@ def draw_region(axes: Any, curve: Curve, view: View, look: Look, filled: bool) -
         axes.axvspan(left, right, **UNKNOWN)
     if cells:  # no hatching under what is known
         axes.add_collection(PolyCollection(outlines, facecolor="white", linewidth=0, zorder=0.5))
-    axes.add_collection(PolyCollection(outlines, facecolor=look.colour, alpha=_SHADE if filled else _FAINT, linewidth=0))
+    if filled:  # opaque, with a hairline, so that no seam shows between two outlines
+        shade = {"facecolor": _mixed(look.colour), "edgecolor": _mixed(look.colour), "linewidth": 0.4, "zorder": 0.6}
+    else:
+        shade = {"facecolor": look.colour, "alpha": _FAINT, "linewidth": 0}
+    axes.add_collection(PolyCollection(outlines, **shade))
     strokes = [] if filled else [withTickedStroke(angle=75, spacing=9, length=0.45, linewidth=0.7)]
     certain = [line for chain in chains for line in _boundary(chain, certified=True)] + jumps
     doubtful = [line for chain in chains for line in _boundary(chain, certified=False)]
     line = {"linewidths": 1.2, "path_effects": strokes}
     axes.add_collection(LineCollection(certain, colors=[look.colour], linestyles=[look.line], **line))
     axes.add_collection(LineCollection(doubtful, colors=DOUBTFUL, linestyles="--", zorder=3, **line))
-    _draw_bars_at(axes, bars, look)
+    _draw_bars_at(axes, bars, look, shift)
 
 
-def _draw_bars_at(axes: Any, bars: Chain, look: Look) -> None:
+def _mixed(colour: Any) -> tuple[float, ...]:
+    from matplotlib.colors import to_rgb
+
+    return tuple(1 - _SHADE * (1 - part) for part in to_rgb(colour))
+
+
+def _draw_bars_at(axes: Any, bars: Chain, look: Look, shift: float) -> None:
     """Draw the intervals at single values of x, with a short stroke at each end of the stable set."""
+    from matplotlib.transforms import ScaledTranslation
+
+    place = {"transform": axes.transData + ScaledTranslation(shift / 72, 0, axes.figure.dpi_scale_trans)}
     for certified in (True, False):
         chosen = [(x, each) for x, each in bars if each.certified == certified]
         if chosen:
@@ -125,10 +139,10 @@ def _draw_bars_at(axes: Any, bars: Chain, look: Look) -> None:
             places, found = zip(*chosen, strict=True)
             low, high = [each.low for each in found], [each.high for each in found]
             style = "-" if certified else "--"
-            axes.vlines(places, low, high, colors=[colour], linewidths=0.8, linestyles=style)
+            axes.vlines(places, low, high, colors=[colour], linewidths=0.8, linestyles=style, **place)
             ends = [(x, e.low) for x, e in chosen if e.low_real] + [(x, e.high) for x, e in chosen if e.high_real]
             if ends:
-                axes.plot(*zip(*ends, strict=True), "_", color=colour, markersize=5)
+                axes.plot(*zip(*ends, strict=True), "_", color=colour, markersize=4, **place)
 
 
 def draw_felt(axes: Any, curve: Curve, look: Look) -> None:

@@ -3,7 +3,7 @@
 At the values of x that a table has, the intervals are known. Between two of them nothing is, however close they are: a region
 may end there and another may begin. A figure therefore computes further columns, by the same code as the table: midpoints of
 all cells that are not decided yet, in one batch a round. A cell is known if the line between its ends is right in its middle
-to half a pixel. An interval that begins or ends within a cell is located to half a pixel.
+to half a pixel. An interval that begins or ends within a cell is located to a pixel.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Interval:
 class Curve:
     """The intervals of one design: x -> (its intervals, whether others may be missing), and the state of the gaps.
 
-    gaps: (x, next x) -> KNOWN (straight lines join the intervals one by one), NARROW (half a pixel) or, if missing, OPEN.
+    gaps: (x, next x) -> KNOWN (straight lines join the intervals one by one), NARROW (a pixel) or, if missing, OPEN.
     """
 
     columns: dict[float, tuple[tuple[Interval, ...], bool]]
@@ -110,7 +110,9 @@ def _refine(curves: list[Curve], view: View, tolerance: float, question: _Questi
     """Add columns to the curves until all cells are known or narrow, or the budget is spent."""
     ends = [view.position(x) for curve in curves for x in curve.columns]
     whole = float(max(ends) - min(ends))
-    narrow = whole / view.wide / 2
+    narrow = whole / view.wide
+    # A batch of dear columns costs much by itself, so that a few more of them save time.
+    parts = 4 if question.batch else 2
     cells = [(n, a, b) for n, curve in enumerate(curves) for a, b in pairwise(sorted(curve.columns))]
 
     def width(cell):
@@ -122,7 +124,7 @@ def _refine(curves: list[Curve], view: View, tolerance: float, question: _Questi
     while cells:
         taken, wanted, designs = [], [], set()
         for cell in cells:
-            inside = view.between(*cell[1:], 2 * max(1, int(np.ceil(width(cell) / smallest / 2))))
+            inside = view.between(*cell[1:], max(parts if left < BUDGET else 2, 2 * int(np.ceil(width(cell) / smallest / 2))))
             if question.seconds(len(wanted) + len(inside), len(designs | {cell[0]})) > left:
                 break
             designs.add(cell[0])

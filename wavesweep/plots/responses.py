@@ -113,7 +113,7 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str) -> None:
     if logarithmic:
         axes.set_xscale("log")
     if name.endswith("_abs"):
-        axes.set_yscale("log")
+        _by_factors(axes)
     else:
         _in_degrees(axes)
     if everywhere.max() > everywhere.min():
@@ -152,7 +152,7 @@ def _mark_nyquist(axes: Any, columns: Columns, x: str, named: bool) -> None:
     if x != "frequency_hz" or scale is None:
         return
     nyquist = np.pi / scale
-    if columns["frequency_hz"].min() < nyquist <= columns["frequency_hz"].max():
+    if columns["frequency_hz"].min() < nyquist < 0.99 * columns["frequency_hz"].max():
         words = {"label": f"slow Nyquist frequency, {nyquist:.4g} Hz"} if named else {}
         axes.axvline(nyquist, color="0.45", linestyle=(0, (1, 2)), linewidth=1.0, zorder=1.5, **words)
 
@@ -261,7 +261,7 @@ def _draw_seen(axes: Any, columns: Columns, name: str) -> None:
     if name.endswith("_deg"):
         _in_degrees(axes)
     else:
-        axes.set_yscale("log")
+        _by_factors(axes)
     axes.grid(**_GRID)
 
 
@@ -318,12 +318,14 @@ def _draw_band(axes: Any, lines: Sequence[Line], panel: Panel) -> None:
 
 
 def _by_factors(axes: Any) -> None:
-    """Set a logarithmic scale with plain numbers at 1, 2, 5; powers of ten alone would leave one label or none."""
-    from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
+    """Set a logarithmic scale. Over less than two decades it has plain numbers at 1, 2, 5, since powers of ten are too few."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axes.set_yscale("log")
-    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(ScalarFormatter())
+    low, high = axes.get_ylim()
+    if high < 100 * low:
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 

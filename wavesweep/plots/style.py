@@ -217,4 +217,5 @@ def label(name: str) -> str:
 
 def valued(name: str, value: float) -> str:
     """The name of an axis with a value and its unit."""
-    return f"{symbol(name)} = {value:.6g} {unit(name)}".rstrip()
+    each = unit(name)
+    return f"{symbol(name)} = {value:.6g} {'ticks' if each == 'tick' and value != 1 else each}".rstrip()
