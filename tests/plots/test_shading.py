@@ -108,6 +108,15 @@ def test_bars_are_stable_and_nothing_between_them_is_shaded():
     assert not shaded[np.abs(y - place) > 0.4].any()
 
 
+def test_filters_given_by_their_band_edges_are_refined_as_well():
+    edges = {"passband_hz": 5.0, "stopband_hz": 20.0, "passband_db": 3.0, "stopband_db": 20.0}
+    spec = HOLE | {"filters": {"lp1": edges}, "sweep": {"B_VE": [0.0, 2.0, 9.0], "K_VE": {"start": 0, "stop": 3000}}}
+    table = intervals(wavesweep.load(spec))
+    shaded, _, missed = held_against_the_radius(spec, plots.zwidth(table.columns, table.facts), ("B_VE", "K_VE"))
+    assert shaded > 100
+    assert missed == 0
+
+
 def test_without_the_spec_nothing_is_shaded_between_the_values_of_the_table():
     table = intervals(wavesweep.load(spec_of(0)))
     *_, shaded, _ = shades(plots.zwidth(table.columns, {}), family_looks(1)[0].colour, 0.22)

@@ -19,7 +19,7 @@ from wavesweep.paper.statements import STATEMENTS
 from wavesweep.plots import with_figure
 from wavesweep.plots.planes import Plane, draw_planes
 from wavesweep.plots.responses import Line, Panel, draw_magnitudes
-from wavesweep.plots.style import symbol
+from wavesweep.plots.style import symbol, valued
 from wavesweep.results import fields_of
 from wavesweep.sweep import Table, intervals, responses
 from wavesweep.sweep.table import facts_of
@@ -36,7 +36,7 @@ def figure_2(_: PaperLoops) -> list[Table]:
     run = responses([load_paper(name) for name in ("fig2", "dc")])
     pmw = run.columns["controller"] == "pmw"
     family = [
-        _line(f"{symbol('b')} = {b:g}", run.columns, pmw & (run.columns["b"] == b), shade=shade)
+        _line(valued("b", b), run.columns, pmw & (run.columns["b"] == b), shade=shade)
         for shade, b in enumerate(np.unique(run.columns["b"][pmw]))
     ]
     direct = np.flatnonzero(run.columns["controller"] == "dc")
@@ -83,7 +83,7 @@ def _without_limit(run: Table) -> str:
 def _by_gain(run: Table) -> list:
     columns = run.columns
     rows = {Kp: columns["Kp"] == Kp for Kp in np.unique(columns["Kp"])}
-    return [(f"{symbol('Kp')} = {Kp:g}", {n: c[of] for n, c in columns.items()}, run.facts) for Kp, of in rows.items()]
+    return [(valued("Kp", Kp), {n: c[of] for n, c in columns.items()}, run.facts) for Kp, of in rows.items()]
 
 
 def figure_6(_: PaperLoops) -> list[Table]:

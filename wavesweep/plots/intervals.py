@@ -309,7 +309,7 @@ def _in_words(best: Mapping[str, Any]) -> str:
     felt = best.get("felt_high", np.nan)
     if along != "K_VE" or not abs(felt - best["high"]) > 0.005 * best["high"]:
         return f"largest: {over}{best['high']:.5g} {unit(along)}".rstrip()
-    return f"stiffest felt: {felt:.4g} N/m, of a wall of {over}{best['high']:.4g}"
+    return f"stiffest felt: {felt:.4g} N/m, of a wall of {over}{best['high']:.5g}"
 
 
 def draw_bars(axes: Any, members: Sequence[Columns], names: Sequence[str], colours: Sequence[Any] = ()) -> None:

@@ -19,6 +19,7 @@ from wavesweep.plots.style import (
     Look,
     family_looks,
     figure,
+    fitting,
     incomplete,
     label,
 )
@@ -54,7 +55,7 @@ def draw_planes(planes: Sequence[Plane]) -> Any:
         along = str(planes[0].designs[0][1]["along"][0])
         grid[0].set_ylabel(label(along))
         names = [name for name, *_ in planes[0].designs]
-        canvas.legend(handles=handles_of(names), loc="outside lower center", ncols=4)
+        canvas.legend(handles=handles_of(names), loc="outside lower center", ncols=fitting(names, width))
     return canvas
 
 

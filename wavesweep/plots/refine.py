@@ -173,7 +173,12 @@ def spec_of(facts: Mapping[str, Any]) -> Any:
         return None
     from wavesweep.spec import load
 
-    return load(facts["spec"])
+    # Facts have the order and the cutoff that follow from band edges beside these; a spec has one or the other.
+    filters = {
+        name: {key: value for key, value in given.items() if "passband_hz" not in given or key not in ("order", "cutoff_hz")}
+        for name, given in facts["spec"].get("filters", {}).items()
+    }
+    return load({**facts["spec"], **({"filters": filters} if filters else {})})
 
 
 Design = tuple[tuple[str, float], ...]  # path -> value on each axis that is read, without that along the figure

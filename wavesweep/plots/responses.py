@@ -321,6 +321,8 @@ def _by_factors(axes: Any) -> None:
     """Set a logarithmic scale. Over less than two decades it has plain numbers at 1, 2, 5, since powers of ten are too few."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+    if not any((np.asarray(line.get_ydata()) > 0).any() for line in axes.lines):
+        return  # nothing is known, or all is 0, as the static impedance of free space
     axes.set_yscale("log")
     low, high = axes.get_ylim()
     if high < 100 * low:
@@ -337,6 +339,6 @@ def _look(line: Line, looks: list[Look]) -> dict[str, Any]:
     else:
         look = looks[line.shade]
     if line.dots:
-        marker = "s" if line.ideal else _MARKS[line.hue % len(_MARKS)]
+        marker = "^" if line.ideal else _MARKS[line.hue % len(_MARKS)]
         return {"color": look.colour, "linestyle": "none", "marker": marker, "markersize": 3}
     return {"color": look.colour, "linestyle": look.line, "zorder": 3 if line.ideal else 2}
