@@ -10,6 +10,7 @@ import pytest
 import wavesweep
 from wavesweep.cli import main
 from wavesweep.cli.entry import COMMANDS
+from wavesweep.controllers import MEANINGS
 from wavesweep.spec import KEYS
 
 ROOT = pathlib.Path(__file__).parents[1]
@@ -18,7 +19,10 @@ BESIDE = (
     *("ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE"),
     *("wavesweep/ACCURACY.md", "wavesweep/TABLES.md"),
 )
-TEXTS = {name: (ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "sweeps/paper/README.md", *BESIDE)}
+TEXTS = {
+    name: (ROOT / name).read_text(encoding="utf-8")
+    for name in ("README.md", "sweeps/paper/README.md", "sweeps/examples/FIRST-HOUR.md", *BESIDE)
+}
 LINKS = [(name, link) for name, text in TEXTS.items() for link in re.findall(r"\]\((?!http)([^)]*)\)", text)]
 
 
@@ -60,6 +64,19 @@ def test_every_key_of_the_summaries_is_in_the_readme(monkeypatch, capfd, tmp_pat
         used |= set(found).union(*found.get("tables", {}).values())
     used |= set(found["tables"])  # the names of tables
     assert {key for key in used if "-" not in key} - documented - {"passivity"} == set()
+
+
+def test_every_controller_stands_in_the_readme_with_its_meaning():
+    assert dict(re.findall(r"^\| `((?:dc|pmw)[a-z-]*)` \| (.*?) \|$", README, re.MULTILINE)) == dict(MEANINGS)
+
+
+def test_the_first_screen_shows_lines_of_the_first_hour():
+    """A test runs those."""
+    first = README.split("\n## ", 1)[0]
+    page = (ROOT / "sweeps/examples/FIRST-HOUR.md").read_text(encoding="utf-8")
+    shown = [line for line in re.findall(r"^    (.*)$", first, re.MULTILINE) if not line.startswith(("$", "python3"))]
+    assert len(shown) == 5
+    assert [line for line in shown if line not in page] == []
 
 
 def default(key):

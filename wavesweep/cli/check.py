@@ -94,10 +94,11 @@ def _limit(spec: Spec, limit: Facts) -> str:
         spans = " and ".join(f"{low:.6g} to {high:.6g}{unit}" for low, high in limit["intervals"])
         searched = f"{limit['from']:g} to {limit['to']:g}{unit}"
         return f"{here}: stable in {spans}{proved}" if spans else f"{here}: nowhere stable in {searched}{proved}"
-    low, high = limit["from"] if limit["low"] is None else limit["low"], limit["high"]
+    low, high = limit["low"], limit["high"]
+    start = f"from {low:.6g}" if low is not None else f"from {'at most ' if limit['from'] else ''}{limit['from']:g}"
     end = f"to {high:.6g}{unit}" if high is not None else f"to at least {limit['to']:g}{unit}"
     factors = _factors(limit) if value else ""
-    return f"{here}: stable from {low:.6g} {end}{factors}{proved}"
+    return f"{here}: stable {start} {end}{factors}{proved}"
 
 
 def _factors(limit: Facts) -> str:

@@ -94,7 +94,7 @@ def _flat(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any
         if isinstance(value, Mapping):
             yield from _flat(value, f"{above}{name}.")
         else:
-            yield f"{above}{name}", value
+            yield f"{above}{name}", list(value) if isinstance(value, tuple) else value
 
 
 def _shown(values: Mapping[str, Any], key: str) -> str:

@@ -235,5 +235,5 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
 def method(path) -> str:
     """How intervals along that key are found, in a line."""
     if path in WALL:
-        return "crossings of the unit circle from one real polynomial, proved by Smith's discs, polished in state space"
+        return "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
     return "roots of the eigenvalues' critical functions on Chebyshev panels, proved by Smith's discs, polished"
