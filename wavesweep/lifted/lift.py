@@ -23,6 +23,23 @@ def growth(E, ticks: int):
     return total
 
 
+def steps(E, B, ticks: int):
+    """State after so many ticks from rest under a constant unit input, `sum_i (I+E)^(ticks-1-i) B`, and under an input that
+    grows by 1 a tick, `sum_i i (I+E)^(ticks-1-i) B`: `(..., n, m)` each, by doubling."""
+    total, constant, growing, done = np.zeros_like(E), np.zeros_like(B), np.zeros_like(B), 0
+    with np.errstate(over="ignore", invalid="ignore"):
+        for bit in f"{ticks:b}":
+            if done:  # S the sum of the powers: what has grown grows on, and from here by more
+                growing = 2 * growing + E @ (total @ growing) + done * constant
+                constant = 2 * constant + E @ (total @ constant)
+                total, done = 2 * total + total @ E @ total, 2 * done
+            if bit == "1":
+                growing = growing + constant
+                constant = constant + E @ constant + B
+                total, done = total + E @ total + np.eye(E.shape[-1]), done + 1
+    return constant, growing
+
+
 def lift_held(fast: Block, ratio: int, delay: int, held, sampled) -> Block:
     """One frame of `fast` as a block of the slow rate.
 
@@ -34,7 +51,8 @@ def lift_held(fast: Block, ratio: int, delay: int, held, sampled) -> Block:
     rows = [fast.outputs.index(name) for name in sampled]
     B, C, D = fast.B[..., columns], fast.C[..., rows, :], fast.D[..., rows, :][..., columns]
     with np.errstate(over="ignore", invalid="ignore"):
-        whole, late, early = (growth(fast.E, ticks) for ticks in (ratio, ratio - delay, delay))
+        late, early = growth(fast.E, ratio - delay), growth(fast.E, delay) if delay else np.zeros_like(fast.E)
+        whole = early + late + late @ fast.E @ early if delay else late
         held_early = early @ B
         old = held_early + fast.E @ (late @ held_early)  # A^(M-D) S_D B
         E, new = fast.E @ whole, late @ B

@@ -57,12 +57,22 @@ def test_a_device_that_nothing_holds_has_no_admittance_and_feels_nothing():
 
 @pytest.mark.parametrize("seed", range(12))
 def test_what_is_felt_is_a_moebius_map_of_the_wall(seed):
-    """Three walls determine it; others agree, whatever their damping."""
+    """Found at rest without any wall; walls agree with the limits of their own responses, whatever their damping."""
     values = random_values(seed)
     coefficients = felt_map(draw(values))
     for K, B in ((3.0, 0.0), (321.0, 4.0), (20000.0, 1.0)):
         changed = values | {"environment.K_VE": K, "environment.B_VE": B}
         assert felt(coefficients, K) == pytest.approx(static(changed)[1], rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("changes", [{}, {"Kp": 20.0}, {"stiffness": 120.0}, {"hp_order": 0}, {"delay": 7, "stiffness": 120.0}])
+def test_the_map_is_that_of_limits(kind, changes):
+    """With and without a spring in the hand, position feedback, a wall that is reached, and a drift that is read."""
+    values = values_of(kind, **changes)
+    for K in (0.5, 50.0, 5000.0):
+        limit = static(values | {"environment.K_VE": K, "environment.B_VE": 2.0})[1]
+        assert felt(felt_map(draw(values)), K) == pytest.approx(limit, rel=1e-9)
 
 
 def test_a_batch_of_loops_has_a_map_each():

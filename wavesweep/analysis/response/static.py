@@ -1,15 +1,18 @@
 """What is left without the drift: the limit of a response towards 0 Hz, and the lifted map to displacements."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from wavesweep.analysis.response.frame import Loop, prepare
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
+from wavesweep.diagram.drift import scene_drift
 from wavesweep.lifted.circle import solve
+from wavesweep.lifted.connect import connect
 from wavesweep.lifted.frame import unrolled
-from wavesweep.lifted.lift import prune
+from wavesweep.lifted.lift import fast_side, latches, lift_held, prune, slow_sums, steps
 
-WALLS = (10.0, 100.0, 1000.0)  # N/m: three of them determine a Moebius map
 STILL = 1e-9  # a displacement per tick of that share of its terms is rounding
 NOTHING = 1e-12  # of the force of the hand: a control force of rounding
 
@@ -52,16 +55,121 @@ def felt_map(diagram: Diagram, batch: tuple[int, ...] = ()) -> np.ndarray:
     """Coefficients (a, b, c) of the stiffness that the hand feels at rest, `(a + b K)/(1 + c K)`, `(3, ...)`; see `felt`.
 
     The wall is one scalar of the loop, so what is felt is a Moebius map of its stiffness K (N/m); its damping is not felt at
-    rest. Three walls determine the map. batch: shape of the drawing's batch. NaN: not known.
+    rest. With F the wall's force, `E X + B F + g = 0` and `C X + D F = F/K` hold at rest; the solution for a rigid wall, and
+    what an offset of that wall changes, give all others (Sherman and Morrison 1950). A combination of states that nothing
+    restores keeps what the start of the force has left in it: see `_laws`. batch: shape of the drawing's batch. NaN: not
+    known.
+    Accuracy: 1e-9 relative against `static_response` in the tests.
     """
-    K = np.reshape(WALLS, (3, *(1,) * len(batch)))
-    Z = np.broadcast_to(static_response(prepare(diagram, K, 0.0))[1], (3, *batch))
-    rows = np.stack(np.broadcast_arrays(1.0, K / WALLS[1], -K / WALLS[1] * (Z / WALLS[1])), -1)
-    known = np.isfinite(Z).all(0)
-    rows = np.where(known[..., None, None], np.moveaxis(rows, 0, -2), np.eye(3))
-    a, b, c = np.moveaxis(solve(rows, np.moveaxis(Z / WALLS[1], 0, -1)[..., None])[..., 0], -1, 0)
-    a = np.where(np.abs(a) < NOTHING, 0.0, a)  # nothing is felt of no wall but rounding
-    return np.where(known, np.stack([a * WALLS[1], b, c / WALLS[1]]), np.nan)
+    with np.errstate(all="ignore"):
+        rest = _at_rest(diagram)
+        y, d = rest.rigid[..., 0], rest.rigid[..., 1]
+        force, turn = y[..., -1:], d[..., -1:]  # of the rigid wall, and what its offset changes of it
+        rigid, offset = rest.seen(y, rest.direct), rest.seen(d, 0.0)
+        (x, f), (x_1, f_1) = (np.moveaxis(part, -1, 0) for part in (rigid, force * offset - turn * rigid))
+        size = np.abs(force[..., 0]) * rest.sizes(d)[..., 1] + np.abs(turn[..., 0]) * rest.sizes(y)[..., 1]
+        f_1 = np.where(np.abs(f_1) <= NOTHING * size, 0.0, f_1)  # nothing is felt of no wall but rounding
+        f, alone = np.where(np.abs(f) <= NOTHING, 0.0, f), np.abs(force[..., 0]) <= NOTHING  # no force reaches the wall
+        found = np.where(alone, np.stack([f / x, 0 * f, 0 * f]), np.stack([f_1, f, x]) / x_1)
+        found = np.where(rest.moves, 0.0, found)
+    return np.broadcast_to(np.where(np.isfinite(found).all(0), found, np.nan), (3, *batch))
+
+
+@dataclass(frozen=True, slots=True)
+class _Rest:
+    """The loop at rest under a unit force of the hand; unknowns are the states that are restored, and the wall's force.
+
+    rigid `(..., n, 2)`: solution for a rigid wall, and its change with an offset of that wall (m). rows `(..., 2, n)`, direct
+    `(..., 2)`: position (m) and control force (N) of a solution. moves: nothing holds the device.
+    """
+
+    rigid: np.ndarray
+    rows: np.ndarray
+    direct: np.ndarray
+    moves: np.ndarray
+
+    def seen(self, y, direct):
+        return (self.rows * y[..., None, :]).sum(-1) + direct
+
+    def sizes(self, y):
+        return (np.abs(self.rows) * np.abs(y)[..., None, :]).sum(-1)
+
+
+def _at_rest(diagram) -> _Rest:
+    """Connect and lift with the hand's force as an input of the frame, and solve."""
+    block = _lifted_at_rest(diagram)
+    drift, n = scene_drift(diagram), len(block.states)
+    P = np.concatenate([np.concatenate([block.E, block.B], -1), np.concatenate([block.C, block.D], -1)], -2)
+    lead = block.states.index(drift.lead) if drift.lead in block.states else None
+    if lead is not None:
+        P = _about(P, block.states, drift, lead, diagram.hand.position)
+    # Rows: states, wall, position, control force; columns: states, the wall's force, the hand's, and that times its tick.
+    x = block.states.index(f"frame.{diagram.hand.position}")
+    unread = not np.any(P[..., : n + 1, x]) and x != lead
+    kept = np.array([i for i in range(n + 1) if not (unread and i == x)])
+    moves = np.zeros((), bool)
+    if lead is not None and not drift.driven:
+        others = kept[(kept != lead) & (kept != n)]
+        law, moves = _laws(P, others, [lead], n, diagram.ratio)
+        P[..., lead, :] = law[..., 0, :]
+    if unread:
+        law, moves = _laws(P, kept, [x], n, diagram.ratio)
+        P[..., n + 1 :, :] -= P[..., n + 1 :, x, None] * law
+    right = np.zeros((*P.shape[:-2], kept.size, 2))
+    right[..., 0], right[..., -1, 1] = -P[..., kept, n + 1], 1
+    rows = P[..., n + 1 :, :]
+    return _Rest(solve(P[..., kept[:, None], kept], right), rows[..., kept], rows[..., n + 1], moves)
+
+
+def _lifted_at_rest(diagram) -> Block:
+    """One frame from the wall's force, a constant force of the hand, and a force of the hand that grows by 1 a tick, to the
+    displacement at the wall, the position and the control force."""
+    hand, samples = diagram.hand, tuple(diagram.samples.values())
+    fast = fast_side(diagram, tuple(dict.fromkeys((hand.position, hand.reaction, *samples))))
+    frame = lift_held(fast, diagram.ratio, diagram.delay, tuple(diagram.holds), fast.outputs)
+    constant = fast.D[..., :1] + np.zeros((*frame.D.shape[:-1], 1))
+    frame = replace(
+        frame,
+        inputs=(*frame.inputs, "force", "growing"),
+        B=np.concatenate([frame.B, *steps(fast.E, fast.B[..., :1], diagram.ratio)], -1),
+        D=np.concatenate([frame.D, constant, 0 * constant], -1),
+    )
+    sums = slow_sums(diagram) | {"frame.force": {"force": 1}, "frame.growing": {"growing": 1}}
+    outputs = (diagram.wall[0], f"frame.{hand.position}", f"frame.{hand.reaction}")
+    inputs = (diagram.wall_force, "force", "growing")
+    return prune(connect("rest", (frame, *diagram.slow, *latches(diagram)), sums, inputs, outputs))[0]
+
+
+def _about(P, states, drift, lead, position):
+    """Count every state that drifts from the lead: the lead alone then moves with the drift, which only wall and hand read."""
+    P = P.copy()
+    for name, distance in drift.shift.items():
+        if name != drift.lead and name in states:
+            P[..., states.index(name), :] -= distance / drift.shift[drift.lead] * P[..., lead : lead + 1, :][..., 0, :]
+    P[..., lead] = 0
+    P[..., len(states), lead] = 1 / drift.shift[drift.lead]
+    P[..., len(states) + 1, lead] = drift.shift.get(f"frame.{position}", 0.0) / drift.shift[drift.lead]
+    return P
+
+
+def _laws(P, kept, rows, n, ratio):
+    """What determines states that nothing restores, `law X = given`, as rows of P in place of their own; and whether the hand's
+    force moves them for ever.
+
+    With `l = -e W^-1`, e such a row and W the equations kept, `l X + s` changes by what the hand's force adds alone. Its mean
+    vanishes, or the state is not held; of a force z^k, z -> 1, it keeps the first moment over the frame.
+    """
+    W, e = P[..., kept[:, None], kept], P[..., rows, :]
+    left = -np.swapaxes(solve(np.swapaxes(W, -1, -2), np.swapaxes(e[..., kept], -1, -2)), -1, -2)
+    mean, size = left @ P[..., kept, n + 1, None] + e[..., n + 1, None], np.abs(left) @ np.abs(P[..., kept, n + 1, None])
+    moves = np.abs(mean) > STILL * (size + np.abs(e[..., n + 1, None]))
+    given = left @ P[..., kept, n + 2, None] + e[..., n + 2, None]
+    law = np.zeros(e.shape)
+    states = kept < n
+    law[..., kept[states]] = left[..., states]
+    law[..., range(len(rows)), rows] = 1
+    law[..., n + 1] = -given[..., 0] / ratio
+    return law, moves[..., 0, 0]
 
 
 def felt(coefficients: np.ndarray, K_VE) -> np.ndarray:
