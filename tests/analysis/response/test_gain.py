@@ -6,6 +6,9 @@ from support.lifted import transfer
 from support.specs import KINDS, random_values, values_of
 
 from wavesweep.analysis.response import prepare, worst_gain
+from wavesweep.analysis.response.circle import circle
+from wavesweep.analysis.response.dominant import Dominant
+from wavesweep.analysis.response.gain import with_scene
 from wavesweep.diagram import draw
 from wavesweep.lifted.frame import lifted_system
 
@@ -54,6 +57,29 @@ def test_a_held_loop_has_a_finite_worst_case_at_multiples_of_the_slow_rate(kind,
     values, rate = values_of(kind, Kp=20.0, ratio=ratio, K_VE=100.0), 1000 / ratio
     around = dense(values, [rate - 1e-4, rate + 1e-4, 2 * rate - 1e-4, 2 * rate + 1e-4])
     np.testing.assert_allclose(gain(values, [rate, 2 * rate]), around.reshape(2, 2).mean(-1), rtol=1e-6)
+
+
+@pytest.mark.parametrize("changes", [{}, {"K_VE": 0.0}, {"lp1_order": 4, "delay": 12}])
+def test_a_drift_of_the_avatar_alone_does_not_move_a_hand_that_a_spring_holds(changes):
+    """Without a high-pass the wall moves the avatar, and not the hand; the multiple of the slow rate is no pole either."""
+    values = values_of("pmw-lm", hp_order=0, stiffness=50.0, **changes)
+    around = dense(values, [0.05, 7.0, 61.0, 50 - 1e-4, 50 + 1e-4])
+    np.testing.assert_allclose(gain(values, [0.05, 7.0, 61.0]), around[:3], rtol=1e-9)
+    assert gain(values, [50.0])[0] == pytest.approx(around[3:].mean(), rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("changes", [{}, {"delay": 7}, {"ratio": 80, "stiffness": 120.0}])
+def test_a_few_steps_prove_most_gains(kind, changes):
+    """From low frequencies to the Nyquist frequency, and within the bound; the rest has the singular values of the matrix."""
+    values = values_of(kind, K_VE=100.0, **changes)
+    loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"], outputs=("device.x",))
+    frequency = np.geomspace(0.01, 499, 67)
+    with np.errstate(all="ignore"):
+        found, error = Dominant(with_scene(loop)[0]).gain(circle(loop, frequency))
+    known = error <= 1e-6 * found
+    assert known.mean() > 0.6
+    assert (np.abs(found - dense(values, frequency)) <= error + 1e-11 * found)[known].all()
 
 
 @pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm"])

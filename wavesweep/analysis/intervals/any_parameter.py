@@ -7,8 +7,8 @@ import numpy as np
 from wavesweep.analysis.doubt import COUNTS, NONE, OVERFLOW, SEARCH
 from wavesweep.analysis.intervals.panels import bracketed_roots, panel_roots
 from wavesweep.analysis.intervals.regions import count_where_clear, cut_span
-from wavesweep.analysis.intervals.rows import Rows
 from wavesweep.analysis.intervals.stable import Intervals, doubts_of, intervals_of
+from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import excess
 
 ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there

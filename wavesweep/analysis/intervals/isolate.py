@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from wavesweep.analysis.intervals.bernstein import roots_by_sign
-from wavesweep.analysis.intervals.rows import Rows
+from wavesweep.analysis.rows import Rows
 
 EDGE = 1e-7  # so near to +-1 a root is not told from one at the end itself
 

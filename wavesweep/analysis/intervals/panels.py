@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.analysis.intervals.isolate import by_discs
-from wavesweep.analysis.intervals.rows import Rows
+from wavesweep.analysis.rows import Rows
 
 NODES, KEPT = 20, 14  # samples per panel; the Chebyshev coefficients from KEPT on must have decayed and bound the error
 DECAYED = 1e-9

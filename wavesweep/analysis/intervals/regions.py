@@ -7,7 +7,7 @@ import numpy as np
 from wavesweep.analysis.doubt import COUNTS, NONE, ROUNDING
 from wavesweep.analysis.intervals.boundary import K_VE, ends
 from wavesweep.analysis.intervals.crossings import Crossings
-from wavesweep.analysis.intervals.rows import Rows
+from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import count_outside
 from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.cut import Cut, close

@@ -9,7 +9,7 @@ from wavesweep.analysis.intervals.arcs import arc_crossings
 from wavesweep.analysis.intervals.boundary import K_VE
 from wavesweep.analysis.intervals.crossings import crossings, sampled_polynomial, warp_scale
 from wavesweep.analysis.intervals.regions import Regions, cut_span, regions
-from wavesweep.analysis.intervals.rows import Rows
+from wavesweep.analysis.rows import Rows
 from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 

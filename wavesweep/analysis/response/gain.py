@@ -1,11 +1,14 @@
 """Worst-case gain: the largest singular value of the lifted response."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.response.circle import circle
+from wavesweep.analysis.response.dominant import Dominant
 from wavesweep.analysis.response.frame import Loop, prepare
-from wavesweep.analysis.response.steady import LOST, respond
+from wavesweep.analysis.response.steady import GOOD, LOST, respond
 from wavesweep.analysis.response.ticks import ROUNDING, taken
 from wavesweep.diagram.drift import hand_drifts
 
@@ -15,6 +18,7 @@ SETTLED = 1e-13  # relative change of a singular value that counts as none
 STILL = 1e-13  # cycles per tick that stand for a constant force
 HUGE = 1e100  # entries whose squares are next to overflow
 BLOCK = 2_000_000  # entries of one batch of matrices
+POINTS = 200_000  # ticks times frequencies at a time
 
 
 def worst_gain(loop: Loop, frequency_hz, ratio: int) -> tuple[np.ndarray, np.ndarray]:
@@ -24,20 +28,49 @@ def worst_gain(loop: Loop, frequency_hz, ratio: int) -> tuple[np.ndarray, np.nda
     within its own frame, a Toeplitz matrix, G what it leaves in the state, O what the state shows in a frame; only the closed
     loop has poles in it. NaN, with an error of 0, where it is unbounded, at multiples of the slow rate if the position may
     drift; both NaN where it is not known.
-    Accuracy: as bounded, but for the Lanczos process beyond 32 ticks, which stops at changes of 1e-13.
+    Accuracy: as bounded (see `Dominant`), but if modes fail beyond 32 ticks: then Lanczos' process ends at changes of 1e-13.
     """
     frequency = np.atleast_1d(np.asarray(frequency_hz, float))
     with np.errstate(all="ignore"):
         if loop.diagram.ratio == 1:
             return _over_aliases(loop, frequency, ratio)
-        whole = prepare(loop.diagram, *loop.wall, outputs=(loop.diagram.hand.position,))
-        frame, loops = Frame(whole), max(1, whole.lost.size)
-        width = max(1, BLOCK // (loops * ratio * (ratio if ratio <= DENSE else len(whole.states))))
-        parts = [frame.gain(frequency[start : start + width]) for start in range(0, frequency.size, width)]
+        whole, drifts = with_scene(prepare(loop.diagram, *loop.wall, outputs=(loop.diagram.hand.position,)))
+        modes, width = Dominant(whole), max(1, POINTS // ratio)
+        parts = [modes.gain(circle(whole, frequency[at : at + width])) for at in range(0, frequency.size, width)]
         gain, error = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+        _improve(whole, frequency, gain, error)
+        gain = np.where((circle(whole, frequency).frame == 0) & drifts[..., None], np.inf, gain)
         relative = np.where(gain == np.inf, 0.0, error / gain + len(whole.states) * ROUNDING)
         unknown = ~(relative < LOST) | whole.lost[..., None]
         return np.where(unknown | (gain == np.inf), np.nan, gain), np.where(unknown, np.nan, relative)
+
+
+def with_scene(loop):
+    """The loop with the scene's position among what the ticks show, and whether the position drifts."""
+    seen, dseen = loop.shown.seen
+    O, E = seen.copy(), loop.E.copy()
+    if loop.lead is not None:
+        O[..., 0, :, loop.lead] += loop.still[0]
+        if not loop.still[0]:  # a spring holds the hand: where nothing reads the scene's position, its pole is nobody's
+            E[..., loop.lead, loop.lead] = np.where(loop.free, -1.0, E[..., loop.lead, loop.lead])
+    # A state that nothing reads but the output, and that does not decay, drifts.
+    drifts = ((E == 0).all(-2) & (O[..., 0, :, :] != 0).any(-2)).any(-1) | (loop.law is not None)
+    return replace(loop, E=E, shown=replace(loop.shown, seen=(O, dseen))), drifts
+
+
+def _improve(loop, frequency, gain, error):
+    """Replace what modes did not prove."""
+    doubtful, ratio = ~(error <= GOOD * gain), loop.diagram.ratio
+    some = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
+    if not some.size:
+        return
+    frame = Frame(loop)
+    width = max(1, BLOCK // (max(1, loop.lost.size) * ratio * (ratio if ratio <= DENSE else len(loop.states))))
+    for start in range(0, some.size, width):
+        index = some[start : start + width]
+        found, bound = frame.gain(frequency[index])
+        gain[..., index] = np.where(doubtful[..., index], found, gain[..., index])
+        error[..., index] = np.where(doubtful[..., index], bound, error[..., index])
 
 
 def _over_aliases(loop, frequency, ratio):
@@ -65,10 +98,7 @@ class Frame:
     def __init__(self, loop: Loop):
         self.loop, self.n = loop, len(loop.states)
         O, self.dO = taken(loop.shown.seen, (..., 0, slice(None), slice(None)))
-        O = O.copy()
         self.impulse = taken(loop.shown.impulse, (..., 0, slice(None)))
-        if loop.lead is not None:
-            O[..., loop.lead] += 1  # the scene's position is everybody's
         (G, self.dG), law = loop.shown.left, loop.shown.law
         self.sizes = np.abs(O)
         if law is not None:
@@ -79,8 +109,6 @@ class Frame:
         self.left, self.corner = np.linalg.qr(O)
         self.right, entry = np.linalg.qr(np.swapaxes(G, -1, -2))
         self.entry = np.swapaxes(entry, -1, -2)
-        idle = (loop.E == 0).all(-2).any(-1)  # a state that nothing reads but the output, and that does not decay
-        self.drifts = loop.free | idle | (loop.law is not None)
 
     def gain(self, frequency):
         """The largest singular value at each frequency (Hz), and a bound on its error (m/N)."""
@@ -104,8 +132,7 @@ class Frame:
             error = error + np.sqrt(ratio * (unsure**2).sum((-1, -2)))
         core = self.corner[..., None, :, :] @ X
         value = self._dense(core) if ratio <= DENSE else self._lanczos(core)
-        drifting = (points.frame == 0) & self.drifts[..., None]
-        return np.where(drifting, np.inf, value), error
+        return value, error
 
     def _within(self, core):
         """Where all numbers are far from overflow, the core with zeros elsewhere, and the impulse, or zeros, for all points."""

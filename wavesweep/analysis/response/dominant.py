@@ -1,0 +1,196 @@
+"""The largest singular value of the lifted response: through modes, in a few steps, proved from the trace."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.analysis.response.frame import Loop
+from wavesweep.analysis.response.ticks import ROUNDING, long_sum, taken
+from wavesweep.analysis.rows import Rows
+from wavesweep.lifted.circle import solve
+
+STEPS = 10  # of the bidiagonalisation; beyond, singular values of the whole matrix are the quicker way
+SETTLED = 1e-13  # relative width of the bounds on a singular value, at which it ends
+TILE = 16  # points of one product of matrices
+FLOOR = 1e-3  # of what modes take from the forces, where one takes nothing
+LONG = 64  # ticks from which on what a force does in its own frame is quicker through its Fourier transform
+NEAR = 0.1  # by how much the modes' inverse may be off for its error to be bounded with it
+
+
+class Dominant:
+    """The lifted map `T + sum_i p_i q_i/(w - z_i)` over the modes of E, with what bounds its errors.
+
+    T `(..., ticks, ticks)` is what a force does within its own frame, p_i what a mode shows in a frame, q_i what a frame's
+    forces leave in it. A combination of states that the loop conserves is a mode at z = 1 of its own.
+    """
+
+    def __init__(self, loop: Loop):
+        self.loop, ratio = loop, loop.diagram.ratio
+        O, dO = taken(loop.shown.seen, (..., 0, slice(None), slice(None)))
+        (G, dG), law, (own, down) = loop.shown.left, loop.shown.law, taken(loop.shown.impulse, (..., 0, slice(None)))
+        self.poles, V = np.linalg.eig(loop.E)
+        V, eye = V.astype(complex), np.broadcast_to(np.eye(V.shape[-1]), V.shape)
+        into = solve(V, eye)
+        wide, back, rough = np.abs(V), np.abs(into), long_sum(V.shape[-1])
+        defect = loop.E @ V - V * self.poles[..., None, :]
+        of_defect = loop.dE @ wide + rough * (np.abs(loop.E) @ wide + wide * np.abs(self.poles[..., None, :]))
+        self.slope = np.abs(into @ defect) + back @ of_defect
+        self.offset = np.abs(into @ V - eye) + rough * (back @ wide)
+        shows, takes = _lengths(np.abs(O) @ wide, -2), _lengths(back @ np.abs(G), -1)
+        vague = _lengths(dO @ wide, -2) * takes + shows * _lengths(back @ dG, -1)
+        self.P, self.Q = O @ V, into @ G
+        if law is not None:
+            self._append(law, loop.still, ratio)
+            length = ratio**0.5 * np.abs(loop.still[..., 0])
+            unsure = length * _lengths(law[1] + 8 * ROUNDING * np.abs(law[0]), -1)[..., 0]
+            shows, takes, vague = (
+                np.concatenate([part, more[..., None]], -1)
+                for part, more in ((shows, length), (takes, _lengths(law[0], -1)[..., 0]), (vague, unsure))
+            )
+        self.shows, self.takes, self.vague = (part[..., None] for part in (shows, takes, vague))
+        lag = np.subtract.outer(np.arange(ratio), np.arange(ratio))
+        self.T = np.where(lag >= 0, own[..., lag], 0.0)
+        self.spectrum = np.fft.fft(own, 2 * ratio) if ratio > LONG else None
+        self.size = _lengths(self.T, (-2, -1))[..., None]
+        self.impulse = np.sqrt(ratio * (down**2).sum(-1))[..., None]
+        self.square = (self.T**2).sum((-2, -1))[..., None]
+        self.mixed = (np.swapaxes(self.T, -1, -2) @ self.P * np.swapaxes(self.Q, -1, -2)).sum(-2)[..., None]
+        P, Q = (np.swapaxes(self.P.conj(), -1, -2) @ self.P, self.Q.conj() @ np.swapaxes(self.Q, -1, -2))
+        self.pairs = P * Q
+
+    def _append(self, law, still, ratio):
+        """The conserved combination as a mode."""
+        self.poles = np.concatenate([self.poles, 0 * self.poles[..., :1]], -1)
+        self.P = np.concatenate([self.P, np.broadcast_to(still[..., None, :1], (*self.P.shape[:-1], 1))], -1)
+        self.Q = np.concatenate([self.Q, np.broadcast_to(law[0], (*self.Q.shape[:-2], 1, ratio))], -2)
+        corner = [(0, 0)] * (self.slope.ndim - 2) + [(0, 1)] * 2
+        self.slope, self.offset = np.pad(self.slope, corner), np.pad(self.offset, corner)
+
+    def gain(self, points):
+        """The largest singular value at each point, `(..., points)`, and a bound on its error (m/N); no finite number where
+        it is not proved.
+
+        Golub and Kahan's bidiagonalisation (SIAM J. Numer. Anal. 2, 1965) gives an approximate square s of the largest and
+        the residual r of its eigenvector of A'A. The trace of A'A leaves at most `trace - s` for the other squares; if that is
+        less than s, the largest is between s and `s + r^2/(2 s - trace)` (T. Kato, J. Phys. Soc. Japan 4, 1949).
+        """
+        factor = 1 / (points.frame - self.poles[..., None])
+        size, error = self._errors(points.frame, np.abs(factor))
+        rough = long_sum(sum(self.P.shape[-2:]))
+        trace = (factor.conj() * (self.pairs @ factor)).sum(-2).real + 2 * (self.mixed * factor).sum(-2).real
+        trace = trace + self.square + rough * (size + self.size) ** 2
+        value, width = self._settled(points.ladder, factor, trace)
+        return value, width + error + rough * (size + self.size)
+
+    def _settled(self, start, factor, trace):
+        """The largest singular value, and a bound on what the steps have missed; start: vectors `(ticks, points)`.
+
+        Points are taken in tiles, which are left when they are settled. A product of matrices is of one tile, so that its
+        bits do not depend on the others.
+        """
+        shape, (factor, trace) = trace.shape, (_tiles(factor), _tiles(trace[..., None, :])[:, 0])
+        v = _tiles(start / len(start) ** 0.5 + np.zeros((*shape[:-1], *start.shape)))
+        best, width = np.full((2, *trace.shape), np.nan)
+        maps, at = self._maps(factor), np.arange(len(trace))
+        u, across, diagonal, beside = 0.0, np.zeros((len(trace), TILE)), [], []
+        for step in range(STEPS):
+            u = maps.times(v) - across[:, None, :] * u
+            along = _lengths(u, -2)
+            u = u / along[:, None, :]
+            v = maps.adjoint_times(u) - along[:, None, :] * v
+            across = _lengths(v, -2)
+            v = v / across[:, None, :]
+            diagonal, beside = [*diagonal, along], [*beside, across]
+            if step == 0:
+                continue
+            open_ = np.nonzero(~(width[at] <= SETTLED * best[at]))  # one that is settled keeps its value
+            square, missed = _largest(*(np.stack([part[open_] for part in parts], -1) for parts in (diagonal, beside)))
+            place = at[open_[0]], open_[1]
+            gap = 2 * square - trace[place]
+            best[place], width[place] = np.sqrt(square), np.where(gap > 0, missed / gap, np.inf) / (2 * np.sqrt(square))
+            left = np.flatnonzero((~(width[at] <= SETTLED * best[at])).any(-1))
+            if not left.size:
+                break
+            if left.size < at.size:
+                maps, at, u, v, across = maps.take(left), at[left], u[left], v[left], across[left]
+                diagonal, beside = [part[left] for part in diagonal], [part[left] for part in beside]
+        width = np.where(width <= SETTLED * best, width, np.inf)
+        return tuple(part.reshape(*shape[:-1], -1)[..., : shape[-1]] for part in (best, width))
+
+    def _maps(self, factor):
+        """The map of each tile; factor: `(tiles, modes, TILE)`."""
+        own = self.T if self.spectrum is None else self.spectrum[..., None]
+        parts = (part.reshape(-1, *part.shape[-2:]) for part in (own, self.P, self.Q))
+        count = len(factor)
+        own, P, Q = (
+            np.broadcast_to(part, (count, *part.shape[1:])) if len(part) == 1 else np.repeat(part, count // len(part), axis=0)
+            for part in parts
+        )
+        return _Maps(own, P, Q, factor)
+
+    def _errors(self, w, size):
+        """Sum of the sizes of the modes' parts, and a bound on the error of the map, as Frobenius norms.
+
+        The inverse through modes is `V f V^-1`, f the factors; with S = offset + slope |f| from the defects of the modes and
+        the errors of E, the true one is `V f (1 + S + S^2 + ...) V^-1` at most. With `S t <= near t` for any t that is
+        `takes` at least, that sums up.
+        """
+        shown, most = size * self.shows, self.takes + FLOOR * self.takes.max(-2, keepdims=True, initial=0)
+        changed = self.offset @ most + self.slope @ (size * most) + ROUNDING * np.abs(w) * size * most
+        near = (changed / most).max(-2, initial=0)
+        error = (shown * changed).sum(-2) / (1 - near) + (size * self.vague).sum(-2) + self.impulse
+        return (shown * self.takes).sum(-2), np.where(near <= NEAR, error, np.inf)
+
+
+@dataclass(frozen=True, slots=True)
+class _Maps(Rows):
+    """The maps of tiles of points: `own + P diag(factor) Q`, own a Toeplitz matrix, or the Fourier transform of its column."""
+
+    own: np.ndarray
+    P: np.ndarray
+    Q: np.ndarray
+    factor: np.ndarray
+
+    def times(self, v):
+        """Each map times its vectors `(tiles, ticks, TILE)`."""
+        return self._own_times(v, False) + self.P @ (self.factor * (self.Q @ v))
+
+    def adjoint_times(self, u):
+        """Each map's adjoint times its vectors."""
+        P, Q = (np.swapaxes(part.conj(), -1, -2) for part in (self.P, self.Q))
+        return self._own_times(u, True) + Q @ (self.factor.conj() * (P @ u))
+
+    def _own_times(self, v, adjoint):
+        ticks = v.shape[-2]
+        if self.own.shape[-1] == ticks:
+            return ((np.swapaxes(self.own, -1, -2) if adjoint else self.own) @ v.view(float)).view(complex)
+        spectrum = self.own.conj() if adjoint else self.own
+        return np.fft.ifft(spectrum * np.fft.fft(v, 2 * ticks, axis=-2), axis=-2)[:, :ticks]
+
+
+def _tiles(part):
+    """`(..., n, points)` as `(tiles, n, TILE)`, the last point repeated where a tile has more."""
+    *batch, n, points = part.shape
+    count = -(-points // TILE)
+    part = np.concatenate([part, np.repeat(part[..., -1:], count * TILE - points, axis=-1)], -1)
+    return np.ascontiguousarray(np.moveaxis(part.reshape(*batch, n, count, TILE), -2, -3)).reshape(-1, n, TILE)
+
+
+def _lengths(A, axis):
+    return np.sqrt((np.abs(A) ** 2).sum(axis))
+
+
+def _largest(diagonal, beside):
+    """The largest eigenvalue of `B'B`, B bidiagonal with these entries `(points, steps)`, and the square of what the next step
+    leaves of its equation."""
+    steps, last = diagonal.shape[-1], (diagonal[:, -1] * beside[:, -1]) ** 2
+    square, off = diagonal**2, diagonal[:, :-1] * beside[:, :-1]
+    square[:, 1:] += beside[:, :-1] ** 2
+    if steps == 2:
+        half, middle, off = (square[:, 0] - square[:, 1]) / 2, (square[:, 0] + square[:, 1]) / 2, off[:, 0]
+        beyond = np.hypot(half, off)
+        return middle + beyond, last * off**2 / (off**2 + (half + beyond) ** 2)
+    matrix, index = np.zeros((len(square), steps, steps)), np.arange(steps)
+    matrix[:, index, index], matrix[:, index[1:], index[:-1]] = square, off
+    value, vector = np.linalg.eigh(np.where(np.isfinite(matrix), matrix, 0.0))
+    return value[:, -1], last * vector[:, -1, -1] ** 2
