@@ -130,6 +130,6 @@ def test_roots_are_found_inside_their_brackets_to_rounding():
         difference = np.where(at == 3, (x - roots[at]) ** 2 + 1, x - roots[at])
         return np.sign(difference), np.log(np.maximum(np.abs(difference), 1e-300)) + 300 * at
 
-    found, valid = bracketed_roots(value, np.zeros(4), np.ones(4))
+    found, valid = bracketed_roots(value, np.zeros(4), np.ones(4), np.full(4, 0.5))
     assert valid.tolist() == [True, True, True, False]
     np.testing.assert_allclose(found[:3], roots[:3], rtol=1e-15, atol=1e-15)

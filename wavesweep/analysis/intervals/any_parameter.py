@@ -71,7 +71,7 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
         bounds,
         settling=BEYOND,
     )
-    ends = _polished(evaluate, found, width)
+    ends = _polished(evaluate, found, span)
     unsure = ends.take(~ends.good)
     doubtful = unsure.column, unsure.value - NARROWEST * width, unsure.value + NARROWEST * width
     labelled = [
@@ -191,16 +191,16 @@ class _Ends(Rows):
     good: np.ndarray
 
 
-def _polished(evaluate, found, width) -> _Ends:
+def _polished(evaluate, found, span) -> _Ends:
     """Every root that was found, to rounding, duplicates of overlapping panels dropped."""
-    column, kind = found.column, found.function
+    column, kind, width = found.column, found.function, span[1] - span[0]
     reach = np.minimum(found.within, 0.1 * width) + 1e-9 * width  # the disc, which no other root is in
 
     def value(at, x):
         phase, log, _ = _criticals(evaluate(column[at], x))
         return np.sign(phase[kind[at], np.arange(at.size)].real), log[kind[at], np.arange(at.size)]
 
-    x, bracketed = bracketed_roots(value, found.x - reach, found.x + reach)
+    x, bracketed = bracketed_roots(value, found.x - reach, found.x + reach, found.x, span[0] + ATTACHED / 4 * width)
     miss, theta = _nearest(evaluate, column, x, kind)
     ends = _Ends(column, kind, x, theta, miss, bracketed & (np.abs(miss) <= CLEAR))
     ends = ends.take(np.lexsort((x, kind, column)))

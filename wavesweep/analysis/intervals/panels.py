@@ -129,29 +129,21 @@ def _judged(sample, panels, bounds, settling):
     worth = decayed | (parts[settling][2] if settling is not None else False)
     hidden = _hidden(sample, panels, bounds, np.flatnonzero(worth & finite), trend, peak)
     proved, settled, roots = decayed & finite, np.zeros(panels.column.size, bool), []
-    for function in range(functions):
-        coefficients, noise, _ = parts[function]
-        mine = np.flatnonzero((proved if function != settling else parts[function][2]) & np.isfinite(hidden[function]))
-        sure = np.zeros(panels.column.size, bool)
-        for rows, some in _proved_roots(coefficients[mine], noise[mine] + hidden[function, mine]):
-            panel = mine[rows]
-            if function == settling:
-                settled[panel] = ~some.inside.any(-1) & (value[function, panel] > 0).all(-1)
-                continue
-            sure[panel] = True
-            at, which = np.nonzero(some.inside)
-            at_panel, half = panel[at], panels.half[panel[at]]
-            roots.append(
-                (
-                    at_panel,
-                    np.full(at.size, function),
-                    panels.middle[at_panel] + half * some.value[at, which],
-                    half * some.radius[at, which],
-                    some.slope_sign[at, which],
-                )
-            )
-        if function != settling:
-            proved &= sure
+    good = [proved if function != settling else parts[function][2] for function in range(functions)]
+    which, panel = np.nonzero(good & np.isfinite(hidden))
+    coefficients, noise = (np.stack([part[i] for part in parts])[which, panel] for i in (0, 1))
+    sure = np.zeros((functions, panels.column.size), bool)
+    for rows, some in _proved_roots(coefficients, noise + hidden[which, panel]):
+        mine, there = which[rows], panel[rows]
+        sure[mine, there] = True
+        if settling is not None:
+            of = mine == settling
+            settled[there[of]] = ~some.inside[of].any(-1) & (value[settling, there[of]] > 0).all(-1)
+        at, root = np.nonzero(some.inside & (mine != settling)[:, None])
+        half = panels.half[there[at]]
+        found = half * some.value[at, root], half * some.radius[at, root]
+        roots.append((there[at], mine[at], panels.middle[there[at]] + found[0], found[1], some.slope_sign[at, root]))
+    proved &= sure[counted].all(0)
     settled &= ~proved
     kept = [(panels.column[at][proved[at]], *(part[proved[at]] for part in rest)) for at, *rest in roots]
     return proved, settled, finite, ~reached, kept
@@ -230,24 +222,23 @@ def _halves(column, low, high, split):
     return np.tile(column, 2), np.concatenate([low, cut_at]), np.concatenate([cut_at, high])
 
 
-STEPS = 80  # bisection alone needs 52; interpolation usually ends after 8
+STEPS = 80  # bisection alone needs 52; interpolation usually ends after 4
+ABOUT = (1e-2, 1e-4, 1e-7)  # of a bracket, how far from the seed it is looked at first
 
 
-def bracketed_roots(value, low, high):
+def bracketed_roots(value, low, high, seed, least=-np.inf):
     """Chandrupatla's method (Adv. Eng. Software 28, 1997) on every bracket; functions of any size, given by logarithms.
 
-    value(at, x): sign and log of the size of the functions `at` (indices) at x. Returns the roots, to rounding, and whether
-    the signs at the bracket's ends differed.
+    value(at, x): sign and log of the size of the functions `at` (indices) at x. seed: an approximate root in each bracket,
+    which is narrowed by points about it first: a call costs much, a point little. least: roots below need not be told
+    apart. Returns the roots, to rounding, and whether the signs at the bracket's ends differed.
     """
-    everything = np.arange(low.size)
-    if not everything.size:
+    if not low.size:
         return low.copy(), np.zeros(0, bool)
-    a, b = high.astype(float), low.astype(float)
-    (sign_a, log_a), (sign_b, log_b) = value(everything, a), value(everything, b)
-    valid = sign_a * sign_b <= 0
-    scale = np.maximum(log_a, log_b)
-    fa, fb = sign_a * np.exp(log_a - scale), sign_b * np.exp(log_b - scale)
-    t, open_ = np.full(a.size, 0.5), valid.copy()
+    a, fa, b, fb, valid, scale = _narrowed(value, low.astype(float), high.astype(float), seed)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t, open_ = fa / (fa - fb), valid.copy()
+    t = np.where((t > 0) & (t < 1), t, 0.5)
     for _ in range(STEPS):
         at = np.flatnonzero(open_)
         if not at.size:
@@ -263,8 +254,24 @@ def bracketed_roots(value, low, high):
         t[at] = _next(a[at], fa[at], b[at], fb[at], c, fc)
         width, rounding = np.abs(b[at] - a[at]), np.spacing(np.maximum(np.abs(a[at]), np.abs(b[at])))
         t[at] = np.clip(t[at], rounding / np.maximum(width, rounding), 1 - rounding / np.maximum(width, rounding))
-        open_[at] = (fx != 0) & (width > 2 * rounding)
+        open_[at] = (fx != 0) & (width > 2 * rounding) & (np.maximum(a[at], b[at]) > least)
     return np.where(np.abs(fa) <= np.abs(fb), a, b), valid
+
+
+def _narrowed(value, low, high, seed):
+    """The narrowest pair of points about each seed at which the signs differ, `(a, fa, b, fb)`, whether there is one, and the
+    logarithm of the size that the values were divided by."""
+    reach = np.array(ABOUT)[:, None] * (high - low)
+    x = np.concatenate([low[None], np.clip(seed - reach, low, high), np.clip(seed + reach[::-1], low, high), high[None]])
+    sign, log = (part.reshape(x.shape) for part in value(np.tile(np.arange(low.size), len(x)), x.ravel()))
+    scale = np.where(np.isfinite(log), log, -np.inf).max(0)
+    scale = np.where(np.isfinite(scale), scale, 0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        f = sign * np.exp(log - scale)
+    changes = (sign[:-1] * sign[1:] <= 0) & (x[:-1] < x[1:])
+    steps = np.where(changes, np.diff(x, axis=0), np.inf)
+    at, every = np.argmin(steps, axis=0), np.arange(low.size)
+    return x[at + 1, every], f[at + 1, every], x[at, every], f[at, every], sign[0] * sign[-1] <= 0, scale
 
 
 def _next(a, fa, b, fb, c, fc):
