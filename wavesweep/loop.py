@@ -77,7 +77,7 @@ class Loop:
         from wavesweep.sweep.response_table import one_spec
 
         frequency = self._frequencies(frequency_hz)
-        return _frame("bode", one_spec(self.spec, self._axes(axes), frequency))
+        return _frame("bode", one_spec(self.spec, self._axes(axes), frequency, self.read))
 
     def passivity(self, **axes):
         """Norm of the wave channel and margin at the hand's port: a DataFrame with the columns of `wavesweep passivity`.

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wavesweep.diagram import keys_read
 from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.interval_table import Progress, intervals
 from wavesweep.sweep.response_table import METHODS, own_value, responses
@@ -42,8 +43,8 @@ def compare(
 
 
 def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
-    rows = len(columns["along"])
-    axes = {name: columns.get(name, np.full(rows, own_value(spec, name))) for name in names}
+    rows, read = len(columns["along"]), keys_read(spec.values)
+    axes = {name: columns.get(name, np.full(rows, own_value(spec, name, read))) for name in names}
     rest = {name: column for name, column in columns.items() if name not in axes}
     return {"spec": np.full(rows, spec.name, dtype=object)} | axes | rest
 

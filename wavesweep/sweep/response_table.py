@@ -46,8 +46,9 @@ def responses(specs, **_work) -> Table:
     names = list(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
     tables, counts, notices = [], {"computed": 0, "skipped": 0, "certified": 0}, []
     for spec in specs:
-        grid = make_grid(spec, spec.bode)
-        tables.append(_rows(grid, np.asarray(spec.frequency_hz), names))
+        read = keys_read(spec.values)
+        grid = make_grid(spec, spec.bode, read=read)
+        tables.append(_rows(grid, np.asarray(spec.frequency_hz), names, read))
         counts["computed"] += grid.slices
         counts["skipped"] += grid.size - grid.slices
         notices += grid.notices
@@ -64,17 +65,17 @@ METHODS = {
 }
 
 
-def one_spec(spec, axes, frequency) -> dict:
-    """Table of one spec over `axes`, at the frequencies (Hz, an array)."""
-    return _rows(make_grid(spec, axes), frequency, [axis.name for axis in axes])
+def one_spec(spec, axes, frequency, read) -> dict:
+    """Table of one spec over `axes`, at the frequencies (Hz, an array); read: the keys that its controller reads."""
+    return _rows(make_grid(spec, axes, read=read), frequency, [axis.name for axis in axes], read)
 
 
-def _rows(grid: Grid, frequency, names) -> dict:
+def _rows(grid: Grid, frequency, names, read) -> dict:
     """Rows of one spec: combinations in order, frequencies innermost."""
     combination, repeat = np.arange(grid.size), frequency.size
     found, slices = response_arrays(grid, frequency), grid.slice_of(combination)
     leading = grid.axis_columns(combination)
-    own = {name: np.full(grid.size, own_value(grid.spec, name)) for name in names}
+    own = {name: np.full(grid.size, own_value(grid.spec, name, read)) for name in names}
     rows = {name: np.repeat(values, repeat) for name, values in (own | leading).items()}
     text = {"spec": grid.spec.name, "controller": grid.spec.values["controller.kind"]}
     rows |= {name: np.full(grid.size * repeat, word, dtype=object) for name, word in text.items()}
@@ -82,9 +83,9 @@ def _rows(grid: Grid, frequency, names) -> dict:
     return rows | {name: values[slices].reshape(-1) for name, values in found.items()}
 
 
-def own_value(spec, name):
-    """The spec's own value of a key, named as an axis is; NaN if its controller does not read it and the key takes floats."""
-    key, values, read = find_key(name), spec.values, keys_read(spec.values)
+def own_value(spec, name, read):
+    """The spec's own value of a key, named as an axis is; NaN if its controller reads other keys (`read`)."""
+    key, values = find_key(name), spec.values
     if key.path == "rates.slow_hz":
         return values["rates.fast_hz"] / values["rates.ratio"] if "rates.ratio" in read else np.nan
     if key.type == "integer":
