@@ -17,7 +17,7 @@ ROOT = pathlib.Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 BESIDE = (
     *("ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE"),
-    *("wavesweep/ACCURACY.md", "wavesweep/TABLES.md"),
+    *("wavesweep/ACCURACY.md", "wavesweep/SAFETY.md", "wavesweep/TABLES.md"),
 )
 TEXTS = {
     name: (ROOT / name).read_text(encoding="utf-8")

@@ -8,6 +8,7 @@ import sys
 import pytest
 
 import wavesweep.sweep as wavesweep_sweep
+from wavesweep import results
 from wavesweep.errors import IllPosedLoopError, UsageError
 
 
@@ -146,3 +147,14 @@ def test_a_mistyped_option_gets_the_nearest_one(wavesweep, spec):
     code, _, err = wavesweep("zwidth", spec, "--forse")
     assert code == 2
     assert "--force" in err.splitlines()[-1]
+
+
+def test_a_second_run_in_a_folder_is_refused_before_the_work_and_another_command_is_not(wavesweep, sweep, spec):
+    with results.at_work(["zwidth"], "here"):
+        code, _, err = wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--force")
+        assert code == 1
+        assert err.startswith(f"Error: here: another run is at work on zwidth here (process {os.getpid()} on ")
+        assert err.endswith("; give --wait to wait for it, or another --out\n")
+        assert sweep.seen == []
+        assert wavesweep("bode", spec, "--no-plot", "--out", "here")[0] == 0
+    assert wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--wait")[0] == 0

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from support.search import quick_search
 
-from wavesweep import results
+from wavesweep import load, results
 from wavesweep.results import Field
+from wavesweep.sweep.table import digest_of
 
 quick = pytest.fixture(quick_search)
 SPEC = """
@@ -133,3 +134,26 @@ def test_the_columns_of_hands_have_units():
     assert fields["hand"] == Field("hand", "string", "", fields["hand"].description)
     assert [fields[name].unit for name in ENDS[:3]] == ["kg", "N*s/m", "N/m"]
     assert all(field.description for field in fields.values())
+
+
+def test_results_for_other_hands_are_replaced_with_force_only(wavesweep, held):
+    passive = ["zwidth", held, "--no-plot", "--hand", "passive"]
+    for first, then in ((passive[:3], passive), (passive, passive[:3]), (passive, [*passive, "--passive"])):
+        out = ["--out", f"{len(first)}-{len(then)}"]
+        assert wavesweep(*first, *out)[0] == 0
+        code, _, err = wavesweep(*then, *out)
+        assert code == 2
+        assert "found results of other options --hand, --hand-box or --passive; give --force" in err
+        assert wavesweep(*first, *out)[0] == 0
+        assert wavesweep(*then, *out, "--force")[0] == 0
+
+
+def test_a_checkpoint_for_other_hands_stays_and_disturbs_nothing(wavesweep, held, tmp_path):
+    digest = digest_of([load("held.toml")])[:12]
+    box = tmp_path / f"results/held/.zwidth-hands-{digest}.parts/box"
+    box.mkdir(parents=True)
+    (box / "manifest.json").write_text("{}")
+    code, _, err = wavesweep("zwidth", held, "--no-plot", "--hand", "passive")
+    assert (code, "Error" in err) == (0, False)
+    assert (box / "manifest.json").exists()
+    assert [path.name for path in box.parent.iterdir()] == ["box"]

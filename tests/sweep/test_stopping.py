@@ -61,7 +61,7 @@ def contents(folder):
 
 def wait_for_parts(folder, number):
     patience = time.monotonic() + 30
-    while len(list(folder.glob(".zwidth.parts/*.records"))) < number:
+    while len(list(folder.glob(".zwidth-*.parts/*.records"))) < number:
         assert time.monotonic() < patience, "no finished chunk in 30 s"
         time.sleep(0.005)
 
@@ -105,6 +105,7 @@ def test_a_run_that_is_stopped_says_so_in_a_line_and_goes_on(start, tmp_path, un
     # click leaves the line that the terminal has written ^C on.
     assert (found, said.strip().count("\n")) == (code, 0), said
     assert said.strip().startswith(word)
-    assert f"slices are kept in {out}/.zwidth.parts; the same command goes on from there." in said
+    (kept,) = out.glob(".zwidth-*.parts")
+    assert f"slices are kept in {kept}; the same command goes on from there." in said
     assert finish(start(out, "--jobs", "1"))[0] == 0
     assert contents(out) == undisturbed

@@ -17,12 +17,17 @@ Facts = Mapping[str, Any]
 
 
 @click.command("check")
-@click.argument("spec")
+@click.argument("spec", required=False)
+@click.option(
+    "--verify",
+    metavar="DIR",
+    help="Without SPEC: hold the results in a folder against their data packages, and compute a sample of the rows again.",
+)
 @override
 @as_json
 @quiet
 @debug
-def command(spec: str, overrides: tuple[str, ...], **switches: bool) -> None:
+def command(spec: str | None, verify: str | None, overrides: tuple[str, ...], **switches: bool) -> int:
     """Judge a spec's own design, and list the work that each command would do.
 
     SPEC is a TOML file. All of its mistakes are listed at once. For a valid spec the verdict on its own design comes first:
@@ -37,6 +42,14 @@ def command(spec: str, overrides: tuple[str, ...], **switches: bool) -> None:
     Example:
       wavesweep check mine.toml --set environment.delay=20
     """
+    if (spec is None) == (verify is None):
+        raise click.UsageError(
+            "Missing argument 'SPEC'." if spec is None else "--verify: expected a folder alone, found a SPEC"
+        )
+    if verify is not None:
+        from wavesweep.cli.output import verified
+
+        return verified(verify, switches["quiet"])
     from wavesweep import spec as specs
     from wavesweep import sweep
     from wavesweep.sweep.verdict import verdict
@@ -50,6 +63,7 @@ def command(spec: str, overrides: tuple[str, ...], **switches: bool) -> None:
         show_json(summary | {"verdict": found, "plan": lines})
     elif not switches["quiet"]:
         click.echo("\n".join([*verdict_lines(loaded, found), *lines]))
+    return 0
 
 
 def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:

@@ -31,6 +31,7 @@ class Options:
     formats: tuple[str, ...]
     force: bool
     as_json: bool
+    wait: bool
     quiet: bool
     debug: bool
 
@@ -97,6 +98,7 @@ _COMMON = (
         help="Replace results of another spec, and begin anew if an interrupted run cannot be continued. "
         "Results of the same spec file are replaced without it.",
     ),
+    click.option("--wait", is_flag=True, help="Wait if another run is at work on the same results."),
     as_json,
     quiet,
     debug,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 import sys
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -48,18 +48,19 @@ def produce(
     specs = [asked(spec.load(source, options.overrides)) for source in sources]
     directory = folder_of(specs, options)
     place = results.place_of(sources, directory)
-    if not options.to_stdout:
-        # Before the work as well as after it: a refusal should not cost a long run.
-        for kind in kinds if not options.force else ():
-            results.refuse_other_spec(kind, directory, digest_of(specs), place)
-        results.refuse_unusable(directory)
-    with progress(options.quiet) as report:
-        tables = compute(specs, jobs=options.jobs, backend=options.backend, scheduler=options.scheduler, progress=report)
-    before = None if options.to_stdout else results.existing_facts(kinds[0], directory)
-    tables = [replace(table, facts={**table.facts, "spec_place": place}) for table in tables]
-    finished = [_finish(table, directory, options, main=table is tables[0]) for table in tables]
-    for kind in set() if options.to_stdout else set(kinds) - {table.kind for table in tables}:
-        results.discard(kind, directory)  # another spec's, which would pass for one of this run
+    with ExitStack() as opened:
+        if not options.to_stdout:
+            opened.enter_context(results.at_work(kinds, directory, options.wait, partial(say, warning=True)))
+            # Before the work as well as after it: a refusal should not cost a long run.
+            for kind in kinds if not options.force else ():
+                results.refuse_other_spec(kind, directory, digest_of(specs), place)
+        with progress(options.quiet) as report:
+            tables = compute(specs, jobs=options.jobs, backend=options.backend, scheduler=options.scheduler, progress=report)
+        before = None if options.to_stdout else results.existing_facts(kinds[0], directory)
+        tables = [replace(table, facts={**table.facts, "spec_place": place}) for table in tables]
+        finished = [_finish(table, directory, options, main=table is tables[0]) for table in tables]
+        for kind in set() if options.to_stdout else set(kinds) - {table.kind for table in tables}:
+            results.discard(kind, directory)  # another spec's, which would pass for one of this run
     changed = results.changes(before, tables[0].facts) if before and before.get("spec_place") == place else []
     _report(kinds[0], specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
 
@@ -116,20 +117,32 @@ def produce_intervals(kind: str, source: str, options: Options, along: str | Non
     """Compute and write a table of stable intervals, which need not fit into memory; otherwise as `produce`.
 
     along: axis of the intervals, the spec's own by default. hands: those whose intervals are added to those of the loop
-    itself. Finished chunks are kept beside the results or, if the table goes to stdout, in a temporary folder.
+    itself. Finished chunks are kept beside the results, unless the table goes to stdout.
     """
-    from wavesweep import sweep
+    from wavesweep import results, sweep
 
     name = kind if hands is None else f"{kind}-hands"
 
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
-        folder = Path(temporary) / "parts" if options.to_stdout else parts_of(name, specs, options)
+        folder = None if options.to_stdout else parts_of(name, specs, options)
+        if folder is not None and not options.force:
+            results.refuse_other_hands(kind, folder.parent, hands.facts() if hands else {})
         found = sweep.intervals(specs[0], along=along, hands=hands, checkpoint=folder, force=options.force, **work)
         return [replace(found, kind=kind)]
 
-    kept = tempfile.TemporaryDirectory(prefix="wavesweep-", ignore_cleanup_errors=True) if options.to_stdout else nullcontext()
-    with kept as temporary:
-        produce([kind], [source], options, compute)
+    produce([kind], [source], options, compute)
+
+
+def verified(directory: str, quiet: bool) -> int:
+    """Hold a folder of results against its data packages, print the result, and return the exit code: 1 for differences."""
+    from wavesweep.results.verify import verify
+
+    found = verify(directory)
+    if not quiet:
+        click.echo("\n".join(found.checked))
+    for difference in found.differences:
+        say(f"differs: {difference}", warning=True)
+    return 1 if found.differences else 0
 
 
 def parts_of(name: str, specs: Sequence[Spec], options: Options) -> Path:
@@ -169,7 +182,7 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
             from wavesweep.plots import drawn
 
             table = drawn(table)
-        paths = results.publish(table.watched(tally.add), directory, options.force, options.formats)
+        paths = results.publish(table.watched(tally.add), directory, options.force, options.formats, locked=True)
     elif main:
         results.stream(table.watched(tally.add), sys.stdout.buffer)
     else:
@@ -177,7 +190,8 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
     # The rows are written, so the checkpoint is not needed any more.
     table.forget()
     notices = [str(notice) for notice in table.facts.get("notices", ())]
-    return Finished(table.kind, notices, tally.numbers(table.facts), list(tally.lines(table.facts)), paths)
+    warnings = [(str(warning), True) for warning in table.facts.get("warnings", ())]
+    return Finished(table.kind, notices, tally.numbers(table.facts), [*warnings, *tally.lines(table.facts)], paths)
 
 
 def say(text: str, warning: bool = False) -> None:

@@ -1,14 +1,26 @@
 """The tables: their columns and units, written as CSV and Parquet beside a data package, and read back exactly."""
 
 from wavesweep.results.files import read, read_table
-from wavesweep.results.folder import changes, discard, existing_facts, place_of, refuse_other_spec, refuse_unusable
+from wavesweep.results.folder import (
+    changes,
+    discard,
+    existing_facts,
+    place_of,
+    refuse_other_hands,
+    refuse_other_spec,
+    refuse_unusable,
+)
+from wavesweep.results.lock import at_work
 from wavesweep.results.package import add_figures
 from wavesweep.results.schema import Field, fields, fields_of
+from wavesweep.results.verify import Verification, verify
 from wavesweep.results.writing import publish, stream
 
 __all__ = [
     "Field",
+    "Verification",
     "add_figures",
+    "at_work",
     "changes",
     "discard",
     "existing_facts",
@@ -18,7 +30,9 @@ __all__ = [
     "publish",
     "read",
     "read_table",
+    "refuse_other_hands",
     "refuse_other_spec",
     "refuse_unusable",
     "stream",
+    "verify",
 ]

@@ -40,7 +40,10 @@ class ParquetFile:
 
     def close(self) -> None:
         """Write the footer; without it the file cannot be read."""
-        self._writer.close()
+        try:
+            self._writer.close()
+        finally:
+            self._writer.is_open = False  # if it failed, pyarrow would try again at some later time, and print a traceback
 
 
 def csv_header(fields: tuple[Field, ...]) -> bytes:
@@ -125,6 +128,20 @@ def _schema_facts(path: Path) -> dict[str, Any]:
         return dict(json.loads(text))
     except (ValueError, TypeError):
         return {}
+
+
+def read_rows(path: Path, first: int = 0, end: int | None = None, columns: list[str] | None = None) -> dict[str, np.ndarray]:
+    """Give the rows from `first` to before `end` (None: the last) of a Parquet table, reading only their row groups."""
+    import pyarrow.parquet
+
+    with pyarrow.parquet.ParquetFile(path) as file:
+        sizes = [file.metadata.row_group(number).num_rows for number in range(file.num_row_groups)]
+        borders = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+        end = int(borders[-1]) if end is None else end
+        groups = [number for number in range(len(sizes)) if borders[number] < end and borders[number + 1] > first]
+        table = file.read_row_groups(groups, columns=columns)
+    table = table.slice(first - (int(borders[groups[0]]) if groups else 0), end - first)
+    return {name: _numpy(table.column(name)) for name in table.column_names}
 
 
 def _read_csv(path: Path) -> Any:

@@ -1,26 +1,16 @@
-"""The folder of the results: files of earlier runs and the specs that made them, and leftovers of killed runs.
-
-Tables are written in a folder of their own inside it. A run at work holds a lock there, which dies with the run.
-"""
+"""The folder of the results: files of earlier runs, and the specs that made them."""
 
 from __future__ import annotations
 
 import hashlib
 import os
-import shutil
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from wavesweep.errors import UsageError
 from wavesweep.results.package import packaged_facts
 from wavesweep.spec import SYMBOLS
-
-try:
-    import fcntl
-except ImportError:  # not on this system: nothing is locked there, and nothing removed
-    fcntl = None
 
 FIGURES = (".png", ".svg", ".pdf")
 SUFFIXES = (".csv", ".parquet", *FIGURES, ".datapackage.json")
@@ -61,6 +51,15 @@ def refuse_other_spec(kind: str, directory: str | Path, sha256: str, place: str 
 def _name(facts: Mapping[str, Any]) -> str:
     names = ", ".join(facts.get("specs", ()))
     return f"{names}; " if names else ""
+
+
+def refuse_other_hands(kind: str, directory: str | Path, hands: Mapping[str, object]) -> None:
+    """Raise UsageError if the directory holds a table of this kind for other hands, see `Hands.facts`; {}: for none."""
+    found = packaged_facts(Path(directory) / f"{kind}{SUFFIXES[-1]}")
+    if not found or all(found.get(name) == hands.get(name) for name in ("hands", "hand_box")):
+        return
+    options = "other options --hand, --hand-box or --passive"
+    raise UsageError(f"{Path(directory) / kind}.*: found results of {options}; give --force to replace them, or another --out")
 
 
 def existing_facts(kind: str, directory: str | Path) -> dict[str, Any] | None:
@@ -126,38 +125,3 @@ def refuse_unusable(directory: str | Path) -> None:
         raise UsageError(f"{directory}: {place} is a file; name another folder for the results")
     if not os.access(place, os.W_OK | os.X_OK):
         raise UsageError(f"{directory}: {place} may not be written to; name another folder for the results")
-
-
-@contextmanager
-def at_work_in(folder: Path) -> Iterator[None]:
-    """Hold the folder's lock."""
-    lock = _try_to_lock(folder)
-    try:
-        yield
-    finally:
-        if lock is not None:
-            os.close(lock)
-
-
-def remove_leftovers(directory: Path, prefix: str) -> None:
-    """Remove the folders with this prefix that no run has locked."""
-    for folder in directory.glob(f"{prefix}*"):
-        lock = _try_to_lock(folder)
-        if lock is not None:
-            shutil.rmtree(folder, ignore_errors=True)
-            os.close(lock)
-
-
-def _try_to_lock(folder: Path) -> int | None:
-    if fcntl is None:
-        return None
-    try:
-        lock = os.open(folder, os.O_RDONLY)
-    except FileNotFoundError:
-        return None
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(lock)
-        return None
-    return lock

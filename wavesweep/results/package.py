@@ -33,7 +33,7 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
                 "mediatype": "text/csv",
                 "encoding": "utf-8",
                 "dialect": _DIALECT,
-                **_file(stem.with_suffix(".csv")),
+                **file_facts(stem.with_suffix(".csv")),
                 "schema": schema,
             },
             {
@@ -43,7 +43,7 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
                 "type": "file",
                 "format": "parquet",
                 "mediatype": "application/vnd.apache.parquet",
-                **_file(stem.with_suffix(".parquet")),
+                **file_facts(stem.with_suffix(".parquet")),
                 "schema": schema,
             },
             *(figure_resource(kind, facts, figure) for figure in figures),
@@ -64,7 +64,7 @@ def figure_resource(kind: str, facts: Mapping[str, Any], figure: Path) -> dict[s
         "description": f"drawn by wavesweep {facts.get('tool_version', '')}".rstrip(),
         "format": form,
         "mediatype": _MEDIA[form],
-        **_file(figure),
+        **file_facts(figure),
     }
 
 
@@ -77,7 +77,7 @@ def packaged_facts(package: Path) -> dict[str, Any]:
     try:
         facts = json.loads(package.read_text(encoding="utf-8"))["wavesweep"]
         return dict(facts) if facts["spec_sha256"] else {}
-    except (FileNotFoundError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return {}
 
 
@@ -86,7 +86,7 @@ def packaged_fault(csv: Path, package: Path) -> str:
     if not packaged_facts(package):
         return f"expected the data package of wavesweep, {package.name}, beside the table, found none"
     described = json.loads(package.read_text(encoding="utf-8"))["resources"][0]
-    here = _file(csv)
+    here = file_facts(csv)
     if here["hash"] == described.get("hash"):
         return ""
     expected = f"expected the {described.get('bytes')} bytes that {package.name} describes"
@@ -125,7 +125,8 @@ def _field(field: Field) -> dict[str, Any]:
     return {"name": field.name, "type": field.kind, "unit": field.unit, "description": field.description, **spelling}
 
 
-def _file(path: Path) -> dict[str, Any]:
+def file_facts(path: Path) -> dict[str, Any]:
+    """Give the name of a file, its size in bytes and its SHA-256."""
     digest = hashlib.sha256()
     with path.open("rb") as file:
         while block := file.read(_HASH_BLOCK):

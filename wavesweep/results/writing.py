@@ -2,67 +2,65 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import ExitStack, closing
+from contextlib import closing, nullcontext
 from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from wavesweep.results.files import GROUP_ROWS, ParquetFile, csv_header, csv_rows
-from wavesweep.results.folder import (
-    FIGURES,
-    SUFFIXES,
-    at_work_in,
-    existing_facts,
-    refuse_other_spec,
-    refuse_unusable,
-    remove_leftovers,
-)
+from wavesweep.results.folder import FIGURES, existing_facts, refuse_other_spec
+from wavesweep.results.lock import at_work
 from wavesweep.results.package import package_text
+from wavesweep.results.placing import abandon, new_folder, put_in_place
 from wavesweep.results.schema import Field, checked, fields_of
 from wavesweep.sweep.table import Columns, Table, joined
 
-_PREFIX = ".wavesweep-"  # of the folders that tables are written in
+OWN_FACTS = ("timings", "warnings", "spec_place")  # facts of one run, which differ between runs that give the same rows
 
 
-def publish(table: Table, directory: str | Path, force: bool = False, formats: Iterable[str] = ("png",)) -> list[Path]:
+def publish(
+    table: Table, directory: str | Path, force: bool = False, formats: Iterable[str] = ("png",), locked: bool = False
+) -> list[Path]:
     """Write a table as CSV and Parquet, its figure and text if it has some, and the data package; give their paths.
 
-    Everything is written in a temporary folder beside the results, and put in place at the end; a figure that another
-    spec left behind is removed. How the rows are cut into blocks leaves no trace in the bytes.
+    Everything is written in a temporary folder beside the results, and put in place at the end as one step (see
+    `placing`); a figure that another spec left behind is removed. How the rows are cut into blocks leaves no trace in the
+    bytes.
 
-    table      its facts need `spec_sha256`; `timings` and `spec_place` stay out of the Parquet file, so that equal runs
-               give equal bytes in any folder
+    table      its facts need `spec_sha256`; those of OWN_FACTS stay out of the Parquet file, so that equal runs give equal
+               bytes in any folder
     directory  made if it is missing
     force      replace results of another spec; those of the same file (`spec_place`) are replaced in any case
     formats    of the figure: png, svg, pdf
+    locked     the caller is `at_work` on this table; if not, the call waits until no other run is
 
     Raises UsageError if the directory holds results of another spec, WavesweepError if the columns do not fit the
     fields or a number is infinite, OSError if a file cannot be written.
     """
     directory, facts = Path(directory), dict(table.facts)
     fields, blocks = _opened(table)
-    if not force:
-        refuse_other_spec(table.kind, directory, facts["spec_sha256"], facts.get("spec_place", ""))
-    refuse_unusable(directory)
-    directory.mkdir(parents=True, exist_ok=True)
-    remove_leftovers(directory, _PREFIX)
-    with ExitStack() as opened:
-        # A folder in the same directory is on the same file system: a rename out of it cannot be half done.
-        folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=directory))
-        opened.callback(shutil.rmtree, folder, ignore_errors=True)
-        opened.enter_context(at_work_in(folder))
-        stem = folder / table.kind
-        _write_rows(stem, fields, facts, blocks)
-        for form in formats if table.figure is not None else ():
-            table.figure(stem.with_suffix(f".{form}"))
-        if table.text is not None:
-            stem.with_suffix(".md").write_text(table.text, encoding="utf-8")
-        package = package_text(table.kind, fields, facts, stem, _figures(stem, directory, facts["spec_sha256"]))
-        stem.with_suffix(".datapackage.json").write_text(package, encoding="utf-8")
-        return _put_in_place(stem, directory, facts["spec_sha256"])
+    with nullcontext() if locked else at_work([table.kind], directory, wait=True):
+        if not force:
+            refuse_other_spec(table.kind, directory, facts["spec_sha256"], facts.get("spec_place", ""))
+        folder = new_folder(table.kind, directory)
+        try:
+            stem = folder / table.kind
+            _write_all(stem, table, fields, facts, blocks, formats)
+            package = package_text(table.kind, fields, facts, stem, _figures(stem, directory, facts["spec_sha256"]))
+            stem.with_suffix(".datapackage.json").write_text(package, encoding="utf-8")
+            return put_in_place(table.kind, folder, directory, facts["spec_sha256"])
+        finally:
+            abandon(table.kind, folder)
+
+
+def _write_all(stem: Path, table: Table, fields: tuple[Field, ...], facts: Mapping[str, Any], blocks, formats) -> None:
+    """Write the files of a table but its package; `stem` is their path without a suffix."""
+    _write_rows(stem, fields, facts, blocks)
+    for form in formats if table.figure is not None else ():
+        table.figure(stem.with_suffix(f".{form}"))
+    if table.text is not None:
+        stem.with_suffix(".md").write_text(table.text, encoding="utf-8")
 
 
 def stream(table: Table, out: BinaryIO) -> None:
@@ -85,7 +83,7 @@ def _opened(table: Table) -> tuple[tuple[Field, ...], Iterable[Columns]]:
 
 
 def _write_rows(stem: Path, fields: tuple[Field, ...], facts: Mapping[str, Any], blocks: Iterable[Columns]) -> None:
-    lasting = {name: fact for name, fact in facts.items() if name not in ("timings", "spec_place")}
+    lasting = {name: fact for name, fact in facts.items() if name not in OWN_FACTS}
     parquet = ParquetFile(stem.with_suffix(".parquet"), fields, lasting)
     with closing(parquet), stem.with_suffix(".csv").open("wb") as csv:
         csv.write(csv_header(fields))
@@ -117,16 +115,3 @@ def _figures(stem: Path, directory: Path, sha256: str) -> list[Path]:
     new, old = ([place.with_suffix(suffix) for suffix in FIGURES] for place in (stem, directory / stem.name))
     found = [each if each.exists() else kept for each, kept in zip(new, old, strict=True) if each.exists() or same]
     return [each for each in found if each.exists()]
-
-
-def _put_in_place(stem: Path, directory: Path, sha256: str) -> list[Path]:
-    if (existing_facts(stem.name, directory) or {}).get("spec_sha256") != sha256:
-        for suffix in FIGURES:
-            (directory / f"{stem.name}{suffix}").unlink(missing_ok=True)
-    placed = []
-    # The package last: its hashes then vouch for files that are there already.
-    for suffix in (*SUFFIXES[:-1], ".md", SUFFIXES[-1]):
-        source = stem.with_suffix(suffix)
-        if source.exists():
-            placed.append(source.replace(directory / source.name))
-    return placed

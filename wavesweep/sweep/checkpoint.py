@@ -1,61 +1,88 @@
-"""Finished chunks: in memory or in a folder that survives a crash, and from there to the rows of the table."""
+"""Finished chunks: in memory or in a folder that survives a crash, and from there to the rows of the table.
 
+A folder has a manifest, which names the run in words, and a file for each finished chunk. The name of a file has the
+number of its chunk and the first digits of the run's digest; its header has both in full, and a checksum over all of it.
+"""
+
+import hashlib
 import json
 import os
-import shutil
+import re
+import struct
+import tempfile
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from wavesweep.analysis.doubt import words
 from wavesweep.errors import CheckpointError
-from wavesweep.sweep.job import Chunks, Job
-from wavesweep.sweep.tasks import HAND_RECORD, RECORD, is_whole
+from wavesweep.sweep.disk import TEMPORARY, is_folder, make_folders, put_away, read_file, remove_folder, remove_old, write_file
+from wavesweep.sweep.job import Job
+from wavesweep.sweep.tasks import HAND_RECORD, RECORD
 
 MANIFEST = "manifest.json"
 SUFFIX = ".records"
+DAMAGED = ".damaged"  # behind the name of a file that was set aside
+LAYOUT = 4  # of the files
+MAGIC = b"wavepart"
+HEADER = struct.Struct("<8s32sQQI")  # magic, digest of the run, number of the chunk, bytes of records, checksum of all else
+IN_MEMORY = 1 << 26  # bytes of records; more go to a file without a name
+_PART = re.compile(rf"(\d{{7,18}})-([0-9a-f]{{8}}){re.escape(SUFFIX)}")
+OURS = re.compile(rf"(manifest\.json|{_PART.pattern})({TEMPORARY}|{re.escape(DAMAGED)})?")
+
+
+class DamagedError(Exception):
+    """The file of a finished chunk is not the one that was written; the text says why."""
 
 
 class MemoryCheckpoint:
-    """Finished chunks of a run that is too short for a folder."""
+    """Finished chunks in memory or, if they are many, in a file without a name, which a kill removes as well."""
 
-    def __init__(self):
-        self._records = {}
+    def __init__(self, dtype=RECORD):
+        self._dtype, self._places = dtype, {}
+        self._file = tempfile.SpooledTemporaryFile(IN_MEMORY)  # noqa: SIM115 - closed by `remove`, or with this object
+
+    def __del__(self):
+        self.remove()
 
     @property
     def place(self) -> Path | None:
-        """None: there is no folder."""
+        """None: nothing is kept if the run is stopped."""
         return None
 
     def finished(self) -> list[int]:
         """Numbers of the finished chunks."""
-        return sorted(self._records)
+        return sorted(self._places)
 
     def save(self, number: int, records: np.ndarray) -> None:
         """Keep a finished chunk."""
-        self._records[number] = records
+        start = self._file.seek(0, os.SEEK_END)
+        self._file.write(records.tobytes())
+        self._places[number] = (start, records.nbytes)
 
     def load(self, number: int) -> np.ndarray:
         """The records of a finished chunk."""
-        return self._records[number]
+        start, size = self._places[number]
+        self._file.seek(start)
+        return np.frombuffer(self._file.read(size), self._dtype)
 
     def remove(self) -> None:
         """Forget everything."""
-        self._records.clear()
+        self._places.clear()
+        self._file.close()
 
 
 class FolderCheckpoint:
-    """Finished chunks as files of one folder, with a manifest that identifies the run.
+    """Finished chunks as files of one folder, each with the run's identity and a checksum, which every reading compares.
 
-    A chunk's file is written under a temporary name and renamed, and has the checksum of its records in its name. So if the
-    process is killed, the file is there whole or not at all, and later damage is noticed.
+    `warnings` is a list to which a sentence is added for each file that turns out to be damaged.
     """
 
-    def __init__(self, folder: Path, chunks: Chunks, names: Mapping[int, str], dtype=RECORD):
-        self._folder, self._chunks, self._names, self._dtype = folder, chunks, dict(names), dtype
-        self._sound = set()  # numbers of the chunks whose checksum was compared
+    def __init__(self, folder: Path, digest: bytes, numbers: set[int], dtype, warnings: list[str]):
+        self._folder, self._digest, self._numbers, self._dtype = folder, digest, set(numbers), dtype
+        self.warnings = warnings
 
     @property
     def place(self) -> Path:
@@ -64,107 +91,172 @@ class FolderCheckpoint:
 
     def finished(self) -> list[int]:
         """Numbers of the finished chunks."""
-        return sorted(self._names)
+        return sorted(self._numbers)
 
     def save(self, number: int, records: np.ndarray) -> None:
         """Write a finished chunk."""
         content = records.tobytes()
-        name = f"{number:07d}-{zlib.crc32(content):08x}{SUFFIX}"
-        temporary = self._folder / f"{name}.tmp"
-        temporary.write_bytes(content)
-        temporary.replace(self._folder / name)
-        self._names[number] = name
-        self._sound.add(number)
+        write_file(self._path(number), self._header(number, content), content)
+        self._numbers.add(number)
 
     def load(self, number: int) -> np.ndarray:
-        """Read a finished chunk. Raises CheckpointError if its file was damaged."""
-        path = self._folder / self._names[number]
-        records = np.fromfile(path, self._dtype)
-        if number not in self._sound:
-            checksum = path.stem.rpartition("-")[2]
-            if f"{zlib.crc32(records.tobytes()):08x}" != checksum or not is_whole(records, self._chunks[number].slices):
-                raise _unusable(self._folder, f"{path.name} is not what was written")
-            self._sound.add(number)
-        return records
+        """Read a finished chunk. Raises DamagedError if its file is not the one that was written for it."""
+        try:
+            found = read_file(self._path(number))
+        except OSError as error:
+            raise DamagedError(error.strerror or str(error)) from error
+        header, content = found[: HEADER.size], found[HEADER.size :]
+        if header != self._header(number, content):
+            raise DamagedError(_difference(header, self._digest, number))
+        return np.frombuffer(content, self._dtype)
+
+    def set_aside(self, number: int, why: Exception) -> None:
+        """Rename the file of a chunk that cannot be used, so that the chunk is computed again, and add a warning."""
+        path = self._path(number)
+        self._numbers.discard(number)
+        self.warnings.append(f"{path}: {why}; these slices are computed again")
+        if os.path.lexists(path):
+            path.replace(path.with_name(path.name + DAMAGED))
 
     def remove(self) -> None:
-        """Remove the folder."""
-        shutil.rmtree(self._folder)
+        """Remove the folder: it is renamed first, so that an interrupted removal is not taken for a checkpoint."""
+        _remove(self._folder, self.warnings)
+
+    def _path(self, number):
+        return self._folder / f"{number:07d}-{self._digest.hex()[:8]}{SUFFIX}"
+
+    def _header(self, number, content):
+        known = HEADER.pack(MAGIC, self._digest, number, len(content), 0)
+        return HEADER.pack(MAGIC, self._digest, number, len(content), zlib.crc32(content, zlib.crc32(known)))
 
 
-def checkpoint_of(job: Job, folder: Path | None, force: bool) -> MemoryCheckpoint | FolderCheckpoint:
-    """The checkpoint of a job: in the folder, or in memory without a folder or for a single chunk."""
-    if folder is None or (len(job.chunks) < 2 and not folder.exists()):
-        return MemoryCheckpoint()
-    from wavesweep import __version__
+def _difference(header, digest, number):
+    """Why a header is not the expected one."""
+    if len(header) < HEADER.size:
+        return "it is cut off"
+    magic, found, other, *_ = HEADER.unpack(header)
+    if magic == MAGIC and found != digest:
+        return "it is of another run"
+    if magic == MAGIC and other != number:
+        return f"it is a copy of chunk {other}"
+    return "it was damaged"
 
-    run = {"spec_sha256": job.grid.spec.sha256, "along": job.axis.name, "tool_version": __version__, "layout": 3}
-    if job.guarantee is None:
-        return open_folder(folder, run, job.chunks, force)
-    return open_folder(folder, run | {"guarantee": repr(job.guarantee)}, job.chunks, force, HAND_RECORD)
+
+def _remove(folder, warnings):
+    away = put_away(folder)
+    if not remove_folder(away, OURS):
+        away.rename(folder)
+        warnings.append(f"{folder}: it stays, since it holds files that are not of this program")
 
 
-def open_folder(
-    folder: Path, facts: Mapping[str, object], chunks: Chunks, force: bool = False, dtype=RECORD
-) -> FolderCheckpoint:
-    """Open the folder of a run, made if it is missing; `facts` (JSON-able) identify the run.
-
-    dtype: of its records. force: remove a checkpoint that cannot be used. Raises CheckpointError if a checkpoint is
-    damaged or of another run: it may hold a night of work, so it is not silently removed.
-    """
-    expected = {**facts, "chunks": [chunks.loops, chunks.walls, chunks.deep, chunks.wide]}
+def records_of(job: Job, store, number: int) -> np.ndarray:
+    """The records of a finished chunk; if its file was damaged meanwhile, the chunk is computed again."""
     try:
-        return _opened(folder, expected, chunks, dtype)
+        return store.load(number)
+    except DamagedError as error:
+        store.set_aside(number, error)
+        store.save(number, job.task(job.chunks[number]).records())
+        return store.load(number)
+
+
+def checkpoint_of(job: Job, folder: Path | None, force: bool, warnings: list[str]) -> MemoryCheckpoint | FolderCheckpoint:
+    """The checkpoint of a job: in the folder, or in memory without a folder or for a single chunk.
+
+    force: begin anew if the folder is of another run. warnings: receives a sentence for each damaged file.
+    Raises CheckpointError if the folder is of another run, which may be a night of work, or no folder of this program.
+    """
+    dtype = RECORD if job.guarantee is None else HAND_RECORD
+    if folder is None:
+        return MemoryCheckpoint(dtype)
+    remove_old(folder, OURS)
+    if len(job.chunks) < 2 and not os.path.lexists(folder):
+        return MemoryCheckpoint(dtype)
+    if os.path.lexists(folder) and not is_folder(folder):
+        raise CheckpointError(f"{folder}: expected a folder for finished chunks, found a file or a link; move it away")
+    run = identity_of(job)
+    digest = _digest(run)
+    _prepare(folder, run, digest, force, warnings)
+    return FolderCheckpoint(folder, digest, _numbers(folder, digest, len(job.chunks)), dtype, warnings)
+
+
+def _prepare(folder, run, digest, force, warnings):
+    """Let the folder be one with the manifest of this run, or raise CheckpointError."""
+    try:
+        damage = _refuse_other_run(folder, run, digest)
     except CheckpointError:
         if not force:
             raise
-        shutil.rmtree(folder)
-        return _opened(folder, expected, chunks, dtype)
-
-
-def _opened(folder, expected, chunks, dtype):
-    folder.mkdir(parents=True, exist_ok=True)
+        _remove(folder, warnings)
+        damage = None
+    make_folders(folder)
     manifest = folder / MANIFEST
-    if manifest.exists():
-        _compare(folder, _read(manifest), expected)
-    elif any(folder.glob(f"*{SUFFIX}")):
-        raise _unusable(folder, f"it has parts but no {MANIFEST}")
-    else:
-        temporary = folder / f"{MANIFEST}.{os.getpid()}.tmp"
-        temporary.write_text(json.dumps(expected, indent=1), encoding="utf-8")
-        temporary.replace(manifest)
-    store = FolderCheckpoint(folder, chunks, _names(folder, len(chunks)), dtype)
-    for number in store.finished():
-        store.load(number)
-    return store
+    if damage is not None:
+        warnings.append(f"{manifest}: {damage}; it is written again")
+        if os.path.lexists(manifest):
+            manifest.replace(manifest.with_name(MANIFEST + DAMAGED))
+    if not manifest.exists():
+        write_file(manifest, json.dumps(run | {"digest": digest.hex()}, indent=1).encode())
 
 
-def _names(folder, chunks):
-    names = {}
-    for path in folder.glob(f"*{SUFFIX}"):
-        number = path.name.partition("-")[0]
-        if not number.isdigit() or int(number) >= chunks:
-            raise _unusable(folder, f"{path.name} is no part of this run")
-        names[int(number)] = path.name
-    return names
+def _digest(run):
+    return hashlib.sha256(json.dumps(run, sort_keys=True).encode()).digest()
 
 
-def _read(manifest):
+def identity_of(job: Job) -> dict[str, object]:
+    """What a finished chunk depends on, JSON-able: chunks of runs that differ in any of it are never mixed."""
+    from wavesweep import __version__
+
+    chunks = job.chunks
+    run = {
+        "layout": LAYOUT,
+        "spec_sha256": job.grid.spec.sha256,
+        "along": job.axis.name,
+        "tool_version": __version__,
+        "numpy_version": np.__version__,
+        "chunks": [chunks.loops, chunks.walls, chunks.deep, chunks.wide],
+    }
+    return run if job.guarantee is None else run | {"guarantee": repr(job.guarantee)}
+
+
+def _refuse_other_run(folder, run, digest) -> str | None:
+    """Raise CheckpointError if the folder is of another run; otherwise say if its manifest is damaged, and how."""
+    found, damage = {}, None
     try:
-        return json.loads(manifest.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise _unusable(manifest.parent, f"{MANIFEST} cannot be read ({error})") from error
+        found = json.loads(read_file(folder / MANIFEST))
+        if found.pop("digest") != _digest(found).hex():
+            damage = "it was damaged"
+    except FileNotFoundError:
+        damage = ""
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        damage = f"it cannot be read ({error})"
+    if damage is None:
+        different = [f"{name} ({found.get(name)}, not {run[name]})" for name in run if found.get(name) != run[name]]
+        if different:
+            raise _of_another_run(folder, f", which differs in {', '.join(different)}")
+        return None
+    runs = {match[2] for match in _parts(folder)}
+    if runs - {digest.hex()[:8]}:  # without a manifest, the parts say whose they are
+        raise _of_another_run(folder, f", as {MANIFEST} is {'damaged' if damage else 'missing'} and its files say")
+    return damage or ("it is missing" if runs else None)
 
 
-def _compare(folder, found, expected):
-    different = [name for name in expected if not isinstance(found, dict) or found.get(name) != expected[name]]
-    if different:
-        raise _unusable(folder, f"it is of another run, which differs in {', '.join(different)}")
+def _parts(folder):
+    try:
+        names = [path.name for path in folder.iterdir()]
+    except FileNotFoundError:
+        return []
+    return [match for match in map(_PART.fullmatch, sorted(names)) if match]
 
 
-def _unusable(folder, why):
+def _numbers(folder, digest, chunks):
+    found = [int(match[1]) for match in _parts(folder) if match[2] == digest.hex()[:8]]
+    return {number for number in found if number < chunks}
+
+
+def _of_another_run(folder, how):
     return CheckpointError(
-        f"{folder}: cannot go on from this checkpoint: {why}; remove the folder, or give --force to begin anew"
+        f"{folder}: cannot go on from this checkpoint: it is of another run{how}; "
+        "remove the folder, or give --force to begin anew"
     )
 
 
@@ -176,23 +268,23 @@ def blocks(job: Job, store) -> Iterator[dict[str, np.ndarray]]:
     grid = job.grid
     for start in range(0, grid.size, BLOCK):
         combination = np.arange(start, min(start + BLOCK, grid.size))
-        which, records = _gather(job.chunks, store, grid.slice_of(combination))
-        yield _columns(grid, job.axis.name, combination[which], records)
+        which, records = _gather(job, store, grid.slice_of(combination))
+        yield columns_of(job, combination[which], records)
 
 
-def _gather(chunks, store, slices):
+def _gather(job, store, slices):
     """The records of the slices in their order, and for each the index of its slice in `slices`.
 
     If the wall's axes are not the last ones, neighbouring rows are in different chunks, and each chunk is read again for
     every block that has rows of it: from the page cache, at a cost far below that of computing it.
     """
-    owner = chunks.of(slices)
+    owner = job.chunks.of(slices)
     order = np.argsort(owner, kind="stable")
     borders = np.flatnonzero(np.diff(owner[order])) + 1
     which, records = [], []
     for members in np.split(order, borders):
-        chunk = chunks[int(owner[members[0]])]
-        found = store.load(chunk.number)
+        chunk = job.chunks[int(owner[members[0]])]
+        found = records_of(job, store, chunk.number)
         wanted = slices[members] - chunk.first
         first, end = (np.searchsorted(found["slice"], wanted, side=side) for side in ("left", "right"))
         rows = end - first
@@ -206,8 +298,9 @@ def _gather(chunks, store, slices):
     return which, records
 
 
-def _columns(grid, along, combination, records):
+def columns_of(job: Job, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
+    """The table's columns for records of these combinations, one for each record."""
     found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
     found["doubt"] = words(found["doubt"])
-    leading = grid.axis_columns(combination)
-    return leading | {"along": np.full(records.size, along, dtype=object)} | found
+    leading = job.grid.axis_columns(combination)
+    return leading | {"along": np.full(records.size, job.axis.name, dtype=object)} | found

@@ -121,6 +121,13 @@ class Hands:
         asked = [] if self.hand == "free" else [Guarantee(self.hand, self.box)]
         return asked + ([Guarantee("port")] if self.port else [])
 
+    def facts(self) -> dict[str, object]:
+        """The hands as facts of a run, JSON-able: `hands` (hand and port) and, if there is a box, its ranges as `hand_box`."""
+        box = (
+            {"hand_box": {name: list(getattr(self.box, name)) for name in ("mass", "damping", "stiffness")}} if self.box else {}
+        )
+        return {"hands": {"hand": self.hand, "port": self.port}} | box
+
     def refuse(self, job: Job) -> None:
         """Raise UsageError if the spec's own job leaves no answer for these hands."""
         swept = [axis.name for axis in (*job.grid.axes, job.axis) if axis.path in OPERATOR]

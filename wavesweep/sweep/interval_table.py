@@ -1,7 +1,8 @@
 """Stable intervals over a sweep, as a table: those of the spec's loop and, as an option, those for hands."""
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 from wavesweep.analysis.doubt import words
 from wavesweep.diagram import WALL
 from wavesweep.spec import Axis, Spec
-from wavesweep.sweep.checkpoint import MemoryCheckpoint, blocks, checkpoint_of
+from wavesweep.sweep.checkpoint import DamagedError, MemoryCheckpoint, blocks, checkpoint_of, columns_of
 from wavesweep.sweep.grid import groups
 from wavesweep.sweep.job import Job, bounds_of, cut_otherwise, expected_seconds, job_of
 from wavesweep.sweep.table import Columns, Table, facts_of, joined
@@ -52,10 +53,10 @@ def intervals(
     """
     started = time.perf_counter()
     stages = stages_of(spec, along, hands)
-    tallies, stores = [], []
+    tallies, stores, warnings = [], [], []
     for stage in stages:
         job, report = stage.job, progress and _continued(progress, sum(each.job.slices for each in stages), tallies)
-        stores.append(checkpoint_of(job, checkpoint and checkpoint / stage.hand, force))
+        stores.append(checkpoint_of(job, checkpoint and checkpoint / stage.hand, force, warnings))
         workers = choose(jobs, backend, scheduler, len(job.chunks), partial(expected_seconds, job))
         tallies.append(compute(job, stores[-1], workers, report))
     timings = {
@@ -64,9 +65,10 @@ def intervals(
         **({"workers": workers.count} if hands is None else {}),
         "slices_from_checkpoint": sum(tally.kept for tally in tallies),
     }
-    facts = _facts(spec, hands, stages, sum(tally.certified for tally in tallies), timings)
+    facts = _facts(spec, hands, stages, sum(tally.certified for tally in tallies), timings) | {"warnings": warnings}
     axes = {axis.name: axis.values for axis in stages[0].job.grid.axes}
-    return Table("zwidth", partial(_rows, stages, stores, hands), facts, axes, forget=partial(_forget, stores, checkpoint))
+    forget = partial(_forget, stores, hands and checkpoint, warnings)
+    return Table("zwidth", partial(_rows, stages, stores, hands), facts, axes, forget=forget)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,11 +119,14 @@ class Tally:
 
 def compute(job: Job, store, workers: Workers, progress: Progress | None = None) -> Tally:
     """Compute every chunk that the checkpoint `store` does not have yet, and save it there."""
-    tally, chunks, known = Tally(), job.chunks, store.finished()
-    for number in known:
-        tally.add(chunks[number].slices, store.load(number))
+    tally, chunks = Tally(), job.chunks
+    for number in store.finished():
+        try:
+            tally.add(chunks[number].slices, store.load(number))
+        except DamagedError as error:
+            store.set_aside(number, error)
     tally.kept = tally.done
-    missing = sorted(set(range(len(chunks))) - set(known))
+    missing = sorted(set(range(len(chunks))) - set(store.finished()))
     finished = results(workers, missing, lambda number: job.task(chunks[number]))
     try:
         for number, records, seconds in finished:
@@ -202,6 +207,27 @@ def _rows(stages, stores, hands) -> Iterator[dict[str, np.ndarray]]:
             yield block if hands is None else _with_hand(block, stage.hand, hands.box)
 
 
+def rows_again(spec: Spec, along: str | None, hands: "Hands | None", picked: Iterable[int]) -> Iterator[Columns]:
+    """Compute some combinations of a table again, each by itself, and yield the rows of each.
+
+    spec, along, hands: as for `intervals`. picked: numbers of the combinations, counted over all kinds of rows.
+    """
+    stages = stages_of(spec, along, hands)
+    ends = np.cumsum([stage.job.grid.size for stage in stages])
+    for number in picked:
+        stage = stages[int(np.searchsorted(ends, number, side="right"))]
+        combination = np.array([number - (ends[stages.index(stage)] - stage.job.grid.size)])
+        single = cut_otherwise(stage.job, deep=1, wide=1)  # then the number of a chunk is that of its slice
+        records = single.task(single.chunks[int(stage.job.grid.slice_of(combination)[0])]).records()
+        block = columns_of(stage.job, np.repeat(combination, records.size), records)
+        yield block if hands is None else _with_hand(block, stage.hand, hands.box)
+
+
+def combinations(spec: Spec, along: str | None, hands: "Hands | None") -> int:
+    """Number of combinations of a table of intervals, over all kinds of rows. spec, along, hands: as for `intervals`."""
+    return sum(stage.job.grid.size for stage in stages_of(spec, along, hands))
+
+
 def _with_hand(block, hand, box):
     """The block with the column `hand` behind the axes; if there is a box, with the columns ABOUT_ENDS before what is felt."""
     rows = len(block["along"])
@@ -212,11 +238,16 @@ def _with_hand(block, hand, box):
     return {name: found[name] for name in (*names, *(ABOUT_ENDS if box else ()), *FELT)}
 
 
-def _forget(stores, folder):
+def _forget(stores, folder, warnings):
+    """Remove the checkpoints of all stages and their common folder, unless it holds one of a run for other hands."""
     for store in stores:
-        store.remove()
-    if folder and folder.exists():
-        folder.rmdir()
+        try:
+            store.remove()
+        except OSError as error:
+            warnings.append(f"{store.place}: {error.strerror}; the next run removes this checkpoint")
+    if folder:
+        with suppress(OSError):
+            folder.rmdir()
 
 
 def _facts(spec, hands, stages, certified, timings) -> dict:
@@ -227,9 +258,7 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     notices = [*own.grid.notices, *(hands.notices(own) if hands else ())]
     swept = [own.axis.path, *(axis.path for axis in own.grid.axes)]
     facts = facts_of(spec, methods, counts, timings, notices, swept)
-    if hands and hands.box:
-        facts["hand_box"] = {name: list(getattr(hands.box, name)) for name in ("mass", "damping", "stiffness")}
-    return facts
+    return facts | (hands.facts() if hands else {})
 
 
 def method(path) -> str:

@@ -74,6 +74,7 @@ def facts_of(specs, methods, slices, timings, notices=(), swept=()) -> dict:
     return {
         "schema_version": 1,
         "tool_version": __version__,
+        "numpy_version": np.__version__,
         "spec_name": "+".join(spec.name for spec in several),
         "spec": several[0].tables(),
         "spec_sha256": digest_of(several),

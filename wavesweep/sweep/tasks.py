@@ -50,17 +50,6 @@ def records_of(found: Intervals) -> np.ndarray:
     return records
 
 
-def is_whole(records: np.ndarray, slices: int) -> bool:
-    """Whether there are records and each of the slices has as many as its first one says."""
-    if not records.size:
-        return False
-    starts = np.flatnonzero(np.append(True, np.diff(records["slice"]) != 0))
-    rows = np.diff(np.append(starts, records.size))
-    return np.array_equal(records["slice"][starts], np.arange(slices)) and np.array_equal(
-        rows, np.maximum(records["intervals"][starts], 1)
-    )
-
-
 def certified_slices(records: np.ndarray) -> int:
     """How many slices are certified; all records of a slice agree on it."""
     return int((records["certified"] & (records["interval"] == 0)).sum())

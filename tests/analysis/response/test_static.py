@@ -82,6 +82,12 @@ def test_a_batch_of_loops_has_a_map_each():
     assert together == pytest.approx(np.transpose(alone), rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.parametrize("batch", [(1,), (4,)])
+def test_loops_that_differ_in_nothing_have_the_same_map(batch):
+    diagram = draw(values_of("pmw", Kp=20.0))
+    assert np.array_equal(felt_map(diagram, batch), np.repeat(felt_map(diagram)[:, None], batch[0], axis=1))
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_response_at_0_hz_is_the_limit_with_an_error(kind):
     values = values_of(kind, Kp=20.0)

@@ -48,7 +48,8 @@ def static_response(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _seen(rows, X):
-    return (rows * X[..., None, :]).sum(-1)
+    # Contiguous, since the order of a sum follows the memory, and with it the bits of a loop the batch that it is in.
+    return np.multiply(rows, X[..., None, :], order="C").sum(-1)
 
 
 def felt_map(diagram: Diagram, batch: tuple[int, ...] = ()) -> np.ndarray:
@@ -72,7 +73,9 @@ def felt_map(diagram: Diagram, batch: tuple[int, ...] = ()) -> np.ndarray:
         f, alone = np.where(np.abs(f) <= NOTHING, 0.0, f), np.abs(force[..., 0]) <= NOTHING  # no force reaches the wall
         found = np.where(alone, np.stack([f / x, 0 * f, 0 * f]), np.stack([f_1, f, x]) / x_1)
         found = np.where(rest.moves, 0.0, found)
-    return np.broadcast_to(np.where(np.isfinite(found).all(0), found, np.nan), (3, *batch))
+    found = np.where(np.isfinite(found).all(0), found, np.nan)
+    alike = (1,) * (len(batch) - found.ndim + 1)  # nothing that the batch varies is read
+    return np.broadcast_to(found.reshape(3, *alike, *found.shape[1:]), (3, *batch))
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,10 +92,10 @@ class _Rest:
     moves: np.ndarray
 
     def seen(self, y, direct):
-        return (self.rows * y[..., None, :]).sum(-1) + direct
+        return _seen(self.rows, y) + direct
 
     def sizes(self, y):
-        return (np.abs(self.rows) * np.abs(y)[..., None, :]).sum(-1)
+        return _seen(np.abs(self.rows), np.abs(y))
 
 
 def _at_rest(diagram) -> _Rest:
@@ -118,7 +121,7 @@ def _at_rest(diagram) -> _Rest:
     right = np.zeros((*P.shape[:-2], kept.size, 2))
     right[..., 0], right[..., -1, 1] = -P[..., kept, n + 1], 1
     rows = P[..., n + 1 :, :]
-    return _Rest(solve(P[..., kept[:, None], kept], right), rows[..., kept], rows[..., n + 1], moves)
+    return _Rest(solve(np.ascontiguousarray(P[..., kept[:, None], kept]), right), rows[..., kept], rows[..., n + 1], moves)
 
 
 def _lifted_at_rest(diagram) -> Block:
@@ -160,10 +163,11 @@ def _laws(P, kept, rows, n, ratio):
     vanishes, or the state is not held; of a force z^k, z -> 1, it keeps the first moment over the frame.
     """
     W, e = P[..., kept[:, None], kept], P[..., rows, :]
-    left = -np.swapaxes(solve(np.swapaxes(W, -1, -2), np.swapaxes(e[..., kept], -1, -2)), -1, -2)
-    mean, size = left @ P[..., kept, n + 1, None] + e[..., n + 1, None], np.abs(left) @ np.abs(P[..., kept, n + 1, None])
+    left = -np.swapaxes(solve(*(np.ascontiguousarray(np.swapaxes(part, -1, -2)) for part in (W, e[..., kept]))), -1, -2)
+    mean = _seen(left, P[..., kept, n + 1])[..., None] + e[..., n + 1, None]
+    size = _seen(np.abs(left), np.abs(P[..., kept, n + 1]))[..., None]
     moves = np.abs(mean) > STILL * (size + np.abs(e[..., n + 1, None]))
-    given = left @ P[..., kept, n + 2, None] + e[..., n + 2, None]
+    given = _seen(left, P[..., kept, n + 2])[..., None] + e[..., n + 2, None]
     law = np.zeros(e.shape)
     states = kept < n
     law[..., kept[states]] = left[..., states]

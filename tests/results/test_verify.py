@@ -1,0 +1,183 @@
+"""`wavesweep check --verify` finds every kind of difference between a folder of results, its packages and new rows."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wavesweep import results, sweep
+from wavesweep.cli import main
+from wavesweep.errors import UsageError
+from wavesweep.results import publish
+from wavesweep.results.verify import verify
+from wavesweep.spec import load
+from wavesweep.sweep import Table
+
+TABLES = {
+    "device": {"velocity": "difference", "damping": 3.0},
+    "operator": {"stiffness": 50.0},
+    "controller": {"kind": "pmw"},
+    "sweep": {
+        "along": "K_VE",
+        "K_VE": {"start": 0, "stop": 20000},
+        "B_VE": [0.5, 1, 2],
+        "Kp": [0, 20],
+        "environment.delay": [0, 3],
+    },
+    "bode": {"frequency_hz": [0, 1, 10], "Kp": [0, 20]},
+    "simulate": {"input": "sine", "frequency_hz": 5, "amplitude": 1, "duration_s": 1},
+}
+
+
+ALONG_B = {"along": "b", "b": {"start": 5, "stop": 50}, "B_VE": [0.5, 1, 2]}
+
+
+def files_of(spec, kind):
+    """The tables of a kind, computed."""
+    hands = sweep.hands_of("passive", {}, True)
+    short = replace(spec, name="short")
+    calls = {
+        "zwidth": lambda: [sweep.intervals(spec, "K_VE", jobs=1)],
+        "hands": lambda: [sweep.intervals(load(TABLES | {"sweep": TABLES["sweep"] | {"B_VE": [1]}}), "K_VE", hands, jobs=1)],
+        "stability-region": lambda: [
+            replace(sweep.intervals(load(TABLES | {"sweep": ALONG_B}), jobs=1), kind="stability-region")
+        ],
+        "bode": lambda: [sweep.responses([short])],
+        "two specs": lambda: [sweep.responses([short, replace(load(TABLES | {"bode": {"frequency_hz": [1]}}), name="other")])],
+        "passivity": lambda: [sweep.passivity(spec, 0.01, jobs=1), sweep.filter_choices(spec, 0.01)],
+        "simulate": lambda: sweep.simulate(short.as_simulated()),
+    }
+    return calls[kind]()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["zwidth", "hands", "stability-region", "bode", "two specs", "passivity", "simulate"])
+def test_results_as_they_were_written_have_no_differences(kind, tmp_path):
+    tables = files_of(load(TABLES), kind)
+    for table in tables:
+        publish(table, tmp_path)
+    found = verify(tmp_path)
+    assert found.differences == ()
+    assert len([text for text in found.checked if text.endswith("computed again, equal to the bit")]) == len(tables)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("written")
+    publish(sweep.intervals(load(TABLES), "K_VE", jobs=1), folder)
+    return folder
+
+
+@pytest.fixture
+def folder(written, tmp_path):
+    return shutil.copytree(written, tmp_path / "o")
+
+
+def package_of(folder):
+    return json.loads((folder / "zwidth.datapackage.json").read_text())
+
+
+def repackaged(folder, **facts):
+    """Write other facts into the package."""
+    package = package_of(folder)
+    package["wavesweep"] |= facts
+    (folder / "zwidth.datapackage.json").write_text(json.dumps(package))
+
+
+def flip(folder):
+    content = bytearray((folder / "zwidth.csv").read_bytes())
+    digit = max(at for at, letter in enumerate(content[:-20]) if chr(letter).isdigit())
+    content[digit] ^= 1
+    (folder / "zwidth.csv").write_bytes(content)
+
+
+def cut_off(folder):
+    content = (folder / "zwidth.parquet").read_bytes()
+    (folder / "zwidth.parquet").write_bytes(content[:-30])
+
+
+def lose(folder):
+    (folder / "zwidth.csv").unlink()
+
+
+def tear(folder):
+    (folder / "zwidth.datapackage.json").write_text('{"wave')
+
+
+def change_a_number(folder):
+    """In both files, with the hashes of the changed files in the package."""
+    columns, facts = results.read(folder / "zwidth.parquet"), package_of(folder)["wavesweep"]
+    columns["high"] = columns["high"].copy()
+    columns["high"][5] = np.nextafter(columns["high"][5], 0)
+    publish(Table.of("zwidth", columns, facts), folder)
+
+
+def lose_a_row(folder):
+    columns, facts = results.read(folder / "zwidth.parquet"), package_of(folder)["wavesweep"]
+    publish(Table.of("zwidth", {name: column[:-1] for name, column in columns.items()}, facts), folder)
+
+
+def change_the_spec(folder):
+    repackaged(folder, spec=package_of(folder)["wavesweep"]["spec"] | {"device": {"mass": 0.2}})
+
+
+def break_the_spec(folder):
+    repackaged(folder, spec={"device": {"mass": -1}})
+
+
+DAMAGES = {
+    flip: ["zwidth.csv: ", "in the package", "zwidth.csv and zwidth.parquet: row "],
+    cut_off: ["zwidth.parquet: ", "cannot be read", "cannot be held against new ones"],
+    lose: ["zwidth.csv: No such file"],
+    tear: ["zwidth.datapackage.json: cannot be read as a data package"],
+    change_a_number: ["zwidth.parquet: computed again, row 6, column high: "],
+    lose_a_row: ["computed again, 11 combinations and not 12"],
+    change_the_spec: ["the digest of the spec in it is ", "computed again, "],
+    break_the_spec: ["the spec in it makes no run: "],
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_every_kind_of_damage_is_named(folder, damage, capfd):
+    damage(folder)
+    assert main(["check", "--verify", str(folder), "--quiet"]) == 1
+    out, err = capfd.readouterr()
+    assert out == ""
+    assert [text for text in DAMAGES[damage] if text not in err] == []
+
+
+@pytest.mark.parametrize(("change", "differences"), [(1e-12, 0), (1e-6, 1)])
+def test_rows_of_another_numpy_are_compared_with_a_tolerance(folder, change, differences):
+    columns, facts = results.read(folder / "zwidth.parquet"), package_of(folder)["wavesweep"]
+    columns["high"], columns["residual"] = columns["high"] * (1 - change), columns["residual"] * 2
+    publish(Table.of("zwidth", columns, facts | {"numpy_version": "2.0.0"}), folder)
+    found = verify(folder)
+    assert len(found.differences) == differences
+    assert differences or "equal to 1e-09, since another version" in found.checked[-1]
+
+
+@pytest.mark.slow
+def test_the_sample_is_drawn_by_its_seed(folder):
+    change_a_number(folder)
+    found = [bool(verify(folder, rows=1, seed=seed).differences) for seed in range(30)]
+    assert 0 < sum(found) < 30
+
+
+def test_a_folder_is_needed_and_no_spec(tmp_path, capfd):
+    with pytest.raises(UsageError, match="expected results with their data package, found none"):
+        verify(tmp_path)
+    assert main(["check"]) == main(["check", "a.toml", "--verify", str(tmp_path)]) == 2
+    assert "Missing argument 'SPEC'" in capfd.readouterr().err
+
+
+def test_of_a_table_without_a_spec_only_the_files_are_checked(facts, tmp_path):
+    fields = (results.Field("slope", "number", "1", "slope"),)
+    publish(Table.of("own", {"slope": np.array([1.0, 2.0])}, facts, fields=fields), tmp_path)
+    found = verify(tmp_path)
+    assert found.differences == ()
+    assert [text.rpartition(": ")[2] for text in found.checked] == [
+        "the files have the bytes and hashes of the package",
+        "its rows cannot be computed again from a spec",
+    ]

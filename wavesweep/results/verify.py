@@ -1,0 +1,238 @@
+"""A folder of results held against its data packages, and a sample of its rows computed again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.results.files import read, read_rows
+from wavesweep.results.folder import SUFFIXES
+from wavesweep.results.package import file_facts, packaged_facts
+
+if TYPE_CHECKING:
+    from wavesweep.spec import Spec
+    from wavesweep.sweep import Table
+
+Columns = Mapping[str, np.ndarray]
+ROWS = 20
+SEED = 0
+CLOSE = 1e-9  # relative difference that counts as none if the versions of this program or of numpy differ
+NOISE = ("residual",)  # rounding errors, which agree to the bit or not at all
+
+
+@dataclass(frozen=True)
+class Verification:
+    """The result for a folder: sentences about the checks that were made, and about each difference that was found."""
+
+    checked: tuple[str, ...]
+    differences: tuple[str, ...]
+
+
+def verify(directory: str | Path, rows: int = ROWS, seed: int = SEED) -> Verification:
+    """Hold each table in a folder against its data package: bytes, hashes and digest of the spec; and compute rows again.
+
+    directory: of results. rows: of a table of intervals, so many combinations are drawn at random; the smaller tables of
+    responses, passivity and simulation are computed again as a whole. seed: of the draw.
+    Rows are compared to the bit or, if another version of this program or of numpy made them, to 1e-9, relative.
+    Raises UsageError if the folder has no data package of this program.
+    """
+    packages = sorted(Path(directory).glob(f"*{SUFFIXES[-1]}"))
+    if not packages:
+        raise UsageError(f"{directory}: expected results with their data package, found none")
+    checked, differences = [], []
+    for package in packages:
+        for text, different in _of_package(package, rows, seed):
+            (differences if different else checked).append(text)
+    return Verification(tuple(checked), tuple(differences))
+
+
+def _of_package(package: Path, rows: int, seed: int) -> Iterator[tuple[str, bool]]:
+    """Yield (sentence, whether it is about a difference) for one table."""
+    facts = packaged_facts(package)
+    if not facts:
+        yield f"{package}: cannot be read as a data package of this program", True
+        return
+    damaged = list(_files(package))
+    yield from ((text, True) for text in damaged)
+    if not damaged:
+        yield f"{package}: the files have the bytes and hashes of the package", False
+    try:
+        again = _again(package, facts)
+    except (WavesweepError, KeyError, TypeError, ValueError, AttributeError) as error:
+        yield f"{package}: the spec in it makes no run: {error}", True
+        return
+    if again is None:
+        yield f"{package}: its rows cannot be computed again from a spec", False
+        return
+    if again.sha256 != facts["spec_sha256"]:
+        yield f"{package}: the digest of the spec in it is {again.sha256[:12]}…, not {str(facts['spec_sha256'])[:12]}…", True
+    yield from _rows(package, facts, again, rows, seed)
+
+
+def _files(package: Path) -> Iterator[str]:
+    """Yield the differences of the files from their entries in the package."""
+    try:
+        entries = json.loads(package.read_text(encoding="utf-8"))["resources"]
+        known = {str(entry["path"]): (entry["bytes"], entry["hash"]) for entry in entries}
+    except (ValueError, KeyError, TypeError):
+        yield f"{package}: its list of files cannot be read"
+        return
+    stem = package.name.removesuffix(SUFFIXES[-1])
+    for name in sorted({f"{stem}.csv", f"{stem}.parquet"} - set(known)):
+        yield f"{package}: {name} is not in its list of files"
+    for name, (size, digest) in known.items():
+        path = package.parent / Path(name).name
+        try:
+            found = file_facts(path)
+        except OSError as error:
+            yield f"{path}: {error.strerror}"
+            continue
+        if (found["bytes"], found["hash"]) != (size, digest):
+            bytes_, hash_ = found["bytes"], found["hash"]
+            yield f"{path}: {bytes_} bytes with {hash_[:19]}…, but {size} bytes with {str(digest)[:19]}… in the package"
+    yield from _between(package.with_name(f"{stem}.csv"), package.with_name(f"{stem}.parquet"), known)
+
+
+def _between(csv: Path, parquet: Path, known: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the first difference of the two tables, if one of them is not the file in the package."""
+    if all(path.exists() and file_facts(path)["hash"] == known.get(path.name, (0, ""))[1] for path in (csv, parquet)):
+        return
+    try:
+        one, other = read(csv), read(parquet)
+    except Exception as error:  # noqa: BLE001 - whatever the readers of damaged files raise
+        yield f"{csv.with_suffix('')}.*: a table cannot be read: {str(error).splitlines()[0]}"
+        return
+    if difference := first_difference(one, other):
+        yield f"{csv} and {parquet.name}: {difference}"
+
+
+@dataclass(frozen=True)
+class _Again:
+    """Digest of the spec in a package, and how to compute rows again: all of them, or those of some combinations."""
+
+    sha256: str
+    whole: Callable[[], Columns] | None = None
+    combinations: int = 0
+    some: Callable[[np.ndarray], Iterator[Columns]] | None = None
+
+
+def _again(package: Path, facts: Mapping[str, Any]) -> _Again | None:
+    """The way to compute the rows of this table again; None for a table that does not come from one spec."""
+    from wavesweep import sweep
+    from wavesweep.spec import load
+
+    kind = package.name.removesuffix(SUFFIXES[-1])
+    if kind in ("zwidth", "stability-region"):
+        return _intervals(load(facts["spec"]), kind, facts)
+    if kind == "bode":
+        specs = [_named(load(tables), name) for name, tables in facts.get("specs", {_stem(package): facts["spec"]}).items()]
+        table = sweep.responses(specs)
+        return _Again(table.facts["spec_sha256"], lambda: table.columns)
+    tolerance = {"tolerance": facts["tolerance"]} if "tolerance" in facts else {}
+    calls: dict[str, Callable[[Spec], Table]] = {
+        "passivity": lambda spec: sweep.passivity(spec, **tolerance, jobs=1),
+        "passivity-filters": lambda spec: sweep.filter_choices(spec, **tolerance),
+        "simulate": lambda spec: sweep.simulate(spec)[0],
+        "simulate-response": lambda spec: sweep.simulate(spec)[1],
+    }
+    if kind not in calls or facts["spec"].get("simulate", {}).get("input") == "record":
+        return None  # of the paper, of the benchmark, or of a recorded force, whose path the package does not have
+    spec = load(facts["spec"])
+    spec = _named(spec.as_simulated(), _stem(package)) if kind.startswith("simulate") else spec
+    return _Again(spec.sha256, lambda: calls[kind](spec).columns)
+
+
+def _intervals(spec: Spec, kind: str, facts: Mapping[str, Any]) -> _Again:
+    from wavesweep.sweep import hands_of
+    from wavesweep.sweep.interval_table import combinations, rows_again
+
+    known, hands = facts.get("hands"), None
+    if known:
+        box = {name: tuple(ends) for name, ends in facts.get("hand_box", {}).items()}
+        hands = hands_of(known["hand"], box, known["port"])
+    run = (spec, "K_VE" if kind == "zwidth" else None, hands)
+    return _Again(spec.sha256, None, combinations(*run), lambda picked: rows_again(*run, picked))
+
+
+def _named(spec: Spec, name: str) -> Spec:
+    return replace(spec, name=name)
+
+
+def _stem(package: Path) -> str:
+    """The name of the spec file, which is in the rows but not in the spec."""
+    column = read_rows(package.with_name(package.name.replace(SUFFIXES[-1], ".parquet")), 0, 1).get("spec", ["spec"])
+    return str(column[0]) if len(column) else "spec"
+
+
+def _rows(package: Path, facts: Mapping[str, Any], again: _Again, rows: int, seed: int) -> Iterator[tuple[str, bool]]:
+    """Yield the sentences about the rows that are computed again."""
+    parquet, exact = package.with_name(package.name.replace(SUFFIXES[-1], ".parquet")), _same_versions(facts)
+    how = "to the bit" if exact else f"to {CLOSE:g}, since another version of this program or of numpy made them"
+    try:
+        if again.some is None:
+            difference = first_difference(read(parquet), again.whole(), exact)
+            extent = "all rows"
+        else:
+            difference = _sampled(parquet, again, rows, seed, exact)
+            extent = f"{min(rows, again.combinations)} of {again.combinations} combinations (seed {seed})"
+    except Exception as error:  # noqa: BLE001 - whatever the reader of a damaged file raises
+        yield f"{parquet}: its rows cannot be held against new ones: {str(error).splitlines()[0]}", True
+        return
+    if difference:
+        yield f"{parquet}: computed again, {difference}", True
+    else:
+        yield f"{parquet}: {extent} computed again, equal {how}", False
+
+
+def _same_versions(facts: Mapping[str, Any]) -> bool:
+    from wavesweep import __version__
+
+    return (facts.get("tool_version"), facts.get("numpy_version")) == (__version__, np.__version__)
+
+
+def _sampled(parquet: Path, again: _Again, rows: int, seed: int, exact: bool) -> str:
+    """The first difference in a sample of the combinations; each begins with a row whose column `interval` is 0."""
+    starts = np.flatnonzero(read_rows(parquet, columns=["interval"])["interval"] == 0)
+    if len(starts) != again.combinations:
+        return f"{len(starts)} combinations and not {again.combinations}"
+    picked = np.sort(np.random.default_rng(seed).choice(len(starts), min(rows, len(starts)), replace=False))
+    ends = np.append(starts[1:], -1)
+    for number, new in zip(picked, again.some(picked), strict=True):
+        found = read_rows(parquet, int(starts[number]), None if ends[number] < 0 else int(ends[number]))
+        if difference := first_difference(found, new, exact, int(starts[number])):
+            return difference
+    return ""
+
+
+def first_difference(found: Columns, expected: Columns, exact: bool = True, first_row: int = 0) -> str:
+    """The first difference of two tables as a text, empty if there is none.
+
+    found, expected: columns. exact: to the bit; otherwise numbers may differ by CLOSE, relative. first_row: number of the
+    rows before these.
+    """
+    if sorted(found) != sorted(expected):
+        return f"columns {', '.join(found)} and not {', '.join(expected)}"
+    for name, column in found.items():
+        other = np.asarray(expected[name])
+        if len(column) != len(other):
+            return f"{len(column)} rows and not {len(other)}"
+        different = np.flatnonzero(~_equal(np.asarray(column), other, exact))
+        if different.size and (exact or name not in NOISE):
+            row = int(different[0])
+            return f"row {first_row + row + 1}, column {name}: {column[row]!s} and not {other[row]!s}"
+    return ""
+
+
+def _equal(found: np.ndarray, expected: np.ndarray, exact: bool) -> np.ndarray:
+    if found.dtype.kind != "f" or expected.dtype.kind != "f":
+        return found == expected
+    missing = np.isnan(found) & np.isnan(expected)
+    if exact:
+        return missing | (found.view(np.int64) == expected.astype(float).view(np.int64))
+    return missing | (np.abs(found - expected) <= CLOSE * np.maximum(np.abs(found), np.abs(expected)))

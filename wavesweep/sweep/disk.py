@@ -1,0 +1,119 @@
+"""File-system steps that are done or not done after a kill, and that never follow or remove a file of somebody else.
+
+New names have a random part, and files are made with O_EXCL and O_NOFOLLOW. Folders are removed file by file, and only
+files whose names this program gives; so a folder that holds anything else stays.
+"""
+
+import errno
+import os
+import re
+import stat
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+OPEN = os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK  # without the last one, a FIFO of that name would hold the run for ever
+RANDOM = "[0-9a-f]{12}"
+TEMPORARY = rf"\.{RANDOM}\.tmp"  # what the name of an unfinished file ends in
+OLD = ".old-"  # between the name of a folder that is being removed and its random part
+_NOT_EMPTY = (errno.ENOTEMPTY, errno.EEXIST)
+_CANNOT_SYNC = (errno.EINVAL, errno.ENOTSUP, errno.EBADF, errno.EACCES)  # folders of some file systems, or of other users
+
+
+def random_part() -> str:
+    """Twelve random hexadecimal digits."""
+    return os.urandom(6).hex()
+
+
+def read_file(path: Path) -> bytes:
+    """The content of a regular file. Raises OSError, also if the path is a link, a folder or a device."""
+    descriptor = os.open(path, os.O_RDONLY | OPEN)
+    try:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise OSError(errno.EINVAL, "not a regular file", str(path))
+        with os.fdopen(descriptor, "rb", closefd=False) as file:
+            return file.read()
+    finally:
+        os.close(descriptor)
+
+
+def write_file(path: Path, *pieces: bytes) -> None:
+    """Write a file under a temporary name and rename it, so that it is there whole or not at all."""
+    temporary = path.with_name(f"{path.name}.{random_part()}.tmp")
+    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN, 0o666)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.writelines(pieces)
+        temporary.replace(path)
+    except BaseException:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+
+
+def make_folders(folder: Path) -> list[Path]:
+    """Make a folder and its parents; the list of those that were missing, the innermost last."""
+    made, missing = [], folder
+    while not missing.exists() and missing != missing.parent:
+        made.insert(0, missing)
+        missing = missing.parent
+    folder.mkdir(parents=True, exist_ok=True)
+    return made
+
+
+def sync(path: Path) -> None:
+    """Wait until a file, or the names in a folder, are on the disk; nothing is done if the file system does not offer it."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | OPEN)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        if error.errno not in _CANNOT_SYNC:
+            raise
+
+
+def is_folder(path: Path) -> bool:
+    """Whether the path itself, not the target of a link, is a folder."""
+    try:
+        return stat.S_ISDIR(path.lstat().st_mode)
+    except OSError:
+        return False
+
+
+def folders_named(parent: Path, prefix: str) -> Iterator[Path]:
+    """Yield the folders in `parent` whose name is the prefix and a random part; none if it cannot be read."""
+    with suppress(OSError):
+        for path in sorted(parent.iterdir()):
+            if re.fullmatch(re.escape(prefix) + RANDOM, path.name) and is_folder(path):
+                yield path
+
+
+def put_away(folder: Path) -> Path:
+    """Rename a folder that is to be removed, so that it is gone in one step; its new name."""
+    away = folder.with_name(f"{folder.name}{OLD}{random_part()}")
+    return folder.rename(away)
+
+
+def remove_folder(folder: Path, ours: re.Pattern) -> bool:
+    """Remove the regular files whose names match, and the folder; False if it holds anything else, and so stays."""
+    try:
+        for path in folder.iterdir():
+            if ours.fullmatch(path.name) and stat.S_ISREG(path.lstat().st_mode):
+                path.unlink()
+        folder.rmdir()
+    except FileNotFoundError:
+        return True
+    except OSError as error:
+        if error.errno not in _NOT_EMPTY:
+            raise
+        return False
+    return True
+
+
+def remove_old(folder: Path, ours: re.Pattern) -> None:
+    """Finish the removals of `folder` that were interrupted; if one is not possible now, the next run tries again."""
+    for old in folders_named(folder.parent, f"{folder.name}{OLD}"):
+        with suppress(OSError):
+            remove_folder(old, ours)
