@@ -167,7 +167,7 @@ def test_a_recorded_force_is_read_and_vouched_for(simulate):
 
 def test_a_record_that_is_not_there_is_a_usage_error(simulate):
     code, _, err = simulate("input=record", "record=push.csv")
-    assert (code, err) == (2, "Error: push.csv: expected a readable file, found: No such file or directory\n")
+    assert (code, err) == (2, "Error: push.csv: cannot be read: No such file or directory\n")
     assert not Path("there").exists()
 
 

@@ -1,12 +1,16 @@
 """What cannot be answered is refused before anything is computed; `check` says what would be."""
 
+import shutil
+from types import SimpleNamespace
+
 import pytest
 
 import wavesweep
 from wavesweep import sweep
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
-from wavesweep.sweep.job import expected_seconds, job_of
+from wavesweep.sweep import grid, workers
+from wavesweep.sweep.job import expected_bytes, expected_seconds, job_of, refuse_full_disk
 from wavesweep.sweep.workers import choose
 
 
@@ -55,7 +59,8 @@ def test_whole_numbers_and_derived_keys_are_swept_as_values():
         (2, "threading", 1, 0.1, (2, "threading")),
     ],
 )
-def test_workers_are_chosen_where_the_work_is_worth_them(jobs, backend, chunks, seconds, expected):
+def test_workers_are_chosen_where_the_work_is_worth_them(jobs, backend, chunks, seconds, expected, monkeypatch):
+    monkeypatch.setattr(workers, "processors", lambda: 8)
     chosen = choose(jobs, backend, None, chunks, lambda: seconds)
     assert (chosen.count, chosen.backend) == expected
     assert chosen.why
@@ -73,3 +78,44 @@ def test_check_says_slices_chunks_workers_and_why(mixed, long):
     assert "4 chunks, about" in "\n".join(sweep.plan(long))
     refused = "\n".join(sweep.plan(spec_of(along="rates.ratio", **{"rates.ratio": {"start": 1, "stop": 9}})))
     assert "stability-region: not possible with this spec: intervals along rates.ratio" in refused
+
+
+def test_a_disk_that_is_too_small_is_refused_before_the_work(long, tmp_path, monkeypatch):
+    job = job_of(long)
+    need = expected_bytes(job)
+    assert 200 * job.slices < need < 500 * job.slices
+    for free, kept, refused in ((need + 1, 0, False), (need - 1, 0, True), (need - 1000, 1000, False)):
+        folder = tmp_path / f"{free}-{kept}" / "parts"
+        if kept:
+            folder.mkdir(parents=True)
+            (folder / "part").write_bytes(bytes(kept))
+        monkeypatch.setattr(shutil, "disk_usage", lambda _, free=free: SimpleNamespace(free=free))
+        if refused:
+            with pytest.raises(UsageError, match="GB free on this disk"):
+                refuse_full_disk(folder, [job])
+        else:
+            refuse_full_disk(folder, [job])
+    refuse_full_disk(None, [job])
+
+
+def test_the_walls_of_a_chunk_are_made_and_no_others(monkeypatch):
+    walls = {"K_VE": {"start": 1, "stop": 1500, "num": 3000}, "B_VE": {"start": 0, "stop": 15, "num": 3000}}
+    job, made = job_of(spec_of(along="b", b={"start": 5, "stop": 100}, **walls)), []
+    whole = grid.Grid.wall_values
+    monkeypatch.setattr(grid.Grid, "wall_values", lambda self, index=None: made.append(index.size) or whole(self, index))
+    task = job.task(job.chunks[len(job.chunks) - 1])
+    assert (task.walls["environment.K_VE"][-1], task.walls["environment.B_VE"][-1]) == (1500.0, 15.0)
+    assert job.slices == 9_000_000
+    assert made == [task.walls["environment.K_VE"].size]
+    assert made[0] <= 4096
+
+
+def test_more_combinations_than_can_be_computed_are_refused():
+    million = {"start": 1.0, "stop": 2.0, "num": 10**6}
+    with pytest.raises(UsageError, match=r"at most 1000000000 combinations, found .* = 1e\+24"):
+        job_of(spec_of(B_VE=million, b=million, Kp=million, K_LM=million))
+    with pytest.raises(UsageError, match=r"at most 10000 combinations of the axes .*rates.fast_hz\[20000\]"):
+        job_of(spec_of(**{"rates.fast_hz": {"start": 1000, "stop": 2000, "num": 20000}}))
+    bode = {"frequency_hz": {"start": 1, "stop": 50, "num": 10**6}, "b": [5, 10, 20, 40, 80, 90]}
+    with pytest.raises(UsageError, match="bode: expected at most 5000000 rows, which are held in memory, found 6000000"):
+        sweep.responses([load({"controller": {"kind": "pmw"}, "bode": bode})])

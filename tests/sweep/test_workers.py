@@ -3,6 +3,7 @@
 import logging
 import os
 import signal
+import subprocess
 import sys
 import warnings
 
@@ -16,8 +17,9 @@ from wavesweep.sweep.workers import Workers, results
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("jobs", "backend"), [(1, "loky"), (2, "loky"), (4, "loky"), (2, "threading"), (2, "multiprocessing")])
-def test_workers_give_the_bits_that_none_give(long, long_table, same, jobs, backend, tmp_path):
+@pytest.mark.parametrize(("jobs", "backend"), [(1, "loky"), (2, "loky"), (4, "loky"), (2, "threading")])
+def test_workers_give_the_bits_that_none_give(long, long_table, same, jobs, backend, tmp_path, monkeypatch):
+    monkeypatch.setattr(workers, "processors", lambda: 4)
     run = sweep.intervals(long, jobs=jobs, backend=backend, checkpoint=tmp_path / "parts")
     same(run.columns, long_table)
     assert run.facts["timings"]["workers"] == jobs
@@ -45,16 +47,53 @@ def test_a_dask_cluster_of_two_processes_gives_the_same_bits(long, long_table, s
 @pytest.mark.slow
 def test_a_scheduler_that_is_not_there_is_named(mixed, monkeypatch):
 
-    monkeypatch.setattr(workers, "PATIENCE", "1s")
+    monkeypatch.setattr(workers, "PATIENCE", 1.0)
     with pytest.raises(UsageError, match=r"--scheduler tcp://127\.0\.0\.1:9: no dask scheduler answers there"):
         sweep.intervals(mixed, backend="dask", scheduler="tcp://127.0.0.1:9")
     with pytest.raises(UsageError, match="give the scheduler's address"):
         sweep.intervals(mixed, backend="dask")
 
 
-def test_a_backend_that_joblib_does_not_know_is_refused_with_those_that_it_knows(mixed):
-    with pytest.raises(UsageError, match="lokky: joblib knows no such backend"):
-        sweep.intervals(mixed, backend="lokky")
+@pytest.mark.parametrize("address", ["foo", "tcp://", "inproc://x", "", "tcp://host:port", "tcp://127.0.0.1:99999999"])
+def test_an_address_that_can_be_none_is_refused_in_a_line(mixed, address, capfd):
+    with pytest.raises(UsageError, match=r"--scheduler .*: (expected an address such as tcp://host:8786|no dask scheduler)"):
+        sweep.intervals(mixed, backend="dask", scheduler=address)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_backend_that_is_unknown_or_keeps_no_promise_is_refused(mixed, tmp_path):
+    with pytest.raises(UsageError, match="--backend lokky: expected one of dask, loky, ray, threading"):
+        sweep.intervals(mixed, backend="lokky", checkpoint=tmp_path / "parts")
+    with pytest.raises(UsageError, match="--backend multiprocessing: its pool never notices that a worker has died"):
+        sweep.intervals(mixed, backend="multiprocessing", checkpoint=tmp_path / "parts")
+    assert not list(tmp_path.iterdir())
+
+
+def test_no_more_workers_are_used_than_there_are_processors(monkeypatch):
+    monkeypatch.setattr(workers, "processors", lambda: 3)
+    assert workers.choose(60, None, None, 1000, lambda: 10.0).count == 3
+    assert workers.choose(60, "loky", None, 1000, lambda: 10.0).count == 3
+    assert "this machine has 3 processors" in workers.excess(60, None)
+    assert workers.excess(3, None) == workers.excess(60, "dask") == ""
+    monkeypatch.setattr(workers, "processors", lambda: 1)
+    assert workers.choose(2, None, None, 1000, lambda: 10.0).backend is None
+    assert workers.excess(2, None) == ""  # the default is no wish
+
+
+@pytest.mark.slow
+def test_nothing_of_the_current_folder_is_run(tmp_path):
+    for name in ("joblib", "multiprocessing", "numpy", "random"):
+        (tmp_path / f"{name}.py").write_text(f"open('run-{name}', 'a').close()\nraise SystemExit(1)\n")
+    program = (
+        "import sys; sys.path[:] = [p for p in sys.path if p]\n"
+        "from wavesweep.sweep.workers import Workers, results\n"
+        "from wavesweep.sweep.tasks import radius_over\n"
+        "class Task:\n    def records(self): return [1]\n"
+        "print(sorted(r[0] for r in results(Workers(2, 'loky', None, ''), range(4), lambda n: Task())))"
+    )
+    run = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (run.stdout, run.stderr) == ("[0, 1, 2, 3]\n", "")
+    assert not list(tmp_path.glob("run-*"))
 
 
 @pytest.mark.parametrize(("backend", "package"), [("ray", "ray"), ("dask", "distributed")])
@@ -98,12 +137,15 @@ def test_what_fails_in_a_worker_fails_here(monkeypatch):
         list(results(Workers(2, "threading", None, ""), [0, 1], lambda number: number))
 
 
-def give_back(number, *_):
-    return number
-
-
 @pytest.mark.slow
-def test_a_backend_that_gives_lists_only_works_in_blocks(monkeypatch):
-    monkeypatch.setattr(workers, "timed", give_back)
-    given = list(results(Workers(2, "multiprocessing", None, ""), range(30), lambda number: number))
-    assert given == list(range(30))
+def test_a_cluster_that_is_lost_is_an_error_and_not_a_wait(long, monkeypatch, tmp_path):
+    from distributed import LocalCluster
+
+    monkeypatch.setattr(workers, "ALONE", 1.0)
+    monkeypatch.setattr(workers, "LOOK", 0.2)
+    here = {"host": "127.0.0.1", "dashboard_address": None, "silence_logs": logging.CRITICAL}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        running = LocalCluster(n_workers=0, **here)
+    with running, pytest.raises(WavesweepError, match="has had no workers for 1 s"):
+        sweep.intervals(long, backend="dask", scheduler=running.scheduler_address, checkpoint=tmp_path / "parts")

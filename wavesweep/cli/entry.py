@@ -8,11 +8,13 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+import threading
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from types import FrameType, MappingProxyType, ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -22,8 +24,12 @@ if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
 INTERRUPTED = 130
-TERMINATED = 143
 COMPLETING = "_WAVESWEEP_COMPLETE"  # set by the completion of a shell
+# Signals that stop a run, and what is said of them; the exit code is 128 and the signal's number, as in a shell.
+STOPPING = {"SIGINT": "Interrupted.", "SIGTERM": "Terminated.", "SIGHUP": "Hung up."}
+SOON = 0.01  # s
+# What arithmetic says that has no result in doubles; LinAlgError is numpy's, which is not imported for this.
+BEYOND_DOUBLES = ("LinAlgError", "FloatingPointError", "OverflowError")
 
 # The short helps are listed here so that `wavesweep --help` need not import the commands; a test holds them against these.
 COMMANDS = MappingProxyType(
@@ -114,62 +120,83 @@ def group() -> None:
     """Stability, rendering range and transparency of multirate wave-variable haptic loops.
 
     A SPEC is a TOML file. Results go to results/<the spec's name>/, messages to stderr.
-    Exit codes: 0 done, 1 failed, 2 usage or spec error, 130 interrupted, 143 terminated.
+    Exit codes: 0 done, 1 failed, 2 usage or spec error, 129 hung up, 130 interrupted, 143 terminated.
     """
 
 
-class Terminated(BaseException):
-    """SIGTERM arrived. Not a subclass of Exception, so that no handler of errors catches it."""
+class Stopped(BaseException):
+    """A signal asked the run to stop. Not a subclass of Exception, so that no handler of errors catches it."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.line, self.exit_code = STOPPING[signal.Signals(number).name], 128 + number
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit code.
 
     arguments: the words after the program's name, those of this process by default.
-    Exit codes: 0 done; 1 failed; 2 usage or spec error; 130 interrupted (SIGINT); 143 terminated (SIGTERM).
-    A traceback is printed only if --debug is given.
+    Exit codes: 0 done; 1 failed; 2 usage or spec error; 129 hung up (SIGHUP); 130 interrupted (SIGINT); 143 terminated
+    (SIGTERM). A second Ctrl-C ends the process at once. A traceback is printed only if --debug is given.
     """
+    as_program = arguments is None
+    if as_program:
+        _replace_closed_streams()
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    debug, stopped = "--debug" in arguments, False
     try:
         if COMPLETING in os.environ:
             _completion().register()
-        with _sigterm_unwinds():
+        with _signals_unwind(as_program), _warnings_unsaid(debug):
             code = group.main(arguments, prog_name="wavesweep", standalone_mode=False)
     except BaseException as error:  # noqa: BLE001 - the one place that gives each kind of failure its line and exit code
-        if "--debug" in arguments and not isinstance(error, SystemExit | click.ClickException):
+        if debug and not isinstance(error, SystemExit | click.ClickException):
             import traceback
 
             traceback.print_exception(error)
-        return _exit_code(error)
-    return code if isinstance(code, int) else 0
+        code, stopped = _exit_code(error), isinstance(error, Stopped)
+    code = _flushed(code if isinstance(code, int) else 0)
+    if as_program and stopped:
+        os._exit(code)  # Python's own end would wait for threads, and a further signal would change the exit code
+    return code
 
 
 def _exit_code(error: BaseException) -> int:
     """Print a line about the error and return its exit code."""
     match error:
-        case SystemExit():
-            raise error
+        case SystemExit():  # click's way to end, for a reader of stdout who has gone as well
+            return error.code if isinstance(error.code, int) else int(error.code is not None)
         case click.ClickException():
-            error.show()
+            with suppress(OSError):
+                error.show()
             return error.exit_code
         case KeyboardInterrupt() | click.Abort():
-            click.echo(_with_notes("Interrupted.", error), err=True)
+            _say(_with_notes("Interrupted.", error))
             return INTERRUPTED
-        case Terminated():
-            click.echo(_with_notes("Terminated.", error), err=True)
-            return TERMINATED
+        case Stopped():
+            _say(_with_notes(error.line, error))
+            return error.exit_code
         case SpecError():
             # Its lines begin with file:line:column, which editors and terminals follow.
-            click.echo(str(error), err=True)
+            _say(str(error))
         case WavesweepError():
-            click.echo(_with_notes(f"Error: {error}", error), err=True)
+            _say(_with_notes(f"Error: {error}", error))
         case MemoryError():
-            click.echo(_with_notes("Error: out of memory; fewer values per axis or fewer --jobs take less", error), err=True)
+            _say(_with_notes("Error: out of memory; fewer values per axis or fewer --jobs take less", error))
         case OSError():
-            click.echo(_with_notes(f"Error: {_os_error(error)}", error), err=True)
+            _say(_with_notes(f"Error: {_os_error(error)}", error))
+        case _ if type(error).__name__ in BEYOND_DOUBLES:
+            said = f"Error: numbers beyond double precision ({error}); are the spec's values as meant? (--debug shows where)"
+            _say(_with_notes(said, error))
         case _:
-            click.echo(f"Error: {type(error).__name__}: {error} (a fault of wavesweep; --debug shows where)", err=True)
+            _say(_with_notes(f"Error: {type(error).__name__}: {error} (a fault of wavesweep; --debug shows where)", error))
     return error.exit_code if isinstance(error, WavesweepError) else 1
+
+
+def _say(text: str) -> None:
+    """Write to stderr, if it can be written; control characters, which a file's name may have, are shown and not sent."""
+    with suppress(OSError):
+        click.echo("".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text), err=True)
 
 
 def _with_notes(text: str, error: BaseException) -> str:
@@ -180,19 +207,108 @@ def _with_notes(text: str, error: BaseException) -> str:
 
 
 def _os_error(error: OSError) -> str:
-    where = f"{error.filename}: " if error.filename is not None else ""
-    return f"{where}{error.strerror or error}"
+    where = error.filename
+    if where is None:
+        try:
+            sys.stdout.flush()
+        except OSError:
+            where = "stdout"
+    return f"{where}: {error.strerror or error}" if where is not None else f"{error.strerror or error}"
 
 
 @contextmanager
-def _sigterm_unwinds() -> Iterator[None]:
-    """Let SIGTERM unwind the stack, so that temporary files are removed and workers stop."""
+def _signals_unwind(to_the_end: bool) -> Iterator[None]:
+    """Let signals that stop a run unwind the stack, so that temporary files are removed and workers end.
 
-    def unwind(_: int, __: FrameType | None) -> None:
-        raise Terminated
+    The second Ctrl-C or SIGTERM ends the process at once. A signal that is ignored stays so (nohup, jobs in the background).
+    to_the_end: leave the handlers in place, since Python has still to shut down.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    stopped: list[int] = []
 
-    before = signal.signal(signal.SIGTERM, unwind)
+    def unwind(number: int, _: FrameType | None) -> None:
+        if not stopped:
+            stopped.append(number)
+            raise Stopped(number)
+        if number != getattr(signal, "SIGHUP", None):  # a closing terminal and its shell both send it
+            os._exit(128 + number)
+
+    known = [getattr(signal, name) for name in STOPPING if hasattr(signal, name)]
+    before, hook = {number: signal.getsignal(number) for number in known}, sys.unraisablehook
+    sys.unraisablehook = _sent_again(stopped, hook)
+    for number in known:
+        if before[number] in (signal.SIG_DFL, signal.default_int_handler):
+            signal.signal(number, unwind)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        if not to_the_end:
+            sys.unraisablehook = hook
+            for number, handler in before.items():
+                signal.signal(number, handler)
+
+
+def _sent_again(stopped: list[int], hook: Callable[[Any], object]) -> Callable[[Any], None]:
+    """Return a hook that sends a signal once more if it arrived while Python finalised an object, which drops its exception."""
+
+    def again(failed: Any) -> None:
+        if not isinstance(failed.exc_value, Stopped):
+            hook(failed)
+            return
+        stopped.clear()
+        timer = threading.Timer(SOON, os.kill, (os.getpid(), failed.exc_value.exit_code - 128))
+        timer.daemon = True
+        timer.start()
+
+    return again
+
+
+@contextmanager
+def _warnings_unsaid(debug: bool) -> Iterator[None]:
+    """Keep warnings of libraries, with their lines of source, from a user's terminal; numbers have bounds and doubts."""
+    before = warnings.showwarning
+    if not debug:
+        warnings.showwarning = lambda *_, **__: None
+    try:
+        yield
+    finally:
+        warnings.showwarning = before
+
+
+def _replace_closed_streams() -> None:
+    """Put the null device in place of closed standard streams: no other file may get their numbers, and None has no `write`.
+
+    That of stdout can only be read, so that a table that goes there is an error and not silently lost.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            opened = os.open(os.devnull, os.O_WRONLY if name == "stderr" else os.O_RDONLY)
+            os.dup2(opened, number)
+            os.set_inheritable(number, True)
+            if opened != number:
+                os.close(opened)
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(number, "w" if number else "r", encoding="utf-8", closefd=False))  # noqa: SIM115 - open to the end
+
+
+def _flushed(code: int) -> int:
+    """Flush stdout and stderr, and return the exit code: 1 if a part of stdout is lost.
+
+    Text that cannot be written is dropped here, because Python would try again at its end and make the exit code 120.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError as error:
+            if stream is sys.stdout:
+                if not code and not isinstance(error, BrokenPipeError):
+                    _say(f"Error: stdout: {error.strerror}")
+                code = code or 1
+            null = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(null, stream.fileno())
+            os.close(null)
+    return code

@@ -82,11 +82,9 @@ _COMMON = (
         type=click.IntRange(min=1),
         default=2,
         show_default=True,
-        help="Largest number of worker processes. Runs that take less than a second or two use none.",
+        help="Largest number of worker processes, at most one per processor. Runs of a second or two use none.",
     ),
-    click.option(
-        "--backend", metavar="NAME", help="Joblib backend of the workers: loky (the default), threading, dask, ray, ..."
-    ),
+    click.option("--backend", metavar="NAME", help="Kind of the workers: loky (the default), threading, dask or ray."),
     click.option(
         "--scheduler", metavar="ADDRESS", help="Address of the dask scheduler, e.g. tcp://host:8786; only with --backend dask."
     ),

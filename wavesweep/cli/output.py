@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from wavesweep.cli.options import Options
+from wavesweep.errors import UsageError
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
@@ -54,6 +56,7 @@ def produce(
             # Before the work as well as after it: a refusal should not cost a long run.
             for kind in kinds if not options.force else ():
                 results.refuse_other_spec(kind, directory, digest_of(specs), place)
+        prepare_work(options)
         with progress(options.quiet) as report:
             tables = compute(specs, jobs=options.jobs, backend=options.backend, scheduler=options.scheduler, progress=report)
         before = None if options.to_stdout else results.existing_facts(kinds[0], directory)
@@ -156,6 +159,22 @@ def parts_of(name: str, specs: Sequence[Spec], options: Options) -> Path:
     return folder_of(specs, options) / f".{name}-{digest_of(specs)[:12]}.parts"
 
 
+def prepare_work(options: Options) -> None:
+    """Say if fewer workers are used than `--jobs` names. Raises UsageError if the backend or stdout cannot be used."""
+    from wavesweep.sweep.workers import excess, refuse_backend
+
+    refuse_backend(options.backend)
+    if options.to_stdout:
+        try:
+            os.write(sys.stdout.fileno(), b"")
+        except OSError as error:
+            if error.errno == errno.EBADF:  # and no stream without a number, as a program that calls this one may have
+                raise UsageError("--out -: expected a place to write the table to, found stdout closed") from error
+    fewer = excess(options.jobs, options.backend)
+    if fewer and not options.quiet:
+        say(fewer, warning=True)
+
+
 def folder_of(specs: Sequence[Spec], options: Options) -> Path:
     """Return the folder for the results."""
     return Path(options.out or Path("results", "+".join(each.name for each in specs)))
@@ -184,7 +203,10 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
             table = drawn(table)
         paths = results.publish(table.watched(tally.add), directory, options.force, options.formats, locked=True)
     elif main:
-        results.stream(table.watched(tally.add), sys.stdout.buffer)
+        try:
+            results.stream(table.watched(tally.add), sys.stdout.buffer)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror, error.filename or "stdout") from error
     else:
         tally.add(table.columns)
     # The rows are written, so the checkpoint is not needed any more.
@@ -195,9 +217,13 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
 
 
 def say(text: str, warning: bool = False) -> None:
-    """Write a line to stderr. A warning is yellow on a terminal, unless NO_COLOR is set (click does not ask for it)."""
+    """Write a line to stderr; if that is impossible, the message is dropped, since the results matter more.
+
+    A warning is yellow on a terminal, unless NO_COLOR is set (click does not ask for it).
+    """
     plain = not warning or os.environ.get("NO_COLOR")
-    click.echo(text if plain else click.style(text, fg="yellow"), err=True)
+    with suppress(OSError):
+        click.echo(text if plain else click.style(text, fg="yellow"), err=True)
 
 
 @contextmanager
@@ -209,8 +235,12 @@ def progress(quiet: bool) -> Iterator[Progress | None]:
     if quiet:
         yield None
     elif sys.stderr.isatty():
-        with ExitStack() as opened:
+        opened = ExitStack()
+        try:
             yield _bar(opened)
+        finally:
+            with suppress(OSError):
+                opened.close()
     else:
         yield Murmur().hear
 
@@ -219,13 +249,15 @@ def _bar(opened: ExitStack) -> Progress:
     bars: list[Any] = []
 
     def move(done: int, total: int, certified: int | None = None) -> None:
-        # The bar appears with the first report: a run too short for one shows none. It would go to stdout.
-        if not bars:
-            shown = {"file": sys.stderr, "show_pos": True, "item_show_func": lambda text: text}
-            bars.append(opened.enter_context(click.progressbar(length=total, **shown)))
-            bars.append(_Rate(done))
-        bar, rate = bars
-        bar.update(done - bar.pos, rate.text(done, certified))
+        # The terminal may be gone, which is no reason to stop the work.
+        with suppress(OSError):
+            # The bar appears with the first report: a run too short for one shows none. It would go to stdout.
+            if not bars:
+                shown = {"file": sys.stderr, "show_pos": True, "item_show_func": lambda text: text}
+                bars.append(opened.enter_context(click.progressbar(length=total, **shown)))
+                bars.append(_Rate(done))
+            bar, rate = bars
+            bar.update(done - bar.pos, rate.text(done, certified))
 
     return move
 

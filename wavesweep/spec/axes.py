@@ -10,6 +10,9 @@ from wavesweep.spec.checking import Rejected, check, show
 from wavesweep.spec.keys import AXIS_KEYS, STUDY_KEYS, Key, find_key
 from wavesweep.spec.reading import Leaf, Place
 
+MOST_VALUES = 1_000_000
+MOST_MISTAKES = 20  # that are listed for one axis
+
 
 def linear(start: float, stop: float, num: int) -> tuple[float, ...]:
     """Return the values of `numpy.linspace(start, stop, num)`, bit for bit; both ends are exact."""
@@ -93,8 +96,12 @@ def axis_place(parts: dict[str, Leaf]) -> Place:
 def _from_list(label: str, name: str, key: Key, leaf: Leaf) -> tuple[Axis | None, list[Mistake]]:
     if not isinstance(leaf.value, list) or not leaf.value:
         return None, [leaf.mistake(label, "a list of numbers or { start, stop, num }", show(leaf.value))]
+    if len(leaf.value) > MOST_VALUES:
+        return None, [leaf.mistake(label, f"at most {MOST_VALUES} values", f"{len(leaf.value)}")]
     values, mistakes = [], []
     for index, item in enumerate(leaf.value):
+        if len(mistakes) == MOST_MISTAKES:
+            break
         try:
             values.append(check(key, item))
         except Rejected as error:

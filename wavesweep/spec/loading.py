@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
+from itertools import islice
 
 from wavesweep.errors import Mistake, SpecError
 from wavesweep.spec.reading import Leaf, Place, file_stem, read_dict, read_file, read_override
@@ -12,6 +13,7 @@ from wavesweep.spec.sorting import Path, leaves_of, normal_path, sort_leaves
 from wavesweep.spec.spec import Spec
 from wavesweep.spec.studies import beyond_limits, build_studies
 
+MOST_KEYS = 1000  # that a spec gives; each one that is wrong takes a millisecond
 _TWINS = {("rates", "ratio"): ("rates", "slow_hz"), ("rates", "slow_hz"): ("rates", "ratio")}
 
 
@@ -37,7 +39,10 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
 def _collect(tables: dict, place: Place, overrides: Iterable[str]) -> tuple[dict[Path, Leaf], list[Mistake]]:
     leaves: dict[Path, Leaf] = {}
     mistakes: list[Mistake] = []
-    for path, leaf in leaves_of(tables, place):
+    given = list(islice(leaves_of(tables, place), MOST_KEYS + 1))
+    if len(given) > MOST_KEYS:
+        return leaves, [given[-1][1].mistake("", f"at most {MOST_KEYS} keys", "more", of_key=True)]
+    for path, leaf in given:
         if path in leaves:  # an axis written both as "device.mass" and as device.mass
             mistakes.append(leaf.mistake(".".join(path), "each key once", "the same key again", of_key=True))
         leaves[path] = leaf

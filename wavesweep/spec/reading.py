@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import re
+import stat
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,7 +21,10 @@ from wavesweep.spec.keys import SYMBOLS
 # Compiled where they are used: most runs report no mistake.
 _SYNTAX_ERROR = r"(?s)(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)"
 DEEPEST = 16  # inline tables nested deeper than any key of ours are stepped over
+MOST_BYTES = 2_000_000  # of a spec: a hundred thousand numbers or more, read in about a second
+MOST_NAMES = 64  # in a dotted key; tomllib takes quadratic time and memory for more
 
+_FORMULA = ("=", "+", "-", "@")
 _BLANK = r"(?:[ \t\n]|#[^\n]*)*"
 _STRING = (
     r'"""(?:\\.|[^\\])*?"""(?:"{0,2})'
@@ -30,6 +34,11 @@ _STRING = (
 )
 _SEGMENT = rf"(?s)[ \t]*({_STRING}|[A-Za-z0-9_-]+)[ \t]*(\.?)"
 _SCALAR = rf"(?s){_STRING}|[^,\]}}#\n]+"
+# Each text is walked once, valid or not: a string that is not closed ends with its line, or with the text.
+_ANY_STRING = r'"""(?:\\.|[^\\"]|"(?!""))*+(?:"{3,5})?|"(?:\\.|[^"\\\n])*+"?' + r"|'''(?:[^']|'(?!''))*+(?:'{3,5})?|'[^'\n]*+'?"
+_NAME = rf"(?:{_ANY_STRING}|[A-Za-z0-9_-]++)"
+_MORE = rf"[ \t]*+\.[ \t]*+{_NAME}"
+_LONG_KEY = rf"(?s)#[^\n]*+|{_NAME}(?:{_MORE}){{0,{MOST_NAMES - 1}}}+(?P<more>{_MORE})?"
 _IN_BRACKETS = rf"(?s){_STRING}|#[^\n]*|[^\[\]{{}}\"'#]+|[\[\]{{}}]"
 
 
@@ -94,23 +103,48 @@ class Leaf:
 def read_file(path: str) -> tuple[dict, Place]:
     """Return the tables of a TOML file and its place.
 
-    Errors: UsageError if the file cannot be read, SpecError if it is not TOML.
+    Errors: UsageError if the file cannot be read or is too large, SpecError if it is not TOML.
     """
     try:
-        with open(path, "rb") as stream:  # noqa: PTH123 - pathlib would be half of the time that loading takes
-            text = stream.read().decode("utf-8-sig").replace("\r\n", "\n")
+        text = read_bytes(path, MOST_BYTES).decode("utf-8-sig").replace("\r\n", "\n")
     except UnicodeDecodeError as error:
         raise UsageError(
             f"{path}: expected UTF-8 text, found byte {error.object[error.start]:#04x} at offset {error.start}"
         ) from error
-    except OSError as error:
-        raise UsageError(f"{path}: cannot read the spec: {error.strerror or error}") from error
-    except ValueError as error:  # a path that no file can have
-        raise UsageError(f"{path!r}: cannot read the spec: {error}") from error
     return _parse(text, path), InFile(path, text)
 
 
+def read_bytes(path: str | os.PathLike, most: int) -> bytes:
+    """Return the content of a file of at most `most` bytes; never wait for a pipe, and never read a device.
+
+    Errors: UsageError naming the path.
+    """
+    try:
+        # Without blocking: to open a named pipe waits for somebody who writes to it.
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0))
+        try:
+            mode = os.fstat(descriptor).st_mode
+            if not stat.S_ISREG(mode):
+                raise UsageError(f"{path}: expected a file, found a {'folder' if stat.S_ISDIR(mode) else 'pipe or a device'}")
+            # Not by the size that the system names, which is 0 for files of /proc.
+            with os.fdopen(descriptor, "rb", closefd=False) as stream:
+                content = stream.read(most + 1)
+        finally:
+            os.close(descriptor)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except ValueError as error:  # a path that no file can have
+        raise UsageError(f"{path!r}: cannot be read: {error}") from error
+    if len(content) > most:
+        raise UsageError(f"{path}: expected at most {most / 1e6:g} MB, found more")
+    return content
+
+
 def _parse(text: str, name: str) -> dict:
+    for match in re.finditer(_LONG_KEY, text):
+        if match["more"]:
+            line = text.count("\n", 0, match.start()) + 1
+            raise SpecError([Mistake(f"{name}:{line}:1", "", f"at most {MOST_NAMES} names in a key", "more")])
     try:
         return tomllib.loads(text)
     except RecursionError as error:
@@ -184,8 +218,16 @@ def _loads_or_none(text: str) -> dict | None:
 
 
 def file_stem(path: str) -> str:
-    """Return the file's name without folder and suffix: the spec's name."""
-    return os.path.splitext(os.path.basename(path))[0]  # noqa: PTH119, PTH122 - as above, without pathlib
+    """Return the file's name without folder and suffix: the spec's name, which is a label in tables and folders.
+
+    Errors: UsageError for a name that a spreadsheet would run as a formula, or that is no text.
+    """
+    stem = os.path.splitext(os.path.basename(path))[0]  # noqa: PTH119, PTH122 - pathlib takes half of the time of loading
+    if stem.startswith(_FORMULA) or not stem.isprintable():
+        found = ascii(stem)
+        expected = "a name that is printable and does not begin with = + - @, which spreadsheets run as formulas"
+        raise UsageError(f"the spec's file name: expected {expected}, found {found}; rename the file")
+    return stem
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,13 +1,18 @@
 """The points of a sweep: a product of axes, split into loops to compile and walls to close them with."""
 
+import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from wavesweep.diagram import WALL, keys_read
 from wavesweep.errors import UsageError
 from wavesweep.spec import Axis, Spec, find_key
+
+MOST = 1_000_000_000  # combinations: months of work, and hundreds of gigabytes
+MOST_ROWS = 5_000_000  # of a table that is held in memory: a response takes some 200 bytes
+MOST_DRAWN = 10_000  # combinations of axes that the loop is drawn anew for, each of which is checked before the work begins
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -23,6 +28,7 @@ class Grid:
     axes: tuple[Axis, ...]
     loop_axes: tuple[Axis, ...]
     wall_axes: tuple[Axis, ...]
+    arrays: Mapping[str, np.ndarray] = field(repr=False)  # path of each axis -> its values
 
     @property
     def ignored(self) -> tuple[Axis, ...]:
@@ -57,12 +63,16 @@ class Grid:
 
     def loop_values(self, index) -> dict[str, np.ndarray]:
         """Path -> values of the loops `index` (flat, in the order of the loop axes)."""
-        return _values(self.loop_axes, index)
+        return self._values(self.loop_axes, index)
 
-    def wall_values(self) -> dict[str, np.ndarray]:
-        """Path -> values of the walls; the spec's value for a path that is no axis."""
-        swept = _values(self.wall_axes, np.arange(self.walls))
-        return {path: swept.get(path, np.full(self.walls, self.spec.values[path])) for path in WALL}
+    def wall_values(self, index=None) -> dict[str, np.ndarray]:
+        """Path -> values of the walls `index`, all of them by default; the spec's value for a path that is no axis."""
+        index = np.arange(self.walls) if index is None else index
+        swept = self._values(self.wall_axes, index)
+        return {path: swept[path] if path in swept else np.full(index.size, self.spec.values[path]) for path in WALL}
+
+    def _values(self, axes, index):
+        return {axis.path: self.arrays[axis.path][digit] for axis, digit in zip(axes, _digits(axes, index), strict=True)}
 
     def slice_of(self, combination) -> np.ndarray:
         """Number of the slice of each combination (flat indices)."""
@@ -82,7 +92,7 @@ class Grid:
     def axis_columns(self, combination) -> dict[str, np.ndarray]:
         """Name -> value of each combination, the table's leading columns."""
         return {
-            axis.name: np.asarray(axis.values)[digit]
+            axis.name: self.arrays[axis.path][digit]
             for axis, digit in zip(self.axes, _digits(self.axes, combination), strict=True)
         }
 
@@ -98,13 +108,29 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None) -> Grid:
             f"intervals along {along}: the controller {spec.values['controller.kind']} does not read it, so stability "
             "cannot depend on it; sweep a key that it reads (wavesweep check names them)"
         )
+    _refuse_too_many("combinations", axes, MOST)
     used = [axis for axis in axes if _is_read(axis.path, read)]
+    drawn = [axis for axis in used if not is_plain(spec, axis.path)]
+    _refuse_too_many("combinations of the axes that the loop is drawn anew for", drawn, MOST_DRAWN)
     return Grid(
         spec,
         tuple(axes),
         tuple(axis for axis in used if axis.path not in WALL),
         tuple(axis for axis in used if axis.path in WALL),
+        {axis.path: np.asarray(axis.values) for axis in axes},
     )
+
+
+def refuse_rows(table: str, rows: int) -> None:
+    """Raise UsageError if a table that is held in memory would have too many rows."""
+    if rows > MOST_ROWS:
+        raise UsageError(f"{table}: expected at most {MOST_ROWS} rows, which are held in memory, found {rows}")
+
+
+def _refuse_too_many(what, axes, most):
+    if _count(axes) > most:
+        product = " x ".join(f"{axis.name}[{len(axis.values)}]" for axis in axes)
+        raise UsageError(f"expected at most {most} {what}, found {product} = {_count(axes):.3g}; sweep fewer values at a time")
 
 
 def _is_read(path, read):
@@ -117,15 +143,11 @@ def _is_read(path, read):
 
 
 def _count(axes):
-    return int(np.prod([len(axis.values) for axis in axes], dtype=np.int64))
+    return math.prod(len(axis.values) for axis in axes)
 
 
 def _digits(axes, index):
     return np.unravel_index(np.asarray(index), tuple(len(axis.values) for axis in axes)) if axes else ()
-
-
-def _values(axes, index):
-    return {a.path: np.asarray(a.values)[digit] for a, digit in zip(axes, _digits(axes, index), strict=True)}
 
 
 def _flat(axes, digits, size):

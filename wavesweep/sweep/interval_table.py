@@ -15,7 +15,7 @@ from wavesweep.diagram import WALL
 from wavesweep.spec import Axis, Spec
 from wavesweep.sweep.checkpoint import DamagedError, MemoryCheckpoint, blocks, checkpoint_of, columns_of
 from wavesweep.sweep.grid import groups
-from wavesweep.sweep.job import Job, bounds_of, cut_otherwise, expected_seconds, job_of
+from wavesweep.sweep.job import Job, bounds_of, cut_otherwise, expected_seconds, job_of, refuse_full_disk
 from wavesweep.sweep.table import Columns, Table, facts_of, joined
 from wavesweep.sweep.tasks import END_HANDS, FELT, RECORD, IntervalTask, certified_slices
 from wavesweep.sweep.workers import Workers, choose, results
@@ -45,7 +45,7 @@ def intervals(
     hands: adds the column `hand` and rows for other hands. Its words are "free" for the device alone, "operator" for the
     spec's operator if it has one, "passive" and "box" (see `Hands`), and "port" for the intervals in which the spec's own
     loop is stable and passive at the hand's port. If only the port is added, the other rows are those of the spec's loop.
-    jobs: number of worker processes if the work is worth them. backend: any of joblib's, which is then used in any case.
+    jobs: number of worker processes if the work is worth them. backend: one of `BACKENDS`, which is then used in any case.
     scheduler: address of the dask scheduler. progress: is called with the number of slices done, of all slices, and of
     certified ones. checkpoint: folder for finished chunks, from which a run of the same spec goes on; by default they
     stay in memory. force: start again if the folder cannot be used.
@@ -53,11 +53,12 @@ def intervals(
     """
     started = time.perf_counter()
     stages = stages_of(spec, along, hands)
+    refuse_full_disk(checkpoint, [stage.job for stage in stages])
     tallies, stores, warnings = [], [], []
     for stage in stages:
         job, report = stage.job, progress and _continued(progress, sum(each.job.slices for each in stages), tallies)
-        stores.append(checkpoint_of(job, checkpoint and checkpoint / stage.hand, force, warnings))
         workers = choose(jobs, backend, scheduler, len(job.chunks), partial(expected_seconds, job))
+        stores.append(checkpoint_of(job, checkpoint and checkpoint / stage.hand, force, warnings))
         tallies.append(compute(job, stores[-1], workers, report))
     timings = {
         "compute_s": time.perf_counter() - started,
@@ -125,8 +126,8 @@ def compute(job: Job, store, workers: Workers, progress: Progress | None = None)
             tally.add(chunks[number].slices, store.load(number))
         except DamagedError as error:
             store.set_aside(number, error)
-    tally.kept = tally.done
-    missing = sorted(set(range(len(chunks))) - set(store.finished()))
+    tally.kept, known = tally.done, set(store.finished())
+    missing = (number for number in range(len(chunks)) if number not in known)
     finished = results(workers, missing, lambda number: job.task(chunks[number]))
     try:
         for number, records, seconds in finished:

@@ -1,8 +1,11 @@
 """The job of a sweep, settled before anything is computed: the axis of the intervals, the slices and their chunks."""
 
+import shutil
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +15,7 @@ from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.spec import KEYS, Axis, Spec, sweep_axes
 from wavesweep.sweep.grid import Grid, groups, is_plain, make_grid
-from wavesweep.sweep.tasks import IntervalTask
+from wavesweep.sweep.tasks import RECORD, IntervalTask
 
 if TYPE_CHECKING:
     from wavesweep.sweep.hands import Guarantee
@@ -113,7 +116,7 @@ class Job:
         """The task of a worker for that chunk."""
         changes = self.grid.loop_values(np.arange(chunk.loops.start, chunk.loops.stop))
         parts = groups(self.grid.spec, changes, len(chunk.loops), resolved=self.resolved)
-        walls = {path: v[chunk.walls.start : chunk.walls.stop] for path, v in self.grid.wall_values().items()}
+        walls = self.grid.wall_values(np.arange(chunk.walls.start, chunk.walls.stop))
         span = (float(self.axis.start), float(self.axis.stop))
         own = IntervalTask(self.axis.path, span, bounds_of(self.axis.path, span), tuple(parts), walls, self.cut)
         return own if self.guarantee is None else self.guarantee.task(own)
@@ -165,8 +168,37 @@ def cut_otherwise(job: Job, **sizes) -> Job:
     return replace(job, chunks=replace(job.chunks, **sizes))
 
 
+ROWS = 1.2  # rows per slice: some slices have several intervals
+BYTES = (130, 30)  # of a row in the CSV and in the Parquet file, without its axes, measured on sweeps of millions of rows
+AXIS_BYTES = 12  # of an axis in a row of both
+
+
+def expected_bytes(job: Job) -> int:
+    """Bytes of disk that the run needs at its end, before the finished chunks are removed, roughly."""
+    row = sum(BYTES) + AXIS_BYTES * len(job.grid.axes)
+    return int(ROWS * (job.slices * RECORD.itemsize + job.grid.size * row))
+
+
+def refuse_full_disk(folder: Path | None, jobs: Sequence[Job]) -> None:
+    """Raise UsageError if the disk of `folder`, in which the jobs keep their chunks, cannot hold their results.
+
+    Chunks of a run that was stopped are counted as part of the results.
+    """
+    if folder is None:
+        return
+    place = next(each for each in (folder, *folder.absolute().parents) if each.is_dir())
+    kept = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) if place == folder else 0
+    need, free = sum(map(expected_bytes, jobs)) - kept, shutil.disk_usage(place).free
+    if need > free:
+        raise UsageError(
+            f"{folder.parent}: the run needs about {need / 1e9:.3g} GB, found {free / 1e9:.3g} GB free on this disk; name "
+            "another folder for the results, or sweep fewer values"
+        )
+
+
 PROBES = 6  # samples of the sweep
 SHARE = 10  # a sample is so many times smaller than a chunk: large enough that the overhead of a batch does not decide
+FEW_DRAWN = 8  # loops of a sample that share no drawing
 LONGEST = 0.3  # s; no further sample after that
 
 
@@ -189,7 +221,10 @@ def _samples(job):
     chunks = job.chunks
     enough = max(1, chunks.deep * chunks.wide // SHARE)
     wide = min(chunks.walls, enough)
-    small = cut_otherwise(job, deep=max(1, enough // wide), wide=wide)
+    deep = max(1, enough // wide)
+    if 2 * len(job.resolved) > chunks.loops:  # nearly every loop is drawn for itself, and few of them show the time
+        deep = min(deep, FEW_DRAWN)
+    small = cut_otherwise(job, deep=deep, wide=wide)
     shares = np.linspace(0, 1, PROBES)[[0, 3, 5, 1, 4, 2]]
     numbers = dict.fromkeys(np.rint(shares * (len(small.chunks) - 1)).astype(int).tolist())
     return [small.task(small.chunks[number]) for number in numbers]

@@ -10,7 +10,7 @@ from wavesweep.analysis.passivity import channel_norm, filter_table, sufficient_
 from wavesweep.analysis.passivity.channel import CUTOFFS_HZ
 from wavesweep.diagram import draw
 from wavesweep.spec import Spec
-from wavesweep.sweep.grid import Grid, groups, make_grid
+from wavesweep.sweep.grid import Grid, groups, make_grid, refuse_rows
 from wavesweep.sweep.table import Table, facts_of
 from wavesweep.sweep.tasks import PORT, PortTask
 from wavesweep.sweep.workers import choose, results
@@ -35,6 +35,7 @@ def passivity(spec: Spec, tolerance: float = TOLERANCE, jobs=None, backend=None,
     """
     started = time.perf_counter()
     grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
+    refuse_rows("passivity", grid.size)
     channel = _channel_columns(grid)
     port, workers = _port_columns(grid, (jobs, backend, scheduler), progress)
     certified = port.pop("certified") & channel.pop("certified")

@@ -8,7 +8,7 @@ from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.interval_table import method
-from wavesweep.sweep.job import expected_seconds, job_of
+from wavesweep.sweep.job import expected_bytes, expected_seconds, job_of
 from wavesweep.sweep.passivity_table import channels_of
 from wavesweep.sweep.workers import choose
 
@@ -53,7 +53,12 @@ def _interval_lines(spec, command, along):
         f"  {command}: stable intervals along {axis.name} in {span} for {product}: {slices}",
         f"    method: {method(axis.path)}",
         f"    work: {_count(len(job.chunks), 'chunk')}, about {_duration(expected() / workers.count)}; {who} ({workers.why})",
+        f"    disk: about {_size(expected_bytes(job))} until the results are in place",
     ]
+
+
+def _size(count):
+    return f"{count / 1e6:.2g} MB" if count < 1e9 else f"{count / 1e9:.3g} GB"
 
 
 def _duration(seconds):

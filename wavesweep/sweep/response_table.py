@@ -10,7 +10,7 @@ from wavesweep.diagram import draw, keys_read
 from wavesweep.errors import UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import find_key
-from wavesweep.sweep.grid import Grid, make_grid
+from wavesweep.sweep.grid import Grid, make_grid, refuse_rows
 from wavesweep.sweep.table import Table, facts_of
 
 SPARED = 1e-6  # relative error up to which a row has no doubt
@@ -48,6 +48,7 @@ def responses(specs, **_work) -> Table:
     for spec in specs:
         read = keys_read(spec.values)
         grid = make_grid(spec, spec.bode, read=read)
+        refuse_rows("bode", grid.size * len(spec.frequency_hz))
         tables.append(_rows(grid, np.asarray(spec.frequency_hz), names, read))
         counts["computed"] += grid.slices
         counts["skipped"] += grid.size - grid.slices

@@ -4,9 +4,9 @@ import os
 import signal
 import threading
 import time
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import cache
 from typing import Protocol
 
 import numpy as np
@@ -62,27 +62,29 @@ class Task(Protocol):
         """Compute the result, a structured array."""
 
 
-def timed(number: int, task: Task, parent: int) -> tuple[int, np.ndarray, float]:
-    """Compute a chunk: its number, its records and the processor seconds used. parent: id of the process that wants them."""
-    if os.getppid() == parent:
-        _settle_in(parent)
+def timed(number: int, task: Task) -> tuple[int, np.ndarray, float]:
+    """Compute a chunk: its number, its records and the processor seconds used."""
     started = time.thread_time()
     records = task.records()
     return number, records, time.thread_time() - started
 
 
-@cache  # once in a process
-def _settle_in(parent):
-    """Leave Ctrl-C, which reaches every process of a terminal, to the parent; and end when the parent is gone."""
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
+def settle_in(parent: int) -> None:
+    """Make this process a worker of the process `parent`: signals and warnings are left to it, and both end together.
+
+    The watch begins before the first task. A parent that was killed while this process was starting is not its parent any
+    more, and a pool's worker would wait for minutes for its next task.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    warnings.simplefilter("ignore")
 
     def watch():
         while os.getppid() == parent:
             time.sleep(WATCH)
-        # The parent was killed; a pool's worker would wait for minutes for its next task.
         os._exit(1)
 
+    if os.getppid() != parent:
+        os._exit(1)
     threading.Thread(target=watch, daemon=True).start()
 
 

@@ -1,58 +1,300 @@
-"""The workers that a sweep runs on: none, processes of this machine, or another backend of joblib's."""
+"""The workers that a sweep runs on: none, processes or threads of this machine, or those of a dask or ray cluster.
 
+What all of them keep: a worker that dies is an error within seconds; processes that are started here leave Ctrl-C to this
+one, end when it ends, and run nothing of the current folder.
+"""
+
+import logging
 import os
+import re
 import signal
+import socket
+import sys
 import threading
-import warnings
+import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import islice
 
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.sweep.tasks import timed
+from wavesweep.sweep.tasks import settle_in, timed
 
 EXTRAS = {"dask": "distributed", "ray": "ray"}  # backend, also the name of our extra -> the package that it needs
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-PATIENCE = "10s"  # for a dask scheduler to answer
+# Of processes that are started here: one BLAS thread each, since the matrices are small and the workers many; and no module
+# of the current folder, which Python would otherwise prefer to the standard library and to joblib.
+CHILDREN = dict.fromkeys(ONE_THREAD, "1") | {"PYTHONSAFEPATH": "1"}
+DEAF = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}  # left to the parent
+LOCAL = ("loky", "threading")  # backends whose workers share the processors of this machine
+AHEAD = 3  # tasks per worker that are handed out before the first is finished
+IDLE = 60  # s after which loky's workers end if nothing follows
+LOOK = 2.0  # s between two looks at a cluster
+PATIENCE = 10.0  # s for a dask scheduler to answer
+ALONE = 20.0  # s that a cluster may be without workers
+DIED = "a worker process died (killed, or out of memory); fewer --jobs take less memory"
+PROCESSES = 2  # by default
+WORTH = 0.6  # s of work; measured: two loky workers are ready after 0.2 s, and below this they save nothing
 
 
-def enter(workers, opened: ExitStack) -> None:
-    """Make the workers' backend joblib's own for as long as `opened` is open. Raises UsageError if that is impossible."""
-    import joblib
+@dataclass(frozen=True, slots=True)
+class Workers:
+    """`count` workers of a backend, or this process (count 1, backend None), and why these were chosen."""
 
-    opened.enter_context(_one_blas_thread())
-    if workers.backend == "ray":
-        _import("ray", "ray.util.joblib").register_ray()
-    options = {"client": _client(workers.scheduler, opened)} if workers.backend == "dask" else {}
-    # The other backends refuse it, and inherit the environment.
-    limit = {"inner_max_num_threads": 1} if workers.backend == "loky" else {}
+    count: int
+    backend: str | None
+    scheduler: str | None
+    why: str
+
+
+def processors() -> int:
+    """Number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def refuse_backend(backend: str | None) -> None:
+    """Raise UsageError for a backend that is unknown, whose package is missing, or that cannot keep its promises."""
+    if backend == "multiprocessing":
+        raise UsageError("--backend multiprocessing: its pool never notices that a worker has died; use loky")
+    if backend is not None and backend not in BACKENDS:
+        raise UsageError(f"--backend {backend}: expected one of {', '.join(sorted(BACKENDS))}")
+    if backend in EXTRAS:
+        _import(backend, EXTRAS[backend])
+
+
+def excess(jobs: int, backend: str | None) -> str:
+    """A sentence if fewer workers are used than `jobs`, otherwise an empty text."""
+    if backend not in (None, *LOCAL) or jobs <= max(PROCESSES, processors()):
+        return ""
+    return f"--jobs {jobs}: this machine has {processors()} processors for wavesweep, and no more workers are used"
+
+
+def choose(jobs: int | None, backend: str | None, scheduler: str | None, chunks: int, seconds: Callable[[], float]) -> Workers:
+    """Decide which workers compute `chunks` chunks.
+
+    jobs: largest number of workers, PROCESSES if None; no more than there are processors are used. seconds: estimates the
+    time in this process, called only if it matters. Raises UsageError for a backend that cannot be used.
+    """
+    refuse_backend(backend)
+    jobs = jobs or PROCESSES
+    useful = max(1, min(jobs, processors()))
+    if backend is not None:
+        return Workers(useful if backend in LOCAL else jobs, backend, scheduler, f"the backend {backend} was asked for")
+    if jobs == 1:
+        return Workers(1, None, None, "one job was asked for")
+    if chunks < 2:
+        return Workers(1, None, None, "a single chunk of work")
+    if useful < 2:
+        return Workers(1, None, None, "a single processor")
+    expected = seconds()
+    if expected < WORTH:
+        return Workers(1, None, None, f"work below {WORTH:g} s is faster without workers")
+    return Workers(min(useful, chunks), "loky", None, f"estimated {max(1, round(expected))} s of work")
+
+
+def results(workers: Workers, numbers, task_of: Callable) -> Iterator[tuple]:
+    """Yield (number, records, seconds) of every chunk as it is finished, in no particular order.
+
+    task_of(number): the chunk's `Task`, made when it is handed out. Raises UsageError for a backend that cannot be used,
+    WavesweepError if a worker dies or a cluster is lost. Closing the generator ends the workers.
+    """
+    if workers.backend is None:
+        return (timed(number, task_of(number)) for number in numbers)
+    return _elsewhere(workers, numbers, task_of)
+
+
+def _elsewhere(workers, numbers, task_of):
+    refuse_backend(workers.backend)
+    with BACKENDS[workers.backend](workers) as pool:
+        calls = ((number, task_of(number)) for number in numbers)
+        waiting = {pool.submit(timed, *call) for call in islice(calls, AHEAD * pool.count)}
+        while waiting:
+            done, waiting = wait(waiting, LOOK, FIRST_COMPLETED)
+            pool.look()
+            for future in done:
+                waiting |= {pool.submit(timed, *call) for call in islice(calls, 1)}
+                yield future.result()
+
+
+@dataclass(frozen=True, slots=True)
+class Pool:
+    """`submit(function, *arguments)` gives a future; `count` workers; `look` raises WavesweepError if the pool is lost."""
+
+    submit: Callable
+    count: int
+    look: Callable[[], None] = lambda: None
+
+
+@contextmanager
+def _loky(workers):
+    from joblib.externals.loky import get_reusable_executor
+
     try:
-        opened.enter_context(joblib.parallel_config(workers.backend, n_jobs=workers.count, **limit, **options))
-    except ValueError as error:
-        known = ", ".join(sorted({*joblib.parallel.BACKENDS, *EXTRAS} - {"sequential"}))
-        raise UsageError(f"--backend {workers.backend}: joblib knows no such backend, expected one of {known}") from error
+        with _started_here():
+            executor = get_reusable_executor(
+                workers.count, timeout=IDLE, initializer=settle_in, initargs=(os.getpid(),), env=CHILDREN
+            )
+            executor.submit(os.getpid)  # starts all workers
+    except (ImportError, OSError) as error:  # no semaphores, no /dev/shm
+        raise WavesweepError(f"no worker processes can be started here ({error}); --jobs 1 needs none") from error
+    try:
+        yield Pool(executor.submit, workers.count)
+    except BaseException as error:
+        with _manager_unsaid():
+            executor.shutdown(kill_workers=True)
+        if isinstance(error, BrokenExecutor):
+            raise WavesweepError(DIED) from error
+        raise
 
 
-def deaths(backend: str) -> tuple[type[Exception], ...]:
-    """The errors by which that backend says that a worker died."""
-    if backend == "dask":
-        return BrokenExecutor, _import("dask", "distributed").KilledWorker
-    return (BrokenExecutor,)
+@contextmanager
+def _manager_unsaid():
+    """Say nothing if loky's own thread fails because a task that it was about to hand out was cancelled."""
+    before = threading.excepthook
+
+    def hook(failed):
+        if not (failed.exc_type is KeyError and failed.thread and failed.thread.name == "ExecutorManagerThread"):
+            before(failed)
+
+    threading.excepthook = hook
+    try:
+        yield
+    finally:
+        threading.excepthook = before
 
 
-def _client(address, opened):
-    """A dask client of the scheduler at that address, or the one that this process has already."""
+@contextmanager
+def _started_here():
+    """Let processes that are started meanwhile have the environment CHILDREN and leave the signals DEAF to this one.
+
+    A terminal sends Ctrl-C to all its processes, and a worker that was still importing would write a traceback. A signal
+    that arrives meanwhile is delivered afterwards. Stdout and stderr are the null device meanwhile, so that whoever reads
+    from this process waits for no other, and loky's tracker does not count semaphores aloud if this process is killed.
+    """
+    from joblib.externals.loky.backend import resource_tracker as of_loky
+
+    with ExitStack() as after:
+        before = {name: os.environ.get(name) for name in CHILDREN}
+        after.callback(_restore, before)
+        os.environ.update(CHILDREN)
+        after.enter_context(_unheard())
+        if hasattr(signal, "pthread_sigmask"):
+            from multiprocessing import resource_tracker as of_python
+
+            after.callback(signal.pthread_sigmask, signal.SIG_SETMASK, signal.pthread_sigmask(signal.SIG_BLOCK, set()))
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+            # Python starts both trackers with the first worker. They ignore the other signals, and leave these unblocked.
+            of_python.ensure_running()
+            of_loky.ensure_running()
+            signal.pthread_sigmask(signal.SIG_BLOCK, DEAF)
+        yield
+
+
+@contextmanager
+def _unheard():
+    """Make stdout and stderr the null device."""
+    streams = [stream for stream in (sys.stdout, sys.stderr) if stream is not None]
+    for stream in streams:
+        stream.flush()
+    null, kept = os.open(os.devnull, os.O_WRONLY), {number: os.dup(number) for number in (1, 2)}
+    try:
+        for number in kept:
+            os.dup2(null, number)
+        yield
+    finally:
+        for number, before in kept.items():
+            os.dup2(before, number)
+            os.close(before)
+        os.close(null)
+
+
+def _restore(before):
+    for name, value in before.items():
+        if value is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value
+
+
+@contextmanager
+def _threads(workers):
+    executor = ThreadPoolExecutor(workers.count)
+    try:
+        yield Pool(executor.submit, workers.count)
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)
+
+
+@contextmanager
+def _dask(workers):
     distributed = _import("dask", "distributed")
-    try:
-        if address is None:
+    with _quiet("distributed", "asyncio"), ExitStack() as opened:
+        client = _client(distributed, workers.scheduler, opened)
+        executor = client.get_executor(pure=False)
+        seen = time.monotonic()
+
+        def look():
+            nonlocal seen
+            if client.status != "running":
+                raise WavesweepError(f"the dask scheduler {client.scheduler.address} is lost")
+            if client.nthreads():
+                seen = time.monotonic()
+            if time.monotonic() - seen > ALONE:
+                raise WavesweepError(f"the dask scheduler {client.scheduler.address} has had no workers for {ALONE:g} s")
+
+        try:
+            yield Pool(executor.submit, max(workers.count, sum(client.nthreads().values())), look)
+        except distributed.KilledWorker as error:
+            raise WavesweepError(DIED) from error
+        except (CancelledError, OSError) as error:  # all that is heard of a scheduler that ended
+            raise WavesweepError(f"the dask scheduler {workers.scheduler or 'of this process'} is lost") from error
+        finally:
+            executor.shutdown(wait=False)
+
+
+def _client(distributed, address, opened):
+    """A dask client of the scheduler at that address, or the one that this process has already."""
+    if address is None:
+        try:
             return distributed.get_client()
-        return opened.enter_context(distributed.Client(address, timeout=PATIENCE, set_as_default=False))
-    except (OSError, ValueError) as error:
-        if address is None:
+        except ValueError as error:
             raise UsageError("--backend dask: give the scheduler's address, --scheduler tcp://host:8786") from error
+    found = re.fullmatch(r"(?:(?:tcp|tls|wss?)://)?(\[[^\]]+\]|[^][:/\s]+):(\d{1,5})/?", address)
+    if not found:
+        raise UsageError(f"--scheduler {address}: expected an address such as tcp://host:8786")
+    try:
+        # Nobody there: dask would say so after a long time, and in many lines.
+        socket.create_connection((found[1].strip("[]"), int(found[2])), PATIENCE).close()
+        return opened.enter_context(distributed.Client(address, timeout=PATIENCE, set_as_default=False))
+    except (OSError, ValueError, OverflowError) as error:
         raise UsageError(f"--scheduler {address}: no dask scheduler answers there ({error})") from error
+
+
+@contextmanager
+def _ray(workers):
+    """Ray's tasks, on the cluster that this process is connected to, or on one of its own that ends with the run."""
+    ray = _import("ray", "ray")
+    with ExitStack() as opened:
+        if not ray.is_initialized():
+            before = signal.getsignal(signal.SIGTERM)
+            os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+            with _unheard():
+                ray.init(num_cpus=workers.count, include_dashboard=False, log_to_driver=False, configure_logging=False)
+            signal.signal(signal.SIGTERM, before)  # ray's own handler would end this process at once
+            opened.callback(ray.shutdown)
+        remote = ray.remote(max_retries=0)(_called)
+        try:
+            yield Pool(lambda *call: remote.remote(*call).future(), workers.count)
+        except ray.exceptions.RayError as error:
+            if isinstance(error, ray.exceptions.RayTaskError):
+                raise error.cause from error
+            raise WavesweepError(DIED) from error
+
+
+def _called(function, *arguments):
+    """Ray names its tasks after their functions, and wants to know them beforehand."""
+    return function(*arguments)
 
 
 def _import(backend, module):
@@ -67,129 +309,18 @@ def _import(backend, module):
 
 
 @contextmanager
-def _one_blas_thread():
-    """Let processes that are started here have one BLAS thread each: the matrices are small, the workers many."""
-    before = {name: os.environ.get(name) for name in ONE_THREAD}
-    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
+def _quiet(*names):
+    """Let these loggers and those below them say nothing: an error says in one line all that they would write in many."""
+    known = [name for name in logging.root.manager.loggerDict if name.partition(".")[0] in names]
+    loggers = [logging.getLogger(name) for name in {*names, *known}]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)
 
 
-LOKY = "loky"
-BLOCK = 4  # chunks per worker in a block, for a backend that gives results in blocks only
-DIED = "a worker process died (killed, or out of memory); fewer --jobs take less memory"
-PROCESSES = 2  # by default
-WORTH = 0.6  # s of work; measured: two loky workers are ready after 0.2 s, and below this they save nothing
-
-
-@dataclass(frozen=True, slots=True)
-class Workers:
-    """`count` workers of a joblib backend, or this process (count 1, backend None), and why these were chosen."""
-
-    count: int
-    backend: str | None
-    scheduler: str | None
-    why: str
-
-
-def choose(jobs: int | None, backend: str | None, scheduler: str | None, chunks: int, seconds: Callable[[], float]) -> Workers:
-    """Decide which workers compute `chunks` chunks.
-
-    jobs: number of workers, PROCESSES if None. seconds: estimates the time in this process, called only if it matters.
-    """
-    jobs = jobs or PROCESSES
-    if backend is not None:
-        return Workers(jobs, backend, scheduler, f"the backend {backend} was asked for")
-    if jobs == 1:
-        return Workers(1, None, None, "one job was asked for")
-    if chunks < 2:
-        return Workers(1, None, None, "a single chunk of work")
-    expected = seconds()
-    if expected < WORTH:
-        return Workers(1, None, None, f"work below {WORTH:g} s is faster without workers")
-    return Workers(min(jobs, chunks), LOKY, None, f"estimated {max(1, round(expected))} s of work")
-
-
-def results(workers: Workers, numbers, task_of: Callable) -> Iterator[tuple]:
-    """Yield (number, records, seconds) of every chunk as it is finished, in no particular order.
-
-    task_of(number): the chunk's `Task`, made when it is handed out. Raises UsageError for a backend that is missing,
-    WavesweepError if a worker dies. Closing the generator ends the workers.
-    """
-    if workers.backend is None:
-        return (timed(number, task_of(number), os.getpid()) for number in numbers)
-    return _elsewhere(workers, numbers, task_of)
-
-
-def _elsewhere(workers, numbers, task_of):
-    import joblib
-
-    with ExitStack() as opened:
-        enter(workers, opened)
-        calls = (joblib.delayed(timed)(number, task_of(number), os.getpid()) for number in numbers)
-        try:
-            yield from _unordered(joblib, calls)
-        except deaths(workers.backend) as error:
-            raise WavesweepError(DIED) from error
-
-
-def _unordered(joblib, calls):
-    try:
-        pool = joblib.Parallel(return_as="generator_unordered", batch_size=1, pre_dispatch="3*n_jobs")
-    except ValueError:  # ray and multiprocessing give lists only
-        pool = joblib.Parallel(batch_size=1)
-        while block := list(islice(calls, BLOCK * joblib.effective_n_jobs())):
-            yield from pool(block)
-        return
-    with _deaf_children():
-        finished = pool(calls)
-    with _quiet_end():
-        try:
-            yield from finished
-        finally:
-            finished.close()
-
-
-@contextmanager
-def _deaf_children():
-    """Let processes that are started here ignore Ctrl-C, which a terminal sends to all: the parent answers it.
-
-    A worker that was still importing would write a traceback. A signal that arrives meanwhile is delivered afterwards.
-    """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    from multiprocessing import resource_tracker
-
-    # Python's own tracker is started with the first worker, and leaves Ctrl-C unblocked when it is: so it goes first.
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
-def _quiet_end():
-    """Say nothing of tasks that are cancelled when a run is stopped, which may be at any moment from here on: neither
-    joblib's warning, nor the traceback of loky's own thread when a task that it was about to hand out is gone."""
-    before = threading.excepthook
-
-    def hook(failed):
-        if not (failed.exc_type is KeyError and failed.thread and failed.thread.name == "ExecutorManagerThread"):
-            before(failed)
-
-    threading.excepthook = hook
-    try:
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", ".*tasks? (which|have)", UserWarning, "joblib.parallel")
-            yield
-    finally:
-        threading.excepthook = before
+BACKENDS = {"loky": _loky, "threading": _threads, "dask": _dask, "ray": _ray}

@@ -88,8 +88,8 @@ def test_times_at_the_fast_rate_are_accepted(record, start):
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("force\n1\n", ":1: expected a column force_N in the header, found force"),
-        ("", ":1: expected a column force_N in the header, found nothing"),
+        ("force\n1\n", ":1: expected one column force_N and at most one time_s in the header, found force"),
+        ("", ":1: expected one column force_N and at most one time_s in the header, found nothing"),
         ("force_N\n", "expected at least one row of numbers below the header, found none"),
         ("force_N\n1\nabc\n", ":3: force_N: expected a number, found abc"),
         ("force_N\n1\nnan\n", ":3: force_N: expected a number, found nan"),
@@ -103,7 +103,7 @@ def test_a_bad_file_is_refused_with_its_place(record, text, expected):
 
 
 def test_a_file_that_is_not_text_or_not_there_is_refused(record, tmp_path):
-    with pytest.raises(UsageError, match="expected a readable file, found: No such file"):
+    with pytest.raises(UsageError, match="cannot be read: No such file"):
         read_force(tmp_path / "none.csv", 1000.0)
     with pytest.raises(UsageError, match="expected a CSV file in UTF-8"):
         read_force(record("force_N\n1é\n", "latin-1"), 1000.0)

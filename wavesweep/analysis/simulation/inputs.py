@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from wavesweep.errors import UsageError
+from wavesweep.spec.reading import read_bytes
+from wavesweep.spec.studies import MOST_TICKS
 
+MOST_BYTES = 40 * MOST_TICKS  # of a record; times and forces with all their digits take 40 bytes a row
+MOST_SHOWN = 60  # characters of a file that an error repeats
 _TOLERANCE = 0.01  # of a tick: times rounded to a few digits pass, a clock that drifts or loses samples does not
 
 
@@ -142,18 +148,23 @@ def read_force(path: str | Path, fast_hz: float) -> Input:
     Errors: `UsageError` naming the file, the line, the value found and the values expected.
     """
     try:
-        with Path(path).open(newline="", encoding="utf-8-sig") as stream:
-            rows = csv.reader(stream)
-            header = [name.strip() for name in next(rows, [])]
-            lines = [(rows.line_num, row) for row in rows if any(map(str.strip, row))]
-    except OSError as error:
-        raise UsageError(f"{path}: expected a readable file, found: {error.strerror}") from error
+        text = read_bytes(path, MOST_BYTES).decode("utf-8-sig")
+        rows = csv.reader(io.StringIO(text, newline=""), strict=True)
+        header = [name.strip() for name in next(rows, [])]
+        filled = ((rows.line_num, row) for row in rows if any(map(str.strip, row)))
+        lines = list(islice(filled, MOST_TICKS + 1))
     except (UnicodeDecodeError, csv.Error) as error:
         raise UsageError(f"{path}: expected a CSV file in UTF-8, found: {error}") from error
-    if "force_N" not in header:
-        raise UsageError(f"{path}:1: expected a column force_N in the header, found {', '.join(header) or 'nothing'}")
+    if header.count("force_N") != 1 or header.count("time_s") > 1:
+        found = ", ".join(header)[:MOST_SHOWN] or "nothing"
+        raise UsageError(f"{path}:1: expected one column force_N and at most one time_s in the header, found {found}")
     if not lines:
         raise UsageError(f"{path}: expected at least one row of numbers below the header, found none")
+    if len(lines) > MOST_TICKS:
+        raise UsageError(f"{path}: expected at most {MOST_TICKS} rows, a row per fast tick, found more")
+    for line, row in lines:
+        if len(row) > len(header):
+            raise UsageError(f"{path}:{line}: expected {len(header)} values as in the header, found {len(row)}")
     force = _column(path, lines, header, "force_N")
     if "time_s" in header:
         _check_times(path, lines, _column(path, lines, header, "time_s"), fast_hz)
@@ -167,7 +178,7 @@ def _column(path: str | Path, lines: list, header: list, name: str) -> np.ndarra
         cell = row[place].strip() if place < len(row) else ""
         number = _number(cell)
         if not math.isfinite(number):
-            raise UsageError(f"{path}:{line}: {name}: expected a number, found {cell or 'nothing'}")
+            raise UsageError(f"{path}:{line}: {name}: expected a number, found {cell[:MOST_SHOWN] or 'nothing'}")
         numbers.append(number)
     return np.array(numbers)
 

@@ -1,0 +1,193 @@
+"""Hostile and extreme input: an answer in bounded time and memory, exit code 2 and a line, and nothing else.
+
+WAVESWEEP_FUZZ=100000 in the environment asks for so many random tries of each kind instead of the sample, and for a tenth
+as many whole commands.
+"""
+
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tomllib
+import warnings
+from contextlib import suppress
+from functools import partial
+
+import pytest
+
+from wavesweep.analysis.simulation import inputs
+from wavesweep.analysis.simulation.inputs import read_force
+from wavesweep.cli import main
+from wavesweep.errors import UsageError
+from wavesweep.spec import KEYS, load
+
+TRIES = int(os.environ.get("WAVESWEEP_FUZZ", "0"))
+HEAD = '[controller]\nkind = "pmw"\n[sweep]\nK_VE = { start = 0, stop = 20000 }\n'
+LIMIT = 500_000_000  # bytes that may be used before any work begins
+SECONDS = 4.0  # of processor time; 2 on a machine that does nothing else
+
+
+def axes(*names, num):
+    return HEAD + "".join(f'"{name}" = {{ start = 1, stop = 2, num = {num} }}\n' for name in names)
+
+
+FILES = {
+    "a header of 40 kB": ("[" + ".".join("a" * 20_000) + "]\n", "at most 64 names in a key"),
+    "a dotted key": (".".join('"\\""' for _ in range(9_000)) + " = 1\n", "at most 64 names in a key"),
+    "many wrong keys": ("".join(f"k{n} = 1\n" for n in range(50_000)), "at most 1000 keys"),
+    "many wrong values": (HEAD + "b = [" + '"x", ' * 200_000 + "]\n", "sweep.b[19]: expected a number > 0"),
+    "a string without an end": ('a = "' + '\\"' * 900_000, "unterminated string"),
+    "three megabytes": ("#" * 3_000_000, "at most 2 MB"),
+    "ten million values": (axes("b", num=10**7), "a whole number <= 1e+06"),
+    "products beyond 2^63": (axes("B_VE", "b", "Kp", "device.mass", num=65_536), "at most 1000000000 combinations"),
+    "10^24 combinations": (axes("B_VE", "b", "Kp", "K_LM", num=10**6), "at most 1000000000 combinations"),
+    "many values of a rate": (HEAD + '"rates.fast_hz" = { start = 1000, stop = 2000, num = 100000 }\n', "at most 10000 comb"),
+}
+
+
+PROGRAM = """
+import pathlib, resource, sys, time
+resource.setrlimit(resource.RLIMIT_DATA, (BYTES, BYTES))
+from wavesweep.cli import main
+for path in sorted(pathlib.Path().glob("*.toml")):
+    started = time.process_time()
+    print("code", main(["check", str(path)]), file=sys.stderr)
+    print("seconds", time.process_time() - started, file=sys.stderr)
+"""
+
+
+@pytest.mark.slow
+def test_input_without_bound_is_refused_within_bounds(tmp_path):
+    for number, (text, _) in enumerate(FILES.values()):
+        (tmp_path / f"{number:02d}.toml").write_text(text)
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM.replace("BYTES", str(LIMIT))], cwd=tmp_path, capture_output=True, text=True, timeout=60,
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"}, stdin=subprocess.DEVNULL, check=True,
+    )  # fmt: skip
+    answers = done.stderr.split("seconds")
+    for (what, (_, line)), answer, after in zip(FILES.items(), answers, answers[1:], strict=False):
+        assert line in answer, f"{what}: {answer}"
+        assert answer.endswith("code 2\n")
+        assert float(after.split()[0]) < SECONDS, what
+    assert "Traceback" not in done.stderr
+
+
+def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "loop").symlink_to("loop")
+    (tmp_path / "link").symlink_to("/dev/zero")
+    for name, why in (("pipe", "found a pipe"), ("loop", "symbolic links"), ("link", "or a device"), (".", "found a folder")):
+        with pytest.raises(UsageError, match=why):
+            load(tmp_path / name)
+        with pytest.raises(UsageError, match=why):
+            read_force(tmp_path / name, 1000.0)
+
+
+@pytest.mark.parametrize("stem", ["=HYPERLINK(1)", "+1", "-x", "@SUM(1)", "\tx", "a\nb", "\udcff", "\x1b[31m"])
+def test_a_name_that_a_spreadsheet_would_run_is_refused(stem, tmp_path):
+    path = tmp_path / f"{stem}.toml"
+    path.write_text(HEAD)
+    with pytest.raises(UsageError, match=r"expected a name that is printable and does not begin with = \+ - @"):
+        load(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("force_N,force_N\n1,2\n", "expected one column force_N"),
+        ("force_N\n1,2\n", "expected 1 values as in the header, found 2"),
+        ('force_N\n"1\n', "expected a CSV file"),
+        ("force_N\n" + "1\n" * 11, "at most 10 rows"),
+        ("force_N\n" + "1" * 200 + "x\n", "found 1{60}$"),
+    ],
+)
+def test_a_record_that_is_none_is_refused(text, why, tmp_path, monkeypatch):
+    monkeypatch.setattr(inputs, "MOST_TICKS", 10)
+    path = tmp_path / "record.csv"
+    path.write_text(text)
+    with pytest.raises(UsageError, match=why):
+        read_force(path, 1000.0)
+
+
+WORDS = [
+    *("[", "]", "{", "}", "=", ".", ",", '"', "'", '"""', "#", "\n", " ", "\0", "\x1b", "é", "\u2028", "-", "1e999", "-0.0"),
+    *("nan", "inf", "1e308", "5e-324", "99999999999999999999", "0x7f", "true", "1979-05-27", "[[", "]]", "start", "stop"),
+    *("num", "scale", '"log"', "along", "sweep", "bode", "simulate", "controller.kind", *KEYS),
+]
+BASE = (
+    HEAD + 'B_VE = [0.5, 1.0]\n"device.mass" = { start = 0.1, stop = 0.2, num = 3, scale = "log" }\n'
+    '[bode]\nfrequency_hz = [1, 10]\n[filters]\nlp1 = { order = 2, cutoff_hz = 10.0 }\n[simulate]\ninput = "sine"\n'
+)
+
+
+def mutated(rng, text):
+    """The text with a few pieces left out, put in or repeated."""
+    for _ in range(rng.randint(1, 6)):
+        at = rng.randrange(len(text) + 1)
+        end = min(len(text), at + rng.choice([0, 0, 1, 5, 40]))
+        text = text[:at] + rng.choice(["", rng.choice(WORDS), text[at:end] * 2]) + text[end:]
+    return text
+
+
+def test_mutated_specs_overrides_and_records_are_answered(tmp_path):
+    rng, known, path = random.Random(5), 0, tmp_path / "mutated.toml"  # noqa: S311 - a fixed sample, no secret
+    record = tmp_path / "record.csv"
+    for _ in range(TRIES or 200):
+        path.write_text(mutated(rng, BASE), encoding="utf-8", errors="surrogateescape")
+        sets = [mutated(rng, rng.choice(["b=40", "sweep.B_VE=[1, 2]", "sweep.b.num=3", "controller.kind=pmw"]))]
+        record.write_text(mutated(rng, "time_s,force_N\n0.0,1.0\n0.001,2.0\n0.002,-1e3\n"), encoding="utf-8")
+        tries = (partial(load, path), partial(load, {"controller": {"kind": "dc"}}, sets), partial(read_force, record, 1e3))
+        for attempt in tries:
+            with suppress(UsageError):
+                attempt()
+                known += 1
+    assert known  # not all of them are refused
+
+
+NUMBERS = [0.0, 5e-324, 1e-308, 1e-100, 1e-12, 1e-3, 0.1, 1.0, 7.0, 25.0, 500.0, 1e6, 1e12, 1e100, 1e200, 1e308]
+
+
+def extreme(rng):
+    """A spec with extreme values that are valid one by one."""
+    chosen = [key for key in rng.sample(list(KEYS.values()), rng.randint(1, 5)) if key.type == "number"]
+    values = {key.path: rng.choice(NUMBERS) for key in chosen}
+    values |= {path: rng.choice([1, 2, 3, 20, 1000]) for path in ("rates.ratio",) if rng.random() < 0.3}
+    values = {path: value for path, value in values.items() if not path.endswith(("band_hz", "band_db", "slow_hz"))}
+    lines = [f"{path} = {value!r}" for path, value in values.items()]
+    lines += [f'controller.kind = "{rng.choice(["dc", "dc-slow", "dc-lm", "pmw", "pmw-lm"])}"']
+    if rng.random() < 0.3:
+        lines += ['device.velocity = "difference"'] * ("device.velocity" not in values)
+    along, stop = rng.choice(["K_VE", "B_VE", "b", "device.mass", "device.damping"]), rng.choice([10.0, 1e5, 1e100, 1e308])
+    lines += [f'sweep.along = "{along}"', f'sweep."{along}" = {{ start = {rng.choice([1e-3, 1.0])}, stop = {stop} }}']
+    other = rng.choice([name for name in ("B_VE", "Kp", "b", "device.damping") if name != along])
+    lines += [f'sweep."{other}" = [{rng.choice(NUMBERS[1:])!r}, {rng.choice(NUMBERS[1:])!r}]']
+    lines += [f"bode.frequency_hz = [{rng.choice([0, 1e-9, 0.1, 10.0, 50.0])}, {rng.choice([1.0, 25.0, 100.0])}]"]
+    kind = rng.choice(["sine", "chirp", "step", "pulse", "noise"])
+    lines += [f'simulate.input = "{kind}"', f"simulate.duration_s = {rng.choice([0.0, 0.001, 0.3])}"]
+    lines += [f"simulate.amplitude = {rng.choice([0.0, 1.0, 1e300])}", f"simulate.settle_s = {rng.choice([0.0, 2.0, 1e308])}"]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.slow
+def test_whole_commands_with_extreme_numbers_say_a_clear_line(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    rng, codes, wrong = random.Random(8), [], []  # noqa: S311 - a fixed sample, no secret
+    for n in range(TRIES // 10 or 6):
+        text = extreme(rng)
+        tomllib.loads(text)
+        (tmp_path / "extreme.toml").write_text(text)
+        command = ["zwidth", "stability-region", "bode", "passivity", "simulate", "check"][n % 6]
+        more = [] if command == "check" else ["--out", "out", "--jobs", "1", "--force", *(["--no-plot"] if n % 4 else [])]
+        with warnings.catch_warnings():
+            warnings.simplefilter("default")  # as at a user's terminal, and not errors as in the tests
+            codes.append(main([command, "extreme.toml", *more]))
+        said = capfd.readouterr()
+        case = f"{command}\n{text}\n{said.err}"
+        clear = not any(word in said.err for word in ("Traceback", "a fault of wavesweep", "Warning"))
+        inside = {file.name for file in tmp_path.iterdir()} <= {"extreme.toml", "out"}
+        if not (codes[-1] in (0, 1, 2) and clear and inside):
+            wrong.append(case)
+        shutil.rmtree(tmp_path / "out", ignore_errors=True)
+    assert 0 in codes
+    assert not wrong, f"{len(wrong)} of {len(codes)}:\n" + "\n".join(wrong)

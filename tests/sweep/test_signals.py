@@ -1,0 +1,221 @@
+"""Signals to a run, to its workers and to all of them: an exit code, at most one line, and nobody left behind.
+
+WAVESWEEP_SIGNALS=200 in the environment asks for so many random tries on every backend instead of the sample.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wavesweep.sweep.workers import BACKENDS, EXTRAS
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="finds the processes of a run in /proc"),
+]
+TRIES = int(os.environ.get("WAVESWEEP_SIGNALS", "0"))
+SPEC = """
+[environment]
+integration = "explicit"
+[controller]
+kind = "pmw"
+[sweep]
+K_VE = { start = 0, stop = 20000 }
+b = { start = 5, stop = 100, num = 500 }
+B_VE = { start = 0, stop = 15, num = 241 }
+"""
+# Whoever runs the tests may have switched Ctrl-C off for its children.
+PROGRAM = """
+import signal, sys
+from wavesweep.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.exit(main())
+"""
+SECONDS = 5  # in which everything has to end
+STOPPED = {signal.SIGINT: "Interrupted.", signal.SIGTERM: "Terminated.", signal.SIGHUP: "Hung up."}
+
+
+@dataclass
+class Run:
+    """A run in a process group of its own, and the mark by which its processes are known."""
+
+    process: subprocess.Popen
+    mark: str
+
+    def alive(self):
+        """Ids of all processes that the run has started and that still live, its own among them."""
+        found = []
+        for folder in Path("/proc").glob("[0-9]*"):
+            try:
+                if self.mark.encode() in (folder / "environ").read_bytes() and "Z" not in _state(folder):
+                    found.append(int(folder.name))
+            except OSError:
+                continue
+        return found
+
+    def workers(self):
+        """Ids of the worker processes."""
+        found = []
+        for pid in self.alive():
+            try:
+                said = Path(f"/proc/{pid}/cmdline").read_bytes()
+            except OSError:
+                continue
+            if pid != self.process.pid and (b"LokyProcess" in said or b"ray::" in said or b"default_worker" in said):
+                found.append(pid)
+        return found
+
+    def finish(self):
+        """Exit code and what was said; everything has to be gone soon, so that nobody holds the pipe."""
+        said = self.process.communicate(timeout=60)[1]
+        patience = time.monotonic() + SECONDS
+        while left := self.alive():
+            assert time.monotonic() < patience, f"still there: {left}"
+            time.sleep(0.05)
+        return self.process.returncode, said
+
+
+def _state(folder):
+    return (folder / "stat").read_text().rpartition(")")[2].split()[0]
+
+
+@pytest.fixture(scope="module")
+def start(tmp_path_factory):
+    """Start a run with these options in a folder."""
+    home = tmp_path_factory.mktemp("spec")
+    (home / "wall.toml").write_text(SPEC)
+    number = iter(range(10**6))
+
+    def begin(out, *options):
+        mark = f"WAVESWEEP_TEST_RUN={home}-{next(number)}-"
+        arguments = [sys.executable, "-c", PROGRAM, "zwidth", "wall.toml", "--no-plot", "--out", str(out), *options]
+        name, _, value = mark.partition("=")
+        process = subprocess.Popen(
+            arguments, cwd=home, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+            env=os.environ | {name: value},
+        )  # fmt: skip
+        return Run(process, mark)
+
+    return begin
+
+
+@pytest.fixture(scope="module")
+def undisturbed(start, tmp_path_factory):
+    """The table of a run that nobody disturbed."""
+    out = tmp_path_factory.mktemp("whole")
+    assert start(out, "--jobs", "1").finish()[0] == 0
+    return (out / "zwidth.csv").read_bytes()
+
+
+def wait_for(condition):
+    patience = time.monotonic() + 30
+    while not condition():
+        assert time.monotonic() < patience, "did not happen in 30 s"
+        time.sleep(0.02)
+
+
+LOKY = ("--jobs", "2", "--backend", "loky")
+
+
+@pytest.mark.parametrize("moment", ["while the workers start", *(["at work"] if TRIES else [])])
+def test_nobody_outlives_a_run_that_is_killed(start, tmp_path, moment):
+    run = start(tmp_path / "out", *LOKY)
+    wait_for(run.workers)
+    if moment == "at work":
+        wait_for(lambda: list(tmp_path.glob("out/.zwidth.parts/**/*.records")))
+    run.process.kill()
+    assert run.finish() == (-signal.SIGKILL, "")
+
+
+def test_a_worker_that_is_killed_is_an_error_at_once(start, tmp_path):
+    run = start(tmp_path / "out", *LOKY)
+    wait_for(lambda: list(tmp_path.glob("out/.zwidth.parts/**/*.records")))
+    killed = time.monotonic()
+    os.kill(run.workers()[0], signal.SIGKILL)
+    code, said = run.finish()
+    assert time.monotonic() - killed < SECONDS
+    assert code == 1
+    assert said.startswith("Error: a worker process died (killed, or out of memory)")
+    assert "the same command goes on from there" in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, *([signal.SIGTERM] if TRIES else [])], ids=lambda n: n.name)
+def test_a_second_signal_ends_the_run_at_once_and_without_a_traceback(start, tmp_path, number):
+    run = start(tmp_path / "out", *LOKY)
+    wait_for(lambda: list(tmp_path.glob("out/.zwidth.parts/**/*.records")))
+    for _ in range(3):
+        os.killpg(run.process.pid, number)
+        time.sleep(0.01)
+    code, said = run.finish()
+    assert code == 128 + number
+    assert "Traceback" not in said
+    assert all(line.startswith(STOPPED[number]) for line in said.split("\n") if line)
+
+
+def test_a_hangup_that_is_ignored_stays_so(tmp_path):
+    program = "import os, signal\nfrom wavesweep.cli import entry\nsignal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup\n"
+    program += "with entry._signals_unwind(False):\n    os.kill(os.getpid(), signal.SIGHUP)\nprint('there')"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert run.stdout == "there\n"
+
+
+def test_a_signal_that_arrives_while_an_object_is_finalised_is_not_lost(tmp_path):
+    program = "import os, signal, time\nfrom wavesweep.cli import entry\n"
+    program += "class Last:\n    def __del__(self): os.kill(os.getpid(), signal.SIGTERM); time.sleep(0.1)\n"
+    program += "try:\n    with entry._signals_unwind(True):\n        Last()\n        time.sleep(5)\n        print('lost')\n"
+    program += "except entry.Stopped as error:\n    print(error.exit_code)"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert (run.stdout, run.stderr) == ("143\n", "")
+
+
+def offered():
+    """The backends that work on this machine without a cluster of its own."""
+    from importlib.util import find_spec
+
+    return [name for name in BACKENDS if name != "dask" and (name not in EXTRAS or find_spec(EXTRAS[name]))]
+
+
+@pytest.mark.skipif(not TRIES, reason="long: WAVESWEEP_SIGNALS=200 asks for it")
+@pytest.mark.parametrize("backend", offered())
+def test_random_signals(start, tmp_path, undisturbed, backend):
+    rng = np.random.default_rng(11)
+    numbers = [signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGSTOP]
+    for n in range(TRIES):
+        out, whom = tmp_path / f"out{n}", ["parent", "worker", "all"][rng.integers(3)]
+        number, moment, twice = numbers[rng.integers(5)], 0.3 + 3 * rng.random(), rng.random() < 0.3
+        run = start(out, "--jobs", "2", "--backend", backend)
+        time.sleep(moment)
+        for _ in range(1 + twice):
+            for pid in {"parent": [run.process.pid], "worker": run.workers()[:1], "all": run.alive()}[whom]:
+                try:
+                    os.kill(pid, number)
+                except ProcessLookupError:
+                    continue
+            time.sleep(0.02)
+        if number == signal.SIGSTOP:
+            time.sleep(1)
+            for pid in run.alive():
+                os.kill(pid, signal.SIGCONT)
+        code, said = run.finish()
+        case = (backend, n, whom, number.name, moment, twice, code, said)
+        if code == -number and not out.exists():
+            continue  # Python was still starting, and nothing had begun
+        if code == -number and number != signal.SIGKILL:  # Python was ending already
+            assert (out / "zwidth.csv").read_bytes() == undisturbed, case
+            continue
+        assert "Traceback" not in said, case
+        assert code in (0, 1, 129, 130, 143, -9), case
+        assert "fault of wavesweep" not in said, case
+        if code == 0:
+            assert (out / "zwidth.csv").read_bytes() == undisturbed, case
+        else:
+            assert start(out, "--jobs", "1").finish()[0] == 0, case
+            assert (out / "zwidth.csv").read_bytes() == undisturbed, case
