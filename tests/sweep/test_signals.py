@@ -129,14 +129,14 @@ def test_nobody_outlives_a_run_that_is_killed(start, tmp_path, moment):
     run = start(tmp_path / "out", *LOKY)
     wait_for(run.workers)
     if moment == "at work":
-        wait_for(lambda: list(tmp_path.glob("out/.zwidth.parts/**/*.records")))
+        wait_for(lambda: list(tmp_path.glob("out/.zwidth-*.parts/**/*.records")))
     run.process.kill()
     assert run.finish() == (-signal.SIGKILL, "")
 
 
 def test_a_worker_that_is_killed_is_an_error_at_once(start, tmp_path):
     run = start(tmp_path / "out", *LOKY)
-    wait_for(lambda: list(tmp_path.glob("out/.zwidth.parts/**/*.records")))
+    wait_for(lambda: list(tmp_path.glob("out/.zwidth-*.parts/**/*.records")))
     killed = time.monotonic()
     os.kill(run.workers()[0], signal.SIGKILL)
     code, said = run.finish()
@@ -150,7 +150,7 @@ def test_a_worker_that_is_killed_is_an_error_at_once(start, tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, *([signal.SIGTERM] if TRIES else [])], ids=lambda n: n.name)
 def test_a_second_signal_ends_the_run_at_once_and_without_a_traceback(start, tmp_path, number):
     run = start(tmp_path / "out", *LOKY)
-    wait_for(lambda: list(tmp_path.glob("out/.zwidth.parts/**/*.records")))
+    wait_for(lambda: list(tmp_path.glob("out/.zwidth-*.parts/**/*.records")))
     for _ in range(3):
         os.killpg(run.process.pid, number)
         time.sleep(0.01)
