@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.layout import Layout, axes_of, lay_out
+from wavesweep.plots.layout import Layout, axes_of, best_of, best_row, is_logarithmic, lay_out
 from wavesweep.plots.planes import (
     FELT_LINE,
     draw_felt,
@@ -84,7 +84,7 @@ class Picture:
 
     def add(self, columns: Columns) -> None:
         """Look for the best design in a block (its columns by name), and keep it if it fits."""
-        self._best = best_of([self._best, _best_row(columns)])
+        self._best = best_of([self._best, best_row(columns)])
         self._rows += len(columns["along"])
         self._kept = [*self._kept, columns] if self._rows <= _KEPT_ROWS else []
 
@@ -99,31 +99,6 @@ class Picture:
             parts.append({name: column[shown] for name, column in block.items()})
         rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         return _draw(rows, facts, layout, self._best)
-
-
-def _best_row(columns: Columns) -> dict[str, Any]:
-    """The row with the largest stable value or, of walls, with the largest stiffness felt; empty if none is stable."""
-    rows = columns["intervals"] > 0
-    if (rows & columns["certified"]).any():
-        rows = rows & columns["certified"]
-    if not rows.any():
-        return {}
-    merit = np.where(rows, _merit(columns), -np.inf)
-    row = int(np.nanargmax(merit))
-    return {name: column[row] for name, column in columns.items()} | {"merit": merit[row]}
-
-
-def _merit(columns: Columns) -> np.ndarray:
-    felt = columns.get("felt_high")
-    if felt is None or str(columns["along"][0]) != "K_VE":
-        return columns["high"]
-    return np.where(np.isnan(felt), -np.inf, felt)
-
-
-def best_of(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The best of some rows; certified ones come first."""
-    known = [row for row in found if row]
-    return dict(max(known, key=lambda row: (bool(row["certified"]), row["merit"]))) if known else {}
 
 
 def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapping[str, Any]) -> Any:
@@ -197,7 +172,7 @@ def _draw_panel(axes: Any, columns: Columns, facts: Mapping[str, Any], layout: L
     if layout.x is None:
         draw_bars(axes, members, names, [look.colour for look in looks] if "hand" in columns else ())
         return
-    logarithmic = _logarithmic(columns[layout.x])
+    logarithmic = is_logarithmic(columns[layout.x])
     if logarithmic:
         axes.set_xscale("log")
     view = view_of(layout.x, logarithmic, *inches)
@@ -239,14 +214,6 @@ def _limit(axes: Any, columns: Columns, bars: bool) -> None:
 def _rows_where(columns: Columns, axis: str | None, value: float) -> dict[str, np.ndarray]:
     chosen = slice(None) if axis is None else columns[axis] == value
     return {name: column[chosen] for name, column in columns.items()}
-
-
-def _logarithmic(values: np.ndarray) -> bool:
-    """Whether an axis is spaced by a constant factor, so that its scale is logarithmic."""
-    steps = np.unique(values)
-    if len(steps) < 4 or steps[0] <= 0:
-        return False
-    return bool(np.ptp(np.diff(np.log(steps))) < 1e-6 * np.log(steps[-1] / steps[0]))
 
 
 def _name_axes(canvas: Any, columns: Columns, layout: Layout, assumed: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -100,3 +101,36 @@ def evenly(
             inner = np.arange(1, most - 1)
             chosen[inner[np.argmin(np.abs(chosen[inner] - at))]] = at
     return tuple(values[chosen].tolist())
+
+
+def best_row(columns: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """The row with the largest stable value or, of walls, with the largest stiffness felt; empty if none is stable."""
+    rows = columns["intervals"] > 0
+    if (rows & columns["certified"]).any():
+        rows = rows & columns["certified"]
+    if not rows.any():
+        return {}
+    merit = np.where(rows, _merit(columns), -np.inf)
+    row = int(np.nanargmax(merit))
+    return {name: column[row] for name, column in columns.items()} | {"merit": merit[row]}
+
+
+def _merit(columns: Mapping[str, np.ndarray]) -> np.ndarray:
+    felt = columns.get("felt_high")
+    if felt is None or str(columns["along"][0]) != "K_VE":
+        return columns["high"]
+    return np.where(np.isnan(felt), -np.inf, felt)
+
+
+def best_of(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The best of some rows; certified ones come first."""
+    known = [row for row in found if row]
+    return dict(max(known, key=lambda row: (bool(row["certified"]), row["merit"]))) if known else {}
+
+
+def is_logarithmic(values: np.ndarray) -> bool:
+    """Whether an axis is spaced by a constant factor, so that its scale is logarithmic."""
+    steps = np.unique(values)
+    if len(steps) < 4 or steps[0] <= 0:
+        return False
+    return bool(np.ptp(np.diff(np.log(steps))) < 1e-6 * np.log(steps[-1] / steps[0]))
