@@ -101,6 +101,8 @@ def _from_list(label: str, name: str, key: Key, leaf: Leaf) -> tuple[Axis | None
     values, mistakes = [], []
     for index, item in enumerate(leaf.value):
         if len(mistakes) == MOST_MISTAKES:
+            rest = f"so many wrong ones that the {len(leaf.value) - index} values from [{index}] on were not looked at"
+            mistakes.append(leaf.mistake(label, "numbers of this axis", rest))
             break
         try:
             values.append(check(key, item))
