@@ -205,9 +205,12 @@ def _key(name):
 def _figure(kind, table, spec, swept=None):
     """The figure of a DataFrame. swept: the axes of the call in place of those of the spec."""
     from wavesweep.plots import figure_of
+    from wavesweep.sweep.assumptions import assumes
 
     tables = spec.tables() | ({"sweep": swept} if swept else {})
-    return figure_of(kind)({name: table[name].to_numpy() for name in table}, {"spec": tables, "spec_name": spec.name})
+    varied = [key.path for name in (*table, *(swept or ())) if (key := find_key(name)) is not None]
+    facts = {"spec": tables, "spec_name": spec.name, "assumes": assumes(spec, varied)}
+    return figure_of(kind)({name: table[name].to_numpy() for name in table}, facts)
 
 
 def _frame(kind, columns):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from textwrap import fill
 from typing import Any
 
 import numpy as np
 
 from wavesweep.plots.responses import bode
-from wavesweep.plots.style import DOUBTFUL, TWO_COLUMNS, distinct_colour, figure, label, symbol
+from wavesweep.plots.style import DOUBTFUL, TWO_COLUMNS, distinct_colour, figure, label, note_assumptions, symbol
 
 Columns = Mapping[str, np.ndarray]
 _WALLS = ((("high", "low"), f"ends of stable {symbol('K_VE')} (N/m)"), (("felt_high", "felt_low"), "felt there (N/m)"))
@@ -41,9 +40,7 @@ def compare(columns: Columns, facts: Mapping[str, Any], responses: Columns | Non
             axes.grid(visible=True, color="0.9", linewidth=0.5)
         canvas.align_ylabels()
         canvas.legend(*_handles(specs), loc="outside lower center", ncols=min(4, len(specs) + 2))
-        if assumes := facts.get("assumes"):
-            lines = [fill(line, 160) for line in f"assumes: {assumes}".splitlines()]
-            canvas.suptitle("\n".join(lines), fontsize=5.5, color="0.3")
+        note_assumptions(canvas, facts)
     return canvas
 
 

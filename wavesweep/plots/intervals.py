@@ -237,7 +237,8 @@ def _assumed(facts: Mapping[str, Any], columns: Columns) -> str:
     words = [str(tables["controller"]["kind"]), f"{tables['environment']['integration']} wall"]
     if "environment.delay" not in columns:
         words.append("no delay" if delay == 0 else f"delay {delay} tick{'' if delay == 1 else 's'}")
-    return ", ".join([*words, f"{tables['device']['velocity']} velocity"])
+    kind = ["the defaults, kinder than usual engines"] if "default" in str(facts.get("assumes", "")) else []
+    return ", ".join([*words, f"{tables['device']['velocity']} velocity", *kind])
 
 
 def _entries(columns: Columns, layout: Layout, best: Mapping[str, Any], own: tuple[list, list]) -> list[Any]:

@@ -26,7 +26,6 @@ def passivity(columns: Columns, facts: Mapping[str, Any]) -> Any:
 
     If an axis has many values, they are lines over it, a family for the next axis; otherwise each combination is a dot.
     """
-    del facts
     axes = {name: tuple(np.unique(columns[name]).tolist()) for name in list(columns)[: list(columns).index("channel_norm")]}
     several = {name: values for name, values in axes.items() if len(values) > 1}
     x = along_the_figure(several)
@@ -34,10 +33,11 @@ def passivity(columns: Columns, facts: Mapping[str, Any]) -> Any:
     # A margin that is below 0 by rounding alone counts as 0, by the verdict of the table.
     margin = np.where(columns["port_passive"], np.fmax(columns["port_margin"], 0.0), columns["port_margin"])
     columns = {**columns, "port_margin": 1e3 * margin}
-    return _draw_dots(columns, several) if x is None else _draw_lines(columns, several, x, rest)
+    said = f"Assumes: {facts['assumes']}." if facts.get("assumes") else ""
+    return _draw_dots(columns, several, said) if x is None else _draw_lines(columns, several, x, rest, said)
 
 
-def _draw_lines(columns: Columns, several: Mapping[str, tuple], x: str, rest: list[str]) -> Any:
+def _draw_lines(columns: Columns, several: Mapping[str, tuple], x: str, rest: list[str], said: str) -> Any:
     family, held = (rest[0] if rest else None), {name: several[name][len(several[name]) // 2] for name in rest[1:]}
     members = evenly(several, family, MOST_MEMBERS)
     shown = {x: evenly(several, x, MOST_POINTS), **({family: members} if family else {}), **{n: (v,) for n, v in held.items()}}
@@ -55,11 +55,11 @@ def _draw_lines(columns: Columns, several: Mapping[str, tuple], x: str, rest: li
             panel.set_xlim(columns[x].min(), columns[x].max())
         _finish(channel.yaxis, port.yaxis, (channel, port), columns)
         _legend(canvas, port)
-        _note(canvas, label(x), _left_out(several, shown))
+        _note(canvas, label(x), _left_out(several, shown), said)
     return canvas
 
 
-def _draw_dots(columns: Columns, several: Mapping[str, tuple]) -> Any:
+def _draw_dots(columns: Columns, several: Mapping[str, tuple], said: str) -> Any:
     rows = len(columns["channel_norm"])
     # Axes that have one value, or that are not read, repeat nothing here: a row is a dot.
     chosen = np.linspace(0, rows - 1, min(rows, 2 * MOST_BARS)).round().astype(int)
@@ -79,7 +79,7 @@ def _draw_dots(columns: Columns, several: Mapping[str, tuple]) -> Any:
         channel.set_ylim(len(chosen) - 0.4, -0.6)
         _finish(channel.xaxis, port.xaxis, (channel, port), columns)
         _legend(canvas, port)
-        _note(canvas, "", note)
+        _note(canvas, "", note, said)
     return canvas
 
 
@@ -141,8 +141,8 @@ def _left_out(several: Mapping[str, tuple], shown: Mapping[str, tuple]) -> str:
     return f"Shown: {'; '.join(parts)}." if parts else ""
 
 
-def _note(canvas: Any, axis: str, note: str) -> None:
-    lines = [line for line in (axis, *wrap(note, _NOTE)) if line]
+def _note(canvas: Any, axis: str, *notes: str) -> None:
+    lines = [line for line in (axis, *(line for note in notes for line in wrap(note, _NOTE))) if line]
     if lines:
         canvas.supxlabel("\n".join(lines), fontsize=8)
 

@@ -19,6 +19,7 @@ from wavesweep.plots.style import (
     figure,
     fitting,
     label,
+    note_assumptions,
     valued,
 )
 
@@ -53,7 +54,6 @@ def bode(columns: Columns, facts: Mapping[str, Any]) -> Any:
     interrupted at the jumps. The static limit (0 Hz) is a mark at the left edge. One frequency is drawn over the axis that
     varies. More than a dozen curves have a scale of colours.
     """
-    del facts
     x = _axis_of(columns)
     columns = {**columns, "admittance_abs": 1e3 * columns["admittance_abs"]}
     curves, scale = _curves(columns, x)
@@ -70,8 +70,7 @@ def bode(columns: Columns, facts: Mapping[str, Any]) -> Any:
         if x == "frequency_hz":
             _add_normalised_frequency(grid[0], columns)
         canvas.align_ylabels()
-        if x != "frequency_hz":
-            canvas.suptitle(f"at {columns['frequency_hz'][0]:g} Hz", fontsize=8)
+        note_assumptions(canvas, facts, "" if x == "frequency_hz" else f"at {columns['frequency_hz'][0]:g} Hz")
         if scale is not None:
             canvas.colorbar(scale[1], ax=grid, label=label(scale[0]), aspect=40, pad=0.01)
         handles, labels = grid[0, 0].get_legend_handles_labels()

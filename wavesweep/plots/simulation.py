@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import DOUBTFUL, IDEAL, LINES, TWO_COLUMNS, distinct_colour, figure
+from wavesweep.plots.style import DOUBTFUL, IDEAL, LINES, TWO_COLUMNS, distinct_colour, figure, note_assumptions
 
 _MOST_POINTS = 1600  # of a line: more than it has pixels along
 _DETAIL_FRAMES = 40
@@ -38,8 +38,8 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
             grid[0, 1].set_title("the shaded stretch in detail")
         for row in grid:
             _legend(row[-1])
-        if said := _unstable(facts):
-            canvas.suptitle(said, color=DOUBTFUL)
+        said = _unstable(facts)
+        note_assumptions(canvas, facts, said, DOUBTFUL if said else "0.3")
         canvas.align_ylabels()
     return canvas
 

@@ -189,6 +189,20 @@ def distinct_colour(index: int) -> str:
     return _DISTINCT[index % len(_DISTINCT)]
 
 
+def note_assumptions(canvas: Any, facts: Mapping[str, Any], above: str = "", colour: str = "0.3") -> None:
+    """Write above the panels, in small letters, which wall, delay and velocity a figure is for.
+
+    facts: of the run; those without `assumes` say nothing. above: a line of usual size before it.
+    """
+    from textwrap import fill
+
+    lines = [fill(line, 165) for line in f"assumes: {facts['assumes']}".splitlines()] if facts.get("assumes") else []
+    if above and not lines:
+        canvas.suptitle(above, fontsize=8, color=colour)
+    elif lines:
+        canvas.suptitle("\n".join([above, *lines] if above else lines), fontsize=7 if above else 5.5, color=colour)
+
+
 def fitting(texts: Sequence[str], width: float) -> int:
     """How many columns a legend with these texts has room for in `width` inches."""
     import re
