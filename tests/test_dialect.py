@@ -53,6 +53,7 @@ def private(text):
     return [match.group() for word in PRIVATE for match in re.finditer(rf"\b{word}\b", text, re.IGNORECASE)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_nouns_and_conditions_are_those_of_plain_english(folder):
     found = rates([text for _, text in docstrings(folder)])
@@ -61,6 +62,7 @@ def test_nouns_and_conditions_are_those_of_plain_english(folder):
     assert folder in (".", "paper/statements") or found["if"] >= LEAST_IF
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_docstrings_have_no_private_words(folder):
     assert {place: words for place, text in docstrings(folder) if (words := private(text))} == {}
@@ -77,12 +79,14 @@ def test_the_measures_see_the_words():
     assert rates(["What it is, if it is."]) == {"what": sixth, "where": 0, "how": 0, "if": sixth}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_a_docstring_begins_with_a_sentence_of_its_own(folder):
     summaries = {place: text.split("\n\n")[0] for place, text in docstrings(folder)}
     assert [place for place, summary in summaries.items() if not summary.endswith((".", ":"))] == []
 
 
+@pytest.mark.slow
 def test_modules_and_public_names_have_docstrings():
     bare = []
     for source in PACKAGE.rglob("*.py"):

@@ -51,6 +51,7 @@ def test_the_verdict_in_the_readme_is_the_programs(monkeypatch, capfd):
     assert capfd.readouterr().out.startswith("".join(line.removeprefix("    ") for line in lines))
 
 
+@pytest.mark.slow
 def test_every_key_of_the_summaries_is_in_the_readme(monkeypatch, capfd, tmp_path):
     """Those of all commands with tables over one small spec."""
     monkeypatch.chdir(tmp_path)

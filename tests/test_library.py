@@ -37,6 +37,7 @@ def test_hands_are_an_option():
     assert set(table["hand"]) == {"free", "passive"}
 
 
+@pytest.mark.slow
 def test_the_other_commands_have_a_call_each():
     assert set(wavesweep.bode(SPEC)["frequency_hz"]) == {0.0, 1.0}
     assert wavesweep.passivity(SPEC, jobs=1)["damping_needed"].isna().all()

@@ -65,6 +65,7 @@ def same(tables):
     assert one.equals(other)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drifting", [True, False])
 def test_intervals_and_their_frequencies_are_the_same(pair, drifting):
     a, b = loops(pair if drifting else held(pair))
@@ -73,6 +74,7 @@ def test_intervals_and_their_frequencies_are_the_same(pair, drifting):
     same([loop.stable_intervals(along="device.damping", span=(0, 20)) for loop in (a, b)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drifting", [True, False])
 def test_radius_response_and_passivity_are_the_same(pair, drifting):
     a, b = loops(pair if drifting else held(pair))
@@ -82,6 +84,7 @@ def test_radius_response_and_passivity_are_the_same(pair, drifting):
     same([loop.passivity() for loop in (a, b)])
 
 
+@pytest.mark.slow
 def test_what_check_says_is_the_same(pair):
     specs = [wavesweep.load(tables) for tables in pair]
     diagram = draw(specs[0].values)

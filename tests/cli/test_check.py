@@ -78,6 +78,7 @@ def test_a_loop_without_waves_and_slow_environment_has_fewer_lines(check):
     assert "  felt at low frequency: 500 N/m and " in out
 
 
+@pytest.mark.slow
 def test_json_holds_the_verdict_and_the_plan(check):
     found = json.loads(check(flags=["--json"]))
     assert (found["command"], found["specs"]) == ("check", ["mine"])

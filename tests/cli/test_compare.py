@@ -132,6 +132,7 @@ def test_equal_names_are_refused(compare):
     assert "two specs are called waves" in err
 
 
+@pytest.mark.slow
 def test_the_lines_of_the_figure_go_through_the_ends_and_bridge_no_gap(compare, monkeypatch):
     """Read back from the axes: each upper end is a vertex, and no line joins samples with different numbers of intervals."""
     from wavesweep.plots import comparison

@@ -136,6 +136,7 @@ def test_the_columns_of_hands_have_units():
     assert all(field.description for field in fields.values())
 
 
+@pytest.mark.slow
 def test_results_for_other_hands_are_replaced_with_force_only(wavesweep, held):
     passive = ["zwidth", held, "--no-plot", "--hand", "passive"]
     for first, then in ((passive[:3], passive), (passive, passive[:3]), (passive, [*passive, "--passive"])):

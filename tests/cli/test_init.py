@@ -52,6 +52,7 @@ def test_the_spec_loads_and_has_a_sweep(kind, device, written):
     assert (along.stop, [axis.name for axis in others]) == (5000, ["B_VE", *(["b"] if kind.startswith("pmw") else [])])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("device", [None, "touch", "omega"])
 def test_a_comment_shows_the_value_that_the_spec_has_anyway(kind, device, written):

@@ -52,6 +52,7 @@ def loop(**overrides):
     return {**load_paper("fig6").values, **overrides}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("local_delay", [0, 1])
 @pytest.mark.parametrize("design", [IN_PLACE, BEHIND])
 @pytest.mark.parametrize(("order", "cutoff"), [(1, 10.0), (2, 5.0), (4, 80.0)])
@@ -153,6 +154,7 @@ def test_a_high_pass_in_lp2s_place_rings_with_a_delayed_local_model(banks):
     assert np.isnan(banks["low"][~banks["stable"]]).all()
 
 
+@pytest.mark.slow
 def test_the_page_says_which_loops_are_unstable(banks):
     text = bank_text(banks)
     assert (

@@ -139,6 +139,7 @@ DAMAGES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_every_kind_of_damage_is_named(folder, damage, capfd):
     damage(folder)

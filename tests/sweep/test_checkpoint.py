@@ -180,6 +180,7 @@ def hide_behind_a_folder(folder):
     (folder / "manifest.json").mkdir()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", [tear, flip_a_bit_of_the_manifest, nest, lose, hide_behind_a_folder])
 def test_a_damaged_manifest_costs_nothing_but_that_of_another_run_is_seen(stopped, long, mixed, damage):
     damage(stopped)

@@ -110,6 +110,7 @@ def test_the_walls_of_a_chunk_are_made_and_no_others(monkeypatch):
     assert made[0] <= 4096
 
 
+@pytest.mark.slow
 def test_more_combinations_than_can_be_computed_are_refused():
     million = {"start": 1.0, "stop": 2.0, "num": 10**6}
     with pytest.raises(UsageError, match=r"at most 1000000000 combinations, found .* = 1e\+24"):

@@ -20,6 +20,7 @@ def limit_of(found, name):
     return next(each for each in found["limits"] if each["name"] == name)
 
 
+@pytest.mark.slow
 def test_it_can_be_written_as_json():
     for kind in KINDS:
         json.dumps(verdict(values_of(kind)), allow_nan=False)

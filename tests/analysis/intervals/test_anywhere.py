@@ -52,6 +52,7 @@ def test_intervals_are_those_of_a_fine_scan(kind, axis):
     assert (stable == (margins(loop, axis, values) < 0))[away].all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axis", ["K_LM", "Kp", "b", "device.damping", "filters.lp1.cutoff_hz"])
 def test_the_loop_is_stable_just_inside_and_unstable_just_outside_of_every_end(axis):
     """A relative step of 1e-9, which is the accuracy that the documents promise."""

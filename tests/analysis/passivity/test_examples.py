@@ -7,6 +7,7 @@ from support.waves_through import run_back, run_out, worst_wave
 from wavesweep.analysis.passivity import channel_norm, filter_table, sufficient_order
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
 @pytest.mark.parametrize(("order", "cutoff_hz"), [(1, 10.0), (2, 30.0), (3, 60.0)])
 def test_a_marched_wave_gains_the_square_of_the_norm(values, kind, order, cutoff_hz):
@@ -20,6 +21,7 @@ def test_a_marched_wave_gains_the_square_of_the_norm(values, kind, order, cutoff
     assert gains[2] > 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tone_hz", [0.0, 7.0, 25.0, 50.0])
 def test_no_wave_gains_energy_where_the_norm_is_one(values, tone_hz):
     v = values("pmw", **{"filters.lp1.order": 8})

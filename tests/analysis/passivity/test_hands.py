@@ -61,6 +61,7 @@ def test_none_of_2000_hands_is_worse_on_random_loops(random_values, seed):
     assert worst_hand(v, box, by="damping").damping_ratio <= damping.min() + 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", LOOPS)
 def test_the_worst_hand_swings_up_or_down_when_it_is_marched(values, kind):
     v = loop_of(values, kind)

@@ -36,6 +36,7 @@ def test_100_random_loops_agree_with_a_scan(random_values, block):
             assert scan(v, theta)[0] == pytest.approx(found.margin, rel=1e-5, abs=1e-8 * found.mean), seed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(30))
 def test_the_response_by_aliases_is_that_of_the_lifted_system(random_values, seed):
     v = random_values(seed)
@@ -45,6 +46,7 @@ def test_the_response_by_aliases_is_that_of_the_lifted_system(random_values, see
     np.testing.assert_allclose(found, scan(v, theta), rtol=1e-8, atol=1e-9 * loop.mean[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [141, 143, 146, 152, 156, 158, 159])
 def test_the_response_next_to_rest_is_that_of_ball_arithmetic(random_values, seed):
     """From 1e-13 rad per frame on, where the position's pole takes all digits of a lifted system in doubles."""

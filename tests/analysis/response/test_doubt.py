@@ -39,6 +39,7 @@ def test_the_resonance_of_an_undamped_device_has_the_known_size():
     assert rows["admittance_abs"][0] == pytest.approx(0.0398228, abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("stiffness", [0.0, 100.0])
 @pytest.mark.parametrize("local", [0.0, 500.0])

@@ -25,6 +25,7 @@ def dense(values, frequency_hz):
     return np.array([np.linalg.svd(transfer(whole, np.exp(1j * a) - 1), compute_uv=False)[0] for a in angle])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(8))
 def test_random_loops_have_the_dense_gain(kind, seed):
@@ -34,6 +35,7 @@ def test_random_loops_have_the_dense_gain(kind, seed):
     np.testing.assert_allclose(gain(values, frequency), dense(values, frequency), rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("ratio", [32, 33, 100, 200])
 def test_long_frames_have_the_dense_gain(kind, ratio):
@@ -68,6 +70,7 @@ def test_a_drift_of_the_avatar_alone_does_not_move_a_hand_that_a_spring_holds(ch
     assert gain(values, [50.0])[0] == pytest.approx(around[3:].mean(), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("changes", [{}, {"delay": 7}, {"ratio": 80, "stiffness": 120.0}])
 def test_a_few_steps_prove_most_gains(kind, changes):

@@ -15,6 +15,7 @@ def static(values):
     return static_response(prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("changes", [{}, {"Kp": 20.0}, {"stiffness": 120.0}, {"Kp": 20.0, "stiffness": 120.0, "delay": 7}])
 def test_the_limit_is_that_of_50_digits(kind, changes):
@@ -24,6 +25,7 @@ def test_the_limit_is_that_of_50_digits(kind, changes):
     assert static(values) == pytest.approx(wanted, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
 @pytest.mark.parametrize("seed", range(10))
 def test_random_loops_hold_at_50_digits(kind, seed):

@@ -71,6 +71,7 @@ def test_a_conserved_combination_leaves_the_answer_whole(kind, changes):
     assert worst_error(values, multiples, exact.limit) < 1e-10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
 @pytest.mark.parametrize("changes", [{}, {"Kp": 20.0}, {"Kp": 20.0, "stiffness": 120.0}])
 def test_a_millihertz_keeps_nine_digits(kind, changes):
@@ -126,6 +127,7 @@ def test_without_feedback_delay_feels_like_compliance(order, aliased, delay):
     assert response(values, 1e-3)[0][0].real - 1 / 500 == pytest.approx(tau / 50, rel=aliased)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_marched_sine_settles_to_the_same_answer(kind):
     """`f_h[k] = cos(w k T)` at 5 Hz until the start has died out, then the component at w of a whole second.
@@ -143,6 +145,7 @@ def test_a_marched_sine_settles_to_the_same_answer(kind):
     assert abs(f_m / x - impedance[0]) <= 1e-8 * abs(f_m / x)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_frequencies_do_not_see_each_other(kind):
     """A request of many is that of each alone, to the digits that the choice of method may move."""

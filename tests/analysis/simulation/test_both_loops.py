@@ -45,6 +45,7 @@ def test_a_direct_wall_is_felt_inside_only(values, push, kind):
     assert np.all(seen["f_m"][~seen["touching"]] == 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integration", ["explicit", "implicit", "trapezoidal"])
 @pytest.mark.parametrize("delay", [0, 1, 20])
 @pytest.mark.parametrize("local_delay", [0, 1])
@@ -149,6 +150,7 @@ def test_the_channel_without_aliasing_makes_no_energy(values, push):
     np.testing.assert_allclose(energy.channel, energy.user - energy.slow, atol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("effects", [{}, {"resolution": 1e-5, "friction": 0.1}, {"max_force": 3.0}])
 def test_an_unstable_loop_stops_before_its_numbers_mean_nothing(values, kind, effects):

@@ -21,6 +21,7 @@ ENDS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "changes", "end", "gains"), ENDS)
 def test_decay_turns_into_growth_at_a_stability_limit(values, kind, changes, end, gains):
     """A part in a hundred thousand to either side of the limit is enough to tell."""
@@ -39,6 +40,7 @@ RADII = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "changes", "radius"), RADII)
 def test_the_rate_is_the_spectral_radius(values, kind, changes, radius):
     found = growth(values(kind, **changes))
@@ -66,6 +68,7 @@ def test_a_loop_that_overflows_within_a_frame_grows_without_bound(values):
     assert growth_rate(values("dc-lm", K_LM=1e9, ratio=400)) == np.inf
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(0, 200, 20))
 def test_growth_and_decay_in_time_agree_with_every_reported_end(seed):
     """A thousandth to either side of each end along K_VE, for a sample of random specs; support/growth.py takes any number."""
@@ -73,5 +76,6 @@ def test_growth_and_decay_in_time_agree_with_every_reported_end(seed):
     assert wrong == []
 
 
+@pytest.mark.slow
 def test_the_sample_has_ends_to_look_at():
     assert sum(disagreements(random_values(seed))[1] for seed in range(0, 80, 20)) > 0

@@ -84,6 +84,7 @@ def test_kp_transmits_the_walls_stiffness_at_rest(values):
     assert seen.x_s[-1] == pytest.approx(seen.x[-1], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_without_kp_the_filter_is_a_spring_in_series(values):
     """``1/K_VE + τ/(2b)``, τ the group delay of LP1 and of the hold; with order 6 almost nothing aliases."""
     seen = march(values("pmw", **{"lp1.order": 6, "environment.delay": 7}), 1.0, ticks=30_000)
