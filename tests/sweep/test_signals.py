@@ -36,6 +36,7 @@ PROGRAM = """
 import signal, sys
 from wavesweep.cli import main
 signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run under nohup
 sys.exit(main())
 """
 SECONDS = 5  # in which everything has to end
