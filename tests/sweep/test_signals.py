@@ -148,6 +148,42 @@ def test_a_worker_that_is_killed_is_an_error_at_once(start, tmp_path):
     assert said.count("\n") == 1
 
 
+def test_workers_that_are_killed_while_they_write_are_an_error_at_once(start, tmp_path):
+    run = start(tmp_path / "out", *LOKY)
+    wait_for(lambda: list(tmp_path.glob("out/.zwidth-*.parts/**/*.records")))
+    workers = run.workers()
+    run.process.send_signal(signal.SIGSTOP)  # nobody reads the results, which fill the pipe
+    time.sleep(1)
+    wait_for(lambda: all(_state(Path(f"/proc/{pid}")) == "S" for pid in workers))
+    for pid in workers:
+        os.kill(pid, signal.SIGKILL)
+    killed = time.monotonic()
+    run.process.send_signal(signal.SIGCONT)
+    code, said = run.finish()
+    assert time.monotonic() - killed < SECONDS
+    assert (code, said.count("\n")) == (1, 1)
+    assert said.startswith("Error: a worker process died (killed, or out of memory)")
+
+
+def test_workers_that_are_killed_while_tasks_wait_for_them_are_an_error_at_once():
+    program = """
+import multiprocessing, os, signal, time
+from wavesweep.errors import WavesweepError
+from wavesweep.sweep.workers import BACKENDS, Workers
+try:
+    with BACKENDS["loky"](Workers(2, "loky", None, "")) as pool:
+        waiting = [pool.submit(time.sleep, 60) for _ in range(2)] + [pool.submit(len, bytes(10**6)) for _ in range(8)]
+        time.sleep(1)
+        for process in multiprocessing.active_children():
+            os.kill(process.pid, signal.SIGKILL)
+        waiting[0].result()
+except WavesweepError:
+    print("died")
+"""
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=30)
+    assert (run.stdout, run.stderr) == ("died\n", "")
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, *([signal.SIGTERM] if TRIES else [])], ids=lambda n: n.name)
 def test_a_second_signal_ends_the_run_at_once_and_without_a_traceback(start, tmp_path, number):
     run = start(tmp_path / "out", *LOKY)

@@ -14,7 +14,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, ThreadPoolExecutor, wait
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
 
@@ -138,14 +138,37 @@ def _loky(workers):
             executor.submit(os.getpid)  # starts all workers
     except (ImportError, OSError) as error:  # no semaphores, no /dev/shm
         raise WavesweepError(f"no worker processes can be started here ({error}); --jobs 1 needs none") from error
+    processes = list(executor._processes.values())  # noqa: SLF001 - loky has no public name for them
+
+    def look():
+        # A worker that dies while it writes a result leaves half of it in the pipe, and loky waits for the rest for ever.
+        if any(process.exitcode for process in processes):
+            raise WavesweepError(DIED)
+
     try:
-        yield Pool(executor.submit, workers.count)
+        yield Pool(executor.submit, workers.count, look)
     except BaseException as error:
+        _unblock(executor, processes)
         with _manager_unsaid():
             executor.shutdown(kill_workers=True)
         if isinstance(error, BrokenExecutor):
             raise WavesweepError(DIED) from error
         raise
+
+
+def _unblock(executor, processes):
+    """End the workers, and the far ends of the pipes to them, so that no thread of this process waits there for ever.
+
+    One may read the rest of a result whose writer is dead, another write tasks into a full pipe that nobody empties. This
+    process holds the far ends of both too.
+    """
+    for process in processes:
+        if process.exitcode is None:
+            with suppress(OSError):
+                os.kill(process.pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+    for end in (executor._result_queue._writer, executor._call_queue._reader):  # noqa: SLF001 - no public names either
+        with suppress(OSError):
+            end.close()
 
 
 @contextmanager
