@@ -81,9 +81,9 @@ def integrator(name, period, method="explicit") -> Block:
     return _block(name, ("u",), ("y",), ("s",), [[0]], [[period]], [[1]], [[share]])
 
 
-def butterworth(name, period, order, cutoff_hz, pass_="low") -> Block:
+def butterworth(name, period, order, cutoff_hz, passes="low") -> Block:
     """Butterworth filter by the bilinear transform with prewarping, in normal form; `u` -> `y`."""
-    return sections(name, order, cutoff_hz, period, highpass=pass_ == "high")
+    return sections(name, order, cutoff_hz, period, highpass=passes == "high")
 
 
 def wave(name, period, b, gives="force") -> Block:

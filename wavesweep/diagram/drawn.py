@@ -106,20 +106,8 @@ def shifts(drawn: Drawn) -> list[dict[str, float]]:
         for source, each in drawn.sums.get(signal, {}).items():
             yield from traced(source, factor * float(np.ravel(each)[0].real))
 
-    rows = []
-    for block in blocks:
-        rows += [_row(block, block.E, block.B, i) for i in range(len(block.states))]
-        for port in block.inputs:
-            name = f"{block.name}.{port}"
-            rows.append([(name, 1.0), *((source, -value) for source, value in traced(name))])
     at = {name: index for index, name in enumerate(unknowns)}
-    A = np.zeros((len(rows), len(unknowns)))
-    for i, row in enumerate(rows):
-        gathered = {}
-        for name, value in row:
-            gathered.setdefault(name, []).append(value)
-        for name, parts in gathered.items():
-            A[i, at[name]] = _sum(parts)
+    A = np.array([_gathered(row, at) for row in _equations(blocks, traced)]).reshape(-1, len(unknowns))
     reduced, pivots = _eliminated(A)
     states = [at[f"{block.name}.{state}"] for block in blocks for state in block.states]
     free = [column for column in range(len(unknowns)) if column not in pivots]
@@ -133,6 +121,26 @@ def shifts(drawn: Drawn) -> list[dict[str, float]]:
         held[f"{name} held"] = sum((value * N[at[source]] for source, value in terms), np.zeros(len(free)))
     values = {unknowns[i]: N[i] for i in states} | held
     return _with_leads(values, [unknowns[i] for i in states])
+
+
+def _equations(blocks, traced):
+    """Yield (unknown, factor) pairs of each equation: the change of a state, or a port less the sum connected to it."""
+    for block in blocks:
+        yield from (_row(block, block.E, block.B, i) for i in range(len(block.states)))
+        for port in block.inputs:
+            name = f"{block.name}.{port}"
+            yield [(name, 1.0), *((source, -value) for source, value in traced(name))]
+
+
+def _gathered(row, at):
+    """The row of a matrix with the columns `at`, where terms that cancel leave an exact zero."""
+    terms = {}
+    for name, value in row:
+        terms.setdefault(name, []).append(value)
+    found = np.zeros(len(at))
+    for name, parts in terms.items():
+        found[at[name]] = _sum(parts)
+    return found
 
 
 def _with_leads(values, states):
