@@ -83,8 +83,8 @@ def respond_port(port: Port, frequency_hz) -> Response:
     """Admittance (m/N) and impedance (N/m) of the port, `(points,)`, with estimates of their relative errors.
 
     With the force z^k in tick k, the state at the start of a frame solves `(z^M - Phi) X = g`; Phi is the frame and g the trace
-    of the force in it. The answer is the displacement's component at the force's own frequency, over z - 1. The frame is begun at two
-    different ticks, and the error is the difference of the two answers and the bound of the solution.
+    of the force in it. The answer is the displacement's component at the force's own frequency, over z - 1. The frame is begun
+    at two different ticks, and the error is the difference of the two answers and the bound of the solution.
     Accuracy: as each number says; near multiples of the frame's rate, drifts other than a shift of positions cost digits.
     """
     frequency = np.atleast_1d(np.asarray(frequency_hz, float))
