@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.analysis.intervals import any_parameter
 from wavesweep.analysis.intervals.any_parameter import stable_along_any
 from wavesweep.analysis.intervals.panels import bracketed_roots
 from wavesweep.errors import UsageError
@@ -133,3 +134,12 @@ def test_roots_are_found_inside_their_brackets_to_rounding():
     found, valid = bracketed_roots(value, np.zeros(4), np.ones(4))
     assert valid.tolist() == [True, True, True, False]
     np.testing.assert_allclose(found[:3], roots[:3], rtol=1e-15, atol=1e-15)
+
+
+def test_the_critical_functions_of_a_matrix_alone_have_the_same_bits_as_among_others():
+    E = np.random.default_rng(4).normal(size=(40, 5, 5))
+    together = any_parameter._criticals(E)  # noqa: SLF001 - the ends are polished, and rarely show it
+    for column in range(40):
+        alone = any_parameter._criticals(E[column : column + 1])  # noqa: SLF001
+        for one, all_ in zip(alone, together, strict=True):
+            assert np.array_equal(np.asarray(one)[:, 0], np.asarray(all_)[:, column])
