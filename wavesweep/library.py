@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from wavesweep.errors import UsageError
 from wavesweep.spec import Spec, load
 
 if TYPE_CHECKING:
@@ -14,14 +15,22 @@ if TYPE_CHECKING:
 Source = Spec | str | Path | Mapping[str, Any]
 
 
-def frame(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any] | None = None) -> DataFrame:
-    """Columns of a table of that kind as a DataFrame; `.attrs` has the `units` of the columns, and `facts` if there are any."""
+def frame(
+    kind: str,
+    columns: Mapping[str, Any],
+    facts: Mapping[str, Any] | None = None,
+    tables: Mapping[str, Any] | None = None,
+) -> DataFrame:
+    """Columns of a table of that kind as a DataFrame; `.attrs` has the `units` of the columns, and `facts` if there are any.
+
+    tables: those of the spec, if there are no facts.
+    """
     import pandas
 
     from wavesweep.results import fields_of
 
     table = pandas.DataFrame(dict(columns))
-    table.attrs["units"] = {field.name: field.unit for field in fields_of(kind, columns)}
+    table.attrs["units"] = {field.name: field.unit for field in fields_of(kind, columns, facts or {"spec": tables or {}})}
     if facts is not None:
         table.attrs["facts"] = dict(facts)
     return table
@@ -98,11 +107,18 @@ def verdict(source: Source) -> dict[str, Any]:
     """The verdict of `wavesweep check` on the own design of `source`, as a dict; see `wavesweep.sweep.verdict`."""
     from wavesweep.sweep.verdict import verdict as found
 
-    return found(_spec(source))
+    return found(_with_controller("verdict", source))
 
 
 def _spec(source):
     return source if isinstance(source, Spec) else load(source)
+
+
+def _with_controller(name, source):
+    spec = _spec(source)
+    if spec.drawing:
+        raise UsageError(f"{name}: expected a loop with a [controller], found one that is drawn")
+    return spec
 
 
 def _framed(table):

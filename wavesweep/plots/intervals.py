@@ -59,12 +59,11 @@ class Picture:
 
     def draw(self, facts: Mapping[str, Any], path: Path) -> None:
         """Draw the figure as PNG."""
-        del facts
         rows = {name: np.concatenate([block[name] for block in self._kept]) for name in self._kept[0]}
-        _draw(rows, path, self._layout)
+        _draw(rows, path, self._layout, facts)
 
 
-def _draw(columns: Mapping[str, np.ndarray], path: Path, layout: Layout) -> None:
+def _draw(columns: Mapping[str, np.ndarray], path: Path, layout: Layout, facts: Mapping[str, Any]) -> None:
     panels = layout.panel_values or (np.nan,)
     across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) else 3
     rows = -(-len(panels) // across)
@@ -79,8 +78,8 @@ def _draw(columns: Mapping[str, np.ndarray], path: Path, layout: Layout) -> None
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
         _limit(grid[0, 0], columns, bars=layout.x is None)
-        _name_axes(canvas, columns, layout)
-        _add_legend(canvas, columns, layout)
+        _name_axes(canvas, columns, layout, facts)
+        _add_legend(canvas, columns, layout, facts)
 
 
 def _draw_panel(axes: Any, columns: Mapping[str, np.ndarray], layout: Layout) -> None:
@@ -124,18 +123,18 @@ def _logarithmic(values: np.ndarray) -> bool:
     return bool(np.ptp(np.diff(np.log(steps))) < 1e-6 * np.log(steps[-1] / steps[0]))
 
 
-def _name_axes(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) -> None:
-    along = label(str(columns["along"][0]))
+def _name_axes(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout, facts: Mapping[str, Any]) -> None:
+    along = label(str(columns["along"][0]), facts)
     bars = layout.x is None
     # The note is a further line of the label: the layout makes room for that, and for nothing that is placed by hand.
     note = wrap(layout.left_out, int(_LETTERS_PER_INCH * canvas.get_figwidth()))
-    canvas.supxlabel("\n".join([along if bars else label(layout.x), *note]), fontsize=8)
-    across = (label(layout.family) if layout.family else "") if bars else along
+    canvas.supxlabel("\n".join([along if bars else label(layout.x, facts), *note]), fontsize=8)
+    across = (label(layout.family, facts) if layout.family else "") if bars else along
     if across:
         canvas.supylabel(across, fontsize=8)
 
 
-def _add_legend(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) -> None:
+def _add_legend(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout, facts: Mapping[str, Any]) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -148,7 +147,7 @@ def _add_legend(canvas: Any, columns: Mapping[str, np.ndarray], layout: Layout) 
     if incomplete(columns).any():
         handles.append(Patch(**UNKNOWN, label="not known outside the intervals"))
     if handles:
-        title = label(layout.family) if layout.family is not None and len(handles) > 1 else None
+        title = label(layout.family, facts) if layout.family is not None and len(handles) > 1 else None
         across = 2 if "hand" in columns else 6
         place = {"loc": "outside upper center", "ncols": across, "columnspacing": 1.0, "handlelength": 1.3}
         canvas.legend(handles=handles, title=title, **place)

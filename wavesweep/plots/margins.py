@@ -27,18 +27,19 @@ def passivity(columns: Columns, facts: Mapping[str, Any], path: Path) -> None:
 
     If an axis has many values, they are lines over it, a family for the next axis; otherwise each combination is a dot.
     """
-    del facts
     axes = {name: tuple(np.unique(columns[name]).tolist()) for name in list(columns)[: list(columns).index("channel_norm")]}
     several = {name: values for name, values in axes.items() if len(values) > 1}
     x = along_the_figure(several)
     rest = [name for name in several if name != x]
     if x is not None:
-        _draw_lines(columns, several, x, rest, path)
+        _draw_lines(columns, several, x, rest, path, facts)
     else:
         _draw_dots(columns, several, path)
 
 
-def _draw_lines(columns: Columns, several: Mapping[str, tuple], x: str, rest: list[str], path: Path) -> None:
+def _draw_lines(
+    columns: Columns, several: Mapping[str, tuple], x: str, rest: list[str], path: Path, facts: Mapping[str, Any]
+) -> None:
     family, held = (rest[0] if rest else None), {name: several[name][len(several[name]) // 2] for name in rest[1:]}
     members = evenly(several, family, MOST_MEMBERS)
     shown = {x: evenly(several, x, MOST_POINTS), **({family: members} if family else {}), **{n: (v,) for n, v in held.items()}}
@@ -54,8 +55,8 @@ def _draw_lines(columns: Columns, several: Mapping[str, tuple], x: str, rest: li
         for panel in (channel, port):
             panel.set_xlim(columns[x].min(), columns[x].max())
         _finish(channel.yaxis, port.yaxis, (channel, port), columns)
-        _legend(canvas, port, family)
-        _note(canvas, label(x), _left_out(several, shown))
+        _legend(canvas, port, label(family, facts) if family else None)
+        _note(canvas, label(x, facts), _left_out(several, shown))
 
 
 def _draw_dots(columns: Columns, several: Mapping[str, tuple], path: Path) -> None:
@@ -124,12 +125,11 @@ def _where(columns: Columns, wanted: Mapping[str, tuple]) -> dict[str, np.ndarra
     return {name: column[kept] for name, column in columns.items()}
 
 
-def _legend(canvas: Any, panel: Any, family: str | None) -> None:
+def _legend(canvas: Any, panel: Any, title: str | None) -> None:
     from matplotlib.patches import Patch
 
     handles, labels = panel.get_legend_handles_labels()
     shade = Patch(color=_PASSIVE, alpha=0.2, linewidth=0)
-    title = f"{label(family)}" if family else None
     canvas.legend([*handles, shade], [*labels, "passive"], title=title, loc="outside upper center", ncols=7)
 
 

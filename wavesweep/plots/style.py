@@ -106,7 +106,7 @@ def symbol(name: str) -> str:
     return _SYMBOLS.get(name, name)
 
 
-def label(name: str) -> str:
-    """The name of an axis with its unit."""
-    unit = next(field.unit for field in fields("zwidth", [name]) if field.name == name)
-    return symbol(name) if unit == "1" else f"{symbol(name)} ({unit.replace('*', '·')})"
+def label(name: str, facts: Mapping[str, Any] | None = None) -> str:
+    """The name of an axis with its unit. `facts` of the run describe the numbers of a drawn loop."""
+    unit = next(field.unit for field in fields("zwidth", [name], facts=facts) if field.name == name)
+    return symbol(name) if unit in ("", "1") else f"{symbol(name)} ({unit.replace('*', '·')})"

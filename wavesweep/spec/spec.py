@@ -60,7 +60,7 @@ class Spec:
         return frozenset(path for path, number in numbers if number.assumed and path not in own)
 
     def mistake(self, path: str, expected: str, found: str) -> Mistake:
-        """Return a mistake about the key at that path, at its place."""
+        """Return a mistake about the key at `path`, at its place. expected, found: the two texts of it."""
         return self._given.leaf(path).mistake(path, expected, found)
 
     @property

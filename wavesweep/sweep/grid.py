@@ -7,7 +7,7 @@ import numpy as np
 
 from wavesweep.diagram import WALL, keys_read
 from wavesweep.errors import UsageError
-from wavesweep.spec import Axis, Spec, find_key
+from wavesweep.spec import Axis, Spec
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +32,7 @@ class Grid:
     @property
     def notices(self) -> list[str]:
         """A sentence for each axis that the controller does not read."""
-        kind = self.spec.values["controller.kind"]
+        kind = self.spec.kind
         return [f"{axis.name} is not read by {kind}: evaluated once, its rows repeated" for axis in self.ignored]
 
     @property
@@ -62,7 +62,8 @@ class Grid:
     def wall_values(self) -> dict[str, np.ndarray]:
         """Path -> values of the walls; the spec's value for a path that is no axis."""
         swept = _values(self.wall_axes, np.arange(self.walls))
-        return {path: swept.get(path, np.full(self.walls, self.spec.values[path])) for path in WALL}
+        own = {path: np.full(self.walls, self.spec.values[path]) for path in WALL if path in self.spec.values}
+        return own | swept
 
     def slice_of(self, combination) -> np.ndarray:
         """Number of the slice of each combination (flat indices)."""
@@ -92,10 +93,11 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None) -> Grid:
 
     read: the keys that the controller reads, if they are known already.
     """
-    read = keys_read(spec.values) if read is None else read
+    if read is None:
+        read = frozenset(spec.values) if spec.drawing else keys_read(spec.values)
     if along is not None and not _is_read(along, read):
         raise UsageError(
-            f"intervals along {along}: the controller {spec.values['controller.kind']} does not read it, so stability "
+            f"intervals along {along}: the controller {spec.kind} does not read it, so stability "
             "cannot depend on it; sweep a key that it reads (wavesweep check names them)"
         )
     used = [axis for axis in axes if _is_read(axis.path, read)]
@@ -152,7 +154,7 @@ def groups(spec: Spec, changes: Mapping[str, np.ndarray], size: int, resolved=No
 
 def is_plain(spec, path) -> bool:
     """Whether the key may have an array of floats in place of its value."""
-    return not find_key(path).structural and isinstance(spec.values.get(path), float)
+    return not spec.names.find(path).structural and isinstance(spec.values.get(path), float)
 
 
 def _by_structure(spec, structural, size, resolved):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.diagram import WALL
+from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
 from wavesweep.sweep.checkpoint import MemoryCheckpoint, blocks, checkpoint_of
 from wavesweep.sweep.job import Job, cut_otherwise, expected_seconds, job_of
@@ -81,9 +81,13 @@ class Stage:
 def stages_of(spec: Spec, along: str | None, hands: "Hands | None") -> list[Stage]:
     """The stages of a run, settled before anything is computed. Raises UsageError for a job that cannot be done."""
     own = job_of(spec, along)
-    how = method(own.axis.path)
+    how = method(own)
     if hands is None:
         return [Stage("", own, how)]
+    if spec.drawing:
+        raise UsageError(
+            "hands and ports: expected a loop with a [controller], found one that is drawn; add the hand as a block"
+        )
     hands.refuse(own)
     free = hands.without_operator(spec)
     stages = [Stage("free" if free is None else "operator", own, how)]
@@ -185,8 +189,8 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     return facts
 
 
-def method(path) -> str:
-    """How intervals along that key are found, in a line."""
-    if path in WALL:
+def method(job: Job) -> str:
+    """How the intervals of a job are found, in a line."""
+    if job.exact:
         return "crossings of the unit circle from one real polynomial, proved by Smith's discs, polished in state space"
     return "roots of the eigenvalues' critical functions on Chebyshev panels, proved by Smith's discs, polished"

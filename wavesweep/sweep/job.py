@@ -12,7 +12,7 @@ from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.spec import KEYS, Axis, Spec, sweep_axes
 from wavesweep.sweep.grid import Grid, groups, is_plain, make_grid
-from wavesweep.sweep.tasks import IntervalTask
+from wavesweep.sweep.tasks import IntervalTask, Task
 
 if TYPE_CHECKING:
     from wavesweep.sweep.hands import Guarantee
@@ -94,7 +94,8 @@ class Job:
     """Stable intervals along `axis` for every slice of the grid, cut into chunks.
 
     resolved: the spec's values for each combination of those axes that are whole numbers or that other keys derive from.
-    guarantee: the hands for which the intervals are guaranteed; if None, they are those of the spec's own loop.
+    guarantee: the hands for which the intervals are guaranteed; if None, they are those of the spec's own loop. bounds: the
+    values of the axis between which the loop exists. exact: whether the axis is one scalar gain of a frame, as the wall is.
     """
 
     grid: Grid
@@ -103,19 +104,26 @@ class Job:
     resolved: dict
     cut: Cut | None = None
     guarantee: "Guarantee | None" = None
+    bounds: tuple[float, float] = (-np.inf, np.inf)
+    exact: bool = False
 
     @property
     def slices(self) -> int:
         """Number of slices that are computed."""
         return self.grid.slices
 
-    def task(self, chunk: Chunk) -> IntervalTask:
+    def task(self, chunk: Chunk) -> Task:
         """The task of a worker for that chunk."""
         changes = self.grid.loop_values(np.arange(chunk.loops.start, chunk.loops.stop))
-        parts = groups(self.grid.spec, changes, len(chunk.loops), resolved=self.resolved)
+        spec, parts = self.grid.spec, groups(self.grid.spec, changes, len(chunk.loops), resolved=self.resolved)
+        if spec.drawing:
+            from wavesweep.sweep.drawn_loops import DrawnTask
+
+            span = (float(self.axis.start), float(self.axis.stop))
+            return DrawnTask(spec.drawing, self.axis.path, span, self.bounds, tuple(parts), dict(spec.values))
         walls = {path: v[chunk.walls.start : chunk.walls.stop] for path, v in self.grid.wall_values().items()}
         span = (float(self.axis.start), float(self.axis.stop))
-        own = IntervalTask(self.axis.path, span, bounds_of(self.axis.path, span), tuple(parts), walls, self.cut)
+        own = IntervalTask(self.axis.path, span, self.bounds, tuple(parts), walls, self.cut)
         return own if self.guarantee is None else self.guarantee.task(own)
 
 
@@ -130,13 +138,41 @@ def job_over(grid: Grid, axis: Axis, cut: Cut | None = None) -> Job:
     if axis.structural:
         raise UsageError(
             f"intervals along {axis.name}: expected a number that the loop varies with smoothly, found one that decides "
-            f"how it is built; sweep it as values ({axis.name} = [...]) and look along another axis, such as K_VE"
+            f"how it is built; sweep it as values ({axis.name} = [...]) and look along another axis"
+            f"{'' if grid.spec.drawing else ', such as K_VE'}"
         )
     resolved = _resolve_all(grid)
+    if grid.spec.drawing:
+        return _job_of_drawing(grid, axis, resolved)
     ends = [next(iter(resolved.values())), *list(resolved.values())[-1:]]
     order = cut.order if cut else max(cut_at_wall(draw(values)).order for values in ends)
     cost = expected_cost(order, axis.path in WALL)
-    return Job(grid, axis, cut_up(grid.loops, grid.walls, cost), resolved, cut)
+    bounds = bounds_of(axis.path, (float(axis.start), float(axis.stop)))
+    return Job(grid, axis, cut_up(grid.loops, grid.walls, cost), resolved, cut, bounds=bounds, exact=axis.path in WALL)
+
+
+CHECKED = 100_000  # loops whose numbers are checked before anything is computed; those of more are checked chunk by chunk
+
+
+def _job_of_drawing(grid: Grid, axis: Axis, resolved: dict) -> Job:
+    """The job of a drawn loop: its numbers are checked, and the range in which it exists is found."""
+    from wavesweep.diagram.assembly import domain, refuse_unsuitable
+    from wavesweep.sweep.drawn_loops import drift_of, exact_cut, frames, refuse_singular
+
+    spec, span = grid.spec, (float(axis.start), float(axis.stop))
+    refuse_singular(spec)
+    for end in span:
+        spec.with_values({axis.path: end})
+    index = np.unique(np.linspace(0, grid.loops - 1, min(grid.loops, CHECKED)).astype(int))
+    bounds = []
+    for _, values in groups(spec, grid.loop_values(index), index.size, resolved=resolved):
+        refuse_unsuitable(spec.drawing, values)
+        bounds.append(domain(spec.drawing, values, axis.path, span))
+    below, above = zip(*bounds, strict=True)
+    exact = exact_cut(spec.drawing, spec.values, spec.values, axis.path.removeprefix("numbers.")) is not None
+    order = frames(spec.drawing, spec.values, drift_of(spec.drawing, spec.values, spec.values)).shape[-1]
+    chunks = cut_up(grid.loops, 1, expected_cost(order, exact))
+    return Job(grid, axis, chunks, resolved, bounds=(max(below), min(above)), exact=exact)
 
 
 def _resolve_all(grid) -> dict:
@@ -173,23 +209,23 @@ LONGEST = 0.3  # s; no further sample after that
 def expected_seconds(job: Job) -> float:
     """Seconds of work in one process for the whole job, estimated from a small part of it."""
     samples = _samples(job)
-    samples[0].records()  # the first call of everything costs more than it will later
+    samples[0][0].records()  # the first call of everything costs more than it will later
     started, seconds, slices = time.perf_counter(), 0.0, 0
-    for sample in samples:
+    for sample, count in samples:
         sample.records()
         seconds = time.perf_counter() - started
-        slices += sum(members.size for members, _ in sample.groups) * len(next(iter(sample.walls.values())))
+        slices += count
         if seconds > LONGEST:
             break
     return seconds / slices * job.slices
 
 
 def _samples(job):
-    """Small tasks of the job, alternately from its ends and its middle."""
+    """Small tasks of the job with the numbers of their slices, alternately from its ends and its middle."""
     chunks = job.chunks
     enough = max(1, chunks.deep * chunks.wide // SHARE)
     wide = min(chunks.walls, enough)
     small = cut_otherwise(job, deep=max(1, enough // wide), wide=wide)
     shares = np.linspace(0, 1, PROBES)[[0, 3, 5, 1, 4, 2]]
     numbers = dict.fromkeys(np.rint(shares * (len(small.chunks) - 1)).astype(int).tolist())
-    return [small.task(small.chunks[number]) for number in numbers]
+    return [(small.task(chunk), chunk.slices) for chunk in map(small.chunks.__getitem__, numbers)]
