@@ -2,6 +2,8 @@
 
 import re
 
+import numpy as np
+
 from wavesweep.spec.keys import FILTERS
 
 ARM = """
@@ -210,3 +212,43 @@ def _with_waves(values, kind, ratio, v, block, wire):
         back += " + last.y"
     wire["end.in"] = f"{back} + Kp*({place} - m.x)"
     return "end.force"
+
+
+def random_tables(seed):
+    """A mass under the feedback of a chain of random blocks at one to three rates, with numbers in wires and keys."""
+    r = np.random.default_rng(seed)
+    rates = r.choice([1, 2, 3, 4, 5, 6, 10], size=r.integers(1, 4), replace=False).tolist()
+    stiffness = float(r.choice([0.0, 50.0]))
+    block = {"m": {"type": "mass", "mass": "m0", "damping": float(r.uniform(0, 2)), "stiffness": stiffness}}
+    wire, last = {}, "m.x"
+    for index in range(int(r.integers(1, 5))):
+        every, name = int(r.choice(rates)), f"b{index}"
+        keys = RANDOM[int(r.integers(len(RANDOM)))]
+        placed = {} if keys["type"] == "tf" else {"every": every, "phase": int(r.integers(every))}
+        cutoff = {"cutoff_hz": float(r.uniform(0.02, 0.3) * 1000 / every)} if keys["type"] == "butterworth" else {}
+        block[name] = {**keys, **placed, **cutoff}
+        scale = "/200" if keys["type"] == "difference" else ""
+        wire[f"{name}.u"], last = f"({last} + g*m.x){scale}", f"{name}.y"
+    wire["m.f"] = f"h - k*{last} - d*m.v - k0*m.x"
+    numbers = {
+        "k": r.uniform(1, 30),
+        "d": r.uniform(0, 3),
+        "k0": r.choice([0.0, 20.0]),
+        "g": r.uniform(0.1, 0.9),
+        "m0": r.uniform(0.1, 1),
+    }
+    ports = {"hand": {"force": "h", "displacement": "m.x"}}
+    return {"rates": {"tick_hz": 1000.0}, "numbers": numbers, "block": block, "wire": wire, "ports": ports}
+
+
+RANDOM = (
+    {"type": "delay", "steps": 2},
+    {"type": "hold"},
+    {"type": "butterworth", "order": 2},
+    {"type": "butterworth", "order": 1, "pass": "high"},
+    {"type": "difference"},
+    {"type": "gain", "k": "g"},
+    {"type": "integrator", "method": "trapezoidal"},
+    {"type": "tf", "num": [1.0], "den": ["g/50", 1.0]},
+    {"type": "ss", "discrete": True, "A": [["g/2", 0.1], [0, 0.3]], "B": [[1], [0.5]], "C": [[1, 0]], "D": [[0.2]]},
+)

@@ -4,7 +4,7 @@ import tomllib
 
 import numpy as np
 import pytest
-from support.drawn import ARM, JOINT, NETWORK, PD, WALL, as_blocks
+from support.drawn import ARM, JOINT, NETWORK, PD, WALL, as_blocks, random_tables
 from support.specs import KINDS
 
 import wavesweep
@@ -280,3 +280,23 @@ def test_every_axis_of_a_grid_is_read():
     axis, others = sweep_axes(spec)
     grid = make_grid(spec, others, axis.path)
     assert (grid.slices, grid.ignored, job_over(grid, axis).exact) == (3, (), False)
+
+
+SPANS = {"k": (0, 300), "d": (-2, 400), "k0": (0, 3000), "g": (0.05, 2), "m0": (0.01, 3)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_random_drawings_have_the_intervals_of_a_scan(seed):
+    """Each certified row agrees with the eigenvalues at 400 values, next to its ends excepted."""
+    loop = wavesweep.compile(random_tables(seed))
+    for name, (low, high) in SPANS.items():
+        table = loop.stable_intervals(name, (low, high))
+        values = np.concatenate([np.linspace(low, high, 300)[1:], np.geomspace(max(low, 1e-3), high, 100)])
+        radius = loop.spectral_radius(**{name: values})
+        inside = ((values > table.low.to_numpy()[:, None]) & (values < table.high.to_numpy()[:, None])).any(0)
+        ends = np.concatenate([table.low.dropna(), table.high.dropna(), [np.inf]])
+        near = (np.abs(values - ends[:, None]) < 1e-6 * np.maximum(1, np.abs(values))).any(0) | (np.abs(radius - 1) < 1e-9)
+        wrong = (inside != (radius < 1)) & ~near
+        assert not (wrong & inside).any()
+        assert not (wrong.any() and table.certified.all())

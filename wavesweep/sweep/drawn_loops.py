@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
+from functools import lru_cache
 
 import numpy as np
 
@@ -61,9 +62,13 @@ def refuse_singular(spec) -> None:
 
 def drift_of(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], out: str = "", watched=()) -> Drift:
     """The drift of loops of one structure; see `tame_pair` and `drift_of_drawn`."""
-    pair = tame_pair(drawing, values, own, out)
-    with named_loops(pair[0]):
-        return drift_of_drawn(*pair, watched)
+    return _drift(*tame_pair(drawing, values, own, out), tuple(watched))
+
+
+@lru_cache(maxsize=256)  # twins of the same structure are the same objects
+def _drift(one, other, watched):
+    with named_loops(one):
+        return drift_of_drawn(one, other, watched)
 
 
 def frames(drawing: Drawing, values: Mapping[str, object], drift: Drift) -> np.ndarray:

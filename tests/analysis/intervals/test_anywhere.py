@@ -138,8 +138,8 @@ def test_roots_are_found_inside_their_brackets_to_rounding():
 
 def test_the_critical_functions_of_a_matrix_alone_have_the_same_bits_as_among_others():
     E = np.random.default_rng(4).normal(size=(40, 5, 5))
-    together = any_parameter._criticals(E)  # noqa: SLF001 - the ends are polished, and rarely show it
+    together = any_parameter._criticals(E)
     for column in range(40):
-        alone = any_parameter._criticals(E[column : column + 1])  # noqa: SLF001
+        alone = any_parameter._criticals(E[column : column + 1])
         for one, all_ in zip(alone, together, strict=True):
             assert np.array_equal(np.asarray(one)[:, 0], np.asarray(all_)[:, column])
