@@ -150,15 +150,26 @@ def test_blocks_give_the_reference_cases(tables, intervals, point):
 
 
 def test_a_number_that_is_one_scalar_gain_and_others_agree():
-    """kd acts in every tick: in one loop it is cut out, in the other a second wire reads it and panels find the ends."""
-    exact, panels = (
-        load(tomllib.loads(text + "along = 'kd'\nkd = { start = 0, stop = 2000 }\n"))
-        for text in (PD, PD.replace("[wire]", '[block.h]\ntype = "gain"\n[wire]\n"h.u" = "kd*m.v"'))
-    )
-    jobs = [job_of(spec) for spec in (exact, panels)]
-    assert [job.exact for job in jobs] == [True, False]
-    for name in ("low", "high"):
-        np.testing.assert_allclose(*(in_memory(job)[name] for job in jobs), rtol=1e-9)
+    """kd acts in every tick: in a wire or in a gain it is cut out; if a second place reads it, panels find the ends."""
+    axis = "along = 'kd'\nkd = { start = 0, stop = 2000 }\n"
+    gain = PD.replace("[wire]", '[block.g]\ntype = "gain"\nk = "3 - 2*kd"\n[wire]\n"g.u" = "m.v/2"')
+    gain = gain.replace("kd*m.v", "1.5*m.v + g.y")
+    twice = PD.replace("[wire]", '[block.h]\ntype = "gain"\n[wire]\n"h.u" = "kd*m.v"')
+    jobs = [job_of(load(tomllib.loads(text + axis))) for text in (PD, gain, twice)]
+    assert [job.exact for job in jobs] == [True, True, False]
+    tables = [in_memory(job) for job in jobs]
+    for table in tables[1:]:
+        np.testing.assert_allclose(table["low"], tables[0]["low"], rtol=1e-9)
+        np.testing.assert_allclose(table["high"], tables[0]["high"], rtol=1e-9)
+
+
+def test_a_gain_that_runs_once_a_frame_is_cut_out():
+    fixed = NETWORK.replace('den = ["d", 0]', "den = [1.5, 0]").replace("d = 1.5\n", "")
+    held = fixed.replace('"actuator.u" = "-K*sensor.y"', '"actuator.u" = "-g.y"\n"g.u" = "x.y"\n"sensor.u" = 0')
+    held = held.replace('"sensor.u" = "x.y"\n', "").replace("[wire]", '[block.g]\ntype = "gain"\nk = "K"\nevery = 20\n[wire]')
+    jobs = [job_of(load(tomllib.loads(text))) for text in (fixed, held)]
+    assert [job.exact for job in jobs] == [True, True]
+    np.testing.assert_allclose(*(in_memory(job)["high"] for job in jobs), rtol=1e-12)
 
 
 SWEEPS = [

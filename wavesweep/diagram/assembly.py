@@ -23,8 +23,8 @@ PARAMETERS = {("butterworth", "pass"): "passes"}  # keys that have another name 
 def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "") -> Drawn:
     """Return the drawn loop of `values`: flat numbers, or arrays over a batch, real or complex.
 
-    out: a number to take out of its wire (see `scalar_wire`): its product is then the input PRODUCT, and it would multiply the
-    signal FACTOR. A value that is not finite makes entries that are not finite.
+    out: a number to take out of its place (see `scalar_place`): its product is then the input PRODUCT, and it would multiply
+    the signal FACTOR. A value that is not finite makes entries that are not finite.
     """
     known = {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}
     with np.errstate(all="ignore"):
@@ -32,8 +32,7 @@ def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "") -> 
         placed = tuple(_placed(block, known, tick) for block in drawing.blocks)
         sums = {port: _gains(terms, known) for port, terms in drawing.wires}
         if out:
-            port = scalar_wire(drawing, out)
-            sums[port], sums[FACTOR] = _taken_out(dict(drawing.wires)[port], known, out)
+            placed = _take_out(drawing, placed, sums, known, out)
     inputs = (drawing.hand[0],) if drawing.hand else ()
     if drawing.hand:
         for signal, terms in zip((POSITION, REACTION), drawing.hand[1:], strict=True):
@@ -69,25 +68,37 @@ def _key(kind, value, known):
     return [[_at(tree, known) for tree in row] for row in value] if kind == "rows" else value
 
 
-def _taken_out(terms, known, out):
-    """A wire's gains without a number, with the input PRODUCT, and the gains that the number multiplies."""
-    without, factor = {PRODUCT: 1.0}, {}
-    for signal, gain in terms:
-        at = [_at(gain, {**known, out: numbers(p)}) for p in (0.0, 1.0)]
-        if any(name == out for name, _ in names_in(gain)):
-            factor[signal] = at[1] - at[0]
-        without[signal] = at[0]
-    return without, factor
+def _take_out(drawing, placed, sums, known, out):
+    """Make the product of a number the input PRODUCT, in the sums and, if it is the factor of a gain, in its block."""
+    table, _, place = scalar_place(drawing, out).partition(".")
+    block = place.partition(".")[0]
+    if table == "wire":
+        parts = {signal: _parts(gain, known, out) for signal, gain in dict(drawing.wires)[place]}
+        sums[place] = {PRODUCT: 1.0} | {signal: constant for signal, (constant, _) in parts.items()}
+        sums[FACTOR] = {signal: slope for signal, (_, slope) in parts.items() if np.any(slope)}
+        return placed
+    constant, slope = _parts(dict(next(each.keys for each in drawing.blocks if each.name == block))["k"], known, out)
+    sums[FACTOR] = {signal: slope * gain for signal, gain in sums[f"{block}.u"].items()}
+    sums[f"{block}.{PRODUCT}"] = {PRODUCT: 1.0}
+    both = blocks.ss(block, 1.0, [], [], [], [[constant, 1.0]], ("u", PRODUCT), ("y",), discrete=True)
+    return tuple(replace(each, block=both) if each.block.name == block else each for each in placed)
 
 
-def scalar_wire(drawing: Drawing, number: str) -> str:
-    """The only wire that reads a number, if the wire is linear in it and nothing else reads it; else an empty text."""
+def _parts(gain, known, out):
+    """The constant part of a gain that is linear in a number, and the factor of the number."""
+    constant, total = (_at(gain, {**known, out: numbers(p)}) for p in (0.0, 1.0))
+    return constant, total - constant
+
+
+def scalar_place(drawing: Drawing, number: str) -> str:
+    """The path of the only wire, or of the factor of the only gain, that reads a number, if it is linear in it; else empty."""
     readers = {path for path, tree in drawing.trees() if any(name == number for name, _ in names_in(tree))}
     if len(readers) != 1:
         return ""
-    port = readers.pop()
-    gains = [gain for wire, terms in drawing.wires if f"wire.{wire}" == port for _, gain in terms]
-    return port.removeprefix("wire.") if gains and all(_degree(gain, number) <= 1 for gain in gains) else ""
+    path = readers.pop()
+    is_gain = path in {f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"}
+    trees = [tree for each, tree in drawing.trees() if each == path]
+    return path if (is_gain or path.startswith("wire.")) and all(_degree(tree, number) <= 1 for tree in trees) else ""
 
 
 def _degree(tree: Tree, number: str) -> float:

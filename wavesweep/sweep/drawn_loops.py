@@ -18,7 +18,7 @@ from wavesweep.diagram.assembly import (
     assembled,
     direct_loops,
     refuse_unsuitable,
-    scalar_wire,
+    scalar_place,
     tame_pair,
 )
 from wavesweep.diagram.drawn import Drawn
@@ -80,7 +80,7 @@ def frames(drawing: Drawing, values: Mapping[str, object], drift: Drift) -> np.n
 
 def exact_cut(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], number: str) -> Cut | None:
     """The loops cut at a number that is one scalar gain of a frame; None if it is not one."""
-    if not scalar_wire(drawing, number):
+    if not scalar_place(drawing, number):
         return None
     path = f"numbers.{number}"
     values, own = {**values, path: 1.0}, {**own, path: 1.0}
