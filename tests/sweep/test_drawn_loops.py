@@ -311,3 +311,14 @@ def test_random_drawings_have_the_intervals_of_a_scan(seed):
         wrong = (inside != (radius < 1)) & ~near
         assert not (wrong & inside).any()
         assert not (wrong.any() and table.certified.all())
+
+
+@pytest.mark.parametrize(("gain", "certified"), [("(kd - 4)**2 - 1", False), ("(kd - 4)**2 - 0.9999", True)])
+def test_a_range_is_searched_on_both_sides_of_a_loop_of_direct_terms_without_a_solution(gain, certified):
+    """The spring is kp/(1 + gain): with kp = 100 stable up to 6000, so to 1/60 of the gain's distance from -1."""
+    more = f'[block.a]\ntype = "gain"\n[wire]\n"a.u" = "m.x - a.y*({gain})"'
+    text = PD.replace("[wire]", more).replace("kp*m.x", "kp*a.y").replace("kd*m.v", "3*m.v")
+    table = compiled(text).stable_intervals("kd", (0, 10))
+    least = np.sqrt(1 / 60 - (1e-4 if certified else 0))
+    np.testing.assert_allclose([table.high[0], table.low[1]], [4 - least, 4 + least], rtol=1e-9)
+    assert table.certified.tolist() == [certified] * 2

@@ -130,12 +130,24 @@ class DrawnTask:
         def evaluate(number, p):
             first, back = different(number, p)
             varied = selected(values, number[first]) | {self.along: np.where(p[first] == 0, TINY, p[first])}
-            E = frames(self.drawing, varied, drift)
-            return np.broadcast_to(E, (first.size, *E.shape[-2:]))[back]
+            return _where_solvable(self.drawing, varied, drift, first.size)[back]
 
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
         return stable_along_any(evaluate, self.span, size, period, self.bounds)
+
+
+def _where_solvable(drawing, values, drift, size):
+    """The frames of a batch; NaN for loops of direct terms without a solution, which a search may come across."""
+    try:
+        E = frames(drawing, values, drift)
+        return np.broadcast_to(E, (size, *E.shape[-2:]))
+    except IllPosedLoopError:
+        if size == 1:
+            order = max(2, len(drift.kept))
+            return np.full((1, order, order), np.nan)
+    parts = [slice(size // 2), slice(size // 2, size)]
+    return np.concatenate([_where_solvable(drawing, selected(values, part), drift, len(range(size)[part])) for part in parts])
 
 
 def radii(grid) -> np.ndarray:
