@@ -164,10 +164,9 @@ def test_a_number_that_is_one_scalar_gain_and_others_agree():
 
 
 def test_a_gain_that_runs_once_a_frame_is_cut_out():
-    fixed = NETWORK.replace('den = ["d", 0]', "den = [1.5, 0]").replace("d = 1.5\n", "")
-    held = fixed.replace('"actuator.u" = "-K*sensor.y"', '"actuator.u" = "-g.y"\n"g.u" = "x.y"\n"sensor.u" = 0')
+    held = NETWORK.replace('"actuator.u" = "-K*sensor.y"', '"actuator.u" = "-g.y"\n"g.u" = "x.y"\n"sensor.u" = 0')
     held = held.replace('"sensor.u" = "x.y"\n', "").replace("[wire]", '[block.g]\ntype = "gain"\nk = "K"\nevery = 20\n[wire]')
-    jobs = [job_of(load(tomllib.loads(text))) for text in (fixed, held)]
+    jobs = [job_of(load(tomllib.loads(text))) for text in (NETWORK, held)]
     assert [job.exact for job in jobs] == [True, True]
     np.testing.assert_allclose(*(in_memory(job)["high"] for job in jobs), rtol=1e-12)
 
@@ -322,3 +321,11 @@ def test_a_range_is_searched_on_both_sides_of_a_loop_of_direct_terms_without_a_s
     least = np.sqrt(1 / 60 - (1e-4 if certified else 0))
     np.testing.assert_allclose([table.high[0], table.low[1]], [4 - least, 4 + least], rtol=1e-9)
     assert table.certified.tolist() == [certified] * 2
+
+
+def test_a_drift_whose_factors_are_swept_leaves_the_number_to_panels():
+    axes = [NETWORK, NETWORK + "d = [1.5, 2.0]\n"]
+    jobs = [job_of(load(tomllib.loads(text))) for text in axes]
+    assert [job.exact for job in jobs] == [True, False]
+    highs = [in_memory(job)["high"] for job in jobs]
+    assert highs[1] == pytest.approx([highs[0][0], highs[0][0] / 1.5 * 2], rel=1e-9)

@@ -117,14 +117,17 @@ def _degree(tree: Tree, number: str) -> float:
     return 0 if not any(degrees) else np.inf
 
 
-def tame_pair(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], out: str = "") -> tuple[Drawn, Drawn]:
+def tame_pair(
+    drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], out: str = "", actual: bool = False
+) -> tuple[Drawn, Drawn]:
     """Return two drawings of the same structure with different moderate numbers, in which drift is searched for.
 
     values: of one or of several loops of the same structure; a number is zero in the drawings if it is zero in all of them.
     own: the spec's own values, from which the numbers differ little if keys or expressions accept no moderate ones. out: a
-    number to take out, see `assembled`.
+    number to take out, see `assembled`. actual: whether numbers that are the same in all loops keep their values.
     """
     kept = {"rates.tick_hz", *(f"numbers.{name}" for name in drawing.shaping)}
+    kept |= {path for path, value in values.items() if actual and np.ndim(value) == 0}
     fixed = tuple((path, value if path in kept else bool(np.any(value))) for path, value in values.items())
     return _tame_pair(drawing, fixed, tuple(own.items()), out)
 

@@ -60,9 +60,11 @@ def refuse_singular(spec) -> None:
         raise SpecError([spec.mistake(path, "loops of direct terms that have a solution", found)]) from error
 
 
-def drift_of(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], out: str = "", watched=()) -> Drift:
+def drift_of(
+    drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], out: str = "", watched=(), actual: bool = False
+) -> Drift:
     """The drift of loops of one structure; see `tame_pair` and `drift_of_drawn`."""
-    return _drift(*tame_pair(drawing, values, own, out), tuple(watched))
+    return _drift(*tame_pair(drawing, values, own, out, actual), tuple(watched))
 
 
 @lru_cache(maxsize=256)  # twins of the same structure are the same objects
@@ -87,6 +89,8 @@ def exact_cut(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, 
     if drift_of(drawing, values, own).folded:  # a conserved combination, which the cut loop would take for a crossing
         return None
     drift = drift_of(drawing, values, own, number, (FACTOR,))
+    if drift.folded:  # its factors depend on numbers, which may be the same in all loops
+        drift = drift_of(drawing, values, own, number, (FACTOR,), actual=True)
     drawn = assembled(drawing, values, number)
     with named_loops(drawn), np.errstate(all="ignore"):
         return cut_at_number(drawn, drift, PRODUCT, FACTOR)

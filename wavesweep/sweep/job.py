@@ -169,7 +169,8 @@ def _job_of_drawing(grid: Grid, axis: Axis, resolved: dict) -> Job:
         refuse_unsuitable(spec.drawing, values)
         bounds.append(domain(spec.drawing, values, axis.path, span))
     below, above = zip(*bounds, strict=True)
-    exact = exact_cut(spec.drawing, spec.values, spec.values, axis.path.removeprefix("numbers.")) is not None
+    _, first = next(groups(spec, grid.loop_values(np.arange(1)), 1, resolved=resolved))
+    exact = exact_cut(spec.drawing, first, spec.values, axis.path.removeprefix("numbers.")) is not None
     order = frames(spec.drawing, spec.values, drift_of(spec.drawing, spec.values, spec.values)).shape[-1]
     chunks = cut_up(grid.loops, 1, expected_cost(order, exact))
     return Job(grid, axis, chunks, resolved, bounds=(max(below), min(above)), exact=exact)
