@@ -12,6 +12,7 @@ from wavesweep.cli import main
 from wavesweep.cli.entry import COMMANDS
 from wavesweep.controllers import MEANINGS
 from wavesweep.spec import KEYS
+from wavesweep.spec.block_types import TYPES
 
 ROOT = pathlib.Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -78,6 +79,30 @@ def test_the_first_screen_shows_lines_of_the_first_hour():
     shown = [line for line in re.findall(r"^    (.*)$", first, re.MULTILINE) if not line.startswith(("$", "python3"))]
     assert len(shown) == 5
     assert [line for line in shown if line not in page] == []
+
+
+def test_every_type_of_block_stands_in_the_readme_with_its_keys_and_ports():
+    rows = re.findall(r"^\| `(\w+)` \| (.*?) \| (.*?) \| (.*?) \|$", section("Draw your own loop"), re.MULTILINE)
+    assert [row[:2] for row in rows] == [(name, kind.description) for name, kind in TYPES.items()]
+    for (_, _, keys, ports), kind in zip(rows, TYPES.values(), strict=True):
+        assert re.findall(r"`(\w+)`", keys) == list(kind.keys)
+        defaults = {
+            key.path: str(key.default).lower() for key in kind.keys.values() if key.type in ("number", "integer", "boolean")
+        }
+        for name, value in re.findall(r"`(\w+)` \(([^)]*)\)", keys):
+            assert defaults.get(name, value) == value
+        pairs = kind.ports.values() if kind.by else [kind.ports] if kind.ports else []
+        assert [port in ports for pair in pairs for side in pair for port in side] == [True] * sum(
+            len(i) + len(o) for i, o in pairs
+        )
+
+
+def test_the_drawn_loop_has_the_limits_that_the_readme_gives():
+    text = section("Draw your own loop")
+    tables = tomllib.loads(re.search(r"```toml\n(.*?)```", text, re.DOTALL).group(1))
+    found = wavesweep.stability_region(tables)
+    assert found.certified.all()
+    assert [f"{high:.3f}" for high in found.high] == re.findall(r"\b2\.\d{3}\b", text)
 
 
 def default(key):

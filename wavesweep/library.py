@@ -14,14 +14,22 @@ if TYPE_CHECKING:
 Source = Spec | str | Path | Mapping[str, Any]
 
 
-def frame(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any] | None = None) -> DataFrame:
-    """Columns of a table of that kind as a DataFrame; `.attrs` has the `units` of the columns, and `facts` if there are any."""
+def frame(
+    kind: str,
+    columns: Mapping[str, Any],
+    facts: Mapping[str, Any] | None = None,
+    tables: Mapping[str, Any] | None = None,
+) -> DataFrame:
+    """Columns of a table of that kind as a DataFrame; `.attrs` has the `units` of the columns, and `facts` if there are any.
+
+    tables: those of the spec, if there are no facts.
+    """
     import pandas
 
     from wavesweep.results import fields_of
 
     table = pandas.DataFrame(dict(columns))
-    table.attrs["units"] = {field.name: field.unit for field in fields_of(kind, columns)}
+    table.attrs["units"] = {field.name: field.unit for field in fields_of(kind, columns, facts or {"spec": tables or {}})}
     if facts is not None:
         table.attrs["facts"] = dict(facts)
     return table

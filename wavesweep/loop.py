@@ -1,22 +1,34 @@
 """The library: a compiled loop with vectorised methods that return DataFrames and arrays."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import isnan
 
 import numpy as np
 
-from wavesweep.diagram import draw, keys_read
+from wavesweep.analysis.response.drawn import Ports, port_of, respond_port
+from wavesweep.diagram import draw
+from wavesweep.diagram.assembly import first_of
+from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
 from wavesweep.lifted import Cut, cut_at_wall
-from wavesweep.spec import KEYS, SYMBOLS, Axis, Spec, find_key, load
+from wavesweep.lifted.periodic import Drift, closed_frame, drift_of_drawn
+from wavesweep.spec import SYMBOLS, Axis, Spec, load
+from wavesweep.spec.checking import nearest
+from wavesweep.sweep.drawn_loops import named_loops, radius_of, refuse_singular
+from wavesweep.sweep.grid import keys_of
 
 
-def compile(source) -> "Loop":  # noqa: A001 - the name that the interface gives it
-    """Compile `source` (a `Spec`, a path, or nested tables as a dict) once, for any number of calls."""
+def compile(source) -> "Loop | DrawnLoop":  # noqa: A001 - the name that the interface gives it
+    """Compile `source` (a `Spec`, a path, nested tables as a dict, or a `Drawn`) once, for any number of calls."""
+    if isinstance(source, Drawn):
+        return DrawnLoop(source, drift_of_drawn(first_of(source), first_of(source, -1)))
     spec = source if isinstance(source, Spec) else load(source)
+    if spec.drawing:
+        refuse_singular(spec)
+        return Loop(spec, None, keys_of(spec))
     diagram = draw(spec.values)
-    return Loop(spec, cut_at_wall(diagram), keys_read(spec.values))
+    return Loop(spec, cut_at_wall(diagram), keys_of(spec))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,20 +42,24 @@ class Loop:
     """
 
     spec: Spec
-    cut: Cut
+    cut: Cut | None
     read: frozenset[str]
 
     def __repr__(self) -> str:
         """The controller, the order and the frame, and the numbers that the loop reads by their symbols."""
+        if self.spec.drawing:
+            numbers = ", ".join(f"{name} = {self.spec.values[path]:g}" for name, path in self.spec.names.symbols.items())
+            return f"<Loop {self.spec.name}: {len(self.spec.drawing.blocks)} blocks drawn; {numbers}>"
         values, ticks = self.spec.values, self.cut.period * self.spec.values["rates.fast_hz"]
         numbers = ", ".join(f"{name} = {values[path]:g}" for name, path in SYMBOLS.items() if path in self.read)
         frame = f"frame of {round(float(ticks))} ticks, {1e3 * float(self.cut.period):.6g} ms"
         return f"<Loop {self.spec.name}: {values['controller.kind']}, {self.cut.order} states, {frame}; {numbers}>"
 
-    def stable_intervals(self, along: str = "K_VE", span=None, **axes):
+    def stable_intervals(self, along: str | None = None, span=None, **axes):
         """All stable intervals along an axis, for the product of the other axes given: a DataFrame, a row per interval.
 
-        along: name of the axis. span: (low, high) in its unit; (0, 20000) by default along K_VE. axes: the others, see
+        along: name of the axis; by default K_VE or, of a drawn loop, the spec's own. span: (low, high) in its unit; by default
+        (0, 20000) along K_VE, and the spec's own along an axis of its [sweep] if the loop is drawn. axes: the others, see
         `Loop`. Columns as in the table of `wavesweep zwidth`: each axis given, along, intervals, interval, low, high,
         low_omega, high_omega (rad/s), certified, residual, doubt. Errors: UsageError if a spec would not accept a name or a
         value.
@@ -53,9 +69,10 @@ class Loop:
         from wavesweep.sweep.interval_table import in_memory
         from wavesweep.sweep.job import job_over
 
-        axis, others = self._along(along, span), self._axes(axes)
+        axis = self._along(along or (self.spec.along if self.spec.drawing else "K_VE"), span)
+        others = self._axes(axes)
         grid = make_grid(self.spec, others, axis.path, self.read)
-        return _frame("zwidth", in_memory(job_over(grid, axis, None if grid.loop_axes else self.cut)))
+        return self._frame("zwidth", in_memory(job_over(grid, axis, None if grid.loop_axes else self.cut)))
 
     def spectral_radius(self, **axes) -> np.ndarray:
         """Largest eigenvalue modulus per frame of `ratio` ticks, without drift, over the product of the axes given.
@@ -77,7 +94,7 @@ class Loop:
         from wavesweep.sweep.response_table import one_spec
 
         frequency = self._frequencies(frequency_hz)
-        return _frame("bode", one_spec(self.spec, self._axes(axes), frequency, self.read))
+        return self._frame("bode", one_spec(self.spec, self._axes(axes), frequency, self.read))
 
     def passivity(self, **axes):
         """Norm of the wave channel and margin at the hand's port: a DataFrame with the columns of `wavesweep passivity`.
@@ -86,7 +103,7 @@ class Loop:
         """
         from wavesweep.sweep.passivity_table import in_memory
 
-        return _frame("passivity", in_memory(self.spec, self._axes(axes)))
+        return self._frame("passivity", in_memory(self.spec, self._axes(axes)))
 
     def simulate(self, force=None, **options):
         """Both loops run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
@@ -96,7 +113,8 @@ class Loop:
         """
         from wavesweep.analysis.simulation import simulated_columns
 
-        return _frame("simulate", simulated_columns(self.spec, force, **options))
+        self._refuse_drawn("simulate")
+        return self._frame("simulate", simulated_columns(self.spec, force, **options))
 
     def plot_zwidth(self, along: str = "K_VE", span=None, **axes):
         """The figure of stable intervals, as `wavesweep zwidth` draws it: a matplotlib `Figure`, which a notebook shows.
@@ -140,6 +158,7 @@ class Loop:
         drifts, it therefore has a pole at exactly 1, which is no sign of instability. Displacements do not show the drift, and
         the system from forces to them has no such pole. Errors: UsageError for any other output.
         """
+        self._refuse_drawn("to_control")
         import control
 
         from wavesweep.analysis.response import displacements
@@ -159,8 +178,27 @@ class Loop:
             A, block.B, block.C, block.D, ratio / values["rates.fast_hz"], inputs=list(block.inputs), outputs=outputs
         )
 
+    def _refuse_drawn(self, method):
+        if self.spec.drawing:
+            raise UsageError(f"{method}: expected a loop with a [controller], found one that is drawn")
+
+    def _frame(self, kind, columns):
+        from wavesweep.library import frame
+
+        return frame(kind, columns, tables=self.spec.tables())
+
+    def _key(self, name):
+        names = self.spec.names
+        key = names.find(name)
+        if key is None or not key.numeric:
+            hint = nearest(name, (*names.symbols, *names.keys))
+            raise UsageError(f"{name}: expected the name of a numeric key" + (f", did you mean {hint}?" if hint else ""))
+        return key
+
     def _along(self, name, span) -> Axis:
-        key = _key(name)
+        key = self._key(name)
+        if span is None and self.spec.drawing:
+            span = next(((axis.start, axis.stop) for axis in self.spec.sweep if axis.path == key.path), None)
         if span is None:
             if key.path != SYMBOLS["K_VE"]:
                 raise UsageError(f"along {name}: give the span to search, span=(low, high)")
@@ -175,7 +213,7 @@ class Loop:
         return tuple(self._axis(name, values) for name, values in axes.items())
 
     def _axis(self, name, values) -> Axis:
-        key = _key(name)
+        key = self._key(name)
         numbers = np.atleast_1d(np.asarray(values)).ravel()
         if not numbers.size:
             raise UsageError(f"{name}: expected at least one value, found none")
@@ -192,14 +230,35 @@ class Loop:
         return frequency
 
 
-def _key(name):
-    key = find_key(name)
-    if key is None or not key.numeric:
-        from wavesweep.spec.checking import nearest
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnLoop:
+    """A loop drawn in Python as a `Drawn`, which has no numbers to sweep; its arrays may be a batch of loops."""
 
-        hint = nearest(name, (*SYMBOLS, *KEYS))
-        raise UsageError(f"{name}: expected the name of a numeric key" + (f", did you mean {hint}?" if hint else ""))
-    return key
+    drawn: Drawn
+    drift: Drift
+
+    def spectral_radius(self) -> np.ndarray:
+        """Largest eigenvalue modulus per frame, without drift, over the batch; infinite after overflow."""
+        with named_loops(self.drawn):
+            return radius_of(closed_frame(self.drawn, self.drift))
+
+    def response(self, frequency_hz, force: str, position: str, reaction: str = ""):
+        """Admittance and impedance at a port: a DataFrame with a row per frequency.
+
+        frequency_hz: Hz, above 0 and up to half the tick's rate. force: the input of the drawing (N). position: a plant's
+        position (m). reaction: the signal of the force against the hand (N), if there is one; by default the impedance is force
+        over position. Errors: UsageError for a batch of loops, or a signal that does not fit.
+        """
+        from pandas import DataFrame
+
+        if force not in self.drawn.inputs or any(each.block.batch for each in self.drawn.placed):
+            raise UsageError(f"response: expected a single loop with the input {force!r}, found inputs {self.drawn.inputs}")
+        ports = Ports(force, position, reaction)
+        watched = (position, reaction) if reaction else (position,)
+        found = respond_port(port_of(self.drawn, ports, drift_of_drawn(self.drawn, self.drawn, watched)), frequency_hz)
+        return DataFrame(
+            {"frequency_hz": np.atleast_1d(frequency_hz), **{f.name: getattr(found, f.name) for f in fields(found)}}
+        )
 
 
 def _figure(kind, table, spec, swept=None):
@@ -208,12 +267,6 @@ def _figure(kind, table, spec, swept=None):
     from wavesweep.sweep.assumptions import assumes
 
     tables = spec.tables() | ({"sweep": swept} if swept else {})
-    varied = [key.path for name in (*table, *(swept or ())) if (key := find_key(name)) is not None]
+    varied = [key.path for name in (*table, *(swept or ())) if (key := spec.names.find(name)) is not None]
     facts = {"spec": tables, "spec_name": spec.name, "assumes": assumes(spec, varied)}
     return figure_of(kind)({name: table[name].to_numpy() for name in table}, facts)
-
-
-def _frame(kind, columns):
-    from wavesweep.library import frame
-
-    return frame(kind, columns)

@@ -68,25 +68,26 @@ def command(spec: str | None, verify: str | None, overrides: tuple[str, ...], **
 
 def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
     """Yield the verdict on the spec's own design, in about eight lines."""
-    values = spec.values
     frame = 1e3 * found["period_s"]
     radius = f"spectral radius {_text(found['spectral_radius'])} per frame of {frame:.6g} ms"
-    yield f"{spec.name}, {values['controller.kind']}: {'stable' if found['stable'] else 'UNSTABLE'} ({radius})"
+    yield f"{spec.name}, {spec.kind}: {'stable' if found['stable'] else 'UNSTABLE'} ({radius})"
     bounded = [each for each in found["limits"] if _bounded(each)]
     yield from (f"  {_limit(spec, each)}" for each in bounded)
     others = [each for each in found["limits"] if each not in bounded]
     if others:
         state = "stable" if found["stable"] else "unstable"
-        spans = ", ".join(f"{each['name']} {each['from']:g} to {each['to']:g}{_unit(each['name'])}" for each in others)
+        spans = ", ".join(f"{each['name']} {each['from']:g} to {each['to']:g}{_unit(spec, each['name'])}" for each in others)
         yield f"  {state} at every value searched: {spans}"
     if found["delay"]:
         yield f"  {_delay(found['delay'])}"
-    if found["stable"]:
+    if found["stable"] and found["felt"]:
         yield f"  felt at low frequency: {_text(found['felt']['stiffness'])} N/m and {_damping(found['felt']['damping'])}"
+    if found["stable"]:
         yield f"  slowest mode: {_slowest(found['slowest'])}"
     if found["channel_norm"] is not None:
         yield f"  wave channel: norm {found['channel_norm']:.7g} (passive up to 1)"
-    yield f"  assumes: {found['assumes']}"
+    if found["assumes"]:
+        yield f"  assumes: {found['assumes']}"
 
 
 def _bounded(limit: Facts) -> bool:
@@ -96,10 +97,8 @@ def _bounded(limit: Facts) -> bool:
 
 
 def _limit(spec: Spec, limit: Facts) -> str:
-    from wavesweep.spec import find_key
-
-    name, value, unit = limit["name"], limit["value"], _unit(limit["name"])
-    default = "" if find_key(name).path in spec.given else ", the default"
+    name, value, unit = limit["name"], limit["value"], _unit(spec, limit["name"])
+    default = "" if spec.drawing or spec.names.find(name).path in spec.given else ", the default"
     here = f"{name} = {value:g}{unit}{default}"
     if limit["stable"] is None:
         return f"{here}: not known ({limit['doubt']})"
@@ -122,10 +121,9 @@ def _factors(limit: Facts) -> str:
     return f" (it may {' and '.join(said)})" if said else ""
 
 
-def _unit(name: str) -> str:
-    from wavesweep.spec import find_key
-
-    return f" {find_key(name).unit}"
+def _unit(spec: Spec, name: str) -> str:
+    unit = spec.names.find(name).unit
+    return "" if unit in ("", "1") else f" {unit}"
 
 
 def _delay(delay: Facts) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.analysis.doubt import DOUBTS, INCOMPLETE
+from wavesweep.results.schema import numbers_of
 from wavesweep.spec import find_key
 from wavesweep.spec.spec import K_VE_SPAN
 
@@ -56,12 +57,12 @@ class Extreme:
 class IntervalTally:
     """Counts the rows of a table of intervals for one loop.
 
-    hand: the word of its rows in the column `hand`, empty if there is none. axes: name -> values of the other axes. stop: the
-    end of the swept range.
+    hand: the word of its rows in the column `hand`, empty if there is none. axes: name -> values of the other axes. facts:
+    those of the run, from which the end of the swept range and the units of a drawn loop's numbers follow.
     """
 
-    def __init__(self, hand: str = "", axes: Axes | None = None, stop: float = np.inf) -> None:
-        self._hand, self._axes, self._stop = hand, axes or {}, stop
+    def __init__(self, hand: str = "", axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
+        self._hand, self._axes, self._facts = hand, axes or {}, facts or {}
         self._rows = self._intervals = self._split = 0
         self._doubts: Counter[str] = Counter()
         self._along = "?"
@@ -86,7 +87,7 @@ class IntervalTally:
         """The summary as numbers and words."""
         return {
             "along": self._along,
-            "unit": _unit(self._along).strip(),
+            "unit": self._unit(self._along).strip(),
             "stable_intervals": self._intervals,
             "slices_with_a_hole": self._split,
             "rows": self._rows,
@@ -101,7 +102,7 @@ class IntervalTally:
         if not row:
             return None
         if self._hand in SEARCHED:
-            ended = "range" if row["high"] == self._stop else "stability"
+            ended = "range" if row["high"] == _stop(self._facts, self._along) else "stability"
         elif np.isnan(row["high_omega"]):
             ended = "unknown" if row["doubt"] in INCOMPLETE else "range"
         return {"value": row["high"], "ended_by": ended, **self._where(self._largest)}
@@ -142,7 +143,7 @@ class IntervalTally:
             undecided = self._hand not in SEARCHED and any(self._doubts[word] for word in INCOMPLETE)
             known = f"no {adjective} {self._along} found, but part of the swept range could not be decided"
             return known if undecided else none.format(along=self._along)
-        value = f"largest {adjective} {self._along}: {found['value']:.6g}{_unit(self._along)}"
+        value = f"largest {adjective} {self._along}: {found['value']:.6g}{self._unit(self._along)}"
         return f"{value}{self._place(found)}{ENDS[found['ended_by']]}{_ended_by(self._largest.row)}"
 
     def stiffest_felt(self) -> str:
@@ -150,18 +151,23 @@ class IntervalTally:
         found = self._felt_numbers()
         if found is None:
             return ""
-        wall = f" with {self._along} = {found['with']:.6g}{_unit(self._along)}"
+        wall = f" with {self._along} = {found['with']:.6g}{self._unit(self._along)}"
         return f"stiffest wall as the hand feels it: {found['value']:.6g} N/m{wall}{self._place(found)}"
 
     def feels_the_wall(self) -> bool:
         """Whether the stiffest wall and the stiffest felt are the same, as with direct coupling."""
         return bool(self._largest.row) and np.isclose(self._felt.value, self._largest.value, rtol=1e-9)
 
+    def _unit(self, name: str) -> str:
+        """The unit of an axis with a space before it; empty if it has none."""
+        key = numbers_of(self._facts).get(name) or find_key(name)
+        return f" {key.unit}" if key is not None and key.unit not in ("", "1") else ""
+
     def _place(self, found: Mapping[str, Any]) -> str:
         if not found["at"]:
             return ""
         at = [
-            f"{name} = {value:g}{_unit(name)}{' (the edge of that axis)' if name in found['at_the_edge_of'] else ''}"
+            f"{name} = {value:g}{self._unit(name)}{' (the edge of that axis)' if name in found['at_the_edge_of'] else ''}"
             for name, value in found["at"].items()
         ]
         others = found["equal_rows"] - 1
@@ -171,12 +177,6 @@ class IntervalTally:
 
 def _at_an_edge(value: float, values: Sequence[float]) -> bool:
     return len(values) > 1 and value in (min(values), max(values))
-
-
-def _unit(name: str) -> str:
-    """The unit of an axis with a space before it; empty if it has none."""
-    key = find_key(name)
-    return f" {key.unit}" if key is not None and key.unit not in ("", "1") else ""
 
 
 def _ended_by(row: Mapping[str, Any]) -> str:
@@ -199,12 +199,12 @@ def count(number: int, noun: str) -> str:
 class HandTally:
     """Counts the rows of a table of intervals, separately for each hand if it has several.
 
-    axes: as for `IntervalTally`. facts: those of the run, from which the end of the swept range follows.
+    axes, facts: as for `IntervalTally`.
     """
 
     def __init__(self, axes: Axes | None = None, facts: Mapping[str, Any] | None = None) -> None:
         self._axes, self._facts = axes, facts or {}
-        self._plain = IntervalTally(axes=axes)
+        self._plain = IntervalTally(axes=axes, facts=facts)
         self._tallies: dict[str, IntervalTally] = {}
         self._unsettled = 0
 
@@ -218,7 +218,7 @@ class HandTally:
         hand = str(columns["hand"][0])
         rows = {name: column for name, column in columns.items() if name != "hand"}
         if hand not in self._tallies:
-            self._tallies[hand] = IntervalTally(hand, self._axes, _stop(self._facts, str(columns["along"][0])))
+            self._tallies[hand] = IntervalTally(hand, self._axes, self._facts)
         self._tallies[hand].add(rows)
         if "settled" in columns and hand == "box":
             self._unsettled += int((~columns["settled"]).sum())
@@ -249,9 +249,10 @@ class HandTally:
 
 
 class SpecTally:
-    """Counts the rows of a comparison, separately for each spec."""
+    """Counts the rows of a comparison, separately for each spec; facts: as for `IntervalTally`."""
 
-    def __init__(self) -> None:
+    def __init__(self, facts: Mapping[str, Any] | None = None) -> None:
+        self._facts = facts
         self._tallies: dict[str, IntervalTally] = {}
 
     def add(self, columns: Columns) -> None:
@@ -260,7 +261,7 @@ class SpecTally:
         for spec in dict.fromkeys(columns["spec"].tolist()):
             rows = {name: column[columns["spec"] == spec] for name, column in columns.items()}
             axes = {name: np.unique(rows[name]).tolist() for name in names[1 : names.index("along")]}
-            self._tallies[spec] = IntervalTally(axes=axes)
+            self._tallies[spec] = IntervalTally(axes=axes, facts=self._facts)
             self._tallies[spec].add(rows)
 
     def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:

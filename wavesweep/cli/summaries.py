@@ -18,7 +18,7 @@ Numbers = Mapping[str, Any]
 def tally_of(table: Table) -> WholeTable | HandTally | SpecTally:
     """Return the summary of a table: call `add` with each of its blocks, then `numbers` and `lines`."""
     if table.kind == "compare":
-        return SpecTally()
+        return SpecTally(table.facts)
     return HandTally(table.axes, table.facts) if table.axes is not None else WholeTable(*SUMMARIES[table.kind])
 
 

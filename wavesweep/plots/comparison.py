@@ -32,6 +32,8 @@ def compare(columns: Columns, facts: Mapping[str, Any], responses: Columns | Non
         x = _abscissa(columns)
         for axes, (names, title) in zip(grid[0], _WALLS, strict=True):
             _walls(axes, columns, specs, x, names)
+            if x is not None:
+                axes.set_xlabel(label(x, facts))
             axes.set_ylabel(title)
         for axes, (name, title) in zip(grid[1] if responses is not None else (), _RESPONSES, strict=False):
             _curves(axes, responses, specs, name)
@@ -87,8 +89,6 @@ def _walls(axes: Any, columns: Columns, specs: list[str], x: str | None, names: 
     axes.set_ylim(0, 1.06 * max(np.nanmax(columns[names[0]], initial=0.0), 1e-3))
     if x is None:
         axes.set_xticks(range(len(specs)), specs)
-    else:
-        axes.set_xlabel(label(x))
 
 
 def _split(rows: Columns, others: list[str]) -> Iterator[Columns]:

@@ -106,7 +106,7 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
     across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) else 3
     down = -(-len(panels) // across)
     width = ONE_COLUMN if across == 1 else TWO_COLUMNS
-    entries = _entries(columns, layout, best, _own_points(facts, layout, panels))
+    entries = _entries(columns, facts, layout, best, _own_points(facts, layout, panels))
     in_a_row = fitting([str(entry.get_label()) for entry in entries], width)
     height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + 0.17 * -(-len(entries) // in_a_row)
     with figure(width, height) as canvas:
@@ -114,7 +114,7 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
         for axes, value in zip(grid.flat, panels, strict=False):
             _draw_panel(axes, _rows_where(columns, layout.panels, value), facts, layout, (width / across, height / down))
             if layout.panels is not None:
-                axes.set_title(valued(layout.panels, value))
+                axes.set_title(valued(layout.panels, value, facts))
             _mark_best(axes, layout, best, value)
             axes.plot(*_own_points(facts, layout, [value]), **_OWN)
         for axes in grid.flat[len(panels) :]:
@@ -122,7 +122,7 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
         _limit(grid[0, 0], columns, bars=layout.x is None)
         for axes in grid.flat[: len(panels)]:
             mark_range(axes, columns, bars=layout.x is None)
-        _name_axes(canvas, columns, layout, _assumed(facts, columns))
+        _name_axes(canvas, columns, layout, facts)
         if entries:
             canvas.legend(handles=entries, loc="outside upper center", ncols=in_a_row, columnspacing=1.0, handlelength=2.0)
     return canvas
@@ -146,15 +146,15 @@ def _own_points(facts: Mapping[str, Any], layout: Layout, panels: Sequence[float
     spec = spec_of(facts)
     if spec is None or layout.x is None:
         return [], []
-    from wavesweep.spec import find_key
-
     own = {
-        name: spec.values.get(find_key(name).path) for name in (layout.x, layout.panels, layout.family, *layout.fixed) if name
+        name: spec.values.get(spec.names.find(name).path)
+        for name in (layout.x, layout.panels, layout.family, *layout.fixed)
+        if name
     }
     there = layout.panels is None or own[layout.panels] in panels
     there = there and (layout.family is None or own[layout.family] in layout.members)
     there = there and all(own[name] == value for name, value in layout.fixed.items())
-    x, along = own[layout.x], spec.values.get(find_key(facts.get("along", spec.along)).path)
+    x, along = own[layout.x], spec.values.get(spec.names.find(facts.get("along", spec.along)).path)
     return ([x], [along]) if there and layout.points[0] <= x <= layout.points[-1] else ([], [])
 
 
@@ -206,7 +206,7 @@ def _limit(axes: Any, columns: Columns, bars: bool) -> None:
     room = 0.06 * (top - bottom)
     lowest = range_end(columns, "low")
     if lowest is not None:
-        bottom = max(min(bottom, lowest - room), 0.0)
+        bottom = max(min(bottom, lowest - room), min(bottom - room, 0.0) if bottom < 0 else 0.0)
     limits = (float(bottom), float(top + room) if top > bottom else 1.0)
     (axes.set_xlim if bars else axes.set_ylim)(limits)
 
@@ -216,14 +216,14 @@ def _rows_where(columns: Columns, axis: str | None, value: float) -> dict[str, n
     return {name: column[chosen] for name, column in columns.items()}
 
 
-def _name_axes(canvas: Any, columns: Columns, layout: Layout, assumed: str) -> None:
-    along = label(str(columns["along"][0]))
+def _name_axes(canvas: Any, columns: Columns, layout: Layout, facts: Mapping[str, Any]) -> None:
+    along = label(str(columns["along"][0]), facts)
     bars = layout.x is None
     # The note is a further line of the label: the layout makes room for that, and for nothing that is placed by hand.
     width = int(_LETTERS_PER_INCH * canvas.get_figwidth())
-    note = [*wrap(layout.left_out, width), *wrap(assumed, width)]
-    canvas.supxlabel("\n".join([along if bars else label(layout.x), *note]), fontsize=8)
-    across = (label(layout.family) if layout.family else "") if bars else along
+    note = [*wrap(layout.left_out, width), *wrap(_assumed(facts, columns), width)]
+    canvas.supxlabel("\n".join([along if bars else label(layout.x, facts), *note]), fontsize=8)
+    across = (label(layout.family, facts) if layout.family else "") if bars else along
     if across:
         canvas.supylabel(across, fontsize=8)
 
@@ -241,7 +241,9 @@ def _assumed(facts: Mapping[str, Any], columns: Columns) -> str:
     return ", ".join([*words, f"{tables['device']['velocity']} velocity", *kind])
 
 
-def _entries(columns: Columns, layout: Layout, best: Mapping[str, Any], own: tuple[list, list]) -> list[Any]:
+def _entries(
+    columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapping[str, Any], own: tuple[list, list]
+) -> list[Any]:
     """The entries of the legend."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -252,13 +254,13 @@ def _entries(columns: Columns, layout: Layout, best: Mapping[str, Any], own: tup
             [_rows_where(columns, layout.family, value) for value in layout.members],
             np.nanmin(columns["low"], initial=np.inf),
         )
-        names = [valued(layout.family, value) for value in layout.members]
+        names = [valued(layout.family, value, facts) for value in layout.members]
         handles = handles_of([name + _extent(each, bottom) for name, each in zip(names, rows, strict=True)])
     if layout.x is not None and _shows_felt(columns, layout):
         alone = HANDS["free"][0].colour if layout.family is None else "0.3"
         handles.append(Line2D([], [], color=alone, linestyle=FELT_LINE, linewidth=0.8, label="stiffness felt at the limit"))
     if best:
-        handles.append(Line2D([], [], **_BEST, label=_in_words(best)))
+        handles.append(Line2D([], [], **_BEST, label=_in_words(best, facts)))
     if own[0]:
         handles.append(Line2D([], [], **_OWN, label="the spec's own"))
     if not (columns["certified"] | promised(columns)).all():
@@ -270,13 +272,13 @@ def _entries(columns: Columns, layout: Layout, best: Mapping[str, Any], own: tup
     return handles
 
 
-def _in_words(best: Mapping[str, Any]) -> str:
+def _in_words(best: Mapping[str, Any], facts: Mapping[str, Any]) -> str:
     """The largest value and, for a wall, the stiffness that the hand feels."""
     along = str(best["along"])
     over = "" if best["high_omega"] == best["high_omega"] else "over "
     felt = best.get("felt_high", np.nan)
     if along != "K_VE" or not abs(felt - best["high"]) > 0.005 * best["high"]:
-        return f"largest: {over}{best['high']:.5g} {unit(along)}".rstrip()
+        return f"largest: {over}{best['high']:.5g} {unit(along, facts)}".rstrip()
     return f"stiffest felt: {felt:.4g} N/m, of a wall of {over}{best['high']:.5g}"
 
 

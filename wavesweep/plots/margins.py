@@ -33,11 +33,10 @@ def passivity(columns: Columns, facts: Mapping[str, Any]) -> Any:
     # A margin that is below 0 by rounding alone counts as 0, by the verdict of the table.
     margin = np.where(columns["port_passive"], np.fmax(columns["port_margin"], 0.0), columns["port_margin"])
     columns = {**columns, "port_margin": 1e3 * margin}
-    said = f"Assumes: {facts['assumes']}." if facts.get("assumes") else ""
-    return _draw_dots(columns, several, said) if x is None else _draw_lines(columns, several, x, rest, said)
+    return _draw_dots(columns, several, facts) if x is None else _draw_lines(columns, several, x, rest, facts)
 
 
-def _draw_lines(columns: Columns, several: Mapping[str, tuple], x: str, rest: list[str], said: str) -> Any:
+def _draw_lines(columns: Columns, several: Mapping[str, tuple], x: str, rest: list[str], facts: Mapping[str, Any]) -> Any:
     family, held = (rest[0] if rest else None), {name: several[name][len(several[name]) // 2] for name in rest[1:]}
     members = evenly(several, family, MOST_MEMBERS)
     shown = {x: evenly(several, x, MOST_POINTS), **({family: members} if family else {}), **{n: (v,) for n, v in held.items()}}
@@ -47,7 +46,7 @@ def _draw_lines(columns: Columns, several: Mapping[str, tuple], x: str, rest: li
         for look, value in zip(family_looks(max(1, len(members))), members or (None,), strict=True):
             rows = _where(columns, {family: (value,)} if family else {})
             order = np.argsort(rows[x], kind="stable")
-            name = None if value is None else valued(family, value)
+            name = None if value is None else valued(family, value, facts)
             style = {"color": look.colour, "linestyle": look.line, "marker": ".", "markersize": 2.5, "linewidth": 1}
             for panel, values in ((channel, _excess(rows)), (port, rows["port_margin"])):
                 panel.plot(rows[x][order], values[order], label=name, **style)
@@ -55,17 +54,17 @@ def _draw_lines(columns: Columns, several: Mapping[str, tuple], x: str, rest: li
             panel.set_xlim(columns[x].min(), columns[x].max())
         _finish(channel.yaxis, port.yaxis, (channel, port), columns)
         _legend(canvas, port)
-        _note(canvas, label(x), _left_out(several, shown), said)
+        _note(canvas, label(x, facts), _left_out(several, shown), _said(facts))
     return canvas
 
 
-def _draw_dots(columns: Columns, several: Mapping[str, tuple], said: str) -> Any:
+def _draw_dots(columns: Columns, several: Mapping[str, tuple], facts: Mapping[str, Any]) -> Any:
     rows = len(columns["channel_norm"])
     # Axes that have one value, or that are not read, repeat nothing here: a row is a dot.
     chosen = np.linspace(0, rows - 1, min(rows, 2 * MOST_BARS)).round().astype(int)
     columns = {name: column[chosen] for name, column in columns.items()}
     places = np.arange(len(chosen))
-    names = [", ".join(valued(name, columns[name][row]) for name in several) for row in range(len(chosen))]
+    names = [", ".join(valued(name, columns[name][row], facts) for name in several) for row in range(len(chosen))]
     note = f"Shown: {len(chosen)} of {rows} combinations." if len(chosen) < rows else ""
     with figure(TWO_COLUMNS, 1.5 + 0.2 * len(chosen)) as canvas:
         channel, port = canvas.subplots(1, 2, sharey=True)
@@ -79,7 +78,7 @@ def _draw_dots(columns: Columns, several: Mapping[str, tuple], said: str) -> Any
         channel.set_ylim(len(chosen) - 0.4, -0.6)
         _finish(channel.xaxis, port.xaxis, (channel, port), columns)
         _legend(canvas, port)
-        _note(canvas, "", note, said)
+        _note(canvas, "", note, _said(facts))
     return canvas
 
 
@@ -124,6 +123,10 @@ def _where(columns: Columns, wanted: Mapping[str, tuple]) -> dict[str, np.ndarra
     for name, values in wanted.items():
         kept &= np.isin(columns[name], values)
     return {name: column[kept] for name, column in columns.items()}
+
+
+def _said(facts: Mapping[str, Any]) -> str:
+    return f"Assumes: {facts['assumes']}." if facts.get("assumes") else ""
 
 
 def _legend(canvas: Any, panel: Any) -> None:

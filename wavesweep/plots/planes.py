@@ -295,7 +295,7 @@ def range_end(columns: Mapping[str, np.ndarray], end: str) -> float | None:
         return None
     extreme = columns[end][cut].min() if end == "low" else columns[end][cut].max()
     key = find_key(str(columns["along"][0]))
-    own = key.low if end == "low" else key.high
+    own = None if key is None else key.low if end == "low" else key.high  # a number of a drawn loop has no end
     return None if own is not None and float(extreme) == own else float(extreme)
 
 

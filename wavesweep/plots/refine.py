@@ -214,9 +214,10 @@ class _Question:
         points = {path: np.array([dict(self.designs[n])[path] for n, _ in number]) for path, _ in self.designs[0]}
         if self.x:
             points[self.x] = np.array([x for _, x in number])
-        found = at_points(
-            self.spec, self.axis, points or {"environment.K_VE": np.array([self.spec.values["environment.K_VE"]])}
-        )
+        if not points:  # the loop reads none of the axes
+            name, value = next((path, value) for path, value in self.spec.values.items() if isinstance(value, float))
+            points = {name: np.array([value])}
+        found = at_points(self.spec, self.axis, points)
         columns = _columns_of(found, found["slice"])
         return [columns[number[place]] for place in places]
 
@@ -229,13 +230,11 @@ def _question(members, x, facts) -> _Question | None:
     hand = str(rows["hand"][0]) if "hand" in rows else ""
     if spec is None or hand not in ("", "free", "operator"):
         return None
-    from wavesweep.diagram import WALL, draw
-    from wavesweep.lifted import cut_at_wall
-    from wavesweep.spec import find_key, sweep_axes
+    from wavesweep.spec import sweep_axes
     from wavesweep.sweep.grid import is_plain, make_grid
-    from wavesweep.sweep.job import expected_cost
+    from wavesweep.sweep.job import cost_of
 
-    path = find_key(x).path
+    path = spec.names.find(x).path
     if not is_plain(spec, path):
         return None
     if hand == "free":
@@ -245,6 +244,6 @@ def _question(members, x, facts) -> _Question | None:
     used = (*grid.loop_axes, *grid.wall_axes)
     keys = [tuple((each.path, rows[each.name][0].item()) for each in used if each.path != path) for rows in members]
     designs = list(dict.fromkeys(keys))
-    order = cut_at_wall(draw(spec.with_values(dict(designs[0])).values)).order
-    cost, batch = (expected_cost(order, True), 0.0) if axis.path in WALL else (max(expected_cost(order, False), DEAR), ROUND)
+    cost, exact = cost_of(spec.with_values(dict(designs[0])), axis)
+    cost, batch = (cost, 0.0) if exact else (max(cost, DEAR), ROUND)
     return _Question(spec, axis, path if any(each.path == path for each in used) else None, keys, designs, cost, batch)

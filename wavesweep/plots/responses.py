@@ -56,7 +56,7 @@ def bode(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """
     x = _axis_of(columns)
     columns = {**columns, "admittance_abs": 1e3 * columns["admittance_abs"]}
-    curves, scale = _curves(columns, x)
+    curves, scale = _curves(columns, x, facts)
     named = [curve for curve in curves if curve.label]
     in_a_row = fitting([curve.label for curve in named], TWO_COLUMNS)
     with figure(TWO_COLUMNS, 4.0 + 0.17 * -(-len(named) // in_a_row)) as canvas:
@@ -72,7 +72,7 @@ def bode(columns: Columns, facts: Mapping[str, Any]) -> Any:
         canvas.align_ylabels()
         note_assumptions(canvas, facts, "" if x == "frequency_hz" else f"at {columns['frequency_hz'][0]:g} Hz")
         if scale is not None:
-            canvas.colorbar(scale[1], ax=grid, label=label(scale[0]), aspect=40, pad=0.01)
+            canvas.colorbar(scale[1], ax=grid, label=label(scale[0], facts), aspect=40, pad=0.01)
         handles, labels = grid[0, 0].get_legend_handles_labels()
         if handles:
             canvas.legend(handles, labels, loc="outside lower center", ncols=min(in_a_row, len(handles)), handlelength=2.4)
@@ -156,11 +156,11 @@ def _mark_nyquist(axes: Any, columns: Columns, x: str, named: bool) -> None:
         axes.axvline(nyquist, color="0.45", linestyle=(0, (1, 2)), linewidth=1.0, zorder=1.5, **words)
 
 
-def _curves(columns: Columns, x: str) -> tuple[list[Curve], tuple[str, Any] | None]:
+def _curves(columns: Columns, x: str, facts: Mapping[str, Any]) -> tuple[list[Curve], tuple[str, Any] | None]:
     """The curves and, if they are many, the axis that the scale of colours is for, and the scale."""
     axes = [name for name in _swept(columns) if name != x]
     specs = list(dict.fromkeys(columns["spec"].tolist()))
-    found = [_responses(_chosen(columns, columns["spec"] == spec), axes) for spec in specs]
+    found = [_responses(_chosen(columns, columns["spec"] == spec), axes, facts) for spec in specs]
     several = len(axes) > 0 and sum(map(len, found)) > _MOST_CURVES
     scale = _scale(columns[axes[0]]) if several else None
     curves = []
@@ -189,7 +189,7 @@ def _scale(values: np.ndarray) -> Any:
     return ScalarMappable(norm(float(known.min()), float(known.max())), family_map())
 
 
-def _responses(columns: Columns, axes: list[str]) -> list[tuple[str, dict[str, np.ndarray]]]:
+def _responses(columns: Columns, axes: list[str], facts: Mapping[str, Any]) -> list[tuple[str, dict[str, np.ndarray]]]:
     """Return the rows of each combination of the axes, with its name.
 
     If a controller ignores an axis, the rows are repeated, and one line is enough.
@@ -199,7 +199,7 @@ def _responses(columns: Columns, axes: list[str]) -> list[tuple[str, dict[str, n
     found: dict[bytes, tuple[str, dict[str, np.ndarray]]] = {}
     for number, combination in enumerate(different):
         rows = _chosen(columns, which.reshape(-1) == number)
-        place = ", ".join(valued(name, value) for name, value in zip(axes, combination, strict=False))
+        place = ", ".join(valued(name, value, facts) for name, value in zip(axes, combination, strict=False))
         found.setdefault(rows["admittance_re"].tobytes() + rows["impedance_re"].tobytes(), (place, rows))
     return list(found.values())
 

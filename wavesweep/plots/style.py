@@ -216,20 +216,20 @@ def symbol(name: str) -> str:
     return _SYMBOLS.get(name) or _NAMES.get(name) or name.replace(".", " ").replace("_", " ")
 
 
-def unit(name: str) -> str:
-    """The unit of an axis as a paper prints it, empty if it has none."""
+def unit(name: str, facts: Mapping[str, Any] | None = None) -> str:
+    """The unit of an axis as a paper prints it, empty if it has none; facts: see `label`."""
     import re
 
-    found = next(field.unit for field in fields("zwidth", [name]) if field.name == name)
+    found = next(field.unit for field in fields("zwidth", [name], facts=facts) if field.name == name)
     return "" if found == "1" else re.sub(r"\^\((.*?)\)", r"$^{\1}$", found.replace("*", "·"))
 
 
-def label(name: str) -> str:
-    """The name of an axis with its unit."""
-    return f"{symbol(name)} ({unit(name)})" if unit(name) else symbol(name)
+def label(name: str, facts: Mapping[str, Any] | None = None) -> str:
+    """The name of an axis with its unit. facts: of a run, which describe the numbers of a drawn loop."""
+    return f"{symbol(name)} ({unit(name, facts)})" if unit(name, facts) else symbol(name)
 
 
-def valued(name: str, value: float) -> str:
-    """The name of an axis with a value and its unit."""
-    each = unit(name)
+def valued(name: str, value: float, facts: Mapping[str, Any] | None = None) -> str:
+    """The name of an axis with a value and its unit; facts: see `label`."""
+    each = unit(name, facts)
     return f"{symbol(name)} = {value:.6g} {'ticks' if each == 'tick' and value != 1 else each}".rstrip()

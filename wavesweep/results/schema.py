@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
@@ -171,34 +172,56 @@ TABLES: Mapping[str, tuple[Field, ...]] = {
 OTHER_TABLES = ("bench",)  # with a figure and with columns of their own
 
 
-def fields(kind: str, axes: Iterable[str] = (), along: str = "K_VE", extra: Iterable[str] = ()) -> tuple[Field, ...]:
+def fields(
+    kind: str,
+    axes: Iterable[str] = (),
+    along: str = "K_VE",
+    extra: Iterable[str] = (),
+    facts: Mapping[str, Any] | None = None,
+) -> tuple[Field, ...]:
     """Give the columns of a table in order: the swept axes, then those that every table of this kind has.
 
     A comparison has the spec before the axes.
 
     `along` names the axis that `low` and `high` are values of; they take its unit. `extra` names the further columns of
-    a table of intervals: `hand`, after `along`, and the hands at the ends.
-    Raises WavesweepError for a table or an axis that does not exist.
+    a table of intervals: `hand`, after `along`, and the hands at the ends. `facts` of the run have the numbers of a
+    drawn loop. Raises WavesweepError for a table or an axis that does not exist.
     """
     if kind not in TABLES:
         raise WavesweepError(f"no table is called {kind!r}, expected one of {', '.join(TABLES)}")
-    unit = _axis(along).unit
+    own = numbers_of(facts)
+    unit = _axis(along, own).unit
     columns = [replace(field, unit=unit) if field.name in ("low", "high") else field for field in TABLES[kind]]
     first = [columns.pop(0)] if kind == "compare" else []  # the spec comes before the axes
     wanted = set(extra)
     columns[1:1] = [field for field in (_HAND,) if field.name in wanted]
     ends = [field for field in _ENDS if field.name in wanted]
     last = len(columns) - len(_FELT) if ends else len(columns)
-    return (*first, *map(_axis, axes), *columns[:last], *ends, *columns[last:])
+    return (*first, *(_axis(axis, own) for axis in axes), *columns[:last], *ends, *columns[last:])
 
 
-def fields_of(kind: str, columns: Mapping[str, Any]) -> tuple[Field, ...]:
-    """Give the columns of a table that is at hand: those that its kind does not have itself are its axes."""
+def fields_of(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any] | None = None) -> tuple[Field, ...]:
+    """Give the columns of a table that is at hand: those that its kind does not have itself are its axes.
+
+    `facts` of the run describe the numbers of a drawn loop.
+    """
     extra = [field.name for field in (_HAND, *_ENDS) if field.name in columns]
     own = {field.name for field in TABLES.get(kind, ())}.union(extra)
     along = columns.get("along", ())
     axes = [name for name in columns if name not in own]
-    return fields(kind, axes, str(along[0]) if len(along) else "K_VE", extra)
+    return fields(kind, axes, str(along[0]) if len(along) else "K_VE", extra, facts)
+
+
+def numbers_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
+    """Give the fields of the numbers that the drawn loops of a run have, by their names as axes."""
+    found = {}
+    specs = [(facts or {}).get("spec", {}), *(facts or {}).get("specs", {}).values()]
+    for name, number in ((name, number) for spec in specs for name, number in spec.get("numbers", {}).items()):
+        kind = "integer" if isinstance(number["value"], int) else "number"
+        for axis in (name, f"numbers.{name}"):
+            found.setdefault(axis, Field(axis, kind, number["unit"], number["description"]))
+    rate = Field("rates.tick_hz", "number", "Hz", "common tick of the blocks")
+    return found | {rate.name: rate} if found else found
 
 
 def kind_of(names: Iterable[str], stem: str) -> str:
@@ -221,7 +244,9 @@ def kinds_by_name() -> dict[str, FieldKind]:
     return {**axes, **{field.name: field.kind for table in (*TABLES.values(), (_HAND, *_ENDS)) for field in table}}
 
 
-def _axis(name: str) -> Field:
+def _axis(name: str, own: Mapping[str, Field] = MappingProxyType({})) -> Field:
+    if name in own:
+        return own[name]
     key = KEYS.get(SYMBOLS.get(name, name))
     if key is None or not key.numeric:
         raise WavesweepError(f"column {name}: neither a column of this table nor an axis that a spec can sweep")

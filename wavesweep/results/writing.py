@@ -78,7 +78,7 @@ def _opened(table: Table) -> tuple[tuple[Field, ...], Iterable[Columns]]:
     """Give the table's fields, and its blocks, the first of which is checked."""
     blocks = iter(table.blocks())
     first = next(blocks)
-    fields = table.fields or fields_of(table.kind, first)
+    fields = table.fields or fields_of(table.kind, first, table.facts)
     return fields, chain([checked(fields, first)], blocks)
 
 

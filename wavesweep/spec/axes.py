@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.checking import Rejected, check, show
-from wavesweep.spec.keys import AXIS_KEYS, STUDY_KEYS, Key, find_key
+from wavesweep.spec.keys import AXIS_KEYS, BUILT_IN, STUDY_KEYS, Key, Names
 from wavesweep.spec.reading import Leaf, Place
 
 MOST_VALUES = 1_000_000
@@ -74,9 +74,9 @@ class Axis:
         return {**span, "num": len(self.values), "scale": self.scale} if self.values else span
 
 
-def build_axis(study: str, name: str, parts: dict[str, Leaf]) -> tuple[Axis | None, list[Mistake]]:
+def build_axis(study: str, name: str, parts: dict[str, Leaf], names: Names = BUILT_IN) -> tuple[Axis | None, list[Mistake]]:
     """Return the axis given by the parts of one key of [sweep] or [bode], or None and its mistakes."""
-    key = find_key(name) or STUDY_KEYS[f"{study}.{name}"]
+    key = names.find(name) or STUDY_KEYS[f"{study}.{name}"]
     label = f"{study}.{name}"
     first = next(iter(parts.values()))
     if not key.numeric:

@@ -52,6 +52,8 @@ SYMBOLS = MappingProxyType(
 class Key:
     """One key: `type` is "number", "integer" or "string"; `default` None means that the key may be absent.
 
+    Keys of blocks may also be "boolean", "list" (of numbers), "rows" (lists of numbers) or "ports" (names).
+
     Numbers lie in `low`..`high`, without `low` itself if `above_low` is true. If there are `choices`, no other value is
     allowed; `meanings` describes some of them. Limits set by other keys (`environment.delay <= rates.ratio`) are checked
     when a spec is resolved.
@@ -68,6 +70,7 @@ class Key:
     choices: tuple = ()
     required: bool = False
     meanings: Mapping = field(default_factory=dict, repr=False)
+    shaping: bool = False  # whether the structure of the loop depends on it although it is a number
 
     @property
     def numeric(self) -> bool:
@@ -78,7 +81,7 @@ class Key:
     def structural(self) -> bool:
         """Whether a change requires the spec to be resolved again, because other values or limits depend on this one."""
         derived_from = self.path in ("rates.fast_hz", "rates.slow_hz") or self.path.rsplit(".", 1)[-1] in BAND_EDGES
-        return self.type != "number" or derived_from
+        return self.type != "number" or derived_from or self.shaping
 
 
 def _positive(path: str, default: float | None, unit: str, description: str, high: float | None = None) -> Key:
@@ -219,6 +222,22 @@ AXIS_KEYS = MappingProxyType(
 VALUE_PATHS = tuple(key.path for key in _TABLE if key.default is not None or key.required)
 
 
-def find_key(name: str) -> Key | None:
-    """Return the key of a name, which is a symbol (`B_VE`) or a full path (`device.damping`), or None."""
-    return KEYS.get(SYMBOLS.get(name, name))
+@dataclass(frozen=True, slots=True)
+class Names:
+    """The keys of a spec by path, and the symbols that are short for a path."""
+
+    keys: Mapping[str, Key]
+    symbols: Mapping[str, str]
+
+    def find(self, name: str) -> Key | None:
+        """Return the key of a name, which is a symbol (`B_VE`) or a full path (`device.damping`), or None."""
+        return self.keys.get(self.symbols.get(name, name))
+
+    @property
+    def numeric(self) -> list[str]:
+        """Paths of the keys that may be axes."""
+        return [path for path, key in self.keys.items() if key.numeric]
+
+
+BUILT_IN = Names(KEYS, SYMBOLS)
+find_key = BUILT_IN.find

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from itertools import islice
 
 from wavesweep.errors import Mistake, SpecError
+from wavesweep.spec.drawing import MARKS, names_of
+from wavesweep.spec.drawing_tables import read_drawing
+from wavesweep.spec.keys import SYMBOLS
 from wavesweep.spec.reading import Leaf, Place, file_stem, read_dict, read_file, read_override
 from wavesweep.spec.resolving import Given, resolve
 from wavesweep.spec.sorting import Path, leaves_of, normal_path, sort_leaves
 from wavesweep.spec.spec import Spec
-from wavesweep.spec.studies import beyond_limits, build_studies
+from wavesweep.spec.studies import Studies, beyond_limits, build_studies
 
 MOST_KEYS = 1000  # that a spec gives; each one that is wrong takes a millisecond
 _TWINS = {("rates", "ratio"): ("rates", "slow_hz"), ("rates", "slow_hz"): ("rates", "ratio")}
@@ -46,12 +50,15 @@ def _collect(tables: dict, place: Place, overrides: Iterable[str]) -> tuple[dict
         if path in leaves:  # an axis written both as "device.mass" and as device.mass
             mistakes.append(leaf.mistake(".".join(path), "each key once", "the same key again", of_key=True))
         leaves[path] = leaf
+    symbols = {name: f"numbers.{name}" for path in leaves if (name := path[1:] and path[1]) and path[0] == "numbers"}
     for typed in overrides:
         try:
-            path, value, where = read_override(typed)
+            path, value, where = read_override(typed, symbols if any(path[0] in MARKS for path in leaves) else SYMBOLS)
         except SpecError as error:
             mistakes += error.mistakes
         else:
+            if (*path, "value") in leaves:  # a number that has a unit keeps it
+                path = (*path, "value")
             leaves = _override(leaves, normal_path(path), dict(leaves_of(_nested(path, value), where)))
     return leaves, mistakes
 
@@ -79,6 +86,8 @@ def _overlap(one: Path, other: Path) -> bool:
 
 
 def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: list[Mistake]) -> Spec:
+    if any(each[0] in MARKS for each in leaves):
+        return _drawn(name, path, leaves, place, mistakes)
     belongs = sort_leaves(leaves)
     given = Given(belongs.loop, place)
     values, wrong = resolve(given)
@@ -91,6 +100,27 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     if mistakes:
         raise SpecError(_in_order(mistakes))
     return Spec(name, path, values, studies, given)
+
+
+def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: list[Mistake]) -> Spec:
+    """Return the spec of a drawn loop; its axes are checked as far as its numbers are known."""
+    drawing, values, of_loop, wrong = read_drawing(leaves, place)
+    names = drawing.names if drawing else names_of(leaves)
+    belongs = sort_leaves(leaves, names)
+    given = Given(of_loop, place)
+    studies, wrong_studies = build_studies(belongs, given, names)
+    mistakes = [*mistakes, *wrong, *belongs.mistakes.values(), *wrong_studies]
+    if mistakes:
+        raise SpecError(_in_order(mistakes))
+    return Spec(name, path, values, _with_along(studies, belongs.along, drawing.wall), given, drawing=drawing)
+
+
+def _with_along(studies: Studies, given: Leaf | None, wall: tuple[str, ...] | None) -> Studies:
+    """The studies with an axis of the intervals if the spec does not name one: its only span, or the wall's stiffness."""
+    if given is not None:
+        return studies
+    spans = [axis.name for axis in studies.sweep if not axis.values]
+    return replace(studies, along=spans[0] if len(spans) == 1 else wall[0] if wall else "")
 
 
 def _in_order(mistakes: list[Mistake]) -> list[Mistake]:

@@ -50,6 +50,10 @@ class Place:
         """Return the prefix of a mistake's line, for the value here or for its key; empty if there is none."""
         return ""
 
+    def inside(self, offset: int) -> str:  # noqa: ARG002 - what a file needs to know
+        """Return the prefix of a mistake's line, for the character at that offset of the text that is the value here."""
+        return self.location()
+
     def under(self, path: tuple[str, ...]) -> Place:  # noqa: ARG002 - what a file needs to know
         """Return the place of another path of the same source."""
         return self
@@ -70,6 +74,12 @@ class InFile(Place):
     def location(self, of_key: bool = False) -> str:
         line, column = locate(self.text, self.path, of_key)
         return f"{self.name}:{line}:{column}"
+
+    def inside(self, offset: int) -> str:
+        line, column = locate(self.text, self.path)
+        rest = self.text.split("\n")[line - 1][column - 1 :]
+        one_line = rest[:1] in ("'", '"') and rest[:3] not in ("'''", '"""')
+        return f"{self.name}:{line}:{column + 1 + offset if one_line else column}"
 
     def under(self, path: tuple[str, ...]) -> Place:
         return InFile(self.name, self.text, path)
@@ -182,27 +192,28 @@ def plain(value: object) -> object:
     return value
 
 
-def read_override(typed: str) -> tuple[tuple[str, ...], object, Place]:
+def read_override(typed: str, symbols: Mapping[str, str] = SYMBOLS) -> tuple[tuple[str, ...], object, Place]:
     """Return path, value and place of `controller.b=40`, `b=40` or `sweep.b=[20, 40]`.
 
-    The value is read as TOML. If it is not TOML it is a string, so that `controller.kind=pmw` needs no quotes.
+    The value is read as TOML. If it is not TOML it is a string, so that `controller.kind=pmw` needs no quotes. symbols: short
+    names of paths.
     """
     place = OnCommandLine(typed)
     name, equals, value = typed.partition("=")
-    path = _override_path(name.strip())
+    path = _override_path(name.strip(), symbols)
     if not equals or not path:
         raise SpecError([Mistake(place.location(), "", "key=value", "no key" if equals else "no `=`")])
     return path, _override_value(value.strip()), place
 
 
-def _override_path(name: str) -> tuple[str, ...]:
+def _override_path(name: str, symbols: Mapping[str, str]) -> tuple[str, ...]:
     path, table = [], _loads_or_none(f"{name} = 0")
     while isinstance(table, dict) and len(table) == 1:
         segment, table = table.popitem()
         path.append(segment)
     if table != 0:  # no key that TOML could have; a later stage says so, with the names that it could have been
         path = name.split(".") if name else []
-    return tuple(SYMBOLS.get(path[0], path[0]).split(".")) if len(path) == 1 else tuple(path)
+    return tuple(symbols.get(path[0], path[0]).split(".")) if len(path) == 1 else tuple(path)
 
 
 def _override_value(value: str) -> object:

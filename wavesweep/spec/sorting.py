@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.checking import nearest, show
-from wavesweep.spec.keys import KEYS, SIMULATE_KEYS, SYMBOLS, find_key
+from wavesweep.spec.keys import BUILT_IN, KEYS, SIMULATE_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
 
 STUDIES = ("sweep", "bode")
@@ -53,18 +53,20 @@ def leaves_of(tables: dict, place: Place, prefix: Path = ()) -> Iterator[tuple[P
 
 
 def normal_path(path: Path) -> Path:
-    """Return the path of an axis, which may be written `"device.mass"` or `device.mass`."""
-    if path[0] not in STUDIES:
+    """Return the path of an axis or a wire, which may be written `"device.mass"` or `device.mass`."""
+    if path[0] not in (*STUDIES, "wire"):
         return path
     return (path[0], *(part for name in path[1:] for part in name.split(".")))
 
 
-def sort_leaves(leaves: dict[Path, Leaf]) -> Sorted:
-    """Return every leaf under the key or axis that it belongs to."""
+def sort_leaves(leaves: dict[Path, Leaf], names: Names = BUILT_IN) -> Sorted:
+    """Return every leaf under the key or axis that it belongs to; of a drawn loop those of the studies only."""
     result = Sorted()
     for path, leaf in leaves.items():
         if path[0] in STUDIES:
-            _sort_study(path, leaf, result)
+            _sort_study(path, leaf, result, names)
+        elif names is not BUILT_IN:
+            continue
         elif path[:2] == ("simulate", "frequency_hz"):
             _sort_part(FREQUENCIES, path[2:], leaf, result.frequencies, result)
         else:
@@ -101,30 +103,31 @@ def _refuse_unknown(path: Path, leaf: Leaf, result: Sorted) -> None:
     result.refuse(leaf, _join(path), expected, found, suggestion)
 
 
-def _sort_study(path: Path, leaf: Leaf, result: Sorted) -> None:
-    study, names = path[0], path[1:]
-    if not names:
+def _sort_study(path: Path, leaf: Leaf, result: Sorted, names: Names) -> None:
+    study, parts = path[0], path[1:]
+    if not parts:
         if leaf.value != {}:
             result.refuse(leaf, study, "a table", show(leaf.value))
     elif path == ("sweep", "along"):
         result.along = leaf
     else:
-        _sort_axis(study, names, leaf, result)
+        _sort_axis(study, parts, leaf, result, names)
 
 
-def _sort_axis(study: str, names: Path, leaf: Leaf, result: Sorted) -> None:
-    for length in range(1, len(names) + 1):
-        name = ".".join(names[:length])
-        if find_key(name) or (study == "bode" and name == "frequency_hz"):
-            parts = result.axes[study].setdefault(name, {})
-            _sort_part(f"{study}.{name}", names[length:], leaf, parts, result)
+def _sort_axis(study: str, parts: Path, leaf: Leaf, result: Sorted, names: Names) -> None:
+    tables = TABLES if names is BUILT_IN else ("numbers", "rates")
+    for length in range(1, len(parts) + 1):
+        name = ".".join(parts[:length])
+        if names.find(name) or (study == "bode" and name == "frequency_hz"):
+            of_axis = result.axes[study].setdefault(name, {})
+            _sort_part(f"{study}.{name}", parts[length:], leaf, of_axis, result)
             return
-        if name not in TABLES:
+        if name not in tables:
             break
     else:
         if leaf.value == {}:
             return
-    _refuse_axis(study, name, leaf, result)
+    _refuse_axis(study, name, leaf, result, names)
 
 
 def _sort_part(axis: str, rest: Path, leaf: Leaf, parts: dict[str, Leaf], result: Sorted) -> None:
@@ -135,11 +138,10 @@ def _sort_part(axis: str, rest: Path, leaf: Leaf, parts: dict[str, Leaf], result
     parts[part] = leaf
 
 
-def _refuse_axis(study: str, name: str, leaf: Leaf, result: Sorted) -> None:
+def _refuse_axis(study: str, name: str, leaf: Leaf, result: Sorted, names: Names) -> None:
     own = ("frequency_hz",) if study == "bode" else ("along",)
-    numeric = [path for path, key in KEYS.items() if key.numeric]
-    expected = f"{own[0]}, one of {', '.join(SYMBOLS)} or the path of a numeric key"
-    suggestion = nearest(name, (*own, *SYMBOLS)) or nearest(name, numeric)
+    expected = f"{own[0]}, one of {', '.join(names.symbols) or 'no number'} or the path of a numeric key"
+    suggestion = nearest(name, (*own, *names.symbols)) or nearest(name, names.numeric)
     result.refuse(leaf, f"{study}.{name}", expected, "an unknown axis", suggestion)
 
 

@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from wavesweep.errors import Mistake, SpecError
+from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import nearest
-from wavesweep.spec.keys import KEYS, SYMBOLS, find_key
+from wavesweep.spec.drawing import Drawing, resolve_drawn, written
+from wavesweep.spec.keys import BUILT_IN, KEYS, SYMBOLS, Names
 from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.resolving import Given, resolve
 from wavesweep.spec.studies import Experiment, Studies, axis_fault, need_values
@@ -27,6 +28,7 @@ class Spec:
     _studies: Studies = field(repr=False)
     _given: Given = field(repr=False)  # the keys of the loop as given, with their places; `with_values` starts from them
     for_simulation: bool = False  # whether [simulate] is part of the request, see `as_simulated`
+    drawing: Drawing | None = None  # of a spec that draws its loop; its values are the tick's rate and the numbers
 
     @property
     def values(self) -> Mapping[str, float | int | str]:
@@ -57,10 +59,24 @@ class Spec:
         own = {*self._given.leaves, *self._studies.experiment.given}
         return frozenset(path for path, number in numbers if number.assumed and path not in own)
 
+    def mistake(self, path: str, expected: str, found: str) -> Mistake:
+        """Return a mistake about the key at `path`, at its place. expected, found: the two texts of it."""
+        return self._given.leaf(path).mistake(path, expected, found)
+
     @property
     def source_place(self) -> Place:
         """The place of the whole source, from which a mistake finds its line."""
         return self._given.source
+
+    @property
+    def names(self) -> Names:
+        """The keys that the spec's values have, and the symbols of some of them."""
+        return self.drawing.names if self.drawing else BUILT_IN
+
+    @property
+    def kind(self) -> str:
+        """The controller's name; "drawn" if the spec draws its loop."""
+        return "drawn" if self.drawing else self._values["controller.kind"]
 
     @property
     def along(self) -> str:
@@ -96,6 +112,8 @@ class Spec:
 
         Errors: SpecError if the experiment does not fit the fast rate.
         """
+        if self.drawing:
+            raise UsageError(f"{self.name}: simulate does not know drawn loops yet; stability-region, bode and passivity do")
         mistakes = list(self._studies.experiment.beyond_limits(self._values["rates.fast_hz"]))
         if mistakes:
             raise SpecError(mistakes)
@@ -108,18 +126,23 @@ class Spec:
         slow rate appears as the ratio. [simulate] is left out if nothing depends on it, see `as_simulated`.
         """
         tables: dict[str, dict] = {}
-        for path, value in self._with_band_edges().items():
-            *parents, last = path.split(".")
+        for (*parents, last), value in self._written().items():
             table = tables
             for parent in parents:
                 table = table.setdefault(parent, {})
             table[last] = value
-        tables["sweep"] = {"along": self.along, **{axis.name: axis.written() for axis in self.sweep}}
+        along = {"along": self.along} if self.along else {}
+        tables["sweep"] = {**along, **{axis.name: axis.written() for axis in self.sweep}}
         bode = (self._studies.frequencies, *self.bode)
         tables["bode"] = {axis.name: axis.written() for axis in bode}
         if self.for_simulation:
             tables["simulate"] = self._experiment().written()
         return tables
+
+    def _written(self) -> dict[tuple[str, ...], object]:
+        if self.drawing:
+            return written(self.drawing, self._values, self._given)
+        return {tuple(path.split(".")): value for path, value in self._with_band_edges().items()}
 
     def _with_band_edges(self) -> dict[str, float | int | str]:
         edges = {path: float(leaf.value) for path, leaf in self._given.leaves.items() if path.startswith("filters.")}
@@ -142,12 +165,13 @@ class Spec:
         """
         given, mistakes = self._given, []
         for name, value in changes.items():
-            key = find_key(name)
+            key = self.names.find(name)
             if key is None:
-                mistakes.append(Mistake("", name, "a key of the spec", "an unknown key", nearest(name, (*SYMBOLS, *KEYS))))
+                known = (*self.names.symbols, *self.names.keys)
+                mistakes.append(Mistake("", name, "a key of the spec", "an unknown key", nearest(name, known)))
             else:
                 given = given.replaced(key.path, Leaf(plain(value), Place()))
-        values, wrong = resolve(given)
+        values, wrong = resolve_drawn(self.drawing, self._values, given) if self.drawing else resolve(given)
         mistakes += wrong
         if mistakes:
             raise SpecError(mistakes)
@@ -160,14 +184,14 @@ def sweep_axes(spec: Spec, along: str | None = None) -> tuple[Axis, tuple[Axis, 
     along: a symbol or a path. K_VE has a default span if the spec gives none.
     Errors: SpecError if `along` is no numeric key or has no span, or if another axis has a span without values.
     """
-    name = spec.along if along is None else along
-    fault = axis_fault(name)
+    name = _name_of(spec, along)
+    fault = axis_fault(name, spec.names)
     if fault:
         raise SpecError([Mistake("", "along", "the name of a numeric key", *fault)])
-    path = find_key(name).path
+    path = spec.names.find(name).path
     others = tuple(axis for axis in spec.sweep if axis.path != path)
     mistakes = [need_values("sweep", axis) for axis in others if not axis.values]
-    wanted = [axis for axis in spec.sweep if axis.path == path] or _default_axes(name, path)
+    wanted = [axis for axis in spec.sweep if axis.path == path] or _default_axes(spec, name, path)
     if not wanted or not wanted[0].start < wanted[0].stop:
         expected = f"a span to search, `{name} = {{ start = ..., stop = ... }}` in [sweep]"
         place = wanted[0].place if wanted else spec.source_place.under(("sweep",))
@@ -177,5 +201,22 @@ def sweep_axes(spec: Spec, along: str | None = None) -> tuple[Axis, tuple[Axis, 
     return wanted[0], others
 
 
-def _default_axes(name: str, path: str) -> list[Axis]:
-    return [Axis(name, path, (), *K_VE_SPAN, KEYS[path].structural, "linear")] if path == SYMBOLS["K_VE"] else []
+def _name_of(spec: Spec, along: str | None) -> str:
+    """The axis that is wanted; K_VE is the stiffness that the [ports] of a drawn loop name."""
+    name = spec.along if along is None else along
+    if spec.drawing is None or spec.names.find(name):
+        return name
+    if along == "K_VE":
+        if spec.drawing.wall:
+            return spec.drawing.wall[0]
+        expected = "wall = { stiffness = ..., damping = ... }, the numbers of a wall"
+        raise SpecError([spec.mistake("ports", expected, "no wall")])
+    if not name:
+        expected = "the number whose stable intervals are wanted"
+        raise SpecError([spec.mistake("sweep", f"along = ..., {expected}", "none, and not a single axis that is only a span")])
+    return name
+
+
+def _default_axes(spec: Spec, name: str, path: str) -> list[Axis]:
+    stiffness = f"numbers.{spec.drawing.wall[0]}" if spec.drawing and spec.drawing.wall else SYMBOLS["K_VE"]
+    return [Axis(name, path, (), *K_VE_SPAN, spec.names.keys[path].structural, "linear")] if path == stiffness else []

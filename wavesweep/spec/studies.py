@@ -10,7 +10,7 @@ from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, axis_place, build_axis, linear, logarithmic
 from wavesweep.spec.checking import Rejected, check, nearest, show
 from wavesweep.spec.devices import HapticDevice
-from wavesweep.spec.keys import BAND_EDGES, KEYS, SIMULATE_KEYS, STUDY_KEYS, SYMBOLS, find_key
+from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, SIMULATE_KEYS, STUDY_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.resolving import LIMITS, Given, check_each, exceeds_limit
 from wavesweep.spec.sorting import FREQUENCIES, Sorted
@@ -139,15 +139,15 @@ class Studies:
     experiment: Experiment
 
 
-def build_studies(leaves: Sorted, given: Given) -> tuple[Studies, list[Mistake]]:
+def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tuple[Studies, list[Mistake]]:
     """Return the studies and their mistakes; limits that the loop's values set are checked by `beyond_limits`."""
-    along, mistakes = _read_along(leaves.along)
+    along, mistakes = _read_along(leaves.along, names)
     axes: dict[str, list[Axis]] = {}
     for study, named in leaves.axes.items():
-        built = [build_axis(study, name, parts) for name, parts in named.items()]
+        built = [build_axis(study, name, parts, names) for name, parts in named.items()]
         axes[study] = [axis for axis, _ in built if axis]
         mistakes += [mistake for _, wrong in built for mistake in wrong]
-        mistakes += [*_repeated(study, named), *_at_odds_with_filters(study, axes[study], given)]
+        mistakes += [*_repeated(study, named, names), *_at_odds_with_filters(study, axes[study], given)]
     mistakes += [need_values("bode", axis) for axis in axes["bode"] if not axis.values]
     frequencies = [axis for axis in axes["bode"] if axis.path == DEFAULT_FREQUENCIES.path]
     bode = tuple(axis for axis in axes["bode"] if axis not in frequencies)
@@ -162,32 +162,31 @@ def need_values(study: str, axis: Axis) -> Mistake:
     return leaf.mistake(f"{study}.{axis.name}", "num beside start and stop, or a list", "only a span", of_key=True)
 
 
-def axis_fault(name: str) -> tuple[str, str] | None:
+def axis_fault(name: str, names: Names = BUILT_IN) -> tuple[str, str] | None:
     """Return the text for "found" and a suggestion if `name` is no numeric key, otherwise None."""
-    key = find_key(name)
+    key = names.find(name)
     if key is None:
-        numeric = [path for path, known in KEYS.items() if known.numeric]
-        return show(name), nearest(name, SYMBOLS) or nearest(name, numeric)
+        return show(name), nearest(name, names.symbols) or nearest(name, names.numeric)
     return None if key.numeric else (f"{show(name)}, which takes no number", "")
 
 
-def _read_along(leaf: Leaf | None) -> tuple[str, list[Mistake]]:
+def _read_along(leaf: Leaf | None, names: Names) -> tuple[str, list[Mistake]]:
     key = STUDY_KEYS["sweep.along"]
-    if leaf is None:
+    if leaf is None:  # of a drawn loop, which has no K_VE, `load` finds it
         return key.default, []
     try:
         name = check(key, leaf.value)
     except Rejected as error:
         return key.default, [leaf.mistake(key.path, error.expected, error.found)]
-    fault = axis_fault(name)
+    fault = axis_fault(name, names)
     expected = "the name of a numeric key"
     return name, [leaf.mistake(key.path, expected, *fault)] if fault else []
 
 
-def _repeated(study: str, named: Mapping[str, dict[str, Leaf]]) -> Iterator[Mistake]:
+def _repeated(study: str, named: Mapping[str, dict[str, Leaf]], names: Names) -> Iterator[Mistake]:
     first: dict[str, str] = {}
     for name, parts in named.items():
-        path = getattr(find_key(name), "path", name)
+        path = getattr(names.find(name), "path", name)
         if path == "rates.slow_hz":
             path = "rates.ratio"  # one quantity
         if path in first:

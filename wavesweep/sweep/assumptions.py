@@ -12,8 +12,11 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     """A sentence about the wall, the delay and the velocity that a result of `spec` is for.
 
     swept: paths of the axes of the result, which have no single value. If the spec gives one of the three no value of its
-    own, the sentence says so, and names the usual practice of engines, which is less kind than the default.
+    own, the sentence says so, and names the usual practice of engines, which is less kind than the default. There is none for
+    a drawn loop, which shows all of that itself.
     """
+    if spec.drawing:
+        return ""
     read, values = keys_read(spec.values), spec.values
     parts = [_wall(values, read)]
     if DELAY in read:
@@ -30,7 +33,7 @@ def assumed_by(specs: Sequence[Spec], swept: Collection[str] = ()) -> str:
     said = [assumes(spec, swept) for spec in specs]
     if len(set(said)) == 1:
         return said[0]
-    return "\n".join(f"{spec.name}: {sentence}" for spec, sentence in zip(specs, said, strict=True))
+    return "\n".join(f"{spec.name}: {sentence}" for spec, sentence in zip(specs, said, strict=True) if sentence)
 
 
 def _wall(values, read):

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.diagram import keys_read
 from wavesweep.spec import Spec, sweep_axes
+from wavesweep.sweep.grid import keys_of
 from wavesweep.sweep.interval_table import Progress, intervals
 from wavesweep.sweep.response_table import METHODS, own_value, responses
 from wavesweep.sweep.table import Columns, Table, facts_of, joined
@@ -43,7 +43,7 @@ def compare(
 
 
 def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
-    rows, read = len(columns["along"]), keys_read(spec.values)
+    rows, read = len(columns["along"]), keys_of(spec)
     axes = {name: columns.get(name, np.full(rows, own_value(spec, name, read))) for name in names}
     rest = {name: column for name, column in columns.items() if name not in axes}
     return {"spec": np.full(rows, spec.name, dtype=object)} | axes | rest

@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.diagram import WALL, keys_read
 from wavesweep.errors import UsageError
-from wavesweep.spec import Axis, Spec, find_key
+from wavesweep.spec import Axis, Spec
 
 MOST = 1_000_000_000  # combinations: months of work, and hundreds of gigabytes
 MOST_ROWS = 5_000_000  # of a table that is held in memory: a response takes some 200 bytes
@@ -38,7 +38,7 @@ class Grid:
     @property
     def notices(self) -> list[str]:
         """A sentence for each axis that the controller does not read."""
-        kind = self.spec.values["controller.kind"]
+        kind = self.spec.kind
         return [f"{axis.name} is not read by {kind}: evaluated once, its rows repeated" for axis in self.ignored]
 
     @property
@@ -68,8 +68,8 @@ class Grid:
     def wall_values(self, index=None) -> dict[str, np.ndarray]:
         """Path -> values of the walls `index`, all of them by default; the spec's value for a path that is no axis."""
         index = np.arange(self.walls) if index is None else index
-        swept = self._values(self.wall_axes, index)
-        return {path: swept[path] if path in swept else np.full(index.size, self.spec.values[path]) for path in WALL}
+        own = {path: np.full(index.size, self.spec.values[path]) for path in WALL if path in self.spec.values}
+        return own | self._values(self.wall_axes, index)
 
     def _values(self, axes, index):
         return {axis.path: self.arrays[axis.path][digit] for axis, digit in zip(axes, _digits(axes, index), strict=True)}
@@ -97,15 +97,20 @@ class Grid:
         }
 
 
+def keys_of(spec: Spec) -> frozenset[str]:
+    """Paths of the keys that the spec's loop reads."""
+    return frozenset(spec.values) if spec.drawing else keys_read(spec.values)
+
+
 def make_grid(spec: Spec, axes, along: str | None = None, read=None) -> Grid:
     """The grid of the axes; `along` (a path) is the axis that intervals lie on, not among `axes`.
 
     read: the keys that the controller reads, if they are known already.
     """
-    read = keys_read(spec.values) if read is None else read
+    read = keys_of(spec) if read is None else read
     if along is not None and not _is_read(along, read):
         raise UsageError(
-            f"intervals along {along}: the controller {spec.values['controller.kind']} does not read it, so stability "
+            f"intervals along {along}: the controller {spec.kind} does not read it, so stability "
             "cannot depend on it; sweep a key that it reads (wavesweep check names them)"
         )
     _refuse_too_many("combinations", axes, MOST)
@@ -174,7 +179,7 @@ def groups(spec: Spec, changes: Mapping[str, np.ndarray], size: int, resolved=No
 
 def is_plain(spec, path) -> bool:
     """Whether the key may have an array of floats in place of its value."""
-    return not find_key(path).structural and isinstance(spec.values.get(path), float)
+    return not spec.names.find(path).structural and isinstance(spec.values.get(path), float)
 
 
 def _by_structure(spec, structural, size, resolved):

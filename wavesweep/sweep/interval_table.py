@@ -12,12 +12,13 @@ import numpy as np
 
 from wavesweep.analysis.doubt import words
 from wavesweep.diagram import WALL
+from wavesweep.errors import UsageError
 from wavesweep.spec import Axis, Spec
 from wavesweep.sweep.checkpoint import DamagedError, MemoryCheckpoint, blocks, checkpoint_of, columns_of
 from wavesweep.sweep.grid import groups
-from wavesweep.sweep.job import Job, bounds_of, cut_otherwise, expected_seconds, job_of, refuse_full_disk
+from wavesweep.sweep.job import Job, bounds_within, cut_otherwise, expected_seconds, job_of, refuse_full_disk, task_over
 from wavesweep.sweep.table import Columns, Table, facts_of, joined
-from wavesweep.sweep.tasks import END_HANDS, FELT, RECORD, IntervalTask, certified_slices
+from wavesweep.sweep.tasks import END_HANDS, FELT, RECORD, certified_slices
 from wavesweep.sweep.workers import Workers, choose, results
 
 if TYPE_CHECKING:
@@ -87,9 +88,13 @@ class Stage:
 def stages_of(spec: Spec, along: str | None, hands: "Hands | None") -> list[Stage]:
     """The stages of a run, settled before anything is computed. Raises UsageError for a job that cannot be done."""
     own = job_of(spec, along)
-    how = method(own.axis.path)
+    how = method(own)
     if hands is None:
         return [Stage("", own, how)]
+    if spec.drawing:
+        raise UsageError(
+            "hands and ports: expected a loop with a [controller], found one that is drawn; add the hand as a block"
+        )
     hands.refuse(own)
     free = hands.without_operator(spec)
     stages = [Stage("free" if free is None else "operator", own, how)]
@@ -176,10 +181,10 @@ def _distinct_rows(columns, count):
 
 def _part(spec, axis, points, members, loops, walls, loop_of, wall_of):
     """The records of the points `members`, from the product of some loops and walls, each given by a point that has it."""
-    span = (float(axis.start), float(axis.stop))
     changes = {path: column[loops] for path, column in points.items() if path not in WALL}
-    wanted = {path: points[path][walls] if path in points else np.full(walls.size, spec.values[path]) for path in WALL}
-    task = IntervalTask(axis.path, span, bounds_of(axis.path, span), tuple(groups(spec, changes, loops.size)), wanted)
+    own = {path: np.full(walls.size, spec.values[path]) for path in WALL if path in spec.values}
+    wanted = own | {path: points[path][walls] for path in WALL if path in points}
+    task = task_over(spec, axis, bounds_within(spec, axis, changes, loops.size), groups(spec, changes, loops.size), wanted)
     records = task.records()
     number = np.searchsorted(loops, loop_of[members]) * walls.size + np.searchsorted(walls, wall_of[members])
     order = np.argsort(number, kind="stable")
@@ -262,8 +267,8 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     return facts | (hands.facts() if hands else {})
 
 
-def method(path) -> str:
-    """How intervals along that key are found, in a line."""
-    if path in WALL:
+def method(job: Job) -> str:
+    """How the intervals of a job are found, in a line."""
+    if job.exact:
         return "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
     return "roots of the eigenvalues' critical functions on Chebyshev panels, proved by Smith's discs, polished"

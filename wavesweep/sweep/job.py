@@ -15,7 +15,7 @@ from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.spec import KEYS, Axis, Spec, sweep_axes
 from wavesweep.sweep.grid import Grid, groups, is_plain, make_grid
-from wavesweep.sweep.tasks import RECORD, IntervalTask
+from wavesweep.sweep.tasks import RECORD, IntervalTask, Task
 
 if TYPE_CHECKING:
     from wavesweep.sweep.hands import Guarantee
@@ -92,12 +92,25 @@ def expected_cost(order: int, wall: bool) -> float:
     return share * max(order, 2) ** 2
 
 
+def cost_of(spec: Spec, axis: Axis, values: dict | None = None) -> tuple[float, bool]:
+    """Expected s per slice of the spec along the axis, and whether it goes the exact way; values: of one loop of the sweep."""
+    values = dict(spec.values) if values is None else values
+    if spec.drawing is None:
+        return expected_cost(cut_at_wall(draw(values)).order, axis.path in WALL), axis.path in WALL
+    from wavesweep.sweep.drawn_loops import drift_of, exact_cut, frames
+
+    exact = exact_cut(spec.drawing, values, spec.values, axis.path.removeprefix("numbers.")) is not None
+    order = frames(spec.drawing, spec.values, drift_of(spec.drawing, spec.values, spec.values)).shape[-1]
+    return expected_cost(order, exact), exact
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Job:
     """Stable intervals along `axis` for every slice of the grid, cut into chunks.
 
     resolved: the spec's values for each combination of those axes that are whole numbers or that other keys derive from.
-    guarantee: the hands for which the intervals are guaranteed; if None, they are those of the spec's own loop.
+    guarantee: the hands for which the intervals are guaranteed; if None, they are those of the spec's own loop. bounds: the
+    values of the axis between which the loop exists. exact: whether the axis is one scalar gain of a frame, as the wall is.
     """
 
     grid: Grid
@@ -106,20 +119,31 @@ class Job:
     resolved: dict
     cut: Cut | None = None
     guarantee: "Guarantee | None" = None
+    bounds: tuple[float, float] = (-np.inf, np.inf)
+    exact: bool = False
 
     @property
     def slices(self) -> int:
         """Number of slices that are computed."""
         return self.grid.slices
 
-    def task(self, chunk: Chunk) -> IntervalTask:
+    def task(self, chunk: Chunk) -> Task:
         """The task of a worker for that chunk."""
         changes = self.grid.loop_values(np.arange(chunk.loops.start, chunk.loops.stop))
         parts = groups(self.grid.spec, changes, len(chunk.loops), resolved=self.resolved)
         walls = self.grid.wall_values(np.arange(chunk.walls.start, chunk.walls.stop))
-        span = (float(self.axis.start), float(self.axis.stop))
-        own = IntervalTask(self.axis.path, span, bounds_of(self.axis.path, span), tuple(parts), walls, self.cut)
+        own = task_over(self.grid.spec, self.axis, self.bounds, parts, walls, self.cut)
         return own if self.guarantee is None else self.guarantee.task(own)
+
+
+def task_over(spec: Spec, axis: Axis, bounds, parts, walls: dict, cut: Cut | None = None) -> Task:
+    """The task for loops of the spec (`parts`, see `groups`), each closed with every wall; a drawn loop has no other wall."""
+    span = (float(axis.start), float(axis.stop))
+    if spec.drawing is None:
+        return IntervalTask(axis.path, span, bounds, tuple(parts), walls, cut)
+    from wavesweep.sweep.drawn_loops import DrawnTask
+
+    return DrawnTask(spec.drawing, axis.path, span, bounds, tuple(parts), dict(spec.values))
 
 
 def job_of(spec: Spec, along: str | None = None) -> Job:
@@ -133,13 +157,51 @@ def job_over(grid: Grid, axis: Axis, cut: Cut | None = None) -> Job:
     if axis.structural:
         raise UsageError(
             f"intervals along {axis.name}: expected a number that the loop varies with smoothly, found one that decides "
-            f"how it is built; sweep it as values ({axis.name} = [...]) and look along another axis, such as K_VE"
+            f"how it is built; sweep it as values ({axis.name} = [...]) and look along another axis"
+            f"{'' if grid.spec.drawing else ', such as K_VE'}"
         )
     resolved = _resolve_all(grid)
+    if grid.spec.drawing:
+        return _job_of_drawing(grid, axis, resolved)
     ends = [next(iter(resolved.values())), *list(resolved.values())[-1:]]
     order = cut.order if cut else max(cut_at_wall(draw(values)).order for values in ends)
     cost = expected_cost(order, axis.path in WALL)
-    return Job(grid, axis, cut_up(grid.loops, grid.walls, cost), resolved, cut)
+    bounds = bounds_within(grid.spec, axis, {}, grid.loops)
+    return Job(grid, axis, cut_up(grid.loops, grid.walls, cost), resolved, cut, bounds=bounds, exact=axis.path in WALL)
+
+
+CHECKED = 100_000  # loops whose numbers are checked before anything is computed; those of more are checked chunk by chunk
+
+
+def _job_of_drawing(grid: Grid, axis: Axis, resolved: dict) -> Job:
+    """The job of a drawn loop: its numbers are checked, and the range in which it exists is found."""
+    from wavesweep.sweep.drawn_loops import refuse_singular
+
+    spec, span = grid.spec, (float(axis.start), float(axis.stop))
+    refuse_singular(spec)
+    for end in span:
+        spec.with_values({axis.path: end})
+    index = np.unique(np.linspace(0, grid.loops - 1, min(grid.loops, CHECKED)).astype(int))
+    bounds = bounds_within(spec, axis, grid.loop_values(index), index.size, resolved)
+    _, first = next(groups(spec, grid.loop_values(np.arange(1)), 1, resolved=resolved))
+    cost, exact = cost_of(spec, axis, first)
+    chunks = cut_up(grid.loops, 1, cost)
+    return Job(grid, axis, chunks, resolved, bounds=bounds, exact=exact)
+
+
+def bounds_within(spec: Spec, axis: Axis, changes: dict, size: int, resolved: dict | None = None) -> tuple[float, float]:
+    """The values of the axis between which `size` loops exist; changes: path -> their values, see `groups`."""
+    span = (float(axis.start), float(axis.stop))
+    if spec.drawing is None:
+        return bounds_of(axis.path, span)
+    from wavesweep.diagram.assembly import domain, refuse_unsuitable
+
+    bounds = []
+    for _, values in groups(spec, changes, size, resolved=resolved):
+        refuse_unsuitable(spec.drawing, values)
+        bounds.append(domain(spec.drawing, values, axis.path, span))
+    below, above = zip(*bounds, strict=True)
+    return max(below), min(above)
 
 
 def _resolve_all(grid) -> dict:
@@ -205,19 +267,19 @@ LONGEST = 0.3  # s; no further sample after that
 def expected_seconds(job: Job) -> float:
     """Seconds of work in one process for the whole job, estimated from a small part of it."""
     samples = _samples(job)
-    samples[0].records()  # the first call of everything costs more than it will later
+    samples[0][0].records()  # the first call of everything costs more than it will later
     started, seconds, slices = time.perf_counter(), 0.0, 0
-    for sample in samples:
+    for sample, count in samples:
         sample.records()
         seconds = time.perf_counter() - started
-        slices += sum(members.size for members, _ in sample.groups) * len(next(iter(sample.walls.values())))
+        slices += count
         if seconds > LONGEST:
             break
     return seconds / slices * job.slices
 
 
 def _samples(job):
-    """Small tasks of the job, alternately from its ends and its middle."""
+    """Small tasks of the job with the numbers of their slices, alternately from its ends and its middle."""
     chunks = job.chunks
     enough = max(1, chunks.deep * chunks.wide // SHARE)
     wide = min(chunks.walls, enough)
@@ -227,4 +289,4 @@ def _samples(job):
     small = cut_otherwise(job, deep=deep, wide=wide)
     shares = np.linspace(0, 1, PROBES)[[0, 3, 5, 1, 4, 2]]
     numbers = dict.fromkeys(np.rint(shares * (len(small.chunks) - 1)).astype(int).tolist())
-    return [small.task(small.chunks[number]) for number in numbers]
+    return [(small.task(chunk), chunk.slices) for chunk in map(small.chunks.__getitem__, numbers)]

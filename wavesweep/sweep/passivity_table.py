@@ -9,6 +9,7 @@ import numpy as np
 from wavesweep.analysis.passivity import channel_norm, filter_table, sufficient_order
 from wavesweep.analysis.passivity.channel import CUTOFFS_HZ
 from wavesweep.diagram import draw
+from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
 from wavesweep.sweep.grid import Grid, groups, make_grid, refuse_rows
 from wavesweep.sweep.table import Table, facts_of
@@ -36,18 +37,25 @@ def passivity(spec: Spec, tolerance: float = TOLERANCE, jobs=None, backend=None,
     started = time.perf_counter()
     grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
     refuse_rows("passivity", grid.size)
-    channel = _channel_columns(grid)
-    port, workers = _port_columns(grid, (jobs, backend, scheduler), progress)
-    certified = port.pop("certified") & channel.pop("certified")
+    if spec.drawing:
+        found, count = _drawn_columns(grid, progress), 1
+    else:
+        channel = _channel_columns(grid)
+        port, workers = _port_columns(grid, (jobs, backend, scheduler), progress)
+        found = {**channel, **port, "certified": port["certified"] & channel["certified"]}
+        count = workers.count
+    certified = found.pop("certified")
     counts = {"computed": grid.slices, "skipped": grid.size - grid.slices, "certified": int(certified.sum())}
-    timings = {"compute_s": time.perf_counter() - started, "workers": workers.count}
+    timings = {"compute_s": time.perf_counter() - started, "workers": count}
     facts = facts_of(spec, METHODS, counts, timings, _notices(grid), [axis.path for axis in grid.axes])
-    return Table.of("passivity", _rows(grid, {**channel, **port}), facts | {"tolerance": tolerance})
+    return Table.of("passivity", _rows(grid, found), facts | {"tolerance": tolerance})
 
 
 def in_memory(spec: Spec, axes) -> dict:
     """The table over `axes`, computed in this process."""
     grid = make_grid(spec, axes)
+    if spec.drawing:
+        return _rows(grid, _drawn_columns(grid))
     found = _channel_columns(grid) | _port_columns(grid, (1, None, None), None)[0]
     return _rows(grid, found)
 
@@ -62,6 +70,27 @@ def _rows(grid, found) -> dict:
     combination = np.arange(grid.size)
     slices = grid.slice_of(combination)
     return grid.axis_columns(combination) | {name: found[name][slices] for name in ORDER}
+
+
+def _drawn_columns(grid: Grid, progress=None) -> dict[str, np.ndarray]:
+    """Table columns of the port of drawn loops, one after the other; they have no wave channel that a spec would name."""
+    from wavesweep.analysis.passivity.drawn import drawn_port_margin
+    from wavesweep.sweep.drawn_loops import ports_of_slices
+
+    size = grid.slices
+    found = {
+        name: np.full(size, np.nan) for name in ("channel_norm", "channel_omega", "port_margin", "port_omega", "damping_needed")
+    }
+    found |= {name: np.ones(size, bool) for name in ("channel_passive", "port_passive", "stable", "certified")}
+    for done, (number, _, port) in enumerate(ports_of_slices(grid), 1):
+        margin = drawn_port_margin(port)
+        row = {"port_margin": margin.margin, "port_omega": margin.omega, "port_passive": margin.passive}
+        row |= {"stable": margin.stable, "certified": margin.certified, "damping_needed": np.where(margin.passive, 0.0, np.nan)}
+        for name, value in row.items():
+            found[name][number] = value.item()
+        if progress:
+            progress(done, size, int(found["certified"].sum()))
+    return found
 
 
 def channels_of(grid: Grid) -> Grid:
@@ -123,12 +152,14 @@ def _expected_seconds(tasks) -> float:
 
 def _notices(grid) -> Iterator[str]:
     """Yield notices about axes that are not swept, and about a missing channel."""
-    kind, values = grid.spec.values["controller.kind"], grid.spec.values
+    kind, values = grid.spec.kind, grid.spec.values
     yield from grid.notices
     for axis in grid.spec.sweep:
         if not axis.values:
             yield f"{axis.name} has a span and no values: not swept, held at the spec's {values[axis.path]:g}"
-    if draw(values).waves is None:
+    if grid.spec.drawing:
+        yield "a drawn loop has no wave channel of its own, and damping_needed is only known (0) if the port is passive"
+    elif draw(values).waves is None:
         yield f"{kind} has no wave channel: its norm is missing, and what is not there adds no energy (channel_passive 1)"
 
 
@@ -138,6 +169,8 @@ def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
     The cutoffs are those that the paper could mean, which has 50 Hz, in proportion to the slow rate. tolerance: J per J sent
     that aliasing may add for an order to be enough.
     """
+    if spec.drawing:
+        raise UsageError("filters: expected a loop with a [controller], found one that is drawn")
     started = time.perf_counter()
     fast, ratio = spec.values["rates.fast_hz"], spec.values["rates.ratio"]
     # Rounded, so that tables of rates such as 1000/30 Hz can be read.

@@ -2,10 +2,13 @@
 
 from functools import cache, partial
 
-from wavesweep.diagram import draw, drift_of, keys_read, state_labels
+from wavesweep.diagram import draw, keys_read, state_labels
+from wavesweep.diagram import drift_of as drift_of_diagram
+from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import Spec
+from wavesweep.sweep.drawn_loops import drift_of, exact_cut, refuse_singular
 from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.interval_table import method
 from wavesweep.sweep.job import expected_bytes, expected_seconds, job_of
@@ -15,6 +18,8 @@ from wavesweep.sweep.workers import choose
 
 def plan(spec: Spec) -> list[str]:
     """Lines for `wavesweep check`: the loop, the work and the method of each command, and the keys that are skipped and why."""
+    if spec.drawing:
+        return _drawn_plan(spec)
     diagram = draw(spec.values)
     cut = cut_at_wall(diagram)
     kind, where = spec.values["controller.kind"], spec.source or spec.name
@@ -26,7 +31,7 @@ def plan(spec: Spec) -> list[str]:
 
 def _loop_lines(spec, diagram, cut):
     frame = f"frame of {_count(diagram.ratio, 'tick')}, {1e3 * float(cut.period):.6g} ms"
-    labels, lead = state_labels(diagram), drift_of(diagram).lead
+    labels, lead = state_labels(diagram), drift_of_diagram(diagram).lead
     states = [labels[name] for name in (*cut.states, *([lead] if cut.integrates else []))]
     yield f"  loop: {frame}; {cut.order} states with the wall: {', '.join(states)}"
     if cut.unread:
@@ -51,7 +56,7 @@ def _interval_lines(spec, command, along):
     who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
     return [
         f"  {command}: stable intervals along {axis.name} in {span} for {product}: {slices}",
-        f"    method: {method(axis.path)}",
+        f"    method: {method(job)}",
         f"    work: {_count(len(job.chunks), 'chunk')}, about {_duration(expected() / workers.count)}; {who} ({workers.why})",
         f"    disk: about {_size(expected_bytes(job))} until the results are in place",
     ]
@@ -79,6 +84,65 @@ def _passivity_line(spec):
         f"  passivity: hand's port of {_count(grid.slices, 'loop')}, norm of {_count(channels, 'wave channel')}; "
         "method: level sets of the frame's energy balance, without a frequency grid"
     )
+
+
+def _drawn_plan(spec):
+    """The same lines for a drawn loop: when its blocks run, what drifts, and by which method each number is swept."""
+    refuse_singular(spec)
+    drawing, drawn = spec.drawing, assembled(spec.drawing, spec.values)
+    period = 1e3 * float(drawn.period)
+    lines = [
+        f"{spec.source or spec.name}: valid, a drawn loop of {_count(len(drawing.blocks), 'block')}",
+        f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms",
+        *_runs_lines(drawing, drawn),
+        *_state_lines(drift_of(drawing, spec.values, spec.values)),
+        *_number_lines(spec),
+    ]
+    for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
+        if command != "zwidth" or drawing.wall:
+            lines += _interval_lines(spec, command, along)
+    if drawing.hand is None:
+        return [*lines, "  bode, passivity: not possible, [ports] names no hand"]
+    grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
+    port = f"  passivity: hand's port of {_count(grid.slices, 'loop')}; method: level sets of the frame's energy balance"
+    return [*lines, *_bode_lines(spec), port]
+
+
+def _runs_lines(drawing, drawn):
+    types, when = {block.name: block.type for block in drawing.blocks}, {}
+    for each in drawn.placed:
+        when.setdefault((each.every, each.phase), []).append(f"{each.block.name} ({types[each.block.name]})")
+    for (every, phase), blocks in sorted(when.items()):
+        ticks = "in every tick" if every == 1 else f"every {every} ticks" + (f" from tick {phase}" if phase else "")
+        yield f"  runs {ticks}: {', '.join(blocks)}"
+
+
+def _state_lines(drift):
+    names = [name.replace(".", " ") for name in drift.states]
+    yield f"  {_count(len(drift.kept), 'state')}: {', '.join(names[i] for i in drift.kept)}"
+    for lead, others in drift.moved:
+        along = ", ".join(names[index] for index, _ in others)
+        yield f"  drift set aside: {names[lead]}{f', and with it {along}' if along else ''}, which nothing in the loop holds"
+    if drift.folded:
+        yield f"  drift set aside: a combination with {', '.join(names[i] for i in drift.folded)} that nothing changes"
+    if drift.unread:
+        yield f"  states left out, since nothing in the loop reads them: {', '.join(names[i] for i in drift.unread)}"
+
+
+def _number_lines(spec):
+    """A line per method, with the numbers that go this way."""
+    ways = {"": [], "panels": [], "values": []}
+    for name, path in spec.names.symbols.items():
+        if spec.names.keys[path].structural:
+            ways["values"].append(name)
+        else:
+            ways["" if exact_cut(spec.drawing, spec.values, spec.values, name) else "panels"].append(name)
+    texts = {
+        "": "exact, one scalar gain of a frame",
+        "panels": "by panels, since they are in keys or in several places, or act more than once a frame",
+        "values": "as values only, since they decide how the loop is built",
+    }
+    yield from (f"  intervals along {', '.join(names)}: {texts[way]}" for way, names in ways.items() if names)
 
 
 def _count(number, noun):

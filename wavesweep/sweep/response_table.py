@@ -6,11 +6,10 @@ import numpy as np
 
 from wavesweep.analysis.response import prepare, respond, worst_gain
 from wavesweep.analysis.spectrum import spectral_radius
-from wavesweep.diagram import draw, keys_read
+from wavesweep.diagram import draw
 from wavesweep.errors import UsageError
 from wavesweep.lifted import cut_at_wall
-from wavesweep.spec import find_key
-from wavesweep.sweep.grid import Grid, make_grid, refuse_rows
+from wavesweep.sweep.grid import Grid, keys_of, make_grid, refuse_rows
 from wavesweep.sweep.table import Table, facts_of
 
 SPARED = 1e-6  # relative error up to which a row has no doubt
@@ -46,7 +45,7 @@ def responses(specs, **_work) -> Table:
     names = list(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
     tables, counts, notices = [], {"computed": 0, "skipped": 0, "certified": 0}, []
     for spec in specs:
-        read = keys_read(spec.values)
+        read = keys_of(spec)
         grid = make_grid(spec, spec.bode, read=read)
         refuse_rows("bode", grid.size * len(spec.frequency_hz))
         tables.append(_rows(grid, np.asarray(spec.frequency_hz), names, read))
@@ -55,7 +54,8 @@ def responses(specs, **_work) -> Table:
         notices += grid.notices
     columns = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
     swept = [axis.path for spec in specs for axis in spec.bode]
-    facts = facts_of(list(specs), METHODS, counts, {"compute_s": time.perf_counter() - started}, notices, swept)
+    methods = METHODS | ({"worst_gain": "not computed for drawn loops"} if all(spec.drawing for spec in specs) else {})
+    facts = facts_of(list(specs), methods, counts, {"compute_s": time.perf_counter() - started}, notices, swept)
     return Table.of("bode", columns, facts)
 
 
@@ -78,7 +78,7 @@ def _rows(grid: Grid, frequency, names, read) -> dict:
     leading = grid.axis_columns(combination)
     own = {name: np.full(grid.size, own_value(grid.spec, name, read)) for name in names}
     rows = {name: np.repeat(values, repeat) for name, values in (own | leading).items()}
-    text = {"spec": grid.spec.name, "controller": grid.spec.values["controller.kind"]}
+    text = {"spec": grid.spec.name, "controller": grid.spec.kind}
     rows |= {name: np.full(grid.size * repeat, word, dtype=object) for name, word in text.items()}
     rows["frequency_hz"] = np.tile(frequency, grid.size)
     return rows | {name: values[slices].reshape(-1) for name, values in found.items()}
@@ -86,7 +86,9 @@ def _rows(grid: Grid, frequency, names, read) -> dict:
 
 def own_value(spec, name, read):
     """The spec's own value of a key, named as an axis is; NaN if its controller reads other keys (`read`)."""
-    key, values = find_key(name), spec.values
+    key, values = spec.names.find(name), spec.values
+    if key is None:
+        return np.nan
     if key.path == "rates.slow_hz":
         return values["rates.fast_hz"] / values["rates.ratio"] if "rates.ratio" in read else np.nan
     if key.type == "integer":
@@ -97,6 +99,8 @@ def own_value(spec, name, read):
 def response_arrays(grid: Grid, frequency) -> dict[str, np.ndarray]:
     """Table columns from `omega_Ts` on, each `(slices, points)`."""
     _refuse_aliases(grid, frequency)
+    if grid.spec.drawing:
+        return _drawn_arrays(grid, frequency)
     out = {}
     for numbers, values in grid.slices_of_a_drawing(max(1, BLOCK // frequency.size)):
         for name, array in _block(values, frequency).items():
@@ -106,10 +110,37 @@ def response_arrays(grid: Grid, frequency) -> dict[str, np.ndarray]:
 
 def _refuse_aliases(grid, frequency):
     """Raise UsageError for frequencies beyond half the fast rate, which a force that is held over a tick does not have."""
-    rates = [axis.values for axis in grid.axes if axis.path == "rates.fast_hz"]
-    limit = min(*rates[0], np.inf) / 2 if rates else grid.spec.values["rates.fast_hz"] / 2
+    name = "rates.tick_hz" if grid.spec.drawing else "rates.fast_hz"
+    rates = [axis.values for axis in grid.axes if axis.path == name]
+    spec = grid.spec
+    own = spec.drawing.rate(spec.values) if spec.drawing else spec.values[name]
+    limit = min(*rates[0], np.inf) / 2 if rates else own / 2
     if frequency.size and frequency.max() > limit:
-        raise UsageError(f"bode.frequency_hz: expected at most half of rates.fast_hz = {limit:g} Hz, found {frequency.max():g}")
+        raise UsageError(f"bode.frequency_hz: expected at most half of {name} = {limit:g} Hz, found {frequency.max():g}")
+
+
+def _drawn_arrays(grid, frequency):
+    """The columns of drawn loops, one after the other; they have no worst-case gain."""
+    from wavesweep.analysis.response.drawn import frame_of_port, respond_port
+    from wavesweep.sweep.drawn_loops import ports_of_slices, radii
+
+    shape, radius, out = (grid.slices, frequency.size), radii(grid), {}
+    for number, _, port in ports_of_slices(grid):
+        found, lost = respond_port(port, frequency), not np.isfinite(frame_of_port(port)).all()
+        columns = {"omega_Ts": 2 * np.pi * frequency * port.period * port.kind.size}
+        parts = {"admittance": found.admittance, "impedance": found.impedance}
+        # At 0 Hz the displacement in a tick says nothing of the position.
+        known = {name: np.where(np.isfinite(part), part, complex(np.nan, np.nan)) for name, part in parts.items()}
+        errors = {"admittance": found.admittance_error, "impedance": found.impedance_error}
+        errors = {name: np.where(np.isnan(known[name]), np.nan, error) for name, error in errors.items()}
+        stable = np.full(frequency.shape, radius[number] < 1)
+        columns |= parts_of("admittance", known["admittance"]) | parts_of("impedance", known["impedance"])
+        columns |= {"worst_gain": np.full(frequency.shape, np.nan), "stable": stable}
+        columns |= {f"{name}_error": error for name, error in errors.items()}
+        columns |= {"worst_gain_error": np.full(frequency.shape, np.nan), "doubt": doubt_of(errors.values(), stable, lost)}
+        for name, array in columns.items():
+            out.setdefault(name, np.empty(shape, array.dtype))[number] = array
+    return out
 
 
 def _block(values, frequency):

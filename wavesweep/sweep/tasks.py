@@ -169,7 +169,7 @@ def _along_any_parameter(task, values, size, walls):
 
     def evaluate(number, p):
         loop, wall = np.divmod(number, walls)
-        first, back = _different(loop, p)
+        first, back = different(loop, p)
         at, p = loop[first], np.where(p[first] == 0, TINY, p[first])
         varied = selected(values, at) | {task.along: p}
         with np.errstate(all="ignore"):  # a loop may overflow beside the real axis; the panels look for such numbers
@@ -181,7 +181,7 @@ def _along_any_parameter(task, values, size, walls):
     return stable_along_any(evaluate, task.span, size * walls, np.repeat(ticks / rate, walls), _bounds(task, rate))
 
 
-def _different(loop, p):
+def different(loop, p):
     """Indices of the different pairs of loop and value, and for each pair the place of its equal among these."""
     order = np.lexsort((p.imag, p.real, loop))
     new = np.append(True, (np.diff(loop[order]) != 0) | (np.diff(p[order]) != 0))[: p.size]
@@ -243,6 +243,10 @@ def radius_over(spec, axes, cut=None) -> np.ndarray:
     cut: the loop of the spec's own values, used if only the wall is swept.
     """
     grid = make_grid(spec, axes)
+    if spec.drawing:
+        from wavesweep.sweep.drawn_loops import radii
+
+        return radii(grid)[grid.slice_of(np.arange(grid.size))]
     K, B = grid.wall_values().values()
     found = np.empty((grid.loops, grid.walls))
     for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):

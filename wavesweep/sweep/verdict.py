@@ -4,12 +4,12 @@ import numpy as np
 
 from wavesweep.analysis.response import felt, felt_map, prepare, respond
 from wavesweep.analysis.spectrum import eigenvalues
-from wavesweep.diagram import WALL, draw, keys_read
+from wavesweep.diagram import WALL, draw
 from wavesweep.errors import WavesweepError
 from wavesweep.lifted import close, cut_at_wall
-from wavesweep.spec import SYMBOLS, Axis, Spec
+from wavesweep.spec import Axis, Spec
 from wavesweep.sweep.assumptions import assumes
-from wavesweep.sweep.grid import make_grid
+from wavesweep.sweep.grid import keys_of, make_grid
 from wavesweep.sweep.interval_table import in_memory
 from wavesweep.sweep.job import job_over
 
@@ -26,15 +26,28 @@ def verdict(spec: Spec) -> dict:
     the stable interval that its value lies in (see `limits`); delay: the number of ticks it may grow to; felt: stiffness
     (N/m) and damping (N*s/m) of the wall as the hand feels it at low frequency; slowest: time constant (s) and damping
     ratio of the slowest mode; channel_norm: of the wave channel, 1 or less if it is passive.
+    A drawn loop has no delay and no channel that a spec would name, and is felt at the hand's port if it has one.
     """
     values = spec.values
-    cut = cut_at_wall(draw(values))
-    K, B = (values[path] for path in WALL)
-    delta = eigenvalues(close(cut, K, B))[0]
+    cut = None if spec.drawing else cut_at_wall(draw(values))
+    E, period = _frame_of(spec) if cut is None else (close(cut, *(values[path] for path in WALL)), float(cut.period))
+    delta = eigenvalues(E)[0]
     radius = float(np.abs(1 + delta).max(initial=0.0))
-    found = {"stable": radius < 1, "spectral_radius": radius, "period_s": float(cut.period), "assumes": assumes(spec)}
+    found = {"stable": radius < 1, "spectral_radius": radius, "period_s": period, "assumes": assumes(spec)}
     found |= {"limits": limits(spec, cut), "delay": _delays(spec)}
-    return found | {"felt": _felt(spec), "slowest": _slowest(delta, float(cut.period)), "channel_norm": _channel_norm(values)}
+    channel = None if spec.drawing else _channel_norm(values)
+    return found | {"felt": _felt(spec), "slowest": _slowest(delta, period), "channel_norm": channel}
+
+
+def _frame_of(spec):
+    """The frame of a drawn loop less identity, without drift, and its period in s."""
+    from wavesweep.diagram.assembly import assembled
+    from wavesweep.sweep.drawn_loops import drift_of, frames, refuse_singular
+
+    refuse_singular(spec)
+    drawn = assembled(spec.drawing, spec.values)
+    E = frames(spec.drawing, spec.values, drift_of(spec.drawing, spec.values, spec.values))
+    return E, float(drawn.period * drawn.ticks)
 
 
 def limits(spec: Spec, cut=None) -> list[dict]:
@@ -43,13 +56,17 @@ def limits(spec: Spec, cut=None) -> list[dict]:
     low, high: None if the interval goes on to the end of the range that was searched (`from`, `to`): 0 or a tenth of the
     value, and ten times the value. intervals: all stable intervals in that range. certified: whether they are.
     """
-    read = keys_read(spec.values)
-    return [_limit(spec, name, path, cut) for name, path in SYMBOLS.items() if path in read]
+    read = keys_of(spec)
+    names = {name: path for name, path in spec.names.symbols.items() if path in read and not spec.names.keys[path].structural}
+    return [_limit(spec, name, path, cut) for name, path in names.items()]
 
 
 def _limit(spec, name, path, cut):
     value = spec.values[path]
-    span = (value / FAR if path not in WALL and value else 0.0, FAR * (value or USUAL.get(name, 1.0)))
+    wall = [f"numbers.{number}" for number in spec.drawing.wall or ()] if spec.drawing else WALL
+    usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
+    start = 0.0 if path in wall or not (value or spec.drawing) else value / FAR or -FAR * usual
+    span = tuple(sorted((start, FAR * (value or usual))))
     axis = Axis(name, path, (), *span, False, "linear")
     found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
     try:
@@ -72,7 +89,7 @@ def _limit(spec, name, path, cut):
 def _delays(spec):
     """The largest delay of the slow environment up to which every delay is stable, in ticks; none if the loop has none."""
     path = "environment.delay"
-    if path not in keys_read(spec.values):
+    if path not in keys_of(spec):
         return None
     now, ratio = spec.values[path], spec.values["rates.ratio"]
     most = None
@@ -87,15 +104,37 @@ def _delays(spec):
 
 def _felt(spec):
     values = spec.values
+    if spec.drawing and spec.drawing.hand is None:
+        return None
+    if spec.drawing:
+        return _felt_at(spec)
     K, B = (values[path] for path in WALL)
-    diagram = draw(values)
-    stiffness = float(felt(felt_map(diagram), K))
+    diagram, loop = draw(values), prepare(draw(values), K, B)
     low = SLOW_SHARE * values["rates.fast_hz"] / values["rates.ratio"]
-    impedance = respond(prepare(diagram, K, B), np.array([low, low / 2])).impedance.imag / (
-        2 * np.pi * np.array([low, low / 2])
-    )
-    damping = (4 * impedance[1] - impedance[0]) / 3
-    return {"stiffness": _number(stiffness), "damping": _number(damping)}
+    damping = _damping(lambda frequency: respond(loop, frequency).impedance, low)
+    return {"stiffness": _number(float(felt(felt_map(diagram), K))), "damping": _number(damping)}
+
+
+def _felt_at(spec):
+    """Stiffness and damping at the hand's port of a drawn loop."""
+    from wavesweep.analysis.response.drawn import respond_port
+    from wavesweep.sweep.drawn_loops import ports_of_slices
+
+    _, _, port = next(ports_of_slices(make_grid(spec, ())))
+    low = SLOW_SHARE / _frame_of(spec)[1]
+
+    def impedance(frequency):
+        return respond_port(port, frequency).impedance
+
+    stiffness = impedance(np.array([low, low / 2])).real
+    return {"stiffness": _number((4 * stiffness[1] - stiffness[0]) / 3), "damping": _number(_damping(impedance, low))}
+
+
+def _damping(impedance, low):
+    """Imaginary part over frequency towards 0 Hz, extrapolated from two low frequencies (Hz)."""
+    frequency = np.array([low, low / 2])
+    parts = impedance(frequency).imag / (2 * np.pi * frequency)
+    return (4 * parts[1] - parts[0]) / 3
 
 
 def _slowest(delta, period):

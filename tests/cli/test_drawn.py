@@ -1,0 +1,90 @@
+"""The commands on a spec that draws its loop: tables with the units of its numbers, and refusals in a sentence."""
+
+import json
+
+import pytest
+from support.drawn import ARM, WALL
+
+from wavesweep.cli import main
+from wavesweep.results import read
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capfd):
+    """Run a command on the spec in a new folder; give the exit code, what was printed, and the folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.toml").write_text(ARM, encoding="utf-8")
+    (tmp_path / "wall.toml").write_text(WALL, encoding="utf-8")
+
+    def run(*arguments):
+        plot = [] if arguments[0] == "check" or "--plot" in arguments else ["--no-plot"]
+        code = main([*arguments, *plot])
+        return code, "".join(capfd.readouterr()), tmp_path / "results"
+
+    return run
+
+
+def described(path):
+    package = json.loads(path.read_text(encoding="utf-8"))
+    return {field["name"]: field for field in package["resources"][0]["schema"]["fields"]}, package["wavesweep"]
+
+
+def test_intervals_along_a_number_have_its_unit(run):
+    code, text, results = run("stability-region", "arm.toml", "--set", "sweep.kp=[60, 240]", "--set", "kd=2.5")
+    assert (code, "2 slices: 2 stable intervals" in text) == (0, True)
+    fields, facts = described(results / "arm" / "stability-region.datapackage.json")
+    assert (fields["low"]["unit"], fields["kp"]["description"]) == ("N*s/m", "number kp of the drawing")
+    assert facts["spec"]["numbers"]["c"]["description"] == "gain of the friction compensation"
+    assert facts["spec"]["numbers"]["kd"]["value"] == 2.5
+    columns = read(results / "arm" / "stability-region.csv")
+    assert columns["kp"].tolist() == [60.0, 240.0]
+    assert columns["certified"].all()
+
+
+def test_the_plane_of_a_drawn_wall(run):
+    code, text, results = run("zwidth", "wall.toml")
+    assert (code, "all 5 rows certified" in text) == (0, True)
+    assert read(results / "wall" / "zwidth.csv")["along"].tolist() == ["K"] * 5
+    code, text, _ = run("zwidth", "arm.toml")
+    assert (code, "arm.toml:24:2: ports: expected wall = {" in text) == (2, True)
+
+
+def test_responses_and_the_port_of_a_drawn_loop(run):
+    code, _, results = run("bode", "arm.toml", "--set", "bode.frequency_hz=[0.5, 10]", "--set", "bode.c=[0, 1]")
+    rows = read(results / "arm" / "bode.csv")
+    assert (code, rows["controller"].tolist(), rows["c"].tolist()) == (0, ["drawn"] * 4, [0, 0, 1, 1])
+    assert rows["stable"].all()
+    code, text, results = run("passivity", "arm.toml")
+    assert (code, "hand's port: passive in 3 of 3 rows" in text) == (0, True)
+    code, text, _ = run("bode", "arm.toml", "--out", "beyond", "--set", "bode.frequency_hz=[6000]")
+    assert (code, "at most half of rates.tick_hz = 5000 Hz" in text) == (2, True)
+
+
+def test_check_lists_the_loop_and_every_mistake(run):
+    code, text, _ = run("check", "arm.toml")
+    assert (code, "runs every 20 ticks from tick 10: net (delay)" in text) == (0, True)
+    code, text, _ = run("check", "arm.toml", "--set", "block.net.phase=20", "--set", "kq=1")
+    assert code == 2
+    assert "--set block.net.phase=20: block.net.phase: expected a whole number < every = 20, found 20" in text
+    assert "--set kq=1: kq: expected one of the tables" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (("simulate", "arm.toml"), "simulate does not know drawn loops yet"),
+        (("stability-region", "arm.toml", "--hand", "passive"), "found one that is drawn"),
+        (("passivity", "arm.toml", "--filters"), "found one that is drawn"),
+        (("bode", "arm.toml", "--set", "ports.hand.displacement=net.y"), "a position that a plant has in every tick"),
+        (("stability-region", "arm.toml", "--set", "sweep={}"), "the number whose stable intervals are wanted"),
+    ],
+)
+def test_what_a_drawn_loop_does_not_have_is_refused_in_a_sentence(run, arguments, text):
+    code, printed, _ = run(*arguments)
+    assert (code, text in printed, "Traceback" in printed) == (2, True, False)
+
+
+def test_the_figure_names_the_number_with_its_unit(run):
+    code, _, results = run("stability-region", "arm.toml", "--plot")
+    assert code == 0
+    assert (results / "arm" / "stability-region.png").stat().st_size > 5000

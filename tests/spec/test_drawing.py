@@ -1,0 +1,269 @@
+"""A spec that draws its loop is read as a value: its numbers are keys, axes and overrides, and every mistake has its place."""
+
+import pickle
+import tomllib
+
+import pytest
+from support.drawn import ARM, NETWORK, PD, WALL
+from support.specs import nested
+
+from wavesweep.diagram.drawn import LONGEST
+from wavesweep.errors import SpecError, UsageError
+from wavesweep.results.schema import TABLES
+from wavesweep.spec import load, sweep_axes
+from wavesweep.spec.block_types import COLUMNS, LONGEST_FRAME
+from wavesweep.spec.block_types import TYPES as BLOCKS
+
+
+@pytest.fixture
+def write(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def write(text):
+        (tmp_path / "a.toml").write_text(text, encoding="utf-8")
+        return "a.toml"
+
+    return write
+
+
+def changed(text, *changes):
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+def mistakes(source, *overrides):
+    with pytest.raises(SpecError) as error:
+        load(source, overrides)
+    return str(error.value).splitlines()
+
+
+def test_values_are_the_numbers_and_the_rate():
+    spec = load(tomllib.loads(ARM))
+    assert dict(spec.values) == {"rates.tick_hz": 10000.0, "numbers.kp": 240.0, "numbers.kd": 3.0, "numbers.c": 0.0}
+    assert (spec.along, spec.kind, [axis.path for axis in spec.sweep]) == ("c", "drawn", ["numbers.c", "numbers.kp"])
+
+
+@pytest.mark.parametrize("text", [ARM, PD, WALL, NETWORK])
+def test_resolved_tables_are_the_same_spec_again(text):
+    spec = load(tomllib.loads(text))
+    assert load(spec.tables()).sha256 == spec.sha256
+    assert pickle.loads(pickle.dumps(spec.drawing)) == spec.drawing  # noqa: S301 - just made
+
+
+def test_a_number_is_set_by_its_name_or_path_and_keeps_its_unit(write):
+    spec = load(write(ARM), ["kp=5", "numbers.c=2", "rates.tick_hz=20000", 'wire."net.u"=2*arm.x', "block.net.steps=3"])
+    assert [spec.values[f"numbers.{name}"] for name in ("kp", "c")] == [5.0, 2.0]
+    assert spec.tables()["numbers"]["c"]["unit"] == "N*s/m"
+    assert spec.tables()["wire"]["net.u"] == "2*arm.x"
+    assert spec.names.keys["numbers.c"].description == "gain of the friction compensation"
+
+
+def test_a_number_with_the_name_of_a_built_in_symbol_is_the_drawings_own(write):
+    text = changed(PD, ("kp", "b"))
+    assert load(write(text), ["b=7"]).values["numbers.b"] == 7.0
+    assert load(write(text), ["sweep.b=[1, 2]"]).sweep[0].path == "numbers.b"
+
+
+def test_whole_numbers_that_decide_the_structure_are_swept_as_values():
+    spec = load(tomllib.loads(NETWORK))
+    key = spec.names.find("k")
+    assert (key.type, key.structural, spec.values["numbers.k"]) == ("integer", True, 10)
+    assert spec.with_values({"k": 5}).values["numbers.k"] == 5
+    with pytest.raises(SpecError, match=r"expected a whole number, found 5\.5"):
+        spec.with_values({"k": 5.5})
+    with pytest.raises(SpecError, match="phase: expected a whole number < every = 20, found 20"):
+        spec.with_values({"k": 20})
+
+
+def test_a_rate_may_be_an_expression():
+    spec = load(tomllib.loads(changed(PD, ("tick_hz = 1000", 'tick_hz = "1000*m"'))))
+    assert "rates.tick_hz" not in spec.values
+    assert spec.drawing.rate(spec.values) == 200.0
+    assert spec.names.find("m").structural
+
+
+def test_the_axis_of_the_intervals_may_be_the_only_span():
+    text = PD + "kp = { start = 0, stop = 10 }\nkd = [1, 2]\n"
+    assert sweep_axes(load(tomllib.loads(text)))[0].name == "kp"
+    with pytest.raises(SpecError, match="the number whose stable intervals are wanted"):
+        sweep_axes(load(tomllib.loads(PD)))
+
+
+def test_the_stiffness_of_the_wall_is_k_ve():
+    axis, others = sweep_axes(load(tomllib.loads(WALL)), "K_VE")
+    assert (axis.name, axis.start, axis.stop, [other.name for other in others]) == ("K", 0.0, 20000.0, ["B"])
+    with pytest.raises(SpecError, match="the numbers of a wall"):
+        sweep_axes(load(tomllib.loads(PD)), "K_VE")
+
+
+SOURCE = "the output of a block, the hand's force or a number"
+LINEAR = "arithmetic that is linear in the signals"
+TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
+
+
+@pytest.mark.parametrize(
+    ("changes", "place", "expected", "found"),
+    [
+        (
+            [("every = 20", "evry = 20"), ("phase = 10\n", "")],
+            "17:1: block.net.evry",
+            "one of type, steps, every, phase",
+            "an unknown key; did you mean `every`?",
+        ),
+        ([('"delay"', '"dely"')], "16:8: block.net.type", TYPES, '"dely"; did you mean `delay`?'),
+        ([('type = "delay"\n', "")], "15:2: block.net.type", TYPES, "nothing (it has no default)"),
+        ([("mass = 0.2\n", "")], "10:2: block.arm.mass", "a number > 0", "nothing (it has no default)"),
+        ([("mass = 0.2", "mass = -1")], "12:8: block.arm.mass", "a number, or an expression, > 0", "-1"),
+        ([("mass = 0.2", "mass = []")], "12:8: block.arm.mass", "a number, or an expression, > 0", "an empty list"),
+        ([("mass = 0.2", 'mass = "kd - 3"')], "12:8: block.arm.mass", "a number > 0", '"kd - 3": 0'),
+        (
+            [("mass = 0.2", 'mass = "1/(kd - 3)"')],
+            "12:8: block.arm.mass",
+            "a finite number",
+            '"1/(kd - 3)": a division by zero, a root of a negative number or an overflow',
+        ),
+        (
+            [("mass = 0.2", 'mass = "2*arm.x"')],
+            "12:11: block.arm.mass",
+            "the name of a number in [numbers]",
+            'an unknown name "arm.x"',
+        ),
+        ([("phase = 10", "phase = 20")], "18:9: block.net.phase", "a whole number < every = 20", "20"),
+        (
+            [("damping = 0.063", "every = 2")],
+            "13:9: block.arm.every",
+            "1, since a mass that is continuous runs in every tick",
+            "2",
+        ),
+        ([("c*arm.v", "c*amr.v")], "22:37: wire.arm.f", SOURCE, 'an unknown name "amr.v"; did you mean `arm.v`?'),
+        ([("kd*arm.v", "kd*arm.v*net.y")], "22:32: wire.arm.f", LINEAR, "the product of the signals arm.v and net.y"),
+        ([("+ hand", "+ hand +")], "22:51: wire.arm.f", "a number, a name or a parenthesis", "the end"),
+        ([("+ hand", "+ hand + 2*kp")], "22:53: wire.arm.f", "a sum of signals times numbers", "a term without a signal"),
+        (
+            [('"net.u" = "arm.x"\n', "")],
+            "15:2: block.net.u",
+            'a wire to this input, "net.u" = "..." in [wire]',
+            "none (0 leaves it at rest)",
+        ),
+        (
+            [('"net.u" = "arm.x"', '"net.u" = "arm.x"\n"net.y" = "arm.x"')],
+            "22:1: wire.net.y",
+            "one of arm.f, net.u",
+            "an output of a block; did you mean `net.u`?",
+        ),
+        ([('"net.u" = "arm.x"', '"net.u" = true')], "21:11: wire.net.u", "an expression in quotes", "true"),
+        ([("kd = 3.0", "kd = 3.0\nq = 1.0")], "8:1: numbers.q", "a number that an expression reads", "one that nothing reads"),
+        ([("kd = 3.0", "kd = nan")], "7:6: numbers.kd", "a finite number", "nan"),
+        ([("value = 0.0, ", "")], "8:1: numbers.c", "a number, or { value, unit, description }", "no value"),
+        (
+            [("unit", "units")],
+            "8:21: numbers.c.units",
+            "one of value, unit, description",
+            "an unknown key; did you mean `unit`?",
+        ),
+        (
+            [("tick_hz = 10000", "fast_hz = 10000\ntick_hz = 1")],
+            "3:1: rates.fast_hz",
+            "tick_hz, the rate that all others divide",
+            "an unknown key; did you mean `rates.tick_hz`?",
+        ),
+        ([("tick_hz = 10000", "tick_hz = -1")], "3:11: rates.tick_hz", "a number, or an expression, > 0", "-1"),
+        ([("tick_hz = 10000", "")], "2:2: rates.tick_hz", "a number > 0", "nothing (it has no default)"),
+        (
+            [("[sweep]", "[device]\nmass = 1\n[sweep]")],
+            "27:2: device",
+            "one of the tables rates, numbers, block, wire, ports, sweep, bode",
+            "an unknown table",
+        ),
+        ([("[sweep]", '[controller]\nkind = "pmw"\n[sweep]')], "27:2: controller", "either a controller or blocks", "both"),
+        (
+            [("[sweep]", "[sweep]\nq = [1]")],
+            "28:1: sweep.q",
+            "along, one of kp, kd, c or the path of a numeric key",
+            "an unknown axis",
+        ),
+        ([('along = "c"', 'along = "arm"')], "28:9: sweep.along", "the name of a numeric key", '"arm"'),
+        (
+            [('displacement = "arm.x"', 'displacement = "arm.y"')],
+            "25:42: ports.hand.displacement",
+            SOURCE,
+            'an unknown name "arm.y"; did you mean `net.y`?',
+        ),
+        ([(', displacement = "arm.x"', "")], "25:1: ports.hand", "both force and displacement", "no displacement"),
+        ([("+ hand", "")], "25:18: ports.hand.force", "a signal that a wire reads", '"hand", which none reads'),
+    ],
+)
+def test_each_mistake_is_one_line_with_its_place(changes, place, expected, found, write):
+    assert mistakes(write(changed(ARM, *changes))) == [f"a.toml:{place}: expected {expected}, found {found}"]
+
+
+def test_mistakes_come_all_at_once_and_a_broken_block_brings_no_others(write):
+    text = changed(ARM, ('"mass"', '"mas"'), ("every = 20", "every = 0.5"), ("c  = { start = -1, stop = 20 }", "d  = [1]"))
+    places = [line.split(": ")[:2] for line in mistakes(write(text), "kq=1")]
+    assert places == [
+        ["a.toml:11:8", "block.arm.type"],
+        ["a.toml:17:9", "block.net.every"],
+        ["a.toml:29:1", "sweep.d"],
+        ["--set kq=1", "kq"],
+    ]
+
+
+def test_two_wires_to_one_input_are_one_too_many(write):
+    twice = changed(ARM, ('"net.u" = "arm.x"', '"net.u" = "arm.x"\nnet.u = "arm.x"'))
+    assert mistakes(write(twice)) == ["a.toml:22:1: wire.net.u: expected each key once, found the same key again"]
+    assert (
+        "cannot overwrite a value"
+        in mistakes(write(changed(ARM, ('"net.u" = "arm.x"', '"net.u" = "arm.x"\n"net.u" = "0"'))))[0]
+    )
+
+
+def test_a_frame_of_too_many_ticks_is_refused_with_its_rates(write):
+    text = changed(ARM, ("every = 20", 'every = 20\n[block.a]\ntype = "hold"\nevery = 9973'), ("phase = 10\n", "phase = 1\n"))
+    text = changed(text, ('"net.u" = "arm.x"', '"net.u" = "arm.x"\n"a.u" = "arm.x"'))
+    (line,) = mistakes(write(text))
+    assert line.endswith("<= 100000, found 199460 (the least common multiple of 1, 20, 9973)")
+    assert LONGEST == LONGEST_FRAME
+
+
+@pytest.mark.parametrize(
+    ("keys", "key", "found"),
+    [
+        ('type = "ss"\nA = [[0, 1]]\nB = [[1]]\nC = [[1]]', "A", "1 of 2"),
+        ('type = "ss"\nD = [[1, 2]]', "D", "1 of 2"),
+        ('type = "ss"\nA = [1]', "A", "a list"),
+        ('type = "ss"\nD = [[1]]\ninputs = ["u", "u"]', "inputs", "u, u"),
+        ('type = "tf"\nnum = [1, 2]\nden = [1]', "num", "2"),
+        ('type = "tf"\nnum = [1]\nden = [0, 1]', "den", "0"),
+        ('type = "tf"\nnum = [1]\nden = []', "den", "an empty list"),
+        ('type = "butterworth"\norder = 2\ncutoff_hz = 250\nevery = 20', "cutoff_hz", "250"),
+        ('type = "butterworth"\norder = 2.5\ncutoff_hz = 25', "order", "2.5"),
+        ('type = "butterworth"\norder = 2\ncutoff_hz = 25\npass = "hihg"', "pass", '"hihg"'),
+        ('type = "delay"\nsteps = -1', "steps", "-1"),
+        ('type = "tf"\nnum = [1]\nden = [1, 1]\ndiscrete = 1', "discrete", "1"),
+    ],
+)
+def test_shapes_and_ranges_of_keys_are_checked(keys, key, found, write):
+    text = changed(ARM, ("[wire]", f'[block.extra]\n{keys}\n[wire]\n"extra.u" = 0'))
+    (line,) = mistakes(write(text))
+    assert f"block.extra.{key}: expected " in line
+    assert f"found {found}" in line
+
+
+def test_names_of_numbers_are_no_names_of_columns_and_no_words_of_expressions():
+    assert {field.name for kind in ("zwidth", "bode", "passivity") for field in TABLES[kind]} <= COLUMNS
+    for name in ("low", "pi", "frequency_hz", "a-b"):
+        tables = tomllib.loads(PD)
+        tables["numbers"][name] = 1.0
+        assert any(line.startswith(f"numbers.{name}: expected a name") for line in mistakes(tables))
+
+
+def test_a_loop_that_is_drawn_is_not_simulated_yet():
+    with pytest.raises(UsageError, match="does not know drawn loops"):
+        load(tomllib.loads(ARM)).as_simulated()
+
+
+def test_a_spec_with_a_controller_is_no_drawing():
+    spec = load(nested({"controller.kind": "pmw"}))
+    assert (spec.drawing, spec.kind) == (None, "pmw")

@@ -1,0 +1,54 @@
+"""Loops of several rates drawn in Python: a paper's controller as blocks, and random ones."""
+
+import numpy as np
+
+from wavesweep.diagram import blocks
+from wavesweep.diagram.drawn import Drawn, Placed
+
+T = 1e-3
+
+
+def pmw(b=25.0, Kp=0.0, delay=0, integration="explicit", order=1, wall=None):
+    """Passive multirate wave control written as blocks; the wall's force is the input "w" unless `wall` = (K, B) makes it."""
+    placed = [
+        Placed(blocks.mass("m", T, 0.1, 1.5)),
+        Placed(blocks.wave("end", T, b, "force")),
+        Placed(blocks.butterworth("lp", T, order, 10.0)),
+        Placed(blocks.avatar("av", 20 * T, b, integration), 20),
+    ]
+    sums = {"end.v": {"m.v": 1.0}, "lp.u": {"end.out": 1.0}, "av.in": {"lp.y": 1.0}, "m.f": {"hand": 1.0, "f_m": -1.0}}
+    sums |= {"f_m": {"end.force": 1.0}, "av.f": {"w": 1.0} if wall is None else {"av.x_spring": wall[0], "av.v": wall[1]}}
+    back = "av.out", "av.x"
+    if delay:
+        placed += [Placed(blocks.hold(name, 20 * T), 20, delay) for name in ("late", "late_x")]
+        sums |= {"late.u": {"av.out": 1.0}, "late_x.u": {"av.x": 1.0}}
+        back = "late.y", "late_x.y"
+    sums["end.in"] = {back[0]: 1.0} | ({back[1]: Kp, "m.x": -Kp} if Kp else {})
+    return Drawn(T, tuple(placed), sums, ("hand", "w"))
+
+
+def random_block(r, name, period):
+    kind = r.integers(4)
+    if kind == 0:
+        return blocks.delay(name, period, int(r.integers(0, 3)))
+    if kind == 1:
+        return blocks.hold(name, period)
+    if kind == 2:
+        return blocks.butterworth(name, period, int(r.integers(1, 4)), r.uniform(0.01, 0.3) / period)
+    return blocks.difference(name, period)
+
+
+def random_drawing(seed):
+    """A mass under the feedback of a chain of filters, delays and integrators of one to four rates and any phases."""
+    r = np.random.default_rng(seed)
+    rates = r.choice([1, 2, 3, 4, 5, 6, 10], size=r.integers(1, 5), replace=False).tolist()
+    placed, sums, last = [Placed(blocks.mass("m", T, r.uniform(0.1, 1), r.uniform(0, 2)))], {}, "m.x"
+    for index in range(int(r.integers(1, 5))):
+        every = int(r.choice(rates))
+        block = random_block(r, f"b{index}", every * T)
+        placed.append(Placed(block, every, int(r.integers(every))))
+        sums[f"b{index}.u"] = {last: 1.0, "m.x": r.uniform(-0.5, 0.5)}
+        last = f"b{index}.y"
+    gain = r.uniform(1, 30)
+    sums["m.f"] = {last: -gain / max(1.0, float(np.abs(block.D).max())), "m.v": -r.uniform(0, 3), "m.x": -r.uniform(0, 30)}
+    return Drawn(T, tuple(placed), sums)

@@ -1,0 +1,330 @@
+"""Drawn loops against limits in closed form, the built-in loops that they repeat, and independently computed cases."""
+
+import tomllib
+
+import numpy as np
+import pytest
+from support.drawn import ARM, JOINT, NETWORK, PD, WALL, as_blocks, random_tables
+from support.specs import KINDS
+
+import wavesweep
+from wavesweep.diagram import blocks
+from wavesweep.diagram.drawn import Drawn, Placed
+from wavesweep.errors import SpecError, UsageError
+from wavesweep.spec import load, sweep_axes
+from wavesweep.sweep.checkpoint import blocks as rows_of
+from wavesweep.sweep.checkpoint import checkpoint_of
+from wavesweep.sweep.grid import make_grid
+from wavesweep.sweep.interval_table import compute, in_memory
+from wavesweep.sweep.job import cut_otherwise, job_of, job_over
+from wavesweep.sweep.planning import plan
+from wavesweep.sweep.table import joined
+from wavesweep.sweep.workers import Workers
+
+T = 1e-3
+
+
+def compiled(text, *changes):
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return wavesweep.compile(tomllib.loads(text))
+
+
+def ends(table):
+    assert table.certified.all()
+    return table[["low", "high"]].to_numpy().tolist()
+
+
+def test_pd_on_a_mass():
+    """kp < 2 kd/T and kd < 2 m/T; with kp the damping has to exceed kp T/2, and the mass kd T/2."""
+    loop = compiled(PD)
+    np.testing.assert_allclose(ends(loop.stable_intervals("kp", (0, 20000), kd=[1.0, 3.0])), [[0, 2000], [0, 6000]], rtol=1e-9)
+    np.testing.assert_allclose(
+        ends(loop.stable_intervals("kd", (0, 2000), kp=[0.0, 100.0])), [[0, 400], [0.05, 400]], rtol=1e-9
+    )
+    np.testing.assert_allclose(ends(loop.stable_intervals("m", (1e-4, 1), kp=[100.0])), [[0.0015, 1]], rtol=1e-9)
+
+
+def test_a_joint_of_a_physics_engine():
+    """Semi-implicit Euler, kp explicit, kd implicit: kp < (4 I + 2 h kd)/h^2, also if the step is swept."""
+    table = compiled(JOINT).stable_intervals(h=[1e-3, 2e-3])
+    np.testing.assert_allclose(table.high, [(0.8 + 6 * h) / h**2 for h in (1e-3, 2e-3)], rtol=1e-9)
+    assert table.certified.all()
+
+
+@pytest.mark.parametrize(("ticks", "t"), [(0, 0.51), (1, 0.51), (3, 0.25), (7, 0.1)])
+def test_an_undamped_mass_with_a_delay_of_any_length(ticks, t):
+    """`B T/m = R sin((n+1/2)t)/sin t`, `K T^2/m = R cos((n+1/2)t) - (B T/m)(1 - cos t)`, `R = 4 sin^2(t/2)/cos(t/2)`."""
+    R = 4 * np.sin(t / 2) ** 2 / np.cos(t / 2)
+    B = R * np.sin((ticks + 0.5) * t) / np.sin(t)
+    K = R * np.cos((ticks + 0.5) * t) - B * (1 - np.cos(t))
+    table = compiled(WALL).stable_intervals("K", (0, 3 * K * 0.1 / T**2), B=[B * 0.1 / T], n=[ticks])
+    np.testing.assert_allclose(ends(table), [[0, K * 0.1 / T**2]], rtol=1e-9)
+
+
+@pytest.mark.parametrize("k", [1, 3, 10, 15])
+def test_an_integrator_behind_a_network(k):
+    """`K h/d < min(1/r, 1/(1/2 - r))`, r the delay over the period, the second for r < 1/2 (Zhang, Branicky, Phillips 2001)."""
+    r = k / 20
+    limit = min(1 / r, 1 / (0.5 - r) if r < 0.5 else np.inf) * 1.5 / 0.02
+    np.testing.assert_allclose(ends(compiled(NETWORK).stable_intervals(k=[k])), [[0, limit]], rtol=1e-9)
+
+
+def test_friction_compensation_of_an_arm():
+    """With a delay tau and kp large, c is limited near kd + damping + kp tau, but lower: kp makes it worse."""
+    table = compiled(ARM).stable_intervals(kp=[60.0, 120.0, 240.0])
+    assert table.certified.all()
+    assert (table.high < 3.063).all()
+    assert (np.diff(table.high) < 0).all()
+    loop = compiled(ARM)
+    radius = loop.spectral_radius(kp=120.0, c=[table.high[1] - 1e-6, table.high[1] + 1e-6])
+    assert radius[0] < 1 < radius[1]
+
+
+def test_the_edge_of_an_explicit_avatar_does_not_know_the_filters():
+    """At z = -1 the stiffness grows by 2/T_s per damping."""
+    spec = load({"controller": {"kind": "pmw"}, "environment": {"integration": "explicit"}})
+    for cutoff in (8.0, 10.0):
+        tables = as_blocks({**spec.values, "filters.lp1.cutoff_hz": cutoff})
+        table = wavesweep.compile(tables).stable_intervals("K_VE", (0, 20000), B_VE=[1.0, 2.0])
+        edge = table[np.isclose(table.high_omega, np.pi / 0.02)].high.tolist()
+        assert edge[1] - edge[0] == pytest.approx(100.0, rel=1e-9)
+
+
+CHANGES = [
+    {},
+    {"environment": {"delay": 3, "integration": "explicit"}, "device": {"velocity": "difference"}, "controller": {"Kp": 20.0}},
+    {"environment": {"delay": 20, "integration": "trapezoidal"}, "operator": {"stiffness": 100.0}},
+]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("changes", CHANGES)
+def test_a_controller_written_as_blocks_is_the_built_in_one(kind, changes):
+    spec = load({**changes, "controller": {**changes.get("controller", {}), "kind": kind}})
+    drawn, built = wavesweep.compile(as_blocks(spec.values)), wavesweep.compile(spec)
+    K = [0.0, 10.0, 500.0, 3000.0]
+    power = 20 if kind == "dc" else 1  # its frame is one tick
+    np.testing.assert_allclose(drawn.spectral_radius(K_VE=K) ** power, built.spectral_radius(K_VE=K), rtol=1e-10)
+    for along, others in (("K_VE", {"B_VE": [0.5, 5.0]}), ("B_VE", {"K_VE": [100.0]})):
+        tables = [loop.stable_intervals(along, (0.0, 5000.0), **others) for loop in (drawn, built)]
+        for name in ("low", "high", "high_omega", "certified"):
+            np.testing.assert_allclose(*(table[name].astype(float) for table in tables), rtol=1e-10)
+    curves = [loop.response([0.1, 1.0, 7.0, 40.0]) for loop in (drawn, built)]
+    for name in ("admittance_re", "admittance_im", "impedance_re", "impedance_im", "omega_Ts"):
+        scale = curves[1][f"{name.split('_')[0]}_abs"] if "_Ts" not in name else curves[1][name]
+        if not (kind == "dc" and name == "omega_Ts"):
+            assert (np.abs(curves[0][name] - curves[1][name]) < 1e-10 * scale).all()
+
+
+# Computed independently of this program.
+REFERENCES = [
+    (
+        {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit"},
+         "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}}},
+        {0.1: [[0, 461.32334674320725], [2729.022490649759, 4358.818804163079]], 5.0: [[0, 4848.818804163079]]},
+        (0.5, 0.002589085349872667 + 5.587621402988703e-06j),
+    ),
+    (
+        {"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit"},
+         "local_model": {"K_LM": 2000.0}},
+        {1.0: [[0, 1046.064782614818]]},
+        (2.0, 0.0024318701878544642 - 0.00023087859418014596j),
+    ),
+    (
+        {"controller": {"kind": "dc-lm"}, "local_model": {"K_LM": 400.0}},
+        {1.0: [[0, 646.3989263891893]]},
+        (11.25, 0.0014988013091539907 - 0.011655845169953733j),
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("tables", "intervals", "point"), REFERENCES)
+def test_blocks_give_the_reference_cases(tables, intervals, point):
+    loop = wavesweep.compile(as_blocks(load(tables).values))
+    for B, wanted in intervals.items():
+        np.testing.assert_allclose(ends(loop.stable_intervals("K_VE", (0, 20000), B_VE=[B])), wanted, rtol=1e-10)
+    row = loop.response([point[0]]).iloc[0]
+    assert row.admittance_re + 1j * row.admittance_im == pytest.approx(point[1], rel=1e-10)
+
+
+def test_a_number_that_is_one_scalar_gain_and_others_agree():
+    """kd acts in every tick: in a wire or in a gain it is cut out; if a second place reads it, panels find the ends."""
+    axis = "along = 'kd'\nkd = { start = 0, stop = 2000 }\n"
+    gain = PD.replace("[wire]", '[block.g]\ntype = "gain"\nk = "3 - 2*kd"\n[wire]\n"g.u" = "m.v/2"')
+    gain = gain.replace("kd*m.v", "1.5*m.v + g.y")
+    twice = PD.replace("[wire]", '[block.h]\ntype = "gain"\n[wire]\n"h.u" = "kd*m.v"')
+    jobs = [job_of(load(tomllib.loads(text + axis))) for text in (PD, gain, twice)]
+    assert [job.exact for job in jobs] == [True, True, False]
+    tables = [in_memory(job) for job in jobs]
+    for table in tables[1:]:
+        np.testing.assert_allclose(table["low"], tables[0]["low"], rtol=1e-9)
+        np.testing.assert_allclose(table["high"], tables[0]["high"], rtol=1e-9)
+
+
+def test_a_gain_that_runs_once_a_frame_is_cut_out():
+    held = NETWORK.replace('"actuator.u" = "-K*sensor.y"', '"actuator.u" = "-g.y"\n"g.u" = "x.y"\n"sensor.u" = 0')
+    held = held.replace('"sensor.u" = "x.y"\n', "").replace("[wire]", '[block.g]\ntype = "gain"\nk = "K"\nevery = 20\n[wire]')
+    jobs = [job_of(load(tomllib.loads(text))) for text in (NETWORK, held)]
+    assert [job.exact for job in jobs] == [True, True]
+    np.testing.assert_allclose(*(in_memory(job)["high"] for job in jobs), rtol=1e-12)
+
+
+SWEEPS = [
+    WALL.replace("num = 5 }", "num = 41 }\nalong = 'K'\nK = { start = 0, stop = 20000 }\nn = [0, 2]"),
+    ARM.replace("kp = [60, 120, 240]", "kp = { start = 0, stop = 300, num = 31 }"),
+]
+
+
+def bytes_of(job, workers=None, folder=None):
+    store = checkpoint_of(job, folder, force=False, warnings=[])
+    compute(job, store, workers or Workers(1, None, None, ""))
+    table = joined(rows_of(job, store))
+    return {name: column.tobytes() if column.dtype.kind != "O" else column.tolist() for name, column in table.items()}
+
+
+@pytest.mark.parametrize("text", SWEEPS)
+def test_results_do_not_depend_on_the_cuts(text, tmp_path):
+    job = job_of(load(tomllib.loads(text)))
+    whole = bytes_of(job)
+    assert bytes_of(cut_otherwise(job, deep=1)) == whole
+    assert bytes_of(cut_otherwise(job, deep=7), folder=tmp_path / "parts") == whole
+
+
+@pytest.mark.slow
+def test_results_do_not_depend_on_the_workers():
+    for text in SWEEPS:
+        job = cut_otherwise(job_of(load(tomllib.loads(text))), deep=9)
+        assert bytes_of(job, Workers(2, "loky", None, "")) == bytes_of(job)
+
+
+def test_a_combination_that_makes_no_loop_is_refused_before_anything_is_computed():
+    with pytest.raises(UsageError, match=r"kd = 3 makes no loop: block\.m\.mass: expected a number > 0, found -0\.5"):
+        compiled(
+            PD, ('mass = "m"', 'mass = "m*((kd - 3)**2 - 0.5)"'), ("m = 0.2", "m = 1.0"), ("kd = 3.0", "kd = 5.0")
+        ).stable_intervals("kp", (0, 1), kd=[2, 3.0, 4])
+    with pytest.raises(UsageError, match=r"block\.late\.steps: expected a whole number <= 1000, found 2000"):
+        compiled(WALL).stable_intervals("K", (0, 1), n=[2, 2000])
+
+
+def test_a_range_without_a_loop_in_it_is_refused():
+    loop = compiled(PD, ("kd*m.v", "kd/(1 - kp/50)*m.v"))
+    with pytest.raises(UsageError, match=r"between 0 and 90 there is a value without a loop, since wire\.m\.f divides by zero"):
+        loop.stable_intervals("kp", (0, 90))
+    assert loop.stable_intervals("kp", (0, 40)).certified.all()
+
+
+def test_a_structural_number_is_no_axis_of_intervals():
+    with pytest.raises(UsageError, match="sweep it as values"):
+        compiled(WALL).stable_intervals("n", (0, 10))
+
+
+def test_a_singular_loop_of_direct_terms_is_refused_with_its_blocks():
+    text = PD.replace(
+        "[wire]", '[block.a]\ntype = "gain"\n[block.b]\ntype = "gain"\nk = "kd"\n[wire]\n"a.u" = "b.y/3 + m.x"\n"b.u" = "a.y"'
+    )
+    with pytest.raises(
+        SpecError, match=r"block\.a: expected loops of direct terms that have a solution, found one without, through a, b"
+    ):
+        wavesweep.compile(tomllib.loads(text))
+    assert wavesweep.compile(tomllib.loads(text.replace("b.y/3", "b.y/4"))).spectral_radius().shape == ()
+
+
+def test_drift_is_named_and_set_aside():
+    """A mass whose position nothing reads, and waves without position feedback."""
+    loop = compiled(PD, ("kp*m.x", "0.01*kp*m.v"))
+    assert loop.spectral_radius() == pytest.approx(np.exp(-(3 + 1) * T / 0.2), rel=0.02)
+    lines = "\n".join(plan(load(as_blocks(load({"controller": {"kind": "pmw"}}).values))))
+    assert "drift set aside: m x" in lines
+    assert "zwidth: stable intervals along K_VE in (0, 20000)" in lines
+
+
+def test_check_names_schedule_methods_and_refusals():
+    lines = "\n".join(plan(load(tomllib.loads(ARM))))
+    for text in (
+        "valid, a drawn loop of 2 blocks",
+        "frame of 20 ticks of 0.1 ms, 2 ms",
+        "runs in every tick: arm (mass)",
+        "runs every 20 ticks from tick 10: net (delay)",
+        "intervals along kp: exact, one scalar gain of a frame",
+        "intervals along kd, c: by panels",
+        "passivity: hand's port of 3 loops",
+    ):
+        assert text in lines
+    assert "bode, passivity: not possible, [ports] names no hand" in "\n".join(plan(load(tomllib.loads(NETWORK))))
+
+
+def test_a_response_at_rest_is_that_of_the_springs():
+    low = compiled(ARM).response([1e-3])
+    assert low.admittance_re[0] == pytest.approx(1 / 240, rel=1e-6)
+    assert low.doubt[0] == ""
+    assert np.isnan(low.worst_gain[0])
+
+
+def test_a_drawing_made_in_python_is_compiled_as_it_is():
+    kp = np.array([5900.0, 6100.0])
+    drawn = Drawn(T, (Placed(blocks.mass("m", T, 0.2)),), {"m.f": {"m.x": -kp, "m.v": -3.0, "hand": 1.0}}, ("hand",))
+    loop = wavesweep.compile(drawn)
+    assert (loop.spectral_radius() < 1).tolist() == [True, False]
+    single = Drawn(T, drawn.placed, {"m.f": {"m.x": -100.0, "m.v": -3.0, "hand": 1.0}}, ("hand",))
+    assert wavesweep.compile(single).response([1e-3], "hand", "m.x").admittance[0].real == pytest.approx(0.01, rel=1e-6)
+    with pytest.raises(UsageError, match="input 'push'"):
+        wavesweep.compile(single).response([1.0], "push", "m.x")
+
+
+def test_what_needs_a_controller_is_refused_in_a_sentence():
+    loop = compiled(ARM)
+    for call in (loop.simulate, loop.to_control):
+        with pytest.raises(UsageError, match="found one that is drawn"):
+            call()
+    with pytest.raises(UsageError, match="found one that is drawn"):
+        wavesweep.filter_choices(tomllib.loads(ARM))
+    with pytest.raises(UsageError, match="found one that is drawn"):
+        wavesweep.zwidth(tomllib.loads(WALL), hand="passive")
+
+
+def test_every_axis_of_a_grid_is_read():
+    spec = load(tomllib.loads(ARM))
+    axis, others = sweep_axes(spec)
+    grid = make_grid(spec, others, axis.path)
+    assert (grid.slices, grid.ignored, job_over(grid, axis).exact) == (3, (), False)
+
+
+SPANS = {"k": (0, 300), "d": (-2, 400), "k0": (0, 3000), "g": (0.05, 2), "m0": (0.01, 3)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(12))
+def test_random_drawings_have_the_intervals_of_a_scan(seed):
+    """Each certified row agrees with the eigenvalues at 400 values, next to its ends excepted."""
+    loop = wavesweep.compile(random_tables(seed))
+    for name, (low, high) in SPANS.items():
+        table = loop.stable_intervals(name, (low, high))
+        values = np.concatenate([np.linspace(low, high, 300)[1:], np.geomspace(max(low, 1e-3), high, 100)])
+        radius = loop.spectral_radius(**{name: values})
+        inside = ((values > table.low.to_numpy()[:, None]) & (values < table.high.to_numpy()[:, None])).any(0)
+        ends = np.concatenate([table.low.dropna(), table.high.dropna(), [np.inf]])
+        near = (np.abs(values - ends[:, None]) < 1e-6 * np.maximum(1, np.abs(values))).any(0) | (np.abs(radius - 1) < 1e-9)
+        wrong = (inside != (radius < 1)) & ~near
+        assert not (wrong & inside).any()
+        assert not (wrong.any() and table.certified.all())
+
+
+@pytest.mark.parametrize(("gain", "certified"), [("(kd - 4)**2 - 1", False), ("(kd - 4)**2 - 0.9999", True)])
+def test_a_range_is_searched_on_both_sides_of_a_loop_of_direct_terms_without_a_solution(gain, certified):
+    """The spring is kp/(1 + gain): with kp = 100 stable up to 6000, so to 1/60 of the gain's distance from -1."""
+    more = f'[block.a]\ntype = "gain"\n[wire]\n"a.u" = "m.x - a.y*({gain})"'
+    text = PD.replace("[wire]", more).replace("kp*m.x", "kp*a.y").replace("kd*m.v", "3*m.v")
+    table = compiled(text).stable_intervals("kd", (0, 10))
+    least = np.sqrt(1 / 60 - (1e-4 if certified else 0))
+    np.testing.assert_allclose([table.high[0], table.low[1]], [4 - least, 4 + least], rtol=1e-9)
+    assert table.certified.tolist() == [certified] * 2
+
+
+def test_a_drift_whose_factors_are_swept_leaves_the_number_to_panels():
+    axes = [NETWORK, NETWORK + "d = [1.5, 2.0]\n"]
+    jobs = [job_of(load(tomllib.loads(text))) for text in axes]
+    assert [job.exact for job in jobs] == [True, False]
+    highs = [in_memory(job)["high"] for job in jobs]
+    assert highs[1] == pytest.approx([highs[0][0], highs[0][0] / 1.5 * 2], rel=1e-9)

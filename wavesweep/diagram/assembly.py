@@ -1,0 +1,287 @@
+"""From a loop that a spec draws to its blocks: numbers put in, and twins of it with moderate numbers."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from zlib import crc32
+
+import numpy as np
+
+from wavesweep.diagram import blocks
+from wavesweep.diagram.block import numbers
+from wavesweep.diagram.drawn import Drawn, Placed
+from wavesweep.errors import UsageError
+from wavesweep.spec.block_types import TYPES
+from wavesweep.spec.drawing import Drawing, scalars
+from wavesweep.spec.expressions import Tree, evaluate, names_in, singular
+
+POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
+PRODUCT, FACTOR = "ports.product", "ports.factor"  # of a number that is taken out of its wire, and what it multiplies
+PARAMETERS = {("butterworth", "pass"): "passes"}  # keys that have another name in `blocks`
+
+
+def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "") -> Drawn:
+    """Return the drawn loop of `values`: flat numbers, or arrays over a batch, real or complex.
+
+    out: a number to take out of its place (see `scalar_place`): its product is then the input PRODUCT, and it would multiply
+    the signal FACTOR. A value that is not finite makes entries that are not finite.
+    """
+    known = {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}
+    with np.errstate(all="ignore"):
+        tick = 1 / numbers(_at(drawing.tick_hz, known))
+        placed = tuple(_placed(block, known, tick) for block in drawing.blocks)
+        sums = {port: _gains(terms, known) for port, terms in drawing.wires}
+        if out:
+            placed = _take_out(drawing, placed, sums, known, out)
+    inputs = (drawing.hand[0],) if drawing.hand else ()
+    if drawing.hand:
+        for signal, terms in zip((POSITION, REACTION), drawing.hand[1:], strict=True):
+            if terms is not None:
+                sums[signal] = _gains(terms, known)
+    return Drawn(tick, placed, sums, (*inputs, PRODUCT) if out else inputs)
+
+
+def _at(tree, known):
+    return evaluate(tree, known, np.sqrt)
+
+
+def _gains(terms, known):
+    return {signal: _at(gain, known) for signal, gain in terms}
+
+
+def _placed(block, known, tick):
+    every, phase = int(_at(block.every, known)), int(_at(block.phase, known))
+    kinds = {name: TYPES[block.type].keys[name].type for name, _ in block.keys}
+    keys = {PARAMETERS.get((block.type, name), name): _key(kinds[name], value, known) for name, value in block.keys}
+    if block.type == "ss" and not keys["D"]:
+        keys["D"] = [[0.0] * len(keys["inputs"]) for _ in keys["outputs"]]
+    return Placed(getattr(blocks, block.type)(block.name, every * tick, **keys), every, phase)
+
+
+def _key(kind, value, known):
+    if kind == "number":
+        return _at(value, known)
+    if kind == "integer":
+        return int(_at(value, known))
+    if kind == "list":
+        return [_at(tree, known) for tree in value]
+    return [[_at(tree, known) for tree in row] for row in value] if kind == "rows" else value
+
+
+def _take_out(drawing, placed, sums, known, out):
+    """Make the product of a number the input PRODUCT, in the sums and, if it is the factor of a gain, in its block."""
+    table, _, place = scalar_place(drawing, out).partition(".")
+    block = place.partition(".")[0]
+    if table == "wire":
+        parts = {signal: _parts(gain, known, out) for signal, gain in dict(drawing.wires)[place]}
+        sums[place] = {PRODUCT: 1.0} | {signal: constant for signal, (constant, _) in parts.items()}
+        sums[FACTOR] = {signal: slope for signal, (_, slope) in parts.items() if np.any(slope)}
+        return placed
+    constant, slope = _parts(dict(next(each.keys for each in drawing.blocks if each.name == block))["k"], known, out)
+    sums[FACTOR] = {signal: slope * gain for signal, gain in sums[f"{block}.u"].items()}
+    sums[f"{block}.{PRODUCT}"] = {PRODUCT: 1.0}
+    both = blocks.ss(block, 1.0, [], [], [], [[constant, 1.0]], ("u", PRODUCT), ("y",), discrete=True)
+    return tuple(replace(each, block=both) if each.block.name == block else each for each in placed)
+
+
+def _parts(gain, known, out):
+    """The constant part of a gain that is linear in a number, and the factor of the number."""
+    constant, total = (_at(gain, {**known, out: numbers(p)}) for p in (0.0, 1.0))
+    return constant, total - constant
+
+
+def scalar_place(drawing: Drawing, number: str) -> str:
+    """The path of the only wire, or of the factor of the only gain, that reads a number, if it is linear in it; else empty."""
+    readers = {path for path, tree in drawing.trees() if any(name == number for name, _ in names_in(tree))}
+    if len(readers) != 1:
+        return ""
+    path = readers.pop()
+    is_gain = path in {f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"}
+    trees = [tree for each, tree in drawing.trees() if each == path]
+    return path if (is_gain or path.startswith("wire.")) and all(_degree(tree, number) <= 1 for tree in trees) else ""
+
+
+def _degree(tree: Tree, number: str) -> float:
+    """Degree of the tree as a polynomial in the number; infinite if it is none."""
+    if tree[0] == "number":
+        return 0
+    if tree[0] == "name":
+        return int(tree[1] == number)
+    degrees = [_degree(part, number) for part in tree[1:-1]]
+    if tree[0] in ("+", "-", "negative"):
+        return max(degrees)
+    if tree[0] == "*":
+        return sum(degrees)
+    if tree[0] == "/" and degrees[1] == 0:
+        return degrees[0]
+    return 0 if not any(degrees) else np.inf
+
+
+def tame_pair(
+    drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], out: str = "", actual: bool = False
+) -> tuple[Drawn, Drawn]:
+    """Return two drawings of the same structure with different moderate numbers, in which drift is searched for.
+
+    values: of one or of several loops of the same structure; a number is zero in the drawings if it is zero in all of them.
+    own: the spec's own values, from which the numbers differ little if keys or expressions accept no moderate ones. out: a
+    number to take out, see `assembled`. actual: whether numbers that are the same in all loops keep their values.
+    """
+    kept = {"rates.tick_hz", *(f"numbers.{name}" for name in drawing.shaping)}
+    kept |= {path for path, value in values.items() if actual and np.ndim(value) == 0}
+    fixed = tuple((path, value if path in kept else bool(np.any(value))) for path, value in values.items())
+    return _tame_pair(drawing, fixed, tuple(own.items()), out)
+
+
+@lru_cache(maxsize=256)
+def _tame_pair(drawing, fixed, own, out):
+    for scale in (*SCALES, None):
+        pair = [{path: _tamed(path, value, dict(own)[path], salt, scale) for path, value in fixed} for salt in SALTS]
+        if not any(list(drawing.faults(values)) for values in pair):
+            break
+    return tuple(assembled(drawing, values, out) for values in pair)
+
+
+SALTS = "ab"
+# Small gains do not overflow over a long frame. The others are tried if an expression or a key does not accept them.
+SCALES = (0.3, 3.0, 30.0, 300.0, 0.003)
+
+
+def _tamed(path, value, own, salt, scale):
+    if not isinstance(value, bool):
+        return value
+    factor = crc32((salt + path).encode()) % 997 / 997
+    return value * (own * (1 + 0.01 * factor) if scale is None and own else (scale or 1.0) * (1 + factor))
+
+
+def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
+    """Raise UsageError if a loop of a batch has a number that a key does not accept. values: as for `assembled`."""
+    size = max((np.size(value) for value in values.values()), default=1)
+    arrays = {path: np.broadcast_to(value, (size,)) for path, value in values.items() if np.ndim(value)}
+    with np.errstate(all="ignore"):
+        known = {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}
+        wrong = np.zeros(size, bool)
+        for path, tree in drawing.trees():
+            found = np.broadcast_to(_at(tree, known), (size,))
+            wrong |= ~np.isfinite(found) | ~_accepted(drawing, path, found)
+        for block in drawing.blocks:
+            keys = dict(block.keys)
+            if block.type == "butterworth" and _at(keys["order"], known):
+                half = _at(drawing.tick_hz, known) / _at(block.every, known) / 2
+                wrong |= ~np.broadcast_to(_at(keys["cutoff_hz"], known) < half, (size,))
+    if wrong.any():
+        at = int(np.flatnonzero(wrong)[0])
+        loop = {path: float(arrays[path][at]) if path in arrays else value for path, value in values.items()}
+        named = ", ".join(f"{path.removeprefix('numbers.')} = {loop[path]:g}" for path in arrays)
+        path, expected, found = next(drawing.faults(loop), ("a key", "another value", "none"))
+        raise UsageError(f"{named} makes no loop: {path}: expected {expected}, found {found}")
+
+
+def _accepted(drawing, path, found):
+    """Whether each number is in the range of its key."""
+    table, *rest = path.split(".")
+    if table != "block" or rest[1] in ("every", "phase"):
+        return np.ones(found.shape, bool)
+    block = next(each for each in drawing.blocks if each.name == rest[0])
+    key = TYPES[block.type].keys[rest[1]]
+    return found > key.low if key.above_low else found >= key.low if key.low is not None else np.ones(found.shape, bool)
+
+
+def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]) -> tuple[float, float]:
+    """The values of a number, about a span, between which the loop is an analytic function of it on the real axis.
+
+    values: flat numbers, or arrays over the loops of a sweep. Divisors, arguments of roots, masses and the like must not vanish
+    there. Beyond the span their changes of sign are searched for on a grid that is finer near the span; half of the way to the
+    nearest one is allowed. Errors: UsageError if one vanishes within the span.
+    """
+    low, high = span
+    width, (below, above) = high - low, (-np.inf, np.inf)
+    away = np.geomspace(1e-6, 1e3, 400) * width
+    for key, guard in _guards(drawing):
+        name, read = path.removeprefix("numbers."), {name for name, _ in names_in(guard)}
+        if name not in read:
+            continue
+        known = _different({each: value for each, value in scalars({**values, path: 0.0}).items() if each in read})
+
+        if not _keeps_sign(guard, known, name, np.linspace(low, high, 401)).all():
+            raise UsageError(
+                f"intervals along {name}: between {low:g} and {high:g} there is a value without a loop, since {key} divides by "
+                "zero, takes a root of a negative number or leaves its range"
+            )
+        for direction, end in ((-1, low), (1, high)):
+            points = np.concatenate([[end], end + direction * away])
+            good = _keeps_sign(guard, known, name, points)
+            first = int(np.argmin(good.all(0)))
+            if not good.all():
+                limit = (end + points[first]) / 2
+                below, above = (max(below, limit), above) if direction < 0 else (below, min(above, limit))
+    return float(below), float(above)
+
+
+def _keeps_sign(guard, known, name, points):
+    """Whether a tree has at each point the sign that it has at the first one, and is not 0, `(loops, points)`."""
+    with np.errstate(all="ignore"):
+        sign = np.sign(_at(guard, {**known, name: points})).reshape(-1, points.size)
+    return (sign == sign[:, :1]) & (sign != 0) & np.isfinite(sign)
+
+
+MOST = 1000  # loops of which the range is searched, spread over all
+
+
+def _different(known):
+    """The different rows of the arrays among these values, as columns."""
+    arrays = {name: np.asarray(value) for name, value in known.items() if np.ndim(value)}
+    if not arrays:
+        return known
+    rows = np.unique(np.stack(list(arrays.values()), axis=1), axis=0)
+    rows = rows[np.unique(np.linspace(0, len(rows) - 1, MOST).astype(int))]
+    return known | {name: rows[:, [column]] for column, name in enumerate(arrays)}
+
+
+def _guards(drawing):
+    """Yield the path of a key and a tree that must not vanish."""
+    for path, tree in drawing.trees():
+        yield from ((path, guard) for guard in singular(tree))
+    for block in drawing.blocks:
+        keys = dict(block.keys)
+        for name in ("mass", "b", "cutoff_hz"):
+            if name in keys:
+                yield f"block.{block.name}.{name}", keys[name]
+        if block.type == "butterworth":
+            twice = ("*", ("number", 2.0, 0), ("*", keys["cutoff_hz"], block.every, 0), 0)
+            yield f"block.{block.name}.cutoff_hz", ("-", drawing.tick_hz, twice, 0)
+        if block.type == "tf":
+            yield f"block.{block.name}.den", keys["den"][0]
+
+
+def first_of(drawn: Drawn, index: int = 0) -> Drawn:
+    """The loop at that index of a drawing's batch, flat."""
+
+    def one(array, entry):
+        batch = np.shape(array)[: np.ndim(array) - entry]
+        return np.reshape(array, (-1, *np.shape(array)[len(batch) :]))[index] if batch else array
+
+    placed = []
+    for each in drawn.placed:
+        parts = {name: one(getattr(each.block, name), 2) for name in "EBCD"}
+        placed.append(replace(each, block=replace(each.block, **parts, condition=1.0, terms=None)))
+    sums = {name: {source: one(gain, 0) for source, gain in sources.items()} for name, sources in drawn.sums.items()}
+    return Drawn(one(drawn.period, 0), tuple(placed), sums, drawn.inputs)
+
+
+def direct_loops(drawn: Drawn) -> list[str]:
+    """Names of the blocks on loops of direct terms, which are closed within a tick."""
+    ports = [(each, port) for each in drawn.placed for port in range(len(each.block.inputs))]
+    runs = {each.block.name: each.runs(drawn.ticks) for each in drawn.placed}
+    feeds = {
+        f"{each.block.name}.{name}": (each.block, row) for each in drawn.placed for row, name in enumerate(each.block.outputs)
+    }
+    A = np.zeros((len(ports), len(ports)), bool)
+    for j, (reader, port) in enumerate(ports):
+        for source in drawn.sources(f"{reader.block.name}.{reader.block.inputs[port]}") & feeds.keys():
+            block, row = feeds[source]
+            for i, (each, column) in enumerate(ports):
+                together = each.block is block and np.any(runs[block.name] & runs[reader.block.name])
+                A[i, j] |= bool(together and np.any(block.D[..., row, column]))
+    for _ in range(max(1, len(ports)).bit_length()):
+        A |= (A.astype(int) @ A.astype(int)) > 0
+    return list(dict.fromkeys(each.block.name for i, (each, _) in enumerate(ports) if A[i, i]))

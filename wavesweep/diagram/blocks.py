@@ -1,0 +1,148 @@
+"""The blocks that a spec can draw: each from its numbers and its own period, in delta form.
+
+Numbers are scalars or arrays over a batch, real or complex. Matrices of `ss` are lists of rows of such numbers.
+"""
+
+import numpy as np
+
+from wavesweep.diagram.block import Block, matrix, numbers
+from wavesweep.diagram.device import impulse_and_step
+from wavesweep.diagram.filters import butterworth as sections
+from wavesweep.diagram.wave import avatar as cut_avatar
+from wavesweep.diagram.wave import local_model as closed_model
+
+TERMS = 20  # of a Taylor series of a matrix whose size is at most 1/2: rounding remains
+SIZE = 0.5
+
+
+def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
+    """`m x'' + d x' + k x = f` with f held over the period: exact. `f` (N) -> `x` (m), `v` (m/s)."""
+    m, d, k = numbers(mass), numbers(damping), numbers(stiffness)
+    s, g = impulse_and_step(d / m, k / m, period)
+    E = matrix([[-(d / m) * s - (k / m) * g, -(k / m) * s], [s, -(k / m) * g]])
+    return _block(name, ("f",), ("x", "v"), ("v", "x"), E, [[s / m], [g / m]], [[0, 1], [1, 0]], [[0], [0]])
+
+
+def ss(name, period, A, B, C, D, inputs, outputs, discrete=False) -> Block:
+    """State-space model with the ports `inputs` and `outputs`; continuous ones have their inputs held: exact."""
+    n, m, p = len(A), len(inputs), len(outputs)
+    A, B, C, D = (_matrix(rows, shape) for rows, shape in ((A, (n, n)), (B, (n, m)), (C, (p, n)), (D, (p, m))))
+    E, G = (A - np.eye(n), B) if discrete else held(A, B, period)
+    return _block(name, inputs, outputs, tuple(f"x{i}" for i in range(n)), E, G, C, D)
+
+
+def tf(name, period, num, den, discrete=False) -> Block:
+    """Transfer function from coefficients of descending powers, in controllable form; `u` -> `y`.
+
+    Accuracy: that of the coefficients, whose roots lose digits at high orders; `butterworth` and `ss` do not.
+    """
+    n, lead = len(den) - 1, numbers(den[0])
+    a = [numbers(each) / lead for each in den[1:]]
+    b = [numbers(0.0)] * (n + 1 - len(num)) + [numbers(each) / lead for each in num]
+    C = [[each - factor * b[0] for each, factor in zip(b[1:], a, strict=True)]]
+    A = [[-factor for factor in a]] + [[1.0 if column == row else 0.0 for column in range(n)] for row in range(n - 1)]
+    return ss(name, period, A if n else [], [[1.0]] + [[0.0]] * (n - 1) if n else [], C, [[b[0]]], ("u",), ("y",), discrete)
+
+
+def gain(name, period, k=1.0) -> Block:
+    """`y = k u`."""
+    del period
+    return _static(name, ("u",), ("y",), [[k]])
+
+
+def hold(name, period) -> Block:
+    """`u` as it was when the block ran last."""
+    return gain(name, period)
+
+
+def delay(name, period, steps=1) -> Block:
+    """`u` of `steps` runs ago."""
+    del period
+    if steps == 0:
+        return _static(name, ("u",), ("y",), [[1.0]])
+    B, C = np.zeros((steps, 1)), np.zeros((1, steps))
+    B[0, 0] = C[0, -1] = 1
+    return _block(
+        name, ("u",), ("y",), tuple(f"u{i + 1}" for i in range(steps)), np.eye(steps, k=-1) - np.eye(steps), B, C, [[0]]
+    )
+
+
+def difference(name, period) -> Block:
+    """Change of `u` since the last run, over the period: the velocity that an encoder gives."""
+    return _block(name, ("u",), ("y",), ("u1",), [[-1]], [[1]], [[-1 / numbers(period)]], [[1 / numbers(period)]])
+
+
+INTEGRATIONS = {"explicit": 0.0, "implicit": 1.0, "trapezoidal": 0.5}
+
+
+def integrator(name, period, method="explicit") -> Block:
+    """Integral of `u`: rectangles from the left, from the right, or trapezia."""
+    share = INTEGRATIONS[method] * numbers(period)
+    return _block(name, ("u",), ("y",), ("s",), [[0]], [[period]], [[1]], [[share]])
+
+
+def butterworth(name, period, order, cutoff_hz, passes="low") -> Block:
+    """Butterworth filter by the bilinear transform with prewarping, in normal form; `u` -> `y`."""
+    return sections(name, order, cutoff_hz, period, highpass=passes == "high")
+
+
+def wave(name, period, b, gives="force") -> Block:
+    """End of a wave line. "force": `v`, `in` -> `force` = b v - sqrt(2b) in, `out` = sqrt(2b) v - in. "velocity": `f`, `in` ->
+    `v` = (sqrt(2b) in - f)/b, `out` = in - sqrt(2/b) f."""
+    del period
+    b = numbers(b)
+    root = np.sqrt(2 * b)
+    if gives == "force":
+        return _static(name, ("v", "in"), ("force", "out"), [[b, -root], [root, -1.0]])
+    return _static(name, ("f", "in"), ("v", "out"), [[-1 / b, root / b], [-root / b, 1.0]])
+
+
+def avatar(name, period, b, integration="implicit") -> Block:
+    """Decoder and avatar of a slow environment: `in`, `f` -> `v`, `x`, `x_spring` (read by the spring), `out`."""
+    cut = cut_avatar(b, period, integration)
+    rows = [cut.outputs.index(port) for port in ("x_dot", "x", "x_tilde", "v")]
+    ports = ("in", "f"), ("v", "x", "x_spring", "out")
+    return _block(name, *ports, ("s",), cut.E, cut.B, cut.C[..., rows, :], cut.D[..., rows, :])
+
+
+def local_model(name, period, b, K, B, integration="implicit") -> Block:
+    """Local model of the interaction with its own decoder: `in` -> `out`."""
+    closed = closed_model(b, K, B, period, integration)
+    return _block(name, ("in",), ("out",), ("s",), closed.E, closed.B, closed.C, closed.D)
+
+
+def held(A, B, period):
+    """`exp(A T) - 1` and `int_0^T exp(A s) ds B`: a Taylor series over T/2^k, then k doublings in delta form.
+
+    A `(..., n, n)`, B `(..., n, m)`. Accuracy: some roundings of each entry for matrices that are not far from normal.
+    """
+    T = numbers(period)[..., None, None]
+    A, B = np.broadcast_arrays(A * T, np.zeros(1))[0], B * T
+    size = np.abs(A).sum(-1).max(-1, initial=0.0)
+    with np.errstate(divide="ignore"):
+        halvings = np.maximum(0, np.ceil(np.log2(size / SIZE))).astype(int)
+    step = 0.5 ** halvings[..., None, None]
+    E, G, power, force = 0.0, 0.0, A * step, B * step
+    for term in range(1, TERMS):
+        E, G = E + power, G + force
+        force = power @ (B * step) / (term + 1)
+        power = power @ (A * step) / (term + 1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for turn in range(int(halvings.max(initial=0))):
+            more = (turn < halvings)[..., None, None]
+            E, G = np.where(more, 2 * E + E @ E, E), np.where(more, 2 * G + E @ G, G)
+    return E, G
+
+
+def _matrix(rows, shape):
+    return matrix(rows) if all(shape) else np.zeros(shape)
+
+
+def _static(name, inputs, outputs, D):
+    m, p = len(inputs), len(outputs)
+    return Block(name, inputs, outputs, (), np.zeros((0, 0)), np.zeros((0, m)), np.zeros((p, 0)), matrix(D))
+
+
+def _block(name, inputs, outputs, states, E, B, C, D):
+    parts = (part if isinstance(part, np.ndarray) else matrix(part) for part in (E, B, C, D))
+    return Block(name, tuple(inputs), tuple(outputs), tuple(states), *parts)

@@ -1,0 +1,172 @@
+"""A loop of several rates: blocks that run every so many ticks, and the junctions between them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import lcm
+
+import numpy as np
+
+from wavesweep.diagram.block import Block
+from wavesweep.diagram.drift import ROUNDING, _eliminated, _first, _simple, _sum
+from wavesweep.errors import UsageError
+
+LONGEST = 100_000  # ticks of a frame
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """A block that runs at the ticks `phase`, `phase + every`, and so on; between these its outputs hold."""
+
+    block: Block
+    every: int = 1
+    phase: int = 0
+
+    def runs(self, ticks: int) -> np.ndarray:
+        """Whether it runs in each of the first ticks, `(ticks,)`."""
+        return (np.arange(ticks) - self.phase) % self.every == 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Drawn:
+    """Blocks placed on a common tick, and the loop that they make.
+
+    period: of the tick (s), a number or an array over the batch. sums: junctions by the signal that they make: source signal ->
+    gain (a number or an array over the batch); a port is the signal "block.port". inputs: signals from outside. All blocks that
+    run in the same tick see each other's outputs of that tick. Errors: UsageError for a frame of more than LONGEST ticks.
+    """
+
+    period: object
+    placed: tuple[Placed, ...]
+    sums: Mapping[str, Mapping[str, object]]
+    inputs: tuple[str, ...] = ()
+    ticks: int = field(init=False)
+
+    def __post_init__(self):
+        ticks = lcm(*(each.every for each in self.placed))
+        if ticks > LONGEST:
+            raise UsageError(
+                f"the frame, after which all blocks are in step again, has {ticks} ticks, expected at most {LONGEST}; choose "
+                "rates with a larger common divisor"
+            )
+        object.__setattr__(self, "ticks", ticks)
+
+    def sources(self, signal: str) -> set[str]:
+        """The block outputs and inputs from outside that a signal is made of."""
+        found, open_ = set(), [signal]
+        while open_:
+            name = open_.pop()
+            if name in self.sums:
+                open_ += self.sums[name]
+            else:
+                found.add(name)
+        return found
+
+    def schedule(self) -> tuple[list[tuple[int, ...]], np.ndarray]:
+        """The different sets of blocks (indices) that run in a tick, and the number of the set of each tick of the frame."""
+        masks = np.stack([each.runs(self.ticks) for each in self.placed], axis=1)
+        sets, which = np.unique(masks, axis=0, return_inverse=True)
+        return [tuple(np.flatnonzero(row).tolist()) for row in sets], which.reshape(-1)
+
+    def held(self, watched=()) -> dict[str, list[str]]:
+        """Block -> its output ports that something reads in a tick in which the block does not run.
+
+        watched: signals that are read in every tick.
+        """
+        masks = {each.block.name: each.runs(self.ticks) for each in self.placed}
+        readers = [(masks[each.block.name], f"{each.block.name}.{port}") for each in self.placed for port in each.block.inputs]
+        readers += [(np.ones(self.ticks, bool), signal) for signal in watched]
+        found = {}
+        for mask, signal in readers:
+            for source in self.sources(signal):
+                name, _, port = source.rpartition(".")
+                if name in masks and np.any(mask & ~masks[name]):
+                    found.setdefault(name, {})[port] = None
+        return {
+            each.block.name: [port for port in each.block.outputs if port in found.get(each.block.name, {})]
+            for each in self.placed
+        }
+
+
+def shifts(drawn: Drawn) -> list[dict[str, float]]:
+    """The independent shifts of states that nothing in the loop opposes, from the first loop of the batch.
+
+    A shift is a solution with all signals constant and no input: no state changes, and each port is the sum connected to it
+    (see `drift`). A state has the name "block.state", an output that is held "block.port held". Each shift has a state of its
+    own, first among its keys, with the value 1; the other shifts do not move that state.
+    """
+    blocks = [each.block for each in drawn.placed]
+    unknowns = [f"{block.name}.{name}" for block in blocks for name in (*block.states, *block.inputs)]
+    outputs = {
+        f"{block.name}.{port}": _row(block, block.C, block.D, i) for block in blocks for i, port in enumerate(block.outputs)
+    }
+
+    def traced(signal, factor=1.0):
+        if signal in outputs:
+            yield from ((name, factor * value) for name, value in outputs[signal])
+        for source, each in drawn.sums.get(signal, {}).items():
+            yield from traced(source, factor * float(np.ravel(each)[0].real))
+
+    at = {name: index for index, name in enumerate(unknowns)}
+    A = np.array([_gathered(row, at) for row in _equations(blocks, traced)]).reshape(-1, len(unknowns))
+    reduced, pivots = _eliminated(A)
+    states = [at[f"{block.name}.{state}"] for block in blocks for state in block.states]
+    free = [column for column in range(len(unknowns)) if column not in pivots]
+    N = np.zeros((len(unknowns), len(free)))
+    for k, column in enumerate(free):
+        N[column, k] = 1.0
+        for pivot, row in pivots.items():
+            N[pivot, k] = -reduced[row, column]
+    held = {}
+    for name, terms in outputs.items():
+        held[f"{name} held"] = sum((value * N[at[source]] for source, value in terms), np.zeros(len(free)))
+    values = {unknowns[i]: N[i] for i in states} | held
+    return _with_leads(values, [unknowns[i] for i in states])
+
+
+def _equations(blocks, traced):
+    """Yield (unknown, factor) pairs of each equation: the change of a state, or a port less the sum connected to it."""
+    for block in blocks:
+        yield from (_row(block, block.E, block.B, i) for i in range(len(block.states)))
+        for port in block.inputs:
+            name = f"{block.name}.{port}"
+            yield [(name, 1.0), *((source, -value) for source, value in traced(name))]
+
+
+def _gathered(row, at):
+    """The row of a matrix with the columns `at`, where terms that cancel leave an exact zero."""
+    terms = {}
+    for name, value in row:
+        terms.setdefault(name, []).append(value)
+    found = np.zeros(len(at))
+    for name, parts in terms.items():
+        found[at[name]] = _sum(parts)
+    return found
+
+
+def _with_leads(values, states):
+    """The shifts as dicts, combined so that each has a state of its own."""
+    names, N = list(values), np.array([values[name] for name in values]).reshape(len(values), -1)
+    leads = []
+    for k in range(N.shape[1]):
+        open_ = [i for i, name in enumerate(names) if name in states and i not in leads]
+        at = max(open_, key=lambda i: abs(N[i, k]), default=None)
+        if at is None or abs(N[at, k]) < ROUNDING:
+            continue
+        N[:, k] /= N[at, k]
+        for other in range(N.shape[1]):
+            if other != k:
+                N[:, other] -= N[at, other] * N[:, k]
+        leads.append(at)
+    kept = [k for k in range(N.shape[1]) if np.abs(N[:, k]).max(initial=0) > ROUNDING]
+    return [
+        {names[at]: 1.0} | {names[i]: _simple(N[i, k]) for i in range(len(names)) if i != at and abs(N[i, k]) > ROUNDING}
+        for at, k in zip(leads, kept, strict=True)
+    ]
+
+
+def _row(block, left, right, i):
+    """Row i of two matrices side by side as (unknown, value) pairs."""
+    names = [f"{block.name}.{name}" for name in (*block.states, *block.inputs)]
+    return [
+        (name, float(value)) for name, value in zip(names, np.hstack([_first(left), _first(right)])[i], strict=True) if value
+    ]

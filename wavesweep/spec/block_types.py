@@ -1,0 +1,164 @@
+"""The blocks that a spec can draw: their keys and ports by type.
+
+Validation and the documents' table derive from this table. The functions of `wavesweep.diagram.blocks` with the same names take
+the same keys.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from wavesweep.spec.keys import HIGHEST_ORDER, INTEGRATIONS, Key
+
+LONGEST_FRAME = 100_000  # ticks
+MOST_STEPS = 1000  # of a delay, each of which is a state
+
+
+@dataclass(frozen=True, slots=True)
+class BlockType:
+    """A type of block: its keys by name, its ports, and its meaning.
+
+    ports: (inputs, outputs), or for each value of the key `by` such a pair; None if keys name them. plant: whether it runs in
+    every tick in any case, because its inputs are held over a tick; "continuous" if only without `discrete = true`.
+    """
+
+    keys: Mapping[str, Key]
+    ports: object
+    description: str
+    by: str = ""
+    plant: bool | str = False
+
+    def ports_of(self, keys: Mapping[str, object]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return input and output ports of a block with these keys."""
+        if self.by:
+            return self.ports[keys[self.by]]
+        return (keys["inputs"], keys["outputs"]) if self.ports is None else self.ports
+
+    def is_plant(self, keys: Mapping[str, object]) -> bool:
+        """Return whether a block with these keys runs in every tick in any case."""
+        return not keys["discrete"] if self.plant == "continuous" else bool(self.plant)
+
+
+def _number(name: str, unit: str, description: str, default: float | None = None, *, positive: bool = False) -> Key:
+    low = 0.0 if positive else None
+    return Key(name, "number", default, unit, description, low=low, above_low=positive, required=default is None)
+
+
+def _whole(name: str, description: str, low: int, high: int, default: int | None = None, unit: str = "1") -> Key:
+    return Key(name, "integer", default, unit, description, low=low, high=high, required=default is None)
+
+
+def _word(name: str, description: str, choices: Iterable[str], default: str) -> Key:
+    return Key(name, "string", default, "", description, choices=tuple(choices))
+
+
+def _other(name: str, kind: str, description: str, default: object = None) -> Key:
+    return Key(name, kind, default, "", description, required=default is None)
+
+
+_DISCRETE = _other("discrete", "boolean", "whether it is a difference equation; otherwise continuous, its inputs held", False)
+_B = _number("b", "N*s/m", "wave impedance", positive=True)
+_INTEGRATION = _word("integration", "how the velocity is integrated", INTEGRATIONS, "implicit")
+_U_Y = (("u",), ("y",))
+
+
+def _type(description: str, ports: object, *keys: Key, by: str = "", plant: bool | str = False) -> BlockType:
+    return BlockType(MappingProxyType({key.path: key for key in keys}), ports, description, by, plant)
+
+
+TYPES = MappingProxyType(
+    {
+        "mass": _type(
+            "m x'' + d x' + k x = f, the force held over a tick: exact",
+            (("f",), ("x", "v")),
+            _number("mass", "kg", "mass m, or an inertia (kg*m^2)", positive=True),
+            _number("damping", "N*s/m", "viscous damping d", 0.0),
+            _number("stiffness", "N/m", "stiffness k of a spring to the ground", 0.0),
+            plant=True,
+        ),
+        "ss": _type(
+            "state-space model",
+            None,
+            _other("A", "rows", "state matrix, a list of rows", ()),
+            _other("B", "rows", "input matrix", ()),
+            _other("C", "rows", "output matrix", ()),
+            _other("D", "rows", "direct terms; zeros if absent", ()),
+            _other("inputs", "ports", "names of the input ports", ("u",)),
+            _other("outputs", "ports", "names of the output ports", ("y",)),
+            _DISCRETE,
+            plant="continuous",
+        ),
+        "tf": _type(
+            "transfer function in s, or in z if discrete",
+            _U_Y,
+            _other("num", "list", "coefficients of the numerator, descending powers"),
+            _other("den", "list", "coefficients of the denominator, descending powers"),
+            _DISCRETE,
+            plant="continuous",
+        ),
+        "gain": _type("y = k u", _U_Y, _number("k", "", "factor", 1.0)),
+        "delay": _type("u of so many runs of the block ago", _U_Y, _whole("steps", "runs of the block", 0, MOST_STEPS, 1)),
+        "hold": _type("u as it was when the block ran last", _U_Y),
+        "difference": _type("change of u since the last run, over the block's own period", _U_Y),
+        "integrator": _type(
+            "integral of u",
+            _U_Y,
+            _word("method", "rectangles from the left, from the right, or trapezia", INTEGRATIONS, "explicit"),
+        ),
+        "butterworth": _type(
+            "digital Butterworth filter at the block's own rate",
+            _U_Y,
+            _whole("order", "order; 0 for no filter", 0, HIGHEST_ORDER),
+            _number("cutoff_hz", "Hz", "-3 dB frequency, below half the block's own rate", positive=True),
+            _word("pass", "which side passes", ("low", "high"), "low"),
+        ),
+        "wave": _type(
+            "end of a wave line: force = b v - sqrt(2b) in, out = sqrt(2b) v - in; "
+            "or v = (sqrt(2b) in - f)/b, out = in - sqrt(2/b) f",
+            {"force": (("v", "in"), ("force", "out")), "velocity": (("f", "in"), ("v", "out"))},
+            _B,
+            _word("gives", "what it gives to its side", ("force", "velocity"), "force"),
+            by="gives",
+        ),
+        "avatar": _type(
+            "decoder and avatar of a slow environment; the spring reads x_spring",
+            (("in", "f"), ("v", "x", "x_spring", "out")),
+            _B,
+            _INTEGRATION,
+        ),
+        "local_model": _type(
+            "local model of the interaction with a decoder of its own",
+            (("in",), ("out",)),
+            _B,
+            _number("K", "N/m", "stiffness"),
+            _number("B", "N*s/m", "damping", 0.0),
+            _INTEGRATION,
+        ),
+    }
+)
+
+EVERY = _whole("every", "ticks from one run of the block to the next", 1, LONGEST_FRAME, 1, "tick")
+PHASE = _whole("phase", "tick of its first run, below every", 0, LONGEST_FRAME - 1, 0, "tick")
+TICK_HZ = Key(
+    "tick_hz",
+    "number",
+    None,
+    "Hz",
+    "common tick, of which each block runs at a whole part",
+    low=0.0,
+    above_low=True,
+    required=True,
+)
+# Names of columns of tables, which a number must not have, since it may be an axis.
+COLUMNS = frozenset(
+    (
+        *("along", "intervals", "interval", "low", "high", "low_omega", "high_omega", "certified", "residual", "doubt"),
+        *("felt_low", "felt_high", "hand", "settled", "spec", "controller", "frequency_hz", "omega_Ts", "stable"),
+        *("worst_gain", "worst_gain_error", "channel_norm", "channel_omega", "port_margin", "port_omega"),
+        *("channel_passive", "port_passive", "damping_needed"),
+        *(f"{name}_{part}" for name in ("admittance", "impedance") for part in ("re", "im", "abs", "deg", "error")),
+        *(f"{end}_hand_{part}" for end in ("low", "high") for part in ("mass", "damping", "stiffness")),
+    )
+)

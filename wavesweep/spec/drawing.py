@@ -1,0 +1,224 @@
+"""A loop drawn in a spec: numbers, blocks, wires and ports, read with all mistakes at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from wavesweep.errors import Mistake
+from wavesweep.spec.block_types import EVERY, LONGEST_FRAME, PHASE, TICK_HZ, TYPES
+from wavesweep.spec.checking import Rejected, check, expectation
+from wavesweep.spec.expressions import Terms, Tree, evaluate, names_in
+from wavesweep.spec.keys import Key, Names
+from wavesweep.spec.reading import Leaf
+
+MARKS = ("numbers", "block", "wire", "ports")  # a spec that has one of these draws its loop
+RATE = "rates.tick_hz"
+STRUCTURE = ("every", "phase", "steps", "order")  # keys that decide how a loop is built
+
+Path = tuple[str, ...]
+Leaves = Mapping[str, Leaf]
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnBlock:
+    """A block: its keys hold trees of numbers, tuples of these, or words."""
+
+    name: str
+    type: str
+    keys: tuple[tuple[str, object], ...]
+    every: Tree
+    phase: Tree
+
+    @property
+    def plant(self) -> bool:
+        """Whether it runs in every tick in any case."""
+        return TYPES[self.type].is_plant(dict(self.keys))
+
+    @property
+    def ports(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Its input and output ports."""
+        return TYPES[self.type].ports_of(dict(self.keys))
+
+    def trees(self) -> Iterator[tuple[str, Tree]]:
+        """Yield the name of the key and the tree for each number in the keys."""
+        yield from (("every", self.every), ("phase", self.phase))
+        for name, value in self.keys:
+            yield from ((name, tree) for tree in _trees(TYPES[self.type].keys[name].type, value))
+
+
+def _trees(kind: str, value: object) -> Iterator[Tree]:
+    if kind in ("number", "integer"):
+        yield value
+    elif kind == "list":
+        yield from value
+    elif kind == "rows":
+        yield from (tree for row in value for tree in row)
+
+
+@dataclass(frozen=True, slots=True)
+class Drawing:
+    """A drawn loop without the values of its numbers.
+
+    numbers: name, unit and description of each. whole: those that have to be whole. wires: input port -> its signals and their
+    gains. hand: the signal of the hand's force; the displacement, and the force against the hand if it is named, as signals and
+    gains. wall: the numbers that are the stiffness and the damping of a wall.
+    """
+
+    tick_hz: Tree
+    numbers: tuple[tuple[str, str, str], ...]
+    whole: frozenset[str]
+    blocks: tuple[DrawnBlock, ...]
+    wires: tuple[tuple[str, Terms], ...]
+    hand: tuple[str, Terms, Terms | None] | None = None
+    wall: tuple[str, ...] | None = None
+
+    def trees(self) -> Iterator[tuple[str, Tree]]:
+        """Yield the path of the key and the tree for each number of the drawing."""
+        yield RATE, self.tick_hz
+        for block in self.blocks:
+            yield from ((f"block.{block.name}.{name}", tree) for name, tree in block.trees())
+        terms = [(f"wire.{port}", terms) for port, terms in self.wires]
+        if self.hand:
+            terms += [("ports.hand.displacement", self.hand[1]), ("ports.hand.reaction", self.hand[2] or ())]
+        yield from ((path, gain) for path, some in terms for _, gain in some)
+
+    def rate(self, values: Mapping[str, float]) -> float:
+        """Return the rate of the tick in Hz."""
+        return evaluate(self.tick_hz, scalars(values))
+
+    @property
+    def shaping(self) -> frozenset[str]:
+        """Names of the numbers on which the structure of the loop depends."""
+        keys = [tree for path, tree in self.trees() if path == RATE or decides(path)]
+        return frozenset(name for tree in keys for name, _ in names_in(tree))
+
+    @property
+    def names(self) -> Names:
+        """The keys that may be axes, and the short names of numbers."""
+        shaping, keys = self.shaping, {}
+        if self.tick_hz == ("name", RATE, 0):
+            keys[RATE] = Key(RATE, "number", None, "Hz", TICK_HZ.description, low=0.0, above_low=True, shaping=True)
+        for name, unit, description in self.numbers:
+            kind = "integer" if name in self.whole else "number"
+            path = f"numbers.{name}"
+            keys[path] = Key(path, kind, None, unit, description, shaping=name in shaping)
+        return Names(keys, {name: f"numbers.{name}" for name, _, _ in self.numbers})
+
+    def faults(self, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
+        """Yield path, expected and found text for each key that these values do not suit; keys without values are left out."""
+        numbers, found = scalars(values), {}
+        for path, tree in self.trees():
+            if not numbers.keys() >= {name for name, _ in names_in(tree)}:
+                continue  # a number that has a mistake itself
+            value = _value(tree, numbers)
+            if value is None:
+                yield path, "a finite number", "a division by zero, a root of a negative number or an overflow"
+            else:
+                found.setdefault(path, value)
+        tick_hz = found.get(RATE)
+        if tick_hz is not None and tick_hz <= 0:
+            yield RATE, expectation(TICK_HZ), f"{tick_hz:g}"
+            tick_hz = None
+        every = {}
+        for block in self.blocks:
+            known = {name: found.get(f"block.{block.name}.{name}") for name, _ in block.trees()}
+            for name, expected in _unsuitable(block, known, tick_hz):
+                yield f"block.{block.name}.{name}", expected, f"{known[name]:g}"
+                every[block.name] = None if name == "every" else every.get(block.name, known["every"])
+            every.setdefault(block.name, known["every"])
+        runs = {name: int(ticks) for name, ticks in every.items() if ticks}
+        frame = math.lcm(*runs.values())
+        if frame > LONGEST_FRAME:
+            slowest = max(runs, key=runs.get)
+            expected = f"ticks of a frame, after which all blocks are in step again, <= {LONGEST_FRAME}"
+            yield f"block.{slowest}.every", expected, f"{frame} (the least common multiple of {_listed(set(runs.values()))})"
+
+
+def scalars(values: Mapping[str, object]) -> dict[str, object]:
+    """Return the values of a drawn spec by the names that trees have for them."""
+    return {path.removeprefix("numbers."): value for path, value in values.items()}
+
+
+def _value(tree: Tree, numbers: Mapping[str, float]) -> float | None:
+    try:
+        value = evaluate(tree, numbers)
+        return value if not isinstance(value, complex) and math.isfinite(value) else None
+    except (ArithmeticError, ValueError):
+        return None
+
+
+def _unsuitable(block: DrawnBlock, known: Mapping[str, float | None], tick_hz: float | None) -> Iterator[tuple[str, str]]:
+    """Yield name and expected text of each key that the block does not accept."""
+    keys = {**TYPES[block.type].keys, "every": EVERY, "phase": PHASE}
+    wrong = set()
+    for name, value in known.items():
+        if value is None or keys[name].type not in ("number", "integer"):
+            continue
+        try:
+            check(keys[name], value)
+        except Rejected as error:
+            wrong.add(name)
+            yield name, error.expected
+    every, phase, cutoff = known["every"], known["phase"], known.get("cutoff_hz")
+    if every is None or "every" in wrong:
+        return
+    if block.plant and every != 1:
+        yield "every", f"1, since a {block.type} that is continuous runs in every tick"
+    elif phase is not None and "phase" not in wrong and phase >= every:
+        yield "phase", f"a whole number < every = {every:g}"
+    half = (tick_hz or math.inf) / every / 2
+    if cutoff is not None and "cutoff_hz" not in wrong and cutoff >= half and known["order"] != 0:  # 0 is no filter
+        yield "cutoff_hz", f"a number < {half:g} (half the block's own rate)"
+    if block.type == "tf" and known["den"] == 0:
+        yield "den", "a first coefficient other than 0"
+
+
+def decides(path: str) -> bool:
+    """Whether the key of a block decides how the loop is built."""
+    return path.startswith("block.") and path.rpartition(".")[2] in STRUCTURE
+
+
+def _listed(names: Iterable[object]) -> str:
+    return ", ".join(map(str, sorted(names)))
+
+
+def resolve_drawn(drawing: Drawing, before: Mapping[str, float], given) -> tuple[dict[str, float], list[Mistake]]:
+    """Return the values of a drawing's numbers as they are given now, and all mistakes. given: a `Given`."""
+    values, mistakes = dict(before), []
+    for path, key in drawing.names.keys.items():
+        leaf = given.leaves.get(path)
+        try:
+            values[path] = values[path] if leaf is None else check(key, leaf.value)
+        except Rejected as error:
+            mistakes.append(leaf.mistake(path, error.expected, error.found))
+    if not mistakes:
+        faults = drawing.faults(values)
+        mistakes = [given.leaf(path).mistake(path, expected, found) for path, expected, found in faults]
+    return values, mistakes
+
+
+def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, object]:
+    """Return the resolved tables by path, as a spec could give them. given: a `Given`."""
+    found: dict[Path, object] = {("rates", "tick_hz"): values.get(RATE) or given.leaves[RATE].value}
+    for name, unit, description in drawing.numbers:
+        found["numbers", name] = {"value": values[f"numbers.{name}"], "unit": unit, "description": description}
+    for block in drawing.blocks:
+        found["block", block.name, "type"] = block.type
+        for name, key in {**TYPES[block.type].keys, "every": EVERY, "phase": PHASE}.items():
+            leaf = given.leaves.get(f"block.{block.name}.{name}")
+            value = leaf.value if leaf else key.default
+            found["block", block.name, name] = list(value) if isinstance(value, tuple) else value
+    for path, leaf in given.leaves.items():
+        table, _, rest = path.partition(".")
+        if table in ("wire", "ports"):
+            found[(table, rest) if table == "wire" else tuple(path.split("."))] = leaf.value
+    return found
+
+
+def names_of(leaves: Mapping[Path, Leaf]) -> Names:
+    """Return the names of a drawing with mistakes, with which its axes can be checked."""
+    numbers = dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1)
+    keys = {RATE: TICK_HZ} | {f"numbers.{name}": Key(f"numbers.{name}", "number", None, "", "") for name in numbers}
+    return Names(keys, {name: f"numbers.{name}" for name in numbers})

@@ -1,0 +1,223 @@
+"""Reading the keys of blocks and the expressions of wires; all mistakes are collected, each at its place."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+from wavesweep.errors import Mistake
+from wavesweep.spec.block_types import EVERY, PHASE, TYPES
+from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
+from wavesweep.spec.drawing import DrawnBlock
+from wavesweep.spec.expressions import Fault, Terms, Tree, linear, names_in, parse, unknown
+from wavesweep.spec.keys import Key
+from wavesweep.spec.reading import Leaf, Place
+
+
+class KeyReader:
+    """A reading of keys and expressions, which collects the mistakes, the leaves by path, and the names that are read.
+
+    numbers: the names in [numbers]. signals: outputs of blocks and the hand's force. broken: blocks that have a
+    mistake themselves.
+    """
+
+    def __init__(self, source: Place) -> None:
+        self.source = source
+        self.mistakes: list[Mistake] = []
+        self.leaves: dict[str, Leaf] = {}
+        self.read: set[str] = set()  # names in trees
+        self.numbers: tuple[str, ...] = ()
+        self.signals: set[str] = set()
+        self.broken: set[str] = set()
+
+    def leaf(self, path: str) -> Leaf:
+        return self.leaves.get(path) or Leaf(None, self.source.under(tuple(path.split("."))))
+
+    def refuse(self, leaf: Leaf, key: str, expected: str, found: str, suggestion: str = "", of_key: bool = True) -> None:
+        self.mistakes.append(leaf.mistake(key, expected, found, suggestion, of_key))
+
+    def fault(self, path: str, leaf: Leaf, fault: Fault) -> None:
+        self.mistakes.append(Mistake(leaf.place.inside(fault.offset), path, fault.expected, fault.found, fault.suggestion))
+
+    def word(self, path: str, leaf: Leaf | None) -> str:
+        if leaf is None or isinstance(leaf.value, str):
+            return leaf.value if leaf else ""
+        self.refuse(leaf, path, "a string", show(leaf.value), of_key=False)
+        return ""
+
+    def read_number(self, path: str, key: Key, leaf: Leaf) -> Tree | None:
+        """Read a number or an expression in numbers."""
+        self.leaves[path] = leaf
+        if isinstance(leaf.value, str):
+            return self.read_text(path, leaf)
+        try:
+            return ("number", float(check(key, leaf.value)), 0)
+        except Rejected as error:
+            self.mistakes.append(
+                leaf.mistake(path, error.expected.replace("number", "number, or an expression,", 1), error.found)
+            )
+            return None
+
+    def read_text(self, path: str, leaf: Leaf, signals: bool = False) -> Tree | None:
+        """Parse an expression and check its names."""
+        try:
+            tree = parse(leaf.value)
+        except Fault as fault:
+            self.fault(path, leaf, fault)
+            self.read.update(re.findall(r"\w+", leaf.value))
+            return None
+        self.read.update(name for name, _ in names_in(tree))
+        known = {*self.numbers, *(self.signals if signals else ())}
+        expected = "the output of a block, the hand's force or a number" if signals else "the name of a number in [numbers]"
+        faults = [f for f in unknown(tree, known, expected) if not (signals and self.is_broken(leaf.value[f.offset :]))]
+        for fault in faults:
+            self.fault(path, leaf, fault)
+        return None if faults else tree
+
+    def is_broken(self, text: str) -> bool:
+        """Whether a text begins with a port of a block that has a mistake itself."""
+        return text.partition(".")[0] in self.broken
+
+    def read_terms(self, path: str, leaf: Leaf) -> Terms | None:
+        """Read an expression that is linear in signals."""
+        self.leaves[path] = leaf
+        if isinstance(leaf.value, (int, float)) and not isinstance(leaf.value, bool):
+            leaf = Leaf(str(leaf.value), leaf.place)
+        if not isinstance(leaf.value, str):
+            self.refuse(leaf, path, "an expression in quotes", show(leaf.value), of_key=False)
+            return None
+        tree = self.read_text(path, leaf, signals=True)
+        if tree is None:
+            return None
+        signals = self.signals | {name for name, _ in names_in(tree) if self.is_broken(name)}
+        try:
+            return linear(tree, signals)
+        except Fault as fault:
+            self.fault(path, leaf, fault)
+            return None
+
+    def read_block(self, name: str, given: Mapping[str, Leaf]) -> DrawnBlock | None:
+        path, before = f"block.{name}", len(self.mistakes)
+        if "" in given and given[""].value != {}:
+            self.refuse(given[""], path, "a table", show(given[""].value), of_key=False)
+            return None
+        if not is_name(name):
+            first = next(iter(given.values()))
+            self.refuse(Leaf(None, first.place.parent()), path, "a name of letters, digits and _", show(name))
+            return None
+        kind = self.read_type(path, given.get("type"))
+        if kind is None:  # its numbers are not known to be unread
+            self.read.update(re.findall(r"\w+", " ".join(str(leaf.value) for leaf in given.values())))
+            return None
+        keys = {**TYPES[kind].keys, "every": EVERY, "phase": PHASE}
+        for key, leaf in given.items():
+            if key not in keys and key not in ("", "type"):
+                known = ("type", *keys)
+                self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(known), "an unknown key", nearest(key, known))
+        found = {key: self.read_key(f"{path}.{key}", row, given.get(key)) for key, row in keys.items()}
+        if len(self.mistakes) > before:
+            return None
+        every, phase = found.pop("every"), found.pop("phase")
+        block = DrawnBlock(name, kind, tuple(found.items()), every, phase)
+        wrong = _shape_fault(block)
+        if wrong:
+            self.refuse(self.leaf(f"{path}.{wrong[0]}"), f"{path}.{wrong[0]}", *wrong[1:], of_key=False)
+            return None
+        return block
+
+    def read_type(self, path: str, leaf: Leaf | None) -> str | None:
+        key = Key(f"{path}.type", "string", None, "", "", choices=tuple(TYPES))
+        if leaf is None:
+            self.refuse(self.leaf(path), key.path, expectation(key), "nothing (it has no default)")
+            return None
+        self.leaves[key.path] = leaf
+        try:
+            return check(key, leaf.value)
+        except Rejected as error:
+            self.mistakes.append(leaf.mistake(key.path, error.expected, error.found, error.suggestion))
+            return None
+
+    def read_key(self, path: str, key: Key, leaf: Leaf | None) -> object:
+        if leaf is None:
+            return self.default(path, key)
+        self.leaves[path] = leaf
+        if key.type in ("number", "integer"):
+            return self.read_number(path, key, leaf)
+        if key.type in ("list", "rows"):
+            return self.read_numbers_of(path, key, leaf)
+        if key.type != "string":
+            return self.read_other(path, key, leaf)
+        try:
+            return check(key, leaf.value)
+        except Rejected as error:
+            self.mistakes.append(leaf.mistake(path, error.expected, error.found, error.suggestion))
+            return None
+
+    def default(self, path: str, key: Key) -> object:
+        if key.required:
+            named = {"list": "a list of numbers", "rows": "a list of rows"}.get(key.type) or expectation(key)
+            self.refuse(self.leaf(path.rpartition(".")[0]), path, named, "nothing (it has no default)")
+        elif key.type in ("number", "integer"):
+            return ("number", float(key.default), 0)
+        return key.default
+
+    def read_other(self, path: str, key: Key, leaf: Leaf) -> object:
+        """Read a boolean, or names of ports."""
+        value = leaf.value
+        if key.type == "boolean" and isinstance(value, bool):
+            return value
+        if key.type == "ports" and isinstance(value, list) and all(map(is_name, value)) and len(set(value)) == len(value):
+            return tuple(value)
+        expected = "true or false" if key.type == "boolean" else "a list of different names"
+        found = ", ".join(map(str, value)) if isinstance(value, list) else show(value)
+        self.refuse(leaf, path, expected, found or "none", of_key=False)
+        return None
+
+    def read_numbers_of(self, path: str, key: Key, leaf: Leaf) -> tuple | None:
+        """Read a list of numbers, or of rows of them."""
+        deep = key.type == "rows"
+        expected = "a list of rows, each a list of numbers" if deep else "a list of numbers"
+        rows = leaf.value if deep else [leaf.value]
+        if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows) or (not deep and not rows[0]):
+            self.refuse(leaf, path, expected, show(leaf.value), of_key=False)
+            return None
+        entry = Key(path, "number", None, "", "")
+        trees = tuple(
+            tuple(self.read_number(_at(path, i, j, deep), entry, Leaf(item, leaf.place)) for j, item in enumerate(row))
+            for i, row in enumerate(rows)
+        )
+        self.leaves[path] = leaf
+        return trees if deep else trees[0]
+
+
+def is_name(name: object) -> bool:
+    """Return whether a value is a name of ASCII letters, digits and _."""
+    return isinstance(name, str) and name.isidentifier() and name.isascii()
+
+
+def _at(path: str, i: int, j: int, deep: bool) -> str:
+    return f"{path}[{i}][{j}]" if deep else f"{path}[{j}]"
+
+
+def _shape_fault(block: DrawnBlock) -> tuple[str, str, str] | None:
+    """Return key, expected and found text if the matrices or coefficients do not fit together."""
+    keys = dict(block.keys)
+    if block.type == "tf" and len(keys["num"]) > len(keys["den"]):
+        return "num", f"at most {len(keys['den'])} coefficients, as many as den has", f"{len(keys['num'])}"
+    if block.type != "ss":
+        return None
+    n, m, p = len(keys["A"]), len(keys["inputs"]), len(keys["outputs"])
+    if not m or not p:
+        return ("inputs" if not m else "outputs"), "at least one port", "none"
+    for name, height, width in (("A", n, n), ("B", n, m), ("C", p if n else 0, n), ("D", p, m)):
+        rows = keys[name]
+        if name == "D" and not rows:
+            continue
+        if len(rows) != height or any(len(row) != width for row in rows):
+            widths = ", ".join(dict.fromkeys(str(len(row)) for row in rows)) or "0"
+            return (
+                name,
+                f"{height} rows of {width} numbers (states, inputs, outputs: {n}, {m}, {p})",
+                f"{len(rows)} of {widths}",
+            )
+    return None

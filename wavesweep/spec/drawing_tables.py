@@ -1,0 +1,244 @@
+"""Reading the tables of a drawn loop: every mistake of a spec at once, each at its place."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from wavesweep.errors import Mistake
+from wavesweep.spec.block_types import COLUMNS, TICK_HZ
+from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
+from wavesweep.spec.drawing import RATE, Drawing, decides
+from wavesweep.spec.drawing_keys import KeyReader, is_name
+from wavesweep.spec.expressions import RESERVED, Terms, Tree, names_in
+from wavesweep.spec.keys import Key
+from wavesweep.spec.reading import Leaf, Place
+
+TABLES = ("rates", "numbers", "block", "wire", "ports")
+NUMBER_PARTS = ("value", "unit", "description")
+PORTS = MappingProxyType({"hand": ("force", "displacement", "reaction"), "wall": ("stiffness", "damping")})
+OPTIONAL = ("reaction",)
+LISTED = 8  # ports that a message lists
+
+Path = tuple[str, ...]
+
+
+def read_drawing(
+    leaves: Mapping[Path, Leaf], source: Place
+) -> tuple[Drawing | None, dict[str, float], dict[str, Leaf], list[Mistake]]:
+    """Return the drawing, the values of its numbers, its leaves by path, and all mistakes; None if there are any.
+
+    leaves: those of the whole spec, of which the studies are left to others. source: place of the spec.
+    """
+    reader = _TableReader(source)
+    tables = reader.grouped(leaves)
+    drawing, values = reader.drawing(tables)
+    for path, expected, found in drawing.faults(values):
+        leaf = reader.leaf(path)
+        text = f"{show(leaf.value)}: {found}" if isinstance(leaf.value, str) else found
+        reader.mistakes.append(leaf.mistake(path, expected, text))
+    return (None if reader.mistakes else drawing), values, reader.leaves, reader.mistakes
+
+
+class _TableReader(KeyReader):
+    """A reading of all tables of a drawn loop."""
+
+    def grouped(self, leaves: Mapping[Path, Leaf]) -> dict[str, dict]:
+        """Sort the leaves into tables; a table that a drawn loop does not have is one mistake."""
+        tables: dict[str, dict] = {name: {} for name in TABLES}
+        unknown_tables: dict[str, Leaf] = {}
+        for path, leaf in leaves.items():
+            table, rest = path[0], path[1:]
+            if table in ("sweep", "bode"):
+                continue
+            if table not in TABLES:
+                unknown_tables.setdefault(table, Leaf({}, leaf.place.under(path[:1])))
+            elif not rest:
+                if leaf.value != {}:
+                    self.refuse(leaf, table, "a table", show(leaf.value), of_key=False)
+            elif table in ("rates", "wire"):
+                tables[table][".".join(rest)] = leaf
+            else:
+                parts = tables[table].setdefault(rest[0], {})
+                part = rest[1] if len(rest) > 1 else ""
+                parts[part] = leaf if len(rest) < 3 else Leaf({}, leaf.place.under(path[:3]))
+        for table, leaf in unknown_tables.items():
+            if table == "controller":
+                self.refuse(leaf, table, "either a controller or blocks", "both")
+            else:
+                known = (*TABLES, "sweep", "bode")
+                self.refuse(leaf, table, "one of the tables " + ", ".join(known), "an unknown table", nearest(table, known))
+        return tables
+
+    def drawing(self, tables: Mapping[str, dict]) -> tuple[Drawing, dict[str, float]]:
+        """Read every table; parts that have mistakes are left out."""
+        self.numbers = tuple(tables["numbers"])
+        force = tables["ports"].get("hand", {}).get("force")
+        self.force = force.value if force else None
+        numbers, values = self.read_numbers(tables["numbers"])
+        tick = self.read_rate(tables["rates"], values)
+        found = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
+        self.broken = {name for name, block in found.items() if block is None}
+        blocks = tuple(block for block in found.values() if block is not None)
+        if not found:
+            self.refuse(self.leaf("block"), "block", "at least one block, [block.NAME]", "none")
+        self.inputs = [f"{block.name}.{port}" for block in blocks for port in block.ports[0]]
+        self.signals = {f"{block.name}.{port}" for block in blocks for port in block.ports[1]}
+        self.signals |= {self.force} if isinstance(self.force, str) else set()
+        wires = tuple(
+            (port, terms) for port, leaf in tables["wire"].items() if (terms := self.read_wire(port, leaf)) is not None
+        )
+        hand, wall = self.read_ports(tables["ports"])
+        self.unconnected(tables["wire"])
+        self.unread()
+        tick = tick or ("name", RATE, 0)
+        drawing = Drawing(tick, numbers, frozenset(), blocks, wires, hand, wall)
+        deciding = {name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
+        whole = frozenset(name for name in deciding if values.get(f"numbers.{name}", 0.5).is_integer())
+        values |= {f"numbers.{name}": int(values[f"numbers.{name}"]) for name in whole}
+        return dataclasses.replace(drawing, whole=whole), values
+
+    def read_numbers(self, table: Mapping[str, dict[str, Leaf]]) -> tuple[tuple, dict[str, float]]:
+        numbers, values = [], {}
+        for name, parts in table.items():
+            path, first = f"numbers.{name}", next(iter(parts.values()))
+            place = Leaf(None, first.place if "" in parts else first.place.parent())
+            if not is_name(name) or name in RESERVED or name in COLUMNS or name in ("along", "frequency_hz"):
+                expected = "a name of letters, digits and _ that is neither pi nor sqrt nor the name of a column"
+                self.refuse(place, path, expected, show(name))
+            for part, leaf in parts.items():
+                if part and part not in NUMBER_PARTS:
+                    self.refuse(
+                        leaf,
+                        f"{path}.{part}",
+                        "one of " + ", ".join(NUMBER_PARTS),
+                        "an unknown key",
+                        nearest(part, NUMBER_PARTS),
+                    )
+            leaf = parts.get("") or parts.get("value")
+            words = [self.word(f"{path}.{part}", parts.get(part)) for part in ("unit", "description")]
+            if leaf is None or leaf.value == {}:
+                self.refuse(place, path, "a number, or { value, unit, description }", "no value")
+                continue
+            try:
+                value = check(Key(path, "number", None, "", ""), leaf.value)
+            except Rejected as error:
+                self.mistakes.append(leaf.mistake(path, error.expected, error.found))
+                continue
+            values[path] = value
+            self.leaves[path] = leaf
+            numbers.append((name, words[0], words[1] or f"number {name} of the drawing"))
+        return tuple(numbers), values
+
+    def read_rate(self, table: Mapping[str, Leaf], values: dict[str, float]) -> Tree | None:
+        for name, leaf in table.items():
+            if name != "tick_hz":
+                self.refuse(
+                    leaf, f"rates.{name}", "tick_hz, the rate that all others divide", "an unknown key", "rates.tick_hz"
+                )
+        leaf = table.get("tick_hz")
+        if leaf is None:
+            self.refuse(self.leaf(RATE), RATE, expectation(TICK_HZ), "nothing (it has no default)")
+            return None
+        tree = self.read_number(RATE, TICK_HZ, leaf)
+        if tree is not None and tree[0] == "number":
+            values[RATE] = tree[1]
+            return ("name", RATE, 0)
+        return tree
+
+    def read_wire(self, port: str, leaf: Leaf) -> Terms | None:
+        path = f"wire.{port}"
+        if port not in self.inputs and port.partition(".")[0] not in self.broken:
+            found = "an output of a block" if port in self.signals else "an unknown port"
+            expected = f"one of {', '.join(self.inputs)}" if len(self.inputs) <= LISTED else "an input port of a block"
+            self.refuse(leaf, path, expected, found, nearest(port, self.inputs))
+        return self.read_terms(path, leaf)
+
+    def unconnected(self, wires: Mapping[str, Leaf]) -> None:
+        for port in self.inputs:
+            if port not in wires:
+                block = self.leaf(f"block.{port.partition('.')[0]}")
+                self.refuse(
+                    block, f"block.{port}", f'a wire to this input, "{port}" = "..." in [wire]', "none (0 leaves it at rest)"
+                )
+
+    def read_ports(self, table: Mapping[str, dict[str, Leaf]]) -> tuple:
+        for name, parts in table.items():
+            first = next(iter(parts.values()))
+            path = f"ports.{name}"
+            if name not in PORTS:
+                place = Leaf(None, first.place if "" in parts else first.place.parent())
+                self.refuse(place, path, "hand or wall", "an unknown port", nearest(name, PORTS))
+                continue
+            for part, leaf in parts.items():
+                if part not in PORTS[name]:
+                    self.refuse(
+                        leaf,
+                        f"{path}.{part}" if part else path,
+                        "{ " + ", ".join(PORTS[name]) + " }",
+                        "another key" if part else show(leaf.value),
+                        nearest(part, PORTS[name]) if part else "",
+                    )
+            missing = [part for part in PORTS[name] if part not in parts and part not in OPTIONAL]
+            if missing and "" not in parts:
+                self.refuse(
+                    Leaf(None, first.place.parent()),
+                    path,
+                    "both " + " and ".join(PORTS[name][:2]),
+                    f"no {' and no '.join(missing)}",
+                )
+        return self.read_hand(table.get("hand", {})), self.read_wall(table.get("wall", {}))
+
+    def read_hand(self, parts: Mapping[str, Leaf]) -> tuple[str, Terms, Terms | None] | None:
+        force = parts.get("force")
+        if force:
+            self.leaves["ports.hand.force"] = force
+            if not (isinstance(force.value, str) and is_name(force.value) and force.value not in RESERVED):
+                self.refuse(
+                    force,
+                    "ports.hand.force",
+                    "a name of letters, digits and _ for the hand's force",
+                    show(force.value),
+                    of_key=False,
+                )
+            elif force.value in self.numbers:
+                self.refuse(force, "ports.hand.force", "a name that is no number", show(force.value), of_key=False)
+            elif force.value not in self.read:
+                self.refuse(
+                    force,
+                    "ports.hand.force",
+                    "a signal that a wire reads",
+                    f"{show(force.value)}, which none reads",
+                    of_key=False,
+                )
+        position, reaction = (
+            self.read_terms(f"ports.hand.{part}", parts[part]) if part in parts else None for part in PORTS["hand"][1:]
+        )
+        return (force.value, position, reaction) if force and position is not None else None
+
+    def read_wall(self, parts: Mapping[str, Leaf]) -> tuple[str, ...] | None:
+        found = []
+        for part in PORTS["wall"]:
+            leaf = parts.get(part)
+            if leaf is None:
+                continue
+            self.leaves[f"ports.wall.{part}"] = leaf
+            if leaf.value not in self.numbers:
+                hint = nearest(leaf.value, self.numbers) if isinstance(leaf.value, str) else ""
+                self.refuse(
+                    leaf, f"ports.wall.{part}", "the name of a number in [numbers]", show(leaf.value), hint, of_key=False
+                )
+            found.append(leaf.value)
+        return tuple(found) or None
+
+    def unread(self) -> None:
+        """Refuse numbers that no expression reads."""
+        for name in self.numbers:
+            if name not in self.read:
+                self.refuse(
+                    self.leaf(f"numbers.{name}"),
+                    f"numbers.{name}",
+                    "a number that an expression reads",
+                    "one that nothing reads",
+                )

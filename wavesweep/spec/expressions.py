@@ -1,0 +1,248 @@
+"""Arithmetic in numbers and signals: read from a text by a parser of its own, never evaluated as code.
+
+    sum    = product { ("+" | "-") product }        product = signed { ("*" | "/") signed }
+    signed = "-" signed | "+" signed | power        power   = atom [ "**" signed ]
+    atom   = number | name | name "." port | "pi" | "sqrt" "(" sum ")" | "(" sum ")"
+
+A tree is nested tuples (operation, operands, offset in the text), so that it can be compared, hashed and sent to workers.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from wavesweep.spec.checking import nearest, show
+
+Tree = tuple
+Terms = tuple[tuple[str, Tree], ...]  # signal -> its gain
+
+LONGEST = 400  # tokens: a tree that is evaluated by recursion is not deeper
+RESERVED = ("pi", "sqrt")
+EXPANDED = 32  # the largest exponent that is written out as products
+ONE: Tree = ("number", 1.0, 0)
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)|(?P<sign>\*\*|[-+*/()]))",
+    re.ASCII,
+)
+
+
+class Fault(ValueError):
+    """One mistake in a text: its offset there, the expected text and the text found."""
+
+    def __init__(self, offset: int, expected: str, found: str, suggestion: str = "") -> None:
+        super().__init__(f"expected {expected}, found {found}")
+        self.offset, self.expected, self.found, self.suggestion = offset, expected, found, suggestion
+
+
+def parse(text: str) -> Tree:
+    """Return the tree of a text. Errors: Fault at the first token that does not fit."""
+    tokens = list(_tokens(text))
+    if len(tokens) > LONGEST:
+        raise Fault(0, f"at most {LONGEST} numbers, names and signs", f"{len(tokens) - 1}")
+    reader = _Reader(tokens)
+    tree = reader.sum()
+    if reader.kind != "end":
+        raise Fault(reader.offset, "an operator or the end", show(reader.text))
+    return tree
+
+
+def _tokens(text: str) -> Iterator[tuple[str, str, int]]:
+    at = 0
+    while text[at:].strip():
+        match = _TOKEN.match(text, at)
+        if match is None:
+            at += len(text[at:]) - len(text[at:].lstrip())
+            hint = "**" if text[at] == "^" else ""
+            raise Fault(at, "a number, a name, or one of + - * / ** ( )", show(text[at]), hint)
+        yield match.lastgroup, match[match.lastgroup], match.start(match.lastgroup)
+        at = match.end()
+    yield "end", "", len(text)
+
+
+class _Reader:
+    """A recursive descent over tokens; one method per rule of the grammar."""
+
+    def __init__(self, tokens: list[tuple[str, str, int]]) -> None:
+        self._tokens = iter(tokens)
+        self.next()
+
+    def next(self) -> None:
+        self.kind, self.text, self.offset = next(self._tokens)
+
+    def take(self) -> tuple[str, int]:
+        taken = self.text, self.offset
+        self.next()
+        return taken
+
+    def sum(self) -> Tree:
+        tree = self.product()
+        while self.text in ("+", "-"):
+            sign, at = self.take()
+            tree = (sign, tree, self.product(), at)
+        return tree
+
+    def product(self) -> Tree:
+        tree = self.signed()
+        while self.text in ("*", "/"):
+            sign, at = self.take()
+            tree = (sign, tree, self.signed(), at)
+        return tree
+
+    def signed(self) -> Tree:
+        if self.text not in ("+", "-"):
+            return self.power()
+        sign, at = self.take()
+        return ("negative", self.signed(), at) if sign == "-" else self.signed()
+
+    def power(self) -> Tree:
+        base = self.atom()
+        if self.text != "**":
+            return base
+        _, at = self.take()
+        return ("**", base, self.signed(), at)
+
+    def atom(self) -> Tree:
+        kind, (text, at) = self.kind, (self.text, self.offset)
+        if kind == "number":
+            self.next()
+            if not math.isfinite(float(text)):
+                raise Fault(at, "a finite number", text)
+            return ("number", float(text), at)
+        if kind == "name" and text != "sqrt":
+            self.next()
+            return ("number", math.pi, at) if text == "pi" else ("name", text, at)
+        if text not in ("sqrt", "("):
+            raise Fault(at, "a number, a name or a parenthesis", show(text) if text else "the end")
+        self.next()
+        if text == "sqrt":
+            if self.text != "(":
+                raise Fault(self.offset, "( after sqrt", show(self.text) if self.text else "the end")
+            self.next()
+        inner = self.sum()
+        if self.text != ")":
+            raise Fault(self.offset, ") to close a parenthesis", show(self.text) if self.text else "the end")
+        self.next()
+        return ("sqrt", inner, at) if text == "sqrt" else inner
+
+
+def names_in(tree: Tree) -> Iterator[tuple[str, int]]:
+    """Yield each name in the tree with its offset."""
+    if tree[0] == "name":
+        yield tree[1], tree[2]
+    for part in tree[1:-1]:
+        if isinstance(part, tuple):
+            yield from names_in(part)
+
+
+def unknown(tree: Tree, known: Mapping[str, str] | set[str], expected: str) -> list[Fault]:
+    """Return a fault for each name that is not known, with the nearest one that is."""
+    return [
+        Fault(at, expected, f"an unknown name {show(name)}", nearest(name, known))
+        for name, at in names_in(tree)
+        if name not in known
+    ]
+
+
+def linear(tree: Tree, signals: set[str]) -> Terms:
+    """Return the tree as signals times gains; a gain is a tree without signals.
+
+    Errors: Fault if the text is not linear in the signals, or has a term without a signal other than 0.
+    """
+    terms = _linear(tree, signals)
+    rest = terms.pop("", None)
+    if rest is not None and rest[:2] != ("number", 0.0):
+        offset = rest[-1]
+        raise Fault(offset, "a sum of signals times numbers", "a term without a signal")
+    return tuple(terms.items())
+
+
+def _linear(tree: Tree, signals: set[str]) -> dict[str, Tree]:
+    """The gain of each signal; that of "" is the term without a signal."""
+    operation, at = tree[0], tree[-1]
+    if operation == "number" or (operation == "name" and tree[1] not in signals):
+        return {"": tree}
+    if operation == "name":
+        return {tree[1]: ONE}
+    parts = [_linear(part, signals) for part in tree[1:-1]]
+    if operation == "negative":
+        return {name: ("negative", gain, at) for name, gain in parts[0].items()}
+    if operation in ("+", "-"):
+        return _added(operation, *parts, at)
+    left, right = ([name for name in part if name] for part in (parts[0], parts[-1]))
+    found = {
+        "sqrt": left and "a root of a signal",
+        "**": (left or right) and "a power of a signal, or with a signal",
+        "/": right and f"a division by the signal {right[0]}",
+        "*": left and right and f"the product of the signals {left[0]} and {right[0]}",
+    }[operation]
+    if found:
+        raise Fault(at, "arithmetic that is linear in the signals", found)
+    if not left and not right:
+        return {"": tree}
+    factor, of_signals = (parts[0][""], parts[1]) if right else (parts[1][""], parts[0])
+    return {name: _times(operation, gain, factor, at) for name, gain in of_signals.items()}
+
+
+def _added(operation: str, one: dict[str, Tree], other: dict[str, Tree], at: int) -> dict[str, Tree]:
+    total = dict(one)
+    for name, gain in other.items():
+        if name in total:
+            total[name] = (operation, total[name], gain, at)
+        else:
+            total[name] = gain if operation == "+" else ("negative", gain, at)
+    return total
+
+
+def _times(operation: str, gain: Tree, factor: Tree, at: int) -> Tree:
+    if operation == "*" and ONE in (gain, factor):
+        return factor if gain == ONE else gain
+    return (operation, gain, factor, at)
+
+
+def evaluate(tree: Tree, numbers: Mapping[str, Any], sqrt: Callable[[Any], Any] = math.sqrt) -> Any:
+    """Return the value of a tree without signals.
+
+    numbers: name -> number, or array of numbers, real or complex. sqrt: the root of such a value.
+    Errors: those of Python's arithmetic for single numbers, such as ZeroDivisionError.
+    """
+    operation = tree[0]
+    if operation == "number":
+        return tree[1]
+    if operation == "name":
+        return numbers[tree[1]]
+    first, *others = (evaluate(part, numbers, sqrt) for part in tree[1:-1])
+    if operation == "negative":
+        return -first
+    if operation == "sqrt":
+        return sqrt(first)
+    (second,) = others
+    if operation == "**":
+        return _power(first, second, tree[2])
+    return {"+": lambda: first + second, "-": lambda: first - second, "*": lambda: first * second, "/": lambda: first / second}[
+        operation
+    ]()
+
+
+def _power(base: Any, exponent: Any, tree: Tree) -> Any:
+    """A small whole exponent is written out, so that it is exact for negative and complex numbers."""
+    literal = tree[1][0] == "number" if tree[0] == "negative" else tree[0] == "number"
+    if not (literal and exponent == int(exponent) and abs(exponent) <= EXPANDED):
+        return base**exponent
+    total, count = 1.0, abs(int(exponent))
+    for bit in f"{count:b}":
+        total = total * total * base if bit == "1" else total * total
+    return total if exponent >= 0 else 1 / total
+
+
+def singular(tree: Tree) -> Iterator[Tree]:
+    """Yield the trees at whose zeros this one is not analytic: divisors, arguments of roots, bases of fractional powers."""
+    for part in tree[1:-1]:
+        if isinstance(part, tuple):
+            yield from singular(part)
+    if tree[0] == "/":
+        yield tree[2]
+    elif tree[0] == "sqrt" or (tree[0] == "**" and not (tree[2][0] == "number" and tree[2][1].is_integer())):
+        yield tree[1]

@@ -1,0 +1,191 @@
+"""Loops that a spec draws: their frames, their stable intervals along any number, and their ports, a batch at a time."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from functools import lru_cache
+
+import numpy as np
+
+from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
+from wavesweep.analysis.response.drawn import Port, Ports, port_of
+from wavesweep.analysis.spectrum import eigenvalues
+from wavesweep.diagram.assembly import (
+    FACTOR,
+    POSITION,
+    PRODUCT,
+    REACTION,
+    assembled,
+    direct_loops,
+    refuse_unsuitable,
+    scalar_place,
+    tame_pair,
+)
+from wavesweep.diagram.drawn import Drawn
+from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
+from wavesweep.lifted import Cut
+from wavesweep.lifted.periodic import Drift, closed_frame, cut_at_number, drift_of_drawn
+from wavesweep.spec.drawing import Drawing
+from wavesweep.sweep.grid import groups, selected
+from wavesweep.sweep.tasks import TINY, different, records_of, with_batch
+
+Groups = tuple[tuple[np.ndarray, Mapping[str, object]], ...]
+EXACT = "one scalar gain of a frame: crossings of the unit circle from one real polynomial, proved, polished in state space"
+PANELS = "roots of the eigenvalues' critical functions on Chebyshev panels, proved by Smith's discs, polished"
+
+
+@contextmanager
+def named_loops(drawn: Drawn) -> Iterator[None]:
+    """Name the blocks if an algebraic loop has no solution."""
+    try:
+        yield
+    except IllPosedLoopError as error:
+        blocks = ", ".join(direct_loops(drawn)) or "the wires"
+        raise IllPosedLoopError(
+            f"the loop of direct terms through {blocks} has no solution, or none that double precision can find; put a delay "
+            "or a hold into it, or change the gain that closes it"
+        ) from error
+
+
+def refuse_singular(spec) -> None:
+    """Raise SpecError if a loop of direct terms of the spec's own drawing has no solution."""
+    drawn = assembled(spec.drawing, spec.values)
+    try:
+        with named_loops(drawn):
+            closed_frame(drawn, drift_of(spec.drawing, spec.values, spec.values))
+    except IllPosedLoopError as error:
+        blocks = direct_loops(drawn)
+        path = f"block.{blocks[0]}" if blocks else "wire"
+        found = f"one without, through {', '.join(blocks)}"
+        raise SpecError([spec.mistake(path, "loops of direct terms that have a solution", found)]) from error
+
+
+def drift_of(
+    drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], out: str = "", watched=(), actual: bool = False
+) -> Drift:
+    """The drift of loops of one structure; see `tame_pair` and `drift_of_drawn`."""
+    return _drift(*tame_pair(drawing, values, own, out, actual), tuple(watched))
+
+
+@lru_cache(maxsize=256)  # twins of the same structure are the same objects
+def _drift(one, other, watched):
+    with named_loops(one):
+        return drift_of_drawn(one, other, watched)
+
+
+def frames(drawing: Drawing, values: Mapping[str, object], drift: Drift) -> np.ndarray:
+    """Frame-to-frame matrices less identity, without drift, `(..., n, n)`."""
+    drawn = assembled(drawing, values)
+    with named_loops(drawn), np.errstate(all="ignore"):
+        return closed_frame(drawn, drift)
+
+
+def exact_cut(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], number: str) -> Cut | None:
+    """The loops cut at a number that is one scalar gain of a frame; None if it is not one."""
+    if not scalar_place(drawing, number):
+        return None
+    path = f"numbers.{number}"
+    values, own = {**values, path: 1.0}, {**own, path: 1.0}
+    if drift_of(drawing, values, own).folded:  # a conserved combination, which the cut loop would take for a crossing
+        return None
+    drift = drift_of(drawing, values, own, number, (FACTOR,))
+    if drift.folded:  # its factors depend on numbers, which may be the same in all loops
+        drift = drift_of(drawing, values, own, number, (FACTOR,), actual=True)
+    drawn = assembled(drawing, values, number)
+    with named_loops(drawn), np.errstate(all="ignore"):
+        return cut_at_number(drawn, drift, PRODUCT, FACTOR)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnTask:
+    """Stable intervals of drawn loops along the number `along` within span = (low, high).
+
+    groups: see `IntervalTask`. own: the spec's values. bounds: the loop exists between these values of the number. If this
+    is one scalar gain of a frame, it is cut out; otherwise its intervals are found by panels.
+    """
+
+    drawing: Drawing
+    along: str
+    span: tuple[float, float]
+    bounds: tuple[float, float]
+    groups: Groups
+    own: Mapping[str, float]
+
+    def records(self) -> np.ndarray:
+        """The intervals as records; without a wall and a hand nothing is felt."""
+        parts, slices = [], []
+        for members, values in self.groups:
+            parts.append(self._intervals(values, members.size))
+            slices.append(members[parts[-1].column])
+        slices = np.concatenate(slices)
+        order = np.argsort(slices, kind="stable")
+        whole = {f.name: np.concatenate([getattr(part, f.name) for part in parts])[order] for f in fields(Intervals)}
+        records = records_of(Intervals(**(whole | {"column": slices[order]})))
+        records["felt_low"] = records["felt_high"] = np.nan
+        return records
+
+    def _intervals(self, values, size):
+        refuse_unsuitable(self.drawing, values)
+        cut = exact_cut(self.drawing, values, self.own, self.along.removeprefix("numbers."))
+        if cut is not None:
+            return stable_intervals(with_batch(cut, size), "K_VE", self.span, np.zeros((size, 1)))
+        drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
+
+        def evaluate(number, p):
+            first, back = different(number, p)
+            varied = selected(values, number[first]) | {self.along: np.where(p[first] == 0, TINY, p[first])}
+            return _where_solvable(self.drawing, varied, drift, first.size)[back]
+
+        drawn = assembled(self.drawing, values)
+        period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
+        return stable_along_any(evaluate, self.span, size, period, self.bounds)
+
+
+def _where_solvable(drawing, values, drift, size):
+    """The frames of a batch; NaN for loops of direct terms without a solution, which a search may come across."""
+    try:
+        E = frames(drawing, values, drift)
+        return np.broadcast_to(E, (size, *E.shape[-2:]))
+    except IllPosedLoopError:
+        if size == 1:
+            order = max(2, len(drift.kept))
+            return np.full((1, order, order), np.nan)
+    parts = [slice(size // 2), slice(size // 2, size)]
+    return np.concatenate([_where_solvable(drawing, selected(values, part), drift, len(range(size)[part])) for part in parts])
+
+
+def radii(grid) -> np.ndarray:
+    """Spectral radius per frame of every slice of the grid, without drift; infinite after overflow."""
+    spec, found = grid.spec, np.empty(grid.loops)
+    for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):
+        refuse_unsuitable(spec.drawing, values)
+        found[members] = radius_of(frames(spec.drawing, values, drift_of(spec.drawing, values, spec.values)))
+    return found
+
+
+def radius_of(E) -> np.ndarray:
+    """Largest modulus among the eigenvalues of `I + E`; infinite if E is not finite."""
+    delta, finite = eigenvalues(E)
+    return np.where(finite, np.abs(1 + delta).max(-1, initial=0.0), np.inf)
+
+
+def ports_of(spec) -> tuple[Drawing, Ports]:
+    """The drawing and its hand's port. Errors: UsageError if the spec names none."""
+    drawing = spec.drawing
+    if drawing.hand is None:
+        raise UsageError(f"{spec.name}: expected [ports] hand = {{ force = ..., displacement = ... }}, found no hand")
+    return drawing, Ports(drawing.hand[0], POSITION, REACTION if drawing.hand[2] is not None else "")
+
+
+def ports_of_slices(grid) -> Iterator[tuple[int, Mapping[str, float], Port]]:
+    """Yield the number, the values and the port of every slice of a grid, one loop at a time."""
+    spec = grid.spec
+    drawing, ports = ports_of(spec)
+    for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):
+        refuse_unsuitable(drawing, values)
+        drift = drift_of(drawing, values, spec.values, watched=(ports.position, *((ports.reaction,) if ports.reaction else ())))
+        for at, number in enumerate(members.tolist()):
+            one = {path: value if isinstance(value, int) else float(value) for path, value in selected(values, at).items()}
+            drawn = assembled(drawing, one)
+            with named_loops(drawn):
+                yield number, one, port_of(drawn, ports, drift)
