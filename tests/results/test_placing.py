@@ -127,6 +127,7 @@ def test_a_second_run_is_refused_with_the_first_ones_name_and_another_table_is_n
 
 def test_a_run_waits_if_it_may(tmp_path):
     said, order = [], []
+    (tmp_path / "new").mkdir()
 
     def second():
         with at_work(["zwidth"], tmp_path / "new", wait=True, say=said.append):

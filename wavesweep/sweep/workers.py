@@ -157,10 +157,10 @@ def _loky(workers):
 
 
 def _unblock(executor, processes):
-    """End the workers, and the far ends of the pipes to them, so that no thread of this process waits there for ever.
+    """End the workers, and close the far ends of the pipes to them, so that loky's threads do not wait there without end.
 
-    One may read the rest of a result whose writer is dead, another write tasks into a full pipe that nobody empties. This
-    process holds the far ends of both too.
+    One of them may read the rest of a result whose writer is dead, another may write tasks into a full pipe that is not read
+    any more. This process has the far ends of both open as well.
     """
     for process in processes:
         if process.exitcode is None:
