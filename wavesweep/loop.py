@@ -16,7 +16,7 @@ from wavesweep.lifted.periodic import Drift, closed_frame, drift_of_drawn
 from wavesweep.spec import SYMBOLS, Axis, Spec, load
 from wavesweep.spec.checking import nearest
 from wavesweep.sweep.drawn_loops import named_loops, radius_of, refuse_singular
-from wavesweep.sweep.grid import keys_of
+from wavesweep.sweep.grid import keys_of, loop_of
 
 
 def compile(source) -> "Loop | DrawnLoop":  # noqa: A001 - the name that the interface gives it
@@ -24,8 +24,8 @@ def compile(source) -> "Loop | DrawnLoop":  # noqa: A001 - the name that the int
     if isinstance(source, Drawn):
         return DrawnLoop(source, drift_of_drawn(first_of(source), first_of(source, -1)))
     spec = source if isinstance(source, Spec) else load(source)
-    if spec.drawing:
-        refuse_singular(spec)
+    if drawing := loop_of(spec):
+        refuse_singular(spec, drawing)
         return Loop(spec, None, keys_of(spec))
     diagram = draw(spec.values)
     return Loop(spec, cut_at_wall(diagram), keys_of(spec))
@@ -50,8 +50,11 @@ class Loop:
         if self.spec.drawing:
             numbers = ", ".join(f"{name} = {self.spec.values[path]:g}" for name, path in self.spec.names.symbols.items())
             return f"<Loop {self.spec.name}: {len(self.spec.drawing.blocks)} blocks drawn; {numbers}>"
-        values, ticks = self.spec.values, self.cut.period * self.spec.values["rates.fast_hz"]
+        values = self.spec.values
         numbers = ", ".join(f"{name} = {values[path]:g}" for name, path in SYMBOLS.items() if path in self.read)
+        if self.cut is None:
+            return f"<Loop {self.spec.name}: {self.spec.kind}, {values['rates.ratio']:g} ticks in a slow step; {numbers}>"
+        ticks = self.cut.period * values["rates.fast_hz"]
         frame = f"frame of {round(float(ticks))} ticks, {1e3 * float(self.cut.period):.6g} ms"
         return f"<Loop {self.spec.name}: {values['controller.kind']}, {self.cut.order} states, {frame}; {numbers}>"
 
@@ -179,8 +182,10 @@ class Loop:
         )
 
     def _refuse_drawn(self, method):
-        if self.spec.drawing:
-            raise UsageError(f"{method}: expected a loop with a [controller], found one that is drawn")
+        if loop_of(self.spec):
+            raise UsageError(
+                f"{method}: expected a [controller] whose rates divide, found a loop that is assembled tick by tick"
+            )
 
     def _frame(self, kind, columns):
         from wavesweep.library import frame

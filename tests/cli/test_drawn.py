@@ -73,8 +73,8 @@ def test_check_lists_the_loop_and_every_mistake(run):
     ("arguments", "text"),
     [
         (("simulate", "arm.toml"), "simulate does not know drawn loops yet"),
-        (("stability-region", "arm.toml", "--hand", "passive"), "found one that is drawn"),
-        (("passivity", "arm.toml", "--filters"), "found one that is drawn"),
+        (("stability-region", "arm.toml", "--hand", "passive"), "assembled tick by tick"),
+        (("passivity", "arm.toml", "--filters"), "assembled tick by tick"),
         (("bode", "arm.toml", "--set", "ports.hand.displacement=net.y"), "a position that a plant has in every tick"),
         (("stability-region", "arm.toml", "--set", "sweep={}"), "the number whose stable intervals are wanted"),
     ],

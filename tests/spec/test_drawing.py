@@ -7,7 +7,6 @@ import pytest
 from support.drawn import ARM, NETWORK, PD, WALL
 from support.specs import nested
 
-from wavesweep.diagram.drawn import LONGEST
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.results.schema import TABLES
 from wavesweep.spec import load, sweep_axes
@@ -224,7 +223,7 @@ def test_a_frame_of_too_many_ticks_is_refused_with_its_rates(write):
     text = changed(text, ('"net.u" = "arm.x"', '"net.u" = "arm.x"\n"a.u" = "arm.x"'))
     (line,) = mistakes(write(text))
     assert line.endswith("<= 100000, found 199460 (the least common multiple of 1, 20, 9973)")
-    assert LONGEST == LONGEST_FRAME
+    assert LONGEST_FRAME == 100_000
 
 
 @pytest.mark.parametrize(

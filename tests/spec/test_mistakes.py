@@ -74,10 +74,11 @@ def write(tmp_path, monkeypatch):
             "a.toml:4:1: rates.slow_hz: expected either ratio or slow_hz, found both",
         ),
         (
-            "[rates]\nslow_hz = 30",
+            "[rates]\nslow_hz = 700",
             (
-                "a.toml:4:11: rates.slow_hz: expected rates.fast_hz = 1000.0 divided by a whole number from 1 to 1000 "
-                "(the nearest: 30.303 Hz, ratio = 33 and 29.4118 Hz, ratio = 34), found 30"
+                "a.toml:4:11: rates.slow_hz: expected rates.fast_hz = 1000.0 divided by a whole number from 1 to 1000, or by a "
+                "fraction of at least 2 after which both are in step again within 100000 ticks "
+                "(the nearest: 1000 Hz, ratio = 1 and 500 Hz, ratio = 2), found 700"
             ),
         ),
         (

@@ -52,7 +52,7 @@ def test_rates_that_divide_as_decimals_divide_as_doubles(ratio, slow_hz):
     assert load(BASE | {"rates": rates, "filters": filters}).values["rates.ratio"] == ratio
 
 
-@pytest.mark.parametrize("slow_hz", [30.0, 999.9, 1001, 0.5, 5e-324, 1e308, 50 * (1 + 1e-14)])
+@pytest.mark.parametrize("slow_hz", [30.0123456, 999.9, 1001, 0.5, 5e-324, 1e308, 50 * (1 + 1e-14)])
 def test_a_slow_rate_that_does_not_divide_the_fast_one_is_refused(slow_hz):
     with pytest.raises(SpecError, match=r"rates\.slow_hz: expected rates\.fast_hz = 1000\.0 divided by"):
         load(BASE).with_values({"rates.slow_hz": slow_hz})
@@ -61,8 +61,9 @@ def test_a_slow_rate_that_does_not_divide_the_fast_one_is_refused(slow_hz):
 def test_a_slow_rate_follows_the_fast_one():
     spec = load(BASE | {"rates": {"slow_hz": 50}})
     assert spec.with_values({"rates.fast_hz": 2000}).values["rates.ratio"] == 40
+    assert spec.with_values({"rates.fast_hz": 1010}).values["rates.ratio"] == 20.2
     with pytest.raises(SpecError, match="divided by a whole number"):
-        spec.with_values({"rates.fast_hz": 1010})
+        spec.with_values({"rates.fast_hz": 1010.123456})
 
 
 def test_numpy_numbers_are_numbers():

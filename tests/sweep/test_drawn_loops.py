@@ -276,11 +276,11 @@ def test_a_drawing_made_in_python_is_compiled_as_it_is():
 def test_what_needs_a_controller_is_refused_in_a_sentence():
     loop = compiled(ARM)
     for call in (loop.simulate, loop.to_control):
-        with pytest.raises(UsageError, match="found one that is drawn"):
+        with pytest.raises(UsageError, match="assembled tick by tick"):
             call()
-    with pytest.raises(UsageError, match="found one that is drawn"):
+    with pytest.raises(UsageError, match="assembled tick by tick"):
         wavesweep.filter_choices(tomllib.loads(ARM))
-    with pytest.raises(UsageError, match="found one that is drawn"):
+    with pytest.raises(UsageError, match="assembled tick by tick"):
         wavesweep.zwidth(tomllib.loads(WALL), hand="passive")
 
 

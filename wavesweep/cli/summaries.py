@@ -80,7 +80,7 @@ def passivity(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "port_passive": int(columns["port_passive"].sum()),
         "port_margin": _range(columns["port_margin"]),
         "damping_needed": _range(needed[needed > 0]),
-        "no_damping_is_enough": int(np.isnan(needed).sum()),
+        "no_damping_is_enough": 0 if "damping_needed" in facts["methods"] else int(np.isnan(needed).sum()),
         "unstable": int((~columns["stable"]).sum()),
         "slices": dict(slices),
     }

@@ -10,6 +10,7 @@ import numpy as np
 from wavesweep.diagram import blocks
 from wavesweep.diagram.block import numbers
 from wavesweep.diagram.drawn import Drawn, Placed
+from wavesweep.diagram.uneven import RATIO, Uneven
 from wavesweep.errors import UsageError
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.drawing import Drawing, scalars
@@ -20,12 +21,15 @@ PRODUCT, FACTOR = "ports.product", "ports.factor"  # of a number that is taken o
 PARAMETERS = {("butterworth", "pass"): "passes"}  # keys that have another name in `blocks`
 
 
-def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "") -> Drawn:
+def assembled(drawing: Drawing | Uneven, values: Mapping[str, object], out: str = "") -> Drawn:
     """Return the drawn loop of `values`: flat numbers, or arrays over a batch, real or complex.
 
     out: a number to take out of its place (see `scalar_place`): its product is then the input PRODUCT, and it would multiply
     the signal FACTOR. A value that is not finite makes entries that are not finite.
     """
+    if isinstance(drawing, Uneven):
+        with np.errstate(all="ignore"):
+            return drawing.placed(values)
     known = {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}
     with np.errstate(all="ignore"):
         tick = 1 / numbers(_at(drawing.tick_hz, known))
@@ -118,7 +122,7 @@ def _degree(tree: Tree, number: str) -> float:
 
 
 def tame_pair(
-    drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], out: str = "", actual: bool = False
+    drawing: Drawing | Uneven, values: Mapping[str, object], own: Mapping[str, float], out: str = "", actual: bool = False
 ) -> tuple[Drawn, Drawn]:
     """Return two drawings of the same structure with different moderate numbers, in which drift is searched for.
 
@@ -126,10 +130,19 @@ def tame_pair(
     own: the spec's own values, from which the numbers differ little if keys or expressions accept no moderate ones. out: a
     number to take out, see `assembled`. actual: whether numbers that are the same in all loops keep their values.
     """
+    if isinstance(drawing, Uneven):
+        words = (str, int, type(None))
+        shape = {path: value if isinstance(value, words) else bool(np.any(value)) for path, value in values.items()}
+        return _uneven_pair(drawing, tuple((shape | {RATIO: values[RATIO]}).items()))
     kept = {"rates.tick_hz", *(f"numbers.{name}" for name in drawing.shaping)}
     kept |= {path for path, value in values.items() if actual and np.ndim(value) == 0}
     fixed = tuple((path, value if path in kept else bool(np.any(value))) for path, value in values.items())
     return _tame_pair(drawing, fixed, tuple(own.items()), out)
+
+
+@lru_cache(maxsize=256)
+def _uneven_pair(drawing, shape):
+    return drawing.tame_pair(dict(shape))
 
 
 @lru_cache(maxsize=256)
@@ -153,8 +166,10 @@ def _tamed(path, value, own, salt, scale):
     return value * (own * (1 + 0.01 * factor) if scale is None and own else (scale or 1.0) * (1 + factor))
 
 
-def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
+def refuse_unsuitable(drawing: Drawing | Uneven, values: Mapping[str, object]) -> None:
     """Raise UsageError if a loop of a batch has a number that a key does not accept. values: as for `assembled`."""
+    if isinstance(drawing, Uneven):
+        return  # its values are those of a spec, which has accepted them
     size = max((np.size(value) for value in values.values()), default=1)
     arrays = {path: np.broadcast_to(value, (size,)) for path, value in values.items() if np.ndim(value)}
     with np.errstate(all="ignore"):

@@ -9,21 +9,23 @@ import numpy as np
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drift import ROUNDING, _eliminated, _first, _simple, _sum
 from wavesweep.errors import UsageError
-
-LONGEST = 100_000  # ticks of a frame
+from wavesweep.spec.keys import LONGEST_FRAME
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Placed:
-    """A block that runs at the ticks `phase`, `phase + every`, and so on; between these its outputs hold."""
+    """A block that runs at the ticks `phase`, `phase + every`, and so on; between these its outputs hold.
+
+    phase: a tick, or several ticks of the same period.
+    """
 
     block: Block
     every: int = 1
-    phase: int = 0
+    phase: int | tuple[int, ...] = 0
 
     def runs(self, ticks: int) -> np.ndarray:
         """Whether it runs in each of the first ticks, `(ticks,)`."""
-        return (np.arange(ticks) - self.phase) % self.every == 0
+        return np.isin(np.arange(ticks) % self.every, self.phase)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +34,7 @@ class Drawn:
 
     period: of the tick (s), a number or an array over the batch. sums: junctions by the signal that they make: source signal ->
     gain (a number or an array over the batch); a port is the signal "block.port". inputs: signals from outside. All blocks that
-    run in the same tick see each other's outputs of that tick. Errors: UsageError for a frame of more than LONGEST ticks.
+    run in the same tick see each other's outputs of that tick. Errors: UsageError for a frame of more than LONGEST_FRAME ticks.
     """
 
     period: object
@@ -43,10 +45,10 @@ class Drawn:
 
     def __post_init__(self):
         ticks = lcm(*(each.every for each in self.placed))
-        if ticks > LONGEST:
+        if ticks > LONGEST_FRAME:
             raise UsageError(
-                f"the frame, after which all blocks are in step again, has {ticks} ticks, expected at most {LONGEST}; choose "
-                "rates with a larger common divisor"
+                f"the frame, after which all blocks are in step again, has {ticks} ticks, expected at most {LONGEST_FRAME}; "
+                "choose rates with a larger common divisor"
             )
         object.__setattr__(self, "ticks", ticks)
 

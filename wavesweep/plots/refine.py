@@ -244,6 +244,6 @@ def _question(members, x, facts) -> _Question | None:
     used = (*grid.loop_axes, *grid.wall_axes)
     keys = [tuple((each.path, rows[each.name][0].item()) for each in used if each.path != path) for rows in members]
     designs = list(dict.fromkeys(keys))
-    cost, exact = cost_of(spec.with_values(dict(designs[0])), axis)
+    cost, exact = cost_of(spec.with_values(dict(designs[0])), grid.drawing, axis)
     cost, batch = (cost, 0.0) if exact else (max(cost, DEAR), ROUND)
     return _Question(spec, axis, path if any(each.path == path for each in used) else None, keys, designs, cost, batch)

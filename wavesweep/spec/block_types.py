@@ -10,9 +10,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from wavesweep.spec.keys import HIGHEST_ORDER, INTEGRATIONS, Key
+from wavesweep.spec.keys import HIGHEST_ORDER, INTEGRATIONS, LONGEST_FRAME, Key
 
-LONGEST_FRAME = 100_000  # ticks
 MOST_STEPS = 1000  # of a delay, each of which is a state
 
 

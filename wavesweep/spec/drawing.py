@@ -7,10 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from wavesweep.errors import Mistake
-from wavesweep.spec.block_types import EVERY, LONGEST_FRAME, PHASE, TICK_HZ, TYPES
+from wavesweep.spec.block_types import EVERY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.checking import Rejected, check, expectation
 from wavesweep.spec.expressions import Terms, Tree, evaluate, names_in
-from wavesweep.spec.keys import Key, Names
+from wavesweep.spec.keys import LONGEST_FRAME, Key, Names
 from wavesweep.spec.reading import Leaf
 
 MARKS = ("numbers", "block", "wire", "ports")  # a spec that has one of these draws its loop

@@ -35,6 +35,8 @@ FILTERS = ("lp1", "hp", "lp2")
 BAND_EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
 HIGHEST_ORDER = 12
 HIGHEST_RATIO = 1000
+LONGEST_FRAME = 100_000  # ticks
+MOST_STEPS = 10_000  # slow steps in a frame; fractions of such denominators are told apart by their doubles
 
 SYMBOLS = MappingProxyType(
     {
@@ -124,7 +126,9 @@ def _filter(name: str, order: int, cutoff_hz: float, what: str) -> list[Key]:
 _TABLE = [
     _positive("rates.fast_hz", 1000.0, "Hz", "rate of the haptic loop"),
     _whole("rates.ratio", 20, "fast ticks in a frame of the slow environment", low=1, high=HIGHEST_RATIO),
-    _positive("rates.slow_hz", None, "Hz", "rate of the slow environment, in place of the ratio"),
+    _positive(
+        "rates.slow_hz", None, "Hz", "rate of the slow environment, in place of the ratio; need not divide the fast rate"
+    ),
     Key(
         "device.preset",
         "string",

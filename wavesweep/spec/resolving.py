@@ -9,7 +9,17 @@ from dataclasses import dataclass
 from wavesweep.errors import Mistake
 from wavesweep.spec.checking import Rejected, check, expectation, show
 from wavesweep.spec.devices import DEVICES, HapticDevice
-from wavesweep.spec.keys import BAND_EDGES, FILTERS, HIGHEST_ORDER, HIGHEST_RATIO, KEYS, VALUE_PATHS, Key
+from wavesweep.spec.keys import (
+    BAND_EDGES,
+    FILTERS,
+    HIGHEST_ORDER,
+    HIGHEST_RATIO,
+    KEYS,
+    LONGEST_FRAME,
+    MOST_STEPS,
+    VALUE_PATHS,
+    Key,
+)
 from wavesweep.spec.reading import Leaf, Place
 
 
@@ -91,24 +101,32 @@ def _resolve_rates(given: Given, checked: Mapping, values: dict) -> list[Mistake
         return [leaf.mistake("rates.slow_hz", "either ratio or slow_hz", "both", of_key=True)]
     if "rates.slow_hz" not in checked or _rejected("rates.fast_hz", given, checked):
         return []
-    ratio = _whole_ratio(values["rates.fast_hz"], checked["rates.slow_hz"])
+    ratio = _ratio(values["rates.fast_hz"], checked["rates.slow_hz"])
     if ratio is None:
         fast_hz = values["rates.fast_hz"]
-        expected = f"rates.fast_hz = {fast_hz!r} divided by a whole number from 1 to {HIGHEST_RATIO}"
+        expected = f"rates.fast_hz = {fast_hz!r} divided by a whole number from 1 to {HIGHEST_RATIO}, or by a fraction of at "
+        expected += f"least 2 after which both are in step again within {LONGEST_FRAME} ticks"
         expected += f" (the nearest: {_nearest_rates(fast_hz, checked['rates.slow_hz'])})"
         return [leaf.mistake("rates.slow_hz", expected, show(leaf.value))]
     values["rates.ratio"] = ratio
     return []
 
 
-def _whole_ratio(fast_hz: float, slow_hz: float) -> int | None:
+def _ratio(fast_hz: float, slow_hz: float) -> float | None:
+    """A whole number if the fast rate is a multiple of the slow one, otherwise a fraction as a float; None if there is none."""
     quotient = fast_hz / slow_hz
     if not 0.5 <= quotient <= HIGHEST_RATIO + 0.5:
         return None
     ratio = max(1, round(quotient))
     # 1000/3 is no double, nor are 333.3 and 111.1: what divides exactly as written is off by the rounding of both
     # numbers and of their product, at most 1.5 units in the last place.
-    return ratio if math.isclose(slow_hz * ratio, fast_hz, rel_tol=4e-16) else None
+    if math.isclose(slow_hz * ratio, fast_hz, rel_tol=4e-16):
+        return ratio
+    from fractions import Fraction
+
+    ticks, steps = Fraction(quotient).limit_denominator(MOST_STEPS).as_integer_ratio()
+    fits = math.isclose(slow_hz * ticks, fast_hz * steps, rel_tol=5e-16) and ticks <= LONGEST_FRAME
+    return ticks / steps if fits and 2 <= quotient <= HIGHEST_RATIO else None
 
 
 def _nearest_rates(fast_hz: float, slow_hz: float) -> str:
@@ -175,11 +193,16 @@ LIMITS["environment.delay"] = ("rates.ratio", "rates.slow_hz", "rates.fast_hz")
 
 def exceeds_limit(path: str, number: float, values: Mapping) -> str:
     """Return the expected range if `number` is beyond the limit that other keys set for `path`, otherwise an empty text."""
-    if path == "environment.delay" and number > values["rates.ratio"]:
-        return f"a whole number <= {values['rates.ratio']} (rates.ratio)"
+    if path == "environment.delay" and number > (most := longest_delay(values["rates.ratio"])):
+        return f"a whole number <= {most} (rates.ratio)"
     if path.endswith(".cutoff_hz") and not number < values["rates.fast_hz"] / 2:
         return f"a number < {values['rates.fast_hz'] / 2!r} (half of rates.fast_hz)"
     return ""
+
+
+def longest_delay(ratio: float) -> int:
+    """Return the longest delay of a slow result in ticks: a frame; none if rates do not divide and a frame is below 3 ticks."""
+    return ratio if isinstance(ratio, int) else int(ratio) if ratio >= 3 else 0
 
 
 def _check_limit(path: str, given: Given, values: Mapping) -> list[Mistake]:

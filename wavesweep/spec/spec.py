@@ -112,6 +112,8 @@ class Spec:
 
         Errors: SpecError if the experiment does not fit the fast rate.
         """
+        if isinstance(self._values.get("rates.ratio"), float):
+            raise UsageError(f"{self.name}: simulate expects rates.fast_hz divided by a whole number; set another slow rate")
         if self.drawing:
             raise UsageError(f"{self.name}: simulate does not know drawn loops yet; stability-region, bode and passivity do")
         mistakes = list(self._studies.experiment.beyond_limits(self._values["rates.fast_hz"]))
@@ -123,7 +125,8 @@ class Spec:
         """Return the resolved spec as nested tables that JSON can hold.
 
         If a filter was given by its band edges, these are included beside the order and cutoff that follow from them. A
-        slow rate appears as the ratio. [simulate] is left out if nothing depends on it, see `as_simulated`.
+        slow rate appears as the ratio if that is a whole number. [simulate] is left out if nothing depends on it, see
+        `as_simulated`.
         """
         tables: dict[str, dict] = {}
         for (*parents, last), value in self._written().items():
@@ -147,6 +150,9 @@ class Spec:
     def _with_band_edges(self) -> dict[str, float | int | str]:
         edges = {path: float(leaf.value) for path, leaf in self._given.leaves.items() if path.startswith("filters.")}
         known = {**edges, **self._values}
+        if isinstance(known["rates.ratio"], float):
+            del known["rates.ratio"]
+            known["rates.slow_hz"] = float(self._given.leaves["rates.slow_hz"].value)
         return {path: known[path] for path in KEYS if path in known}
 
     @property

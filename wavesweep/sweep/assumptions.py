@@ -4,6 +4,7 @@ from collections.abc import Collection, Sequence
 
 from wavesweep.diagram import keys_read
 from wavesweep.spec import Spec
+from wavesweep.spec.resolving import longest_delay
 
 INTEGRATION, DELAY, VELOCITY = "environment.integration", "environment.delay", "device.velocity"
 
@@ -21,11 +22,11 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     parts = [_wall(values, read)]
     if DELAY in read:
         delay, ratio = values[DELAY], values["rates.ratio"]
-        parts.append("delay swept" if DELAY in swept else f"delay of {delay} of {ratio} ticks" if delay else "no delay")
+        parts.append("delay swept" if DELAY in swept else f"delay of {delay} of {ratio:.6g} ticks" if delay else "no delay")
     if VELOCITY in read:
         parts.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
     kept = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read and path not in spec.given and path not in swept]
-    return "; ".join([", ".join(parts), *([_defaults(kept, values["rates.ratio"])] if kept else [])])
+    return "; ".join([", ".join(parts), *([_defaults(kept, longest_delay(values["rates.ratio"]))] if kept else [])])
 
 
 def assumed_by(specs: Sequence[Spec], swept: Collection[str] = ()) -> str:

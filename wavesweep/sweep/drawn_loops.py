@@ -22,12 +22,13 @@ from wavesweep.diagram.assembly import (
     tame_pair,
 )
 from wavesweep.diagram.drawn import Drawn
+from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.lifted import Cut
 from wavesweep.lifted.periodic import Drift, closed_frame, cut_at_number, drift_of_drawn
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.grid import groups, selected
-from wavesweep.sweep.tasks import TINY, different, records_of, with_batch
+from wavesweep.sweep.tasks import TINY, different, records_of, with_batch, with_felt
 
 Groups = tuple[tuple[np.ndarray, Mapping[str, object]], ...]
 EXACT = "one scalar gain of a frame: crossings of the unit circle from one real polynomial, proved, polished in state space"
@@ -47,12 +48,12 @@ def named_loops(drawn: Drawn) -> Iterator[None]:
         ) from error
 
 
-def refuse_singular(spec) -> None:
-    """Raise SpecError if a loop of direct terms of the spec's own drawing has no solution."""
-    drawn = assembled(spec.drawing, spec.values)
+def refuse_singular(spec, drawing: Drawing | Uneven) -> None:
+    """Raise SpecError if a loop of direct terms has no solution with the spec's own numbers; drawing: see `loop_of`."""
+    drawn = assembled(drawing, spec.values)
     try:
         with named_loops(drawn):
-            closed_frame(drawn, drift_of(spec.drawing, spec.values, spec.values))
+            closed_frame(drawn, drift_of(drawing, spec.values, spec.values))
     except IllPosedLoopError as error:
         blocks = direct_loops(drawn)
         path = f"block.{blocks[0]}" if blocks else "wire"
@@ -82,7 +83,7 @@ def frames(drawing: Drawing, values: Mapping[str, object], drift: Drift) -> np.n
 
 def exact_cut(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], number: str) -> Cut | None:
     """The loops cut at a number that is one scalar gain of a frame; None if it is not one."""
-    if not scalar_place(drawing, number):
+    if isinstance(drawing, Uneven) or not scalar_place(drawing, number):
         return None
     path = f"numbers.{number}"
     values, own = {**values, path: 1.0}, {**own, path: 1.0}
@@ -121,6 +122,8 @@ class DrawnTask:
         order = np.argsort(slices, kind="stable")
         whole = {f.name: np.concatenate([getattr(part, f.name) for part in parts])[order] for f in fields(Intervals)}
         records = records_of(Intervals(**(whole | {"column": slices[order]})))
+        if isinstance(self.drawing, Uneven):
+            return with_felt(self, records)
         records["felt_low"] = records["felt_high"] = np.nan
         return records
 
@@ -156,10 +159,10 @@ def _where_solvable(drawing, values, drift, size):
 
 def radii(grid) -> np.ndarray:
     """Spectral radius per frame of every slice of the grid, without drift; infinite after overflow."""
-    spec, found = grid.spec, np.empty(grid.loops)
+    spec, drawing, found = grid.spec, grid.drawing, np.empty(grid.loops)
     for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):
-        refuse_unsuitable(spec.drawing, values)
-        found[members] = radius_of(frames(spec.drawing, values, drift_of(spec.drawing, values, spec.values)))
+        refuse_unsuitable(drawing, values)
+        found[members] = radius_of(frames(drawing, values, drift_of(drawing, values, spec.values)))
     return found
 
 
@@ -169,23 +172,23 @@ def radius_of(E) -> np.ndarray:
     return np.where(finite, np.abs(1 + delta).max(-1, initial=0.0), np.inf)
 
 
-def ports_of(spec) -> tuple[Drawing, Ports]:
-    """The drawing and its hand's port. Errors: UsageError if the spec names none."""
-    drawing = spec.drawing
+def ports_of(spec, drawing: Drawing | Uneven) -> Ports:
+    """The hand's port. Errors: UsageError if the spec names none."""
+    if isinstance(drawing, Uneven):
+        return Ports(*drawing.hand)
     if drawing.hand is None:
         raise UsageError(f"{spec.name}: expected [ports] hand = {{ force = ..., displacement = ... }}, found no hand")
-    return drawing, Ports(drawing.hand[0], POSITION, REACTION if drawing.hand[2] is not None else "")
+    return Ports(drawing.hand[0], POSITION, REACTION if drawing.hand[2] is not None else "")
 
 
 def ports_of_slices(grid) -> Iterator[tuple[int, Mapping[str, float], Port]]:
     """Yield the number, the values and the port of every slice of a grid, one loop at a time."""
-    spec = grid.spec
-    drawing, ports = ports_of(spec)
+    spec, drawing, ports = grid.spec, grid.drawing, ports_of(grid.spec, grid.drawing)
     for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):
         refuse_unsuitable(drawing, values)
         drift = drift_of(drawing, values, spec.values, watched=(ports.position, *((ports.reaction,) if ports.reaction else ())))
         for at, number in enumerate(members.tolist()):
-            one = {path: value if isinstance(value, int) else float(value) for path, value in selected(values, at).items()}
+            one = {path: v.item() if isinstance(v, np.generic) else v for path, v in selected(values, at).items()}
             drawn = assembled(drawing, one)
             with named_loops(drawn):
                 yield number, one, port_of(drawn, ports, drift)

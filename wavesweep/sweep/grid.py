@@ -1,14 +1,21 @@
 """The points of a sweep: a product of axes, split into loops to compile and walls to close them with."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import product
+from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from wavesweep.diagram import WALL, keys_read
 from wavesweep.errors import UsageError
 from wavesweep.spec import Axis, Spec
+
+if TYPE_CHECKING:
+    from wavesweep.diagram.uneven import Uneven
+    from wavesweep.spec.drawing import Drawing
 
 MOST = 1_000_000_000  # combinations: months of work, and hundreds of gigabytes
 MOST_ROWS = 5_000_000  # of a table that is held in memory: a response takes some 200 bytes
@@ -29,6 +36,7 @@ class Grid:
     loop_axes: tuple[Axis, ...]
     wall_axes: tuple[Axis, ...]
     arrays: Mapping[str, np.ndarray] = field(repr=False)  # path of each axis -> its values
+    drawing: "Drawing | Uneven | None" = None  # see `loop_of`
 
     @property
     def ignored(self) -> tuple[Axis, ...]:
@@ -68,7 +76,7 @@ class Grid:
     def wall_values(self, index=None) -> dict[str, np.ndarray]:
         """Path -> values of the walls `index`, all of them by default; the spec's value for a path that is no axis."""
         index = np.arange(self.walls) if index is None else index
-        own = {path: np.full(index.size, self.spec.values[path]) for path in WALL if path in self.spec.values}
+        own = {} if self.drawing else {path: np.full(index.size, self.spec.values[path]) for path in WALL}
         return own | self._values(self.wall_axes, index)
 
     def _values(self, axes, index):
@@ -97,6 +105,22 @@ class Grid:
         }
 
 
+def loop_of(spec: Spec, changes: Mapping[str, Iterable] = MappingProxyType({})) -> "Drawing | Uneven | None":
+    """The drawing of a loop that is assembled tick by tick: the spec's own drawing, or its controller at rates that do not divide.
+
+    None: a controller whose rates divide, for every combination of the values that `changes` has for the rates.
+    """
+    if spec.drawing:
+        return spec.drawing
+    rates = {path: tuple(changes[path]) for path in ("rates.fast_hz", "rates.slow_hz") if path in changes}
+    several = (spec.with_values(dict(zip(rates, values, strict=True))) for values in product(*rates.values()) if values)
+    if not any(isinstance(each.values["rates.ratio"], float) for each in (several if rates else [spec])):
+        return None
+    from wavesweep.diagram.uneven import Uneven
+
+    return Uneven(spec.kind)
+
+
 def keys_of(spec: Spec) -> frozenset[str]:
     """Paths of the keys that the spec's loop reads."""
     return frozenset(spec.values) if spec.drawing else keys_read(spec.values)
@@ -117,12 +141,15 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None) -> Grid:
     used = [axis for axis in axes if _is_read(axis.path, read)]
     drawn = [axis for axis in used if not is_plain(spec, axis.path)]
     _refuse_too_many("combinations of the axes that the loop is drawn anew for", drawn, MOST_DRAWN)
+    drawing = loop_of(spec, {axis.path: axis.values for axis in axes})
+    walls = () if drawing else WALL
     return Grid(
         spec,
         tuple(axes),
-        tuple(axis for axis in used if axis.path not in WALL),
-        tuple(axis for axis in used if axis.path in WALL),
+        tuple(axis for axis in used if axis.path not in walls),
+        tuple(axis for axis in used if axis.path in walls),
         {axis.path: np.asarray(axis.values) for axis in axes},
+        drawing,
     )
 
 

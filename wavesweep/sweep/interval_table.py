@@ -15,7 +15,7 @@ from wavesweep.diagram import WALL
 from wavesweep.errors import UsageError
 from wavesweep.spec import Axis, Spec
 from wavesweep.sweep.checkpoint import DamagedError, MemoryCheckpoint, blocks, checkpoint_of, columns_of
-from wavesweep.sweep.grid import groups
+from wavesweep.sweep.grid import groups, loop_of
 from wavesweep.sweep.job import Job, bounds_within, cut_otherwise, expected_seconds, job_of, refuse_full_disk, task_over
 from wavesweep.sweep.table import Columns, Table, facts_of, joined
 from wavesweep.sweep.tasks import END_HANDS, FELT, RECORD, certified_slices
@@ -91,9 +91,10 @@ def stages_of(spec: Spec, along: str | None, hands: "Hands | None") -> list[Stag
     how = method(own)
     if hands is None:
         return [Stage("", own, how)]
-    if spec.drawing:
+    if own.grid.drawing:
         raise UsageError(
-            "hands and ports: expected a loop with a [controller], found one that is drawn; add the hand as a block"
+            "hands and ports: expected a [controller] whose rates divide, found a loop that is assembled tick by tick; give "
+            "the hand's mass, damping and stiffness in [operator], or draw it as a block"
         )
     hands.refuse(own)
     free = hands.without_operator(spec)
@@ -157,15 +158,17 @@ def at_points(spec: Spec, axis: Axis, points: Mapping[str, np.ndarray]) -> Colum
     points: path -> value at each point, `(n,)`; no two points are the same.
     """
     count = len(next(iter(points.values())))
-    loops, loop = _distinct_rows({path: column for path, column in points.items() if path not in WALL}, count)
-    walls, wall = _distinct_rows({path: column for path, column in points.items() if path in WALL}, count)
+    drawing = loop_of(spec, points)
+    of_walls = () if drawing else WALL
+    loops, loop = _distinct_rows({path: column for path, column in points.items() if path not in of_walls}, count)
+    walls, wall = _distinct_rows({path: column for path, column in points.items() if path in of_walls}, count)
     if loops.size * walls.size <= WASTE * count:
         parts = [(np.arange(count), np.sort(loops), np.sort(walls))]
     else:  # the product would be mostly points that nobody wants
         by = loop if loops.size <= walls.size else wall
         members = [np.flatnonzero(by == number) for number in range(by.max() + 1)]
         parts = [(each, np.unique(loops[loop[each]]), np.unique(walls[wall[each]])) for each in members]
-    found = [_part(spec, axis, points, *part, loops[loop], walls[wall]) for part in parts]
+    found = [_part(spec, drawing, axis, points, *part, loops[loop], walls[wall]) for part in parts]
     records = np.concatenate(found)
     records = records[np.argsort(records["slice"], kind="stable")]
     return {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
@@ -179,14 +182,15 @@ def _distinct_rows(columns, count):
     return first, back.reshape(-1)
 
 
-def _part(spec, axis, points, members, loops, walls, loop_of, wall_of):
+def _part(spec, drawing, axis, points, members, loops, walls, owner, wall_of):
     """The records of the points `members`, from the product of some loops and walls, each given by a point that has it."""
-    changes = {path: column[loops] for path, column in points.items() if path not in WALL}
-    own = {path: np.full(walls.size, spec.values[path]) for path in WALL if path in spec.values}
-    wanted = own | {path: points[path][walls] for path in WALL if path in points}
-    task = task_over(spec, axis, bounds_within(spec, axis, changes, loops.size), groups(spec, changes, loops.size), wanted)
+    of_walls = () if drawing else WALL
+    changes = {path: column[loops] for path, column in points.items() if path not in of_walls}
+    wanted = {path: points[path][walls] if path in points else np.full(walls.size, spec.values[path]) for path in of_walls}
+    bounds = bounds_within(spec, drawing, axis, changes, loops.size)
+    task = task_over(spec, drawing, axis, bounds, groups(spec, changes, loops.size), wanted)
     records = task.records()
-    number = np.searchsorted(loops, loop_of[members]) * walls.size + np.searchsorted(walls, wall_of[members])
+    number = np.searchsorted(loops, owner[members]) * walls.size + np.searchsorted(walls, wall_of[members])
     order = np.argsort(number, kind="stable")
     kept = records[np.isin(records["slice"], number)]
     kept["slice"] = members[order][np.searchsorted(number[order], kept["slice"])]

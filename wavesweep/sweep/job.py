@@ -92,15 +92,18 @@ def expected_cost(order: int, wall: bool) -> float:
     return share * max(order, 2) ** 2
 
 
-def cost_of(spec: Spec, axis: Axis, values: dict | None = None) -> tuple[float, bool]:
-    """Expected s per slice of the spec along the axis, and whether it goes the exact way; values: of one loop of the sweep."""
+def cost_of(spec: Spec, drawing, axis: Axis, values: dict | None = None) -> tuple[float, bool]:
+    """Expected s per slice of the spec along the axis, and whether it goes the exact way.
+
+    drawing: see `loop_of`. values: of one loop of the sweep.
+    """
     values = dict(spec.values) if values is None else values
-    if spec.drawing is None:
+    if drawing is None:
         return expected_cost(cut_at_wall(draw(values)).order, axis.path in WALL), axis.path in WALL
     from wavesweep.sweep.drawn_loops import drift_of, exact_cut, frames
 
-    exact = exact_cut(spec.drawing, values, spec.values, axis.path.removeprefix("numbers.")) is not None
-    order = frames(spec.drawing, spec.values, drift_of(spec.drawing, spec.values, spec.values)).shape[-1]
+    exact = exact_cut(drawing, values, spec.values, axis.path.removeprefix("numbers.")) is not None
+    order = frames(drawing, values, drift_of(drawing, values, spec.values)).shape[-1]
     return expected_cost(order, exact), exact
 
 
@@ -132,18 +135,21 @@ class Job:
         changes = self.grid.loop_values(np.arange(chunk.loops.start, chunk.loops.stop))
         parts = groups(self.grid.spec, changes, len(chunk.loops), resolved=self.resolved)
         walls = self.grid.wall_values(np.arange(chunk.walls.start, chunk.walls.stop))
-        own = task_over(self.grid.spec, self.axis, self.bounds, parts, walls, self.cut)
+        own = task_over(self.grid.spec, self.grid.drawing, self.axis, self.bounds, parts, walls, self.cut)
         return own if self.guarantee is None else self.guarantee.task(own)
 
 
-def task_over(spec: Spec, axis: Axis, bounds, parts, walls: dict, cut: Cut | None = None) -> Task:
-    """The task for loops of the spec (`parts`, see `groups`), each closed with every wall; a drawn loop has no other wall."""
+def task_over(spec: Spec, drawing, axis: Axis, bounds, parts, walls: dict, cut: Cut | None = None) -> Task:
+    """The task for loops of the spec (`parts`, see `groups`), each closed with every wall.
+
+    drawing: see `loop_of`; a loop that has one has no further walls.
+    """
     span = (float(axis.start), float(axis.stop))
-    if spec.drawing is None:
+    if drawing is None:
         return IntervalTask(axis.path, span, bounds, tuple(parts), walls, cut)
     from wavesweep.sweep.drawn_loops import DrawnTask
 
-    return DrawnTask(spec.drawing, axis.path, span, bounds, tuple(parts), dict(spec.values))
+    return DrawnTask(drawing, axis.path, span, bounds, tuple(parts), dict(spec.values))
 
 
 def job_of(spec: Spec, along: str | None = None) -> Job:
@@ -161,12 +167,12 @@ def job_over(grid: Grid, axis: Axis, cut: Cut | None = None) -> Job:
             f"{'' if grid.spec.drawing else ', such as K_VE'}"
         )
     resolved = _resolve_all(grid)
-    if grid.spec.drawing:
+    if grid.drawing:
         return _job_of_drawing(grid, axis, resolved)
     ends = [next(iter(resolved.values())), *list(resolved.values())[-1:]]
     order = cut.order if cut else max(cut_at_wall(draw(values)).order for values in ends)
     cost = expected_cost(order, axis.path in WALL)
-    bounds = bounds_within(grid.spec, axis, {}, grid.loops)
+    bounds = bounds_within(grid.spec, None, axis, {}, grid.loops)
     return Job(grid, axis, cut_up(grid.loops, grid.walls, cost), resolved, cut, bounds=bounds, exact=axis.path in WALL)
 
 
@@ -178,28 +184,34 @@ def _job_of_drawing(grid: Grid, axis: Axis, resolved: dict) -> Job:
     from wavesweep.sweep.drawn_loops import refuse_singular
 
     spec, span = grid.spec, (float(axis.start), float(axis.stop))
-    refuse_singular(spec)
+    refuse_singular(spec, grid.drawing)
     for end in span:
         spec.with_values({axis.path: end})
     index = np.unique(np.linspace(0, grid.loops - 1, min(grid.loops, CHECKED)).astype(int))
-    bounds = bounds_within(spec, axis, grid.loop_values(index), index.size, resolved)
+    bounds = bounds_within(spec, grid.drawing, axis, grid.loop_values(index), index.size, resolved)
     _, first = next(groups(spec, grid.loop_values(np.arange(1)), 1, resolved=resolved))
-    cost, exact = cost_of(spec, axis, first)
+    cost, exact = cost_of(spec, grid.drawing, axis, first)
     chunks = cut_up(grid.loops, 1, cost)
     return Job(grid, axis, chunks, resolved, bounds=bounds, exact=exact)
 
 
-def bounds_within(spec: Spec, axis: Axis, changes: dict, size: int, resolved: dict | None = None) -> tuple[float, float]:
-    """The values of the axis between which `size` loops exist; changes: path -> their values, see `groups`."""
+def bounds_within(
+    spec: Spec, drawing, axis: Axis, changes: dict, size: int, resolved: dict | None = None
+) -> tuple[float, float]:
+    """The values of the axis between which `size` loops exist; drawing: see `loop_of`; changes: their values, see `groups`."""
     span = (float(axis.start), float(axis.stop))
-    if spec.drawing is None:
+    if spec.drawing is None and not axis.path.endswith("cutoff_hz"):
         return bounds_of(axis.path, span)
+    if spec.drawing is None:
+        rates = [np.min(values["rates.fast_hz"]) for _, values in groups(spec, changes, size, resolved=resolved)]
+        below, above = bounds_of(axis.path, span)
+        return below, min(above, (span[1] + float(min(rates)) / 2) / 2) if drawing else above
     from wavesweep.diagram.assembly import domain, refuse_unsuitable
 
     bounds = []
     for _, values in groups(spec, changes, size, resolved=resolved):
-        refuse_unsuitable(spec.drawing, values)
-        bounds.append(domain(spec.drawing, values, axis.path, span))
+        refuse_unsuitable(drawing, values)
+        bounds.append(domain(drawing, values, axis.path, span))
     below, above = zip(*bounds, strict=True)
     return max(below), min(above)
 

@@ -11,7 +11,7 @@ from wavesweep.analysis.passivity.channel import CUTOFFS_HZ
 from wavesweep.diagram import draw
 from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
-from wavesweep.sweep.grid import Grid, groups, make_grid, refuse_rows
+from wavesweep.sweep.grid import Grid, groups, loop_of, make_grid, refuse_rows
 from wavesweep.sweep.table import Table, facts_of
 from wavesweep.sweep.tasks import PORT, PortTask
 from wavesweep.sweep.workers import choose, results
@@ -37,7 +37,7 @@ def passivity(spec: Spec, tolerance: float = TOLERANCE, jobs=None, backend=None,
     started = time.perf_counter()
     grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
     refuse_rows("passivity", grid.size)
-    if spec.drawing:
+    if grid.drawing:
         found, count = _drawn_columns(grid, progress), 1
     else:
         channel = _channel_columns(grid)
@@ -47,14 +47,15 @@ def passivity(spec: Spec, tolerance: float = TOLERANCE, jobs=None, backend=None,
     certified = found.pop("certified")
     counts = {"computed": grid.slices, "skipped": grid.size - grid.slices, "certified": int(certified.sum())}
     timings = {"compute_s": time.perf_counter() - started, "workers": count}
-    facts = facts_of(spec, METHODS, counts, timings, _notices(grid), [axis.path for axis in grid.axes])
+    methods = METHODS | ({"damping_needed": "not computed for loops that are assembled tick by tick"} if grid.drawing else {})
+    facts = facts_of(spec, methods, counts, timings, _notices(grid), [axis.path for axis in grid.axes])
     return Table.of("passivity", _rows(grid, found), facts | {"tolerance": tolerance})
 
 
 def in_memory(spec: Spec, axes) -> dict:
     """The table over `axes`, computed in this process."""
     grid = make_grid(spec, axes)
-    if spec.drawing:
+    if grid.drawing:
         return _rows(grid, _drawn_columns(grid))
     found = _channel_columns(grid) | _port_columns(grid, (1, None, None), None)[0]
     return _rows(grid, found)
@@ -157,8 +158,8 @@ def _notices(grid) -> Iterator[str]:
     for axis in grid.spec.sweep:
         if not axis.values:
             yield f"{axis.name} has a span and no values: not swept, held at the spec's {values[axis.path]:g}"
-    if grid.spec.drawing:
-        yield "a drawn loop has no wave channel of its own, and damping_needed is only known (0) if the port is passive"
+    if grid.drawing:
+        yield "not computed for a loop that is assembled tick by tick: the wave channel, and damping_needed unless it is 0"
     elif draw(values).waves is None:
         yield f"{kind} has no wave channel: its norm is missing, and what is not there adds no energy (channel_passive 1)"
 
@@ -169,8 +170,8 @@ def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
     The cutoffs are those that the paper could mean, which has 50 Hz, in proportion to the slow rate. tolerance: J per J sent
     that aliasing may add for an order to be enough.
     """
-    if spec.drawing:
-        raise UsageError("filters: expected a loop with a [controller], found one that is drawn")
+    if loop_of(spec):
+        raise UsageError("filters: expected a [controller] whose rates divide, found a loop that is assembled tick by tick")
     started = time.perf_counter()
     fast, ratio = spec.values["rates.fast_hz"], spec.values["rates.ratio"]
     # Rounded, so that tables of rates such as 1000/30 Hz can be read.

@@ -5,11 +5,12 @@ from functools import cache, partial
 from wavesweep.diagram import draw, keys_read, state_labels
 from wavesweep.diagram import drift_of as drift_of_diagram
 from wavesweep.diagram.assembly import assembled
+from wavesweep.diagram.uneven import steps_of
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.sweep.drawn_loops import drift_of, exact_cut, refuse_singular
-from wavesweep.sweep.grid import make_grid
+from wavesweep.sweep.grid import loop_of, make_grid
 from wavesweep.sweep.interval_table import method
 from wavesweep.sweep.job import expected_bytes, expected_seconds, job_of
 from wavesweep.sweep.passivity_table import channels_of
@@ -20,16 +21,26 @@ def plan(spec: Spec) -> list[str]:
     """Lines for `wavesweep check`: the loop, the work and the method of each command, and the keys that are skipped and why."""
     if spec.drawing:
         return _drawn_plan(spec)
-    diagram = draw(spec.values)
-    cut = cut_at_wall(diagram)
-    kind, where = spec.values["controller.kind"], spec.source or spec.name
-    lines = [f"{where}: valid, controller {kind}", *_loop_lines(spec, diagram, cut)]
+    lines = [f"{spec.source or spec.name}: valid, controller {spec.kind}"]
+    lines += _uneven_lines(spec) if loop_of(spec) else _loop_lines(spec)
     for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
         lines += _interval_lines(spec, command, along)
     return [*lines, *_bode_lines(spec), _passivity_line(spec), *_skipped_lines(spec)]
 
 
-def _loop_lines(spec, diagram, cut):
+def _uneven_lines(spec):
+    drawing = loop_of(spec)
+    drawn, drift = assembled(drawing, spec.values), drift_of(drawing, spec.values, spec.values)
+    steps = steps_of(spec.values["rates.ratio"])[1]
+    frame = f"{_count(drawn.ticks, 'tick')} and {_count(steps, 'slow step')}, {1e3 * drawn.ticks * float(drawn.period):.6g} ms"
+    yield f"  loop: the rates do not divide; both are in step again after a frame of {frame}"
+    yield "    a slow step reads the last fast tick before it, and its result is there in the next one"
+    yield from _state_lines(drift)
+
+
+def _loop_lines(spec):
+    diagram = draw(spec.values)
+    cut = cut_at_wall(diagram)
     frame = f"frame of {_count(diagram.ratio, 'tick')}, {1e3 * float(cut.period):.6g} ms"
     labels, lead = state_labels(diagram), drift_of_diagram(diagram).lead
     states = [labels[name] for name in (*cut.states, *([lead] if cut.integrates else []))]
@@ -87,8 +98,8 @@ def _passivity_line(spec):
 
 
 def _drawn_plan(spec):
-    """The same lines for a drawn loop: when its blocks run, what drifts, and by which method each number is swept."""
-    refuse_singular(spec)
+    """The same lines for a drawn loop: when its blocks run, its drift, and by which method each number is swept."""
+    refuse_singular(spec, spec.drawing)
     drawing, drawn = spec.drawing, assembled(spec.drawing, spec.values)
     period = 1e3 * float(drawn.period)
     lines = [

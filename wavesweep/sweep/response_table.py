@@ -99,7 +99,7 @@ def own_value(spec, name, read):
 def response_arrays(grid: Grid, frequency) -> dict[str, np.ndarray]:
     """Table columns from `omega_Ts` on, each `(slices, points)`."""
     _refuse_aliases(grid, frequency)
-    if grid.spec.drawing:
+    if grid.drawing:
         return _drawn_arrays(grid, frequency)
     out = {}
     for numbers, values in grid.slices_of_a_drawing(max(1, BLOCK // frequency.size)):

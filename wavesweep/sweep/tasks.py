@@ -115,16 +115,20 @@ class IntervalTask:
 
 def with_felt(task: IntervalTask, records: np.ndarray) -> np.ndarray:
     """The records with the static stiffness that the hand feels at both ends of each interval (N/m; NaN: none)."""
-    walls = len(task.walls[WALL[0]])
-    loop, wall = np.divmod(records["slice"], walls)
-    K = task.walls[WALL[0]][wall]
+    walls = getattr(task, "walls", None)  # a loop that is assembled tick by tick has its own
+    loop, wall = np.divmod(records["slice"], len(walls[WALL[0]]) if walls else 1)
+    K = walls[WALL[0]][wall] if walls else np.empty(loop.size)
     for name in FELT:
         records[name] = np.nan
-    for members, values in task.groups:
+    for members, own in task.groups:
+        # The rates have no part in what is static.
+        values = own | {"rates.ratio": max(1, int(own["rates.ratio"]))}
         rows = np.flatnonzero(np.isin(loop, members) & (records["intervals"] > 0))
         at = np.searchsorted(members, loop[rows])
         if not rows.size:
             continue
+        if not walls:
+            K[rows] = np.broadcast_to(values[WALL[0]], members.shape)[at]
         if task.along in WALL:
             known = felt_map(draw(values), _batch(values))
             known = np.broadcast_to(known.reshape(3, -1), (3, members.size))[:, at]
@@ -243,7 +247,7 @@ def radius_over(spec, axes, cut=None) -> np.ndarray:
     cut: the loop of the spec's own values, used if only the wall is swept.
     """
     grid = make_grid(spec, axes)
-    if spec.drawing:
+    if grid.drawing:
         from wavesweep.sweep.drawn_loops import radii
 
         return radii(grid)[grid.slice_of(np.arange(grid.size))]

@@ -3,13 +3,17 @@
 import numpy as np
 
 from wavesweep.analysis.response import felt, felt_map, prepare, respond
+from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.spectrum import eigenvalues
 from wavesweep.diagram import WALL, draw
+from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import WavesweepError
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.spec import Axis, Spec
+from wavesweep.spec.resolving import longest_delay
 from wavesweep.sweep.assumptions import assumes
-from wavesweep.sweep.grid import keys_of, make_grid
+from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of_slices, refuse_singular
+from wavesweep.sweep.grid import keys_of, loop_of, make_grid
 from wavesweep.sweep.interval_table import in_memory
 from wavesweep.sweep.job import job_over
 
@@ -29,24 +33,23 @@ def verdict(spec: Spec) -> dict:
     A drawn loop has no delay and no channel that a spec would name, and is felt at the hand's port if it has one.
     """
     values = spec.values
-    cut = None if spec.drawing else cut_at_wall(draw(values))
-    E, period = _frame_of(spec) if cut is None else (close(cut, *(values[path] for path in WALL)), float(cut.period))
+    drawing = loop_of(spec)
+    cut = None if drawing else cut_at_wall(draw(values))
+    E, period = _frame_of(spec) if cut is None else (_closed(values), float(cut.period))
     delta = eigenvalues(E)[0]
     radius = float(np.abs(1 + delta).max(initial=0.0))
     found = {"stable": radius < 1, "spectral_radius": radius, "period_s": period, "assumes": assumes(spec)}
     found |= {"limits": limits(spec, cut), "delay": _delays(spec)}
-    channel = None if spec.drawing else _channel_norm(values)
+    channel = None if drawing else _channel_norm(values)
     return found | {"felt": _felt(spec), "slowest": _slowest(delta, period), "channel_norm": channel}
 
 
 def _frame_of(spec):
     """The frame of a drawn loop less identity, without drift, and its period in s."""
-    from wavesweep.diagram.assembly import assembled
-    from wavesweep.sweep.drawn_loops import drift_of, frames, refuse_singular
-
-    refuse_singular(spec)
-    drawn = assembled(spec.drawing, spec.values)
-    E = frames(spec.drawing, spec.values, drift_of(spec.drawing, spec.values, spec.values))
+    drawing = loop_of(spec)
+    refuse_singular(spec, drawing)
+    drawn = assembled(drawing, spec.values)
+    E = frames(drawing, spec.values, drift_of(drawing, spec.values, spec.values))
     return E, float(drawn.period * drawn.ticks)
 
 
@@ -93,20 +96,25 @@ def _delays(spec):
         return None
     now, ratio = spec.values[path], spec.values["rates.ratio"]
     most = None
-    for delay in range(now, min(ratio, now + DELAYS) + 1):
+    drawing, frame = loop_of(spec), longest_delay(ratio)
+    for delay in range(now, min(frame, now + DELAYS) + 1):
         values = {**spec.values, path: delay}
-        cut = cut_at_wall(draw(values))
-        if np.abs(1 + eigenvalues(close(cut, *(values[key] for key in WALL)))[0]).max(initial=0.0) >= 1:
+        E = _closed(values) if drawing is None else frames(drawing, values, drift_of(drawing, values, spec.values))
+        if np.abs(1 + eigenvalues(E)[0]).max(initial=0.0) >= 1:
             break
         most = delay
-    return {"ticks": now, "most": most, "frame": ratio, "tried": min(ratio, now + DELAYS)}
+    return {"ticks": now, "most": most, "frame": frame, "tried": min(frame, now + DELAYS)}
+
+
+def _closed(values):
+    return close(cut_at_wall(draw(values)), *(values[path] for path in WALL))
 
 
 def _felt(spec):
     values = spec.values
     if spec.drawing and spec.drawing.hand is None:
         return None
-    if spec.drawing:
+    if loop_of(spec):
         return _felt_at(spec)
     K, B = (values[path] for path in WALL)
     diagram, loop = draw(values), prepare(draw(values), K, B)
@@ -117,8 +125,6 @@ def _felt(spec):
 
 def _felt_at(spec):
     """Stiffness and damping at the hand's port of a drawn loop."""
-    from wavesweep.analysis.response.drawn import respond_port
-    from wavesweep.sweep.drawn_loops import ports_of_slices
 
     _, _, port = next(ports_of_slices(make_grid(spec, ())))
     low = SLOW_SHARE / _frame_of(spec)[1]

@@ -52,7 +52,7 @@ class _Stepper:
     def step(self, tick, external):
         """Let the blocks of this tick run."""
         self.external = external
-        running = tuple(i for i, each in enumerate(self.drawn.placed) if (tick - each.phase) % each.every == 0)
+        running = tuple(i for i, each in enumerate(self.drawn.placed) if np.isin(tick % each.every, each.phase))
         if running not in self.orders:
             self.orders[running] = self._order(running)
         for group in self.orders[running]:

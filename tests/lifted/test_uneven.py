@@ -1,0 +1,154 @@
+"""Controllers at rates that do not divide: against their own lifting where they do, and against a run of events in time."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+from scipy.signal import butter, tf2ss
+
+import wavesweep
+from wavesweep.analysis.spectrum import spectral_radius
+from wavesweep.diagram import CONTROLLERS, WALL, draw
+from wavesweep.diagram.assembly import assembled
+from wavesweep.diagram.uneven import Uneven
+from wavesweep.errors import SpecError, UsageError
+from wavesweep.lifted import cut_at_wall
+from wavesweep.spec import load
+from wavesweep.sweep import grid as grids
+from wavesweep.sweep.drawn_loops import drift_of, frames, radius_of
+
+BASE = {"controller": {"Kp": 20.0}, "environment": {"K_VE": 700.0, "B_VE": 3.0}}
+
+
+def spec_of(kind, **tables):
+    return load({name: {**BASE.get(name, {}), **tables.get(name, {})} for name in {*BASE, *tables}} | {
+        "controller": {**BASE["controller"], "kind": kind, **tables.get("controller", {})}
+    })  # fmt: skip
+
+
+def radius(spec):
+    drawing = Uneven(spec.kind)
+    return float(radius_of(frames(drawing, spec.values, drift_of(drawing, spec.values, spec.values))))
+
+
+@pytest.mark.parametrize("kind", CONTROLLERS)
+@pytest.mark.parametrize("delay", [0, 1, 7, 20])
+@pytest.mark.parametrize("velocity", ["exact", "difference"])
+def test_rates_that_divide_give_the_loop_of_the_lifting(kind, delay, velocity):
+    spec = spec_of(kind, environment={"delay": delay}, device={"velocity": velocity})
+    own = spectral_radius(cut_at_wall(draw(spec.values)), *(spec.values[path] for path in WALL))
+    assert radius(spec) == pytest.approx(float(own), rel=1e-11)
+
+
+@pytest.mark.parametrize("kind", CONTROLLERS)
+def test_all_answers_are_those_of_the_lifting_where_rates_divide(kind, monkeypatch):
+    spec = spec_of(kind, environment={"integration": "explicit", "delay": 3}, operator={"damping": 0.4})
+    own = wavesweep.compile(spec)
+    kept = (own.stable_intervals(B_VE=[0.5, 5]), own.response([0.0, 1.0, 30.0]), own.passivity())
+    monkeypatch.setattr(grids, "loop_of", lambda *_: Uneven(kind))
+    other = wavesweep.compile(spec)
+    intervals, response, port = other.stable_intervals(B_VE=[0.5, 5]), other.response([1.0, 30.0]), other.passivity()
+    assert intervals.certified.all()
+    np.testing.assert_allclose(intervals[["low", "high", "felt_high"]], kept[0][["low", "high", "felt_high"]], rtol=1e-9)
+    for name in ("admittance_re", "admittance_im", "impedance_re", "impedance_im"):
+        scale = np.abs(kept[1][name.replace("_re", "_abs").replace("_im", "_abs")][1:])
+        np.testing.assert_allclose(response[name] / scale.to_numpy(), kept[1][name][1:] / scale, atol=1e-9)
+    np.testing.assert_allclose(port.port_margin, kept[2].port_margin, rtol=1e-6, atol=1e-12)
+
+
+def run(values, ratio, state, frames_run):
+    """Plain waves or direct coupling by events in time: fast ticks at n, slow steps at k ratio, the fast tick first.
+
+    state: everything that the loop remembers, `(n,)`; given back after so many frames of fast ticks.
+    """
+    T, m, d = 1 / values["rates.fast_hz"], values["device.mass"], values["device.damping"]
+    b, order, delay = values["controller.b"], values["filters.lp1.order"], values["environment.delay"]
+    M = expm(np.array([[0, 1, 0], [0, -d / m, 1 / m], [0, 0, 0]]) * T)
+    A, B, C, D = tf2ss(*butter(order, values["filters.lp1.cutoff_hz"] * 2 * T))
+    (x, v), f, s = state[:2], state[2 : 2 + order].reshape(-1, 1), state[2 + order]
+    held, results = state[3 + order], dict(zip((-3, -2, -1), state[4 + order :], strict=True))  # shown, and the last results
+    waves, root = values["controller.kind"] == "pmw", np.sqrt(2 * b)
+
+    def step(held, x, v, f, s):
+        """The result of a slow step and the next start of its avatar, if `held` is shown."""
+        if not waves:
+            return values["environment.K_VE"] * x + values["environment.B_VE"] * v, s
+        return avatar((C @ f)[0, 0] + D[0, 0] * (root * v - held), s, values, float(ratio) * T)
+
+    for n in range(frames_run * ratio.numerator):
+        held = next((results[k] for k in results if -(-k * ratio // 1) + delay == n), held)
+        k = next((k for k in range(n + 1) if n <= k * ratio < n + 1), None)
+        if k is not None and k * ratio == n and delay == 0:
+            # The result of a step in the very tick closes a loop of direct terms: two tries tell its solution.
+            zero, one = (step(tried, x, v, f, s)[0] for tried in (0.0, 1.0))
+            held = zero / (1 - (one - zero))
+        if k is not None:
+            results[k], s = step(held, x, v, f, s)
+        f_m = b * v - root * held if waves else held
+        f = A @ f + B * (root * v - held)
+        x, v, _ = M @ [x, v, -f_m]
+    return np.array([x, v, *f.ravel(), s, held, *(results[k] for k in sorted(results)[-3:])])
+
+
+def avatar(u, s, values, step):
+    """The wave that goes back and the next start of the step, explicitly integrated."""
+    b, K, B = (values[path] for path in ("controller.b", *WALL))
+    velocity = (np.sqrt(2 * b) * u - K * s) / (b + B)
+    return u - np.sqrt(2 / b) * (K * s + B * velocity), s + step * velocity
+
+
+@pytest.mark.parametrize("kind", ["dc-slow", "pmw"])
+@pytest.mark.parametrize(
+    ("slow_hz", "delay"), [(60.0, 0), (60.0, 1), (60.0, 15), (60.0, 16), (400.0, 0), (300.0, 2), (61.538, 15)]
+)
+def test_rates_that_do_not_divide_give_the_loop_of_a_run_in_time(kind, slow_hz, delay):
+    slow_hz = 1000 / 16.25 if slow_hz == 61.538 else slow_hz
+    spec = spec_of(
+        kind, rates={"slow_hz": slow_hz}, controller={"Kp": 0.0}, environment={"integration": "explicit", "delay": delay}
+    )
+    assert isinstance(spec.values["rates.ratio"], float)
+    ratio = Fraction(spec.values["rates.ratio"]).limit_denominator(1000)
+    values, size = spec.values, 4 + spec.values["filters.lp1.order"] + 3
+    whole = np.stack([run(values, ratio, unit, 2) for unit in np.eye(size)], axis=1)
+    found = np.abs(np.linalg.eigvals(whole)) ** 0.5
+    largest = found[np.abs(found - 1) > 1e-9].max()  # of direct coupling the avatar's state is not read
+    assert radius(spec) == pytest.approx(largest, rel=1e-9)
+
+
+def test_rates_that_divide_and_others_in_one_sweep():
+    loop = wavesweep.compile(spec_of("pmw", environment={"integration": "explicit"}))
+    table = loop.stable_intervals(**{"rates.slow_hz": [50.0, 60.0]})
+    alone = [
+        wavesweep.compile(spec_of("pmw", rates={"slow_hz": rate}, environment={"integration": "explicit"})).stable_intervals()
+        for rate in (50.0, 60.0)
+    ]
+    assert table.certified.all()
+    for number, other in enumerate(alone):
+        np.testing.assert_allclose(table.high[table["rates.slow_hz"] == [50.0, 60.0][number]], other.high, rtol=1e-9)
+
+
+def test_the_spec_of_the_results_says_the_rate_as_it_was_given():
+    spec = spec_of("pmw", rates={"slow_hz": 60})
+    assert spec.tables()["rates"] == {"fast_hz": 1000.0, "slow_hz": 60.0}
+    assert load(spec.tables()).values == spec.values
+
+
+def test_what_rates_that_do_not_divide_cannot_have_is_refused():
+    for tables in ({"rates": {"slow_hz": 700}}, {"rates": {"slow_hz": 47.1234567}}):
+        with pytest.raises(
+            SpecError, match="by a fraction of at least 2 after which both are in step again within 100000 ticks"
+        ):
+            spec_of("pmw", **tables)
+    with pytest.raises(SpecError, match="a whole number <= 16"):
+        spec_of("pmw", rates={"slow_hz": 60}, environment={"delay": 17})
+    with pytest.raises(UsageError, match="whose rates divide"):
+        wavesweep.zwidth(spec_of("pmw", rates={"slow_hz": 60}), hand="passive")
+
+
+def test_every_slow_block_runs_in_the_ticks_of_its_steps():
+    drawn = assembled(Uneven("pmw"), spec_of("pmw", rates={"slow_hz": 60}, environment={"delay": 16}).values)
+    when = {each.block.name: np.flatnonzero(each.runs(drawn.ticks)).tolist() for each in drawn.placed}
+    assert drawn.ticks == 50
+    assert when["avatar"] == when["sample u_s"] == [0, 16, 33]
+    assert (when["kept v_1"], when["shown v_1"]) == ([15, 32, 49], [0, 16, 33])
