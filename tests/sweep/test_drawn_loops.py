@@ -328,3 +328,12 @@ def test_a_drift_whose_factors_are_swept_leaves_the_number_to_panels():
     assert [job.exact for job in jobs] == [True, False]
     highs = [in_memory(job)["high"] for job in jobs]
     assert highs[1] == pytest.approx([highs[0][0], highs[0][0] / 1.5 * 2], rel=1e-9)
+
+
+@pytest.mark.parametrize(("text", "stiffness"), [(ARM, 240.0), (WALL, 100.0)])
+def test_the_static_limit_is_that_of_the_springs(text, stiffness):
+    table = compiled(text).response([0.0, 1e-3])
+    assert (table.doubt == "").all()
+    np.testing.assert_allclose(table.impedance_re, stiffness, rtol=1e-6)
+    assert table.impedance_re[0] == pytest.approx(stiffness, rel=1e-11)
+    assert table.impedance_im[0] == 0

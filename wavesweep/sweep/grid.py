@@ -106,7 +106,7 @@ class Grid:
 
 
 def loop_of(spec: Spec, changes: Mapping[str, Iterable] = MappingProxyType({})) -> "Drawing | Uneven | None":
-    """The drawing of a loop that is assembled tick by tick: the spec's own drawing, or its controller at rates that do not divide.
+    """The drawing of a loop that is assembled tick by tick: the spec's own, or its controller at rates that do not divide.
 
     None: a controller whose rates divide, for every combination of the values that `changes` has for the rates.
     """

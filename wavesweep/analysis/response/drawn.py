@@ -1,6 +1,6 @@
 """Responses of drawn loops at the hand's port: admittance, and the impedance of what answers the hand."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,16 +33,30 @@ class Port:
     """A drawn loop seen from its port, a map per kind of tick, every position counted from those that drift.
 
     From the force to the displacement in the tick and the force against it. E `(..., n, n)` less identity, B `(..., n, 1)`, C
-    `(..., 2, n)`, D `(..., 2, 1)`.
+    `(..., 2, n)`, D `(..., 2, 1)`. position: its row `(..., 1, n)`, None if it drifts: a constant force moves it without end.
     """
 
     maps: tuple[tuple[np.ndarray, ...], ...]
     kind: np.ndarray
     period: float
+    position: np.ndarray | None = None
 
     def turned(self, first: int) -> "Port":
         """The same with a frame that begins with another tick."""
-        return Port(self.maps, np.roll(self.kind, -first), self.period)
+        return replace(self, kind=np.roll(self.kind, -first))
+
+    def at_rest(self) -> "Port":
+        """The same with the position in place of the displacement in the tick."""
+        still = [
+            (
+                E,
+                B,
+                np.concatenate([self.position, C[..., 1:, :]], axis=-2),
+                np.concatenate([0 * D[..., :1, :], D[..., 1:, :]], axis=-2),
+            )
+            for E, B, C, D in self.maps
+        ]
+        return replace(self, maps=tuple(still))
 
 
 def port_of(drawn: Drawn, ports: Ports, drift: Drift) -> Port:
@@ -60,7 +74,9 @@ def port_of(drawn: Drawn, ports: Ports, drift: Drift) -> Port:
         )
     force = drawn.inputs.index(ports.force)
     maps = tuple(_seen(each, reads, force, drift, bool(ports.reaction)) for each in ticks.maps)
-    return Port(maps, ticks.kind, float(np.ravel(drawn.period)[0]))
+    kept = _kept(drift)
+    still = not any(np.any(reads[..., lead]) for lead, _ in drift.moved)
+    return Port(maps, ticks.kind, float(np.ravel(drawn.period)[0]), reads[..., kept] if still else None)
 
 
 def _seen(block, reads, force, drift, reacts):
@@ -71,12 +87,16 @@ def _seen(block, reads, force, drift, reacts):
         for index, factor in others:
             E[..., index, :] -= factor * E[..., lead, :]
             B[..., index, :] -= factor * B[..., lead, :]
-    leads = {lead for lead, _ in drift.moved}
-    kept = [i for i in range(len(block.states)) if i not in leads]
+    kept = _kept(drift)
     C, D = (
         np.concatenate(np.broadcast_arrays(*part) if part[0].ndim > 2 else part, axis=-2) for part in zip(*rows, strict=True)
     )
     return E[..., kept, :][..., kept], B[..., kept, :], C[..., kept], D
+
+
+def _kept(drift):
+    leads = {lead for lead, _ in drift.moved}
+    return [index for index in range(len(drift.states)) if index not in leads]
 
 
 def respond_port(port: Port, frequency_hz) -> Response:
@@ -88,15 +108,25 @@ def respond_port(port: Port, frequency_hz) -> Response:
     Accuracy: as each number says; near multiples of the frame's rate, drifts other than a shift of positions cost digits.
     """
     frequency = np.atleast_1d(np.asarray(frequency_hz, float))
-    parts = [_both(port, frequency[at : at + POINTS]) for at in range(0, frequency.size, POINTS)]
-    return Response(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+    found = [np.empty(frequency.size, kind) for kind in (complex, complex, float, float)]
+    for still in (False, True):
+        chosen = np.flatnonzero((frequency == 0) == still)
+        for at in (chosen[start : start + POINTS] for start in range(0, chosen.size, POINTS)):
+            for part, values in zip(found, _both(port, frequency[at], still), strict=True):
+                part[at] = values
+    return Response(*found)
 
 
-def _both(port, frequency):
+def _both(port, frequency, still):
+    """still: at 0 Hz, where the displacement in a tick says nothing of the position."""
+    if still and port.position is None:
+        nothing = np.full(frequency.size, np.nan)
+        return nothing, nothing, nothing, nothing
+    port = port.at_rest() if still else port
     with np.errstate(all="ignore"):
         (one, error), (two, _) = (_once(each, frequency) for each in (port, port.turned(max(1, port.kind.size // 2))))
         error = error + np.abs(one - two)
-        w = on_circle(2 * np.pi * frequency * port.period)
+        w = 1.0 if still else on_circle(2 * np.pi * frequency * port.period)
         relative = np.where(error == 0, 0.0, error / np.abs(one)) + 4 * np.finfo(float).eps
         relative = np.where(relative < LOST, relative, np.nan)
         admittance = np.where(np.isnan(relative[0]), np.nan, one[0] / w)
@@ -107,35 +137,62 @@ def _both(port, frequency):
 
 def _once(port, frequency):
     """Components `(outputs, points)` at the force's frequency and bounds on their errors."""
-    E, M = frame_of_port(port), port.kind.size
-    z, n = np.exp(2j * np.pi * frequency * port.period), E.shape[-1]
+    z, M = np.exp(2j * np.pi * frequency * port.period), port.kind.size
+    frame = _frame(port, z)
     wM = on_circle(2 * np.pi * frequency * port.period * M)
-    g, size, _ = _run(port, np.zeros((frequency.size, n), complex), z)
     rough = ROUNDING * (4 + np.sqrt(M))
-    A = wM[:, None, None] * np.eye(n) - E
-    X, dX = solved(A, rough * np.abs(A), g[..., None], (rough * size)[..., None])
-    _, _, (total, terms) = _run(port, X[..., 0], z)
-    spread = (dX[..., 0] / np.maximum(np.abs(X[..., 0]), np.finfo(float).tiny)).max(-1, initial=0)
-    return total / M, (np.abs(total) * np.minimum(spread, 1) + rough * terms) / M
+    A = wM[:, None, None] * np.eye(frame.E.shape[-1]) - frame.E
+    X, dX = (each[..., 0] for each in solved(A, rough * np.abs(A), frame.g[..., None], (rough * frame.g_size)[..., None]))
+    total = (frame.G @ X[..., None])[..., 0] + frame.h
+    terms = (np.abs(frame.G) @ np.abs(X)[..., None])[..., 0] + frame.h_size
+    error = (np.abs(frame.G) @ dX[..., None])[..., 0] + rough * terms
+    return total.T / M, error.T / M
+
+
+@dataclass(frozen=True, slots=True)
+class _Frame:
+    """Ticks in a row under the force z^k, of all frequencies: `X -> (I + E) X + g`; the outputs times z^-k sum up to `G X + h`.
+
+    turn: z to the number of ticks. g_size, h_size: sizes of the terms of g and h.
+    """
+
+    E: np.ndarray
+    g: np.ndarray
+    g_size: np.ndarray
+    G: np.ndarray
+    h: np.ndarray
+    h_size: np.ndarray
+    turn: np.ndarray
+
+
+def _frame(port, z):
+    """The whole frame from its ticks, repeated stretches once."""
+    one = np.ones((z.size, 1))
+    ticks = []
+    for E, B, C, D in port.maps:
+        g, h = one * B[..., 0], one * D[..., 0]
+        ticks.append(_Frame(E, g, np.abs(g), one[..., None] * C, h, np.abs(h), z))
+    return in_a_row(port.kind.tolist(), ticks, _joined)
+
+
+def _joined(first, second):
+    """The second stretch begins when the force and the weights have turned by the first one's ticks."""
+    turn = first.turn[:, None]
+    moved, seen = first.g @ second.E.T, second.G @ first.g[..., None]
+    later = (second.G + second.G @ first.E) / turn[..., None]
+    g, h = first.g + moved + turn * second.g, first.h + seen[..., 0] / turn + second.h
+    return _Frame(
+        then(first.E, second.E),
+        g,
+        np.abs(first.g) + np.abs(first.g) @ np.abs(second.E.T) + second.g_size,
+        first.G + later,
+        h,
+        first.h_size + (np.abs(second.G) @ np.abs(first.g)[..., None])[..., 0] + second.h_size,
+        first.turn * second.turn,
+    )
 
 
 def frame_of_port(port: Port) -> np.ndarray:
     """The frame-to-frame matrix less identity of a port's loop."""
     with np.errstate(over="ignore", invalid="ignore"):
         return in_a_row(port.kind.tolist(), [each[0] for each in port.maps], then)
-
-
-def _run(port, X, z):
-    """The state after a frame of the force z^k, its size on the way, and the sums of outputs times z^-k with their sizes."""
-    turn, size = np.ones_like(z), np.abs(X)
-    total = np.zeros((port.maps[0][2].shape[-2], z.size), complex)
-    terms = np.zeros(total.shape)
-    for kind in port.kind.tolist():
-        E, B, C, D = port.maps[kind]
-        seen = (X @ C.T + turn[:, None] * D[:, 0]).T * turn.conj()
-        total += seen
-        terms += np.abs(seen) + (np.abs(X) @ np.abs(C).T).T
-        X = X + X @ E.T + turn[:, None] * B[:, 0]
-        size = np.maximum(size, np.abs(X))
-        turn = turn * z
-    return X, size, (total, terms)
