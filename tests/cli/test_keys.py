@@ -4,8 +4,10 @@ import json
 
 import pytest
 
+from wavesweep.cli import main
 from wavesweep.controllers import CONTROLLERS, MEANINGS
 from wavesweep.spec import KEYS, STUDY_KEYS, SYMBOLS
+from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.keys import AXIS_KEYS
 
@@ -95,3 +97,21 @@ def test_the_same_as_json(wavesweep):
     assert touch["recommended_wall"]["stiffness"] == 400.0
     assert found["device.preset"]["devices"]["omega"]["not_known"] == ["device.mass", "device.damping"]
     assert list(json.loads(wavesweep("keys", "K_VE", "--json")[1])) == ["environment.K_VE"]
+
+
+def test_the_tables_of_a_drawn_loop_are_explained(capfd):
+    assert main(["keys", "block"]) == 0
+    said = capfd.readouterr().out
+    assert [kind for kind in TYPES if f"\n  {kind}" not in said] == []
+    for kind, each in TYPES.items():
+        assert main(["keys", f"block.{kind}"]) == 0
+        said = capfd.readouterr().out
+        assert [key.path for key in each.keys.values() if f"  {key.path}: {key.description}" not in said] == []
+        assert main(["keys", f"block.{kind}", "--json"]) == 0
+        found = json.loads(capfd.readouterr().out)[f"block.{kind}"]["keys"]
+        assert list(found) == [*each.keys, "every", "phase"]
+    for name in ("numbers", "wire", "ports", "rates.tick_hz"):
+        assert main(["keys", name]) == 0
+        assert name in capfd.readouterr().out
+    assert main(["keys", "block.buterworth"]) == 2
+    assert capfd.readouterr().err.strip().endswith("did you mean block.butterworth?")

@@ -98,6 +98,11 @@ def keys(incomplete: str) -> Iterator[CompletionItem]:
     """Keys, symbols and axes that begin with `incomplete`."""
     for name, key in _settable(incomplete).items():
         yield CompletionItem(name, help=key.description)
+    if incomplete.startswith("block."):
+        from wavesweep.spec.block_types import TYPES
+
+        known = {f"block.{kind}": each.description for kind, each in TYPES.items()}
+        yield from commands(known.items(), incomplete)
 
 
 def settings(incomplete: str) -> Iterator[CompletionItem]:

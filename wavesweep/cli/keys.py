@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
 import click
 
+from wavesweep.cli import block_keys
 from wavesweep.errors import UsageError
 from wavesweep.spec.checking import expectation, nearest, show
 from wavesweep.spec.devices import DEVICES, HapticDevice
@@ -31,12 +33,14 @@ def command(name: str | None, as_json: bool, **_: bool) -> None:
     """Explain the keys of a spec: values, units and defaults.
 
     KEY is a path (device.mass), a symbol (b), an axis (sweep.b) or a table (filters.lp1). Without it all keys are listed.
-    `wavesweep keys device.preset` lists the devices with their numbers and the sources of these.
+    `wavesweep keys device.preset` lists the devices with their numbers and the sources of these, `wavesweep keys block` the
+    types of blocks of drawn loops.
     """
+    if name is not None and block_keys.is_drawn(name):
+        click.echo(json.dumps(block_keys.record(name), indent=2) if as_json else "\n".join(block_keys.lines(name)))
+        return
     found = _select(name)
     if as_json:
-        import json
-
         click.echo(json.dumps({path: _record(path, key) for path, key in found.items()}, indent=2))
     elif len(found) == 1:
         click.echo("\n".join(_details(*next(iter(found.items())))))
@@ -98,6 +102,7 @@ def _table(keys: Mapping[str, Key]) -> Iterator[str]:
         values = "" if _takes(key) in ("number", "string") else f" ({_takes(key)})"
         yield "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)) + f"  {key.description}{values}"
     yield ""
+    yield "A spec can draw its loop in place of [controller]: `wavesweep keys block`, numbers, wire, ports, rates.tick_hz."
     yield "Columns: key, unit, default, meaning and values. `wavesweep keys KEY` says more about a key."
 
 

@@ -1,0 +1,104 @@
+"""The tables of a drawn loop, explained for `wavesweep keys`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from wavesweep.errors import UsageError
+from wavesweep.spec.block_types import EVERY, PHASE, TICK_HZ, TYPES, BlockType
+from wavesweep.spec.checking import expectation, nearest, show
+from wavesweep.spec.keys import Key
+
+LISTS = {
+    "list": "a list of numbers",
+    "rows": "a list of rows of numbers",
+    "ports": "a list of names",
+    "boolean": "true or false",
+}
+TABLES = {
+    "numbers": "numbers of a drawn loop: NAME = value, or { value = ..., unit = ..., description = ... }; each may be an axis",
+    "wire": 'wires: "block.port" = "expression", linear in the outputs of blocks ("block.port") and the force of the hand',
+    "ports": (
+        "hand = { force = NAME, displacement = expression, reaction = expression } for bode, passivity and simulate; "
+        "wall = { stiffness = number, damping = number } for zwidth"
+    ),
+    "rates.tick_hz": f"{TICK_HZ.description} (Hz): {expectation(TICK_HZ)}, or an expression in numbers",
+}
+
+
+def is_drawn(name: str) -> bool:
+    """Whether a name belongs to a drawn loop."""
+    return name in TABLES or name.partition(".")[0] in ("block", *TABLES)
+
+
+def lines(name: str) -> Iterator[str]:
+    """Yield lines about a table of a drawn loop, all types of blocks, or one of them. Raises UsageError for any other name."""
+    if name in TABLES:
+        yield f"[{name}]  {TABLES[name]}" if "." not in name else f"{name}: {TABLES[name]}"
+        return
+    if name == "block":
+        width = max(map(len, TYPES))
+        yield "[block.NAME]  type = one of"
+        for kind, each in TYPES.items():
+            yield f"  {kind:{width}}  {_ports(each)}"
+            yield f"  {'':{width}}    {each.description}"
+        yield from _common()
+        yield "`wavesweep keys block.TYPE` lists the keys of a type."
+        return
+    kind = _kind(name)
+    yield f'type = "{kind}": {TYPES[kind].description}'
+    yield f"  ports: {_ports(TYPES[kind])}"
+    for key in TYPES[kind].keys.values():
+        unit = f" {key.unit}" if key.unit not in ("", "1") else ""
+        yield f"  {key.path}: {key.description} ({_takes(key)}{unit}; {_default(key)})"
+    yield from _common()
+
+
+def record(name: str) -> dict[str, Any]:
+    """The same as JSON."""
+    if name in TABLES:
+        return {name: {"description": TABLES[name]}}
+    kinds = TYPES if name == "block" else {_kind(name): TYPES[_kind(name)]}
+    return {f"block.{kind}": _of_type(each) for kind, each in kinds.items()}
+
+
+def _kind(name):
+    kind = name.partition(".")[2]
+    if name.partition(".")[0] != "block" or kind not in TYPES:
+        hint = nearest(kind, TYPES)
+        raise UsageError(f"{name} is no table or type of a drawn loop" + (f"; did you mean block.{hint}?" if hint else ""))
+    return kind
+
+
+def _ports(kind: BlockType) -> str:
+    if kind.ports is None:
+        return "inputs -> outputs"
+    pairs = kind.ports.values() if isinstance(kind.ports, Mapping) else [kind.ports]
+    return "; or ".join(f"{', '.join(inputs)} -> {', '.join(outputs)}" for inputs, outputs in pairs)
+
+
+def _takes(key: Key) -> str:
+    return ", ".join(map(str, key.choices)) or LISTS.get(key.type) or expectation(key)
+
+
+def _default(key: Key) -> str:
+    return (
+        "required"
+        if key.required
+        else f"by default {show(list(key.default) if isinstance(key.default, tuple) else key.default)}"
+    )
+
+
+def _common() -> Iterator[str]:
+    yield f"  every: {EVERY.description} (by default 1); phase: {PHASE.description} (by default 0)"
+    yield "  every key that is a number takes an expression in numbers, as text"
+
+
+def _of_type(kind: BlockType) -> dict[str, Any]:
+    keys = {
+        key.path: {"type": key.type, "unit": key.unit, "default": key.default, "required": key.required}
+        | {"choices": list(key.choices) or None, "description": key.description}
+        for key in (*kind.keys.values(), EVERY, PHASE)
+    }
+    return {"description": kind.description, "ports": _ports(kind), "keys": keys}
