@@ -66,15 +66,17 @@ def test_a_recipe_says_what_is_known_and_what_is_assumed(name):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
-def test_a_recipe_runs_with_the_command_that_it_names(name, tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("path", sorted(FOLDER.rglob("*.toml")), ids=lambda path: path.stem)
+def test_a_recipe_runs_with_the_command_that_it_names(path, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     shutil.copytree(FOLDER, tmp_path / "sweeps" / "recipes")
-    assert main([command(name), f"sweeps/recipes/{name}.toml", "--no-plot"]) == 0
-    rows = read(tmp_path / "results" / name / f"{command(name)}.csv")
+    words = re.search(r"^#     wavesweep (.*)$", path.read_text(encoding="utf-8"), re.MULTILINE)[1].split()
+    assert words[1:] == [f"sweeps/recipes/{path.relative_to(FOLDER).as_posix()}"]
+    assert main(words) == 0
+    rows = read(tmp_path / "results" / path.stem / f"{words[0]}.csv")
     assert rows["certified"].all()
     assert f"all {len(rows['certified'])} rows certified" in capsys.readouterr().err
-    assert main(["check", f"sweeps/recipes/{name}.toml"]) == 0
+    assert main(["check", words[1]]) == 0
 
 
 @pytest.mark.slow
