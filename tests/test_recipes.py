@@ -143,6 +143,7 @@ SHOWN = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "fixed", "shown"), SHOWN)
 def test_the_answers_are_those_of_the_comments(name, fixed, shown):
     digits = len(shown.partition(".")[2])
@@ -161,6 +162,7 @@ def test_a_joint_of_a_physics_engine():
     assert loop.stable_intervals("kd", (0, 100), kp=[kp]).low[0] == pytest.approx(14.73, abs=0.01)
 
 
+@pytest.mark.slow
 def test_pd_behind_a_policy():
     """f < 1/(2 pi zeta T) if the policy reacts little: kd < 2 I/T, where kp < 2 kd/T is weaker."""
     rows = table("policy")
@@ -168,6 +170,7 @@ def test_pd_behind_a_policy():
     np.testing.assert_allclose(little.high, 1 / (2 * np.pi * little.zeta * little.n * 1e-3), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_friction_compensation_of_a_teleoperated_arm():
     """Close to Fv + kp tau, which the program's slope exceeds at both rates; more kp is better, and a faster host is worse."""
     rows, given = table("teleoperation"), defaults("teleoperation")
@@ -178,6 +181,7 @@ def test_the_friction_compensation_of_a_teleoperated_arm():
     assert (rows.groupby("kp").high.diff().dropna() > 0).all()
 
 
+@pytest.mark.slow
 def test_the_damping_of_a_hybrid_test():
     """Close to that of the delay differential equation whose delay has half a tick more; 6 ms are allowed, and 7 are not."""
     given = defaults("hybrid-test")

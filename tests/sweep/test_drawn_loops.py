@@ -127,6 +127,7 @@ REFERENCES = json.loads((pathlib.Path(__file__).parents[1] / "support" / "refere
 UNKNOWN = {"random 15": {450.0}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", REFERENCES, ids=[case["name"] for case in REFERENCES])
 def test_blocks_give_the_reference_cases(case):
     values = load(case["spec"]).values
@@ -143,6 +144,7 @@ DRAWN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_drawn_controllers_are_reference_cases_and_the_built_in_ones(kind):
     case = next(case for case in REFERENCES if case["name"] == DRAWN[kind])
