@@ -16,6 +16,7 @@ from wavesweep.spec.block_types import TYPES
 
 ROOT = pathlib.Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+RECIPES = ROOT / "sweeps" / "recipes"
 BESIDE = (
     *("ARCHITECTURE.md", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE"),
     *("wavesweep/ACCURACY.md", "wavesweep/SAFETY.md", "wavesweep/TABLES.md"),
@@ -97,12 +98,24 @@ def test_every_type_of_block_stands_in_the_readme_with_its_keys_and_ports():
         )
 
 
-def test_the_drawn_loop_has_the_limits_that_the_readme_gives():
+def test_the_drawn_loop_of_the_readme_is_a_recipe_with_its_limits():
     text = section("Draw your own loop")
     tables = tomllib.loads(re.search(r"```toml\n(.*?)```", text, re.DOTALL).group(1))
+    assert tables == tomllib.loads((RECIPES / "policy.toml").read_text(encoding="utf-8"))
     found = wavesweep.stability_region(tables)
     assert found.certified.all()
-    assert [f"{high:.3f}" for high in found.high] == re.findall(r"\b2\.\d{3}\b", text)
+    limits = [f"{high:.4f}" for high in found.query("g == 0 and zeta == 2").high]
+    assert limits == list(re.search(r"`f < (\S+) Hz` and `(\S+) Hz`", text).groups())
+
+
+def test_every_recipe_stands_in_the_readme_with_the_numbers_of_its_comment():
+    rows = re.findall(r"^\| \[(\S+)\]\(sweeps/recipes/\1\.toml\) \| .*? \| (.*?) \|$", README, re.MULTILINE)
+    assert sorted(name for name, _ in rows) == sorted(path.stem for path in RECIPES.glob("*.toml"))
+    for name, answer in rows:
+        comment = (RECIPES / f"{name}.toml").read_text(encoding="utf-8").split("\n\n[", 1)[0]
+        numbers = re.findall(r"\d+\.\d+|\d{4,}", answer)
+        assert numbers
+        assert [number for number in numbers if number not in comment] == []
 
 
 def default(key):

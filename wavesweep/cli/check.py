@@ -81,7 +81,9 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
     if found["delay"]:
         yield f"  {_delay(found['delay'])}"
     if found["stable"] and found["felt"]:
-        yield f"  felt at low frequency: {_text(found['felt']['stiffness'])} N/m and {_damping(found['felt']['damping'])}"
+        stiffness, damping = _units_felt(spec)
+        felt = f"{_text(found['felt']['stiffness'])} {stiffness} and {_damping(found['felt']['damping'], damping)}"
+        yield f"  felt at low frequency: {felt}"
     if found["stable"]:
         yield f"  slowest mode: {_slowest(found['slowest'])}"
     if found["channel_norm"] is not None:
@@ -104,7 +106,7 @@ def _limit(spec: Spec, limit: Facts) -> str:
         return f"{here}: not known ({limit['doubt']})"
     proved = "" if limit["certified"] else f", not proved ({limit['doubt']})"
     if not limit["stable"]:
-        spans = " and ".join(f"{low:.6g} to {high:.6g}{unit}" for low, high in limit["intervals"])
+        spans = " and ".join(_span(limit, low, high) + unit for low, high in limit["intervals"])
         searched = f"{limit['from']:g} to {limit['to']:g}{unit}"
         return f"{here}: stable in {spans}{proved}" if spans else f"{here}: nowhere stable in {searched}{proved}"
     low, high = limit["low"], limit["high"]
@@ -112,6 +114,12 @@ def _limit(spec: Spec, limit: Facts) -> str:
     end = f"to {high:.6g}{unit}" if high is not None else f"to at least {limit['to']:g}{unit}"
     factors = _factors(limit) if value else ""
     return f"{here}: stable {start} {end}{factors}{proved}"
+
+
+def _span(limit: Facts, low: float, high: float) -> str:
+    """An interval; an end of the range that was searched is none of stability."""
+    start = "at most " if low == limit["from"] != 0 else ""
+    return f"{start}{low:.6g} to {'at least ' if high == limit['to'] else ''}{high:.6g}"
 
 
 def _factors(limit: Facts) -> str:
@@ -136,9 +144,17 @@ def _delay(delay: Facts) -> str:
     return f"{here}: stable up to {least}{delay['most']} ticks"
 
 
-def _damping(damping: float | None) -> str:
+def _units_felt(spec: Spec) -> list[str]:
+    """Units of the stiffness and of the damping that are felt; a drawn loop whose wall has others may turn, and not slide."""
+    if spec.drawing is None or not spec.drawing.wall:
+        return ["N/m", "N*s/m"]
+    units = [spec.names.find(name).unit for name in spec.drawing.wall]
+    return [unit or usual for unit, usual in zip((*units, ""), ("N/m", "N*s/m"), strict=False)]
+
+
+def _damping(damping: float | None, unit: str) -> str:
     late = "; negative, as the wall answers late" if damping is not None and damping < 0 else ""
-    return f"{_text(damping, 4)} N*s/m{late}"
+    return f"{_text(damping, 4)} {unit}{late}"
 
 
 def _slowest(mode: Facts | None) -> str:

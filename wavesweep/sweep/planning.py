@@ -150,7 +150,7 @@ def _number_lines(spec):
             ways["" if exact_cut(spec.drawing, spec.values, spec.values, name) else "panels"].append(name)
     texts = {
         "": "exact, one scalar gain of a frame",
-        "panels": "by panels, since they are in keys or in several places, or act more than once a frame",
+        "panels": "by panels: they are in keys or in several places, act more than once a frame, or decide a drift",
         "values": "as values only, since they decide how the loop is built",
     }
     yield from (f"  intervals along {', '.join(names)}: {texts[way]}" for way, names in ways.items() if names)

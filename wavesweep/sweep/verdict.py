@@ -64,17 +64,19 @@ def limits(spec: Spec, cut=None) -> list[dict]:
     return [_limit(spec, name, path, cut) for name, path in names.items()]
 
 
-def _limit(spec, name, path, cut):
+def _limit(spec, name, path, cut, lowest=-np.inf):
     value = spec.values[path]
     wall = [f"numbers.{number}" for number in spec.drawing.wall or ()] if spec.drawing else WALL
     usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
     start = 0.0 if path in wall or not (value or spec.drawing) else value / FAR or -FAR * usual
-    span = tuple(sorted((start, FAR * (value or usual))))
+    span = tuple(sorted((max(start, lowest), FAR * (value or usual))))
     axis = Axis(name, path, (), *span, False, "linear")
     found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
     try:
         rows = in_memory(job_over(make_grid(spec, (), path), axis, cut))
     except WavesweepError as error:
+        if value == 0 and span[0] < 0:  # a number that may not be negative
+            return _limit(spec, name, path, cut, lowest=0.0)
         return found | {"stable": None, "doubt": str(error), "certified": False}
     inside = (rows["low"] <= value) & (value <= rows["high"])
     pairs = zip(rows["low"].tolist(), rows["high"].tolist(), strict=True)
