@@ -10,8 +10,7 @@ from wavesweep.diagram import WALL, keys_read
 from wavesweep.errors import UsageError
 from wavesweep.spec import Axis, Spec, find_key
 
-MOST = 1_000_000_000  # combinations: months of work, and hundreds of gigabytes
-MOST_ROWS = 5_000_000  # of a table that is held in memory: a response takes some 200 bytes
+MOST = 1_000_000_000  # combinations, or rows: months of work, and hundreds of gigabytes
 MOST_DRAWN = 10_000  # combinations of axes that the loop is drawn anew for, each of which is checked before the work begins
 
 
@@ -80,14 +79,11 @@ class Grid:
         loop, wall = (_flat(part, digits, np.size(combination)) for part in (self.loop_axes, self.wall_axes))
         return loop * self.walls + wall
 
-    def slices_of_a_drawing(self, most: int) -> Iterator[tuple[np.ndarray, dict]]:
-        """Yield (numbers, values) for all slices, at most `most` of one drawing at a time; see `groups`."""
-        loop, wall = np.divmod(np.arange(self.slices), self.walls)
-        changes = self.loop_values(loop) | {path: values[wall] for path, values in self.wall_values().items()}
-        for members, values in groups(self.spec, changes, self.slices):
-            for start in range(0, members.size, most):
-                part = slice(start, start + most)
-                yield members[part], selected(values, part)
+    def groups_of(self, slices, resolved=None) -> Iterator[tuple[np.ndarray, dict]]:
+        """Yield (members, values): indices into `slices` (numbers), and flat values with those of the wall; see `groups`."""
+        loop, wall = np.divmod(slices, self.walls)
+        changes = self.wall_values(wall) | self.loop_values(loop)
+        yield from groups(self.spec, changes, slices.size, resolved)
 
     def axis_columns(self, combination) -> dict[str, np.ndarray]:
         """Name -> value of each combination, the table's leading columns."""
@@ -97,10 +93,11 @@ class Grid:
         }
 
 
-def make_grid(spec: Spec, axes, along: str | None = None, read=None) -> Grid:
+def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: bool = True) -> Grid:
     """The grid of the axes; `along` (a path) is the axis that intervals lie on, not among `axes`.
 
-    read: the keys that the controller reads, if they are known already.
+    read: the keys that the controller reads, if they are known already. apart: keep the axes of the wall apart from the
+    others; if not, each slice is a loop of its own, and the slices have the order of the combinations.
     """
     read = keys_read(spec.values) if read is None else read
     if along is not None and not _is_read(along, read):
@@ -115,16 +112,16 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None) -> Grid:
     return Grid(
         spec,
         tuple(axes),
-        tuple(axis for axis in used if axis.path not in WALL),
-        tuple(axis for axis in used if axis.path in WALL),
+        tuple(axis for axis in used if axis.path not in WALL or not apart),
+        tuple(axis for axis in used if axis.path in WALL and apart),
         {axis.path: np.asarray(axis.values) for axis in axes},
     )
 
 
 def refuse_rows(table: str, rows: int) -> None:
-    """Raise UsageError if a table that is held in memory would have too many rows."""
-    if rows > MOST_ROWS:
-        raise UsageError(f"{table}: expected at most {MOST_ROWS} rows, which are held in memory, found {rows}")
+    """Raise UsageError if a table would have too many rows."""
+    if rows > MOST:
+        raise UsageError(f"{table}: expected at most {MOST} rows, found {rows:.3g}; compute fewer values at a time")
 
 
 def _refuse_too_many(what, axes, most):

@@ -1,21 +1,26 @@
-"""The job of a sweep, settled before anything is computed: the axis of the intervals, the slices and their chunks."""
+"""The job of a table, settled before anything is computed: its question, and the slices in chunks.
 
-import shutil
+A `Job` of any table has slices in chunks, tasks for workers, and columns for the records of finished chunks; the one of
+stable intervals is here as well.
+"""
+
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from wavesweep.analysis.doubt import words
 from wavesweep.diagram import WALL, draw
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.spec import KEYS, Axis, Spec, sweep_axes
+from wavesweep.sweep.disk import free_bytes
 from wavesweep.sweep.grid import Grid, groups, is_plain, make_grid
-from wavesweep.sweep.tasks import RECORD, IntervalTask
+from wavesweep.sweep.tasks import HAND_RECORD, RECORD, IntervalTask, Task, certified_slices
 
 if TYPE_CHECKING:
     from wavesweep.sweep.hands import Guarantee
@@ -75,6 +80,58 @@ class Chunks:
         return loop // self.deep * self._across + wall // self.wide
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Job:
+    """Records for every slice of a grid, cut into chunks, and the columns that they make; a subclass says which.
+
+    resolved: the spec's values for each combination of those axes that are whole numbers or that other keys derive from.
+    noun: of the slices, in messages. dtype: of the records, whose field `slice` counts from 0 in the chunk. rows: of the table
+    for each combination, about. row_bytes: of such a row in its files, without its axes. ready: s that workers take longer
+    than usual until they are ready. proves: whether slices can be certified.
+    """
+
+    grid: Grid
+    chunks: Chunks
+    resolved: dict
+    noun: ClassVar[str] = "slices"
+    dtype: ClassVar[np.dtype]
+    rows: ClassVar[float] = 1.0
+    row_bytes: ClassVar[int] = 0
+    ready: ClassVar[float] = 0.0
+    proves: ClassVar[bool] = True
+
+    @property
+    def slices(self) -> int:
+        """Number of slices that are computed."""
+        return self.chunks.loops * self.chunks.walls
+
+    @property
+    def size(self) -> int:
+        """Number of combinations that have rows."""
+        return self.grid.size
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """Names and values that the records depend on besides the spec, the versions and the chunks, JSON-able."""
+        raise NotImplementedError
+
+    def slice_of(self, combination) -> np.ndarray:
+        """Number of the slice of each combination."""
+        return self.grid.slice_of(combination)
+
+    def task(self, chunk: Chunk) -> Task:
+        """The task of a worker for that chunk."""
+        raise NotImplementedError
+
+    def columns(self, combination: np.ndarray, records: np.ndarray) -> Mapping[str, np.ndarray]:
+        """The table's columns for records of these combinations, one for each record."""
+        raise NotImplementedError
+
+    def certified(self, records: np.ndarray) -> int:
+        """How many slices of these records are certified."""
+        return certified_slices(records)
+
+
 def cut_up(loops: int, walls: int, cost: float) -> Chunks:
     """The slices in chunks of about `SECONDS`; cost: expected s per slice (see `expected_cost`)."""
     slices = int(np.clip(SECONDS / cost, FEWEST, MOST))
@@ -93,24 +150,28 @@ def expected_cost(order: int, wall: bool) -> float:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Job:
+class IntervalJob(Job):
     """Stable intervals along `axis` for every slice of the grid, cut into chunks.
 
-    resolved: the spec's values for each combination of those axes that are whole numbers or that other keys derive from.
     guarantee: the hands for which the intervals are guaranteed; if None, they are those of the spec's own loop.
     """
 
-    grid: Grid
     axis: Axis
-    chunks: Chunks
-    resolved: dict
     cut: Cut | None = None
     guarantee: "Guarantee | None" = None
+    rows: ClassVar[float] = 1.2  # some slices have several intervals
+    row_bytes: ClassVar[int] = 160  # 130 in the CSV and 30 in the Parquet file, measured on sweeps of millions of rows
 
     @property
-    def slices(self) -> int:
-        """Number of slices that are computed."""
-        return self.grid.slices
+    def dtype(self) -> np.dtype:
+        """Guarantees for hands have more fields."""
+        return RECORD if self.guarantee is None else HAND_RECORD
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """The axis and the guarantee."""
+        along = {"along": self.axis.name}
+        return along if self.guarantee is None else along | {"guarantee": repr(self.guarantee)}
 
     def task(self, chunk: Chunk) -> IntervalTask:
         """The task of a worker for that chunk."""
@@ -121,28 +182,35 @@ class Job:
         own = IntervalTask(self.axis.path, span, bounds_of(self.axis.path, span), tuple(parts), walls, self.cut)
         return own if self.guarantee is None else self.guarantee.task(own)
 
+    def columns(self, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
+        """The axes, `along`, and the fields of the records."""
+        found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
+        found["doubt"] = words(found["doubt"])
+        leading = self.grid.axis_columns(combination)
+        return leading | {"along": np.full(records.size, self.axis.name, dtype=object)} | found
 
-def job_of(spec: Spec, along: str | None = None) -> Job:
+
+def job_of(spec: Spec, along: str | None = None) -> IntervalJob:
     """The job of a spec's [sweep]. Raises UsageError if it cannot be done, before anything is computed."""
     axis, others = sweep_axes(spec, along)
     return job_over(make_grid(spec, others, axis.path), axis)
 
 
-def job_over(grid: Grid, axis: Axis, cut: Cut | None = None) -> Job:
+def job_over(grid: Grid, axis: Axis, cut: Cut | None = None) -> IntervalJob:
     """The job of a grid; cut: its compiled loop, if it has only one."""
     if axis.structural:
         raise UsageError(
             f"intervals along {axis.name}: expected a number that the loop varies with smoothly, found one that decides "
             f"how it is built; sweep it as values ({axis.name} = [...]) and look along another axis, such as K_VE"
         )
-    resolved = _resolve_all(grid)
+    resolved = resolve_all(grid)
     ends = [next(iter(resolved.values())), *list(resolved.values())[-1:]]
     order = cut.order if cut else max(cut_at_wall(draw(values)).order for values in ends)
     cost = expected_cost(order, axis.path in WALL)
-    return Job(grid, axis, cut_up(grid.loops, grid.walls, cost), resolved, cut)
+    return IntervalJob(grid, cut_up(grid.loops, grid.walls, cost), resolved, axis, cut)
 
 
-def _resolve_all(grid) -> dict:
+def resolve_all(grid: Grid, table: str = "sweep") -> dict:
     """The spec's values for each combination of the axes that go through the spec. Raises UsageError if one makes no loop."""
     axes = [axis for axis in grid.loop_axes if not is_plain(grid.spec, axis.path)]
     resolved = {}
@@ -152,7 +220,7 @@ def _resolve_all(grid) -> dict:
             resolved[tuple(changes.items())] = dict((grid.spec.with_values(changes) if changes else grid.spec).values)
         except SpecError as error:
             named = ", ".join(f"{axis.name} = {value!r}" for axis, value in zip(axes, values, strict=True))
-            raise UsageError(f"[sweep]: every combination is computed, and {named} makes no loop: {error}") from error
+            raise UsageError(f"[{table}]: every combination is computed, and {named} makes no loop: {error}") from error
     return resolved
 
 
@@ -168,18 +236,16 @@ def cut_otherwise(job: Job, **sizes) -> Job:
     return replace(job, chunks=replace(job.chunks, **sizes))
 
 
-ROWS = 1.2  # rows per slice: some slices have several intervals
-BYTES = (130, 30)  # of a row in the CSV and in the Parquet file, without its axes, measured on sweeps of millions of rows
-AXIS_BYTES = 12  # of an axis in a row of both
+AXIS_BYTES = 12  # of an axis in a row of CSV and Parquet file together
 
 
 def expected_bytes(job: Job) -> int:
     """Bytes of disk that the run needs at its end, before the finished chunks are removed, roughly."""
-    row = sum(BYTES) + AXIS_BYTES * len(job.grid.axes)
-    return int(ROWS * (job.slices * RECORD.itemsize + job.grid.size * row))
+    row = job.row_bytes + AXIS_BYTES * len(job.grid.axes)
+    return int(job.rows * (job.slices * job.dtype.itemsize + job.size * row))
 
 
-def refuse_full_disk(folder: Path | None, jobs: Sequence[Job]) -> None:
+def refuse_full_disk(folder: Path | None, jobs: Iterable[Job]) -> None:
     """Raise UsageError if the disk of `folder`, in which the jobs keep their chunks, cannot hold their results.
 
     Chunks of a run that was stopped are counted as part of the results.
@@ -188,7 +254,7 @@ def refuse_full_disk(folder: Path | None, jobs: Sequence[Job]) -> None:
         return
     place = next(each for each in (folder, *folder.absolute().parents) if each.is_dir())
     kept = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) if place == folder else 0
-    need, free = sum(map(expected_bytes, jobs)) - kept, shutil.disk_usage(place).free
+    need, free = sum(map(expected_bytes, jobs)) - kept, free_bytes(place)
     if need > free:
         raise UsageError(
             f"{folder.parent}: the run needs about {need / 1e9:.3g} GB, found {free / 1e9:.3g} GB free on this disk; name "
@@ -205,19 +271,18 @@ LONGEST = 0.3  # s; no further sample after that
 def expected_seconds(job: Job) -> float:
     """Seconds of work in one process for the whole job, estimated from a small part of it."""
     samples = _samples(job)
-    samples[0].records()  # the first call of everything costs more than it will later
+    samples[0][0].records()  # the first call of everything costs more than it will later
     started, seconds, slices = time.perf_counter(), 0.0, 0
-    for sample in samples:
+    for sample, size in samples:
         sample.records()
-        seconds = time.perf_counter() - started
-        slices += sum(members.size for members, _ in sample.groups) * len(next(iter(sample.walls.values())))
+        seconds, slices = time.perf_counter() - started, slices + size
         if seconds > LONGEST:
             break
     return seconds / slices * job.slices
 
 
 def _samples(job):
-    """Small tasks of the job, alternately from its ends and its middle."""
+    """Small tasks of the job and the numbers of their slices, alternately from its ends and its middle."""
     chunks = job.chunks
     enough = max(1, chunks.deep * chunks.wide // SHARE)
     wide = min(chunks.walls, enough)
@@ -227,4 +292,4 @@ def _samples(job):
     small = cut_otherwise(job, deep=deep, wide=wide)
     shares = np.linspace(0, 1, PROBES)[[0, 3, 5, 1, 4, 2]]
     numbers = dict.fromkeys(np.rint(shares * (len(small.chunks) - 1)).astype(int).tolist())
-    return [small.task(small.chunks[number]) for number in numbers]
+    return [(small.task(small.chunks[number]), small.chunks[number].slices) for number in numbers]

@@ -9,7 +9,8 @@ from wavesweep.spec import Spec
 from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.interval_table import method
 from wavesweep.sweep.job import expected_bytes, expected_seconds, job_of
-from wavesweep.sweep.passivity_table import channels_of
+from wavesweep.sweep.passivity_table import jobs_of
+from wavesweep.sweep.response_table import response_job
 from wavesweep.sweep.workers import choose
 
 
@@ -21,7 +22,7 @@ def plan(spec: Spec) -> list[str]:
     lines = [f"{where}: valid, controller {kind}", *_loop_lines(spec, diagram, cut)]
     for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
         lines += _interval_lines(spec, command, along)
-    return [*lines, *_bode_lines(spec), _passivity_line(spec), *_skipped_lines(spec)]
+    return [*lines, *_bode_lines(spec), *_passivity_lines(spec), *_skipped_lines(spec)]
 
 
 def _loop_lines(spec, diagram, cut):
@@ -66,19 +67,33 @@ def _duration(seconds):
 
 
 def _bode_lines(spec):
-    grid, points = make_grid(spec, spec.bode), spec.frequency_hz
-    curves = _count(grid.slices, "curve")
+    points = spec.frequency_hz
+    try:
+        job = response_job(spec, spec.bode, points, tuple(axis.name for axis in spec.bode))
+    except (SpecError, UsageError) as error:
+        return [f"  bode: not possible with this spec: {error}"]
     frequencies = f"{len(points)} frequencies from {min(points):g} to {max(points):g} Hz"
-    return [f"  bode: {curves} of {frequencies}; method: lifted resolvent of both rates"]
+    what = f"  bode: {_count(job.grid.slices, 'curve')} of {frequencies}; method: lifted resolvent of both rates"
+    return [what, *_long_lines([job])]
 
 
-def _passivity_line(spec):
-    grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
-    channels = channels_of(grid).loops if draw(spec.values).waves else 0
-    return (
-        f"  passivity: hand's port of {_count(grid.slices, 'loop')}, norm of {_count(channels, 'wave channel')}; "
-        "method: level sets of the frame's energy balance, without a frequency grid"
-    )
+def _passivity_lines(spec):
+    try:
+        jobs = jobs_of(spec, tuple(axis for axis in spec.sweep if axis.values))
+    except (SpecError, UsageError) as error:
+        return [f"  passivity: not possible with this spec: {error}"]
+    channels = jobs["channel"].slices if "channel" in jobs else 0
+    what = f"  passivity: hand's port of {_count(jobs['port'].slices, 'loop')}, norm of {_count(channels, 'wave channel')}"
+    how = "method: level sets of the frame's energy balance, without a frequency grid"
+    return [f"{what}; {how}", *_long_lines(jobs.values())]
+
+
+def _long_lines(jobs):
+    """The chunks and the disk of a table of several chunks; otherwise nothing is kept on the way."""
+    if all(len(job.chunks) == 1 for job in jobs):
+        return []
+    chunks, size = sum(len(job.chunks) for job in jobs), _size(sum(map(expected_bytes, jobs)))
+    return [f"    work: {_count(chunks, 'chunk')}; disk: about {size} until the results are in place"]
 
 
 def _count(number, noun):

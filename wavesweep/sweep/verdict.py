@@ -10,8 +10,8 @@ from wavesweep.lifted import close, cut_at_wall
 from wavesweep.spec import SYMBOLS, Axis, Spec
 from wavesweep.sweep.assumptions import assumes
 from wavesweep.sweep.grid import make_grid
-from wavesweep.sweep.interval_table import in_memory
 from wavesweep.sweep.job import job_over
+from wavesweep.sweep.running import in_memory
 
 FAR = 10.0  # factor up to which a number is followed
 USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}  # followed up to FAR times that, from 0
