@@ -57,6 +57,7 @@ CALLS = (
 )  # fmt: skip
 READING = ("scandir", "listdir", "read", "flock")  # they do not fail where nothing may be written
 # Case: the runs before that must succeed, and the run that is disturbed; each spec has its own stiffness of the hand.
+PARTS = ("--partition", "7")
 CASES = {
     "new folder": ([], ["zwidth", "a.toml", "--out", "out"]),
     "over the same results": ([["zwidth", "a.toml", "--out", "out"]], ["zwidth", "a.toml", "--out", "out"]),
@@ -65,6 +66,12 @@ CASES = {
     "responses": ([], ["bode", "a.toml", "--out", "out"]),
     "responses of two specs": ([], ["bode", "a.toml", "b.toml", "--out", "out"]),
     "passivity": ([], ["passivity", "c.toml", "--out", "out"]),
+    "in parts over a single file": ([["zwidth", "a.toml", "--out", "out"]], ["zwidth", "a.toml", "--out", "out", *PARTS]),
+    "in parts over parts": (
+        [["zwidth", "b.toml", "--out", "out", *PARTS]],
+        ["zwidth", "a.toml", "--out", "out", *PARTS, "--force"],
+    ),
+    "a single file over parts": ([["zwidth", "a.toml", "--out", "out", *PARTS]], ["zwidth", "a.toml", "--out", "out"]),
     "two tables": ([["simulate", "b.toml", "--out", "out"]], ["simulate", "a.toml", "--out", "out", "--force"]),
 }
 
@@ -200,7 +207,11 @@ def _be_a_run(home, arguments, shim, said, pipe):
 
 def contents(folder):
     """Names of all files and folders with the bytes of the tables and figures."""
-    kept = {path.name: path.read_bytes() if path.suffix in (".csv", ".parquet", ".png") else b"" for path in folder.iterdir()}
+    tables = (".csv", ".parquet", ".png")
+    kept = {
+        str(path.relative_to(folder)): path.read_bytes() if path.suffix in tables and path.is_file() else b""
+        for path in folder.rglob("*")
+    }
     return dict(sorted(kept.items()))
 
 

@@ -201,7 +201,8 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
             from wavesweep.plots import drawn
 
             table = drawn(table, notices.append)
-        paths = results.publish(table.watched(tally.add), directory, options.force, options.formats, locked=True)
+        rows = options.partition if main else None
+        paths = results.publish(table.watched(tally.add), directory, options.force, options.formats, True, rows)
     elif main:
         try:
             results.stream(table.watched(tally.add), sys.stdout.buffer)

@@ -67,6 +67,9 @@ def _of_package(package: Path, rows: int, seed: int) -> Iterator[tuple[str, bool
     except (WavesweepError, KeyError, TypeError, ValueError, AttributeError) as error:
         yield f"{package}: the spec in it makes no run: {error}", True
         return
+    except OSError as error:  # of the table, which has the names of the specs
+        yield f"{package}: its rows cannot be computed again: {error}", True
+        return
     if again is None:
         yield f"{package}: its rows cannot be computed again from a spec", False
         return
@@ -84,10 +87,13 @@ def _files(package: Path) -> Iterator[str]:
         yield f"{package}: its list of files cannot be read"
         return
     stem = package.name.removesuffix(SUFFIXES[-1])
-    for name in sorted({f"{stem}.csv", f"{stem}.parquet"} - set(known)):
+    parts, here = package.parent / f"{stem}.parquet", {f"{stem}.csv", f"{stem}.parquet"}
+    if parts.is_dir():
+        here = {f"{parts.name}/{path.name}" for path in parts.iterdir()}
+    for name in sorted(here - set(known)):
         yield f"{package}: {name} is not in its list of files"
     for name, (size, digest) in known.items():
-        path = package.parent / Path(name).name
+        path = parts / Path(name).name if name.startswith(f"{parts.name}/") else package.parent / Path(name).name
         try:
             found = file_facts(path)
         except OSError as error:
@@ -96,6 +102,8 @@ def _files(package: Path) -> Iterator[str]:
         if (found["bytes"], found["hash"]) != (size, digest):
             bytes_, hash_ = found["bytes"], found["hash"]
             yield f"{path}: {bytes_} bytes with {hash_[:19]}…, but {size} bytes with {str(digest)[:19]}… in the package"
+    if parts.is_dir():
+        return
     yield from _between(package.with_name(f"{stem}.csv"), package.with_name(f"{stem}.parquet"), known)
 
 

@@ -13,6 +13,8 @@ from wavesweep.sweep.passivity_table import jobs_of
 from wavesweep.sweep.response_table import response_job
 from wavesweep.sweep.workers import choose
 
+MANY = 30_000_000  # rows: some 5 GB of CSV
+
 
 def plan(spec: Spec) -> list[str]:
     """Lines for `wavesweep check`: the loop, the work and the method of each command, and the keys that are skipped and why."""
@@ -55,7 +57,15 @@ def _interval_lines(spec, command, along):
         f"    method: {method(axis.path)}",
         f"    work: {_count(len(job.chunks), 'chunk')}, about {_duration(expected() / workers.count)}; {who} ({workers.why})",
         f"    disk: about {_size(expected_bytes(job))} until the results are in place",
+        *_parts_lines(job),
     ]
+
+
+def _parts_lines(job):
+    """The advice for a table that few programs can read as a single CSV."""
+    rows = round(job.rows * job.size)
+    if rows > MANY:
+        yield f"    about {rows:.2g} rows: --partition 10000000 writes Parquet files of so many rows each, and no single CSV"
 
 
 def _size(count):
@@ -90,10 +100,11 @@ def _passivity_lines(spec):
 
 def _long_lines(jobs):
     """The chunks and the disk of a table of several chunks; otherwise nothing is kept on the way."""
+    advice = [line for job in jobs for line in _parts_lines(job)]
     if all(len(job.chunks) == 1 for job in jobs):
-        return []
+        return advice
     chunks, size = sum(len(job.chunks) for job in jobs), _size(sum(map(expected_bytes, jobs)))
-    return [f"    work: {_count(chunks, 'chunk')}; disk: about {size} until the results are in place"]
+    return [f"    work: {_count(chunks, 'chunk')}; disk: about {size} until the results are in place", *advice]
 
 
 def _count(number, noun):
