@@ -97,7 +97,7 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: b
     """The grid of the axes; `along` (a path) is the axis that intervals lie on, not among `axes`.
 
     read: the keys that the controller reads, if they are known already. apart: keep the axes of the wall apart from the
-    others; if not, each slice is a loop of its own, and the slices have the order of the combinations.
+    others; if not, each slice is a loop of its own, and slices of one drawing follow each other.
     """
     read = keys_read(spec.values) if read is None else read
     if along is not None and not _is_read(along, read):
@@ -109,11 +109,13 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: b
     used = [axis for axis in axes if _is_read(axis.path, read)]
     drawn = [axis for axis in used if not is_plain(spec, axis.path)]
     _refuse_too_many("combinations of the axes that the loop is drawn anew for", drawn, MOST_DRAWN)
+    wall = tuple(axis for axis in used if axis.path in WALL and apart)
+    loop = [axis for axis in used if axis not in wall]
     return Grid(
         spec,
         tuple(axes),
-        tuple(axis for axis in used if axis.path not in WALL or not apart),
-        tuple(axis for axis in used if axis.path in WALL and apart),
+        tuple(loop if apart else sorted(loop, key=lambda axis: axis not in drawn)),
+        wall,
         {axis.path: np.asarray(axis.values) for axis in axes},
     )
 
