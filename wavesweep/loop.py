@@ -106,15 +106,16 @@ class Loop:
         return self._frame("passivity", in_memory(self.spec, self._axes(axes)))
 
     def simulate(self, force=None, **options):
-        """Both loops run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
+        """The loop run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
 
         force: the hand's force (N) per tick, `(ticks,)`; by default the input of the spec's [simulate]. options: other keys
-        of [simulate] in place of the spec's (`wall=0.01, friction=0.2`). Errors: see `analysis.simulation.simulated_columns`.
+        of [simulate] in place of the spec's (`wall=0.01, friction=0.2`), if the loop is not drawn. Errors: see
+        `analysis.simulation.simulated`.
         """
-        from wavesweep.analysis.simulation import simulated_columns
+        from wavesweep.analysis.simulation import table
+        from wavesweep.sweep.simulation_table import simulation_of
 
-        self._refuse_drawn("simulate")
-        return self._frame("simulate", simulated_columns(self.spec, force, **options))
+        return self._frame("simulate", table(simulation_of(self.spec, force, **options)))
 
     def plot_zwidth(self, along: str = "K_VE", span=None, **axes):
         """The figure of stable intervals, as `wavesweep zwidth` draws it: a matplotlib `Figure`, which a notebook shows.

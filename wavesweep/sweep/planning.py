@@ -87,7 +87,7 @@ def _passivity_line(spec):
 
 
 def _drawn_plan(spec):
-    """The same lines for a drawn loop: when its blocks run, what drifts, and by which method each number is swept."""
+    """The same lines for a drawn loop: when its blocks run, its drift, and the method by which each number is swept."""
     refuse_singular(spec)
     drawing, drawn = spec.drawing, assembled(spec.drawing, spec.values)
     period = 1e3 * float(drawn.period)
