@@ -152,6 +152,12 @@ class Loop:
         used = load(tables | {"simulate": tables["simulate"] | options}).as_simulated()
         return _figure("simulate", self.simulate(force, **options), used)
 
+    def plot_diagram(self):
+        """The picture of the loop, as `wavesweep check --plot` draws it: a matplotlib `Figure`."""
+        from wavesweep.plots import diagram
+
+        return diagram(self.spec)
+
     def to_control(self, output: str = "position"):
         """The lifted closed loop as a `control.StateSpace`: a frame's M hand forces (N) in, M outputs, dt = T_s.
 

@@ -88,6 +88,21 @@ def test_check_lists_the_loop_and_every_mistake(run):
     assert "--set kq=1: kq: expected one of the tables" in text
 
 
+@pytest.mark.slow
+def test_check_draws_the_loop_and_says_where(run):
+    code, text, results = run("check", "arm.toml", "--plot", "--format", "svg", "--format", "png")
+    assert (code, "Wrote results/arm/diagram.svg, results/arm/diagram.png" in text) == (0, True)
+    assert "<dc:title>diagram of arm</dc:title>" in (results / "arm" / "diagram.svg").read_text(encoding="utf-8")
+    code, text, _ = run("check", "arm.toml", "--plot", "--json", "--out", "there")
+    assert (code, json.loads(text)["files"]) == (0, ["there/diagram.png"])
+
+
+@pytest.mark.parametrize("words", [["arm.toml", "--out", "there"], ["--verify", "there", "--plot"]])
+def test_options_of_the_picture_that_do_not_fit_are_refused(run, words):
+    code, text, _ = run("check", *words)
+    assert (code, "Error: --" in text, ": expected " in text) == (2, True, True)
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
