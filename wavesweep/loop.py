@@ -267,6 +267,32 @@ class DrawnLoop:
             {"frequency_hz": np.atleast_1d(frequency_hz), **{f.name: getattr(found, f.name) for f in fields(found)}}
         )
 
+    def simulate(self, inputs: Mapping, signals):
+        """The blocks run tick by tick from rest: a DataFrame with `time_s` and the signals, a row per tick.
+
+        inputs: for each input of the drawing its value in every tick, `(ticks,)`. signals: names of ports or junctions. The
+        rows end before a signal that is not finite. Errors: UsageError for a batch of loops, or for other inputs or signals.
+        """
+        from pandas import DataFrame
+
+        from wavesweep.analysis.simulation.drawn import run_drawn
+
+        drawn, rows = self.drawn, {name: np.asarray(values, float) for name, values in inputs.items()}
+        ports = {f"{each.block.name}.{port}" for each in drawn.placed for port in (*each.block.inputs, *each.block.outputs)}
+        unknown = [name for name in signals if name not in {*ports, *drawn.sums, *drawn.inputs}]
+        if any(each.block.batch for each in drawn.placed) or any(np.ndim(g) for s in drawn.sums.values() for g in s.values()):
+            raise UsageError("simulate: expected a single loop, found a batch")
+        if unknown or sorted(rows) != sorted(drawn.inputs):
+            found = ", ".join(unknown or rows) or "none"
+            raise UsageError(f"simulate: expected the inputs {', '.join(drawn.inputs)}, and ports or junctions, found {found}")
+        if any(row.ndim != 1 for row in rows.values()) or len({row.size for row in rows.values()}) > 1:
+            raise UsageError("simulate: expected as many numbers for each input, one per tick, found other shapes")
+        with named_loops(drawn):
+            closed_frame(drawn, self.drift)
+        seen = run_drawn(drawn, rows, tuple(signals))
+        count = len(next(iter(seen.values()), ()))
+        return DataFrame({"time_s": np.arange(count) * float(drawn.period)} | seen)
+
 
 def _figure(kind, table, spec, swept=None):
     """The figure of a DataFrame. swept: the axes of the call in place of those of the spec."""

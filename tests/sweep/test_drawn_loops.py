@@ -252,7 +252,7 @@ def test_check_names_schedule_methods_and_refusals():
         "passivity: hand's port of 3 loops",
     ):
         assert text in lines
-    assert "bode, passivity: not possible, [ports] names no hand" in "\n".join(plan(load(tomllib.loads(NETWORK))))
+    assert "bode, passivity, simulate: not possible, [ports] names no hand" in "\n".join(plan(load(tomllib.loads(NETWORK))))
 
 
 def test_a_response_at_rest_is_that_of_the_springs():
@@ -271,6 +271,16 @@ def test_a_drawing_made_in_python_is_compiled_as_it_is():
     assert wavesweep.compile(single).response([1e-3], "hand", "m.x").admittance[0].real == pytest.approx(0.01, rel=1e-6)
     with pytest.raises(UsageError, match="input 'push'"):
         wavesweep.compile(single).response([1.0], "push", "m.x")
+    run = wavesweep.compile(single).simulate({"hand": np.ones(3000)}, ["m.x", "m.f"])
+    assert run["m.x"].iloc[-1] == pytest.approx(0.01, rel=1e-6)
+    assert (run["m.f"].iloc[0], run.time_s.iloc[-1]) == (1.0, pytest.approx(2.999))
+    for inputs, fault in (({"push": [1.0]}, "found push"), ({"hand": [[1.0]]}, "as many numbers")):
+        with pytest.raises(UsageError, match=fault):
+            wavesweep.compile(single).simulate(inputs, ["m.x"])
+    with pytest.raises(UsageError, match="expected a single loop"):
+        loop.simulate({"hand": [1.0]}, ["m.x"])
+    with pytest.raises(UsageError, match=r"found m\.y"):
+        wavesweep.compile(single).simulate({"hand": [1.0]}, ["m.y"])
 
 
 def test_what_needs_a_controller_is_refused_in_a_sentence():

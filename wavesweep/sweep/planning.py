@@ -102,7 +102,7 @@ def _drawn_plan(spec):
         if command != "zwidth" or drawing.wall:
             lines += _interval_lines(spec, command, along)
     if drawing.hand is None:
-        return [*lines, "  bode, passivity: not possible, [ports] names no hand"]
+        return [*lines, "  bode, passivity, simulate: not possible, [ports] names no hand"]
     grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
     port = f"  passivity: hand's port of {_count(grid.slices, 'loop')}; method: level sets of the frame's energy balance"
     return [*lines, *_bode_lines(spec), port]

@@ -56,8 +56,61 @@ def settling(drawn):
     return -15 * np.log(10) / np.log(radius) * drawn.ticks if radius < 1 else np.inf
 
 
+# Of the first 60 random drawings these are stable, and settle within 200,000 ticks.
+SETTLING = [
+    1,
+    2,
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    10,
+    11,
+    12,
+    14,
+    15,
+    16,
+    17,
+    18,
+    19,
+    20,
+    21,
+    22,
+    23,
+    24,
+    25,
+    26,
+    27,
+    28,
+    29,
+    31,
+    34,
+    35,
+    37,
+    38,
+    40,
+    41,
+    42,
+    44,
+    45,
+    46,
+    47,
+    48,
+    49,
+    50,
+    52,
+    53,
+    54,
+    55,
+    56,
+    57,
+]
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [seed for seed in range(60) if settling(pushed(seed)) < 200_000])
+@pytest.mark.parametrize("seed", SETTLING)
 def test_the_response_of_a_random_drawing_is_that_of_its_simulation(seed):
     """A sine is measured once it has settled, and the resolvent of the frame gives the same."""
     drawn, frequency = pushed(seed), 7.3
@@ -73,10 +126,7 @@ def test_the_response_of_a_random_drawing_is_that_of_its_simulation(seed):
     assert abs(reaction / x - linear.impedance[0]) <= 1e-9 * abs(linear.impedance[0])
 
 
-def test_there_are_enough_of_these():
-    assert sum(settling(pushed(seed)) < 200_000 for seed in range(60)) >= 20
-
-
+@pytest.mark.slow
 def test_a_long_delay_is_stepped_as_a_sparse_matrix():
     """Sums of the input and twice the input of 300 ticks ago are exact."""
     T, n = 1e-3, 300
