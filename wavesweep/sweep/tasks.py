@@ -203,8 +203,8 @@ def _bounds(task, rate):
 
 
 def with_batch(cut: Cut, size: int) -> Cut:
-    """The cut as a batch of `size` loops; a single loop is repeated."""
-    return cut if cut.batch else cut.at(np.newaxis).at(np.zeros(size, int))
+    """The cut as a batch of `size` loops, each of its matrices; a single loop is repeated."""
+    return cut.at(...) if cut.batch else cut.at(np.newaxis).at(np.zeros(size, int))
 
 
 PORT = np.dtype([
