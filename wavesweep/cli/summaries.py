@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavesweep.cli.interval_summary import Columns, HandTally, Line, SpecTally, count
+from wavesweep.cli.why_summary import why, why_lines
 
 if TYPE_CHECKING:
     from wavesweep.sweep import Table
@@ -243,5 +244,6 @@ SUMMARIES = {
     "passivity": (passivity, passivity_lines),
     "passivity-filters": (filter_choices, filter_lines),
     "simulate": (simulation, simulation_lines),
+    "why": (why, why_lines),
     "simulate-response": (simulated_response, simulated_response_lines),
 }
