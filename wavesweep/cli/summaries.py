@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavesweep.cli.interval_summary import Columns, HandTally, Line, SpecTally, count
+from wavesweep.cli.why_summary import why, why_lines
 
 if TYPE_CHECKING:
     from wavesweep.sweep import Table
@@ -295,5 +296,6 @@ BLOCKWISE = {"bode": BodeTally, "compare-bode": BodeTally, "passivity": Passivit
 SUMMARIES = {
     "passivity-filters": (filter_choices, filter_lines),
     "simulate": (simulation, simulation_lines),
+    "why": (why, why_lines),
     "simulate-response": (simulated_response, simulated_response_lines),
 }

@@ -2,7 +2,7 @@
 
 from wavesweep.sweep.table import Table
 
-__all__ = ["Table", "compare", "filter_choices", "hands_of", "intervals", "passivity", "plan", "responses", "simulate"]
+__all__ = ["Table", "compare", "filter_choices", "hands_of", "intervals", "passivity", "plan", "responses", "simulate", "why"]
 
 _HOMES = {
     "compare": "wavesweep.sweep.comparison",
@@ -13,6 +13,7 @@ _HOMES = {
     "passivity": "wavesweep.sweep.passivity_table",
     "plan": "wavesweep.sweep.planning",
     "simulate": "wavesweep.sweep.simulation_table",
+    "why": "wavesweep.sweep.why_table",
 }
 
 
