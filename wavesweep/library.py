@@ -64,21 +64,20 @@ def stability_region(source: Source, along: str | None = None, **options: Any) -
     return zwidth(source, along, **options)
 
 
-def bode(*sources: Source) -> DataFrame:
+def bode(*sources: Source, **work: Any) -> DataFrame:
     """Admittance (m/N), impedance (N/m) and worst-case gain over the [bode] axes, as `wavesweep bode` computes them.
 
-    sources: specs, paths, or nested tables.
+    sources: specs, paths, or nested tables. work: as for `zwidth`.
     """
     from wavesweep import sweep
 
-    return _framed(sweep.responses([_spec(source) for source in sources]))
+    return _framed(sweep.responses([_spec(source) for source in sources], **work))
 
 
 def passivity(source: Source, tolerance: float = 1e-3, **work: Any) -> DataFrame:
     """Wave channel and hand's port over the spec's [sweep], as `wavesweep passivity` has them.
 
-    source: a spec, a path, or nested tables. tolerance: J per J sent that aliasing may add. work: jobs, backend, scheduler,
-    progress.
+    source: a spec, a path, or nested tables. tolerance: J per J sent that aliasing may add. work: as for `zwidth`.
     """
     from wavesweep import sweep
 

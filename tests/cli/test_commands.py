@@ -59,8 +59,14 @@ def test_the_common_options_are_the_same_everywhere(name):
     def described(command):
         return {option.name: (option.opts, option.help) for option in command.params if option.param_type_name == "option"}
 
-    # bode has no options of its own.
-    assert described(group.get_command(None, name)).items() >= described(group.get_command(None, "bode")).items()
+    # compare has no options of its own.
+    assert described(group.get_command(None, name)).items() >= described(group.get_command(None, "compare")).items()
+
+
+@pytest.mark.parametrize("name", WITH_TABLES)
+def test_the_commands_whose_tables_can_be_long_write_them_in_parts(name):
+    options = {option.name for option in group.get_command(None, name).params}
+    assert ("partition" in options) == (name in ("zwidth", "stability-region", "bode", "passivity"))
 
 
 @pytest.mark.slow

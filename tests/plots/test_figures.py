@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wavesweep import plots
-from wavesweep.plots import intervals
+from wavesweep.plots import chosen
 from wavesweep.plots.layout import lay_out
 from wavesweep.plots.style import about_figure, save
 
@@ -57,7 +57,7 @@ def test_a_figure_of_a_long_table_is_the_same_in_blocks(panels, monkeypatch):
         {name: column[start : start + 1000] for name, column in panels.items()} for start in range(0, len(panels["b"]), 1000)
     ]
     for kept in (1e9, 2500):  # all of them, or none, so that they are read a second time
-        monkeypatch.setattr(intervals, "_KEPT_ROWS", kept)
+        monkeypatch.setattr(chosen, "KEPT_ROWS", kept)
         picture = plots.Picture(
             {name: tuple(np.unique(panels[name]).tolist()) for name in ("B_VE", "b", "K_LM")}, lambda: blocks
         )

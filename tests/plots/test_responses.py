@@ -58,3 +58,37 @@ def test_more_than_a_dozen_curves_have_a_scale_of_colours():
 def test_the_slow_nyquist_frequency_is_marked():
     _, figure = figure_of(bode={"frequency_hz": {"start": 1, "stop": 50, "num": 20}})
     assert "slow Nyquist frequency, 25 Hz" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentence_says_so(monkeypatch):
+    from wavesweep.plots import chosen
+    from wavesweep.sweep import checkpoint, responses
+
+    axes = {"b": {"start": 5, "stop": 200, "num": 40}, "B_VE": {"start": 0, "stop": 5, "num": 10}}
+    spec = wavesweep.load({"controller": {"kind": "pmw"}, "bode": {"frequency_hz": [0.1, 1.0, 30.0]} | axes})
+    table, said = responses([spec]), []
+    whole = plots.bode(table.columns, table.facts)
+    curves = [line for line in whole.axes[0].lines if len(line.get_xdata()) == 3]
+    assert len(curves) == 10 * 20
+    assert "Shown: 20 of 40 values of b." in whole.get_suptitle()
+    monkeypatch.setattr(checkpoint, "BLOCK", 100)
+    for kept in (10**6, 500):
+        monkeypatch.setattr(chosen, "KEPT_ROWS", kept)
+        drawn = plots.drawn(table, said.append)
+        assert sum(len(block["b"]) for block in drawn.blocks()) == 1200
+        pictures = []
+        monkeypatch.setattr("wavesweep.plots.style.save", lambda figure, *_, keep=pictures: keep.append(figure._repr_png_()))
+        drawn.figure(None)
+        assert pictures == [whole._repr_png_()]
+    assert said == ["figure of spec: shown: 20 of 40 values of b"] * 2
+
+
+def test_a_single_frequency_has_few_places_along_its_curve_and_few_curves():
+    from wavesweep.plots.chosen import Curves
+
+    columns = {"b": np.repeat(np.arange(5000.0), 3), "Kp": np.tile([0.0, 1, 2], 5000), "spec": np.full(15000, "s", object)}
+    curves = Curves(lambda: (columns | {"frequency_hz": np.ones(15000)},))
+    curves.add(columns | {"frequency_hz": np.ones(15000)})
+    rows, said = curves.chosen()
+    assert (len(rows["b"]), np.unique(rows["b"]).size, np.unique(rows["Kp"]).size) == (6000, 2000, 3)
+    assert said == "Shown: 2000 of 5000 values of b."

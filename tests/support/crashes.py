@@ -40,6 +40,8 @@ b = [20.0, 40.0]
 B_VE = {{ start = 0, stop = 15, num = 8 }}
 [bode]
 frequency_hz = [1.0, 10.0]
+Kp = [0.0, 20.0]
+B_VE = [0.5, 1.0]
 [simulate]
 input = "sine"
 frequency_hz = 10.0
@@ -55,12 +57,21 @@ CALLS = (
 )  # fmt: skip
 READING = ("scandir", "listdir", "read", "flock")  # they do not fail where nothing may be written
 # Case: the runs before that must succeed, and the run that is disturbed; each spec has its own stiffness of the hand.
+PARTS = ("--partition", "7")
 CASES = {
     "new folder": ([], ["zwidth", "a.toml", "--out", "out"]),
     "over the same results": ([["zwidth", "a.toml", "--out", "out"]], ["zwidth", "a.toml", "--out", "out"]),
     "over another spec's": ([["zwidth", "b.toml", "--out", "out"]], ["zwidth", "a.toml", "--out", "out", "--force"]),
     "for hands": ([], ["zwidth", "c.toml", "--out", "out", "--passive"]),
     "responses": ([], ["bode", "a.toml", "--out", "out"]),
+    "responses of two specs": ([], ["bode", "a.toml", "b.toml", "--out", "out"]),
+    "passivity": ([], ["passivity", "c.toml", "--out", "out"]),
+    "in parts over a single file": ([["zwidth", "a.toml", "--out", "out"]], ["zwidth", "a.toml", "--out", "out", *PARTS]),
+    "in parts over parts": (
+        [["zwidth", "b.toml", "--out", "out", *PARTS]],
+        ["zwidth", "a.toml", "--out", "out", *PARTS, "--force"],
+    ),
+    "a single file over parts": ([["zwidth", "a.toml", "--out", "out", *PARTS]], ["zwidth", "a.toml", "--out", "out"]),
     "two tables": ([["simulate", "b.toml", "--out", "out"]], ["simulate", "a.toml", "--out", "out", "--force"]),
 }
 
@@ -177,10 +188,11 @@ def _be_a_run(home, arguments, shim, said, pipe):
         signal.signal(signal.SIGINT, signal.default_int_handler)
         from wavesweep import plots
         from wavesweep.cli import main
-        from wavesweep.sweep import job
+        from wavesweep.sweep import job, passivity_table, response_table
 
         job.FEWEST = job.MOST = 4  # several chunks from a small sweep
-        plots.drawn = lambda table: replace(table, figure=lambda path: path.write_bytes(b"a figure"))
+        response_table.TICKS, passivity_table.CHUNK = 0, 2
+        plots.drawn = lambda table, _: replace(table, figure=lambda path: path.write_bytes(b"a figure"))
         sys.stderr = open(2, "w", closefd=False)  # noqa: SIM115
         write = os.write
         shim.install()
@@ -195,7 +207,11 @@ def _be_a_run(home, arguments, shim, said, pipe):
 
 def contents(folder):
     """Names of all files and folders with the bytes of the tables and figures."""
-    kept = {path.name: path.read_bytes() if path.suffix in (".csv", ".parquet", ".png") else b"" for path in folder.iterdir()}
+    tables = (".csv", ".parquet", ".png")
+    kept = {
+        str(path.relative_to(folder)): path.read_bytes() if path.suffix in tables and path.is_file() else b""
+        for path in folder.rglob("*")
+    }
     return dict(sorted(kept.items()))
 
 
@@ -289,6 +305,7 @@ def _import_all():
     import wavesweep.analysis.passivity
     import wavesweep.cli.bode
     import wavesweep.cli.output
+    import wavesweep.cli.passivity
     import wavesweep.cli.simulate
     import wavesweep.cli.summaries
     import wavesweep.cli.zwidth
@@ -296,6 +313,7 @@ def _import_all():
     import wavesweep.results
     import wavesweep.sweep.hands
     import wavesweep.sweep.interval_table
+    import wavesweep.sweep.passivity_table
     import wavesweep.sweep.response_table
     import wavesweep.sweep.simulation_table  # noqa: F401
 

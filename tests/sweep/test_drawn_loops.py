@@ -17,9 +17,9 @@ from wavesweep.spec import load, sweep_axes
 from wavesweep.sweep.checkpoint import blocks as rows_of
 from wavesweep.sweep.checkpoint import checkpoint_of
 from wavesweep.sweep.grid import make_grid
-from wavesweep.sweep.interval_table import compute, in_memory
 from wavesweep.sweep.job import cut_otherwise, job_of, job_over
 from wavesweep.sweep.planning import plan
+from wavesweep.sweep.running import compute, in_memory
 from wavesweep.sweep.table import joined
 from wavesweep.sweep.workers import Workers
 

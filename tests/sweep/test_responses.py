@@ -1,9 +1,12 @@
 """The table of responses: several specs, axes that only some of them read, and the static limit."""
 
 import numpy as np
+import pytest
 
 import wavesweep
 from wavesweep import sweep
+from wavesweep.errors import UsageError
+from wavesweep.sweep import response_table
 
 
 def test_an_axis_that_a_spec_does_not_read_has_no_value_there():
@@ -33,3 +36,46 @@ def test_whole_numbers_and_the_slow_rate_may_be_swept_in_one_spec_only():
     assert columns["environment.delay"].dtype == np.int64
     assert columns["rates.slow_hz"].tolist()[:3] == [100.0, 100.0, 50.0]
     assert np.isnan(columns["rates.slow_hz"].iloc[3])
+
+
+def test_chunks_hold_whole_curves_and_a_checkpoint_gives_the_same_bits(tmp_path, same, monkeypatch):
+    bode = {"frequency_hz": [0.0, 1.0, 10.0], "K_VE": [0.0, 100.0], "K_LM": [1.0, 2.0], "b": [10.0, 20.0, 40.0]}
+    spec = wavesweep.load({"controller": {"kind": "pmw"}, "bode": bode})
+    monkeypatch.setattr(response_table, "TICKS", 20 * 6)  # two curves of three frequencies
+    told = []
+    whole = sweep.responses([spec, spec], progress=lambda *counts: told.append(counts)).columns
+    assert told[-1] == (36, 36, None)
+    assert len(told) == 6
+
+    def stop(done, *_):
+        if done == 24:
+            raise KeyboardInterrupt
+
+    folder = tmp_path / ".bode.parts"
+    with pytest.raises(KeyboardInterrupt) as caught:
+        sweep.responses([spec, spec], progress=stop, checkpoint=folder)
+    assert f"6 of 18 responses are kept in {folder / 'spec-1'}; the same" in caught.value.__notes__[0]
+    again = sweep.responses([spec, spec], checkpoint=folder)
+    assert again.facts["timings"]["slices_from_checkpoint"] == 24
+    same(again.columns, whole)
+    again.forget()
+    assert not folder.exists()
+    with pytest.raises(
+        UsageError, match=r"\[bode\]: every combination is computed, and rates.ratio = 10, environment.delay = 15 makes no loop"
+    ):
+        sweep.responses(
+            [wavesweep.load({"controller": {"kind": "pmw"}, "bode": {"rates.ratio": [20, 10], "environment.delay": [0, 15]}})]
+        )
+
+
+def test_many_frequencies_are_cut_into_chunks_of_one_curve(same, monkeypatch):
+    bode = {"frequency_hz": {"start": 0, "stop": 20, "num": 21}, "K_VE": [0.0, 100.0]}
+    spec = wavesweep.load({"controller": {"kind": "dc"}, "bode": bode})
+    whole = sweep.responses([spec]).columns
+    monkeypatch.setattr(response_table, "WIDE", 8)
+    cut = sweep.responses([spec]).columns
+    same(
+        {name: cut[name] for name in ("K_VE", "frequency_hz", "spec")},
+        {name: whole[name] for name in ("K_VE", "frequency_hz", "spec")},
+    )
+    assert np.allclose(cut["admittance_re"], whole["admittance_re"], rtol=1e-12, atol=0, equal_nan=True)

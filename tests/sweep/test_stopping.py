@@ -3,6 +3,7 @@
 WAVESWEEP_KILLS=20 in the environment asks for more kills than the two of an ordinary test run, an early and a late one.
 """
 
+import json
 import os
 import signal
 import subprocess
@@ -11,6 +12,8 @@ import time
 
 import numpy as np
 import pytest
+
+from wavesweep.sweep import workers
 
 pytestmark = pytest.mark.slow
 
@@ -109,3 +112,68 @@ def test_a_run_that_is_stopped_says_so_in_a_line_and_goes_on(start, tmp_path, un
     assert f"slices are kept in {kept}; the same command goes on from there." in said
     assert finish(start(out, "--jobs", "1"))[0] == 0
     assert contents(out) == undisturbed
+
+
+LONG = """
+[controller]
+kind = "pmw"
+[sweep]
+b = { start = 5, stop = 100, num = 40 }
+"filters.lp1.cutoff_hz" = [5.0, 10.0, 20.0]
+K_VE = { start = 0, stop = 20000 }
+[bode]
+frequency_hz = { start = 0.1, stop = 40, num = 300 }
+K_VE = { start = 0, stop = 2000, num = 10 }
+b = { start = 5, stop = 100, num = 20 }
+"""
+
+
+@pytest.mark.parametrize("command", ["bode", "passivity"])
+def test_the_other_long_tables_go_on_where_they_were_killed_on_any_workers(command, tmp_path):
+    (tmp_path / "long.toml").write_text(LONG)
+
+    def begin(out, *options):
+        arguments = [sys.executable, "-c", PROGRAM, command, "long.toml", "--no-plot", "--out", out, *options]
+        return subprocess.Popen(arguments, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True)
+
+    def files(out):
+        return [(tmp_path / out / f"{command}.{form}").read_bytes() for form in ("csv", "parquet")]
+
+    assert finish(begin("whole", "--jobs", "1"))[0] == 0
+    process, patience = begin("killed", "--jobs", "1"), time.monotonic() + 30
+    while not list((tmp_path / "killed").glob(f".{command}-*.parts/**/*.records")):
+        assert time.monotonic() < patience, "no finished chunk in 30 s"
+        time.sleep(0.005)
+    os.killpg(process.pid, signal.SIGKILL)
+    finish(process)
+    code, said = finish(begin("killed", "--jobs", "2", "--backend", "loky"))
+    assert (code, said.count("Error")) == (0, 0)
+    assert files("killed") == files("whole")
+    timings = json.loads((tmp_path / "killed" / f"{command}.datapackage.json").read_text())["wavesweep"]["timings"]
+    assert timings["slices_from_checkpoint"] > 0
+    assert timings["workers"] == min(2, workers.processors())
+    assert len(list((tmp_path / "killed").iterdir())) == 3
+
+
+MEMORY = """
+import resource, sys
+from wavesweep.cli import main
+assert main(sys.argv[1:]) == 0
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024)
+"""
+
+
+@pytest.mark.skipif("WAVESWEEP_LOAD" not in os.environ, reason="WAVESWEEP_LOAD asks for it: four minutes")
+@pytest.mark.parametrize(
+    ("command", "axis", "counts"), [("bode", "bode.b", (1_000, 10_000)), ("passivity", "sweep.K_LM", (20_000, 400_000))]
+)
+def test_memory_does_not_grow_with_the_rows(command, axis, counts, tmp_path):
+    """Ten times the responses; and twenty times the rows of passivity, which repeat those of 120 loops."""
+    (tmp_path / "long.toml").write_text(LONG)
+    peaks = []
+    for count in counts:
+        swept = ["--set=bode.K_VE=[500.0]", f"--set={axis}={{ start = 5, stop = 100, num = {count} }}"]
+        arguments = [command, "long.toml", *swept, "--jobs", "1", "--quiet", "--out", f"out{count}"]
+        program = [sys.executable, "-c", MEMORY, *arguments]
+        peaks.append(int(subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, check=True).stdout))
+    assert peaks[1] < peaks[0] + 100, peaks

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import click
 
+from wavesweep.cli.entry import ONE_THREAD
 from wavesweep.cli.options import Options, common
-
-_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 
 @click.command("bench")
@@ -33,7 +32,7 @@ def command(quick: bool, options: Options) -> None:
         )
     # A BLAS reads this when numpy loads it, so nothing that imports numpy may stand above; processes that the benchmark
     # starts inherit it.
-    os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     from wavesweep import bench
     from wavesweep.cli.output import progress, say, show_json, where
     from wavesweep.results import stream

@@ -30,13 +30,12 @@ def command(specs: tuple[str, ...], options: Options) -> None:
       wavesweep compare mine.toml other.toml
     """
     from wavesweep import sweep
-    from wavesweep.cli.output import parts_of, produce
+    from wavesweep.cli.output import produce
 
     refuse_equal_names(specs)
 
     def compute(loaded: list[Spec], **work: Any) -> list[Table]:
-        kept = None if options.to_stdout else parts_of("compare", loaded, options)
-        walls, responses = sweep.compare(loaded, checkpoint=kept, force=options.force, **work)
+        walls, responses = sweep.compare(loaded, **work)
         if options.to_stdout or not options.plot:
             return [walls, responses]
         from wavesweep import plots

@@ -34,6 +34,7 @@ class Options:
     wait: bool
     quiet: bool
     debug: bool
+    partition: int | None = None
 
     @property
     def to_stdout(self) -> bool:
@@ -108,17 +109,29 @@ def common(body: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(body)
     def gathered(**given: Any) -> None:
-        options = Options(**{field.name: given.pop(field.name) for field in fields(Options)})
+        options = Options(**{field.name: given.pop(field.name) for field in fields(Options) if field.name in given})
         options = options if options.plot else replace(options, formats=())
         if options.scheduler is not None and options.backend != "dask":
             raise click.UsageError(f"--scheduler needs --backend dask, found --backend {options.backend or 'missing'}")
         if options.as_json and options.to_stdout:
             raise click.UsageError("--json and --out - would both write to stdout; name a folder, or leave one of them out")
+        if options.partition is not None and options.to_stdout:
+            raise click.UsageError("--partition writes a folder of Parquet files, and --out - the CSV; leave one of them out")
         body(options=options, **given)
 
     for option in reversed(_COMMON):
         gathered = option(gathered)
     return gathered
+
+
+# For the commands whose tables can be long; above `common`, which collects it.
+partition = click.option(
+    "--partition",
+    metavar="ROWS",
+    type=click.IntRange(min=1),
+    help="Write the table as a folder of Parquet files with so many rows each, which programs read as one table, and no CSV. "
+    "For tables of tens of millions of rows, e.g. 10000000.",
+)
 
 
 def refuse_equal_names(sources: Sequence[str]) -> None:

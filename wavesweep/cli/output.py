@@ -36,12 +36,14 @@ def produce(
     options: Options,
     compute: Callable[..., list[Table]],
     asked: Callable[[Spec], Spec] = lambda spec: spec,
+    name: str | None = None,
 ) -> None:
     """Load the specs, compute their tables, write all of them to files or the first one to stdout, and summarise them.
 
     kinds: every table that the command can write, the main one first. compute: a function (specs, jobs=, backend=,
-    scheduler=, progress=) that returns the tables of this run, in the same order. asked: a function from a loaded spec to
-    the one whose digest the results carry.
+    scheduler=, progress=, checkpoint=, force=) that returns the tables of this run, in the same order. asked: a function
+    from a loaded spec to the one whose digest the results carry. name: of the folder for finished chunks, by default the
+    main table's; there is none if the table goes to stdout.
     """
     from wavesweep import results, spec
     from wavesweep.sweep.table import digest_of
@@ -57,8 +59,10 @@ def produce(
             for kind in kinds if not options.force else ():
                 results.refuse_other_spec(kind, directory, digest_of(specs), place)
         prepare_work(options)
+        work = {name: getattr(options, name) for name in ("jobs", "backend", "scheduler", "force")}
+        kept = None if options.to_stdout else parts_of(name or kinds[0], specs, options)
         with progress(options.quiet) as report:
-            tables = compute(specs, jobs=options.jobs, backend=options.backend, scheduler=options.scheduler, progress=report)
+            tables = compute(specs, **work, progress=report, checkpoint=kept)
         before = None if options.to_stdout else results.existing_facts(kinds[0], directory)
         tables = [replace(table, facts={**table.facts, "spec_place": place}) for table in tables]
         finished = [_finish(table, directory, options, main=table is tables[0]) for table in tables]
@@ -120,20 +124,16 @@ def produce_intervals(kind: str, source: str, options: Options, along: str | Non
     """Compute and write a table of stable intervals, which need not fit into memory; otherwise as `produce`.
 
     along: axis of the intervals, the spec's own by default. hands: those whose intervals are added to those of the loop
-    itself. Finished chunks are kept beside the results, unless the table goes to stdout.
+    itself.
     """
     from wavesweep import results, sweep
 
-    name = kind if hands is None else f"{kind}-hands"
-
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
-        folder = None if options.to_stdout else parts_of(name, specs, options)
-        if folder is not None and not options.force:
-            results.refuse_other_hands(kind, folder.parent, hands.facts() if hands else {})
-        found = sweep.intervals(specs[0], along=along, hands=hands, checkpoint=folder, force=options.force, **work)
-        return [replace(found, kind=kind)]
+        if not options.to_stdout and not options.force:
+            results.refuse_other_hands(kind, folder_of(specs, options), hands.facts() if hands else {})
+        return [replace(sweep.intervals(specs[0], along=along, hands=hands, **work), kind=kind)]
 
-    produce([kind], [source], options, compute)
+    produce([kind], [source], options, compute, name=kind if hands is None else f"{kind}-hands")
 
 
 def verified(directory: str, quiet: bool) -> int:
@@ -195,13 +195,14 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
     from wavesweep import results
     from wavesweep.cli.summaries import tally_of
 
-    tally, paths = tally_of(table), []
+    tally, paths, notices = tally_of(table), [], [str(notice) for notice in table.facts.get("notices", ())]
     if not options.to_stdout:
         if options.plot:
             from wavesweep.plots import drawn
 
-            table = drawn(table)
-        paths = results.publish(table.watched(tally.add), directory, options.force, options.formats, locked=True)
+            table = drawn(table, notices.append)
+        rows = options.partition if main else None
+        paths = results.publish(table.watched(tally.add), directory, options.force, options.formats, True, rows)
     elif main:
         try:
             results.stream(table.watched(tally.add), sys.stdout.buffer)
@@ -211,7 +212,6 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
         tally.add(table.columns)
     # The rows are written, so the checkpoint is not needed any more.
     table.forget()
-    notices = [str(notice) for notice in table.facts.get("notices", ())]
     warnings = [(str(warning), True) for warning in table.facts.get("warnings", ())]
     return Finished(table.kind, notices, tally.numbers(table.facts), [*warnings, *tally.lines(table.facts)], paths)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from wavesweep.cli.options import Options, common
+from wavesweep.cli.options import Options, common, partition
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     show_default=True,
     help="Energy (J per J sent) that aliasing may add for the channel to count as passive, here and with --filters.",
 )
+@partition
 @common
 def command(spec: str, options: Options, filters: bool, tolerance: float) -> None:
     """Compute the norm of the wave channel and the passivity margin at the hand's port.

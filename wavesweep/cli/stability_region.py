@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.cli.options import Options, common, hand_options
+from wavesweep.cli.options import Options, common, hand_options, partition
 
 if TYPE_CHECKING:
     from wavesweep.sweep.hands import Hands
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 @click.command("stability-region")
 @click.argument("spec")
 @hand_options
+@partition
 @common
 def command(spec: str, options: Options, hands: Hands | None) -> None:
     """Find the stable intervals along any axis for every combination of the others.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +16,10 @@ if TYPE_CHECKING:
 Numbers = Mapping[str, Any]
 
 
-def tally_of(table: Table) -> WholeTable | HandTally | SpecTally:
+def tally_of(table: Table) -> WholeTable | BodeTally | PassivityTally | HandTally | SpecTally:
     """Return the summary of a table: call `add` with each of its blocks, then `numbers` and `lines`."""
-    if table.kind == "compare":
-        return SpecTally(table.facts)
+    if table.kind in BLOCKWISE:
+        return BLOCKWISE[table.kind](table.facts)
     return HandTally(table.axes, table.facts) if table.axes is not None else WholeTable(*SUMMARIES[table.kind])
 
 
@@ -41,19 +42,50 @@ class WholeTable:
         yield from self._write(self.numbers(facts))
 
 
-def bode(columns: Columns, _: Mapping[str, Any]) -> Numbers:
-    """Curves, frequencies, the specs with unstable loops, and rows with other doubts."""
-    leading = [columns[name] for name in list(columns)[: list(columns).index("controller")]]
-    curves = list(dict.fromkeys(zip(*(map(str, column.tolist()) for column in leading), strict=True)))
-    doubted = np.isin(columns["doubt"], ["", "unstable"], invert=True)
-    return {
-        "rows": len(columns["frequency_hz"]),
-        "frequencies": len(np.unique(columns["frequency_hz"])),
-        "curves": len(curves),
-        "unstable_specs": sorted(set(columns["spec"][~columns["stable"]].tolist())),
-        "doubted_rows": int(doubted.sum()),
-        "doubts": sorted(set(columns["doubt"][doubted].tolist())),
-    }
+class BodeTally:
+    """Counts the rows of a table of responses: curves, frequencies, unstable loops, and rows with other doubts."""
+
+    def __init__(self, _: Mapping[str, Any]) -> None:
+        self._rows = self._curves = self._doubted = 0
+        self._frequencies, self._last = np.empty(0), None
+        self._unstable: set[str] = set()
+        self._doubts: set[str] = set()
+
+    def add(self, columns: Columns) -> None:
+        """Count a block of rows; a curve is rows with the same values, one after the other."""
+        leading = [columns[name] for name in list(columns)[: list(columns).index("controller")]]
+        new = np.zeros(len(columns["controller"]), bool)
+        for column in leading:
+            new[1:] |= _differ(column[1:], column[:-1])
+        first = [column[:1] for column in leading]
+        new[:1] = self._last is None or any(_differ(*pair).any() for pair in zip(first, self._last, strict=True))
+        self._last = [column[-1:] for column in leading]
+        doubted = np.isin(columns["doubt"].astype(str), ["", "unstable"], invert=True)
+        self._rows, self._curves = self._rows + new.size, self._curves + int(new.sum())
+        self._doubted += int(doubted.sum())
+        self._frequencies = np.union1d(self._frequencies, columns["frequency_hz"])
+        self._unstable.update(columns["spec"][~columns["stable"]].tolist())
+        self._doubts.update(columns["doubt"][doubted].tolist())
+
+    def numbers(self, _: Mapping[str, Any]) -> Numbers:
+        """The summary as numbers and words that JSON can hold."""
+        return {
+            "rows": self._rows,
+            "frequencies": self._frequencies.size,
+            "curves": self._curves,
+            "unstable_specs": sorted(self._unstable),
+            "doubted_rows": self._doubted,
+            "doubts": sorted(self._doubts),
+        }
+
+    def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
+        """Yield the lines, each with a flag that is true for a warning."""
+        yield from bode_lines(self.numbers(facts))
+
+
+def _differ(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Where two columns differ; a missing number equals another."""
+    return (one != other) & ((one == one) | (other == other))  # noqa: PLR0124 - a missing number is unequal to itself
 
 
 def bode_lines(found: Numbers) -> Iterator[Line]:
@@ -67,23 +99,41 @@ def bode_lines(found: Numbers) -> Iterator[Line]:
         yield f"{count(found['doubted_rows'], 'row')} without a reliable value ({words}), see the column doubt", True
 
 
-def passivity(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
-    """The numbers of passive rows, and the ranges of norm, margin and further damping."""
-    needed, slices = columns["damping_needed"], facts["slices"]
-    within = (columns["channel_norm"] ** 2 - 1 <= facts["tolerance"]) | columns["channel_passive"]
-    return {
-        "rows": len(columns["channel_norm"]),
-        "tolerance": facts["tolerance"],
-        "channel_norm": _range(columns["channel_norm"]),
-        "channel_passive_within_tolerance": int(within.sum()),
-        "channel_passive": int(columns["channel_passive"].sum()),
-        "port_passive": int(columns["port_passive"].sum()),
-        "port_margin": _range(columns["port_margin"]),
-        "damping_needed": _range(needed[needed > 0]),
-        "no_damping_is_enough": 0 if "damping_needed" in facts["methods"] else int(np.isnan(needed).sum()),
-        "unstable": int((~columns["stable"]).sum()),
-        "slices": dict(slices),
-    }
+class PassivityTally:
+    """Counts the passive rows, and keeps the ranges of norm, margin and further damping; facts: those of the run."""
+
+    def __init__(self, facts: Mapping[str, Any]) -> None:
+        self._tolerance, self._slices = facts["tolerance"], facts["slices"]
+        self._damped = "damping_needed" not in facts["methods"]  # otherwise it is not known
+        self._counts: Counter[str] = Counter()
+        self._ranges: dict[str, list[float] | None] = dict.fromkeys(("channel_norm", "port_margin", "damping_needed"))
+
+    def add(self, columns: Columns) -> None:
+        """Count a block of rows."""
+        needed, passive = columns["damping_needed"], columns["channel_passive"]
+        flags = {
+            "rows": np.ones(needed.size, bool),
+            "channel_passive_within_tolerance": (columns["channel_norm"] ** 2 - 1 <= self._tolerance) | passive,
+            "channel_passive": passive,
+            "port_passive": columns["port_passive"],
+            "no_damping_is_enough": np.isnan(needed) & self._damped,
+            "unstable": ~columns["stable"],
+        }
+        self._counts.update({name: int(each.sum()) for name, each in flags.items()})
+        values = {name: columns[name] for name in self._ranges} | {"damping_needed": needed[needed > 0]}
+        for name, column in values.items():
+            self._ranges[name] = _range(np.array([*(self._ranges[name] or ()), *(_range(column) or ())]))
+
+    def numbers(self, _: Mapping[str, Any]) -> Numbers:
+        """The summary as numbers and words that JSON can hold."""
+        order = ("rows", "tolerance", "channel_norm", "channel_passive_within_tolerance", "channel_passive", "port_passive",
+                 "port_margin", "damping_needed", "no_damping_is_enough", "unstable", "slices")  # fmt: skip
+        found = {**self._counts, **self._ranges, "tolerance": self._tolerance, "slices": dict(self._slices)}
+        return {name: found[name] for name in order}
+
+    def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
+        """Yield the lines, each with a flag that is true for a warning."""
+        yield from passivity_lines(self.numbers(facts))
 
 
 def passivity_lines(found: Numbers) -> Iterator[Line]:
@@ -237,10 +287,8 @@ def _span(ends: list[float], digits: int = 7) -> str:
     return f"{low:.{digits}g}" if low == high else f"{low:.{digits}g} to {high:.{digits}g}"
 
 
+BLOCKWISE = {"bode": BodeTally, "compare-bode": BodeTally, "passivity": PassivityTally, "compare": lambda _: SpecTally()}
 SUMMARIES = {
-    "bode": (bode, bode_lines),
-    "compare-bode": (bode, bode_lines),
-    "passivity": (passivity, passivity_lines),
     "passivity-filters": (filter_choices, filter_lines),
     "simulate": (simulation, simulation_lines),
     "simulate-response": (simulated_response, simulated_response_lines),

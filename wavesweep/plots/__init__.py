@@ -37,16 +37,39 @@ def figure_of(kind: str) -> Callable[[Mapping[str, Any], Mapping[str, Any]], Any
     return import_module(f"{__name__}.{_HOMES[name]}").__dict__[name] if name in _HOMES else None
 
 
-def drawn(table: Table) -> Table:
-    """The table with its figure. If its rows come in blocks, no more of them are kept than the figure needs."""
+def drawn(table: Table, say: Callable[[str], None] = lambda _: None) -> Table:
+    """The table with its figure, for which no more rows are kept than it needs.
+
+    say: is called with a sentence if the figure of responses leaves some of them out.
+    """
     if table.figure is not None:
         return table
+    if table.kind in ("bode", "passivity"):
+        from wavesweep.plots.chosen import Curves, Loops
+
+        rows = (Curves if table.kind == "bode" else Loops)(table.blocks)
+        return with_figure(table.watched(rows.add), partial(_drawn_of, rows, table.facts, say))
     if table.axes is None:
         return with_figure(table, partial(figure_of(table.kind), table.columns, table.facts))
     from wavesweep.plots.intervals import Picture
 
     picture = Picture(table.axes, table.blocks)
     return with_figure(table.watched(picture.add), partial(picture.draw, table.facts))
+
+
+def _drawn_of(rows, facts, say):
+    from wavesweep.plots.chosen import Loops
+
+    if isinstance(rows, Loops):
+        from wavesweep.plots.margins import passivity_of
+
+        return passivity_of(rows, facts)
+    from wavesweep.plots.responses import bode_of
+
+    columns, left_out = rows.chosen()
+    if left_out:
+        say(f"figure of {facts['spec_name']}: {left_out[0].lower()}{left_out[1:-1]}")
+    return bode_of(columns, left_out, facts)
 
 
 def with_figure(table: Table, draw: Callable[[], Any]) -> Table:

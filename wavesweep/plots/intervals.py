@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.plots.chosen import Kept
 from wavesweep.plots.layout import Layout, axes_of, best_of, best_row, is_logarithmic, lay_out
 from wavesweep.plots.planes import (
     FELT_LINE,
@@ -40,7 +41,6 @@ _PANEL_HEIGHT = 2.3  # inches
 _LETTERS_PER_INCH = 16
 _APART = 1.6  # points between thin bars of two members
 _HALF_BAR = 0.32  # of the distance between two bars
-_KEPT_ROWS = 300_000  # of a table that comes in blocks; a longer one is read a second time
 
 # From the one that promises least to the one that promises most; the looks stay the same whichever are there.
 HANDS = {
@@ -70,35 +70,25 @@ def zwidth(columns: Columns, facts: Mapping[str, Any]) -> Any:
 stability_region = zwidth
 
 
-class Picture:
+class Picture(Kept):
     """The figure of a table that need not fit into memory: `add` each of its blocks, then `draw`.
 
     axes: name -> values of the table's leading columns. blocks: gives all blocks again, if they are too many to be kept.
     """
 
     def __init__(self, axes: Mapping[str, Sequence[float]], blocks: Callable[[], Iterable[Columns]]) -> None:
-        self._axes, self._blocks = axes, blocks
-        self._kept: list[Columns] = []
-        self._rows = 0
-        self._best: dict[str, Any] = {}
+        super().__init__(blocks)
+        self._axes, self._best, self._hands = axes, {}, False
 
     def add(self, columns: Columns) -> None:
         """Look for the best design in a block (its columns by name), and keep it if it fits."""
-        self._best = best_of([self._best, best_row(columns)])
-        self._rows += len(columns["along"])
-        self._kept = [*self._kept, columns] if self._rows <= _KEPT_ROWS else []
+        super().add(columns)
+        self._best, self._hands = best_of([self._best, best_row(columns)]), "hand" in columns
 
     def draw(self, facts: Mapping[str, Any]) -> Any:
         """Draw the figure."""
-        kept = self._kept if self._rows <= _KEPT_ROWS else self._blocks()
-        rows, layout = None, None
-        parts = []
-        for block in kept:
-            layout = layout or lay_out(self._axes, self._best, "hand" in block)
-            shown = layout.shows(block)
-            parts.append({name: column[shown] for name, column in block.items()})
-        rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        return _draw(rows, facts, layout, self._best)
+        layout = lay_out(self._axes, self._best, self._hands)
+        return _draw(self.where(lambda columns, _: layout.shows(columns)), facts, layout, self._best)
 
 
 def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapping[str, Any]) -> Any:

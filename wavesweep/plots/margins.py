@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.layout import MOST_BARS, MOST_MEMBERS, MOST_POINTS, along_the_figure, evenly
+from wavesweep.plots.chosen import Loops
 from wavesweep.plots.style import TWO_COLUMNS, distinct_colour, family_looks, figure, fitting, label, valued
 
 Columns = Mapping[str, np.ndarray]
@@ -26,21 +26,24 @@ def passivity(columns: Columns, facts: Mapping[str, Any]) -> Any:
 
     If an axis has many values, they are lines over it, a family for the next axis; otherwise each combination is a dot.
     """
-    axes = {name: tuple(np.unique(columns[name]).tolist()) for name in list(columns)[: list(columns).index("channel_norm")]}
-    several = {name: values for name, values in axes.items() if len(values) > 1}
-    x = along_the_figure(several)
-    rest = [name for name in several if name != x]
+    loops = Loops(lambda: (columns,))
+    loops.add(columns)
+    return passivity_of(loops, facts)
+
+
+def passivity_of(loops: Loops, facts: Mapping[str, Any]) -> Any:
+    """The same for a table that need not fit into memory."""
+    columns = loops.chosen()
     # A margin that is below 0 by rounding alone counts as 0, by the verdict of the table.
     margin = np.where(columns["port_passive"], np.fmax(columns["port_margin"], 0.0), columns["port_margin"])
     columns = {**columns, "port_margin": 1e3 * margin}
-    return _draw_dots(columns, several, facts) if x is None else _draw_lines(columns, several, x, rest, facts)
+    return _draw_lines(columns, loops, facts) if loops.roles else _draw_dots(columns, loops, facts)
 
 
-def _draw_lines(columns: Columns, several: Mapping[str, tuple], x: str, rest: list[str], facts: Mapping[str, Any]) -> Any:
-    family, held = (rest[0] if rest else None), {name: several[name][len(several[name]) // 2] for name in rest[1:]}
-    members = evenly(several, family, MOST_MEMBERS)
-    shown = {x: evenly(several, x, MOST_POINTS), **({family: members} if family else {}), **{n: (v,) for n, v in held.items()}}
-    columns = _where(columns, shown)
+def _draw_lines(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any:
+    shown = loops.roles
+    x, family, *_ = [*shown, None]
+    members = shown[family] if family else ()
     with figure(TWO_COLUMNS, 2.9) as canvas:
         channel, port = canvas.subplots(1, 2)
         for look, value in zip(family_looks(max(1, len(members))), members or (None,), strict=True):
@@ -54,19 +57,16 @@ def _draw_lines(columns: Columns, several: Mapping[str, tuple], x: str, rest: li
             panel.set_xlim(columns[x].min(), columns[x].max())
         _finish(channel.yaxis, port.yaxis, (channel, port), columns)
         _legend(canvas, port)
-        _note(canvas, label(x, facts), _left_out(several, shown), _said(facts))
+        _note(canvas, label(x, facts), _left_out(loops.several, shown), _said(facts))
     return canvas
 
 
-def _draw_dots(columns: Columns, several: Mapping[str, tuple], facts: Mapping[str, Any]) -> Any:
-    rows = len(columns["channel_norm"])
-    # Axes that have one value, or that are not read, repeat nothing here: a row is a dot.
-    chosen = np.linspace(0, rows - 1, min(rows, 2 * MOST_BARS)).round().astype(int)
-    columns = {name: column[chosen] for name, column in columns.items()}
-    places = np.arange(len(chosen))
-    names = [", ".join(valued(name, columns[name][row], facts) for name in several) for row in range(len(chosen))]
-    note = f"Shown: {len(chosen)} of {rows} combinations." if len(chosen) < rows else ""
-    with figure(TWO_COLUMNS, 1.5 + 0.2 * len(chosen)) as canvas:
+def _draw_dots(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any:
+    count = len(columns["channel_norm"])
+    places = np.arange(count)
+    names = [", ".join(valued(name, columns[name][row], facts) for name in loops.several) for row in range(count)]
+    note = f"Shown: {count} of {loops.rows} combinations." if count < loops.rows else ""
+    with figure(TWO_COLUMNS, 1.5 + 0.2 * count) as canvas:
         channel, port = canvas.subplots(1, 2, sharey=True)
         panels = ((channel, _excess(columns), "channel_passive"), (port, columns["port_margin"], "port_passive"))
         for panel, values, verdict in panels:
@@ -75,7 +75,7 @@ def _draw_dots(columns: Columns, several: Mapping[str, tuple], facts: Mapping[st
                 panel.plot(values[rows_of], places[rows_of], "o", color=_COLOUR, markerfacecolor=face, markersize=4)
             panel.grid(visible=True, axis="y", color="0.9", linewidth=0.5)
         channel.set_yticks(places, names)
-        channel.set_ylim(len(chosen) - 0.4, -0.6)
+        channel.set_ylim(count - 0.4, -0.6)
         _finish(channel.xaxis, port.xaxis, (channel, port), columns)
         _legend(canvas, port)
         _note(canvas, "", note, _said(facts))

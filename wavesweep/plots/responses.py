@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.plots.chosen import Curves
 from wavesweep.plots.style import (
     IDEAL,
     LINES,
@@ -50,10 +51,17 @@ def bode(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw a `bode` table: magnitude and phase of admittance and impedance, over Hz below and omega T_s above.
 
     Direct coupling at the fast rate is the ideal, dashed black. If a loop is unstable, its curve is faint. Inaccurate
-    numbers are crossed out, and unknown ones are left out. Phases are those of the table, from -180 to 180 degrees; lines are
-    interrupted at the jumps. The static limit (0 Hz) is a mark at the left edge. One frequency is drawn over the axis that
-    varies. More than a dozen curves have a scale of colours.
+    numbers are crossed out, unknown ones left out. Phases are those of the table, from -180 to 180 degrees, interrupted at the
+    jumps. The static limit (0 Hz) is a mark at the left edge. One frequency is drawn over the axis that varies. More than a
+    dozen curves have a scale of colours; of hundreds some are shown (see `Curves`).
     """
+    curves = Curves(lambda: (columns,))
+    curves.add(columns)
+    return bode_of(*curves.chosen(), facts)
+
+
+def bode_of(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any:
+    """The same for the rows that are shown of a table, and a sentence about the others."""
     x = _axis_of(columns)
     columns = {**columns, "admittance_abs": 1e3 * columns["admittance_abs"]}
     curves, scale = _curves(columns, x, facts)
@@ -70,7 +78,8 @@ def bode(columns: Columns, facts: Mapping[str, Any]) -> Any:
         if x == "frequency_hz":
             _add_normalised_frequency(grid[0], columns)
         canvas.align_ylabels()
-        note_assumptions(canvas, facts, "" if x == "frequency_hz" else f"at {columns['frequency_hz'][0]:g} Hz")
+        place = [] if x == "frequency_hz" else [f"at {columns['frequency_hz'][0]:g} Hz"]
+        note_assumptions(canvas, facts, "; ".join([*place, *filter(None, [left_out])]))
         if scale is not None:
             canvas.colorbar(scale[1], ax=grid, label=label(scale[0], facts), aspect=40, pad=0.01)
         handles, labels = grid[0, 0].get_legend_handles_labels()
@@ -190,10 +199,7 @@ def _scale(values: np.ndarray) -> Any:
 
 
 def _responses(columns: Columns, axes: list[str], facts: Mapping[str, Any]) -> list[tuple[str, dict[str, np.ndarray]]]:
-    """Return the rows of each combination of the axes, with its name.
-
-    If a controller ignores an axis, the rows are repeated, and one line is enough.
-    """
+    """Return the rows of each combination of the axes, with its name; rows that an ignored axis repeats count once."""
     values = np.stack([columns[name].astype(float) for name in axes] or [np.zeros(len(columns["spec"]))], axis=1)
     different, which = np.unique(values, axis=0, return_inverse=True)
     found: dict[bytes, tuple[str, dict[str, np.ndarray]]] = {}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.results.package import packaged_facts, packaged_fault, packaged_kinds
+from wavesweep.results.package import PART, packaged_facts, packaged_fault, packaged_kinds, packaged_parts
 from wavesweep.results.schema import Field, kind_of, kinds_by_name
 
 # Rows in a row group. A fixed number, so that a file's bytes do not depend on the blocks that its rows came in.
@@ -46,6 +47,28 @@ class ParquetFile:
             self._writer.is_open = False  # if it failed, pyarrow would try again at some later time, and print a traceback
 
 
+class ParquetParts:
+    """A folder of Parquet files with `rows` rows each, the last one with the rest: as for `ParquetFile`."""
+
+    def __init__(self, path: Path, fields: tuple[Field, ...], facts: Mapping[str, Any], rows: int) -> None:
+        path.mkdir()
+        self._path, self._given, self._rows = path, (fields, facts), rows
+        self._number, self._left, self._part = 0, rows, ParquetFile(path / part_name(0), fields, facts)
+
+    def append(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Write checked columns, no more than fit into the part, as one row group."""
+        if not self._left:
+            self._part.close()
+            self._number, self._left = self._number + 1, self._rows
+            self._part = ParquetFile(self._path / part_name(self._number), *self._given)
+        self._part.append(columns)
+        self._left -= len(next(iter(columns.values())))
+
+    def close(self) -> None:
+        """Write the footer of the last part."""
+        self._part.close()
+
+
 def csv_header(fields: tuple[Field, ...]) -> bytes:
     """The header line, encoded; no name of a column needs quotes."""
     return (",".join(field.name for field in fields) + "\n").encode("utf-8")
@@ -68,7 +91,7 @@ def csv_rows(columns: Mapping[str, np.ndarray]) -> Any:
 
 
 def read(path: str | Path) -> dict[str, np.ndarray]:
-    """Give the columns of the CSV or Parquet table at `path` in their order, exactly as they were written.
+    """Give the columns of the CSV or Parquet table at `path`, or of a folder of Parquet parts, exactly as they were written.
 
     Numbers are float64 with NaN if missing, whole numbers int64, booleans bool, names object arrays of str. The kind of
     a column of a CSV follows from its name, or from the data package beside it.
@@ -80,7 +103,7 @@ def read(path: str | Path) -> dict[str, np.ndarray]:
     elif path.suffix == ".parquet":
         import pyarrow.parquet
 
-        table = pyarrow.parquet.read_table(path)
+        table = pyarrow.concat_tables([pyarrow.parquet.read_table(part) for part in parts_of(path)])
     else:
         raise UsageError(f"{path}: found the suffix {path.suffix!r}, expected .csv or .parquet")
     return {name: _numpy(table.column(name)) for name in table.column_names}
@@ -94,7 +117,7 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
     """
     path = Path(path)
     package = path.with_suffix(".datapackage.json")
-    if not path.is_file():
+    if not path.is_file() and not (path.suffix == ".parquet" and path.is_dir()):
         raise UsageError(f"{path}: expected the CSV or Parquet file of a table, found no such file")
     if path.suffix == ".csv":
         fault = packaged_fault(path, package)
@@ -123,7 +146,7 @@ def _schema_facts(path: Path) -> dict[str, Any]:
     """The facts in the schema of a Parquet file, empty if it has none."""
     import pyarrow.parquet
 
-    text = (pyarrow.parquet.read_schema(path).metadata or {}).get(b"wavesweep", b"{}")
+    text = (pyarrow.parquet.read_schema(parts_of(path)[0]).metadata or {}).get(b"wavesweep", b"{}")
     try:
         return dict(json.loads(text))
     except (ValueError, TypeError):
@@ -134,14 +157,47 @@ def read_rows(path: Path, first: int = 0, end: int | None = None, columns: list[
     """Give the rows from `first` to before `end` (None: the last) of a Parquet table, reading only their row groups."""
     import pyarrow.parquet
 
-    with pyarrow.parquet.ParquetFile(path) as file:
-        sizes = [file.metadata.row_group(number).num_rows for number in range(file.num_row_groups)]
-        borders = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
-        end = int(borders[-1]) if end is None else end
-        groups = [number for number in range(len(sizes)) if borders[number] < end and borders[number + 1] > first]
-        table = file.read_row_groups(groups, columns=columns)
-    table = table.slice(first - (int(borders[groups[0]]) if groups else 0), end - first)
+    found, before = [], 0
+    for part in parts_of(path):
+        with pyarrow.parquet.ParquetFile(part) as file:
+            rows = file.metadata.num_rows
+            start, stop = max(first - before, 0), rows if end is None else min(end - before, rows)
+            if start < stop or not found:  # of the first part at least the columns
+                found.append(_rows_of(file, start, max(start, stop), columns))
+        before += rows
+        if end is not None and before >= end:
+            break
+    table = pyarrow.concat_tables(found)
     return {name: _numpy(table.column(name)) for name in table.column_names}
+
+
+def _rows_of(file: Any, first: int, end: int, columns: list[str] | None) -> Any:
+    """The same of an open Parquet file, as a table of Arrow."""
+    sizes = [file.metadata.row_group(number).num_rows for number in range(file.num_row_groups)]
+    borders = np.concatenate([[0], np.cumsum(sizes)]).astype(int)
+    groups = [number for number in range(len(sizes)) if borders[number] < end and borders[number + 1] > first]
+    table = file.read_row_groups(groups, columns=columns)
+    return table.slice(first - (int(borders[groups[0]]) if groups else 0), end - first)
+
+
+def part_name(number: int) -> str:
+    """The name of a part in the folder of a table."""
+    return f"part-{number:05d}.parquet"
+
+
+def parts_of(path: Path) -> list[Path]:
+    """The Parquet files of a table in their order: the file itself, or those of a folder of parts.
+
+    Raises UsageError if the folder has none, lacks one before the last, or lacks one of the data package beside it.
+    """
+    if not path.is_dir():
+        return [path]
+    names = sorted(part.name for part in path.iterdir() if re.fullmatch(PART, part.name))
+    package = path.with_suffix(".datapackage.json")
+    expected = packaged_parts(package) if package.exists() else len(names)
+    if not names or names != [part_name(number) for number in range(max(expected, len(names)))]:
+        raise UsageError(f"{path}: expected {expected or 'some'} parts from {part_name(0)} on, found {len(names)} or others")
+    return [path / name for name in names]
 
 
 def _read_csv(path: Path) -> Any:

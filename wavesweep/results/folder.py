@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from wavesweep.errors import UsageError
-from wavesweep.results.package import packaged_facts
+from wavesweep.results.package import PART, packaged_facts
 from wavesweep.spec import SYMBOLS
+from wavesweep.sweep.disk import is_folder, put_away, remove_folder
 
 FIGURES = (".png", ".svg", ".pdf")
 SUFFIXES = (".csv", ".parquet", *FIGURES, ".datapackage.json")
+PARTS = re.compile(PART)
 LONGEST = 40  # characters of a list in a message
 
 
@@ -112,8 +115,17 @@ def _text(value: object) -> str:
 
 def discard(kind: str, directory: str | Path) -> None:
     """Remove the files of the table `kind` in a directory, if there are any; `refuse_other_spec` has checked their spec."""
-    for suffix in SUFFIXES:
-        (Path(directory) / f"{kind}{suffix}").unlink(missing_ok=True)
+    for path in (Path(directory) / f"{kind}{suffix}" for suffix in SUFFIXES):
+        if is_folder(path):
+            remove_folder(put_away(path), PARTS)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def are_parts(folder: Path) -> bool:
+    """Whether a folder holds the Parquet files of a table in parts, and nothing else."""
+    paths = list(folder.iterdir())
+    return paths != [] and all(PARTS.fullmatch(path.name) and path.is_file() and not path.is_symlink() for path in paths)
 
 
 def refuse_unusable(directory: str | Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,12 +14,13 @@ from wavesweep.results.schema import Field, FieldKind
 _DIALECT = {"delimiter": ",", "lineTerminator": "\n", "quoteChar": '"', "doubleQuote": True, "header": True}
 _MEDIA = {"png": "image/png", "svg": "image/svg+xml", "pdf": "application/pdf"}
 _HASH_BLOCK = 1 << 20
+PART = r"part-\d{5,}\.parquet"  # the name of a file in the folder of a table in parts
 
 
 def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any], stem: Path, figures: Sequence[Path]) -> str:
     """The package as JSON text, for the files as they are on disk; `facts` includes the timings.
 
-    stem: the CSV and the Parquet file without their suffixes.
+    stem: the CSV and the Parquet file, or the folder of Parquet files, without their suffixes.
     """
     schema = {"fields": [_field(field) for field in fields], "missingValues": ["NaN"]}
     package = {
@@ -26,31 +28,44 @@ def package_text(kind: str, fields: tuple[Field, ...], facts: Mapping[str, Any],
         "name": kind,
         "title": _title(kind, facts),
         "resources": [
-            {
-                "name": f"{kind}-csv",
-                "profile": "tabular-data-resource",
-                "format": "csv",
-                "mediatype": "text/csv",
-                "encoding": "utf-8",
-                "dialect": _DIALECT,
-                **file_facts(stem.with_suffix(".csv")),
-                "schema": schema,
-            },
-            {
-                "name": f"{kind}-parquet",
-                "profile": "data-resource",
-                # Taken for a table, frictionless looks for the bytes of a text stream and finds none.
-                "type": "file",
-                "format": "parquet",
-                "mediatype": "application/vnd.apache.parquet",
-                **file_facts(stem.with_suffix(".parquet")),
-                "schema": schema,
-            },
+            *_tables(kind, stem, schema),
             *(figure_resource(kind, facts, figure) for figure in figures),
         ],
         "wavesweep": facts,
     }
     return _as_text(package)
+
+
+def _tables(kind: str, stem: Path, schema: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """The entries of the CSV and the Parquet file or, without a CSV, of each part of the folder of Parquet files."""
+    # Taken for a table, frictionless looks for the bytes of a text stream and finds none.
+    parquet = {"profile": "data-resource", "type": "file", "format": "parquet", "mediatype": "application/vnd.apache.parquet"}
+    whole = stem.with_suffix(".parquet")
+    if whole.is_dir():
+        return [
+            {
+                "name": f"{kind}-{part.stem}",
+                **parquet,
+                **file_facts(part),
+                "path": f"{whole.name}/{part.name}",
+                **({"schema": schema} if part.name == "part-00000.parquet" else {}),
+            }
+            for part in sorted(whole.iterdir())
+        ]
+    csv = {"profile": "tabular-data-resource", "format": "csv", "mediatype": "text/csv", "encoding": "utf-8"}
+    return [
+        {"name": f"{kind}-csv", **csv, "dialect": _DIALECT, **file_facts(stem.with_suffix(".csv")), "schema": schema},
+        {"name": f"{kind}-parquet", **parquet, **file_facts(whole), "schema": schema},
+    ]
+
+
+def packaged_parts(package: Path) -> int:
+    """Give the number of parts of the folder of Parquet files in a package, 0 if it is not readable or has none."""
+    try:
+        entries = json.loads(package.read_text(encoding="utf-8"))["resources"]
+        return sum(re.fullmatch(PART, str(entry["path"]).rpartition("/")[2]) is not None for entry in entries)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return 0
 
 
 def figure_resource(kind: str, facts: Mapping[str, Any], figure: Path) -> dict[str, Any]:

@@ -6,6 +6,8 @@ the data package last, and the journal and the folder are removed. So a kill at 
 
 - a `new` folder: nothing was decided, the old results are untouched, and the next run removes it;
 - a `put` folder: all that it still holds is moved by the next run, before that looks at the results.
+
+A table in parts is a folder of Parquet files, which is moved as one; the folder or the file in its place is put away first.
 """
 
 from __future__ import annotations
@@ -18,10 +20,11 @@ from contextlib import suppress
 from pathlib import Path
 
 from wavesweep.errors import UsageError
-from wavesweep.results.folder import FIGURES, SUFFIXES, existing_facts
-from wavesweep.sweep.disk import folders_named, is_folder, random_part, read_file, remove_folder, sync
+from wavesweep.results.folder import FIGURES, PARTS, SUFFIXES, are_parts, existing_facts
+from wavesweep.sweep.disk import folders_named, is_folder, random_part, read_file, remove_folder, remove_old, sync
 
 JOURNAL = "journal.json"
+REPLACED = "replaced"  # the name, in the folder of new files, of a folder of parts whose place is needed
 ORDER = (*SUFFIXES[:-1], ".md", SUFFIXES[-1])  # the package last: its hashes then vouch for files that are in place
 NEW, PUT = "new", "put"
 
@@ -36,16 +39,24 @@ def new_folder(kind: str, directory: Path) -> Path:
 def abandon(kind: str, folder: Path) -> None:
     """Remove a folder whose files were not put in place, as far as that is possible now."""
     with suppress(OSError):
+        for parts in (folder / f"{kind}.parquet", folder / REPLACED):
+            if is_folder(parts):
+                remove_folder(parts, PARTS)
         remove_folder(folder, _ours(kind))
 
 
 def put_in_place(kind: str, folder: Path, directory: Path, sha256: str) -> list[Path]:
-    """Move the files of a table to their places and give their paths; figures of another spec (not `sha256`) are removed."""
+    """Move the files of a table to their places and give their paths.
+
+    Figures of another spec (not `sha256`) are removed, and a CSV if the new table has none.
+    """
     files = [f"{kind}{suffix}" for suffix in ORDER if (folder / f"{kind}{suffix}").exists()]
     other = (existing_facts(kind, directory) or {}).get("spec_sha256") != sha256
-    stale = [name for suffix in FIGURES if other and (name := f"{kind}{suffix}") not in files]
+    stale = [name for suffix in (".csv", *(FIGURES if other else ())) if (name := f"{kind}{suffix}") not in files]
     (folder / JOURNAL).write_text(json.dumps({"place": files, "remove": stale}), encoding="utf-8")
     for name in (*files, JOURNAL):
+        for part in sorted((folder / name).iterdir()) if is_folder(folder / name) else ():
+            sync(part)
         sync(folder / name)
     sync(folder)
     decided = folder.with_name(folder.name.replace(f".{NEW}-", f".{PUT}-"))
@@ -65,13 +76,14 @@ def settle(kinds: Iterable[str], directory: Path) -> None:
             _finish(kind, folder, directory)
         for folder in folders_named(directory, f".{kind}.{NEW}-"):
             abandon(kind, folder)
+        remove_old(directory / f"{kind}.parquet", PARTS)
 
 
 def refuse_folders(kinds: Iterable[str], directory: Path) -> None:
-    """Raise UsageError if there is a folder in the place of a file of these tables, which could never be put there."""
+    """Raise UsageError if there is a folder in the place of a file of these tables, unless it is one of Parquet parts."""
     for kind in kinds:
         for place in (directory / f"{kind}{suffix}" for suffix in ORDER):
-            if is_folder(place):
+            if is_folder(place) and not (place.suffix == ".parquet" and are_parts(place)):
                 raise UsageError(f"{place}: expected a file of results or none, found a folder; move it away")
 
 
@@ -85,19 +97,25 @@ def _finish(kind, decided, directory):
     sync(directory)
     for name in place:
         if os.path.lexists(decided / name):
+            _make_way(decided, directory / name)
             (decided / name).replace(directory / name)
     for name in stale:
         (directory / name).unlink(missing_ok=True)
     if place:
         sync(directory)
         (decided / JOURNAL).unlink()
-    with suppress(FileNotFoundError):
-        _remove_empty(decided)
-
-
-def _remove_empty(folder):
     with suppress(OSError):  # it holds files of somebody else, or may not be removed: tried again by the next run
-        folder.rmdir()
+        if is_folder(decided / REPLACED):
+            remove_folder(decided / REPLACED, PARTS)
+        decided.rmdir()
+
+
+def _make_way(decided, place):
+    """Free a place that a rename cannot take over: a folder of parts is put away, and a file goes if a folder replaces it."""
+    if is_folder(place):
+        place.rename(decided / REPLACED)
+    elif is_folder(decided / place.name):
+        place.unlink(missing_ok=True)
 
 
 def _ours(kind):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -67,6 +67,9 @@ def _of_package(package: Path, rows: int, seed: int) -> Iterator[tuple[str, bool
     except (WavesweepError, KeyError, TypeError, ValueError, AttributeError) as error:
         yield f"{package}: the spec in it makes no run: {error}", True
         return
+    except OSError as error:  # of the table, which has the names of the specs
+        yield f"{package}: its rows cannot be computed again: {error}", True
+        return
     if again is None:
         yield f"{package}: its rows cannot be computed again from a spec", False
         return
@@ -84,10 +87,13 @@ def _files(package: Path) -> Iterator[str]:
         yield f"{package}: its list of files cannot be read"
         return
     stem = package.name.removesuffix(SUFFIXES[-1])
-    for name in sorted({f"{stem}.csv", f"{stem}.parquet"} - set(known)):
+    parts, here = package.parent / f"{stem}.parquet", {f"{stem}.csv", f"{stem}.parquet"}
+    if parts.is_dir():
+        here = {f"{parts.name}/{path.name}" for path in parts.iterdir()}
+    for name in sorted(here - set(known)):
         yield f"{package}: {name} is not in its list of files"
     for name, (size, digest) in known.items():
-        path = package.parent / Path(name).name
+        path = parts / Path(name).name if name.startswith(f"{parts.name}/") else package.parent / Path(name).name
         try:
             found = file_facts(path)
         except OSError as error:
@@ -96,6 +102,8 @@ def _files(package: Path) -> Iterator[str]:
         if (found["bytes"], found["hash"]) != (size, digest):
             bytes_, hash_ = found["bytes"], found["hash"]
             yield f"{path}: {bytes_} bytes with {hash_[:19]}…, but {size} bytes with {str(digest)[:19]}… in the package"
+    if parts.is_dir():
+        return
     yield from _between(package.with_name(f"{stem}.csv"), package.with_name(f"{stem}.parquet"), known)
 
 
@@ -114,10 +122,10 @@ def _between(csv: Path, parquet: Path, known: Mapping[str, Any]) -> Iterator[str
 
 @dataclass(frozen=True)
 class _Again:
-    """Digest of the spec in a package, and how to compute rows again: all of them, or those of some combinations."""
+    """Digest of the spec in a package, and how to compute rows again: all in blocks, or those of some combinations."""
 
     sha256: str
-    whole: Callable[[], Columns] | None = None
+    whole: Callable[[], Iterable[Columns]] | None = None
     combinations: int = 0
     some: Callable[[np.ndarray], Iterator[Columns]] | None = None
 
@@ -133,7 +141,7 @@ def _again(package: Path, facts: Mapping[str, Any]) -> _Again | None:
     if kind == "bode":
         specs = [_named(load(tables), name) for name, tables in facts.get("specs", {_stem(package): facts["spec"]}).items()]
         table = sweep.responses(specs)
-        return _Again(table.facts["spec_sha256"], lambda: table.columns)
+        return _Again(table.facts["spec_sha256"], table.blocks)
     tolerance = {"tolerance": facts["tolerance"]} if "tolerance" in facts else {}
     calls: dict[str, Callable[[Spec], Table]] = {
         "passivity": lambda spec: sweep.passivity(spec, **tolerance, jobs=1),
@@ -145,7 +153,7 @@ def _again(package: Path, facts: Mapping[str, Any]) -> _Again | None:
         return None  # of the paper, of the benchmark, or of a recorded force, whose path the package does not have
     spec = load(facts["spec"])
     spec = _named(spec.as_simulated(), _stem(package)) if kind.startswith("simulate") else spec
-    return _Again(spec.sha256, lambda: calls[kind](spec).columns)
+    return _Again(spec.sha256, lambda: calls[kind](spec).blocks())
 
 
 def _intervals(spec: Spec, kind: str, facts: Mapping[str, Any]) -> _Again:
@@ -176,7 +184,7 @@ def _rows(package: Path, facts: Mapping[str, Any], again: _Again, rows: int, see
     how = "to the bit" if exact else f"to {CLOSE:g}, since another version of this program or of numpy made them"
     try:
         if again.some is None:
-            difference = first_difference(read(parquet), again.whole(), exact)
+            difference = _compared(parquet, again.whole(), exact)
             extent = "all rows"
         else:
             difference = _sampled(parquet, again, rows, seed, exact)
@@ -188,6 +196,18 @@ def _rows(package: Path, facts: Mapping[str, Any], again: _Again, rows: int, see
         yield f"{parquet}: computed again, {difference}", True
     else:
         yield f"{parquet}: {extent} computed again, equal {how}", False
+
+
+def _compared(parquet: Path, blocks: Iterable[Columns], exact: bool) -> str:
+    """The first difference of a whole table from new rows in blocks."""
+    first = 0
+    for block in blocks:
+        end = first + len(next(iter(block.values())))
+        if difference := first_difference(read_rows(parquet, first, end), block, exact, first):
+            return difference
+        first = end
+    more = len(read_rows(parquet, first, columns=[next(iter(block))])[next(iter(block))])
+    return f"{first + more} rows and not {first}" if more else ""
 
 
 def _same_versions(facts: Mapping[str, Any]) -> bool:

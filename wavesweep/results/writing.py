@@ -8,7 +8,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from wavesweep.results.files import GROUP_ROWS, ParquetFile, csv_header, csv_rows
+from wavesweep.results.files import GROUP_ROWS, ParquetFile, ParquetParts, csv_header, csv_rows
 from wavesweep.results.folder import FIGURES, existing_facts, refuse_other_spec
 from wavesweep.results.lock import at_work
 from wavesweep.results.package import package_text
@@ -20,7 +20,12 @@ OWN_FACTS = ("timings", "warnings", "spec_place")  # facts of one run, which dif
 
 
 def publish(
-    table: Table, directory: str | Path, force: bool = False, formats: Iterable[str] = ("png",), locked: bool = False
+    table: Table,
+    directory: str | Path,
+    force: bool = False,
+    formats: Iterable[str] = ("png",),
+    locked: bool = False,
+    partition: int | None = None,
 ) -> list[Path]:
     """Write a table as CSV and Parquet, its figure and text if it has some, and the data package; give their paths.
 
@@ -34,6 +39,7 @@ def publish(
     force      replace results of another spec; those of the same file (`spec_place`) are replaced in any case
     formats    of the figure: png, svg, pdf
     locked     the caller is `at_work` on this table; if not, the call waits until no other run is
+    partition  rows of each file of a folder `KIND.parquet`, which then takes the place of both files; None: both files
 
     Raises UsageError if the directory holds results of another spec, WavesweepError if the columns do not fit the
     fields or a number is infinite, OSError if a file cannot be written.
@@ -46,7 +52,7 @@ def publish(
         folder = new_folder(table.kind, directory)
         try:
             stem = folder / table.kind
-            _write_all(stem, table, fields, facts, blocks, formats)
+            _write_all(stem, table, fields, blocks, formats, partition)
             package = package_text(table.kind, fields, facts, stem, _figures(stem, directory, facts["spec_sha256"]))
             stem.with_suffix(".datapackage.json").write_text(package, encoding="utf-8")
             return put_in_place(table.kind, folder, directory, facts["spec_sha256"])
@@ -54,9 +60,15 @@ def publish(
             abandon(table.kind, folder)
 
 
-def _write_all(stem: Path, table: Table, fields: tuple[Field, ...], facts: Mapping[str, Any], blocks, formats) -> None:
+def _write_all(stem: Path, table: Table, fields: tuple[Field, ...], blocks, formats, partition: int | None) -> None:
     """Write the files of a table but its package; `stem` is their path without a suffix."""
-    _write_rows(stem, fields, facts, blocks)
+    lasting = {name: fact for name, fact in table.facts.items() if name not in OWN_FACTS}
+    if partition is None:
+        _write_rows(stem, fields, lasting, blocks)
+    else:
+        with closing(ParquetParts(stem.with_suffix(".parquet"), fields, lasting, partition)) as parts:
+            for group in _groups(fields, blocks, partition):
+                parts.append(group)
     for form in formats if table.figure is not None else ():
         table.figure(stem.with_suffix(f".{form}"))
     if table.text is not None:
@@ -83,8 +95,7 @@ def _opened(table: Table) -> tuple[tuple[Field, ...], Iterable[Columns]]:
 
 
 def _write_rows(stem: Path, fields: tuple[Field, ...], facts: Mapping[str, Any], blocks: Iterable[Columns]) -> None:
-    lasting = {name: fact for name, fact in facts.items() if name not in OWN_FACTS}
-    parquet = ParquetFile(stem.with_suffix(".parquet"), fields, lasting)
+    parquet = ParquetFile(stem.with_suffix(".parquet"), fields, facts)
     with closing(parquet), stem.with_suffix(".csv").open("wb") as csv:
         csv.write(csv_header(fields))
         for group in _groups(fields, blocks):
@@ -92,21 +103,32 @@ def _write_rows(stem: Path, fields: tuple[Field, ...], facts: Mapping[str, Any],
             parquet.append(group)
 
 
-def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns]) -> Iterator[Columns]:
-    """Yield checked columns in groups of a fixed number of rows, and the remaining rows."""
-    pending, waiting, rows = [], 0, 0
+def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns], partition: int | None = None) -> Iterator[Columns]:
+    """Yield checked columns in groups of a fixed number of rows, none of which is in two parts, and the remaining rows."""
+    pending, waiting, rows, sizes = [], 0, 0, _sizes(partition)
+    size = next(sizes)
     for block in blocks:
         pending.append(checked(fields, block, rows))
         length = len(pending[-1][fields[0].name])
         rows, waiting = rows + length, waiting + length
-        if waiting < GROUP_ROWS:
+        if waiting < size:
             continue
-        whole, end = joined(pending), waiting - waiting % GROUP_ROWS
-        for start in range(0, end, GROUP_ROWS):
-            yield {name: column[start : start + GROUP_ROWS] for name, column in whole.items()}
-        pending, waiting = [{name: column[end:] for name, column in whole.items()}], waiting - end
+        whole, start = joined(pending), 0
+        while waiting - start >= size:
+            yield {name: column[start : start + size] for name, column in whole.items()}
+            start, size = start + size, next(sizes)
+        pending, waiting = [{name: column[start:] for name, column in whole.items()}], waiting - start
     if waiting:
         yield joined(pending)
+
+
+def _sizes(partition: int | None) -> Iterator[int]:
+    """Yield the numbers of rows of the groups."""
+    left = partition
+    while True:
+        size = GROUP_ROWS if left is None else min(left, GROUP_ROWS)
+        yield size
+        left = None if left is None else left - size or partition
 
 
 def _figures(stem: Path, directory: Path, sha256: str) -> list[Path]:

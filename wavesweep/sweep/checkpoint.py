@@ -9,18 +9,16 @@ import json
 import os
 import re
 import struct
-import tempfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
-from wavesweep.analysis.doubt import words
 from wavesweep.errors import CheckpointError
 from wavesweep.sweep.disk import TEMPORARY, is_folder, make_folders, put_away, read_file, remove_folder, remove_old, write_file
 from wavesweep.sweep.job import Job
-from wavesweep.sweep.tasks import HAND_RECORD, RECORD
+from wavesweep.sweep.tasks import RECORD
 
 MANIFEST = "manifest.json"
 SUFFIX = ".records"
@@ -41,8 +39,8 @@ class MemoryCheckpoint:
     """Finished chunks in memory or, if they are many, in a file without a name, which a kill removes as well."""
 
     def __init__(self, dtype=RECORD):
-        self._dtype, self._places = dtype, {}
-        self._file = tempfile.SpooledTemporaryFile(IN_MEMORY)  # noqa: SIM115 - closed by `remove`, or with this object
+        self._dtype, self._kept, self._places = dtype, {}, {}
+        self._file, self._bytes = None, 0
 
     def __del__(self):
         self.remove()
@@ -54,24 +52,36 @@ class MemoryCheckpoint:
 
     def finished(self) -> list[int]:
         """Numbers of the finished chunks."""
-        return sorted(self._places)
+        return sorted([*self._kept, *self._places])
 
     def save(self, number: int, records: np.ndarray) -> None:
         """Keep a finished chunk."""
+        self._bytes += records.nbytes
+        if self._bytes <= IN_MEMORY:
+            self._kept[number] = records
+            return
+        if self._file is None:
+            from tempfile import TemporaryFile  # a small run needs none
+
+            self._file = TemporaryFile()  # noqa: SIM115 - closed by `remove`, or with this object
         start = self._file.seek(0, os.SEEK_END)
         self._file.write(records.tobytes())
         self._places[number] = (start, records.nbytes)
 
     def load(self, number: int) -> np.ndarray:
         """The records of a finished chunk."""
+        if number in self._kept:
+            return self._kept[number]
         start, size = self._places[number]
         self._file.seek(start)
         return np.frombuffer(self._file.read(size), self._dtype)
 
     def remove(self) -> None:
         """Forget everything."""
+        self._kept.clear()
         self._places.clear()
-        self._file.close()
+        if self._file is not None:
+            self._file.close()
 
 
 class FolderCheckpoint:
@@ -165,18 +175,17 @@ def checkpoint_of(job: Job, folder: Path | None, force: bool, warnings: list[str
     force: begin anew if the folder is of another run. warnings: receives a sentence for each damaged file.
     Raises CheckpointError if the folder is of another run, which may be a night of work, or no folder of this program.
     """
-    dtype = RECORD if job.guarantee is None else HAND_RECORD
     if folder is None:
-        return MemoryCheckpoint(dtype)
+        return MemoryCheckpoint(job.dtype)
     remove_old(folder, OURS)
     if len(job.chunks) < 2 and not os.path.lexists(folder):
-        return MemoryCheckpoint(dtype)
+        return MemoryCheckpoint(job.dtype)
     if os.path.lexists(folder) and not is_folder(folder):
         raise CheckpointError(f"{folder}: expected a folder for finished chunks, found a file or a link; move it away")
     run = identity_of(job)
     digest = _digest(run)
     _prepare(folder, run, digest, force, warnings)
-    return FolderCheckpoint(folder, digest, _numbers(folder, digest, len(job.chunks)), dtype, warnings)
+    return FolderCheckpoint(folder, digest, _numbers(folder, digest, len(job.chunks)), job.dtype, warnings)
 
 
 def _prepare(folder, run, digest, force, warnings):
@@ -207,15 +216,14 @@ def identity_of(job: Job) -> dict[str, object]:
     from wavesweep import __version__
 
     chunks = job.chunks
-    run = {
+    return {
         "layout": LAYOUT,
         "spec_sha256": job.grid.spec.sha256,
-        "along": job.axis.name,
         "tool_version": __version__,
         "numpy_version": np.__version__,
         "chunks": [chunks.loops, chunks.walls, chunks.deep, chunks.wide],
+        **job.identity,
     }
-    return run if job.guarantee is None else run | {"guarantee": repr(job.guarantee)}
 
 
 def _refuse_other_run(folder, run, digest) -> str | None:
@@ -260,20 +268,24 @@ def _of_another_run(folder, how):
     )
 
 
-BLOCK = 1 << 17  # combinations; 13 columns of them take some 15 MB
+BLOCK = 1 << 17  # combinations; 13 columns of them take some 15 MB, 22 of responses 25 MB
 
 
-def blocks(job: Job, store) -> Iterator[dict[str, np.ndarray]]:
+def blocks(job: Job, store) -> Iterator[Mapping[str, np.ndarray]]:
     """Yield the table's columns for consecutive combinations; store: a checkpoint in which all chunks are finished."""
-    grid = job.grid
-    for start in range(0, grid.size, BLOCK):
-        combination = np.arange(start, min(start + BLOCK, grid.size))
-        which, records = _gather(job, store, grid.slice_of(combination))
-        yield columns_of(job, combination[which], records)
+    for combination in stretches(job.size):
+        which, records = gather(job, store, job.slice_of(combination))
+        yield job.columns(combination[which], records)
 
 
-def _gather(job, store, slices):
-    """The records of the slices in their order, and for each the index of its slice in `slices`.
+def stretches(size: int) -> Iterator[np.ndarray]:
+    """Yield the numbers of the combinations of each block."""
+    for start in range(0, size, BLOCK):
+        yield np.arange(start, min(start + BLOCK, size))
+
+
+def gather(job: Job, store, slices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """For the records of the slices, in their order, the index of the slice in `slices`; and the records.
 
     If the wall's axes are not the last ones, neighbouring rows are in different chunks, and each chunk is read again for
     every block that has rows of it: from the page cache, at a cost far below that of computing it.
@@ -296,11 +308,3 @@ def _gather(job, store, slices):
         back = np.argsort(which, kind="stable")
         which, records = which[back], records[back]
     return which, records
-
-
-def columns_of(job: Job, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
-    """The table's columns for records of these combinations, one for each record."""
-    found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
-    found["doubt"] = words(found["doubt"])
-    leading = job.grid.axis_columns(combination)
-    return leading | {"along": np.full(records.size, job.axis.name, dtype=object)} | found

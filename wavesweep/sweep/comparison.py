@@ -8,8 +8,9 @@ import numpy as np
 
 from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.grid import keys_of
-from wavesweep.sweep.interval_table import Progress, intervals
+from wavesweep.sweep.interval_table import intervals
 from wavesweep.sweep.response_table import METHODS, own_value, responses
+from wavesweep.sweep.running import Progress
 from wavesweep.sweep.table import Columns, Table, facts_of, joined
 
 

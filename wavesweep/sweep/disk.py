@@ -51,6 +51,16 @@ def write_file(path: Path, *pieces: bytes) -> None:
         raise
 
 
+def free_bytes(folder: Path) -> int:
+    """Bytes that are free for us on the disk of a folder."""
+    if hasattr(os, "statvfs"):
+        found = os.statvfs(folder)
+        return found.f_bavail * found.f_frsize
+    import shutil  # which loads compression
+
+    return shutil.disk_usage(folder).free
+
+
 def make_folders(folder: Path) -> list[Path]:
     """Make a folder and its parents; the list of those that were missing, the innermost last."""
     made, missing = [], folder

@@ -173,22 +173,33 @@ def radius_of(E) -> np.ndarray:
 
 
 def ports_of(spec, drawing: Drawing | Uneven) -> Ports:
-    """The hand's port. Errors: UsageError if the spec names none."""
-    if isinstance(drawing, Uneven):
-        return Ports(*drawing.hand)
+    """The hand's port. Errors: UsageError if the spec names none, or no position that a plant has in every tick."""
     if drawing.hand is None:
         raise UsageError(f"{spec.name}: expected [ports] hand = {{ force = ..., displacement = ... }}, found no hand")
+    ports_of_loop(spec, drawing)
+    return _ports(drawing)
+
+
+def _ports(drawing):
+    if isinstance(drawing, Uneven):
+        return Ports(*drawing.hand)
     return Ports(drawing.hand[0], POSITION, REACTION if drawing.hand[2] is not None else "")
 
 
-def ports_of_slices(grid) -> Iterator[tuple[int, Mapping[str, float], Port]]:
-    """Yield the number, the values and the port of every slice of a grid, one loop at a time."""
-    spec, drawing, ports = grid.spec, grid.drawing, ports_of(grid.spec, grid.drawing)
-    for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):
+def ports_of_groups(drawing: Drawing | Uneven, parts: Groups, own: Mapping[str, object]) -> Iterator[tuple[int, Port]]:
+    """Yield the number and the port of every loop of the groups, one at a time."""
+    ports = _ports(drawing)
+    watched = (ports.position, *((ports.reaction,) if ports.reaction else ()))
+    for members, values in parts:
         refuse_unsuitable(drawing, values)
-        drift = drift_of(drawing, values, spec.values, watched=(ports.position, *((ports.reaction,) if ports.reaction else ())))
+        drift = drift_of(drawing, values, own, watched=watched)
         for at, number in enumerate(members.tolist()):
             one = {path: v.item() if isinstance(v, np.generic) else v for path, v in selected(values, at).items()}
             drawn = assembled(drawing, one)
             with named_loops(drawn):
-                yield number, one, port_of(drawn, ports, drift)
+                yield number, port_of(drawn, ports, drift)
+
+
+def ports_of_loop(spec, drawing: Drawing | Uneven) -> Port:
+    """The port of the spec's own loop."""
+    return next(ports_of_groups(drawing, ((np.zeros(1, int), dict(spec.values)),), spec.values))[1]

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from wavesweep.diagram.uneven import Uneven
     from wavesweep.spec.drawing import Drawing
 
-MOST = 1_000_000_000  # combinations: months of work, and hundreds of gigabytes
-MOST_ROWS = 5_000_000  # of a table that is held in memory: a response takes some 200 bytes
+MOST = 1_000_000_000  # combinations, or rows: months of work, and hundreds of gigabytes
 MOST_DRAWN = 10_000  # combinations of axes that the loop is drawn anew for, each of which is checked before the work begins
 
 
@@ -88,14 +87,11 @@ class Grid:
         loop, wall = (_flat(part, digits, np.size(combination)) for part in (self.loop_axes, self.wall_axes))
         return loop * self.walls + wall
 
-    def slices_of_a_drawing(self, most: int) -> Iterator[tuple[np.ndarray, dict]]:
-        """Yield (numbers, values) for all slices, at most `most` of one drawing at a time; see `groups`."""
-        loop, wall = np.divmod(np.arange(self.slices), self.walls)
-        changes = self.loop_values(loop) | {path: values[wall] for path, values in self.wall_values().items()}
-        for members, values in groups(self.spec, changes, self.slices):
-            for start in range(0, members.size, most):
-                part = slice(start, start + most)
-                yield members[part], selected(values, part)
+    def groups_of(self, slices, resolved=None) -> Iterator[tuple[np.ndarray, dict]]:
+        """Yield (members, values): indices into `slices` (numbers), and flat values with those of the wall; see `groups`."""
+        loop, wall = np.divmod(slices, self.walls)
+        changes = self.wall_values(wall) | self.loop_values(loop)
+        yield from groups(self.spec, changes, slices.size, resolved)
 
     def axis_columns(self, combination) -> dict[str, np.ndarray]:
         """Name -> value of each combination, the table's leading columns."""
@@ -126,10 +122,11 @@ def keys_of(spec: Spec) -> frozenset[str]:
     return frozenset(spec.values) if spec.drawing else keys_read(spec.values)
 
 
-def make_grid(spec: Spec, axes, along: str | None = None, read=None) -> Grid:
+def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: bool = True) -> Grid:
     """The grid of the axes; `along` (a path) is the axis that intervals lie on, not among `axes`.
 
-    read: the keys that the controller reads, if they are known already.
+    read: the keys that the controller reads, if they are known already. apart: keep the axes of the wall apart from the
+    others; if not, each slice is a loop of its own, and slices of one drawing follow each other.
     """
     read = keys_of(spec) if read is None else read
     if along is not None and not _is_read(along, read):
@@ -142,21 +139,22 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None) -> Grid:
     drawn = [axis for axis in used if not is_plain(spec, axis.path)]
     _refuse_too_many("combinations of the axes that the loop is drawn anew for", drawn, MOST_DRAWN)
     drawing = loop_of(spec, {axis.path: axis.values for axis in axes})
-    walls = () if drawing else WALL
+    wall = () if drawing else tuple(axis for axis in used if axis.path in WALL and apart)
+    loop = [axis for axis in used if axis not in wall]
     return Grid(
         spec,
         tuple(axes),
-        tuple(axis for axis in used if axis.path not in walls),
-        tuple(axis for axis in used if axis.path in walls),
+        tuple(loop if apart else sorted(loop, key=lambda axis: axis not in drawn)),
+        wall,
         {axis.path: np.asarray(axis.values) for axis in axes},
         drawing,
     )
 
 
 def refuse_rows(table: str, rows: int) -> None:
-    """Raise UsageError if a table that is held in memory would have too many rows."""
-    if rows > MOST_ROWS:
-        raise UsageError(f"{table}: expected at most {MOST_ROWS} rows, which are held in memory, found {rows}")
+    """Raise UsageError if a table would have too many rows."""
+    if rows > MOST:
+        raise UsageError(f"{table}: expected at most {MOST} rows, found {rows:.3g}; compute fewer values at a time")
 
 
 def _refuse_too_many(what, axes, most):

@@ -21,7 +21,7 @@ from wavesweep.diagram import WALL, draw, drift_of
 from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
 from wavesweep.sweep.grid import selected
-from wavesweep.sweep.job import Job
+from wavesweep.sweep.job import IntervalJob
 from wavesweep.sweep.tasks import END_HANDS, HAND_RECORD, IntervalTask, with_felt
 
 METHODS = {
@@ -128,7 +128,7 @@ class Hands:
         )
         return {"hands": {"hand": self.hand, "port": self.port}} | box
 
-    def refuse(self, job: Job) -> None:
+    def refuse(self, job: IntervalJob) -> None:
         """Raise UsageError if the spec's own job leaves no answer for these hands."""
         swept = [axis.name for axis in (*job.grid.axes, job.axis) if axis.path in OPERATOR]
         if self.hand != "free" and swept:
@@ -148,7 +148,7 @@ class Hands:
         operated = any(spec.values[path] for path in OPERATOR)
         return spec.with_values(dict.fromkeys(OPERATOR, 0.0)) if operated else None
 
-    def notices(self, job: Job) -> Iterator[str]:
+    def notices(self, job: IntervalJob) -> Iterator[str]:
         """Yield the notice that no interval can be guaranteed for every passive hand, if that is known beforehand."""
         diagram = draw(job.grid.spec.values)
         if self.hand != "passive" or diagram.waves is None or diagram.ratio == 1:

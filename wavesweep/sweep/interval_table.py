@@ -1,8 +1,6 @@
 """Stable intervals over a sweep, as a table: those of the spec's loop and, as an option, those for hands."""
 
-import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,17 +12,15 @@ from wavesweep.analysis.doubt import words
 from wavesweep.diagram import WALL
 from wavesweep.errors import UsageError
 from wavesweep.spec import Axis, Spec
-from wavesweep.sweep.checkpoint import DamagedError, MemoryCheckpoint, blocks, checkpoint_of, columns_of
 from wavesweep.sweep.grid import groups, loop_of
-from wavesweep.sweep.job import Job, bounds_within, cut_otherwise, expected_seconds, job_of, refuse_full_disk, task_over
-from wavesweep.sweep.table import Columns, Table, facts_of, joined
-from wavesweep.sweep.tasks import END_HANDS, FELT, RECORD, certified_slices
-from wavesweep.sweep.workers import Workers, choose, results
+from wavesweep.sweep.job import IntervalJob, bounds_within, cut_otherwise, job_of, task_over
+from wavesweep.sweep.running import Progress, Work, run
+from wavesweep.sweep.table import Columns, Table, facts_of
+from wavesweep.sweep.tasks import END_HANDS, FELT, RECORD
 
 if TYPE_CHECKING:
     from wavesweep.sweep.hands import Guarantee, Hands
 
-Progress = Callable[[int, int, int], None]
 WASTE = 4  # a product of loops and walls is computed whole if at most so many times the points are wanted
 FEW = 4  # slices of a chunk of guarantees: each takes from tenths of a second to some seconds
 ABOUT_ENDS = (*END_HANDS["low"], *END_HANDS["high"], "settled")
@@ -46,31 +42,16 @@ def intervals(
     hands: adds the column `hand` and rows for other hands. Its words are "free" for the device alone, "operator" for the
     spec's operator if it has one, "passive" and "box" (see `Hands`), and "port" for the intervals in which the spec's own
     loop is stable and passive at the hand's port. If only the port is added, the other rows are those of the spec's loop.
-    jobs: number of worker processes if the work is worth them. backend: one of `BACKENDS`, which is then used in any case.
-    scheduler: address of the dask scheduler. progress: is called with the number of slices done, of all slices, and of
-    certified ones. checkpoint: folder for finished chunks, from which a run of the same spec goes on; by default they
-    stay in memory. force: start again if the folder cannot be used.
+    jobs, backend, scheduler, progress, checkpoint, force: see `Work`.
     Raises UsageError, CheckpointError (torn, or of another run), WavesweepError (a worker process died).
     """
-    started = time.perf_counter()
     stages = stages_of(spec, along, hands)
-    refuse_full_disk(checkpoint, [stage.job for stage in stages])
-    tallies, stores, warnings = [], [], []
-    for stage in stages:
-        job, report = stage.job, progress and _continued(progress, sum(each.job.slices for each in stages), tallies)
-        workers = choose(jobs, backend, scheduler, len(job.chunks), partial(expected_seconds, job))
-        stores.append(checkpoint_of(job, checkpoint and checkpoint / stage.hand, force, warnings))
-        tallies.append(compute(job, stores[-1], workers, report))
-    timings = {
-        "compute_s": time.perf_counter() - started,
-        "kernel_s": sum(tally.seconds for tally in tallies),
-        **({"workers": workers.count} if hands is None else {}),
-        "slices_from_checkpoint": sum(tally.kept for tally in tallies),
-    }
-    facts = _facts(spec, hands, stages, sum(tally.certified for tally in tallies), timings) | {"warnings": warnings}
+    work = Work(jobs, backend, scheduler, progress, checkpoint, force)
+    found = run({stage.hand: stage.job for stage in stages}, work)
+    timings = {name: number for name, number in found.timings.items() if hands is None or name != "workers"}
+    facts = _facts(spec, hands, stages, found.certified, timings) | {"warnings": found.warnings}
     axes = {axis.name: axis.values for axis in stages[0].job.grid.axes}
-    forget = partial(_forget, stores, hands and checkpoint, warnings)
-    return Table("zwidth", partial(_rows, stages, stores, hands), facts, axes, forget=forget)
+    return Table("zwidth", partial(_rows, stages, found, hands), facts, axes, forget=found.forget)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +62,7 @@ class Stage:
     """
 
     hand: str
-    job: Job
+    job: IntervalJob
     method: str
 
 
@@ -104,52 +85,10 @@ def stages_of(spec: Spec, along: str | None, hands: "Hands | None") -> list[Stag
     return stages + [Stage(each.kind, _guaranteed(own, each), each.method) for each in hands.guarantees()]
 
 
-def _guaranteed(own: Job, guarantee: "Guarantee") -> Job:
+def _guaranteed(own: IntervalJob, guarantee: "Guarantee") -> IntervalJob:
     walls = own.grid.walls
     few = cut_otherwise(own, deep=max(1, FEW // walls), wide=min(FEW, walls))
     return replace(few, guarantee=guarantee, cut=None)
-
-
-class Tally:
-    """Counts of slices, of those taken from a checkpoint, and of certified ones, and the seconds spent in the workers."""
-
-    def __init__(self):
-        self.done = self.kept = self.certified = 0
-        self.seconds = 0.0
-
-    def add(self, slices, records, seconds=0.0):
-        """Count a chunk."""
-        self.done += slices
-        self.certified += certified_slices(records)
-        self.seconds += seconds
-
-
-def compute(job: Job, store, workers: Workers, progress: Progress | None = None) -> Tally:
-    """Compute every chunk that the checkpoint `store` does not have yet, and save it there."""
-    tally, chunks = Tally(), job.chunks
-    for number in store.finished():
-        try:
-            tally.add(chunks[number].slices, store.load(number))
-        except DamagedError as error:
-            store.set_aside(number, error)
-    tally.kept, known = tally.done, set(store.finished())
-    missing = (number for number in range(len(chunks)) if number not in known)
-    finished = results(workers, missing, lambda number: job.task(chunks[number]))
-    try:
-        for number, records, seconds in finished:
-            store.save(number, records)
-            tally.add(chunks[number].slices, records, seconds)
-            if progress:
-                progress(tally.done, job.slices, tally.certified)
-    except BaseException as error:
-        if store.place:
-            error.add_note(
-                f"{tally.done} of {job.slices} slices are kept in {store.place}; the same command goes on from there."
-            )
-        raise
-    finally:
-        finished.close()
-    return tally
 
 
 def at_points(spec: Spec, axis: Axis, points: Mapping[str, np.ndarray], ties: tuple[str, ...] = ()) -> Columns:
@@ -198,23 +137,10 @@ def _part(spec, drawing, axis, points, ties, members, loops, walls, owner, wall_
     return kept
 
 
-def _continued(progress, total, before):
-    """The reports of one stage as reports of all of them; before: the tallies of the stages before it."""
-    done, certified = sum(tally.done for tally in before), sum(tally.certified for tally in before)
-    return lambda now, _, proved: progress(done + now, total, certified + proved)
-
-
-def in_memory(job: Job) -> Columns:
-    """The table of a job, computed in this process."""
-    store = MemoryCheckpoint()
-    compute(job, store, Workers(1, None, None, "as a library"))
-    return joined(blocks(job, store))
-
-
-def _rows(stages, stores, hands) -> Iterator[dict[str, np.ndarray]]:
+def _rows(stages, found, hands) -> Iterator[Columns]:
     """Yield the rows of one stage after the other."""
-    for stage, store in zip(stages, stores, strict=True):
-        for block in blocks(stage.job, store):
+    for stage in stages:
+        for block in found.blocks(stage.hand):
             yield block if hands is None else _with_hand(block, stage.hand, hands.box)
 
 
@@ -230,7 +156,7 @@ def rows_again(spec: Spec, along: str | None, hands: "Hands | None", picked: Ite
         combination = np.array([number - (ends[stages.index(stage)] - stage.job.grid.size)])
         single = cut_otherwise(stage.job, deep=1, wide=1)  # then the number of a chunk is that of its slice
         records = single.task(single.chunks[int(stage.job.grid.slice_of(combination)[0])]).records()
-        block = columns_of(stage.job, np.repeat(combination, records.size), records)
+        block = stage.job.columns(np.repeat(combination, records.size), records)
         yield block if hands is None else _with_hand(block, stage.hand, hands.box)
 
 
@@ -249,18 +175,6 @@ def _with_hand(block, hand, box):
     return {name: found[name] for name in (*names, *(ABOUT_ENDS if box else ()), *FELT)}
 
 
-def _forget(stores, folder, warnings):
-    """Remove the checkpoints of all stages and their common folder, unless it holds one of a run for other hands."""
-    for store in stores:
-        try:
-            store.remove()
-        except OSError as error:
-            warnings.append(f"{store.place}: {error.strerror}; the next run removes this checkpoint")
-    if folder:
-        with suppress(OSError):
-            folder.rmdir()
-
-
 def _facts(spec, hands, stages, certified, timings) -> dict:
     computed = sum(stage.job.slices for stage in stages)
     counts = {"computed": computed, "skipped": sum(stage.job.grid.size for stage in stages) - computed, "certified": certified}
@@ -272,7 +186,7 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     return facts | (hands.facts() if hands else {})
 
 
-def method(job: Job) -> str:
+def method(job: IntervalJob) -> str:
     """How the intervals of a job are found, in a line."""
     if job.exact:
         return "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"

@@ -1,21 +1,26 @@
-"""The job of a sweep, settled before anything is computed: the axis of the intervals, the slices and their chunks."""
+"""The job of a table, settled before anything is computed: its question, and the slices in chunks.
 
-import shutil
+A `Job` of any table has slices in chunks, tasks for workers, and columns for the records of finished chunks; the one of
+stable intervals is here as well.
+"""
+
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from wavesweep.analysis.doubt import words
 from wavesweep.diagram import WALL, draw
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.spec import KEYS, Axis, Spec, sweep_axes
+from wavesweep.sweep.disk import free_bytes
 from wavesweep.sweep.grid import Grid, groups, is_plain, make_grid
-from wavesweep.sweep.tasks import RECORD, IntervalTask, Task
+from wavesweep.sweep.tasks import HAND_RECORD, RECORD, IntervalTask, Task, certified_slices
 
 if TYPE_CHECKING:
     from wavesweep.sweep.hands import Guarantee
@@ -75,6 +80,58 @@ class Chunks:
         return loop // self.deep * self._across + wall // self.wide
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Job:
+    """Records for every slice of a grid, cut into chunks, and the columns that they make; a subclass says which.
+
+    resolved: the spec's values for each combination of those axes that are whole numbers or that other keys derive from.
+    noun: of the slices, in messages. dtype: of the records, whose field `slice` counts from 0 in the chunk. rows: of the table
+    for each combination, about. row_bytes: of such a row in its files, without its axes. ready: s that workers take longer
+    than usual until they are ready. proves: whether slices can be certified.
+    """
+
+    grid: Grid
+    chunks: Chunks
+    resolved: dict
+    noun: ClassVar[str] = "slices"
+    dtype: ClassVar[np.dtype]
+    rows: ClassVar[float] = 1.0
+    row_bytes: ClassVar[int] = 0
+    ready: ClassVar[float] = 0.0
+    proves: ClassVar[bool] = True
+
+    @property
+    def slices(self) -> int:
+        """Number of slices that are computed."""
+        return self.chunks.loops * self.chunks.walls
+
+    @property
+    def size(self) -> int:
+        """Number of combinations that have rows."""
+        return self.grid.size
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """Names and values that the records depend on besides the spec, the versions and the chunks, JSON-able."""
+        raise NotImplementedError
+
+    def slice_of(self, combination) -> np.ndarray:
+        """Number of the slice of each combination."""
+        return self.grid.slice_of(combination)
+
+    def task(self, chunk: Chunk) -> Task:
+        """The task of a worker for that chunk."""
+        raise NotImplementedError
+
+    def columns(self, combination: np.ndarray, records: np.ndarray) -> Mapping[str, np.ndarray]:
+        """The table's columns for records of these combinations, one for each record."""
+        raise NotImplementedError
+
+    def certified(self, records: np.ndarray) -> int:
+        """How many slices of these records are certified."""
+        return certified_slices(records)
+
+
 def cut_up(loops: int, walls: int, cost: float) -> Chunks:
     """The slices in chunks of about `SECONDS`; cost: expected s per slice (see `expected_cost`)."""
     slices = int(np.clip(SECONDS / cost, FEWEST, MOST))
@@ -108,27 +165,31 @@ def cost_of(spec: Spec, drawing, axis: Axis, values: dict | None = None) -> tupl
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Job:
+class IntervalJob(Job):
     """Stable intervals along `axis` for every slice of the grid, cut into chunks.
 
-    resolved: the spec's values for each combination of those axes that are whole numbers or that other keys derive from.
     guarantee: the hands for which the intervals are guaranteed; if None, they are those of the spec's own loop. bounds: the
     values of the axis between which the loop exists. exact: whether the axis is one scalar gain of a frame, as the wall is.
     """
 
-    grid: Grid
     axis: Axis
-    chunks: Chunks
-    resolved: dict
     cut: Cut | None = None
     guarantee: "Guarantee | None" = None
     bounds: tuple[float, float] = (-np.inf, np.inf)
     exact: bool = False
+    rows: ClassVar[float] = 1.2  # some slices have several intervals
+    row_bytes: ClassVar[int] = 160  # 130 in the CSV and 30 in the Parquet file, measured on sweeps of millions of rows
 
     @property
-    def slices(self) -> int:
-        """Number of slices that are computed."""
-        return self.grid.slices
+    def dtype(self) -> np.dtype:
+        """Guarantees for hands have more fields."""
+        return RECORD if self.guarantee is None else HAND_RECORD
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """The axis and the guarantee."""
+        along = {"along": self.axis.name}
+        return along if self.guarantee is None else along | {"guarantee": repr(self.guarantee)}
 
     def task(self, chunk: Chunk) -> Task:
         """The task of a worker for that chunk."""
@@ -137,6 +198,13 @@ class Job:
         walls = self.grid.wall_values(np.arange(chunk.walls.start, chunk.walls.stop))
         own = task_over(self.grid.spec, self.grid.drawing, self.axis, self.bounds, parts, walls, self.cut)
         return own if self.guarantee is None else self.guarantee.task(own)
+
+    def columns(self, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
+        """The axes, `along`, and the fields of the records."""
+        found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
+        found["doubt"] = words(found["doubt"])
+        leading = self.grid.axis_columns(combination)
+        return leading | {"along": np.full(records.size, self.axis.name, dtype=object)} | found
 
 
 def task_over(spec: Spec, drawing, axis: Axis, bounds, parts, walls: dict, cut: Cut | None = None) -> Task:
@@ -152,13 +220,13 @@ def task_over(spec: Spec, drawing, axis: Axis, bounds, parts, walls: dict, cut: 
     return DrawnTask(drawing, axis.path, span, bounds, tuple(parts), dict(spec.values))
 
 
-def job_of(spec: Spec, along: str | None = None) -> Job:
+def job_of(spec: Spec, along: str | None = None) -> IntervalJob:
     """The job of a spec's [sweep]. Raises UsageError if it cannot be done, before anything is computed."""
     axis, others = sweep_axes(spec, along)
     return job_over(make_grid(spec, others, axis.path), axis)
 
 
-def job_over(grid: Grid, axis: Axis, cut: Cut | None = None) -> Job:
+def job_over(grid: Grid, axis: Axis, cut: Cut | None = None) -> IntervalJob:
     """The job of a grid; cut: its compiled loop, if it has only one."""
     if axis.structural:
         raise UsageError(
@@ -166,20 +234,21 @@ def job_over(grid: Grid, axis: Axis, cut: Cut | None = None) -> Job:
             f"how it is built; sweep it as values ({axis.name} = [...]) and look along another axis"
             f"{'' if grid.spec.drawing else ', such as K_VE'}"
         )
-    resolved = _resolve_all(grid)
+    resolved = resolve_all(grid)
     if grid.drawing:
         return _job_of_drawing(grid, axis, resolved)
     ends = [next(iter(resolved.values())), *list(resolved.values())[-1:]]
     order = cut.order if cut else max(cut_at_wall(draw(values)).order for values in ends)
     cost = expected_cost(order, axis.path in WALL)
     bounds = bounds_within(grid.spec, None, axis, {}, grid.loops)
-    return Job(grid, axis, cut_up(grid.loops, grid.walls, cost), resolved, cut, bounds=bounds, exact=axis.path in WALL)
+    chunks = cut_up(grid.loops, grid.walls, cost)
+    return IntervalJob(grid, chunks, resolved, axis, cut, bounds=bounds, exact=axis.path in WALL)
 
 
 CHECKED = 100_000  # loops whose numbers are checked before anything is computed; those of more are checked chunk by chunk
 
 
-def _job_of_drawing(grid: Grid, axis: Axis, resolved: dict) -> Job:
+def _job_of_drawing(grid: Grid, axis: Axis, resolved: dict) -> IntervalJob:
     """The job of a drawn loop: its numbers are checked, and the range in which it exists is found."""
     from wavesweep.sweep.drawn_loops import refuse_singular
 
@@ -192,7 +261,7 @@ def _job_of_drawing(grid: Grid, axis: Axis, resolved: dict) -> Job:
     _, first = next(groups(spec, grid.loop_values(np.arange(1)), 1, resolved=resolved))
     cost, exact = cost_of(spec, grid.drawing, axis, first)
     chunks = cut_up(grid.loops, 1, cost)
-    return Job(grid, axis, chunks, resolved, bounds=bounds, exact=exact)
+    return IntervalJob(grid, chunks, resolved, axis, bounds=bounds, exact=exact)
 
 
 def bounds_within(
@@ -216,7 +285,7 @@ def bounds_within(
     return max(below), min(above)
 
 
-def _resolve_all(grid) -> dict:
+def resolve_all(grid: Grid, table: str = "sweep") -> dict:
     """The spec's values for each combination of the axes that go through the spec. Raises UsageError if one makes no loop."""
     axes = [axis for axis in grid.loop_axes if not is_plain(grid.spec, axis.path)]
     resolved = {}
@@ -226,7 +295,7 @@ def _resolve_all(grid) -> dict:
             resolved[tuple(changes.items())] = dict((grid.spec.with_values(changes) if changes else grid.spec).values)
         except SpecError as error:
             named = ", ".join(f"{axis.name} = {value!r}" for axis, value in zip(axes, values, strict=True))
-            raise UsageError(f"[sweep]: every combination is computed, and {named} makes no loop: {error}") from error
+            raise UsageError(f"[{table}]: every combination is computed, and {named} makes no loop: {error}") from error
     return resolved
 
 
@@ -242,18 +311,16 @@ def cut_otherwise(job: Job, **sizes) -> Job:
     return replace(job, chunks=replace(job.chunks, **sizes))
 
 
-ROWS = 1.2  # rows per slice: some slices have several intervals
-BYTES = (130, 30)  # of a row in the CSV and in the Parquet file, without its axes, measured on sweeps of millions of rows
-AXIS_BYTES = 12  # of an axis in a row of both
+AXIS_BYTES = 12  # of an axis in a row of CSV and Parquet file together
 
 
 def expected_bytes(job: Job) -> int:
     """Bytes of disk that the run needs at its end, before the finished chunks are removed, roughly."""
-    row = sum(BYTES) + AXIS_BYTES * len(job.grid.axes)
-    return int(ROWS * (job.slices * RECORD.itemsize + job.grid.size * row))
+    row = job.row_bytes + AXIS_BYTES * len(job.grid.axes)
+    return int(job.rows * (job.slices * job.dtype.itemsize + job.size * row))
 
 
-def refuse_full_disk(folder: Path | None, jobs: Sequence[Job]) -> None:
+def refuse_full_disk(folder: Path | None, jobs: Iterable[Job]) -> None:
     """Raise UsageError if the disk of `folder`, in which the jobs keep their chunks, cannot hold their results.
 
     Chunks of a run that was stopped are counted as part of the results.
@@ -262,7 +329,7 @@ def refuse_full_disk(folder: Path | None, jobs: Sequence[Job]) -> None:
         return
     place = next(each for each in (folder, *folder.absolute().parents) if each.is_dir())
     kept = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) if place == folder else 0
-    need, free = sum(map(expected_bytes, jobs)) - kept, shutil.disk_usage(place).free
+    need, free = sum(map(expected_bytes, jobs)) - kept, free_bytes(place)
     if need > free:
         raise UsageError(
             f"{folder.parent}: the run needs about {need / 1e9:.3g} GB, found {free / 1e9:.3g} GB free on this disk; name "
@@ -281,17 +348,16 @@ def expected_seconds(job: Job) -> float:
     samples = _samples(job)
     samples[0][0].records()  # the first call of everything costs more than it will later
     started, seconds, slices = time.perf_counter(), 0.0, 0
-    for sample, count in samples:
+    for sample, size in samples:
         sample.records()
-        seconds = time.perf_counter() - started
-        slices += count
+        seconds, slices = time.perf_counter() - started, slices + size
         if seconds > LONGEST:
             break
     return seconds / slices * job.slices
 
 
 def _samples(job):
-    """Small tasks of the job with the numbers of their slices, alternately from its ends and its middle."""
+    """Small tasks of the job and the numbers of their slices, alternately from its ends and its middle."""
     chunks = job.chunks
     enough = max(1, chunks.deep * chunks.wide // SHARE)
     wide = min(chunks.walls, enough)
@@ -301,4 +367,4 @@ def _samples(job):
     small = cut_otherwise(job, deep=deep, wide=wide)
     shares = np.linspace(0, 1, PROBES)[[0, 3, 5, 1, 4, 2]]
     numbers = dict.fromkeys(np.rint(shares * (len(small.chunks) - 1)).astype(int).tolist())
-    return [(small.task(chunk), chunk.slices) for chunk in map(small.chunks.__getitem__, numbers)]
+    return [(small.task(small.chunks[number]), small.chunks[number].slices) for number in numbers]

@@ -1,8 +1,11 @@
 """Passivity of the wave channel and of the hand's port over the axes of a sweep, as a table."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -11,54 +14,170 @@ from wavesweep.analysis.passivity.channel import CUTOFFS_HZ
 from wavesweep.diagram import draw
 from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
+from wavesweep.sweep.checkpoint import gather, stretches
+from wavesweep.sweep.drawn_loops import ports_of, ports_of_groups
 from wavesweep.sweep.grid import Grid, groups, loop_of, make_grid, refuse_rows
-from wavesweep.sweep.table import Table, facts_of
+from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
+from wavesweep.sweep.running import Progress, Run, Work, run
+from wavesweep.sweep.table import Columns, Table, facts_of, joined
 from wavesweep.sweep.tasks import PORT, PortTask
-from wavesweep.sweep.workers import choose, results
 
 TOLERANCE = 1e-3  # J per J sent that aliasing may add for the channel to pass for passive in a verdict
 PAPER_HZ = 50.0  # the slow rate that the cutoffs of the table of filters are for
-CHUNK = 32  # loops in a task: up to a second or two
+CHUNK = 32  # loops in a chunk: up to a second or two
+CHANNELS = 256  # channels in a chunk, each of which takes about a millisecond
 READY = 1.5  # s that workers take longer than those of `intervals` to be ready and to load SciPy
-CHANNEL = ("rates.", "filters.")  # the keys that the channel depends on; all others are outside its ports
+CHANNEL_KEYS = ("rates.", "filters.")  # the keys that the channel depends on; all others are outside its ports
 METHODS = {
     "channel": "H-infinity norm by levels: the level just above it is met at no frequency (symplectic pencil of a frame)",
     "port": "least eigenvalue of the Hermitian part by levels, the level just below it met at no frequency",
 }
 
 
-def passivity(spec: Spec, tolerance: float = TOLERANCE, jobs=None, backend=None, scheduler=None, progress=None) -> Table:
+def passivity(
+    spec: Spec,
+    tolerance: float = TOLERANCE,
+    jobs: int | None = None,
+    backend: str | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+    checkpoint: Path | None = None,
+    force: bool = False,
+) -> Table:
     """Channel norm and port margin for every combination of the axes of [sweep] that have values.
 
     An axis that has only a span is not swept. Nothing is computed twice: the norm depends on filters and rates, the
     margin on the keys that the controller reads. tolerance: J per J sent that aliasing may add, for the verdicts of the
-    summary. jobs, backend, scheduler, progress: as for `intervals`.
+    summary. jobs, backend, scheduler, progress, checkpoint, force: see `Work`. Raises UsageError, and the errors of `run`.
     """
-    started = time.perf_counter()
-    grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
-    refuse_rows("passivity", grid.size)
-    if grid.drawing:
-        found, count = _drawn_columns(grid, progress), 1
-    else:
-        channel = _channel_columns(grid)
-        port, workers = _port_columns(grid, (jobs, backend, scheduler), progress)
-        found = {**channel, **port, "certified": port["certified"] & channel["certified"]}
-        count = workers.count
-    certified = found.pop("certified")
-    counts = {"computed": grid.slices, "skipped": grid.size - grid.slices, "certified": int(certified.sum())}
-    timings = {"compute_s": time.perf_counter() - started, "workers": count}
+    axes = tuple(axis for axis in spec.sweep if axis.values)
+    found = run(jobs_of(spec, axes), Work(jobs, backend, scheduler, progress, checkpoint, force))
+    grid = found.jobs["port"].grid
+    counts = {"computed": grid.slices, "skipped": grid.size - grid.slices, "certified": _certified(found)}
     methods = METHODS | ({"damping_needed": "not computed for loops that are assembled tick by tick"} if grid.drawing else {})
-    facts = facts_of(spec, methods, counts, timings, _notices(grid), [axis.path for axis in grid.axes])
-    return Table.of("passivity", _rows(grid, found), facts | {"tolerance": tolerance})
+    facts = facts_of(spec, methods, counts, found.timings, _notices(grid), [axis.path for axis in axes])
+    facts |= {"warnings": found.warnings, "tolerance": tolerance}
+    return Table("passivity", partial(_blocks, found), facts, forget=found.forget)
 
 
-def in_memory(spec: Spec, axes) -> dict:
+def in_memory(spec: Spec, axes) -> Columns:
     """The table over `axes`, computed in this process."""
-    grid = make_grid(spec, axes)
+    return joined(_blocks(run(jobs_of(spec, axes), Work(jobs=1))))
+
+
+def jobs_of(spec: Spec, axes) -> dict[str, Job]:
+    """The jobs of the port and, if the loop has a wave channel, of the channel. Raises UsageError if they cannot be done."""
+    grid = make_grid(spec, axes, apart=False)
+    refuse_rows("passivity", grid.size)
+    resolved = resolve_all(grid)
+    port = PortJob(grid, Chunks(grid.slices, 1, CHUNK, 1), resolved)
     if grid.drawing:
-        return _rows(grid, _drawn_columns(grid))
-    found = _channel_columns(grid) | _port_columns(grid, (1, None, None), None)[0]
-    return _rows(grid, found)
+        ports_of(spec, grid.drawing)
+        return {"port": port}
+    if draw(spec.values).waves is None:
+        return {"port": port}
+    inside = channels_of(grid)
+    return {"channel": ChannelJob(inside, Chunks(inside.loops, 1, CHANNELS, 1), resolve_all(inside)), "port": port}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PortJob(Job):
+    """The hand's port of every slice of the grid, a loop with its wall."""
+
+    noun: ClassVar[str] = "loops"
+    dtype: ClassVar[np.dtype] = PORT
+    row_bytes: ClassVar[int] = 170  # measured: 110 in the CSV and 60 in the Parquet file
+    ready: ClassVar[float] = READY
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """The kind of the records."""
+        return {"records": "ports"}
+
+    def task(self, chunk: Chunk) -> "PortTask | DrawnPortTask":
+        """The task of a worker for that chunk."""
+        loops = np.arange(chunk.loops.start, chunk.loops.stop)
+        groups_of = tuple(self.grid.groups_of(loops, self.resolved))
+        if self.grid.drawing is None:
+            return PortTask(groups_of)
+        return DrawnPortTask(self.grid.drawing, groups_of, dict(self.grid.spec.values))
+
+    def certified(self, records: np.ndarray) -> int:
+        """Number of certified loops."""
+        return int(records["certified"].sum())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnPortTask:
+    """The hand's port of loops that are assembled tick by tick, one after the other; groups, own: see `DrawnTask`."""
+
+    drawing: object
+    groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
+    own: Mapping[str, object]
+
+    def records(self) -> np.ndarray:
+        """A record per loop."""
+        from wavesweep.analysis.passivity.drawn import drawn_port_margin
+
+        records = np.empty(sum(members.size for members, _ in self.groups), PORT)
+        records["slice"] = np.arange(records.size)
+        for number, port in ports_of_groups(self.drawing, self.groups, self.own):
+            found = drawn_port_margin(port)
+            needed = np.where(found.passive, 0.0, np.nan)
+            row = (found.margin, found.omega, found.passive, found.certified, found.stable, needed)
+            for name, value in zip(PORT.names[1:], row, strict=True):
+                records[name][number] = np.asarray(value).item()
+        return records
+
+
+CHANNEL = np.dtype(
+    [("slice", "<i4"), ("channel_norm", "<f8"), ("channel_omega", "<f8"), ("channel_passive", "?"), ("certified", "?")]
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChannelJob(Job):
+    """The different wave channels of a grid, which has no other axes; they have no rows of their own."""
+
+    noun: ClassVar[str] = "channels"
+    dtype: ClassVar[np.dtype] = CHANNEL
+
+    @property
+    def size(self) -> int:
+        """None."""
+        return 0
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """The kind of the records."""
+        return {"records": "channels"}
+
+    def task(self, chunk: Chunk) -> "ChannelTask":
+        """The task of a worker for that chunk."""
+        changes = self.grid.loop_values(np.arange(chunk.loops.start, chunk.loops.stop))
+        return ChannelTask(tuple(groups(self.grid.spec, changes, len(chunk.loops), self.resolved)))
+
+    def certified(self, records: np.ndarray) -> int:
+        """None of the slices that are counted."""
+        del records
+        return 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChannelTask:
+    """Wave channels. groups: (members, values) pairs, which number the channels from 0; see `groups`."""
+
+    groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
+
+    def records(self) -> np.ndarray:
+        """A record per channel."""
+        records = np.empty(sum(members.size for members, _ in self.groups), CHANNEL)
+        records["slice"] = np.arange(records.size)
+        for members, values in self.groups:
+            norm = channel_norm(values)
+            for name, part in zip(CHANNEL.names[1:], (norm.norm, norm.omega, norm.passive, norm.certified), strict=True):
+                records[name][members] = part
+        return records
 
 
 ORDER = (
@@ -67,88 +186,49 @@ ORDER = (
 )
 
 
-def _rows(grid, found) -> dict:
-    combination = np.arange(grid.size)
-    slices = grid.slice_of(combination)
-    return grid.axis_columns(combination) | {name: found[name][slices] for name in ORDER}
+def _blocks(found: Run) -> Iterator[Columns]:
+    """Yield the rows in blocks."""
+    grid = found.jobs["port"].grid
+    for combination in stretches(grid.size):
+        slices = grid.slice_of(combination)
+        _, port = gather(found.jobs["port"], found.stores["port"], slices)
+        columns = {name: port[name] for name in PORT.names} | _channel_columns(found, slices)
+        yield grid.axis_columns(combination) | {name: np.ascontiguousarray(columns[name]) for name in ORDER}
 
 
-def _drawn_columns(grid: Grid, progress=None) -> dict[str, np.ndarray]:
-    """Table columns of the port of drawn loops, one after the other; they have no wave channel that a spec would name."""
-    from wavesweep.analysis.passivity.drawn import drawn_port_margin
-    from wavesweep.sweep.drawn_loops import ports_of_slices
+def _channel_columns(found: Run, slices) -> dict[str, np.ndarray]:
+    """The columns of the channel of each slice, and `certified`."""
+    if "channel" not in found.jobs:
+        # A loop without a channel has none that adds energy.
+        missing, true = np.full(slices.size, np.nan), np.ones(slices.size, bool)
+        return {"channel_norm": missing, "channel_omega": missing, "channel_passive": true, "certified": true}
+    job = found.jobs["channel"]
+    _, records = gather(job, found.stores["channel"], _inner(found.jobs["port"].grid, job.grid, slices))
+    return {name: records[name] for name in CHANNEL.names if name != "slice"}
 
-    size = grid.slices
-    found = {
-        name: np.full(size, np.nan) for name in ("channel_norm", "channel_omega", "port_margin", "port_omega", "damping_needed")
-    }
-    found |= {name: np.ones(size, bool) for name in ("channel_passive", "port_passive", "stable", "certified")}
-    for done, (number, _, port) in enumerate(ports_of_slices(grid), 1):
-        margin = drawn_port_margin(port)
-        row = {"port_margin": margin.margin, "port_omega": margin.omega, "port_passive": margin.passive}
-        row |= {"stable": margin.stable, "certified": margin.certified, "damping_needed": np.where(margin.passive, 0.0, np.nan)}
-        for name, value in row.items():
-            found[name][number] = value.item()
-        if progress:
-            progress(done, size, int(found["certified"].sum()))
-    return found
+
+def _certified(found: Run) -> int:
+    """Number of slices whose port and whose channel are both certified."""
+    count = 0
+    for slices in stretches(found.jobs["port"].slices):
+        _, port = gather(found.jobs["port"], found.stores["port"], slices)
+        count += int((port["certified"] & _channel_columns(found, slices)["certified"]).sum())
+    return count
 
 
 def channels_of(grid: Grid) -> Grid:
     """The part of the grid that the wave channel reads: its loops are the different channels."""
-    return make_grid(grid.spec, tuple(axis for axis in grid.loop_axes if axis.path.startswith(CHANNEL)))
+    return make_grid(grid.spec, tuple(axis for axis in grid.loop_axes if axis.path.startswith(CHANNEL_KEYS)))
 
 
-def _channel_columns(grid: Grid) -> dict[str, np.ndarray]:
-    """Table columns of the channel and `certified`, `(loops * walls,)`; each different channel is computed once."""
-    inside = channels_of(grid)
-    size = inside.loops
-    found = {
-        "channel_norm": np.full(size, np.nan),
-        "channel_omega": np.full(size, np.nan),
-        # A loop without a channel has none that adds energy.
-        "channel_passive": np.ones(size, bool),
-        "certified": np.ones(size, bool),
-    }
-    for members, values in groups(grid.spec, inside.loop_values(np.arange(size)), size):
-        norm = channel_norm(values)
-        if norm is None:
-            break
-        for name, part in zip(found, (norm.norm, norm.omega, norm.passive, norm.certified), strict=True):
-            found[name][members] = part
-    return {name: part[_inner(grid, inside)] for name, part in found.items()}
-
-
-def _inner(grid, inside):
-    """For each slice of the grid the loop of `inside`, whose axes are some of the grid's loop axes."""
+def _inner(grid, inside, slices):
+    """For each slice of the grid, all of whose axes are loop axes, the loop of `inside`, whose axes are some of them."""
     shape = tuple(len(axis.values) for axis in grid.loop_axes)
-    digits = dict(zip(grid.loop_axes, np.unravel_index(np.arange(grid.loops), shape), strict=True)) if shape else {}
-    loop = np.zeros(grid.loops, int)
+    digits = dict(zip(grid.loop_axes, np.unravel_index(slices, shape), strict=True)) if shape else {}
+    loop = np.zeros(slices.size, int)
     for axis in inside.loop_axes:
         loop = loop * len(axis.values) + digits[axis]
-    return np.repeat(loop, grid.walls)
-
-
-def _port_columns(grid: Grid, wanted, progress):
-    """Table columns of the port and `certified`, `(loops * walls,)`, and the workers that computed them."""
-    tasks = [PortTask(*part) for part in grid.slices_of_a_drawing(CHUNK)]
-    workers = choose(*wanted, len(tasks), partial(_expected_seconds, tasks))
-    found, done = np.zeros(grid.slices, PORT), 0
-    for _, records, _ in results(workers, range(len(tasks)), tasks.__getitem__):
-        found[records["slice"]] = records
-        done += records.size
-        if progress:
-            progress(done, grid.slices, int(found["certified"].sum()))
-    return {name: np.ascontiguousarray(found[name]) for name in PORT.names if name != "slice"}, workers
-
-
-def _expected_seconds(tasks) -> float:
-    """Seconds in one process beyond READY, from some loops of the first chunk and of the last."""
-    pieces = [task.first(16) for task in (tasks[0], tasks[-1])]
-    pieces[0].first(1).records()  # the first call of everything costs more than it will later
-    started = time.perf_counter()
-    loops = sum(piece.records().size for piece in pieces)
-    return (time.perf_counter() - started) / loops * sum(task.slices.size for task in tasks) - READY
+    return loop
 
 
 def _notices(grid) -> Iterator[str]:

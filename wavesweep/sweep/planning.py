@@ -13,8 +13,11 @@ from wavesweep.sweep.drawn_loops import drift_of, exact_cut, refuse_singular
 from wavesweep.sweep.grid import loop_of, make_grid
 from wavesweep.sweep.interval_table import method
 from wavesweep.sweep.job import expected_bytes, expected_seconds, job_of
-from wavesweep.sweep.passivity_table import channels_of
+from wavesweep.sweep.passivity_table import jobs_of
+from wavesweep.sweep.response_table import response_job
 from wavesweep.sweep.workers import choose
+
+MANY = 30_000_000  # rows: some 5 GB of CSV
 
 
 def plan(spec: Spec) -> list[str]:
@@ -25,7 +28,7 @@ def plan(spec: Spec) -> list[str]:
     lines += _uneven_lines(spec) if loop_of(spec) else _loop_lines(spec)
     for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
         lines += _interval_lines(spec, command, along)
-    return [*lines, *_bode_lines(spec), _passivity_line(spec), *_skipped_lines(spec)]
+    return [*lines, *_bode_lines(spec), *_passivity_lines(spec), *_skipped_lines(spec)]
 
 
 def _uneven_lines(spec):
@@ -70,7 +73,15 @@ def _interval_lines(spec, command, along):
         f"    method: {method(job)}",
         f"    work: {_count(len(job.chunks), 'chunk')}, about {_duration(expected() / workers.count)}; {who} ({workers.why})",
         f"    disk: about {_size(expected_bytes(job))} until the results are in place",
+        *_parts_lines(job),
     ]
+
+
+def _parts_lines(job):
+    """The advice for a table that few programs can read as a single CSV."""
+    rows = round(job.rows * job.size)
+    if rows > MANY:
+        yield f"    about {rows:.2g} rows: --partition 10000000 writes Parquet files of so many rows each, and no single CSV"
 
 
 def _size(count):
@@ -82,19 +93,34 @@ def _duration(seconds):
 
 
 def _bode_lines(spec):
-    grid, points = make_grid(spec, spec.bode), spec.frequency_hz
-    curves = _count(grid.slices, "curve")
+    points = spec.frequency_hz
+    try:
+        job = response_job(spec, spec.bode, points, tuple(axis.name for axis in spec.bode))
+    except (SpecError, UsageError) as error:
+        return [f"  bode: not possible with this spec: {error}"]
     frequencies = f"{len(points)} frequencies from {min(points):g} to {max(points):g} Hz"
-    return [f"  bode: {curves} of {frequencies}; method: lifted resolvent of both rates"]
+    what = f"  bode: {_count(job.grid.slices, 'curve')} of {frequencies}; method: lifted resolvent of both rates"
+    return [what, *_long_lines([job])]
 
 
-def _passivity_line(spec):
-    grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
-    channels = channels_of(grid).loops if draw(spec.values).waves else 0
-    return (
-        f"  passivity: hand's port of {_count(grid.slices, 'loop')}, norm of {_count(channels, 'wave channel')}; "
-        "method: level sets of the frame's energy balance, without a frequency grid"
-    )
+def _passivity_lines(spec):
+    try:
+        jobs = jobs_of(spec, tuple(axis for axis in spec.sweep if axis.values))
+    except (SpecError, UsageError) as error:
+        return [f"  passivity: not possible with this spec: {error}"]
+    channels = jobs["channel"].slices if "channel" in jobs else 0
+    what = f"  passivity: hand's port of {_count(jobs['port'].slices, 'loop')}, norm of {_count(channels, 'wave channel')}"
+    how = "method: level sets of the frame's energy balance, without a frequency grid"
+    return [f"{what}; {how}", *_long_lines(jobs.values())]
+
+
+def _long_lines(jobs):
+    """The chunks and the disk of a table of several chunks; otherwise nothing is kept on the way."""
+    advice = [line for job in jobs for line in _parts_lines(job)]
+    if all(len(job.chunks) == 1 for job in jobs):
+        return advice
+    chunks, size = sum(len(job.chunks) for job in jobs), _size(sum(map(expected_bytes, jobs)))
+    return [f"    work: {_count(chunks, 'chunk')}; disk: about {size} until the results are in place", *advice]
 
 
 def _drawn_plan(spec):

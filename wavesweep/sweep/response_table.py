@@ -1,16 +1,25 @@
 """Frequency responses over specs and axes, as a table."""
 
-import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
+from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING, UNSTABLE, words
 from wavesweep.analysis.response import prepare, respond, worst_gain
+from wavesweep.analysis.response.drawn import frame_of_port, respond_port
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw
 from wavesweep.errors import UsageError
 from wavesweep.lifted import cut_at_wall
-from wavesweep.sweep.grid import Grid, keys_of, make_grid, refuse_rows
-from wavesweep.sweep.table import Table, facts_of
+from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of, ports_of_groups, radius_of
+from wavesweep.sweep.grid import keys_of, make_grid, refuse_rows
+from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
+from wavesweep.sweep.running import Progress, Run, Work, in_memory, run
+from wavesweep.sweep.table import Columns, Table, facts_of
 
 SPARED = 1e-6  # relative error up to which a row has no doubt
 
@@ -26,37 +35,69 @@ def doubt_of(errors, stable, lost) -> np.ndarray:
 
     An unstable loop has no steady response, even if its digits are good; one that overflows within a frame has no number.
     """
+    return words(_doubts(errors, stable, lost))
+
+
+def _doubts(errors, stable, lost):
+    """The codes of the words."""
     rounded = ~np.logical_and.reduce([error <= SPARED for error in errors])
-    words = np.where(lost, "overflow", np.where(stable, np.where(rounded, "rounding", ""), "unstable"))
-    return np.broadcast_to(words, rounded.shape).astype(object)
+    codes = np.where(lost, OVERFLOW, np.where(stable, np.where(rounded, ROUNDING, NONE), UNSTABLE))
+    return np.broadcast_to(codes, rounded.shape)
 
 
-BLOCK = 200_000  # responses in one batch
+NUMBERS = (
+    "omega_Ts",
+    *(f"{name}_{part}" for name in ("admittance", "impedance") for part in ("re", "im", "abs", "deg")),
+    "worst_gain",
+)
+ERRORS = ("admittance_error", "impedance_error", "worst_gain_error")
+RESPONSE = np.dtype(
+    [
+        ("slice", "<i4"),
+        *((name, "<f8") for name in NUMBERS),
+        ("stable", "?"),
+        *((name, "<f8") for name in ERRORS),
+        ("doubt", "i1"),
+    ]
+)
+TICKS = 100_000  # responses of a chunk times ticks of a frame: a tenth to half a second, and some 50 MB
+WIDE = 10_000  # frequencies of a chunk: the last digits depend on those that are computed together, so few tables are cut there
 
 
-def responses(specs, **_work) -> Table:
+def responses(
+    specs,
+    jobs: int | None = None,
+    backend: str | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+    checkpoint: Path | None = None,
+    force: bool = False,
+) -> Table:
     """Admittance, impedance, worst-case gain and verdict of all specs, for every combination of their [bode] axes.
 
-    A spec without one of the axes has its own value in that column, or NaN if its controller does not read it. Workers are
-    not used (`_work` is ignored): thousands of curves take less time than starting one. Raises UsageError for a frequency
-    beyond half the fast rate.
+    A spec without one of the axes has its own value in that column, or NaN if its controller does not read it.
+    jobs, backend, scheduler, progress, checkpoint, force: see `Work`. Raises UsageError for a frequency beyond half the fast
+    rate, and the errors of `run`.
     """
-    started = time.perf_counter()
-    names = list(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
-    tables, counts, notices = [], {"computed": 0, "skipped": 0, "certified": 0}, []
-    for spec in specs:
-        read = keys_of(spec)
-        grid = make_grid(spec, spec.bode, read=read)
-        refuse_rows("bode", grid.size * len(spec.frequency_hz))
-        tables.append(_rows(grid, np.asarray(spec.frequency_hz), names, read))
-        counts["computed"] += grid.slices
-        counts["skipped"] += grid.size - grid.slices
-        notices += grid.notices
-    columns = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+    names = tuple(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
+    several = [response_job(spec, spec.bode, spec.frequency_hz, names) for spec in specs]
+    asked = {f"spec-{number}" if len(several) > 1 else "": job for number, job in enumerate(several)}
+    found = run(asked, Work(jobs, backend, scheduler, progress, checkpoint, force))
+    grids = [job.grid for job in asked.values()]
+    drawn = all(grid.drawing for grid in grids)
+    computed = sum(grid.slices for grid in grids)
+    counts = {"computed": computed, "skipped": sum(grid.size for grid in grids) - computed, "certified": 0}
+    notices = [notice for grid in grids for notice in grid.notices]
     swept = [axis.path for spec in specs for axis in spec.bode]
-    methods = METHODS | ({"worst_gain": "not computed for drawn loops"} if all(spec.drawing for spec in specs) else {})
-    facts = facts_of(list(specs), methods, counts, {"compute_s": time.perf_counter() - started}, notices, swept)
-    return Table.of("bode", columns, facts)
+    methods = METHODS | ({"worst_gain": "not computed for loops that are assembled tick by tick"} if drawn else {})
+    facts = facts_of(list(specs), methods, counts, found.timings, notices, swept) | {"warnings": found.warnings}
+    return Table("bode", partial(_blocks, found), facts, forget=found.forget)
+
+
+def _blocks(found: Run) -> Iterator[Columns]:
+    """Yield the rows of one spec after the other."""
+    for name in found.jobs:
+        yield from found.blocks(name)
 
 
 METHODS = {
@@ -66,22 +107,134 @@ METHODS = {
 }
 
 
-def one_spec(spec, axes, frequency, read) -> dict:
+def one_spec(spec, axes, frequency, read) -> Columns:
     """Table of one spec over `axes`, at the frequencies (Hz, an array); read: the keys that its controller reads."""
-    return _rows(make_grid(spec, axes, read=read), frequency, [axis.name for axis in axes], read)
+    return in_memory(response_job(spec, axes, frequency, tuple(axis.name for axis in axes), read))
 
 
-def _rows(grid: Grid, frequency, names, read) -> dict:
-    """Rows of one spec: combinations in order, frequencies innermost."""
-    combination, repeat = np.arange(grid.size), frequency.size
-    found, slices = response_arrays(grid, frequency), grid.slice_of(combination)
-    leading = grid.axis_columns(combination)
-    own = {name: np.full(grid.size, own_value(grid.spec, name, read)) for name in names}
-    rows = {name: np.repeat(values, repeat) for name, values in (own | leading).items()}
-    text = {"spec": grid.spec.name, "controller": grid.spec.kind}
-    rows |= {name: np.full(grid.size * repeat, word, dtype=object) for name, word in text.items()}
-    rows["frequency_hz"] = np.tile(frequency, grid.size)
-    return rows | {name: values[slices].reshape(-1) for name, values in found.items()}
+def response_job(spec, axes, frequency_hz, names: tuple[str, ...], read=None) -> "ResponseJob":
+    """The job of one spec over `axes`; names: the axes of all specs. Raises UsageError if it cannot be done.
+
+    A chunk has all frequencies of some curves or, if these are more than WIDE, a part of those of one curve.
+    """
+    read, frequency = keys_of(spec) if read is None else read, np.asarray(frequency_hz, float)
+    grid = make_grid(spec, axes, read=read, apart=False)
+    refuse_rows("bode", grid.size * frequency.size)
+    _refuse_aliases(grid, frequency)
+    resolved = resolve_all(grid, "bode")
+    points = frequency.size
+    if grid.drawing:
+        ports_of(spec, grid.drawing)
+    ticks = max(int(values.get("rates.ratio", 1)) for values in resolved.values())
+    curves = TICKS // ticks // points if 0 < points <= WIDE else 1
+    chunks = Chunks(grid.slices, points, max(1, curves), min(points, WIDE))
+    return ResponseJob(grid, chunks, resolved, frequency, names, read)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ResponseJob(Job):
+    """Responses of every slice of the grid, a loop with its wall, at every frequency (Hz).
+
+    In the chunks, the frequencies are in the place of the walls: slice = loop * frequencies + frequency. names: of all
+    columns before the spec's name. read: the keys that the controller reads.
+    """
+
+    frequency: np.ndarray
+    names: tuple[str, ...]
+    read: frozenset[str]
+    noun: ClassVar[str] = "responses"
+    dtype: ClassVar[np.dtype] = RESPONSE
+    row_bytes: ClassVar[int] = 480  # measured: 320 in the CSV and 130 in the Parquet file, and longer names of specs
+    proves: ClassVar[bool] = False
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return self.grid.size * self.frequency.size
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """The kind of the records; the spec has the frequencies."""
+        return {"records": "responses"}
+
+    def slice_of(self, combination) -> np.ndarray:
+        """Number of the slice of each row, frequencies innermost."""
+        at, point = np.divmod(combination, self.frequency.size)
+        return self.grid.slice_of(at) * self.frequency.size + point
+
+    def task(self, chunk: Chunk) -> "ResponseTask":
+        """The task of a worker for that chunk."""
+        loops = np.arange(chunk.loops.start, chunk.loops.stop)
+        groups = tuple(self.grid.groups_of(loops, self.resolved))
+        frequency = self.frequency[chunk.walls.start : chunk.walls.stop]
+        return ResponseTask(groups, frequency, self.grid.drawing, dict(self.grid.spec.values))
+
+    def columns(self, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
+        """The axes of all specs, the spec, the frequency, and the fields of the records."""
+        at, point = np.divmod(combination, self.frequency.size)
+        spec, rows = self.grid.spec, combination.size
+        columns = {name: np.full(rows, own_value(spec, name, self.read)) for name in self.names} | self.grid.axis_columns(at)
+        text = {"spec": spec.name, "controller": spec.kind}
+        columns |= {name: np.full(rows, word, dtype=object) for name, word in text.items()}
+        columns["frequency_hz"] = self.frequency[point]
+        columns |= {name: np.ascontiguousarray(records[name]) for name in RESPONSE.names if name != "slice"}
+        return columns | {"doubt": words(records["doubt"])}
+
+    def certified(self, records: np.ndarray) -> int:
+        """None: each response has its own bounds."""
+        del records
+        return 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ResponseTask:
+    """Responses of loops at frequencies (Hz).
+
+    groups: (members, values) pairs, which number the loops from 0; see `groups`. drawing, own: of loops that are assembled
+    tick by tick, see `DrawnTask`.
+    """
+
+    groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
+    frequency: np.ndarray
+    drawing: object = None
+    own: Mapping[str, object] | None = None
+
+    def records(self) -> np.ndarray:
+        """A record for each loop and frequency, the frequencies of a loop one after the other."""
+        loops = sum(members.size for members, _ in self.groups)
+        records = np.empty((loops, self.frequency.size), RESPONSE)
+        if self.drawing is None:
+            for members, values in self.groups:
+                for name, array in _block(values, self.frequency).items():
+                    records[name][members] = array
+        else:
+            self._fill(records)
+        records = records.reshape(-1)
+        records["slice"] = np.arange(records.size)
+        return records
+
+    def _fill(self, records):
+        """Loops that are assembled tick by tick, one after the other; they have no worst-case gain."""
+        stable = np.empty(len(records), bool)
+        for members, values in self.groups:
+            stable[members] = radius_of(frames(self.drawing, values, drift_of(self.drawing, values, self.own))) < 1
+        for number, port in ports_of_groups(self.drawing, self.groups, self.own):
+            for name, array in _seen(port, self.frequency, stable[number]).items():
+                records[name][number] = array
+
+
+def _seen(port, frequency, stable):
+    """The columns of one loop at its port."""
+    found, lost = respond_port(port, frequency), not np.isfinite(frame_of_port(port)).all()
+    parts = {"admittance": found.admittance, "impedance": found.impedance}
+    known = {name: np.where(np.isfinite(part), part, complex(np.nan, np.nan)) for name, part in parts.items()}
+    errors = {"admittance": found.admittance_error, "impedance": found.impedance_error}
+    errors = {name: np.where(np.isnan(known[name]), np.nan, error) for name, error in errors.items()}
+    columns = {"omega_Ts": 2 * np.pi * frequency * port.period * port.kind.size}
+    columns |= parts_of("admittance", known["admittance"]) | parts_of("impedance", known["impedance"])
+    columns |= {"worst_gain": np.nan, "worst_gain_error": np.nan, "stable": stable}
+    columns |= {f"{name}_error": error for name, error in errors.items()}
+    return columns | {"doubt": _doubts(errors.values(), np.full(frequency.shape, stable), lost)}
 
 
 def own_value(spec, name, read):
@@ -96,18 +249,6 @@ def own_value(spec, name, read):
     return values.get(key.path, np.nan) if key.path in read else np.nan
 
 
-def response_arrays(grid: Grid, frequency) -> dict[str, np.ndarray]:
-    """Table columns from `omega_Ts` on, each `(slices, points)`."""
-    _refuse_aliases(grid, frequency)
-    if grid.drawing:
-        return _drawn_arrays(grid, frequency)
-    out = {}
-    for numbers, values in grid.slices_of_a_drawing(max(1, BLOCK // frequency.size)):
-        for name, array in _block(values, frequency).items():
-            out.setdefault(name, np.empty((grid.slices, frequency.size), array.dtype))[numbers] = array
-    return out
-
-
 def _refuse_aliases(grid, frequency):
     """Raise UsageError for frequencies beyond half the fast rate, which a force that is held over a tick does not have."""
     name = "rates.tick_hz" if grid.spec.drawing else "rates.fast_hz"
@@ -117,30 +258,6 @@ def _refuse_aliases(grid, frequency):
     limit = min(*rates[0], np.inf) / 2 if rates else own / 2
     if frequency.size and frequency.max() > limit:
         raise UsageError(f"bode.frequency_hz: expected at most half of {name} = {limit:g} Hz, found {frequency.max():g}")
-
-
-def _drawn_arrays(grid, frequency):
-    """The columns of drawn loops, one after the other; they have no worst-case gain."""
-    from wavesweep.analysis.response.drawn import frame_of_port, respond_port
-    from wavesweep.sweep.drawn_loops import ports_of_slices, radii
-
-    shape, radius, out = (grid.slices, frequency.size), radii(grid), {}
-    for number, _, port in ports_of_slices(grid):
-        found, lost = respond_port(port, frequency), not np.isfinite(frame_of_port(port)).all()
-        columns = {"omega_Ts": 2 * np.pi * frequency * port.period * port.kind.size}
-        parts = {"admittance": found.admittance, "impedance": found.impedance}
-        # At 0 Hz the displacement in a tick says nothing of the position.
-        known = {name: np.where(np.isfinite(part), part, complex(np.nan, np.nan)) for name, part in parts.items()}
-        errors = {"admittance": found.admittance_error, "impedance": found.impedance_error}
-        errors = {name: np.where(np.isnan(known[name]), np.nan, error) for name, error in errors.items()}
-        stable = np.full(frequency.shape, radius[number] < 1)
-        columns |= parts_of("admittance", known["admittance"]) | parts_of("impedance", known["impedance"])
-        columns |= {"worst_gain": np.full(frequency.shape, np.nan), "stable": stable}
-        columns |= {f"{name}_error": error for name, error in errors.items()}
-        columns |= {"worst_gain_error": np.full(frequency.shape, np.nan), "doubt": doubt_of(errors.values(), stable, lost)}
-        for name, array in columns.items():
-            out.setdefault(name, np.empty(shape, array.dtype))[number] = array
-    return out
 
 
 def _block(values, frequency):
@@ -156,4 +273,4 @@ def _block(values, frequency):
     columns |= {"worst_gain": gain, "stable": stable}
     # A gain without bound is missing, and that is known.
     columns |= {f"{name}_error": np.where(np.isnan(columns.get(name, error)), np.nan, error) for name, error in errors.items()}
-    return columns | {"doubt": doubt_of(errors.values(), stable, loop.lost[..., None])}
+    return columns | {"doubt": _doubts(errors.values(), stable, loop.lost[..., None])}

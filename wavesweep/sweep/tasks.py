@@ -220,36 +220,30 @@ def with_batch(cut: Cut, size: int) -> Cut:
 
 
 PORT = np.dtype([
-    ("slice", "<i8"), ("port_margin", "<f8"), ("port_omega", "<f8"), ("port_passive", "?"), ("certified", "?"),
+    ("slice", "<i4"), ("port_margin", "<f8"), ("port_omega", "<f8"), ("port_passive", "?"), ("certified", "?"),
     ("stable", "?"), ("damping_needed", "<f8"),
 ])  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PortTask:
-    """The hand's port of loops of one drawing.
+    """The hand's port of loops. groups: (members, values) pairs, which number the loops from 0; see `groups`."""
 
-    slices: their numbers. values: flat keys, with arrays over the loops if these differ in them.
-    """
-
-    slices: np.ndarray
-    values: Mapping[str, object]
-
-    def first(self, count: int) -> "PortTask":
-        """The same for the first few loops."""
-        return PortTask(self.slices[:count], selected(self.values, slice(count)))
+    groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
 
     def records(self) -> np.ndarray:
         """A record per loop."""
         from wavesweep.analysis.passivity import port_damping_needed, port_margin
 
-        found = port_margin(self.values)
-        records = np.empty(self.slices.size, PORT)
-        records["slice"], records["port_margin"], records["port_omega"] = self.slices, found.margin, found.omega
-        # A loop whose digits are all lost has no margin, so no frequency either.
-        records["port_omega"][np.isnan(records["port_margin"])] = np.nan
-        records["port_passive"], records["certified"], records["stable"] = found.passive, found.certified, found.stable
-        records["damping_needed"] = port_damping_needed(self.values, found)
+        records = np.empty(sum(members.size for members, _ in self.groups), PORT)
+        records["slice"] = np.arange(records.size)
+        for members, values in self.groups:
+            found = port_margin(values)
+            # A loop whose digits are all lost has no margin, so no frequency either.
+            omega = np.where(np.isnan(found.margin), np.nan, found.omega)
+            columns = (found.margin, omega, found.passive, found.certified, found.stable, port_damping_needed(values, found))
+            for name, column in zip(PORT.names[1:], columns, strict=True):
+                records[name][members] = column
         return records
 
 

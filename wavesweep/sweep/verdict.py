@@ -12,10 +12,10 @@ from wavesweep.lifted import close, cut_at_wall
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.sweep.assumptions import assumes
-from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of_slices, refuse_singular
+from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of_loop, refuse_singular
 from wavesweep.sweep.grid import keys_of, loop_of, make_grid
-from wavesweep.sweep.interval_table import in_memory
 from wavesweep.sweep.job import job_over
+from wavesweep.sweep.running import in_memory
 
 FAR = 10.0  # factor up to which a number is followed
 USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}  # followed up to FAR times that, from 0
@@ -128,7 +128,7 @@ def _felt(spec):
 def _felt_at(spec):
     """Stiffness and damping at the hand's port of a drawn loop."""
 
-    _, _, port = next(ports_of_slices(make_grid(spec, ())))
+    port = ports_of_loop(spec, loop_of(spec))
     low = SLOW_SHARE / _frame_of(spec)[1]
 
     def impedance(frequency):

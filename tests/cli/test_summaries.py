@@ -1,0 +1,38 @@
+"""Summaries of long tables count the same in blocks as at once."""
+
+import numpy as np
+import pytest
+
+from wavesweep import sweep
+from wavesweep.cli.summaries import tally_of
+from wavesweep.spec import load
+
+AXES = {"b": [10.0, 40.0], "K_LM": [100.0, 200.0]}
+
+
+def tables():
+    """Responses of a spec with axes, of one without, and of one frequency; and passivity."""
+    bode = {"frequency_hz": [0.0, 1.0, 10.0]} | AXES
+    one = {"controller": {"kind": "pmw"}, "bode": bode, "environment": {"K_VE": 1e5, "integration": "explicit"}}
+    yield sweep.responses([load(one), load({"controller": {"kind": "dc"}, "bode": {"frequency_hz": [1.0]}})])
+    yield sweep.responses([load({"controller": {"kind": "dc"}, "bode": {"frequency_hz": [1.0], "K_VE": [1.0, 2.0, 3.0]}})])
+    yield sweep.passivity(load({"controller": {"kind": "pmw"}, "sweep": AXES}), jobs=1)
+
+
+@pytest.mark.slow
+def test_the_numbers_do_not_depend_on_the_blocks():
+    found = []
+    for table in tables():
+        columns, numbers = table.columns, []
+        for size in (10**6, 4, 1):
+            tally, rows = tally_of(table), len(columns["stable"])
+            for start in range(0, rows, size):
+                tally.add({name: column[start : start + size] for name, column in columns.items()})
+            numbers.append(tally.numbers(table.facts))
+        assert numbers[0] == numbers[1] == numbers[2]
+        found.append(numbers[0])
+    assert (found[0]["rows"], found[0]["curves"], found[0]["frequencies"]) == (13, 5, 3)
+    assert (found[1]["rows"], found[1]["curves"], found[1]["frequencies"]) == (3, 3, 1)
+    assert found[0]["unstable_specs"] == ["spec"]
+    assert found[2]["rows"] == 4
+    assert found[2]["damping_needed"] is None or np.isfinite(found[2]["damping_needed"]).all()

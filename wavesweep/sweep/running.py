@@ -1,0 +1,150 @@
+"""A run: jobs computed chunk by chunk on workers, kept in checkpoints, and from there the rows of a table."""
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from wavesweep.sweep.checkpoint import DamagedError, MemoryCheckpoint, blocks, checkpoint_of
+from wavesweep.sweep.job import Job, expected_seconds, refuse_full_disk
+from wavesweep.sweep.table import Columns, joined
+from wavesweep.sweep.workers import Workers, choose, results
+
+Progress = Callable[[int, int, int | None], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """How a run is done.
+
+    jobs: number of worker processes if the work is worth them. backend: one of `BACKENDS`, which is then used in any case.
+    scheduler: address of the dask scheduler. progress: is called with the number of slices done, of all slices, and of
+    certified ones, None if no slice can be. checkpoint: folder for finished chunks, from which a run of the same spec goes
+    on; by default they stay in memory. force: start again if the folder cannot be used.
+    """
+
+    jobs: int | None = None
+    backend: str | None = None
+    scheduler: str | None = None
+    progress: Progress | None = None
+    checkpoint: Path | None = None
+    force: bool = False
+
+
+class Tally:
+    """Counts of slices, of those taken from a checkpoint, and of certified ones, and the seconds spent in the workers."""
+
+    def __init__(self):
+        self.done = self.kept = self.certified = 0
+        self.seconds = 0.0
+
+    def add(self, slices, certified, seconds=0.0):
+        """Count a chunk."""
+        self.done += slices
+        self.certified += certified
+        self.seconds += seconds
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Run:
+    """Jobs whose chunks are all finished, with their checkpoints and counts; the keys are the names of the jobs."""
+
+    jobs: Mapping[str, Job]
+    stores: Mapping[str, object]
+    tallies: Mapping[str, Tally]
+    workers: Workers
+    seconds: float
+    folder: Path | None
+    warnings: list[str]
+
+    @property
+    def certified(self) -> int:
+        """Number of certified slices."""
+        return sum(tally.certified for tally in self.tallies.values())
+
+    @property
+    def timings(self) -> dict[str, float]:
+        """Seconds of the run and in the workers, the number of workers of the last job, and slices of earlier runs."""
+        return {
+            "compute_s": self.seconds,
+            "kernel_s": sum(tally.seconds for tally in self.tallies.values()),
+            "workers": self.workers.count,
+            "slices_from_checkpoint": sum(tally.kept for tally in self.tallies.values()),
+        }
+
+    def blocks(self, name: str):
+        """Yield the rows of a job in blocks."""
+        return blocks(self.jobs[name], self.stores[name])
+
+    def forget(self) -> None:
+        """Remove the checkpoints of all jobs and their common folder, unless it holds one of another run."""
+        for store in self.stores.values():
+            try:
+                store.remove()
+            except OSError as error:
+                self.warnings.append(f"{store.place}: {error.strerror}; the next run removes this checkpoint")
+        if self.folder is not None and any(self.jobs):
+            with suppress(OSError):
+                self.folder.rmdir()
+
+
+def run(jobs: Mapping[str, Job], work: Work = Work()) -> Run:
+    """Compute jobs one after the other. Their names are those of the folders in the checkpoint; "" is the checkpoint itself.
+
+    Raises UsageError (disk, workers), CheckpointError (torn, or of another run), WavesweepError (a worker process died).
+    """
+    started = time.perf_counter()
+    refuse_full_disk(work.checkpoint, jobs.values())
+    total, tallies, stores, warnings, workers = sum(job.slices for job in jobs.values()), {}, {}, [], None
+    for name, job in jobs.items():
+        workers = choose(work.jobs, work.backend, work.scheduler, len(job.chunks), partial(_expected, job))
+        stores[name] = checkpoint_of(job, work.checkpoint and work.checkpoint / name, work.force, warnings)
+        report = work.progress and _continued(work.progress, total, list(tallies.values()))
+        tallies[name] = compute(job, stores[name], workers, report)
+    return Run(jobs, stores, tallies, workers, time.perf_counter() - started, work.checkpoint, warnings)
+
+
+def _expected(job):
+    return expected_seconds(job) - job.ready
+
+
+def _continued(progress, total, before):
+    """The reports of one job as reports of all of them; before: the tallies of the jobs before it."""
+    done, certified = sum(tally.done for tally in before), sum(tally.certified for tally in before)
+    return lambda now, _, proved: progress(done + now, total, None if proved is None else certified + proved)
+
+
+def compute(job: Job, store, workers: Workers, progress: Progress | None = None) -> Tally:
+    """Compute every chunk that the checkpoint `store` does not have yet, and save it there."""
+    tally, chunks = Tally(), job.chunks
+    for number in store.finished():
+        try:
+            tally.add(chunks[number].slices, job.certified(store.load(number)))
+        except DamagedError as error:
+            store.set_aside(number, error)
+    tally.kept, known = tally.done, set(store.finished())
+    missing = (number for number in range(len(chunks)) if number not in known)
+    finished = results(workers, missing, lambda number: job.task(chunks[number]))
+    try:
+        for number, records, seconds in finished:
+            store.save(number, records)
+            tally.add(chunks[number].slices, job.certified(records), seconds)
+            if progress:
+                progress(tally.done, job.slices, tally.certified if job.proves else None)
+    except BaseException as error:
+        if store.place:
+            kept = f"{tally.done} of {job.slices} {job.noun} are kept in {store.place}"
+            error.add_note(f"{kept}; the same command goes on from there.")
+        raise
+    finally:
+        finished.close()
+    return tally
+
+
+def in_memory(job: Job) -> Columns:
+    """The table of a job, computed in this process."""
+    store = MemoryCheckpoint(job.dtype)
+    compute(job, store, Workers(1, None, None, "as a library"))
+    return joined(blocks(job, store))
