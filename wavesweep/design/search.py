@@ -1,8 +1,8 @@
 """A genetic search for the front of one or two objectives under constraints, in batches of a whole generation.
 
 K. Deb, A. Pratap, S. Agarwal, T. Meyarivan, A fast and elitist multiobjective genetic algorithm: NSGA-II, IEEE Trans.
-Evolutionary Computation 6, 2002, with its rule for constraints: a feasible design beats an infeasible one, and of two infeasible
-ones the one that violates less wins. Everything follows from the seed and from the values of the designs.
+Evolutionary Computation 6, 2002, with its rule for constraints: a feasible design beats an infeasible one, and of two
+infeasible ones the one that violates less wins. Everything follows from the seed and from the values of the designs.
 """
 
 from collections.abc import Callable
@@ -16,8 +16,8 @@ MUTANTS = 0.1  # of a generation, drawn uniformly anew: what the others have all
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judged:
-    """Designs as genes in [0, 1], `(designs, genes)`; objectives to be made small, `(designs, objectives)`; violation, `(designs,)`,
-    0 if every constraint holds."""
+    """Designs as genes in [0, 1], `(designs, genes)`; objectives to be made small, `(designs, objectives)`; and violation,
+    `(designs,)`, 0 if every constraint holds."""
 
     genes: np.ndarray
     objectives: np.ndarray
@@ -94,9 +94,8 @@ def ranked(designs: Judged) -> tuple[np.ndarray, np.ndarray]:
         for values in designs.objectives[members].T:
             order = np.argsort(values, kind="stable")
             across = values[order]
-            width = across[-1] - across[0]
             gaps = np.full(members.size, np.inf)
-            if width > 0 and np.isfinite(width):
+            if np.isfinite(across).all() and (width := across[-1] - across[0]) > 0:
                 gaps[1:-1] = (across[2:] - across[:-2]) / width
             crowding[members[order]] += gaps
     return rank, crowding

@@ -63,15 +63,16 @@ def evaluate(
 def _stiffest(spec, points: Points, stop) -> dict[str, Worst]:
     """The stiffest wall up to which every wall is stable, and the stiffness that is felt of it."""
     axis = Axis("K_VE", WALL[0], (), 0.0, stop, False)
-    value, felt, certified = np.zeros(points.size), np.zeros(points.size), np.ones(points.size, bool)
-    for start in range(0, points.size, BATCH):
-        part = slice(start, start + BATCH)
+    once, back = _distinct(points.changes, points.size)
+    value, felt, certified = np.zeros(once.size), np.zeros(once.size), np.ones(once.size, bool)
+    for start in range(0, once.size, BATCH):
+        part = once[start : start + BATCH]
         rows = at_points(spec, axis, {path: column[part] for path, column in points.changes.items()}, points.ties)
         at = start + rows["slice"]
         certified[at] = rows["certified"]
         first = (rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)
         value[at[first]], felt[at[first]] = rows["high"][first], rows["felt_high"][first]
-    every = points.all_of(certified)
+    value, felt, every = value[back], felt[back], points.all_of(certified[back])
     return {name: Worst(*points.worst(each, more=True), every) for name, each in (("z_width", value), ("felt", felt))}
 
 

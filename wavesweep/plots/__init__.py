@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _HOMES = MappingProxyType(
     {
         "Picture": "intervals", "bench": "bench", "bode": "responses", "compare": "comparison", "compare_bode": "comparison",
+        "design": "design",
         "passivity": "margins", "passivity_filters": "margins", "simulate": "simulation", "simulate_response": "responses",
         "stability_region": "intervals", "zwidth": "intervals",
     }

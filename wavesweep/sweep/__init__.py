@@ -2,10 +2,22 @@
 
 from wavesweep.sweep.table import Table
 
-__all__ = ["Table", "compare", "filter_choices", "hands_of", "intervals", "passivity", "plan", "responses", "simulate"]
+__all__ = [
+    "Table",
+    "compare",
+    "design",
+    "filter_choices",
+    "hands_of",
+    "intervals",
+    "passivity",
+    "plan",
+    "responses",
+    "simulate",
+]
 
 _HOMES = {
     "compare": "wavesweep.sweep.comparison",
+    "design": "wavesweep.design.study",
     "hands_of": "wavesweep.sweep.hands",
     "intervals": "wavesweep.sweep.interval_table",
     "responses": "wavesweep.sweep.response_table",
