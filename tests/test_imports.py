@@ -104,6 +104,14 @@ def test_writing_a_table_loads_no_pandas(tmp_path):
     assert loaded & {"pandas", "scipy", "matplotlib", "control", "joblib", "pyarrow.compute", "importlib.metadata"} == set()
 
 
+def test_check_without_a_picture_loads_no_matplotlib(tmp_path):
+    spec = tmp_path / "wall.toml"
+    spec.write_text('[controller]\nkind = "dc"\n')
+    assert not {"matplotlib", "wavesweep.plots"} & loaded_by(
+        f"from wavesweep.cli import main\nassert main(['check', {str(spec)!r}, '--quiet']) == 0"
+    )
+
+
 def test_a_small_run_without_a_figure_needs_numpy_click_and_parquet_only(tmp_path):
     spec = tmp_path / "wall.toml"
     spec.write_text('[controller]\nkind = "pmw"\n[sweep]\nK_VE = { start = 0, stop = 2000 }\nB_VE = [0.5, 1.0]\n')

@@ -109,15 +109,16 @@ class Loop:
         return self._frame("passivity", in_memory(self.spec, self._axes(axes)))
 
     def simulate(self, force=None, **options):
-        """Both loops run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
+        """The loop run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
 
         force: the hand's force (N) per tick, `(ticks,)`; by default the input of the spec's [simulate]. options: other keys
-        of [simulate] in place of the spec's (`wall=0.01, friction=0.2`). Errors: see `analysis.simulation.simulated_columns`.
+        of [simulate] in place of the spec's (`wall=0.01, friction=0.2`), if the loop is not drawn. Errors: see
+        `analysis.simulation.simulated`.
         """
-        from wavesweep.analysis.simulation import simulated_columns
+        from wavesweep.analysis.simulation import table
+        from wavesweep.sweep.simulation_table import simulation_of
 
-        self._refuse_drawn("simulate")
-        return self._frame("simulate", simulated_columns(self.spec, force, **options))
+        return self._frame("simulate", table(simulation_of(self.spec, force, **options)))
 
     def plot_zwidth(self, along: str = "K_VE", span=None, **axes):
         """The figure of stable intervals, as `wavesweep zwidth` draws it: a matplotlib `Figure`, which a notebook shows.
@@ -153,6 +154,12 @@ class Loop:
         tables = self.spec.as_simulated().tables()
         used = load(tables | {"simulate": tables["simulate"] | options}).as_simulated()
         return _figure("simulate", self.simulate(force, **options), used)
+
+    def plot_diagram(self):
+        """The picture of the loop, as `wavesweep check --plot` draws it: a matplotlib `Figure`."""
+        from wavesweep.plots import diagram
+
+        return diagram(self.spec)
 
     def to_control(self, output: str = "position"):
         """The lifted closed loop as a `control.StateSpace`: a frame's M hand forces (N) in, M outputs, dt = T_s.
@@ -264,6 +271,32 @@ class DrawnLoop:
         return DataFrame(
             {"frequency_hz": np.atleast_1d(frequency_hz), **{f.name: getattr(found, f.name) for f in fields(found)}}
         )
+
+    def simulate(self, inputs: Mapping, signals):
+        """The blocks run tick by tick from rest: a DataFrame with `time_s` and the signals, a row per tick.
+
+        inputs: for each input of the drawing its value in every tick, `(ticks,)`. signals: names of ports or junctions. The
+        rows end before a signal that is not finite. Errors: UsageError for a batch of loops, or for other inputs or signals.
+        """
+        from pandas import DataFrame
+
+        from wavesweep.analysis.simulation.drawn import run_drawn
+
+        drawn, rows = self.drawn, {name: np.asarray(values, float) for name, values in inputs.items()}
+        ports = {f"{each.block.name}.{port}" for each in drawn.placed for port in (*each.block.inputs, *each.block.outputs)}
+        unknown = [name for name in signals if name not in {*ports, *drawn.sums, *drawn.inputs}]
+        if any(each.block.batch for each in drawn.placed) or any(np.ndim(g) for s in drawn.sums.values() for g in s.values()):
+            raise UsageError("simulate: expected a single loop, found a batch")
+        if unknown or sorted(rows) != sorted(drawn.inputs):
+            found = ", ".join(unknown or rows) or "none"
+            raise UsageError(f"simulate: expected the inputs {', '.join(drawn.inputs)}, and ports or junctions, found {found}")
+        if any(row.ndim != 1 for row in rows.values()) or len({row.size for row in rows.values()}) > 1:
+            raise UsageError("simulate: expected as many numbers for each input, one per tick, found other shapes")
+        with named_loops(drawn):
+            closed_frame(drawn, self.drift)
+        seen = run_drawn(drawn, rows, tuple(signals))
+        count = len(next(iter(seen.values()), ()))
+        return DataFrame({"time_s": np.arange(count) * float(drawn.period)} | seen)
 
 
 def _figure(kind, table, spec, swept=None):

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 from support.drawn import ARM, WALL
 
@@ -60,6 +61,24 @@ def test_responses_and_the_port_of_a_drawn_loop(run):
     assert (code, "at most half of rates.tick_hz = 5000 Hz" in text) == (2, True)
 
 
+@pytest.mark.slow
+def test_a_run_of_a_drawn_loop_and_its_figures(run):
+    short = ("--set", "simulate.duration_s=3", "--set", "ports.hand.reaction=kp*net.y")
+    code, text, results = run("simulate", "arm.toml", "--plot", *short)
+    assert code == 0
+    assert "drawn, force of the hand sine: 30000 ticks, 3 s" in text
+    assert "J, the force against it took " in text
+    assert "response at 1 frequency: differs from the linear loop by at most" in text
+    rows = read(results / "arm" / "simulate.csv")
+    assert np.isfinite(rows["f_m"]).all()
+    assert np.array_equal(rows["frame"] * 20 + rows["phase"], rows["tick"])
+    assert (results / "arm" / "simulate-response.png").stat().st_size > 5000
+    assert main(["check", "--verify", "results/arm"]) == 0
+    code, text, _ = run("simulate", "arm.toml", "--set", "c=20", "--out", "wild", "--plot")
+    assert (code, "UNSTABLE: the linear loop diverges (spectral radius 1.15172 per frame)" in text) == (0, True)
+    assert "stopped after tick 2060" in text
+
+
 def test_check_lists_the_loop_and_every_mistake(run):
     code, text, _ = run("check", "arm.toml")
     assert (code, "runs every 20 ticks from tick 10: net (delay)" in text) == (0, True)
@@ -69,10 +88,27 @@ def test_check_lists_the_loop_and_every_mistake(run):
     assert "--set kq=1: kq: expected one of the tables" in text
 
 
+@pytest.mark.slow
+def test_check_draws_the_loop_and_says_where(run):
+    code, text, results = run("check", "arm.toml", "--plot", "--format", "svg", "--format", "png")
+    assert (code, "Wrote results/arm/diagram.svg, results/arm/diagram.png" in text) == (0, True)
+    assert "<dc:title>diagram of arm</dc:title>" in (results / "arm" / "diagram.svg").read_text(encoding="utf-8")
+    code, text, _ = run("check", "arm.toml", "--plot", "--json", "--out", "there")
+    assert (code, json.loads(text)["files"]) == (0, ["there/diagram.png"])
+
+
+@pytest.mark.parametrize("words", [["arm.toml", "--out", "there"], ["--verify", "there", "--plot"]])
+def test_options_of_the_picture_that_do_not_fit_are_refused(run, words):
+    code, text, _ = run("check", *words)
+    assert (code, "Error: --" in text, ": expected " in text) == (2, True, True)
+
+
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (("simulate", "arm.toml"), "simulate does not know drawn loops yet"),
+        (("simulate", "arm.toml", "--set", "simulate.friction=0.1"), "simulate.friction: expected one of input, amplitude"),
+        (("simulate", "arm.toml", "--set", "simulate.duration_s=200"), "at most 100 s (1000000 ticks at rates.tick_hz)"),
+        (("simulate", "arm.toml", "--set", "ports.hand.displacement=net.y"), "a position that a plant has in every tick"),
         (("stability-region", "arm.toml", "--hand", "passive"), "assembled tick by tick"),
         (("passivity", "arm.toml", "--filters"), "assembled tick by tick"),
         (("bode", "arm.toml", "--set", "ports.hand.displacement=net.y"), "a position that a plant has in every tick"),

@@ -7,11 +7,12 @@ import pytest
 from support.drawn import ARM, NETWORK, PD, WALL
 from support.specs import nested
 
-from wavesweep.errors import SpecError, UsageError
+from wavesweep.errors import SpecError
 from wavesweep.results.schema import TABLES
 from wavesweep.spec import load, sweep_axes
 from wavesweep.spec.block_types import COLUMNS, LONGEST_FRAME
 from wavesweep.spec.block_types import TYPES as BLOCKS
+from wavesweep.spec.keys import DEVICE_EFFECTS
 
 
 @pytest.fixture
@@ -173,7 +174,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
         (
             [("[sweep]", "[device]\nmass = 1\n[sweep]")],
             "27:2: device",
-            "one of the tables rates, numbers, block, wire, ports, sweep, bode",
+            "one of the tables rates, numbers, block, wire, ports, sweep, bode, simulate",
             "an unknown table",
         ),
         ([("[sweep]", '[controller]\nkind = "pmw"\n[sweep]')], "27:2: controller", "either a controller or blocks", "both"),
@@ -258,9 +259,30 @@ def test_names_of_numbers_are_no_names_of_columns_and_no_words_of_expressions():
         assert any(line.startswith(f"numbers.{name}: expected a name") for line in mistakes(tables))
 
 
-def test_a_loop_that_is_drawn_is_not_simulated_yet():
-    with pytest.raises(UsageError, match="does not know drawn loops"):
-        load(tomllib.loads(ARM)).as_simulated()
+def test_the_hand_of_a_drawn_loop_is_simulated(write):
+    spec = load(write(ARM + "[simulate]\ninput = 'step'\nduration_s = 0.5\n"))
+    assert "simulate" not in spec.tables()
+    simulated = spec.as_simulated()
+    tables = simulated.tables()
+    assert (tables["simulate"]["input"], tables["simulate"]["duration_s"]) == ("step", 0.5)
+    assert not {f"simulate.{name}" for name in tables["simulate"]} & {*DEVICE_EFFECTS}
+    assert load(simulated.tables()).as_simulated().sha256 == simulated.sha256
+
+
+@pytest.mark.parametrize("key", DEVICE_EFFECTS)
+def test_what_needs_a_device_is_refused_with_its_key(key, write):
+    keys = "input, amplitude, frequency_hz, settle_s, periods, at_s, width_s, record, duration_s, seed"
+    found = "one that needs a haptic device, which a drawn loop does not have"
+    last = key.partition(".")[2]
+    lines = mistakes(write(ARM + f"[simulate]\n{last} = 0\n"))
+    assert lines == [f"a.toml:32:1: {key}: expected one of {keys}, found {found}"]
+
+
+def test_a_simulation_fits_the_tick_and_needs_a_hand(write):
+    (line,) = mistakes(write(ARM + "[simulate]\nfrequency_hz = 5000\n"))
+    assert line == "a.toml:32:16: simulate.frequency_hz: expected numbers < 5000.0 (half of rates.tick_hz), found 5000.0"
+    with pytest.raises(SpecError, match=r"ports: expected hand = .* where the simulated force acts, found no hand"):
+        load(write(NETWORK)).as_simulated()
 
 
 def test_a_spec_with_a_controller_is_no_drawing():

@@ -6,7 +6,7 @@ import random
 import numpy as np
 import pytest
 
-from wavesweep.spec.expressions import LONGEST, Fault, evaluate, linear, parse, singular, unknown
+from wavesweep.spec.expressions import LONGEST, Fault, evaluate, linear, parse, singular, text_of, unknown
 
 NUMBERS = {"a": 1.5, "b": -0.7, "kp": 3.25}
 NAMES = {"__builtins__": {}, "sqrt": math.sqrt, "pi": math.pi}
@@ -39,6 +39,23 @@ def test_a_thousand_random_texts_have_the_value_that_python_gives_them():
             continue
         assert evaluate(parse(text), NUMBERS) == pytest.approx(wanted, rel=1e-12, abs=1e-12 * abs(wanted)), text
         compared += 1
+
+
+def test_the_text_of_a_tree_has_its_value_to_the_bit():
+    r, compared = random.Random(4), 0  # noqa: S311 - arithmetic, no secrets
+    while compared < 1000:
+        tree = parse(random_text(r, 4))
+        try:
+            wanted = evaluate(tree, NUMBERS)
+        except (ZeroDivisionError, OverflowError):
+            continue
+        assert evaluate(parse(text_of(tree)), NUMBERS) == wanted, text_of(tree)
+        compared += 1
+
+
+@pytest.mark.parametrize("text", ["a - (b - kp)", "a*(b + 2)/kp", "-a", "(a + b)**2", "sqrt(a + 1)", "a/(b/kp)", "2*pi", "0.1"])
+def test_a_text_has_no_more_parentheses_than_it_needs(text):
+    assert text_of(parse(text)) == text
 
 
 @pytest.mark.parametrize(

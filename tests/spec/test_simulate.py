@@ -44,6 +44,12 @@ def test_each_input_reads_its_frequencies(given, frequencies):
     assert simulate(**given)["frequency_hz"] == pytest.approx(frequencies, rel=1e-14)
 
 
+@pytest.mark.parametrize("kind", ["sine", "chirp", "step", "noise"])
+def test_what_is_written_can_be_read_again(kind):
+    spec = load(LOOP | {"simulate": {"input": kind}}).as_simulated()
+    assert load(spec.tables()).as_simulated().sha256 == spec.sha256
+
+
 def test_the_default_steps_pass_by_the_multiples_of_half_the_slow_rate():
     steps = simulate(input="stepped-sine")["frequency_hz"]
     assert (steps[0], steps[-1], len(steps)) == (0.5, 49.5, 50)

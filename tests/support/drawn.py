@@ -252,3 +252,19 @@ RANDOM = (
     {"type": "tf", "num": [1.0], "den": ["g/50", 1.0]},
     {"type": "ss", "discrete": True, "A": [["g/2", 0.1], [0, 0.3]], "B": [[1], [0.5]], "C": [[1, 0]], "D": [[0.2]]},
 )
+
+
+def random_network(seed, count=20, chain=False):
+    """A drawing of many blocks at four rates, each of which reads one or several of those before it; chain: always the last."""
+    r, tables = np.random.default_rng(seed), random_tables(seed)
+    block, wire = {"m": tables["block"]["m"]}, {}
+    for index in range(count - 1):
+        keys, every, name = RANDOM[int(r.integers(len(RANDOM)))], int(r.choice([1, 2, 5, 10])), f"b{index}"
+        placed = {} if keys["type"] == "tf" else {"every": every, "phase": int(r.integers(every))}
+        cutoff = {"cutoff_hz": float(r.uniform(0.02, 0.3) * 1000 / every)} if keys["type"] == "butterworth" else {}
+        block[name] = {**keys, **placed, **cutoff}
+        read = [index - 1] * chain + r.integers(-1, max(index, 1), size=r.integers(1, 3)).tolist() if index else [-1]
+        sources = ["m.x" if source < 0 else f"b{source}.y" for source in dict.fromkeys(read)]
+        wire[f"{name}.u"] = " + ".join(str(r.choice(["g*", "", "(-k0)*"])) + source for source in sources)
+    wire["m.f"] = f"h - k*b{count - 2}.y + d*b{count // 2}.y - (k0 + d)*b{count - 4}.y - d*m.v - k0*m.x"
+    return {**tables, "block": block, "wire": wire}

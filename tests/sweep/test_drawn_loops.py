@@ -7,7 +7,7 @@ import tomllib
 import numpy as np
 import pytest
 from support.drawn import ARM, JOINT, NETWORK, PD, WALL, as_blocks, random_tables
-from support.specs import KINDS
+from support.specs import KINDS, nested
 
 import wavesweep
 from wavesweep.diagram import blocks
@@ -275,7 +275,7 @@ def test_check_names_schedule_methods_and_refusals():
         "passivity: hand's port of 3 loops",
     ):
         assert text in lines
-    assert "bode, passivity: not possible, [ports] names no hand" in "\n".join(plan(load(tomllib.loads(NETWORK))))
+    assert "bode, passivity, simulate: not possible, [ports] names no hand" in "\n".join(plan(load(tomllib.loads(NETWORK))))
 
 
 def test_a_response_at_rest_is_that_of_the_springs():
@@ -294,17 +294,70 @@ def test_a_drawing_made_in_python_is_compiled_as_it_is():
     assert wavesweep.compile(single).response([1e-3], "hand", "m.x").admittance[0].real == pytest.approx(0.01, rel=1e-6)
     with pytest.raises(UsageError, match="input 'push'"):
         wavesweep.compile(single).response([1.0], "push", "m.x")
+    run = wavesweep.compile(single).simulate({"hand": np.ones(3000)}, ["m.x", "m.f"])
+    assert run["m.x"].iloc[-1] == pytest.approx(0.01, rel=1e-6)
+    assert (run["m.f"].iloc[0], run.time_s.iloc[-1]) == (1.0, pytest.approx(2.999))
+    for inputs, fault in (({"push": [1.0]}, "found push"), ({"hand": [[1.0]]}, "as many numbers")):
+        with pytest.raises(UsageError, match=fault):
+            wavesweep.compile(single).simulate(inputs, ["m.x"])
+    with pytest.raises(UsageError, match="expected a single loop"):
+        loop.simulate({"hand": [1.0]}, ["m.x"])
+    with pytest.raises(UsageError, match=r"found m\.y"):
+        wavesweep.compile(single).simulate({"hand": [1.0]}, ["m.y"])
 
 
 def test_what_needs_a_controller_is_refused_in_a_sentence():
     loop = compiled(ARM)
-    for call in (loop.simulate, loop.to_control):
-        with pytest.raises(UsageError, match="assembled tick by tick"):
-            call()
+    with pytest.raises(UsageError, match="assembled tick by tick"):
+        loop.to_control()
+    with pytest.raises(UsageError, match="option friction, wall: expected none, since a drawn loop has no haptic device"):
+        loop.simulate(friction=0.1, wall=0.0)
     with pytest.raises(UsageError, match="assembled tick by tick"):
         wavesweep.filter_choices(tomllib.loads(ARM))
     with pytest.raises(UsageError, match="assembled tick by tick"):
         wavesweep.zwidth(tomllib.loads(WALL), hand="passive")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("changes", [{}, {"environment.delay": 7, "device.velocity": "difference"}])
+def test_a_controller_written_as_blocks_runs_as_its_own_law(kind, changes):
+    """The simulator's laws share nothing with the blocks; the run is noise for half a second."""
+    spec = load(nested({"controller.kind": kind, "controller.Kp": 8.0, **changes}))
+    force = np.random.default_rng(0).normal(size=500)
+    own = wavesweep.compile(spec).simulate(force)
+    drawn = wavesweep.compile(as_blocks(spec.values)).simulate(force)
+    for name in ("time_s", "f_h", "x", "v", "f_m", "f_device", "energy_hand", "energy_device"):
+        assert drawn[name].to_numpy() == pytest.approx(own[name].to_numpy(), rel=1e-10, abs=1e-11 * own[name].abs().max())
+    assert drawn["x_hat"].isna().all()
+    assert drawn["frame"].tolist() == own["frame"].tolist()
+
+
+@pytest.mark.slow
+def test_a_run_and_its_response_as_tables():
+    tables = tomllib.loads(ARM) | {"simulate": {"settle_s": 6.0, "frequency_hz": [3.0, 20.0], "input": "stepped-sine"}}
+    run, response = wavesweep.simulate(tables)
+    assert (run.frame.max(), run.phase.max(), len(run)) == (len(run) // 20, 19, 146_667)
+    assert response.controller.tolist() == ["drawn"] * 2
+    for name in ("admittance_re", "admittance_im", "impedance_re", "impedance_im"):
+        assert response[name].to_numpy() == pytest.approx(response[f"linear_{name}"].to_numpy(), rel=1e-9)
+    assert (response.linear_admittance_error < 1e-9).all()
+    assert response.attrs["facts"]["notices"] == []
+
+
+def test_a_sine_that_is_its_own_image_is_noticed():
+    tables = tomllib.loads(ARM) | {"simulate": {"frequency_hz": 250.0, "duration_s": 3.0}}
+    response = wavesweep.simulate(tables)[1]
+    (notice,) = response.attrs["facts"]["notices"]
+    assert notice.startswith("at 250 Hz, a multiple of half the frame's rate, a sine is its own image")
+    found = response.admittance_re[0] + 1j * response.admittance_im[0]
+    assert abs(found) == pytest.approx(response.linear_admittance_abs[0], rel=0.01)
+
+
+def test_a_loop_that_diverges_stops_and_says_so():
+    facts = wavesweep.simulate(tomllib.loads(ARM.replace("value = 0.0", "value = 20.0")))[0].attrs["facts"]
+    assert facts["ticks"]["simulated"] < 5000
+    assert facts["ticks"]["stopped"] == "the hand's position exceeds 1000 m"
+    assert facts["linear_loop"]["spectral_radius"] == pytest.approx(1.1517, abs=1e-4)
 
 
 def test_every_axis_of_a_grid_is_read():

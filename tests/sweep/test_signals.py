@@ -161,7 +161,7 @@ def test_workers_that_are_killed_while_they_write_are_an_error_at_once(start, tm
     run.process.send_signal(signal.SIGCONT)
     code, said = run.finish()
     assert time.monotonic() - killed < SECONDS
-    assert (code, said.count("\n")) == (1, 1)
+    assert (code, said.count("\n")) == (1, 1), said
     assert said.startswith("Error: a worker process died (killed, or out of memory)")
 
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from math import pi
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from wavesweep.cli.options import as_json, debug, override, quiet
+from wavesweep.cli.options import as_json, debug, formats, override, quiet
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
@@ -23,11 +24,22 @@ Facts = Mapping[str, Any]
     metavar="DIR",
     help="Without SPEC: hold the results in a folder against their data packages, and compute a sample of the rows again.",
 )
+@click.option("--plot", is_flag=True, help="Draw the loop as well: blocks with type and rate, sums, ports, wires with gains.")
+@formats
+@click.option("--out", metavar="DIR", help="Folder for the picture of --plot [default: results/<spec's name>].")
 @override
 @as_json
 @quiet
 @debug
-def command(spec: str | None, verify: str | None, overrides: tuple[str, ...], **switches: bool) -> int:
+def command(
+    spec: str | None,
+    verify: str | None,
+    plot: bool,
+    formats: tuple[str, ...],
+    out: str | None,
+    overrides: tuple[str, ...],
+    **switches: bool,
+) -> int:
     """Judge a spec's own design, and list the work that each command would do.
 
     SPEC is a TOML file. All of its mistakes are listed at once. For a valid spec the verdict on its own design comes first:
@@ -36,16 +48,21 @@ def command(spec: str | None, verify: str | None, overrides: tuple[str, ...], **
     assumptions. A number that the spec does not give has its default, and is marked so.
 
     Then follow the states of the loop, the methods, the numbers of slices and workers, the estimated time, and the axes and
-    keys that are skipped, with the reason. Nothing is written.
+    keys that are skipped, with the reason. Nothing is written, except with --plot the picture of the loop: diagram.png.
 
     \b
-    Example:
+    Examples:
       wavesweep check mine.toml --set environment.delay=20
+      wavesweep check mine.toml --plot --format svg
     """
     if (spec is None) == (verify is None):
         raise click.UsageError(
             "Missing argument 'SPEC'." if spec is None else "--verify: expected a folder alone, found a SPEC"
         )
+    if plot and verify is not None:
+        raise click.UsageError("--plot: expected a SPEC, whose loop is drawn, found --verify")
+    if out is not None and not plot:
+        raise click.UsageError("--out: expected --plot, since nothing else is written, found none")
     if verify is not None:
         from wavesweep.cli.output import verified
 
@@ -56,14 +73,31 @@ def command(spec: str | None, verify: str | None, overrides: tuple[str, ...], **
 
     loaded = specs.load(spec, overrides)
     found, lines = verdict(loaded), sweep.plan(loaded)
+    pictures = _picture(loaded, out, formats) if plot else []
     if switches["as_json"]:
         from wavesweep.cli.output import show_json
 
         summary = {"command": "check", "specs": [loaded.name], "spec_sha256": loaded.sha256, "assumes": found["assumes"]}
-        show_json(summary | {"verdict": found, "plan": lines})
+        files = {"files": [str(path) for path in pictures]} if plot else {}
+        show_json(summary | {"verdict": found, "plan": lines} | files)
     elif not switches["quiet"]:
         click.echo("\n".join([*verdict_lines(loaded, found), *lines]))
+        if pictures:
+            from wavesweep.cli.output import say
+
+            say(f"Wrote {', '.join(map(str, pictures))}")
     return 0
+
+
+def _picture(spec: Spec, out: str | None, formats: tuple[str, ...]) -> list[Path]:
+    """Draw the loop and write the picture; gives the paths of the files."""
+    from wavesweep import __version__, plots, results
+    from wavesweep.plots.style import about_figure, save_all
+
+    directory = Path(out or Path("results", spec.name))
+    results.refuse_unusable(directory)
+    facts = {"tool_version": __version__, "spec_name": spec.name, "spec_sha256": spec.sha256}
+    return save_all(plots.diagram(spec), directory, "diagram", formats, about_figure("diagram", facts))
 
 
 def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:

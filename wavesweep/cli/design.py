@@ -38,7 +38,7 @@ def command(spec: str, options: Options) -> None:
     from wavesweep.spec import Spec
 
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
-        from wavesweep.design.best import written
+        from wavesweep.seeking.best import written
 
         table = sweep.design(*specs, **work)
         if options.to_stdout:

@@ -40,7 +40,7 @@ COMMANDS = MappingProxyType(
         "stability-region": "Find the stable intervals along any axis for every combination of the others.",
         "bode": "Compute transmitted admittance and impedance over frequency, one curve per spec.",
         "compare": "Compare the Z-width and the responses of several specs, in one figure and one table.",
-        "simulate": "Simulate both loops tick by tick, optionally with contact, friction and hardware limits.",
+        "simulate": "Simulate the loop tick by tick, optionally with contact, friction and hardware limits.",
         "passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port.",
         "design": "Search for designs that meet a wish, for all devices and hands that they have to hold for.",
         "paper": "Reproduce the paper's figures and test its statements.",

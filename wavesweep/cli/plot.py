@@ -23,19 +23,14 @@ def command(table: str, formats: tuple[str, ...], out: str | None, **switches: b
     """
     from wavesweep import plots, results
     from wavesweep.cli.output import say
-    from wavesweep.plots.style import about_figure, save
+    from wavesweep.plots.style import about_figure, save_all
 
     path = Path(table)
     directory = path.parent if out is None else Path(out)
     results.refuse_unusable(directory)
     kind, columns, facts = results.read_table(path)
     figure = plots.figure_of(kind)(columns, facts)
-    directory.mkdir(parents=True, exist_ok=True)
-    written = [directory / f"{path.stem}.{form}" for form in dict.fromkeys(formats)]
-    for each in written:
-        temporary = each.with_name(f".{each.name}.new{each.suffix}")
-        save(figure, temporary, about_figure(kind, facts))
-        temporary.replace(each)
+    written = save_all(figure, directory, path.stem, formats, about_figure(kind, facts))
     package = directory / f"{path.stem}.datapackage.json"
     if package.exists() and directory.resolve() == path.parent.resolve():
         results.add_figures(package, kind, written)

@@ -182,12 +182,13 @@ def filter_lines(found: Numbers) -> Iterator[Line]:
 
 def simulation(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """The run, the linear loop behind it, contact, saturation, timing and energies; None if something does not apply."""
-    options, tick = facts["spec"]["simulate"], 1 / facts["spec"]["rates"]["fast_hz"]
+    spec, options = facts["spec"], facts["spec"]["simulate"]
+    tick = facts["tick_s"] if "tick_s" in facts else 1 / spec["rates"]["fast_hz"]
     rows, late = len(columns["tick"]), columns["late"][columns["phase"] == 0]
     motors = np.mean(columns["f_m"] != columns["f_device"]) if "max_force" in options and rows else None
     timing = {"results": len(late), "late": int((late > 0).sum()), "lost": int((late < 0).sum())}
     return {
-        "controller": facts["spec"]["controller"]["kind"],
+        "controller": spec["controller"]["kind"] if "controller" in spec else "drawn",
         "input": options["input"],
         "ticks": rows,
         "wanted_ticks": facts["ticks"]["wanted"],
@@ -197,7 +198,7 @@ def simulation(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "contact": _contact(columns["touching"]) if "wall" in options and rows else None,
         "max_force": options.get("max_force"),
         "share_at_max_force": None if motors is None else float(motors),
-        "slow_results": timing if (options["late"] or options["dropped"]) and rows else None,
+        "slow_results": timing if (options.get("late") or options.get("dropped")) and rows else None,
         "energy": _energy(columns) if rows else None,
     }
 
@@ -233,7 +234,7 @@ def simulation_lines(found: Numbers) -> Iterator[Line]:
     if timing := found["slow_results"]:
         yield f"of {timing['results']} slow results {timing['late']} came late and {timing['lost']} were lost", False
     if not found["stopped"]:  # the energies of a run that explodes mean nothing
-        yield _energy_line(found["energy"]), False
+        yield _energy_line(found["energy"], "force against it" if found["controller"] == "drawn" else "motors"), False
 
 
 def unstable(linear: Numbers) -> str:
@@ -243,8 +244,11 @@ def unstable(linear: Numbers) -> str:
     return f"UNSTABLE: the linear loop diverges ({how_much})"
 
 
-def _energy_line(energy: Numbers) -> str:
-    line = f"energy: the hand gave {energy['hand']:.4g} J, the motors took {energy['device']:.4g} J"
+def _energy_line(energy: Numbers, taker: str) -> str:
+    line = f"energy: the hand gave {energy['hand']:.4g} J"
+    if energy["device"] is None:
+        return line
+    line += f", the {taker} took {energy['device']:.4g} J"
     if energy["channel"] is None:
         return line
     return f"{line}, the wave channel kept {energy['channel']:.4g} J (at least {energy['channel_least']:.4g} J at any time)"

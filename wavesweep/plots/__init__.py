@@ -19,9 +19,8 @@ if TYPE_CHECKING:
 _HOMES = MappingProxyType(
     {
         "Picture": "intervals", "bench": "bench", "bode": "responses", "compare": "comparison", "compare_bode": "comparison",
-        "design": "design",
-        "passivity": "margins", "passivity_filters": "margins", "simulate": "simulation", "simulate_response": "responses",
-        "stability_region": "intervals", "zwidth": "intervals",
+        "design": "design", "diagram": "wiring", "passivity": "margins", "passivity_filters": "margins",
+        "simulate": "simulation", "simulate_response": "responses", "stability_region": "intervals", "zwidth": "intervals",
     }
 )  # fmt: skip
 

@@ -11,6 +11,7 @@ from wavesweep.plots.style import DOUBTFUL, IDEAL, LINES, TWO_COLUMNS, distinct_
 
 _MOST_POINTS = 1600  # of a line: more than it has pixels along
 _DETAIL_FRAMES = 40
+_DETAIL_TICKS = 800  # at least, of a drawn loop
 
 Columns = Mapping[str, np.ndarray]
 
@@ -23,9 +24,10 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     pulse, or at the end.
     """
     spans = _spans(columns, facts)
-    with figure(TWO_COLUMNS, 6.4) as canvas:
-        grid = canvas.subplots(len(_ROWS), len(spans), sharex="col", squeeze=False)
-        for row, (title, draw) in zip(grid, _ROWS, strict=True):
+    rows = [(title, draw) for title, draw in _ROWS if draw is not _forces_of_the_control or not _drawn_without(columns, facts)]
+    with figure(TWO_COLUMNS, 1.6 * len(rows)) as canvas:
+        grid = canvas.subplots(len(rows), len(spans), sharex="col", squeeze=False)
+        for row, (title, draw) in zip(grid, rows, strict=True):
             for axes, span in zip(row, spans, strict=True):
                 draw(axes, {name: column[span] for name, column in columns.items()}, facts)
                 axes.grid(visible=True, color="0.9", linewidth=0.5)
@@ -44,6 +46,11 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     return canvas
 
 
+def _drawn_without(columns: Columns, facts: Mapping[str, Any]) -> bool:
+    """Whether it is a run of a drawn loop that does not name the force against the hand."""
+    return "block" in facts["spec"] and bool(np.isnan(columns["f_m"]).all())
+
+
 def _unstable(facts: Mapping[str, Any]) -> str:
     """The title of a run of an unstable loop, or of one that stopped early; otherwise empty."""
     linear, stopped = facts.get("linear_loop", {"stable": True}), facts.get("ticks", {}).get("stopped")
@@ -55,7 +62,10 @@ def _unstable(facts: Mapping[str, Any]) -> str:
 def _spans(columns: Columns, facts: Mapping[str, Any]) -> list[slice]:
     """Return the whole span, and that of the detail if it is shorter."""
     rows = len(columns["tick"])
-    length = _DETAIL_FRAMES * int(facts["spec"]["rates"]["ratio"])
+    if "block" in facts["spec"]:  # of a drawn loop a frame may be a tick
+        length = max(_DETAIL_FRAMES * (1 + int(columns["phase"].max(initial=0))), _DETAIL_TICKS)
+    else:
+        length = _DETAIL_FRAMES * int(facts["spec"]["rates"]["ratio"])
     if rows <= 2 * length:
         return [slice(None)]
     start = min(max(_event(columns, facts) - length // 4, 0), rows - length)
@@ -85,22 +95,22 @@ def _positions(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
     wall = facts["spec"]["simulate"].get("wall")
     millimetres = {name: 1e3 * columns[name] for name in ("x", "x_s")} | {"time_s": columns["time_s"]}
     _line(axes, millimetres, "x_s", "avatar", distinct_colour(1), held=True)
-    _line(axes, millimetres, "x", "device", distinct_colour(0))
+    _line(axes, millimetres, "x", "hand" if "block" in facts["spec"] else "device", distinct_colour(0))
     if wall is not None:
         axes.axhline(1e3 * wall, color=IDEAL, linewidth=0.8, linestyle="--", label="wall")
 
 
 def _forces_of_the_control(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
-    _line(axes, columns, "f_m", "asked for", distinct_colour(4), held=True)
+    _line(axes, columns, "f_m", "against the hand" if "block" in facts["spec"] else "asked for", distinct_colour(4), held=True)
     if "max_force" in facts["spec"]["simulate"]:
         _line(axes, columns, "f_device", "exerted", distinct_colour(0), held=True)
     _line(axes, columns, "F_s", "slow wall", distinct_colour(1), held=True)
 
 
 def _energies(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
-    del facts
+    taken = "taken by this force" if "block" in facts["spec"] else "taken by motors"
     _line(axes, columns, "energy_channel", "kept by channel", distinct_colour(3))
-    _line(axes, columns, "energy_device", "taken by motors", distinct_colour(0))
+    _line(axes, columns, "energy_device", taken, distinct_colour(0))
     _line(axes, columns, "energy_hand", "given by hand", distinct_colour(2))
 
 

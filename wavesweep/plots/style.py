@@ -56,7 +56,7 @@ _STYLE = {
     "hatch.linewidth": 0.5,
     "svg.hashsalt": "wavesweep",
 }
-_COMMANDS = {"simulate-response": "simulate", "passivity-filters": "passivity --filters"}
+_COMMANDS = {"simulate-response": "simulate", "passivity-filters": "passivity --filters", "diagram": "check --plot"}
 
 
 def incomplete(columns: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -98,6 +98,17 @@ def save(canvas: Any, path: Path, about: Mapping[str, str]) -> None:
         else:
             words = {"Title": about["Title"], "Creator": about["Software"], "Subject": _lines(about)}
             canvas.savefig(path, format="pdf", metadata=words | {"CreationDate": None})
+
+
+def save_all(canvas: Any, directory: Path, stem: str, formats: Sequence[str], about: Mapping[str, str]) -> list[Path]:
+    """Write a figure in several formats into a folder, which is made, each as one step; gives the paths. about: see `save`."""
+    directory.mkdir(parents=True, exist_ok=True)
+    written = [directory / f"{stem}.{form}" for form in dict.fromkeys(formats)]
+    for each in written:
+        temporary = each.with_name(f".{each.name}.new{each.suffix}")
+        save(canvas, temporary, about)
+        temporary.replace(each)
+    return written
 
 
 def _lines(about):

@@ -16,6 +16,7 @@ from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import Leaf, Place
 
 TABLES = ("rates", "numbers", "block", "wire", "ports")
+STUDIES = ("sweep", "bode", "simulate")  # tables that are left to others
 NUMBER_PARTS = ("value", "unit", "description")
 PORTS = MappingProxyType({"hand": ("force", "displacement", "reaction"), "wall": ("stiffness", "damping")})
 OPTIONAL = ("reaction",)
@@ -50,7 +51,7 @@ class _TableReader(KeyReader):
         unknown_tables: dict[str, Leaf] = {}
         for path, leaf in leaves.items():
             table, rest = path[0], path[1:]
-            if table in ("sweep", "bode"):
+            if table in STUDIES:
                 continue
             if table not in TABLES:
                 unknown_tables.setdefault(table, Leaf({}, leaf.place.under(path[:1])))
@@ -67,7 +68,7 @@ class _TableReader(KeyReader):
             if table == "controller":
                 self.refuse(leaf, table, "either a controller or blocks", "both")
             else:
-                known = (*TABLES, "sweep", "bode")
+                known = (*TABLES, *STUDIES)
                 self.refuse(leaf, table, "one of the tables " + ", ".join(known), "an unknown table", nearest(table, known))
         return tables
 

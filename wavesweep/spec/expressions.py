@@ -128,6 +128,33 @@ class _Reader:
         return ("sqrt", inner, at) if text == "sqrt" else inner
 
 
+def text_of(tree: Tree, least: int = 0) -> str:
+    """Return a text whose tree has the same value. least: rank of operations from which no parentheses are needed."""
+    operation, parts = tree[0], tree[1:-1]
+    if operation == "name":
+        return parts[0]
+    if operation == "number":
+        short = f"{parts[0]:g}"
+        return "pi" if parts[0] == math.pi else short if float(short) == parts[0] else repr(parts[0])
+    if operation == "sqrt":
+        return f"sqrt({text_of(parts[0])})"
+    rank, sides, sign = _RANKS[operation]
+    text = sign.join(text_of(part, side) for part, side in zip(parts, sides, strict=True))
+    text = f"-{text}" if operation == "negative" else text
+    return text if rank >= least else f"({text})"
+
+
+# Rank of an operation, the ranks that its parts need, and its sign.
+_RANKS = {
+    "+": (1, (1, 2), " + "),
+    "-": (1, (1, 2), " - "),
+    "negative": (1, (2,), ""),
+    "*": (2, (2, 3), "*"),
+    "/": (2, (2, 3), "/"),
+    "**": (3, (4, 3), "**"),
+}
+
+
 def names_in(tree: Tree) -> Iterator[tuple[str, int]]:
     """Yield each name in the tree with its offset."""
     if tree[0] == "name":

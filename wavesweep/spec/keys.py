@@ -201,6 +201,11 @@ _SIMULATE = [
 
 SIMULATE_KEYS = MappingProxyType({key.path: key for key in _SIMULATE})
 
+# What a haptic device or its real-time system adds to the linear loop; a drawn loop has neither.
+DEVICE_EFFECTS = tuple(
+    f"simulate.{name}" for name in ("wall", "resolution", "max_force", "friction", "jitter", "late", "dropped")
+)
+
 # What a study of the loop reads besides the loop itself; these are no axes.
 STUDY_KEYS = MappingProxyType(
     {

@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import islice
 
 from wavesweep.errors import Mistake, SpecError
-from wavesweep.spec.drawing import MARKS, names_of
+from wavesweep.spec.drawing import MARKS, RATE, names_of
 from wavesweep.spec.drawing_tables import read_drawing
 from wavesweep.spec.keys import SYMBOLS
 from wavesweep.spec.reading import Leaf, Place, file_stem, read_dict, read_file, read_override
@@ -110,6 +110,8 @@ def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     given = Given(of_loop, place)
     studies, wrong_studies = build_studies(belongs, given, names)
     mistakes = [*mistakes, *wrong, *belongs.mistakes.values(), *wrong_studies]
+    if drawing and studies.experiment.given:
+        mistakes += studies.experiment.beyond_limits(drawing.rate(values), RATE)
     if mistakes:
         raise SpecError(_in_order(mistakes))
     return Spec(name, path, values, _with_along(studies, belongs.along, drawing.wall), given, drawing=drawing)

@@ -10,7 +10,7 @@ from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.design import Design
-from wavesweep.spec.drawing import Drawing, resolve_drawn, written
+from wavesweep.spec.drawing import RATE, Drawing, resolve_drawn, written
 from wavesweep.spec.keys import BUILT_IN, KEYS, SYMBOLS, Names
 from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.resolving import Given, resolve
@@ -81,6 +81,11 @@ class Spec:
         return "drawn" if self.drawing else self._values["controller.kind"]
 
     @property
+    def tick_hz(self) -> float:
+        """The rate of the ticks, the fast rate, in Hz."""
+        return self.drawing.rate(self._values) if self.drawing else self._values["rates.fast_hz"]
+
+    @property
     def along(self) -> str:
         """The name of the axis whose stable intervals are wanted, as written."""
         return self._studies.along
@@ -112,13 +117,15 @@ class Spec:
     def as_simulated(self) -> Spec:
         """Return the spec of `simulate`, whose digest covers [simulate] too.
 
-        Errors: SpecError if the experiment does not fit the fast rate.
+        Errors: SpecError if the experiment does not fit the fast rate, or if a drawn loop has no hand.
         """
         if isinstance(self._values.get("rates.ratio"), float):
             raise UsageError(f"{self.name}: simulate expects rates.fast_hz divided by a whole number; set another slow rate")
-        if self.drawing:
-            raise UsageError(f"{self.name}: simulate does not know drawn loops yet; stability-region, bode and passivity do")
-        mistakes = list(self._studies.experiment.beyond_limits(self._values["rates.fast_hz"]))
+        rate = RATE if self.drawing else "rates.fast_hz"
+        mistakes = list(self._studies.experiment.beyond_limits(self.tick_hz, rate))
+        if self.drawing and self.drawing.hand is None:
+            expected = "hand = { force = ..., displacement = ... }, where the simulated force acts"
+            mistakes.append(self.mistake("ports", expected, "no hand"))
         if mistakes:
             raise SpecError(mistakes)
         return replace(self, for_simulation=True)

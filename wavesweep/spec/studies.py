@@ -14,7 +14,7 @@ from wavesweep.spec.devices import HapticDevice
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, SIMULATE_KEYS, STUDY_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.resolving import LIMITS, Given, check_each, exceeds_limit
-from wavesweep.spec.sorting import FREQUENCIES, Sorted
+from wavesweep.spec.sorting import FREQUENCIES, OF_DRAWN_LOOPS, Sorted
 
 DEFAULT_FREQUENCIES = Axis("frequency_hz", "bode.frequency_hz", logarithmic(0.1, 50.0, 400), 0.1, 50.0, False, "log")
 MOST_TICKS = 1_000_000  # about 1 GB of rows while the loop is marched
@@ -55,16 +55,16 @@ class Experiment:
         known = {name: value for name, value in device.simulation().items() if f"simulate.{name}" not in self.given}
         return replace(self, values=self.values | known)
 
-    def beyond_limits(self, fast_hz: float) -> Iterator[Mistake]:
-        """Yield the mistakes that depend on the fast rate (Hz)."""
+    def beyond_limits(self, fast_hz: float, rate: str = "rates.fast_hz") -> Iterator[Mistake]:
+        """Yield the mistakes that depend on the fast rate (Hz). rate: the path of its key."""
         half, most = fast_hz / 2, MOST_TICKS / fast_hz
         if self.frequencies and self.values["frequency_hz"] and not self.frequencies.stop < half:
-            expected, found = f"numbers < {half!r} (half of rates.fast_hz)", show(self.frequencies.stop)
+            expected, found = f"numbers < {half!r} (half of {rate})", show(self.frequencies.stop)
             yield self._leaf("frequency_hz").mistake(FREQUENCIES, expected, found)
         seconds = self._seconds()
         if seconds > most:
             name = "frequency_hz" if self.values["duration_s"] is None else "duration_s"
-            expected = f"at most {most:g} s ({MOST_TICKS} ticks at rates.fast_hz)"
+            expected = f"at most {most:g} s ({MOST_TICKS} ticks at {rate})"
             yield self._leaf(name).mistake(f"simulate.{name}", expected, f"{seconds:g} s")
 
     def _leaf(self, name: str) -> Leaf:
@@ -84,13 +84,19 @@ def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
     return settle_s + max(periods, math.ceil(frequency_hz)) / frequency_hz
 
 
-def build_experiment(leaves: Sorted) -> tuple[Experiment, list[Mistake]]:
-    """Return the experiment and its mistakes; limits that the fast rate sets are checked by `beyond_limits`."""
+def build_experiment(leaves: Sorted, drawn: bool = False) -> tuple[Experiment, list[Mistake]]:
+    """Return the experiment and its mistakes; limits that the fast rate sets are checked by `beyond_limits`.
+
+    drawn: whether it is one of a drawn loop, which has fewer keys.
+    """
     found, mistakes = check_each(SIMULATE_KEYS, leaves.simulate)
     checked = {path.split(".")[1]: value for path, value in found.items()}
-    defaults = {path.split(".")[1]: key.default for path, key in SIMULATE_KEYS.items()}
+    keys = OF_DRAWN_LOOPS if drawn else SIMULATE_KEYS
+    defaults = {path.split(".")[1]: key.default for path, key in keys.items()}
     values = defaults | checked
-    axis, wrong = _frequencies(leaves.frequencies)
+    alone = leaves.frequencies.get("")
+    none_needed = values["input"] not in INPUT_FREQUENCIES and alone and alone.value == []  # as `Experiment.written` has it
+    axis, wrong = _frequencies({} if none_needed else leaves.frequencies)
     settled = not wrong and ("input" in checked or "simulate.input" not in leaves.simulate)
     if settled:
         axis = axis or INPUT_FREQUENCIES.get(values["input"])
@@ -153,7 +159,7 @@ def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tupl
     mistakes += [need_values("bode", axis) for axis in axes["bode"] if not axis.values]
     frequencies = [axis for axis in axes["bode"] if axis.path == DEFAULT_FREQUENCIES.path]
     bode = tuple(axis for axis in axes["bode"] if axis not in frequencies)
-    experiment, wrong = build_experiment(leaves)
+    experiment, wrong = build_experiment(leaves, names is not BUILT_IN)
     design, wrong_design = build_design(leaves.design, names)
     frequency = (*frequencies, DEFAULT_FREQUENCIES)[0]
     return Studies(along, tuple(axes["sweep"]), bode, frequency, experiment, design), mistakes + wrong + wrong_design

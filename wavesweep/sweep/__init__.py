@@ -17,7 +17,7 @@ __all__ = [
 
 _HOMES = {
     "compare": "wavesweep.sweep.comparison",
-    "design": "wavesweep.design.study",
+    "design": "wavesweep.seeking.study",
     "hands_of": "wavesweep.sweep.hands",
     "intervals": "wavesweep.sweep.interval_table",
     "responses": "wavesweep.sweep.response_table",

@@ -124,7 +124,7 @@ def _long_lines(jobs):
 
 
 def _drawn_plan(spec):
-    """The same lines for a drawn loop: when its blocks run, its drift, and by which method each number is swept."""
+    """The same lines for a drawn loop: when its blocks run, its drift, and the method by which each number is swept."""
     refuse_singular(spec, spec.drawing)
     drawing, drawn = spec.drawing, assembled(spec.drawing, spec.values)
     period = 1e3 * float(drawn.period)
@@ -139,7 +139,7 @@ def _drawn_plan(spec):
         if command != "zwidth" or drawing.wall:
             lines += _interval_lines(spec, command, along)
     if drawing.hand is None:
-        return [*lines, "  bode, passivity: not possible, [ports] names no hand"]
+        return [*lines, "  bode, passivity, simulate: not possible, [ports] names no hand"]
     grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
     port = f"  passivity: hand's port of {_count(grid.slices, 'loop')}; method: level sets of the frame's energy balance"
     return [*lines, *_bode_lines(spec), port]

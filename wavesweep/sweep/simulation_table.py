@@ -5,25 +5,67 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from wavesweep.analysis.response import prepare, respond
+from wavesweep.analysis.response.drawn import frame_of_port, respond_port
 from wavesweep.analysis.simulation import Simulation, Tone, estimate, hand_force, record_path, simulated, table
 from wavesweep.analysis.simulation.both_loops import FARTHEST, STRONGEST
+from wavesweep.analysis.simulation.drawn import components, own_image, simulate_drawn
+from wavesweep.analysis.simulation.inputs import given
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw
+from wavesweep.diagram.assembly import POSITION, assembled
+from wavesweep.diagram.drawn import Drawn
+from wavesweep.errors import UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
+from wavesweep.spec.drawing import Drawing
+from wavesweep.sweep.drawn_loops import ports_of, ports_of_loop, radii, refuse_singular
+from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.response_table import doubt_of, parts_of
 from wavesweep.sweep.table import Table, facts_of
 
 
+def simulation_of(spec: Spec, force=None, **changes: Any) -> Simulation:
+    """Run the experiment of a spec's [simulate] table. spec, force, changes: see `analysis.simulation.simulated`.
+
+    A drawn loop has a hand, but no device whose effects could be changed. Errors: UsageError if some are.
+    """
+    if not spec.drawing:
+        return simulated(spec, force, **changes)
+    if changes:
+        found = ", ".join(changes)
+        raise UsageError(f"option {found}: expected none, since a drawn loop has no haptic device, found {found}")
+    refuse_singular(spec, spec.drawing)
+    drawing, ports = spec.drawing, ports_of(spec, spec.drawing)
+    force = hand_force(spec.as_simulated()).force if force is None else given(force).force
+    drawn = with_velocity(assembled(drawing, spec.values), drawing)
+    velocity = VELOCITY if VELOCITY in drawn.sums else ""
+    return simulate_drawn(drawn, force, ports.force, ports.position, velocity, ports.reaction)
+
+
+VELOCITY = "ports.hand.velocity"
+
+
+def with_velocity(drawn: Drawn, drawing: Drawing) -> Drawn:
+    """The drawing with the junction VELOCITY if the hand's position is made of positions of masses alone."""
+    places = {f"{block.name}.x": f"{block.name}.v" for block in drawing.blocks if block.type == "mass"}
+    terms = drawn.sums[POSITION]
+    if not places.keys() >= terms.keys():
+        return drawn
+    return replace(drawn, sums={**drawn.sums, VELOCITY: {places[name]: gain for name, gain in terms.items()}})
+
+
 def radius_of(spec: Spec) -> float:
     """Spectral radius per frame of the spec's linear loop, which has none of the effects of [simulate]."""
+    if spec.drawing:
+        return float(radii(make_grid(spec, ()))[0])
     wall = (spec.values["environment.K_VE"], spec.values["environment.B_VE"])
     return float(spectral_radius(cut_at_wall(draw(spec.values)), *wall))
 
@@ -33,27 +75,42 @@ def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> 
 
     If the linear loop is not stable, it has no steady response, and the columns of that response are missing.
     """
-    values = spec.values
-    seen = estimate(simulation.signals, tones, values["rates.fast_hz"], simulation.frame)
+    signals = {"f_device": simulation.signals["f_h"], **simulation.signals}  # without a reaction it is that of the whole port
+    seen = estimate(signals, tones, spec.tick_hz, simulation.frame, components if spec.drawing else None)
     # The normalised frequency is that of the slow rate, also for dc, whose frame is one tick.
-    seen["omega_Ts"] = 2 * np.pi * seen["frequency_hz"] * values["rates.ratio"] / values["rates.fast_hz"]
+    ratio = simulation.frame if spec.drawing else spec.values["rates.ratio"]
+    seen["omega_Ts"] = 2 * np.pi * seen["frequency_hz"] * ratio / spec.tick_hz
     stable = radius_of(spec) < 1
-    loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"])
-    named = {"spec": spec.name, "controller": values["controller.kind"]}
-    columns = {name: np.full(len(tones), word, dtype=object) for name, word in named.items()} | seen
-    linear = respond(loop, seen["frequency_hz"])
+    columns = {name: np.full(len(tones), word, dtype=object) for name, word in (("spec", spec.name), ("controller", spec.kind))}
+    columns |= seen
+    linear, lost = _linear(spec, seen["frequency_hz"])
     columns |= parts_of("linear_admittance", linear.admittance) | parts_of("linear_impedance", linear.impedance)
     errors = (linear.admittance_error, linear.impedance_error)
     columns |= {f"linear_{name}_error": error for name, error in zip(("admittance", "impedance"), errors, strict=True)}
     if not stable:
         columns |= {name: np.full(len(tones), np.nan) for name in columns if name.startswith("linear_")}
-    return columns | {"doubt": doubt_of(errors, stable, loop.lost)}
+    return columns | {"doubt": doubt_of(errors, stable, lost)}
+
+
+def _linear(spec, frequency):
+    """The response of the linear loop, and whether the frame overflows."""
+    values = spec.values
+    if not spec.drawing:
+        loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"])
+        return respond(loop, frequency), loop.lost
+    port = ports_of_loop(spec, spec.drawing)
+    return respond_port(port, frequency), not np.isfinite(frame_of_port(port)).all()
 
 
 METHODS = {"simulate": "both loops marched tick by tick from rest, the device exact under forces held over a tick"}
+DRAWN_METHODS = {"simulate": "blocks run tick by tick from rest, plants exact under inputs held over a tick"}
 RESPONSE_METHODS = {
     "admittance": "least squares over the settled stretch: the sine, its images about the slow rate, a constant",
     "linear_admittance": "lifted resolvent of both rates, component at the force's own frequency",
+}
+DRAWN_RESPONSE_METHODS = {
+    "admittance": "least squares over the settled stretch: a sine and a constant per phase of the frame; mean over the phases",
+    "linear_admittance": "resolvent of the frame, component at the force's own frequency",
 }
 
 
@@ -61,22 +118,37 @@ def simulate(spec: Spec) -> list[Table]:
     """The time series of the simulated spec and, for settled sines, the response estimated from it."""
     started = time.perf_counter()
     hand = hand_force(spec)
-    simulation = simulated(spec, hand.force)
+    simulation = simulation_of(spec, hand.force)
     columns = table(simulation)
     simulated_at, radius = time.perf_counter(), radius_of(spec)
     linear = {"stable": radius < 1, "spectral_radius": radius if isfinite(radius) else None}
-    facts = _facts(spec, METHODS, {"march_s": simulated_at - started}, list(_notices(spec))) | {"linear_loop": linear}
+    methods, seconds = DRAWN_METHODS if spec.drawing else METHODS, {"march_s": simulated_at - started}
+    facts = _facts(spec, methods, seconds, list(_notices(spec))) | {"linear_loop": linear}
     rows = len(columns["tick"])
     facts["ticks"] = {"wanted": len(hand.force), "simulated": rows, "stopped": _stopped(simulation, rows, len(hand.force))}
+    if spec.drawing:  # whose rate may be an expression
+        facts["tick_s"] = 1 / spec.tick_hz
     facts["limits"] = {"position_m": FARTHEST, "force_N": STRONGEST}
     tables = [Table.of("simulate", columns, facts)]
     tones = [tone for tone in hand.tones if tone.last <= rows]
     if tones:
         response = seen_response(spec, simulation, tones)
         timings = {"estimate_s": time.perf_counter() - simulated_at}
-        facts = _facts(spec, RESPONSE_METHODS, timings, []) | {"linear_loop": linear}
+        methods = DRAWN_RESPONSE_METHODS if spec.drawing else RESPONSE_METHODS
+        notices = list(_images(tones, 1 / spec.tick_hz, simulation.frame)) if spec.drawing else []
+        facts = _facts(spec, methods, timings, notices) | {"linear_loop": linear}
         tables.append(Table.of("simulate-response", response, facts))
     return tables
+
+
+def _images(tones, tick, frame):
+    """Yield a notice about the tones that are their own image."""
+    own = [f"{tone.frequency_hz:g}" for tone in tones if own_image(2 * np.pi * tone.frequency_hz * tick * frame)]
+    if own and frame > 1:
+        yield (
+            f"at {', '.join(own)} Hz, a multiple of half the frame's rate, a sine is its own image: the response seen depends "
+            "on its phase"
+        )
 
 
 def _stopped(simulation: Simulation, rows: int, wanted: int) -> str:
@@ -105,5 +177,5 @@ def _notices(spec: Spec) -> Iterator[str]:
         given = [f"{path} = {used[path]:g} and not {value:g}" for path, value in own.items() if used[path] != value]
         if given:
             yield f"the spec takes precedence over the preset {spec.preset}: {', '.join(given)}"
-    if options["resolution"] and spec.values["device.velocity"] == "exact":
+    if options.get("resolution") and spec.values["device.velocity"] == "exact":
         yield 'device.velocity = "exact" does not see the encoder; "difference" takes its velocity from it'

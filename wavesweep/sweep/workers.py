@@ -166,9 +166,11 @@ def _unblock(executor, processes):
         if process.exitcode is None:
             with suppress(OSError):
                 os.kill(process.pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+    null = os.open(os.devnull, os.O_RDWR)
     for end in (executor._result_queue._writer, executor._call_queue._reader):  # noqa: SLF001 - no public names either
-        with suppress(OSError):
-            end.close()
+        with suppress(OSError):  # one that loky has closed itself
+            os.dup2(null, end.fileno())  # and not closed, which loky may be about to do
+    os.close(null)
 
 
 @contextmanager

@@ -42,7 +42,7 @@ def effects_of(spec: Spec) -> Effects:
 
 def hand_force(spec: Spec) -> Input:
     """Return the force of the hand over the simulated time of the spec."""
-    values, fast_hz = spec.simulate, spec.values["rates.fast_hz"]
+    values, fast_hz = spec.simulate, spec.tick_hz
     record = _made(spec, fast_hz)
     seconds = values["duration_s"]
     return record if seconds is None else inputs.lasting(record, round(seconds * fast_hz))
@@ -65,6 +65,6 @@ def _made(spec: Spec, fast_hz: float) -> Input:
         "step": lambda: inputs.step(fast_hz, size, seconds, at),
         "pulse": lambda: inputs.pulse(fast_hz, size, seconds, at, values["width_s"]),
         "noise": lambda: inputs.noise(fast_hz, size, seconds, values["seed"]),
-        "record": lambda: inputs.read_force(record_path(spec), fast_hz),
+        "record": lambda: inputs.read_force(record_path(spec), fast_hz, "rates.tick_hz" if spec.drawing else "rates.fast_hz"),
     }
     return makers[values["input"]]()

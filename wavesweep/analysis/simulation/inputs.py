@@ -139,11 +139,12 @@ def _ticks(fast_hz: float, seconds: float) -> int:
     return round(seconds * fast_hz)
 
 
-def read_force(path: str | Path, fast_hz: float) -> Input:
+def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") -> Input:
     """Read a record of hand force from a CSV file with a header line.
 
     Column ``force_N`` holds the force of each fast tick (N). If there is a column ``time_s``, its times must increase by
-    one fast period from row to row, within 1 % of it; they may start at any time. Other columns are ignored.
+    one fast period from row to row, within 1 % of it; they may start at any time. Other columns are ignored. rate: the
+    key of the fast rate, for messages.
 
     Errors: `UsageError` naming the file, the line, the value found and the values expected.
     """
@@ -167,7 +168,7 @@ def read_force(path: str | Path, fast_hz: float) -> Input:
             raise UsageError(f"{path}:{line}: expected {len(header)} values as in the header, found {len(row)}")
     force = _column(path, lines, header, "force_N")
     if "time_s" in header:
-        _check_times(path, lines, _column(path, lines, header, "time_s"), fast_hz)
+        _check_times(path, lines, _column(path, lines, header, "time_s"), fast_hz, rate)
     return Input(force)
 
 
@@ -191,7 +192,7 @@ def _number(cell: str) -> float:
         return math.nan
 
 
-def _check_times(path: str | Path, lines: list, times: np.ndarray, fast_hz: float) -> None:
+def _check_times(path: str | Path, lines: list, times: np.ndarray, fast_hz: float, rate: str) -> None:
     """Reject times that are not the ticks of the fast loop, at the first such row."""
     expected = times[0] + np.arange(len(times)) / fast_hz
     off = np.abs(times - expected) > _TOLERANCE / fast_hz
@@ -199,5 +200,5 @@ def _check_times(path: str | Path, lines: list, times: np.ndarray, fast_hz: floa
         row = int(off.argmax())
         raise UsageError(
             f"{path}:{lines[row][0]}: time_s: expected {expected[row]:.9g}, a row every {1 / fast_hz:.9g} s as at the "
-            f"fast rate, found {times[row]:.9g}; resample the record or set rates.fast_hz"
+            f"fast rate, found {times[row]:.9g}; resample the record or set {rate}"
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +22,8 @@ _SAME = 1e-9  # rad per tick: images closer than this are one column
 class Energy:
     """Energies (J) since the start, at the end of every tick, shape ``(ticks,)`` each.
 
-    `hand`: work of the hand on the device, ``Σ f_h·Δx``. `device`: work that the device's motors took up, ``Σ f_d·Δx``.
+    `hand`: work of the hand on the device, ``Σ f_h·Δx``. `device`: work that the device's motors took up, ``Σ f_d·Δx``; None if
+    this force is not known, as in a drawn loop that does not name it.
     Wave power is ``(u² - v²)/2``, and a wave lasts its own period: `user` went into the channel at the user's side,
     ``Σ T·(u_m² - v_m²)/2``; `slow` came out at the slow environment, ``Σ T_s·(u_s² - v_s²)/2``, counted at its update;
     `local` came out at the local model. `channel` is the rest, ``user - slow - local``: stored or dissipated if
@@ -31,7 +32,7 @@ class Energy:
     """
 
     hand: np.ndarray
-    device: np.ndarray
+    device: np.ndarray | None
     user: np.ndarray | None
     slow: np.ndarray | None
     local: np.ndarray | None
@@ -140,7 +141,9 @@ def _finite_rows(columns: list[np.ndarray], rows: int) -> int:
     return rows if finite.all() else int(finite.argmin())
 
 
-def estimate(signals: Mapping[str, np.ndarray], tones: Sequence[Tone], fast_hz: float, ratio: int) -> dict[str, np.ndarray]:
+def estimate(
+    signals: Mapping[str, np.ndarray], tones: Sequence[Tone], fast_hz: float, ratio: int, fit: Callable | None = None
+) -> dict[str, np.ndarray]:
     """Estimate the transmitted admittance ``x/f_h`` and impedance ``f_device/x`` at each tone's frequency.
 
     A multirate loop responds to a sine also at its images ``f + n·f_slow``. Each signal of a section is fitted with sines
@@ -148,7 +151,8 @@ def estimate(signals: Mapping[str, np.ndarray], tones: Sequence[Tone], fast_hz: 
     Without them the images would leak into it, if the section is not a whole number of frames.
 
     Parameters: `signals` with the columns `f_h`, `x`, `f_device` (see `Simulation.signals`), `tones` the sections to
-    use, `fast_hz` the fast rate, `ratio` ticks in a frame (1 for `dc`).
+    use, `fast_hz` the fast rate, `ratio` ticks in a frame (1 for `dc`), `fit` another
+    function of (signals, tone, fast_hz, ratio) that gives the three amplitudes at a tone's frequency.
 
     Returns the columns ``frequency_hz``, ``omega_Ts`` (radians per slow sample), ``admittance_re``, ``_im``, ``_abs``
     (m/N), ``_deg``, and ``impedance_…`` likewise (N/m), an entry per tone.
@@ -158,7 +162,8 @@ def estimate(signals: Mapping[str, np.ndarray], tones: Sequence[Tone], fast_hz: 
     Accuracy: rounding, once the loop has settled. At multiples of half the slow rate the sine is its own image: there a
     single record depends on the phase of the sine against the slow clock, in an experiment as here.
     """
-    found = np.array([_components(signals, tone, fast_hz, ratio) for tone in tones], dtype=complex).reshape(-1, 3)
+    fit = fit or _components
+    found = np.array([fit(signals, tone, fast_hz, ratio) for tone in tones], dtype=complex).reshape(-1, 3)
     f_h, x, f_device = found.T
     frequency = np.array([tone.frequency_hz for tone in tones])
     columns = {"frequency_hz": frequency, "omega_Ts": 2 * np.pi * frequency * ratio / fast_hz}

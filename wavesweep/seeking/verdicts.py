@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from wavesweep.design.family import Scenario
+from wavesweep.seeking.family import Scenario
 from wavesweep.spec import Spec
 from wavesweep.spec.design import Design, Wish
 

@@ -9,12 +9,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from wavesweep.design.family import Scenario, scenarios_of
-from wavesweep.design.genes import designs_of, genes_of
-from wavesweep.design.search import Judged, generations, survivors, undominated
-from wavesweep.design.verdicts import judged, miss
-from wavesweep.design.wishes import evaluate
 from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.seeking.family import Scenario, scenarios_of
+from wavesweep.seeking.genes import designs_of, genes_of
+from wavesweep.seeking.search import Judged, generations, survivors, undominated
+from wavesweep.seeking.verdicts import judged, miss
+from wavesweep.seeking.wishes import evaluate
 from wavesweep.spec import Spec
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.sweep.checkpoint import DamagedError, checkpoint_of

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from wavesweep.spec import Spec
-from wavesweep.spec.toml import dumps
+from wavesweep.spec.writing import as_toml
 from wavesweep.sweep.disk import make_folders, write_file
 from wavesweep.sweep.table import Table
 
@@ -34,7 +34,7 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     sweep |= {f"operator.{part}": list(values) for part, values in design.hand.items()}
     tables = {name: table for name, table in tables.items() if name not in ("sweep", "bode", "design", "simulate")}
     said = ", ".join(f"{wish.name} {row[wish.name]:.6g} {wish.kind.unit}".removesuffix(" 1") for wish in design.wishes)
-    return f"{HEADER}{said}, at their worst.\n{dumps(tables | {'sweep': sweep})}"
+    return f"{HEADER}{said}, at their worst.\n{as_toml(tables | {'sweep': sweep})}"
 
 
 def written(table: Table, spec: Spec, directory: Path) -> Table:

@@ -7,16 +7,16 @@ import numpy as np
 
 from wavesweep.analysis.response import prepare, respond
 from wavesweep.analysis.spectrum import eigenvalues, spectral_radius
-from wavesweep.design.family import Points, Scenario, points_of
 from wavesweep.diagram import WALL, draw, keys_read
 from wavesweep.lifted import close, cut_at_wall
+from wavesweep.seeking.family import Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.sweep.grid import groups
 from wavesweep.sweep.interval_table import at_points
 
-NODES = 12  # Gauss-Legendre nodes of a band in the logarithm of the frequency
+NODES = 24  # Gauss-Legendre nodes of a band in the logarithm of the frequency
 BAND_HZ = (0.1, 10.0)
 BATCH = 512  # points at a time: more leave the processor's cache
 ERROR = 1e-6  # relative, up to which a response is believed

@@ -1,0 +1,148 @@
+"""Pictures of loops: every wire is there, none passes through a box or along another, and all texts can be read."""
+
+import itertools
+import tomllib
+
+import numpy as np
+import pytest
+from support.drawn import ARM, JOINT, NETWORK, WALL, as_blocks, random_network, random_tables
+from support.specs import KINDS, nested
+
+from wavesweep import plots
+from wavesweep.diagram import draw
+from wavesweep.diagram.wiring import wiring_of_diagram, wiring_of_drawing
+from wavesweep.plots.routes import APART, ROW
+from wavesweep.plots.wiring import WIDEST, placed
+from wavesweep.spec import load
+
+TINY = 1e-6
+
+
+def built_in(kind):
+    return load(nested({"controller.kind": kind, "controller.Kp": 8.0, "environment.delay": 3, "local_model.B_LM": 0.5}))
+
+
+SPECS = {
+    **{
+        name: lambda text=text: load(tomllib.loads(text))
+        for name, text in zip("AWNJ", (ARM, WALL, NETWORK, JOINT), strict=True)
+    },
+    **{kind: lambda kind=kind: built_in(kind) for kind in KINDS},
+    **{f"{kind}-blocks": lambda kind=kind: load(as_blocks(built_in(kind).values)) for kind in KINDS},
+    **{f"random-{seed}": lambda seed=seed: load(random_tables(seed)) for seed in range(8)},
+    **{f"twenty-{seed}": lambda seed=seed: load(random_network(seed)) for seed in range(12)},
+    **{f"chain-{seed}": lambda seed=seed: load(random_network(seed, chain=True)) for seed in (*range(6), 1109)},
+    "sixty": lambda: load(random_network(1, 60)),
+}
+
+
+def routed(spec):
+    loop = wiring_of_drawing(spec.drawing, spec.values) if spec.drawing else wiring_of_diagram(draw(spec.values))
+    boxes, routes = placed(loop)
+    return boxes[: len(loop.parts)], routes
+
+
+def apart(one, other):
+    """Whether two lines of different nets do not run along each other."""
+    (a, b, c, d), (e, f, g, h) = one[1:], other[1:]
+    if b == d and f == h and abs(b - f) < APART / 2:
+        return max(a, c) < min(e, g) + TINY or max(e, g) < min(a, c) + TINY
+    if a == c and e == g and abs(a - e) < APART / 2:
+        return max(b, d) < min(f, h) + TINY or max(f, h) < min(b, d) + TINY
+    return True
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SPECS)
+def test_no_wire_passes_through_a_box_or_along_another(name):
+    boxes, routes = routed(SPECS[name]())
+    for net, a, b, c, d in routes.lines:
+        assert a == c or b == d
+        for number, (x, y) in routes.places.items():
+            inside_x = min(a, c) < x + boxes[number].width - TINY and max(a, c) > x + TINY
+            inside_y = min(b, d) < y + ROW * boxes[number].rows - TINY and max(b, d) > y + TINY
+            assert not (inside_x and inside_y), (net, number)
+    for one, other in itertools.combinations(routes.lines, 2):
+        assert one[0] == other[0] or apart(one, other), (one, other)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SPECS)
+def test_boxes_do_not_overlap_and_every_wire_leads_from_its_source_to_its_reader(name):
+    boxes, routes = routed(SPECS[name]())
+    for (i, (x, y)), (j, (u, v)) in itertools.combinations(routes.places.items(), 2):
+        beside = x + boxes[i].width <= u + TINY or u + boxes[j].width <= x + TINY
+        assert beside or y + ROW * boxes[i].rows <= v + TINY or v + ROW * boxes[j].rows <= y + TINY
+    for number, box in enumerate(boxes):
+        x, y = routes.places[number]
+        for row, net in box.outputs:
+            own = [line[1:] for line in routes.lines if line[0] == net]
+            reached, grown = {(x + box.width, y + ROW * (row + 0.5))}, -1
+            while grown != len(reached):
+                grown = len(reached)
+                for line in own:
+                    if any(on(line, *point) for point in reached):
+                        reached |= {line[:2], line[2:]}
+                    reached |= {p for other in own for p in (other[:2], other[2:]) if on(line, *p) and line[:2] in reached}
+            for j, reader in enumerate(boxes):
+                for at, read, _ in reader.inputs:
+                    if read == net:
+                        assert any(np.allclose(point, routes.ends[j, at]) for point in reached), (net, j)
+
+
+def on(line, x, y):
+    a, b, c, d = line
+    return min(a, c) - TINY <= x <= max(a, c) + TINY and min(b, d) - TINY <= y <= max(b, d) + TINY
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["A", "W", "J", "pmw-lm", "pmw-lm-blocks", "dc", "twenty-1", "chain-2"])
+def test_texts_overlap_neither_each_other_nor_a_wire_and_are_large_enough(name):
+    spec = SPECS[name]()
+    _, routes = routed(spec)
+    figure = plots.diagram(spec)
+    (axes,) = figure.axes
+    extents = [text.get_window_extent() for text in axes.texts if text.get_text()]
+    width, height = figure.canvas.get_width_height()
+    for box in extents:
+        assert box.x0 >= 0
+        assert box.x1 <= width
+        assert box.y0 >= 0
+        assert box.y1 <= height
+    for one, other in itertools.combinations(extents, 2):
+        assert not one.padded(-1).overlaps(other.padded(-1)), (one, other)
+    for _, a, b, c, d in routes.lines:
+        (p, q), (r, s) = axes.transData.transform([(a, b), (c, d)])
+        for box in extents:
+            inner = box.padded(-2)
+            assert not (min(p, r) < inner.x1 and max(p, r) > inner.x0 and min(q, s) < inner.y1 and max(q, s) > inner.y0)
+    # Seven points are at least ten pixels high if the picture is 1280 pixels wide; a narrower one is shown as it is.
+    assert figure.get_figwidth() <= WIDEST + 0.5
+    assert 7 / 72 * 1280 / figure.get_figwidth() >= 10
+
+
+def test_the_wiring_has_gains_signs_rates_and_phases():
+    spec = load(tomllib.loads(ARM))
+    loop = wiring_of_drawing(spec.drawing, spec.values)
+    parts = {part.name: part for part in loop.parts}
+    assert list(parts) == ["hand", "arm", "net", "displacement"]
+    assert parts["arm"].inputs == (("f", (("net.y", "-kp"), ("arm.v", "-kd + c"), ("hand", "1"))),)
+    assert (parts["net"].type, parts["net"].every, parts["net"].phase) == ("delay", 20, 10)
+    assert (loop.ticks, loop.tick_s) == (20, 1e-4)
+
+
+def test_a_controller_shows_its_samplers_its_wall_and_its_numbers():
+    loop = wiring_of_diagram(draw(built_in("pmw").values))
+    parts = {part.name: part for part in loop.parts}
+    assert (parts["u_s"].type, parts["u_s"].every) == ("sampler", 20)
+    assert (parts["v_1"].type, parts["v_1"].phase) == ("hold", 3)
+    assert dict(parts["v_m"].inputs[0][1]) == {"v_1": "1", "x_s": "8", "device.x": "-8"}
+    assert parts["wall"].outputs == (("", "F_s"),)
+    direct = {part.name: part for part in wiring_of_diagram(draw(built_in("dc").values)).parts}
+    assert list(direct) == ["f_h", "device", "wall"]  # of one rate: nothing is sampled, and nothing held
+
+
+@pytest.mark.slow
+def test_the_picture_is_the_same_each_time():
+    one, other = (plots.diagram(load(tomllib.loads(WALL)))._repr_png_() for _ in range(2))
+    assert one == other
