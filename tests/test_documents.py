@@ -3,6 +3,7 @@
 import json
 import pathlib
 import re
+import shlex
 import tomllib
 
 import pytest
@@ -60,13 +61,21 @@ def test_every_key_of_the_summaries_is_in_the_readme(monkeypatch, capfd, tmp_pat
     spec = '[controller]\nkind = "pmw"\n[sweep]\nB_VE = [1, 2]\n[simulate]\nduration_s = 1\nsettle_s = 0.5\n'
     (tmp_path / "mine.toml").write_text(spec)
     documented, used = set(re.findall(r"`(\w+)`", section("Commands"))), set()
-    for name in ("zwidth", "bode", "compare", "simulate", "check", "passivity --filters"):
+    for name in ("zwidth", "bode", "compare", "simulate", "check", "passivity --filters", "why"):
         switches = [] if name == "check" else ["--no-plot"]
         assert main([*name.split(), "mine.toml", "--json", *switches]) == 0
         found = json.loads(capfd.readouterr().out)
         used |= set(found).union(*found.get("tables", {}).values())
     used |= set(found["tables"])  # the names of tables
+    used = used.union(*found["tables"]["why"]["ends"], found["tables"]["why"]["ends"][0]["limit"])
     assert {key for key in used if "-" not in key} - documented - {"passivity"} == set()
+
+
+def test_the_reasons_of_a_limit_in_the_readme_are_the_programs(monkeypatch, capfd, tmp_path):
+    monkeypatch.chdir(ROOT)
+    shown = re.search(r"^    \$ wavesweep (why .*)\n((?:    .*\n)+)", README, re.MULTILINE)
+    assert main([*shlex.split(shown[1]), "--no-plot", "--out", str(tmp_path)]) == 0
+    assert "".join(line.removeprefix("    ") for line in shown[2].splitlines(keepends=True)) in capfd.readouterr().err
 
 
 def test_every_controller_stands_in_the_readme_with_its_meaning():

@@ -121,6 +121,16 @@ def verdict(source: Source) -> dict[str, Any]:
     return found(_spec(source))
 
 
+def why(source: Source, along: str | None = None) -> DataFrame:
+    """Elasticities and slopes of each limit of the own design of `source`, as `wavesweep why` computes them.
+
+    source: a spec, a path, or nested tables. along: the axis of the intervals, the spec's own by default.
+    """
+    from wavesweep import sweep
+
+    return _framed(sweep.why(_spec(source), along))
+
+
 def _spec(source):
     return source if isinstance(source, Spec) else load(source)
 

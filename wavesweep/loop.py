@@ -77,6 +77,21 @@ class Loop:
         grid = make_grid(self.spec, others, axis.path, self.read)
         return self._frame("zwidth", in_memory(job_over(grid, axis, None if grid.loop_axes else self.cut)))
 
+    def sensitivity(self, along: str | None = None, span=None, **axes):
+        """How each end of the stable intervals, and the stiffness felt there, moves with each number: a DataFrame.
+
+        along, span, axes: as for `stable_intervals`. A row per end that stability sets, crossing, quantity ("end" or "felt")
+        and number, with the columns of `wavesweep why`: elasticity is d ln limit/d ln number, slope d limit/d number. By the
+        implicit function theorem, see `analysis.sensitivity`. Errors: UsageError if a spec would not accept a name or a value.
+        Accuracy: elasticities to 1e-8 of themselves or of 1; if rounding could exceed that, a reason of doubt and no number.
+        """
+        from wavesweep.sweep.grid import make_grid
+        from wavesweep.sweep.why_table import sensitivities
+
+        axis = self._along(along or (self.spec.along if self.spec.drawing else "K_VE"), span)
+        grid = make_grid(self.spec, self._axes(axes), axis.path, self.read)
+        return self._frame("why", sensitivities(grid, axis, None if grid.loop_axes else self.cut))
+
     def spectral_radius(self, **axes) -> np.ndarray:
         """Largest eigenvalue modulus per frame of `ratio` ticks, without drift, over the product of the axes given.
 

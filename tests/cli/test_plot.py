@@ -28,6 +28,7 @@ COMMANDS = {
     "passivity": ("passivity",),
     "simulate": ("simulate",),
     "passivity-filters": ("passivity", "--filters"),
+    "why": ("why",),
 }
 FORMATS = ("--format", "png", "--format", "svg", "--format", "pdf")
 

@@ -47,13 +47,14 @@ def files_of(spec, kind):
         "bode": lambda: [sweep.responses([short])],
         "two specs": lambda: [sweep.responses([short, replace(load(TABLES | {"bode": {"frequency_hz": [1]}}), name="other")])],
         "passivity": lambda: [sweep.passivity(spec, 0.01, jobs=1), sweep.filter_choices(spec, 0.01)],
+        "why": lambda: [sweep.why(load(TABLES | {"sweep": ALONG_B}))],
         "simulate": lambda: sweep.simulate(short.as_simulated()),
     }
     return calls[kind]()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["zwidth", "hands", "stability-region", "bode", "two specs", "passivity", "simulate"])
+@pytest.mark.parametrize("kind", ["zwidth", "hands", "stability-region", "bode", "two specs", "passivity", "why", "simulate"])
 def test_results_as_they_were_written_have_no_differences(kind, tmp_path):
     tables = files_of(load(TABLES), kind)
     for table in tables:

@@ -14,8 +14,8 @@ def zdt(number, x):
     return np.stack([first, g * shape], axis=1)
 
 
-def last(judge, genes=8, population=80, count=100, seed=0, first=np.zeros((0, 8))):
-    for alive in generations(judge, genes, population, count, seed, first):
+def last(judge, genes=8, population=80, count=100, seed=0):
+    for alive in generations(judge, genes, population, count, seed, np.zeros((0, genes))):
         found = alive
     return found
 
@@ -33,7 +33,7 @@ def test_a_constraint_is_kept_and_its_edge_is_found():
         x, y = genes.T
         return Judged(genes, (x + y)[:, None], np.maximum(0.25 - x * y, 0))
 
-    found = last(judge, genes=2, first=np.zeros((0, 2)))
+    found = last(judge, genes=2)
     assert found.violation[0] == 0
     assert found.objectives[0, 0] == pytest.approx(1, abs=1e-3)
 

@@ -131,6 +131,29 @@ along = "K"
 K = { start = 0, stop = 400 }
 """
 
+# Two loops that share a gain: k < 2 m1/T, and k < 2 sin(pi/10) m2/T with two ticks of delay.
+CORNER = """
+[rates]
+tick_hz = 1000
+[numbers]
+k = 1.0
+m1 = {m1}
+m2 = 0.2
+[block.a]
+type = "mass"
+mass = "m1"
+[block.c]
+type = "mass"
+mass = "m2"
+[block.late]
+type = "delay"
+steps = 2
+[wire]
+"late.u" = "c.v"
+"c.f" = "-k*late.y"
+"a.f" = "-k*a.v"
+"""
+
 NUMBERS = {"K_VE": "environment.K_VE", "B_VE": "environment.B_VE", "K_LM": "local_model.K_LM", "B_LM": "local_model.B_LM"}
 NUMBERS |= {"b": "controller.b", "Kp": "controller.Kp"}
 

@@ -46,6 +46,9 @@ def test_pd_on_a_mass():
         ends(loop.stable_intervals("kd", (0, 2000), kp=[0.0, 100.0])), [[0, 400], [0.05, 400]], rtol=1e-9
     )
     np.testing.assert_allclose(ends(loop.stable_intervals("m", (1e-4, 1), kp=[100.0])), [[0.0015, 1]], rtol=1e-9)
+    # The mass is in one matrix of the cut loop alone.
+    table = loop.stable_intervals("kd", (0, 2000), m=[0.1, 0.2])
+    np.testing.assert_allclose(ends(table), [[0.05, 200], [0.05, 400]], rtol=1e-9)
 
 
 def test_a_joint_of_a_physics_engine():

@@ -8,14 +8,16 @@ DOUBTS = {
     "search": "part of the range could not be searched with proof",
     "overflow": "the frame's matrix overflows, so part of the range, or the response, is not known",
     "unstable": "the loop is unstable and has no steady response: the numbers are those of its equations",
+    "defective": "two eigenvalues meet where the interval ends, which has no derivative there that doubles can find",
 }
 """Word -> meaning, the most severe last; tables show the most severe of a slice."""
 OF_INTERVALS = ("rounding", "counts", "crowded", "search", "overflow")
 OF_RESPONSES = ("rounding", "overflow", "unstable")
+OF_DERIVATIVES = (*OF_INTERVALS, "defective")
 INCOMPLETE = ("counts", "crowded", "search", "overflow")
 """If a row has one of these, part of its range may be neither known to be stable nor known to be unstable."""
 
-NONE, ROUNDING, COUNTS, CROWDED, SEARCH, OVERFLOW, UNSTABLE = range(len(DOUBTS))
+NONE, ROUNDING, COUNTS, CROWDED, SEARCH, OVERFLOW, UNSTABLE, DEFECTIVE = range(len(DOUBTS))
 
 
 def words(codes):

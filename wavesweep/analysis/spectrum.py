@@ -57,7 +57,7 @@ def count_outside(E):
     near = np.flatnonzero(clear & ((distance < NEIGHBOURHOOD).sum(-1) > 1))
     if near.size:
         closest = np.take_along_axis(delta[near], np.argsort(distance[near], axis=-1)[:, :MEETING], axis=-1)
-        balanced = _balanced(E[near])
+        balanced, _ = balance(E[near])
         rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2))
         clear[near] = _from_circle(balanced, np.abs(np.angle(1 + closest))) > rounding
     return count, clear
@@ -69,9 +69,13 @@ def _from_circle(E, theta):
     return np.linalg.svd(A, compute_uv=False)[..., -1].min(-1)
 
 
-def _balanced(E):
-    """E in states of such units that its rows and columns are of like size, by powers of two (Osborne 1960)."""
+def balance(E):
+    """E in states of such units that its rows and columns are of like size, by powers of two (Osborne 1960), and these units.
+
+    E: `(matrices, n, n)`. In units u `(matrices, n)` the entry (i, j) of any matrix is multiplied by u_j/u_i.
+    """
     size = np.abs(E)
+    units = np.ones(E.shape[:-1])
     index = np.arange(E.shape[-1])
     size[:, index, index] = 0
     for _ in range(BALANCING):
@@ -82,5 +86,7 @@ def _balanced(E):
             factor = np.where(np.isfinite(factor) & (factor > 0), factor, 1.0)[:, None]
             size[:, :, k], size[:, k, :] = size[:, :, k] * factor, size[:, k, :] / factor
             E = E.copy()
-            E[:, :, k], E[:, k, :] = E[:, :, k] * factor, E[:, k, :] / factor
-    return E
+            E[:, :, k] *= factor
+            E[:, k, :] /= factor  # the diagonal is as it was
+            units[:, k] *= factor[:, 0]
+    return E, units

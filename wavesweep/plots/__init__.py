@@ -20,7 +20,8 @@ _HOMES = MappingProxyType(
     {
         "Picture": "intervals", "bench": "bench", "bode": "responses", "compare": "comparison", "compare_bode": "comparison",
         "design": "design", "diagram": "wiring", "passivity": "margins", "passivity_filters": "margins",
-        "simulate": "simulation", "simulate_response": "responses", "stability_region": "intervals", "zwidth": "intervals",
+        "simulate": "simulation", "simulate_response": "responses", "stability_region": "intervals", "why": "elasticities",
+        "zwidth": "intervals",
     }
 )  # fmt: skip
 

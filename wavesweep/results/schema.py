@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from wavesweep.analysis.doubt import OF_INTERVALS, OF_RESPONSES
+from wavesweep.analysis.doubt import OF_DERIVATIVES, OF_INTERVALS, OF_RESPONSES
 from wavesweep.errors import WavesweepError
 from wavesweep.spec import KEYS, SYMBOLS
 
@@ -145,6 +145,32 @@ _PASSIVITY = (
     Field("damping_needed", "number", "N*s/m", "further device damping that makes the port passive; missing if none is enough"),
 )
 
+_WHY = (
+    *_INTERVALS[:1],
+    Field("interval", "integer", "1", "number of the stable interval, from 0"),
+    Field("end", "string", "", "end of the interval: low or high; only ends that stability sets, and not the range"),
+    Field(
+        "crossing",
+        "integer",
+        "1",
+        "number of the crossing at this end, from 0; the first one is the column low_omega or high_omega",
+    ),
+    Field("corner", "boolean", "", "several crossings lie within 1e-6 of this end, which moves with one of them"),
+    Field("quantity", "string", "", "the limit: end, or felt, the static stiffness that the hand feels at this end"),
+    Field("limit", "number", "", "value of the limit, in its unit"),
+    Field("unit", "string", "", "unit of the limit"),
+    Field("omega", "number", "rad/s", "frequency of the mode that crosses there"),
+    Field("damping_ratio", "number", "1", "its damping ratio a tenth of the end inside, half-way into a narrow interval"),
+    Field("states", "string", "", "states that take part in this mode most, with their participation"),
+    Field("number", "string", "", "name of a number that the loop reads"),
+    Field("value", "number", "", "value of the number, in its unit"),
+    Field("number_unit", "string", "", "unit of the number"),
+    Field("elasticity", "number", "1", "per cent by which the limit moves for one per cent of the number; 0 if this is 0"),
+    Field("slope", "number", "", "derivative of the limit by the number, in their units; missing if the number is 0"),
+    Field("certified", "boolean", "", "the interval is certified, and rounding cannot change the derivatives by 1e-8"),
+    Field("doubt", "string", "", f"why the derivatives are missing: {', '.join(OF_DERIVATIVES)}; empty if they are given"),
+)
+
 _PASSIVITY_FILTERS = (
     Field("lp1_order", "integer", "1", "Butterworth order of LP1, and of the high-pass to the local model"),
     Field("lp1_cutoff_hz", "number", "Hz", "-3 dB frequency of both"),
@@ -166,6 +192,7 @@ TABLES: Mapping[str, tuple[Field, ...]] = {
     "simulate-response": _SIMULATE_RESPONSE,
     "passivity": _PASSIVITY,
     "passivity-filters": _PASSIVITY_FILTERS,
+    "why": _WHY,
 }
 
 

@@ -146,6 +146,7 @@ def _again(package: Path, facts: Mapping[str, Any]) -> _Again | None:
     calls: dict[str, Callable[[Spec], Table]] = {
         "passivity": lambda spec: sweep.passivity(spec, **tolerance, jobs=1),
         "passivity-filters": lambda spec: sweep.filter_choices(spec, **tolerance),
+        "why": lambda spec: sweep.why(spec, facts["along"]["name"]),
         "simulate": lambda spec: sweep.simulate(spec)[0],
         "simulate-response": lambda spec: sweep.simulate(spec)[1],
     }

@@ -13,6 +13,7 @@ __all__ = [
     "plan",
     "responses",
     "simulate",
+    "why",
 ]
 
 _HOMES = {
@@ -25,6 +26,7 @@ _HOMES = {
     "passivity": "wavesweep.sweep.passivity_table",
     "plan": "wavesweep.sweep.planning",
     "simulate": "wavesweep.sweep.simulation_table",
+    "why": "wavesweep.sweep.why_table",
 }
 
 

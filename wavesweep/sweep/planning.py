@@ -104,8 +104,10 @@ def _bode_lines(spec):
 
 
 def _passivity_lines(spec):
+    axes = tuple(axis for axis in spec.sweep if axis.values)
+    make_grid(spec, axes)  # a sweep that no command could do is a mistake of the spec
     try:
-        jobs = jobs_of(spec, tuple(axis for axis in spec.sweep if axis.values))
+        jobs = jobs_of(spec, axes)
     except (SpecError, UsageError) as error:
         return [f"  passivity: not possible with this spec: {error}"]
     channels = jobs["channel"].slices if "channel" in jobs else 0

@@ -118,7 +118,7 @@ def _at_rest(diagram) -> _Rest:
     if unread:
         law, moves = _laws(P, kept, [x], n, diagram.ratio)
         P[..., n + 1 :, :] -= P[..., n + 1 :, x, None] * law
-    right = np.zeros((*P.shape[:-2], kept.size, 2))
+    right = np.zeros((*P.shape[:-2], kept.size, 2), P.dtype)
     right[..., 0], right[..., -1, 1] = -P[..., kept, n + 1], 1
     rows = P[..., n + 1 :, :]
     return _Rest(solve(np.ascontiguousarray(P[..., kept[:, None], kept]), right), rows[..., kept], rows[..., n + 1], moves)
@@ -168,7 +168,7 @@ def _laws(P, kept, rows, n, ratio):
     size = _seen(np.abs(left), np.abs(P[..., kept, n + 1]))[..., None]
     moves = np.abs(mean) > STILL * (size + np.abs(e[..., n + 1, None]))
     given = _seen(left, P[..., kept, n + 2])[..., None] + e[..., n + 2, None]
-    law = np.zeros(e.shape)
+    law = np.zeros(e.shape, P.dtype)
     states = kept < n
     law[..., kept[states]] = left[..., states]
     law[..., range(len(rows)), rows] = 1

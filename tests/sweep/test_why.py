@@ -1,0 +1,222 @@
+"""Elasticities of limits against differences in 50 digits, against limits computed again, and against closed forms."""
+
+import tomllib
+
+import numpy as np
+import pytest
+from support.derivatives import PATHS, elasticity, felt_elasticity
+from support.drawn import CORNER, JOINT, NETWORK, PD, as_blocks, random_tables
+from support.specs import nested, random_values, values_of
+
+import wavesweep
+from wavesweep.errors import SpecError, UsageError
+from wavesweep.spec import load
+
+ALL_FEATURES = {
+    "integration": "explicit", "delay": 3, "velocity": "difference", "Kp": 20.0, "stiffness": 40.0, "K_LM": 800.0, "B_LM": 0.7,
+    "lp1_order": 1, "hp_order": 2, "operator__mass": 0.05, "operator__damping": 1.0,
+}  # fmt: skip
+# A hole in the range of pmw: ends at two frequencies and at z = -1.
+LOOPS = {
+    "pmw": values_of("pmw", integration="explicit", lp1_cutoff_hz=8.57),
+    "pmw-lm": values_of("pmw-lm", **ALL_FEATURES),
+    "dc-slow": values_of("dc-slow", delay=4),
+}
+# Powers of kg and of 1/s in the unit of each number.
+MASS = {"device.mass": 1, "device.damping": 1, "operator.mass": 1, "operator.damping": 1, "operator.stiffness": 1}
+MASS |= {"B_VE": 1, "b": 1, "K_LM": 1, "B_LM": 1, "Kp": 0.5}
+RATE = {"rates.fast_hz": 1, "device.damping": 1, "operator.damping": 1, "operator.stiffness": 2, "B_VE": 1, "b": 1}
+RATE |= {"K_LM": 2, "B_LM": 1, "Kp": 1.5} | {f"filters.{name}.cutoff_hz": 1 for name in ("lp1", "hp", "lp2")}
+
+
+def ends_of(table):
+    """The certified rows of ends that are not zero, for numbers that are not zero."""
+    assert table.certified.all()
+    return table[(table.limit != 0) & (table.value != 0)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LOOPS)
+def test_central_differences_in_50_digits_give_the_same(name):
+    values = LOOPS[name]
+    rows = ends_of(wavesweep.compile(nested(values)).sensitivity())
+    assert (rows.limit > 0).any()
+    for (_, _, number), pair in rows.groupby(["interval", "end", "number"]):
+        quantities = pair.set_index("quantity")
+        limit, omega = quantities.limit["end"], quantities.omega["end"]
+        path = PATHS.get(number, number)
+        exact = elasticity(values, "environment.K_VE", limit, omega, path)
+        assert quantities.elasticity["end"] == pytest.approx(float(exact), rel=1e-8)
+        felt = felt_elasticity(values, "environment.K_VE", limit, path, exact)
+        assert quantities.elasticity["felt"] == pytest.approx(float(felt), rel=1e-8)
+
+
+@pytest.mark.slow
+def test_along_a_number_that_is_no_wall_too():
+    values = values_of("pmw", integration="explicit", lp1_cutoff_hz=8.57, K_VE=900.0)
+    rows = ends_of(wavesweep.compile(nested(values)).sensitivity("b", (2.0, 100.0)))
+    rows = rows[rows.quantity == "end"]
+    assert {"K_VE", "device.mass"} <= set(rows.number)
+    for row in rows.itertuples():
+        exact = elasticity(values, "controller.b", row.limit, row.omega, PATHS.get(row.number, row.number))
+        assert row.elasticity == pytest.approx(float(exact), rel=1e-8)
+
+
+def dimension(rows, powers):
+    """The sum of elasticities times powers of a unit, which is the power of the unit in the limit (Euler)."""
+    known = rows.set_index("number").elasticity
+    return sum(power * known.get(number, 0.0) for number, power in powers.items())
+
+
+@pytest.mark.parametrize("seed", [*range(12), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(12, 150))])
+def test_units_decide_sums_of_elasticities(seed):
+    """A stiffness has the unit kg/s^2, so it is homogeneous in all numbers: no formula is shared with the derivatives."""
+    table = wavesweep.compile(nested(random_values(seed))).sensitivity()
+    assert table.certified.all()
+    for _, rows in table[table.limit != 0].groupby(["interval", "end", "crossing", "quantity"]):
+        assert dimension(rows, MASS) == pytest.approx(1, abs=1e-9)
+        assert dimension(rows, RATE) == pytest.approx(2, abs=1e-9)
+        assert rows.damping_ratio.iloc[0] > 0  # beside the end the loop is stable
+
+
+STEPS = (1e-4, -1e-4, 2e-4, -2e-4)  # of a number; both pairs together are good to the fourth power
+
+
+def compare(tables, along, span):
+    """The number of derivatives, all of which agree with limits computed again."""
+    loop = wavesweep.compile(tables)
+    table, limits = loop.sensitivity(along, span), loop.stable_intervals(along, span)
+    rows = table[table.certified & (table.value != 0) & (table.number != "rates.fast_hz") & ~table.corner]
+    compared = 0
+    for number, some in rows.groupby("number"):
+        value = some["value"].iloc[0]
+        moved = [loop.stable_intervals(along, span, **{number: value * (1 + step)}) for step in STEPS]
+        if any(len(each) != len(limits) for each in moved):
+            continue
+        for row in some.itertuples():
+            name = row.end if row.quantity == "end" else f"felt_{row.end}"
+            up, down, twice_up, twice_down = (each[name].iloc[row.interval] for each in moved)
+            slope = (8 * (up - down) - (twice_up - twice_down)) / (12e-4 * value)
+            scale = max(abs(row.slope), abs(row.limit / value), 1e-6)
+            assert abs(slope - row.slope) < 2e-6 * scale, (number, row)
+            compared += 1
+    return compared
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 12))])
+def test_limits_of_random_specs_computed_again(seed):
+    along, span = [("K_VE", (0, 20000)), ("b", (1, 200)), ("device.mass", (0.01, 5))][seed % 3]
+    values = random_values(seed, ["pmw", "pmw-lm", "dc-lm", "dc-slow"][seed % 4] if along != "b" else "pmw-lm")
+    compare(nested(values), along, span)
+
+
+@pytest.mark.slow
+def test_limits_of_random_drawings_computed_again():
+    spans = {"k": (0.0, 200.0), "d": (0.0, 100.0), "m0": (0.01, 2.0)}
+    seeds = (0, 2, 13, 37)  # most others are stable everywhere, or nowhere
+    assert sum(compare(random_tables(seed), along, span) for seed in seeds for along, span in spans.items()) > 25
+
+
+@pytest.mark.parametrize(
+    "kind", ["pmw", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("pmw-lm", "dc-slow", "dc-lm"))]
+)
+def test_limits_at_rates_that_do_not_divide_computed_again(kind):
+    tables = {"controller": {"kind": kind}, "rates": {"slow_hz": 60.0}, "environment": {"integration": "explicit"}}
+    assert compare(tables, "K_VE", (0, 20000)) > 0
+    for _, rows in wavesweep.compile(tables).sensitivity().query("limit > 0").groupby(["interval", "end", "quantity"]):
+        assert (dimension(rows, MASS), dimension(rows, RATE)) == pytest.approx((1, 2), abs=1e-9)
+
+
+def of(table, end, *names):
+    rows = table[(table.end == end) & (table.quantity == "end")].set_index("number")
+    return rows.elasticity[list(names)].tolist()
+
+
+def test_closed_forms():
+    """PD held over T: kp T/2 < kd < 2 m/T. Semi-implicit Euler: kp < (4 I + 2 h kd)/h^2."""
+    table = wavesweep.compile(tomllib.loads(PD)).sensitivity("kd", (0.01, 2000))
+    assert of(table, "high", "m", "rates.tick_hz", "kp") == pytest.approx([1, 1, 0], abs=1e-12)
+    assert of(table, "low", "m", "rates.tick_hz", "kp") == pytest.approx([0, -1, 1], abs=1e-9)
+    assert table[table.number == "m"].slope.iloc[-1] == pytest.approx(2000)
+    table = wavesweep.compile(tomllib.loads(JOINT)).sensitivity()
+    share = 0.8 / (0.8 + 2e-3 * 3)
+    assert of(table, "high", "I", "kd", "h") == pytest.approx([share, 1 - share, -2 + 1 - share], rel=1e-9)
+    table = wavesweep.compile(tomllib.loads(NETWORK)).sensitivity()
+    assert set(table.number) == {"d", "rates.tick_hz"}  # not k, a number of ticks
+    assert of(table, "high", "d", "rates.tick_hz") == pytest.approx([1, 1])
+
+
+def test_a_controller_as_blocks_has_the_same_derivatives():
+    values = load({"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit"}}).values
+    drawn, built = (wavesweep.compile(each).sensitivity("K_VE", (0, 20000)) for each in (as_blocks(values), nested(values)))
+    built = built[built.quantity == "end"].set_index("number")
+    drawn = drawn.set_index("number")
+    names = [name for name in drawn.index if name in built.index and name != "rates.tick_hz"]
+    assert {"b", "Kp", "B_VE", "K_LM"} <= set(names)
+    np.testing.assert_allclose(drawn.elasticity[names], built.elasticity[names], rtol=1e-8)
+    np.testing.assert_allclose(drawn.damping_ratio.iloc[-1], built.damping_ratio.iloc[-1], rtol=1e-8)
+
+
+@pytest.mark.parametrize(("apart", "corner"), [(1e-8, True), (-1e-8, True), (1e-5, False)])
+def test_a_corner_has_rows_for_both_crossings(apart, corner):
+    """Two loops that share a gain: k < 2 m1/T, and k < 2 sin(pi/10) m2/T with two ticks of delay."""
+    limit = 2 * np.sin(np.pi / 10) * 0.2 * 1000
+    text = CORNER.format(m1=float(limit / 2000 * (1 + apart)))
+    table = wavesweep.compile(tomllib.loads(text)).sensitivity("k", (0.001, 1000))
+    assert table.certified.all()
+    assert table.corner.tolist() == [corner] * (6 if corner else 3)
+    first = table[table.crossing == 0].set_index("number").elasticity
+    assert [first["m1"], first["m2"]] == pytest.approx([0, 1] if apart > 0 else [1, 0], abs=1e-9)
+    if corner:
+        second = table[table.crossing == 1].set_index("number").elasticity
+        assert [second["m1"], second["m2"]] == pytest.approx([1, 0] if apart > 0 else [0, 1], abs=1e-9)
+
+
+def test_a_row_that_is_not_certified_has_a_doubt_and_no_numbers():
+    limit = 2 * np.sin(np.pi / 10) * 0.2 * 1000
+    spec = load(tomllib.loads(CORNER.format(m1=float(limit / 2000)) + "[sweep]\nk = { start = 0.001, stop = 1000 }\n"))
+    table = wavesweep.why(spec)  # both crossings at the same value, where counts alone decide
+    assert table.attrs["facts"]["doubts"] == ["counts"]
+    assert not table.certified.any()
+    table = wavesweep.compile(random_tables(9)).sensitivity("k", (0.0, 200.0))
+    assert set(table.doubt) == {"crowded"}
+    assert table[["elasticity", "slope", "damping_ratio"]].isna().all(axis=None)
+
+
+def test_zero_numbers_have_no_effect_and_no_slope_and_whole_ones_are_named():
+    table = wavesweep.why({"controller": {"kind": "dc-slow"}, "sweep": {"B_VE": [0.5, 1.0]}})
+    zero = table[table.number == "operator.mass"]
+    assert (zero.elasticity == 0).all()
+    assert zero.slope.isna().all()
+    assert table.attrs["facts"]["notices"] == [
+        "B_VE is not swept here, held at the spec's 1",
+        "without derivatives, since they are whole numbers or decide how the loop is built: rates.ratio, environment.delay",
+    ]
+    assert table.attrs["units"]["omega"] == "rad/s"
+    assert set(table[table.number == "B_VE"].number_unit) == {"N*s/m"}
+    assert set(table.unit) == {"N/m"}
+
+
+def test_rows_of_a_product_are_those_of_each_combination_to_the_bit():
+    loop = wavesweep.compile(nested(values_of("pmw-lm", integration="explicit", delay=3)))
+    axes = {"B_VE": [0.0, 0.5, 3.0], "Kp": [0.0, 20.0], "environment.delay": [0, 3]}
+    whole = loop.sensitivity(**axes)
+    for names, rows in whole.groupby(list(axes)):
+        alone = loop.sensitivity(**{name: [value] for name, value in zip(axes, names, strict=True)})
+        assert alone.equals(rows.reset_index(drop=True))
+
+
+def test_a_range_without_a_limit_has_no_rows():
+    table = wavesweep.compile({"controller": {"kind": "dc"}}).sensitivity("device.mass", (0.5, 1.0))
+    assert len(table) == 0
+    assert table.columns[0] == "along"
+
+
+def test_requests_that_cannot_be_met_say_why():
+    loop = wavesweep.compile(tomllib.loads(PD.replace("-kp*m.x", "-value*m.x").replace("kp =", "value =")))
+    with pytest.raises(
+        UsageError, match=r"value: the table has a column of this name; name the axis by its path, numbers.value"
+    ):
+        loop.sensitivity("kd", (0.01, 2000), value=[1.0, 2.0])
+    with pytest.raises(SpecError, match="a span to search"):
+        wavesweep.why({"controller": {"kind": "pmw"}}, "b")

@@ -1,0 +1,47 @@
+"""`wavesweep why`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from wavesweep.cli.options import Options, common
+
+if TYPE_CHECKING:
+    from wavesweep.spec import Spec
+    from wavesweep.sweep import Table
+
+
+@click.command("why")
+@click.argument("spec")
+@click.option(
+    "--along",
+    metavar="NAME",
+    help="The axis whose stable intervals are explained [default: sweep.along]. It needs a span in [sweep], unless it is K_VE.",
+)
+@common
+def command(spec: str, options: Options, along: str | None) -> None:
+    """Explain each limit of a design: by how many per cent it moves for one per cent of each number.
+
+    SPEC is a TOML file. For its own values the stable intervals along an axis are found; other axes of [sweep] are not swept.
+    For each end that stability sets, and for the stiffness that the hand feels there, the table has the elasticity (per cent
+    per per cent) and the slope with respect to every number that the loop reads, the mode that crosses the unit circle there,
+    its damping beside the end, and the states that take part in it.
+
+    The derivatives are exact and not differences. They hold for small changes: another crossing may set the end after a large
+    one. If two crossings set an end, each has rows of its own. Whole numbers have no derivative and are left out.
+
+    \b
+    Examples:
+      wavesweep why sweeps/paper/fig4.toml
+      wavesweep why mine.toml --along b --set 'sweep.b={start=5, stop=80}'
+    """
+    from wavesweep import sweep
+    from wavesweep.cli.output import produce
+
+    def compute(specs: list[Spec], **_work: Any) -> list[Table]:
+        (asked,) = specs
+        return [sweep.why(asked, along)]
+
+    produce(["why"], [spec], options, compute)

@@ -1,0 +1,139 @@
+"""The figure of elasticities: for each limit, bars of how much each number of the loop moves it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+
+from wavesweep.plots.style import TWO_COLUMNS, distinct_colour, figure, symbol
+
+Columns = Mapping[str, np.ndarray]
+
+MOST = 12  # numbers of a panel that have bars
+PANELS = 8
+_BAR = 0.17  # inches of the figure's height for a number
+_ROOM = 0.95  # and for the title and the axis of a panel
+_LINE = 0.14  # and for a line of notes
+_LETTERS, _NOTE = 58, 100  # of a line above a panel, and of a note
+_QUANTITIES = {"end": "the limit", "felt": "the stiffness felt there"}
+
+
+def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
+    """Draw a `why` table: a panel per end and crossing, with the numbers that move it most and how many are left out."""
+    panels = _panels(columns)
+    drawn = [rows for rows in panels if not _nothing_to_draw(rows)]
+    notes = [f"{_end(rows)}: no bars, as a per cent of 0 is nothing." for rows in panels if _nothing_to_draw(rows)][:PANELS]
+    notes += [f"Shown: {PANELS} of {len(drawn)} ends."] if len(drawn) > PANELS else []
+    notes += ["Stability sets no end of an interval in the range searched."] if not panels else []
+    notes += [f"Assumes: {facts['assumes']}."] if facts.get("assumes") else []
+    notes = [line for note in notes for line in wrap(note, _NOTE)]
+    shown = [_sorted(rows) for rows in drawn[:PANELS]]
+    across = min(2, len(shown))
+    lines = [shown[start : start + across] for start in range(0, len(shown), max(across, 1))]
+    heights = [_ROOM + _BAR * max(1, *(len(names) for _, names, _ in line)) for line in lines]
+    with figure(TWO_COLUMNS, 0.5 + sum(heights) + _LINE * len(notes)) as canvas:
+        if shown:
+            axes = canvas.subplots(len(lines), across, squeeze=False, height_ratios=heights)
+            for axis, panel in zip(axes.ravel(), shown, strict=False):
+                _draw(axis, *panel)
+            for axis in axes.ravel()[len(shown) :]:
+                axis.set_visible(False)
+            _legend(canvas, shown)
+            notes = ["elasticity: per cent of the limit per per cent of the number", *notes]
+        canvas.supxlabel("\n".join(notes), fontsize=8)
+    return canvas
+
+
+def _nothing_to_draw(rows: Columns) -> bool:
+    return bool((rows["limit"] == 0).all() and not np.nan_to_num(rows["elasticity"]).any())
+
+
+def _panels(columns: Columns) -> list[Columns]:
+    """The rows of each combination, interval, end and crossing."""
+    names = [*list(columns)[: list(columns).index("along")], "interval", "end", "crossing"]
+    keys = list(zip(*(columns[name].tolist() for name in names), strict=True))
+    found: dict[tuple, list[int]] = {}
+    for row, key in enumerate(keys):
+        found.setdefault(key, []).append(row)
+    return [{name: np.asarray(column)[rows] for name, column in columns.items()} for rows in found.values()]
+
+
+def _sorted(rows: Columns) -> tuple[Columns, list[str], str]:
+    """The rows of a panel, the numbers with bars from the largest on, and a note on those that are left out."""
+    largest: dict[str, float] = {}
+    for number, elasticity in zip(rows["number"].tolist(), rows["elasticity"].tolist(), strict=True):
+        if not np.isnan(elasticity):
+            largest[number] = max(largest.get(number, 0.0), abs(elasticity))
+    order = sorted((number for number, size in largest.items() if size > 0), key=lambda number: -largest[number])
+    shown, rest = order[:MOST], order[MOST:]
+    missing = len(set(rows["number"].tolist())) - len(largest)
+    notes = [f"{len(rest)} more, each at most {max(largest[number] for number in rest):.2g}"] if rest else []
+    still = len(largest) - len(order)
+    notes += [f"{still} without effect"] if still else []
+    notes += [f"{missing} not given ({_why_missing(rows)})"] if missing else []
+    return rows, shown, "; ".join(notes)
+
+
+def _why_missing(rows: Columns) -> str:
+    words = [word for word in dict.fromkeys(rows["doubt"].tolist()) if word]
+    return ", ".join(words) or "the limit is 0"
+
+
+def _draw(axis: Any, rows: Columns, numbers: list[str], note: str) -> None:
+    places = {number: place for place, number in enumerate(numbers)}
+    kinds = _kinds(rows)
+    for index, quantity in enumerate(kinds):
+        some = (rows["quantity"] == quantity) & np.isin(rows["number"].astype(str), numbers) & ~np.isnan(rows["elasticity"])
+        at = [places[number] + (index - (len(kinds) - 1) / 2) * 0.4 for number in rows["number"][some].tolist()]
+        axis.barh(at, rows["elasticity"][some], height=0.8 / len(kinds), color=distinct_colour(_colour(quantity)), linewidth=0)
+    axis.set_yticks(range(len(numbers)), [symbol(number) for number in numbers])
+    axis.set_ylim(max(len(numbers), 1) - 0.4, -0.6)
+    axis.axvline(0, color="black", linewidth=0.6)
+    if not numbers:
+        axis.set_xlim(-1, 1)
+    axis.margins(x=0.08)
+    axis.grid(visible=True, axis="x", color="0.9", linewidth=0.5)
+    axis.set_axisbelow(True)
+    axis.set_title("\n".join(_title(rows)), fontsize=7, loc="left")
+    if note:
+        axis.set_xlabel("\n".join(wrap(note, _LETTERS)), fontsize=7, color="0.3")
+
+
+def _title(rows: Columns) -> list[str]:
+    """The limit, and the mode that sets it."""
+    first = {name: column[0] for name, column in rows.items()}
+    corner = f" (crossing {first['crossing'] + 1} of a corner)" if first["corner"] else ""
+    damping = first["damping_ratio"]
+    damped = "" if np.isnan(damping) else f", damping ratio {damping:.2g} beside it"
+    mode = f"{first['omega'] / (2 * np.pi):.4g} Hz{damped}" if first["omega"] else f"a mode without oscillation{damped}"
+    mode = "the mode is not known" if np.isnan(first["omega"]) else mode
+    axes = list(rows)[: list(rows).index("along")]
+    swept = [", ".join(f"{symbol(name)} = {first[name]:.5g}" for name in axes)] if axes else []
+    states = wrap(first["states"].replace(" %", "\u00a0%"), _LETTERS)
+    return [*swept, f"{_end(rows)}{corner}", mode, *states]
+
+
+def _end(rows: Columns) -> str:
+    unit = rows["unit"][0].replace("*", "·")
+    return f"{rows['end'][0]} end, {symbol(rows['along'][0])} = {rows['limit'][0]:.5g} {unit}".rstrip()
+
+
+def _kinds(rows: Columns) -> list[str]:
+    present = set(rows["quantity"].tolist())
+    return [quantity for quantity in _QUANTITIES if quantity in present]
+
+
+def _colour(quantity: str) -> int:
+    return list(_QUANTITIES).index(quantity)
+
+
+def _legend(canvas: Any, shown: list[tuple]) -> None:
+    from matplotlib.patches import Patch
+
+    present = [quantity for quantity in _QUANTITIES if any(quantity in _kinds(rows) for rows, _, _ in shown)]
+    handles = [Patch(color=distinct_colour(_colour(quantity)), linewidth=0) for quantity in present]
+    if len(present) > 1:
+        canvas.legend(handles, [_QUANTITIES[each] for each in present], loc="outside upper center", ncols=2)
