@@ -11,7 +11,8 @@ _HOMES = {
     "compile": "wavesweep.loop",
     "Loop": "wavesweep.loop",
     **dict.fromkeys(
-        ("zwidth", "stability_region", "bode", "passivity", "filter_choices", "simulate", "verdict", "why"), "wavesweep.library"
+        ("zwidth", "stability_region", "bode", "design", "passivity", "filter_choices", "simulate", "verdict", "why"),
+        "wavesweep.library",
     ),
     **dict.fromkeys(("WavesweepError", "UsageError", "SpecError", "IllPosedLoopError", "CheckpointError"), "wavesweep.errors"),
 }

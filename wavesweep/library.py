@@ -74,6 +74,19 @@ def bode(*sources: Source, **work: Any) -> DataFrame:
     return _framed(sweep.responses([_spec(source) for source in sources], **work))
 
 
+def design(source: Source, **work: Any) -> DataFrame:
+    """Designs that meet the wishes of the spec's [design], the best first, as `wavesweep design` has them.
+
+    source, work: as for `zwidth`. Errors: UsageError, SpecError; WavesweepError if no design meets all bounds.
+    """
+    from wavesweep.seeking.study import design as search
+
+    table = search(_spec(source).as_designed(), **work)
+    found = frame_of_fields(table)
+    found.attrs["facts"] = dict(table.facts)
+    return found
+
+
 def passivity(source: Source, tolerance: float = 1e-3, **work: Any) -> DataFrame:
     """Wave channel and hand's port over the spec's [sweep], as `wavesweep passivity` has them.
 
@@ -120,6 +133,15 @@ def why(source: Source, along: str | None = None) -> DataFrame:
 
 def _spec(source):
     return source if isinstance(source, Spec) else load(source)
+
+
+def frame_of_fields(table: Any) -> DataFrame:
+    """A table that names its fields itself as a DataFrame, with `units` in `.attrs`."""
+    import pandas
+
+    found = pandas.DataFrame(dict(table.columns))
+    found.attrs["units"] = {field.name: field.unit for field in table.fields}
+    return found
 
 
 def _framed(table):

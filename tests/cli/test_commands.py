@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 
 # Those of a SPEC that write tables.
 WITH_TABLES = [name for name in COMMANDS if name not in ("check", "paper", "bench", "keys", "init", "plot")]
-SWEEPS = [name for name in WITH_TABLES if name not in ("simulate", "passivity", "compare", "why")]
+SWEEPS = [name for name in WITH_TABLES if name not in ("simulate", "passivity", "compare", "design", "why")]
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -23,6 +23,11 @@ TABLES = {
         "hand = { force = NAME, displacement = expression, reaction = expression } for bode, passivity and simulate; "
         "wall = { stiffness = number, damping = number } for zwidth"
     ),
+    "design": (
+        "vary: numbers with their ranges, as axes have them; wish: quantities with bounds and their walls; for_all: devices, "
+        "hands (hand = { mass, damping, stiffness }), delays and ratios (one key/another), of which the worst counts; seed, "
+        "population and generations of the search"
+    ),
     "rates.tick_hz": f"{TICK_HZ.description} (Hz): {expectation(TICK_HZ)}, or an expression in numbers",
 }
 

@@ -43,6 +43,7 @@ COMMANDS = MappingProxyType(
         "simulate": "Simulate the loop tick by tick, optionally with contact, friction and hardware limits.",
         "passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port.",
         "why": "Explain each limit of a design: by how many per cent it moves for one per cent of each number.",
+        "design": "Search for designs that meet a wish, for all devices and hands that they have to hold for.",
         "paper": "Reproduce the paper's figures and test its statements.",
         "bench": "Measure run time against error, for this tool and for other methods.",
         "plot": "Draw the figure of a table again, as PNG, SVG or PDF.",

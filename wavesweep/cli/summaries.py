@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wavesweep.cli.design_summary import design, design_lines
 from wavesweep.cli.interval_summary import Columns, HandTally, Line, SpecTally, count
 from wavesweep.cli.why_summary import why, why_lines
 
@@ -293,7 +294,10 @@ def _span(ends: list[float], digits: int = 7) -> str:
 
 
 BLOCKWISE = {"bode": BodeTally, "compare-bode": BodeTally, "passivity": PassivityTally, "compare": lambda _: SpecTally()}
+
+
 SUMMARIES = {
+    "design": (design, design_lines),
     "passivity-filters": (filter_choices, filter_lines),
     "simulate": (simulation, simulation_lines),
     "why": (why, why_lines),

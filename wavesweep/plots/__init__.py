@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 _HOMES = MappingProxyType(
     {
         "Picture": "intervals", "bench": "bench", "bode": "responses", "compare": "comparison", "compare_bode": "comparison",
-        "diagram": "wiring", "passivity": "margins", "passivity_filters": "margins", "simulate": "simulation",
-        "simulate_response": "responses", "stability_region": "intervals", "why": "elasticities", "zwidth": "intervals",
+        "design": "design", "diagram": "wiring", "passivity": "margins", "passivity_filters": "margins",
+        "simulate": "simulation", "simulate_response": "responses", "stability_region": "intervals", "why": "elasticities",
+        "zwidth": "intervals",
     }
 )  # fmt: skip
 

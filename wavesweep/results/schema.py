@@ -196,7 +196,7 @@ TABLES: Mapping[str, tuple[Field, ...]] = {
 }
 
 
-OTHER_TABLES = ("bench",)  # with a figure and with columns of their own
+OTHER_TABLES = ("bench", "design")  # with a figure and with columns of their own
 
 
 def fields(

@@ -14,7 +14,7 @@ STUDIES = ("sweep", "bode")
 SPAN_PARTS = ("start", "stop", "num", "scale")
 DEEPEST = 8  # a table this deep belongs to no key, whatever is in it
 TABLES = tuple(dict.fromkeys(path.rsplit(".", n)[0] for path in KEYS for n in (2, 1) if path.count(".") >= n))
-TOP_TABLES = (*dict.fromkeys(path.split(".")[0] for path in KEYS), *STUDIES, "simulate")
+TOP_TABLES = (*dict.fromkeys(path.split(".")[0] for path in KEYS), *STUDIES, "simulate", "design")
 OF_DRAWN_LOOPS = {path: key for path, key in SIMULATE_KEYS.items() if path not in DEVICE_EFFECTS}  # of [simulate]
 FREQUENCIES = "simulate.frequency_hz"  # the one key of [simulate] that may have parts, as an axis has
 
@@ -26,7 +26,7 @@ class Sorted:
     """Leaves by the keys and axes that they belong to.
 
     Keys of the loop and of [simulate] by path, parts of the axes by study and name ("" is a list), and of the
-    simulation's frequencies.
+    simulation's frequencies. Those of [design] by their paths below it.
     """
 
     loop: dict[str, Leaf] = field(default_factory=dict)
@@ -34,6 +34,7 @@ class Sorted:
     simulate: dict[str, Leaf] = field(default_factory=dict)
     frequencies: dict[str, Leaf] = field(default_factory=dict)
     axes: dict[str, dict[str, dict[str, Leaf]]] = field(default_factory=lambda: {study: {} for study in STUDIES})
+    design: dict[Path, Leaf] = field(default_factory=dict)
     mistakes: dict[tuple[str, str], Mistake] = field(default_factory=dict)
 
     def refuse(self, leaf: Leaf, key: str, expected: str, found: str, suggestion: str = "") -> None:
@@ -55,6 +56,8 @@ def leaves_of(tables: dict, place: Place, prefix: Path = ()) -> Iterator[tuple[P
 
 def normal_path(path: Path) -> Path:
     """Return the path of an axis or a wire, which may be written `"device.mass"` or `device.mass`."""
+    if path[0] == "design" and len(path) > 2 and path[1] in ("vary", "for_all"):
+        return (*path[:2], *(part for name in path[2:] for part in name.split(".")))
     if path[0] not in (*STUDIES, "wire"):
         return path
     return (path[0], *(part for name in path[1:] for part in name.split(".")))
@@ -66,6 +69,8 @@ def sort_leaves(leaves: dict[Path, Leaf], names: Names = BUILT_IN) -> Sorted:
     for path, leaf in leaves.items():
         if path[0] in STUDIES:
             _sort_study(path, leaf, result, names)
+        elif path[0] == "design" and (len(path) > 1 or leaf.value == {}):
+            result.design |= {path[1:]: leaf} if len(path) > 1 else {}
         elif path[:2] == ("simulate", "frequency_hz"):
             _sort_part(FREQUENCIES, path[2:], leaf, result.frequencies, result)
         elif names is BUILT_IN or path[0] == "simulate":

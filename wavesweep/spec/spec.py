@@ -9,6 +9,7 @@ from types import MappingProxyType
 from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import nearest
+from wavesweep.spec.design import Design
 from wavesweep.spec.drawing import RATE, Drawing, resolve_drawn, written
 from wavesweep.spec.keys import BUILT_IN, KEYS, SYMBOLS, Names
 from wavesweep.spec.reading import Leaf, Place, plain
@@ -28,6 +29,7 @@ class Spec:
     _studies: Studies = field(repr=False)
     _given: Given = field(repr=False)  # the keys of the loop as given, with their places; `with_values` starts from them
     for_simulation: bool = False  # whether [simulate] is part of the request, see `as_simulated`
+    for_design: bool = False  # whether [design] is, see `as_designed`
     drawing: Drawing | None = None  # of a spec that draws its loop; its values are the tick's rate and the numbers
 
     @property
@@ -128,6 +130,20 @@ class Spec:
             raise SpecError(mistakes)
         return replace(self, for_simulation=True)
 
+    @property
+    def design(self) -> Design | None:
+        """The table [design], None if the spec has none."""
+        return self._studies.design
+
+    def as_designed(self) -> Spec:
+        """Return the spec with [design] as part of the request, in `tables()` and `sha256`.
+
+        Errors: UsageError if the spec has no such table.
+        """
+        if self.design is None:
+            raise UsageError(f"{self.name}: expected the tables [design.vary] and [design.wish], found none")
+        return replace(self, for_design=True)
+
     def tables(self) -> dict[str, dict]:
         """Return the resolved spec as nested tables that JSON can hold.
 
@@ -147,6 +163,8 @@ class Spec:
         tables["bode"] = {axis.name: axis.written() for axis in bode}
         if self.for_simulation:
             tables["simulate"] = self._experiment().written()
+        if self.for_design:
+            tables["design"] = self.design.written()
         return tables
 
     def _written(self) -> dict[tuple[str, ...], object]:

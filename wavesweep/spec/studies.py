@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, axis_place, build_axis, linear, logarithmic
 from wavesweep.spec.checking import Rejected, check, nearest, show
+from wavesweep.spec.design import Design, build_design
 from wavesweep.spec.devices import HapticDevice
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, SIMULATE_KEYS, STUDY_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
@@ -143,6 +144,7 @@ class Studies:
     bode: tuple[Axis, ...]
     frequencies: Axis
     experiment: Experiment
+    design: Design | None = None
 
 
 def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tuple[Studies, list[Mistake]]:
@@ -158,8 +160,9 @@ def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tupl
     frequencies = [axis for axis in axes["bode"] if axis.path == DEFAULT_FREQUENCIES.path]
     bode = tuple(axis for axis in axes["bode"] if axis not in frequencies)
     experiment, wrong = build_experiment(leaves, names is not BUILT_IN)
+    design, wrong_design = build_design(leaves.design, names)
     frequency = (*frequencies, DEFAULT_FREQUENCIES)[0]
-    return Studies(along, tuple(axes["sweep"]), bode, frequency, experiment), mistakes + wrong
+    return Studies(along, tuple(axes["sweep"]), bode, frequency, experiment, design), mistakes + wrong + wrong_design
 
 
 def need_values(study: str, axis: Axis) -> Mistake:

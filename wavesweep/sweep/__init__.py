@@ -2,10 +2,23 @@
 
 from wavesweep.sweep.table import Table
 
-__all__ = ["Table", "compare", "filter_choices", "hands_of", "intervals", "passivity", "plan", "responses", "simulate", "why"]
+__all__ = [
+    "Table",
+    "compare",
+    "design",
+    "filter_choices",
+    "hands_of",
+    "intervals",
+    "passivity",
+    "plan",
+    "responses",
+    "simulate",
+    "why",
+]
 
 _HOMES = {
     "compare": "wavesweep.sweep.comparison",
+    "design": "wavesweep.seeking.study",
     "hands_of": "wavesweep.sweep.hands",
     "intervals": "wavesweep.sweep.interval_table",
     "responses": "wavesweep.sweep.response_table",

@@ -91,10 +91,11 @@ def _guaranteed(own: IntervalJob, guarantee: "Guarantee") -> IntervalJob:
     return replace(few, guarantee=guarantee, cut=None)
 
 
-def at_points(spec: Spec, axis: Axis, points: Mapping[str, np.ndarray]) -> Columns:
+def at_points(spec: Spec, axis: Axis, points: Mapping[str, np.ndarray], ties: tuple[str, ...] = ()) -> Columns:
     """Stable intervals along `axis` at single points, as the records of a table, with the column `slice`: the point's number.
 
-    points: path -> value at each point, `(n,)`; no two points are the same.
+    points: path -> value at each point, `(n,)`; no two points are the same. ties: paths of numbers that follow the axis; their
+    values are the factors.
     """
     count = len(next(iter(points.values())))
     drawing = loop_of(spec, points)
@@ -107,7 +108,7 @@ def at_points(spec: Spec, axis: Axis, points: Mapping[str, np.ndarray]) -> Colum
         by = loop if loops.size <= walls.size else wall
         members = [np.flatnonzero(by == number) for number in range(by.max() + 1)]
         parts = [(each, np.unique(loops[loop[each]]), np.unique(walls[wall[each]])) for each in members]
-    found = [_part(spec, drawing, axis, points, *part, loops[loop], walls[wall]) for part in parts]
+    found = [_part(spec, drawing, axis, points, ties, *part, loops[loop], walls[wall]) for part in parts]
     records = np.concatenate(found)
     records = records[np.argsort(records["slice"], kind="stable")]
     return {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
@@ -121,14 +122,14 @@ def _distinct_rows(columns, count):
     return first, back.reshape(-1)
 
 
-def _part(spec, drawing, axis, points, members, loops, walls, owner, wall_of):
+def _part(spec, drawing, axis, points, ties, members, loops, walls, owner, wall_of):
     """The records of the points `members`, from the product of some loops and walls, each given by a point that has it."""
     of_walls = () if drawing else WALL
     changes = {path: column[loops] for path, column in points.items() if path not in of_walls}
     wanted = {path: points[path][walls] if path in points else np.full(walls.size, spec.values[path]) for path in of_walls}
     bounds = bounds_within(spec, drawing, axis, changes, loops.size)
     task = task_over(spec, drawing, axis, bounds, groups(spec, changes, loops.size), wanted)
-    records = task.records()
+    records = (replace(task, ties=ties) if ties else task).records()
     number = np.searchsorted(loops, owner[members]) * walls.size + np.searchsorted(walls, wall_of[members])
     order = np.argsort(number, kind="stable")
     kept = records[np.isin(records["slice"], number)]

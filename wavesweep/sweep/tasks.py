@@ -98,7 +98,8 @@ class IntervalTask:
 
     groups: (members, values) pairs, see `groups`; the members of all of them number the loops from 0.
     walls: path -> value of every wall that each loop is closed with. bounds: the drawing exists between these values of
-    the parameter. cut: the compiled loop, if there is only one and it is known already.
+    the parameter. cut: the compiled loop, if there is only one and it is known already. ties: paths of numbers that follow the
+    parameter; their values are the factors.
     """
 
     along: str
@@ -107,6 +108,7 @@ class IntervalTask:
     groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
     walls: Mapping[str, np.ndarray]
     cut: Cut | None = None
+    ties: tuple[str, ...] = ()
 
     def records(self) -> np.ndarray:
         """The intervals as records."""
@@ -129,13 +131,14 @@ def with_felt(task: IntervalTask, records: np.ndarray) -> np.ndarray:
             continue
         if not walls:
             K[rows] = np.broadcast_to(values[WALL[0]], members.shape)[at]
-        if task.along in WALL:
+        tied = getattr(task, "ties", ())
+        if task.along in WALL and not tied:
             known = felt_map(draw(values), _batch(values))
             known = np.broadcast_to(known.reshape(3, -1), (3, members.size))[:, at]
         for name, end in zip(FELT, ("low", "high"), strict=True):
             p = records[end][rows]
-            if task.along not in WALL:
-                varied = selected(values, at) | {task.along: np.where(p == 0, TINY, p)}
+            if task.along not in WALL or tied:
+                varied = _varied(task, values, at, np.where(p == 0, TINY, p))
                 known = felt_map(draw(varied), p.shape)
             records[name][rows] = felt(known, p if task.along == WALL[0] else K[rows])
     return records
@@ -149,7 +152,7 @@ def _batch(values):
 def solve(task: IntervalTask) -> Intervals:
     """The intervals, sorted by slice; slices are numbered `loop * walls + wall`."""
     walls = len(task.walls[WALL[0]])
-    along = _along_wall if task.along in WALL else _along_any_parameter
+    along = _along_wall if task.along in WALL and not task.ties else _along_any_parameter
     parts, slices = [], []
     for members, values in task.groups:
         parts.append(along(task, values, members.size, walls))
@@ -175,14 +178,23 @@ def _along_any_parameter(task, values, size, walls):
         loop, wall = np.divmod(number, walls)
         first, back = different(loop, p)
         at, p = loop[first], np.where(p[first] == 0, TINY, p[first])
-        varied = selected(values, at) | {task.along: p}
+        varied = _varied(task, values, at, p)
         with np.errstate(all="ignore"):  # a loop may overflow beside the real axis; the panels look for such numbers
             cuts = with_batch(cut_at_wall(draw(varied)), p.size).at(back)
+            if task.along in WALL:
+                there = {path: p[back] if path == task.along else task.walls[path][wall] for path in WALL}
+                return close(cuts, *there.values())
             return close(cuts, K[wall], B[wall])
 
     rate = np.broadcast_to(np.asarray(values["rates.fast_hz"], float), (size,))
     ticks = draw(values).ratio
     return stable_along_any(evaluate, task.span, size * walls, np.repeat(ticks / rate, walls), _bounds(task, rate))
+
+
+def _varied(task, values, at, p):
+    """The values of some loops at other values of the parameter, with those that follow it."""
+    varied = selected(values, at) | {task.along: p}
+    return varied | {path: varied[path] * p for path in task.ties}
 
 
 def different(loop, p):

@@ -35,8 +35,10 @@ def steady_state(loop: Loop, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
     return found.admittance, found.impedance
 
 
-def respond(loop: Loop, frequency_hz) -> Response:
+def respond(loop: Loop, frequency_hz, good: float = GOOD) -> Response:
     """Transmitted admittance and impedance with bounds on their errors; frequency_hz: `(points,)`, Hz; 0: the static limit.
+
+    good: relative error up to which a number is not computed again on a slower way.
 
     The hand's force `exp(j w k T)` gives a sum over `w + 2 pi m/T_s`; both are its components at w itself. The state at
     the start of a frame solves `(w - E) X = g` with the loop closed, so nothing is taken through a pole of an open loop,
@@ -48,7 +50,7 @@ def respond(loop: Loop, frequency_hz) -> Response:
     with np.errstate(all="ignore"):
         modal, still = Modal(loop), frequency == 0
         moving = frequency[~still]
-        parts = [_responses(loop, modal, circle(loop, moving[at : at + width])) for at in range(0, moving.size, width)]
+        parts = [_responses(loop, modal, circle(loop, moving[at : at + width]), good) for at in range(0, moving.size, width)]
         found = [np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)]
         if not still.any():
             return Response(*found)
@@ -76,11 +78,11 @@ def _at_rest(loop, modal):
     return (*(part + 0j for part in limit), *errors)
 
 
-def _responses(loop, modal, points):
+def _responses(loop, modal, points, good=GOOD):
     """The same of some frequencies, as a tuple."""
     found, error, again = _by_modes(loop, points, modal)
     for improve in (again, lambda index: bordered(loop, points.at(index))):
-        doubtful = ~(error <= GOOD * np.abs(found)).all(-2)
+        doubtful = ~(error <= good * np.abs(found)).all(-2)
         some = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
         width = max(1, BLOCK // (loop.outputs + len(loop.fast.states) + len(loop.states)) ** 2 // max(1, loop.lost.size))
         for start in range(0, some.size, width):

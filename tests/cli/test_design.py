@@ -1,0 +1,171 @@
+"""`design`: a front that every other command confirms, the same bytes for all workers and after a stop, and misses in words."""
+
+import json
+import tomllib
+
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep.cli import main
+from wavesweep.results import read
+from wavesweep.seeking.family import Scenario
+from wavesweep.seeking.study import job_of
+from wavesweep.seeking.verdicts import miss
+from wavesweep.spec import load
+from wavesweep.sweep import running, workers
+
+SPEC = """
+[environment]
+integration = "explicit"
+delay = 1
+[controller]
+kind = "pmw"
+[design]
+population = 16
+generations = 3
+[design.vary]
+b = { start = 5, stop = 200, scale = "log" }
+"filters.lp1.order" = [0, 1, 2]
+[design.wish]
+z_width = { B_VE = [1, 5] }
+transparency = { band_hz = [0.1, 5], walls = [50] }
+[design.for_all]
+"device.mass" = [0.08, 0.125]
+"""
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capfd):
+    """Run the command on the spec; give the exit code, what was printed, and the folder of results."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(SPEC, encoding="utf-8")
+
+    def run(*arguments):
+        code = main(["design", "mine.toml", *arguments])
+        return code, "".join(capfd.readouterr()), tmp_path / "results" / "mine"
+
+    return run
+
+
+def test_the_front_is_that_of_the_other_commands(run):
+    code, text, results = run("--no-plot")
+    assert code == 0
+    assert "designs on the front" in text
+    assert "the spec's own design: z_width" in text
+    rows = read(results / "design.csv")
+    assert rows["certified"].all()
+    assert rows["holds"].all()
+    assert (np.diff(rows["z_width"]) <= 0).all()
+    assert (np.diff(rows["transparency"]) <= 0).all()
+    package = json.loads((results / "design.datapackage.json").read_text(encoding="utf-8"))
+    names = package["wavesweep"]["best"]
+    assert names[0] == "best/design-01.toml"
+    for name in names:
+        row = int(name[-7:-5]) - 1
+        found = wavesweep.zwidth(results / name)
+        assert found.high.min() == pytest.approx(rows["z_width"][row], rel=1e-12)
+        assert tomllib.loads((results / name).read_text())["controller"]["b"] == rows["b"][row]
+
+
+def test_the_figure_can_be_drawn_again(run, tmp_path):
+    assert run()[0] == 0
+    assert (tmp_path / "results/mine/design.png").stat().st_size > 10_000
+    assert main(["plot", "results/mine/design.csv", "--out", "again"]) == 0
+    assert (tmp_path / "again/design.png").read_bytes() == (tmp_path / "results/mine/design.png").read_bytes()
+
+
+@pytest.mark.slow
+def test_the_bytes_are_the_same_for_two_workers_and_after_a_stop(run, tmp_path, monkeypatch):
+    assert run("--no-plot", "--jobs", "1")[0] == 0
+    one = (tmp_path / "results/mine/design.parquet").read_bytes()
+    assert run("--no-plot", "--jobs", "2", "--backend", "loky", "--out", "two")[0] == 0
+    assert (tmp_path / "two/design.parquet").read_bytes() == one
+    calls, save = [], running.MemoryCheckpoint.save
+
+    def stop(self, number, records):
+        calls.append(number)
+        if len(calls) == 5:
+            raise KeyboardInterrupt
+        return save(self, number, records)
+
+    from wavesweep.sweep.checkpoint import FolderCheckpoint
+
+    kept = FolderCheckpoint.save
+    monkeypatch.setattr(
+        FolderCheckpoint, "save", lambda self, *some: stop(self, *some) if len(calls) >= 4 else calls.append(kept(self, *some))
+    )
+    assert run("--no-plot", "--jobs", "1", "--out", "three")[0] == 130
+    monkeypatch.setattr(FolderCheckpoint, "save", kept)
+    assert list((tmp_path / "three").glob(".design-*.parts/*.records"))
+    assert run("--no-plot", "--jobs", "1", "--out", "three")[0] == 0
+    assert (tmp_path / "three/design.parquet").read_bytes() == one
+    assert not list((tmp_path / "three").glob(".design-*"))
+
+
+def test_bounds_that_no_design_meets_name_the_nearest_miss(run):
+    code, text, results = run("--set", "design.wish={z_width={at_least=50000, B_VE=[1]}}")
+    assert code == 1
+    assert "no design of 48 meets all bounds; the nearest has z_width" in text
+    assert "(at least 50000) with device.mass=" in text
+    assert "never met by itself: z_width" in text
+    assert not (results / "design.csv").exists()
+
+
+def test_bounds_that_stand_against_each_other_are_named():
+    spec = load({"controller": {"kind": "pmw"}, "design": {"vary": {"b": [1]}, "wish": {
+        "z_width": {"at_least": 100}, "channel": {"at_most": 1.1}, "port": {"at_least": 0}}}})  # fmt: skip
+    records = np.zeros(3, job_of(spec).dtype)
+    records["z_width"], records["channel"], records["port"] = [50, 120, 90], [1.0, 1.4, 1.05], [0, -1e-6, 1e-7]
+    for wish in spec.design.wishes:
+        records[f"{wish.name}_certified"] = True
+    text = miss(spec, records, [Scenario({}, {})])
+    assert text.startswith(
+        "no design of 3 meets all bounds; the nearest has z_width 90 N/m (at least 100); channel 1.05 (at most 1.1)"
+    )
+    assert text.endswith("z_width stands against channel: 1 designs met the one, 2 the other, none both")
+
+
+def test_all_bounds_give_the_design_that_keeps_them_best(run):
+    code, text, results = run(
+        "--no-plot", "--set", "design.wish={z_width={at_least=200, B_VE=[1]}, felt={at_least=100, B_VE=[1]}}"
+    )
+    assert (code, "the best design" in text or "on the front" in text) == (0, True)
+    rows = read(results / "design.csv")
+    margins = np.minimum(rows["z_width"] / 200 - 1, rows["felt"] / 100 - 1)
+    assert margins[0] == margins.max() > 0
+
+
+def test_the_library_has_the_same_table(run, tmp_path):
+    assert run("--no-plot")[0] == 0
+    table = wavesweep.design(tmp_path / "mine.toml")
+    rows = read(tmp_path / "results/mine/design.csv")
+    assert list(table) == list(rows)
+    assert table.z_width.tolist() == rows["z_width"].tolist()
+    assert table.attrs["units"]["z_width"] == "N/m"
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (["design.vary={}"], "design.vary: expected at least one number to vary"),
+        (["rates.slow_hz=60"], "expected a [controller] whose rates divide"),
+        (["design.for_all={rates.fast_hz=[1000, 2000]}"], "design for one rate"),
+    ],
+)
+def test_what_cannot_be_designed_is_refused(run, change, text):
+    code, printed, _ = run(*(part for each in change for part in ("--set", each)))
+    assert (code, text in printed, "Traceback" in printed) == (2, True, False)
+
+
+def test_a_spec_without_a_design_is_refused(run, tmp_path):
+    (tmp_path / "mine.toml").write_text('[controller]\nkind = "pmw"\n', encoding="utf-8")
+    code, text, _ = run()
+    assert (code, "expected the tables [design.vary] and [design.wish], found none" in text) == (2, True)
+
+
+def test_the_last_generation_is_checked_between_the_ends_of_the_ranges():
+    job = job_of(load(tomllib.loads(SPEC)))
+    assert [each.values["device.mass"] for each in job.scenarios] == [0.08, 0.125]
+    assert [each.values["device.mass"] for each in job.finer] == pytest.approx([0.08, 0.1025, 0.125])
+    assert workers.choose(1, None, None, 3, lambda: 1.0).count == 1

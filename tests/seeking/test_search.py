@@ -1,0 +1,66 @@
+"""The search finds published fronts, keeps constraints, and depends on its seed alone."""
+
+import numpy as np
+import pytest
+
+from wavesweep.seeking.search import Judged, generations, hypervolume, ranked, undominated
+
+
+def zdt(number, x):
+    """Two objectives of the test problems of E. Zitzler, K. Deb, L. Thiele (Evolutionary Computation 8, 2000)."""
+    first, g = x[:, 0], 1 + 9 * x[:, 1:].mean(1)
+    share = first / g
+    shape = {1: 1 - np.sqrt(share), 2: 1 - share**2, 3: 1 - np.sqrt(share) - share * np.sin(10 * np.pi * first)}[number]
+    return np.stack([first, g * shape], axis=1)
+
+
+def last(judge, genes=8, population=80, count=100, seed=0):
+    for alive in generations(judge, genes, population, count, seed, np.zeros((0, genes))):
+        found = alive
+    return found
+
+
+@pytest.mark.parametrize(("number", "area"), [(1, 1.21 - 1 / 3), (2, 1.21 - 2 / 3)])
+def test_published_fronts_are_found(number, area):
+    found = last(lambda _, x: Judged(x, zdt(number, x), np.zeros(len(x))))
+    assert 0.97 * area < hypervolume(found.objectives, np.array([1.1, 1.1])) <= area
+
+
+def test_a_constraint_is_kept_and_its_edge_is_found():
+    """The least x + y with x y >= 1/4 is 1, at x = y = 1/2."""
+
+    def judge(_, genes):
+        x, y = genes.T
+        return Judged(genes, (x + y)[:, None], np.maximum(0.25 - x * y, 0))
+
+    found = last(judge, genes=2)
+    assert found.violation[0] == 0
+    assert found.objectives[0, 0] == pytest.approx(1, abs=1e-3)
+
+
+def test_the_seed_decides_all():
+    one, same, other = (
+        last(lambda _, x: Judged(x, zdt(1, x), np.zeros(len(x))), count=6, seed=seed).genes for seed in (1, 1, 2)
+    )
+    assert np.array_equal(one, same)
+    assert not np.array_equal(one, other)
+
+
+def test_the_first_generation_has_the_designs_that_are_given():
+    given = np.array([[0.25, 0.75]])
+    first = next(generations(lambda _, x: Judged(x, x, np.zeros(len(x))), 2, 10, 3, 0, given))
+    assert (first.genes[0] == given).all()
+
+
+def test_ranks_by_domination():
+    f = np.array([[0.0, 2.0], [1.0, 1.0], [2.0, 0.0], [2.0, 2.0], [3.0, 3.0], [1.0, 1.0]])
+    judged = Judged(f, f, np.array([0.0, 0, 0, 0, 0, 0]))
+    assert undominated(judged).tolist() == [0, 1, 2]
+    assert ranked(judged)[0].tolist() == [0, 0, 0, 2, 3, 1]
+    assert undominated(Judged(f, f, np.array([1.0, 0, 0, 0, 0, 0]))).tolist() == [1, 2]
+    assert undominated(Judged(f, f, np.array([1.0, 2, 3, 4, 5, 6]))).tolist() == [0]
+
+
+def test_the_area_of_a_staircase():
+    assert hypervolume(np.array([[0.0, 1.0], [1.0, 0.0], [5.0, -1.0]]), np.array([2.0, 2.0])) == pytest.approx(3.0)
+    assert hypervolume(np.array([[3.0, 0.0]]), np.array([2.0, 2.0])) == 0.0

@@ -1,0 +1,117 @@
+"""Every wish is the worst of what the other commands find for the same loops."""
+
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep.seeking.family import points_of, scenarios_of
+from wavesweep.seeking.wishes import evaluate
+from wavesweep.spec import load
+
+TABLES = {
+    "controller": {"kind": "pmw-lm", "Kp": 2.0},
+    "environment": {"integration": "explicit", "delay": 1},
+    "device": {"velocity": "difference"},
+    "design": {
+        "vary": {"b": {"start": 5, "stop": 60}, "filters.lp1.order": [1, 2]},
+        "wish": {"z_width": {"B_VE": [1, 5]}, "felt": {"B_VE": [1, 5]}, "channel": {"at_most": 3}},
+        "for_all": {"device.mass": [0.08, 0.125], "hand": {"damping": [0, 5]}},
+    },
+}
+DESIGNS = {"controller.b": np.array([10.0, 10.0, 40.0, 40.0]), "filters.lp1.order": np.array([1, 2, 1, 1])}
+
+
+def wishes(**wanted):
+    return load(TABLES | {"design": TABLES["design"] | {"wish": wanted}})
+
+
+def values_of(spec):
+    design = spec.design
+    return evaluate(spec, design.wishes, scenarios_of(design), DESIGNS, 20000.0)
+
+
+def loops(spec, number):
+    """The compiled loop of a design and of each scenario."""
+    own = {path: column[number].item() for path, column in DESIGNS.items()}
+    return [wavesweep.compile(spec.with_values(own | dict(each.values))) for each in scenarios_of(spec.design)]
+
+
+def test_the_stiffest_wall_and_what_is_felt_are_the_least_of_all_intervals():
+    spec = load(TABLES)
+    found = values_of(spec)
+    for number in range(4):
+        rows = [loop.stable_intervals(B_VE=[1.0, 5.0]) for loop in loops(spec, number)]
+        first = [row[(row.interval == 0)] for row in rows]
+        high = [np.where(row.low == 0, row.high, 0.0) for row in first]
+        assert found["z_width"].value[number] == pytest.approx(min(map(min, high)), rel=1e-12)
+        assert found["felt"].value[number] == pytest.approx(min(row.felt_high.min() for row in first), rel=1e-12)
+        assert found["z_width"].scenario[number] == int(np.argmin([each.min() for each in high]))
+    assert found["z_width"].certified.all()
+    norms = [wavesweep.compile(spec.with_values({"filters.lp1.order": order})).passivity().channel_norm[0] for order in (1, 2)]
+    assert found["channel"].value[[0, 1]] == pytest.approx(norms, rel=1e-12)
+
+
+def test_transparency_is_the_distance_from_direct_coupling():
+    spec = wishes(transparency={"band_hz": [0.1, 10], "walls": [100, 200]})
+    found = values_of(spec)["transparency"]
+    frequency = np.geomspace(0.1, 10, 4001)
+    weight = np.full(4001, 1.0)
+    weight[[0, -1]] = 0.5
+    for number in range(4):
+        errors = []
+        for loop in loops(spec, number):
+            ideal = wavesweep.compile(loop.spec.with_values({"controller.kind": "dc"}))
+            for K in (100.0, 200.0):
+                one, other = (each.response(frequency, K_VE=K) for each in (loop, ideal))
+                H, G = (each.admittance_re.to_numpy() + 1j * each.admittance_im.to_numpy() for each in (one, other))
+                square = np.abs(np.log(H / G)) ** 2
+                errors.append(np.sqrt((square * weight).sum() / weight.sum()) if one.stable.all() else np.inf)
+        if np.isfinite(errors).all():
+            assert found.value[number] == pytest.approx(max(errors), rel=2e-4)
+        else:
+            assert np.isnan(found.value[number])
+    assert np.isfinite(found.value).any()
+
+
+def test_margins_of_port_damping_and_delay_are_those_of_each_loop():
+    spec = wishes(port={}, damping_ratio={"walls": [100]}, delay_margin={"at_least": 1, "walls": [100]})
+    found = values_of(spec)
+    for number in (0, 2):
+        several = loops(spec, number)
+        assert found["port"].value[number] == pytest.approx(min(loop.passivity().port_margin[0] for loop in several), rel=1e-9)
+        ratios, margins = [], []
+        for loop in several:
+            at = loop.spec.with_values({"K_VE": 100.0})
+            verdict = wavesweep.verdict(at)
+            ratios.append(verdict["slowest"]["damping_ratio"] if verdict["stable"] else None)
+            delay = verdict["delay"]
+            margins.append(-1 if delay["most"] is None else delay["most"] - delay["ticks"])
+        if None not in ratios:
+            assert found["damping_ratio"].value[number] == pytest.approx(min(ratios), rel=1e-9)
+        assert found["delay_margin"].value[number] == min(margins)
+
+
+def test_a_number_that_follows_the_wall_follows_it_at_every_stiffness():
+    """With K_LM twice K_VE, a wall just below the limit is stable, and one just above it is not."""
+    tables = TABLES["design"] | {"for_all": {"K_LM/K_VE": [2.0]}, "wish": {"z_width": {"B_VE": [1]}}}
+    spec = load(TABLES | {"design": tables})
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec.design), {"controller.b": np.array([20.0])}, 2000.0)["z_width"]
+    limit = float(found.value[0])
+    assert found.certified[0]
+    loop = wavesweep.compile(spec.with_values({"b": 20.0, "B_VE": 1.0}))
+    for share, stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
+        K = share * limit
+        assert (loop.spectral_radius(K_VE=K, K_LM=2 * K) < 1) == stable
+
+
+def test_points_are_the_product_with_the_designs_slowest():
+    spec = load(TABLES)
+    points = points_of(spec.values, DESIGNS, scenarios_of(spec.design), {"environment.B_VE": (1.0, 5.0)})
+    assert (points.shape, points.size) == ((4, 4, 2), 32)
+    assert points.changes["controller.b"][:9].tolist() == [10.0] * 9
+    assert points.changes["environment.B_VE"][:4].tolist() == [1.0, 5.0, 1.0, 5.0]
+    value, scenario = points.worst(np.arange(32.0), more=True)
+    assert (value.tolist(), scenario.tolist()) == ([0.0, 8.0, 16.0, 24.0], [0] * 4)
+    value, scenario = points.worst(np.where(np.arange(32) == 5, np.nan, 1.0), more=False)
+    assert np.isnan(value[0])
+    assert scenario[0] == 2

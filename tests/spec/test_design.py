@@ -1,0 +1,86 @@
+"""The table [design] is read with all mistakes at once, and written as a spec could give it."""
+
+import pytest
+
+from wavesweep.errors import SpecError, UsageError
+from wavesweep.spec import load
+
+LOOP = {"controller": {"kind": "pmw-lm"}}
+DESIGN = {
+    "vary": {
+        "b": {"start": 5, "stop": 200, "scale": "log"},
+        "filters.lp1.order": [1, 2, 3],
+        "filters.lp2.order": {"start": 0, "stop": 2},
+    },
+    "wish": {
+        "z_width": {"at_least": 1000, "B_VE": [0, 1]},
+        "transparency": {"band_hz": [0.1, 10], "walls": [100, 300]},
+        "channel": {},
+    },
+    "for_all": {"device.mass": [0.08, 0.125], "K_LM/K_VE": [0.5, 2], "hand": {"mass": [0, 0.3], "stiffness": [0, 1000]}},
+    "seed": 7,
+}  # fmt: skip
+
+
+def test_a_design_is_read_whole():
+    design = load(LOOP | {"design": DESIGN}).design
+    assert [(axis.path, axis.values, axis.scale) for axis in design.vary] == [
+        ("controller.b", (), "log"),
+        ("filters.lp1.order", (1, 2, 3), None),
+        ("filters.lp2.order", (0, 1, 2), None),
+    ]
+    assert [(wish.name, wish.bound) for wish in design.wishes] == [
+        ("z_width", 1000.0),
+        ("transparency", None),
+        ("channel", None),
+    ]
+    assert design.wishes[1].options == {"band_hz": (0.1, 10.0), "walls": (100.0, 300.0)}
+    assert design.ratios == (("local_model.K_LM", "environment.K_VE", (0.5, 2.0)),)
+    assert design.hand == {"mass": (0.0, 0.3), "stiffness": (0.0, 1000.0)}
+    assert design.settings == {"seed": 7, "population": 96, "generations": 80}
+
+
+def test_the_design_is_part_of_the_request_only_if_it_is_asked_for():
+    spec, plain = load(LOOP | {"design": DESIGN}), load(LOOP)
+    assert spec.sha256 == plain.sha256
+    asked = spec.as_designed()
+    assert asked.sha256 != plain.sha256
+    again = load(asked.tables()).as_designed()
+    assert (again.sha256, again.design) == (asked.sha256, asked.design)
+    with pytest.raises(UsageError, match=r"expected the tables \[design.vary\] and \[design.wish\], found none"):
+        plain.as_designed()
+
+
+MISTAKES = [
+    ({"wish": {"z_widt": {}}}, "design.wish.z_widt: expected one of z_width, felt", "did you mean `z_width`?"),
+    ({"wish": {"z_width": {"at_most": 3}}}, "design.wish.z_width.at_most: expected one of at_least, B_VE", ""),
+    ({"wish": {"z_width": {"B_VE": []}}}, "design.wish.z_width.B_VE: expected a list of numbers, found an empty list", ""),
+    ({"wish": {"transparency": {"band_hz": [3, 1]}}}, "expected the lowest frequency first", ""),
+    ({"wish": {"felt": {}}}, "expected at most two wishes without a bound, found 3: transparency, channel, felt", ""),
+    ({"vary": {"bb": [1]}}, "design.vary.bb: expected the name of a numeric key", "did you mean `b`?"),
+    ({"vary": {"K_VE": [1]}}, "design.vary.K_VE: expected a number of the device or the controller", ""),
+    ({"vary": {"device.mass": [0.1]}}, "design.for_all.device.mass: expected a number that is not varied", ""),
+    ({"for_all": {"hand": {"weight": [1]}}}, "design.for_all.hand.weight: expected one of mass, damping, stiffness", ""),
+    ({"for_all": {"K_VE": [1]}}, "walls belong to the wishes", ""),
+    ({"for_all": {"K_LM/K_VE": [-1]}}, "design.for_all.K_LM/K_VE[0]: expected a number > 0, found -1", ""),
+    ({"sed": 1}, "design.sed: expected one of vary, wish, for_all, seed", "did you mean `seed`?"),
+    ({"seed": -1}, "design.seed: expected a whole number >= 0, found -1", ""),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("change", "text", "hint"), MISTAKES)
+def test_each_mistake_has_its_text(change, text, hint):
+    tables = {name: {**DESIGN[name], **change.get(name, {})} if name != "seed" else 7 for name in DESIGN} | {
+        name: value for name, value in change.items() if name not in ("vary", "wish", "for_all")
+    }
+    with pytest.raises(SpecError) as error:
+        load(LOOP | {"design": tables})
+    assert text in str(error.value)
+    assert hint in str(error.value)
+
+
+def test_nothing_to_vary_and_nothing_wished_for_are_mistakes():
+    with pytest.raises(SpecError) as error:
+        load(LOOP | {"design": {"seed": 3}})
+    assert "design.vary: expected at least one number to vary, found none" in str(error.value)
+    assert "design.wish: expected at least one of z_width" in str(error.value)

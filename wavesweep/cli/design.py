@@ -1,0 +1,48 @@
+"""`wavesweep design`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from wavesweep.cli.options import Options, common
+
+if TYPE_CHECKING:
+    from wavesweep.spec import Spec
+    from wavesweep.sweep import Table
+
+
+@click.command("design")
+@click.argument("spec")
+@common
+def command(spec: str, options: Options) -> None:
+    """Search for designs that meet a wish, for all devices and hands that they have to hold for.
+
+    SPEC is a TOML file. Its table [design.vary] has the numbers that may be changed, with their ranges; [design.wish] the
+    quantities wished for, each with a bound (at_least, at_most) or as good as possible; [design.for_all] devices, hands, delays
+    and ratios, of which the worst counts. With two wishes without a bound the result is their front, with one the best design,
+    and if all have bounds the design that keeps the tightest of them by the largest share.
+
+    A row of the table is a design, the best first, with the worst value of each wish and what sets it. best/*.toml are specs of
+    up to ten of them, which every other command takes. If no design meets all bounds, the exit code is 1, and the message names
+    the nearest miss and the wishes that stand against each other. An interrupted search goes on where it stopped.
+
+    \b
+    Example:
+      wavesweep design sweeps/design/front.toml
+    """
+    from wavesweep import sweep
+    from wavesweep.cli.output import folder_of, produce
+    from wavesweep.spec import Spec
+
+    def compute(specs: list[Spec], **work: Any) -> list[Table]:
+        from wavesweep.seeking.best import written
+
+        table = sweep.design(*specs, **work)
+        if options.to_stdout:
+            return [table]
+        return [written(table, specs[0], Path(folder_of(specs, options)))]
+
+    produce(["design"], [spec], options, compute, asked=Spec.as_designed)

@@ -1,0 +1,53 @@
+"""The summary of a design study."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from wavesweep.cli.interval_summary import count
+from wavesweep.spec.design import WISHES
+
+Columns = Mapping[str, np.ndarray]
+Numbers = Mapping[str, Any]
+Line = tuple[str, bool]  # a message, and whether it is a warning
+
+
+def design(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
+    """The best of each wish, the spec's own design, and what was searched."""
+    wishes = facts["spec"]["design"]["wish"]
+    better = {name: np.nanargmax if WISHES[name].more else np.nanargmin for name in wishes}
+    best = {name: int(better[name](columns[name])) for name in wishes}
+    return {
+        "designs": len(columns["certified"]),
+        "certified": int(columns["certified"].sum()),
+        "bounds_hold_between": int(columns["holds"].sum()),
+        "searched": facts["slices"]["computed"],
+        "scenarios": facts["scenarios"],
+        "best": {name: {wish: float(columns[wish][row]) for wish in wishes} for name, row in best.items()},
+        "own": dict(facts["own"]),
+        "files": list(facts.get("best", ())),
+    }
+
+
+def design_lines(found: Numbers) -> Iterator[Line]:
+    """Yield a line for the front, one for the best of each wish, and one for the spec's own design."""
+    over = count(found["scenarios"], "combination")
+    yield f"{count(found['searched'], 'design')} evaluated, each at its worst over {over}", False
+    yield f"{count(found['designs'], 'design')} on the front" if len(found["best"]) > 1 else "the best design", False
+    for name, values in found["best"].items():
+        yield f"best {name}: {_wishes(values)}", False
+    yield f"the spec's own design: {_wishes(found['own'])}", False
+    if found["certified"] < found["designs"]:
+        yield f"{found['designs'] - found['certified']} of {count(found['designs'], 'row')} not certified", True
+    if found["bounds_hold_between"] < found["designs"]:
+        missed = found["designs"] - found["bounds_hold_between"]
+        yield f"{count(missed, 'design')} with a bound that does not hold between the ends of the ranges (column holds)", True
+
+
+def _wishes(values: Mapping[str, float | None]) -> str:
+    units = {name: WISHES[name].unit for name in values}
+    said = {name: "not known, unstable" if value is None else f"{value:.5g} {units[name]}" for name, value in values.items()}
+    return ", ".join(f"{name} {text.removesuffix(' 1')}" for name, text in said.items())

@@ -1,0 +1,70 @@
+"""The figure of a design study: the front of two wishes, or the wishes of the best designs, beside the spec's own design."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, figure, note_assumptions
+from wavesweep.spec.design import WISHES
+
+NAMES = {
+    "z_width": "stiffest wall",
+    "felt": "stiffness felt",
+    "transparency": "error of the response",
+    "channel": "norm of the wave channel",
+    "port": "margin of the hand's port",
+    "damping_ratio": "damping ratio of the slowest mode",
+    "delay_margin": "delay margin",
+}
+_FRONT = {"marker": "o", "markersize": 4, "color": "#0072B2", "linestyle": "-", "linewidth": 0.8}
+_OWN = {"marker": "X", "markersize": 8, "color": "#D55E00", "markeredgecolor": "white", "linestyle": "none"}
+
+
+def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
+    """Draw a `design` table: one wish over the other and, below, the varied numbers along the front.
+
+    All values are the worst over what the designs have to hold for. The arrows on the axes say which side is better.
+    """
+    wishes = list(facts["spec"]["design"]["wish"])
+    free = [name for name in wishes if not {"at_least", "at_most"} & set(facts["spec"]["design"]["wish"][name])]
+    x, y = free if len(free) == 2 else [wishes[0], wishes[1] if len(wishes) > 1 else wishes[0]]
+    varied = list(facts["spec"]["design"]["vary"])
+    down = -(-len(varied) // 3)
+    width = TWO_COLUMNS if len(varied) > 1 else ONE_COLUMN
+    with figure(width, 2.8 + 1.3 * down) as canvas:
+        across = min(3, len(varied))
+        grid = canvas.add_gridspec(1 + down, across, height_ratios=[2.2, *[1] * down])
+        front = canvas.add_subplot(grid[0, :])
+        order = np.argsort(columns[x], kind="stable")
+        front.plot(columns[x][order], columns[y][order], label="designs that were found", **_FRONT)
+        own = facts.get("own", {})
+        if own.get(x) is not None and own.get(y) is not None:
+            front.plot(own[x], own[y], label="the spec's own design", **_OWN)
+        for axis, name in ((front.xaxis, x), (front.yaxis, y)):
+            axis.set_label_text(_label(name))
+        for name, scale in ((x, front.set_xscale), (y, front.set_yscale)):
+            values = columns[name][np.isfinite(columns[name])]
+            if values.size and values.min() > 0 and values.max() > 5 * values.min():
+                scale("log")
+        front.grid(visible=True, which="both", color="0.9", linewidth=0.5)
+        front.legend(loc="best")
+        for place, name in enumerate(varied):
+            panel = canvas.add_subplot(grid[1 + place // across, place % across])
+            panel.plot(columns[x][order], columns[name][order], **_FRONT | {"markersize": 2.5})
+            panel.set_title(name, fontsize=7)
+            panel.set_xscale(front.get_xscale())
+            if (columns[name] > 0).all() and columns[name].max() > 5 * columns[name].min():
+                panel.set_yscale("log")
+            panel.grid(visible=True, color="0.9", linewidth=0.5)
+            panel.tick_params(labelsize=6)
+        note_assumptions(canvas, facts)
+    return canvas
+
+
+def _label(name: str) -> str:
+    kind = WISHES[name]
+    unit = "" if kind.unit == "1" else f" ({kind.unit})"
+    return f"{NAMES[name]}{unit}, {'more' if kind.more else 'less'} is better"

@@ -1,0 +1,57 @@
+"""Some designs of a front as specs, which every other command takes."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from wavesweep.spec import Spec
+from wavesweep.spec.writing import as_toml
+from wavesweep.sweep.disk import make_folders, write_file
+from wavesweep.sweep.table import Table
+
+MOST = 10
+HEADER = "# A design that wavesweep found: "
+
+
+def chosen(rows: int) -> list[int]:
+    """Rows of the table that are written, equally far from each other, the first and the last among them."""
+    return sorted({round(each) for each in np.linspace(0, rows - 1, min(rows, MOST)).tolist()})
+
+
+def spec_of(spec: Spec, row: dict[str, object]) -> Spec:
+    """The spec with the numbers of a row of the table."""
+    return spec.with_values({axis.name: row[axis.name] for axis in spec.design.vary})
+
+
+def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
+    """A spec of a design: its [sweep] is over all that it holds for, so that the worst row of `zwidth` has its value."""
+    design, tables = spec.design, spec_of(spec, row).tables()
+    own = (spec.values["environment.B_VE"],)
+    damping = next((wish.options["B_VE"] for wish in design.wishes if "B_VE" in wish.options), own)
+    sweep = {"along": "K_VE", "K_VE": {"start": 0.0, "stop": stop}, "B_VE": list(damping)}
+    sweep |= {axis.path: list(axis.values) for axis in design.for_all}
+    sweep |= {f"operator.{part}": list(values) for part, values in design.hand.items()}
+    tables = {name: table for name, table in tables.items() if name not in ("sweep", "bode", "design", "simulate")}
+    said = ", ".join(f"{wish.name} {row[wish.name]:.6g} {wish.kind.unit}".removesuffix(" 1") for wish in design.wishes)
+    return f"{HEADER}{said}, at their worst.\n{as_toml(tables | {'sweep': sweep})}"
+
+
+def written(table: Table, spec: Spec, directory: Path) -> Table:
+    """The table, for whose publication the specs are written beside it, in the folder `best`."""
+    columns = table.columns
+    rows = chosen(len(columns["certified"]))
+    names = [f"best/design-{number + 1:02d}.toml" for number in rows]
+    stop = table.facts["stop"]
+
+    def write():
+        make_folders(directory / "best")
+        for name, number in zip(names, rows, strict=True):
+            row = {key: np.asarray(column[number]).item() for key, column in columns.items()}
+            write_file(directory / name, text_of(spec, row, stop).encode())
+        for old in (directory / "best").glob("design-*.toml"):
+            if f"best/{old.name}" not in names and old.read_text(encoding="utf-8", errors="replace").startswith(HEADER):
+                old.unlink()
+        table.forget()
+
+    return replace(table, facts=table.facts | {"best": names}, forget=write)

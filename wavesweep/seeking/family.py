@@ -1,0 +1,108 @@
+"""All that a design has to hold for: combinations of devices, hands, timings and ratios, and the walls of a wish."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise, product
+
+import numpy as np
+
+from wavesweep.spec.design import HAND, Design
+
+WALL_STIFFNESS = "environment.K_VE"
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """Values by path, and ratios: path of a number -> (path of the other one, the first over the second)."""
+
+    values: Mapping[str, float | int]
+    ratios: Mapping[str, tuple[str, float]]
+
+    def described(self) -> str:
+        """The scenario in words, as a table names it; empty if it is the spec's own."""
+        parts = [f"{path}={value:g}" for path, value in self.values.items()]
+        parts += [f"{one}/{other}={ratio:g}" for one, (other, ratio) in self.ratios.items()]
+        return ", ".join(parts)
+
+
+def scenarios_of(design: Design, between: int = 0) -> list[Scenario]:
+    """Every combination of what a design has to hold for; between: further values between the ends of each range."""
+    choices = [[(axis.path, value) for value in _filled(axis.values, between, axis.structural)] for axis in design.for_all]
+    for part in HAND:
+        if part in design.hand:
+            values = _filled(design.hand[part], between, False)
+            choices.append([(f"operator.{part}", value) for value in values])
+    for one, other, values in design.ratios:
+        choices.append([(one, (other, value)) for value in _filled(values, between, False)])
+    found = []
+    for combination in product(*choices):
+        values = {path: value for path, value in combination if not isinstance(value, tuple)}
+        found.append(Scenario(values, {path: value for path, value in combination if isinstance(value, tuple)}))
+    return found
+
+
+def _filled(values, between, structural):
+    """The values, and as many more between two of them."""
+    ordered = sorted(set(values))
+    if structural or not between or len(ordered) < 2:
+        return ordered
+    parts = [np.linspace(a, b, between + 2)[:-1] for a, b in pairwise(ordered)]
+    return [*np.concatenate(parts).tolist(), ordered[-1]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Points:
+    """Designs x scenarios x walls as points, the designs slowest.
+
+    changes: path -> value of each point. ties: paths whose value is the factor of the wall's stiffness. shape: (designs,
+    scenarios, walls).
+    """
+
+    changes: Mapping[str, np.ndarray]
+    ties: tuple[str, ...]
+    shape: tuple[int, int, int]
+
+    @property
+    def size(self) -> int:
+        """Number of points."""
+        return int(np.prod(self.shape))
+
+    def worst(self, values, more: bool) -> tuple[np.ndarray, np.ndarray]:
+        """The worst value of each design, `(designs,)`, and the scenario that has it; a missing value is the worst there is."""
+        flat = np.reshape(values, (self.shape[0], -1))
+        order = np.where(np.isnan(flat), -np.inf, flat if more else -flat)
+        at = np.argmin(order, axis=1)
+        return flat[np.arange(len(flat)), at], at // self.shape[2]
+
+    def all_of(self, flags) -> np.ndarray:
+        """Whether a flag is set at all points of a design."""
+        return np.reshape(flags, (self.shape[0], -1)).all(axis=1)
+
+
+def points_of(
+    own: Mapping[str, object],
+    designs: Mapping[str, np.ndarray],
+    scenarios: Sequence[Scenario],
+    walls: Mapping[str, Sequence[float]],
+) -> Points:
+    """The product of designs, scenarios and walls.
+
+    own: the spec's values. designs: path -> value of each design. walls: path of the wall -> its values, all combined.
+    """
+    count, combinations = len(next(iter(designs.values()))), list(product(*walls.values()))
+    shape = (count, len(scenarios), len(combinations))
+    which, scenario, wall = (each.reshape(-1) for each in np.indices(shape))
+    changes = {path: np.asarray(values)[which] for path, values in designs.items()}
+    for path in scenarios[0].values:
+        changes[path] = np.array([each.values[path] for each in scenarios])[scenario]
+    for place, path in enumerate(walls):
+        changes[path] = np.array([each[place] for each in combinations])[wall]
+    ties = []
+    for path, (other, _) in scenarios[0].ratios.items():
+        factor = np.array([each.ratios[path][1] for each in scenarios])[scenario]
+        if other == WALL_STIFFNESS and other not in changes:
+            ties.append(path)
+            changes[path] = factor
+        else:
+            changes[path] = factor * changes.get(other, own[other])
+    return Points(changes, tuple(ties), shape)

@@ -1,0 +1,38 @@
+"""Designs as numbers from 0 to 1, which a search moves in, and back."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from wavesweep.spec import Axis
+
+
+def designs_of(vary: Sequence[Axis], genes: np.ndarray) -> dict[str, np.ndarray]:
+    """Path -> value of each design; genes: `(designs, axes)` in [0, 1]. Choices divide the unit interval into equal parts."""
+    found = {}
+    for axis, gene in zip(vary, genes.T, strict=True):
+        if axis.values:
+            at = np.minimum((gene * len(axis.values)).astype(int), len(axis.values) - 1)
+            found[axis.path] = np.asarray(axis.values)[at]
+        elif axis.scale == "log":
+            value = np.exp(np.log(axis.start) + gene * (np.log(axis.stop) - np.log(axis.start)))
+            found[axis.path] = np.clip(value, axis.start, axis.stop)
+        else:
+            found[axis.path] = np.clip(axis.start + gene * (axis.stop - axis.start), axis.start, axis.stop)
+    return found
+
+
+def genes_of(vary: Sequence[Axis], values: Mapping[str, object]) -> np.ndarray:
+    """The genes of one design, `(axes,)`; a value beyond its range is taken to the end of it."""
+    genes = []
+    for axis in vary:
+        value = values[axis.path]
+        if axis.values:
+            at = int(np.argmin(np.abs(np.asarray(axis.values, float) - value)))
+            genes.append((at + 0.5) / len(axis.values))
+        elif axis.scale == "log":
+            low, high = np.log(axis.start), np.log(axis.stop)
+            genes.append((np.log(max(value, axis.start)) - low) / (high - low))
+        else:
+            genes.append((value - axis.start) / (axis.stop - axis.start))
+    return np.clip(genes, 0.0, 1.0)

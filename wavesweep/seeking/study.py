@@ -1,0 +1,272 @@
+"""A design study: a search in chunks on workers that goes on where it was stopped, and the front as a table."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.seeking.family import Scenario, scenarios_of
+from wavesweep.seeking.genes import designs_of, genes_of
+from wavesweep.seeking.search import Judged, generations, survivors, undominated
+from wavesweep.seeking.verdicts import judged, miss
+from wavesweep.seeking.wishes import evaluate
+from wavesweep.spec import Spec
+from wavesweep.spec.spec import K_VE_SPAN
+from wavesweep.sweep.checkpoint import DamagedError, checkpoint_of
+from wavesweep.sweep.grid import loop_of, make_grid
+from wavesweep.sweep.job import Chunk, Chunks, Job
+from wavesweep.sweep.running import Progress
+from wavesweep.sweep.table import Table, facts_of
+from wavesweep.sweep.workers import choose, results
+
+CHUNK = 8  # designs of a task
+FRONT = 48  # designs of the table at most
+FINER = 1000  # combinations that a design of the front is checked over at most
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DesignJob(Job):
+    """Generations of designs, as chunks; the last one is the front, over a finer choice of what it has to hold for.
+
+    genes: number of a generation -> `(designs, axes)`, known once the one before it is judged. scenarios, finer: what designs
+    have to hold for in the search and at its end.
+    """
+
+    genes: dict[int, np.ndarray]
+    scenarios: Sequence[Scenario]
+    finer: Sequence[Scenario]
+    stop: float
+    noun: ClassVar[str] = "designs"
+
+    @property
+    def dtype(self) -> np.dtype:
+        """A value, a scenario and a certificate for each wish."""
+        wishes = self.grid.spec.design.wishes
+        parts = [((wish.name, "<f8"), (f"{wish.name}_scenario", "<i4"), (f"{wish.name}_certified", "?")) for wish in wishes]
+        return np.dtype([("slice", "<i4"), *(field for each in parts for field in each)])
+
+    @property
+    def size(self) -> int:
+        """None: the table has rows of the front alone."""
+        return 0
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """The kind of the records."""
+        return {"records": "designs", "stop": self.stop}
+
+    def chunks_of(self, generation: int) -> range:
+        """Numbers of the chunks of a generation."""
+        across = len(self.chunks) // self.chunks.loops
+        return range(generation * across, (generation + 1) * across)
+
+    def task(self, chunk: Chunk) -> "DesignTask":
+        """The task of a worker for that chunk."""
+        generation, spec = chunk.loops.start, self.grid.spec
+        genes = self.genes[generation][chunk.walls.start : chunk.walls.stop]
+        scenarios = self.finer if generation == self.chunks.loops - 1 else self.scenarios
+        return DesignTask(spec, scenarios, designs_of(spec.design.vary, genes), len(genes), self.stop, self.dtype)
+
+    def certified(self, records: np.ndarray) -> int:
+        """Number of designs all of whose wishes are certified."""
+        flags = [records[name] for name in records.dtype.names if name.endswith("_certified")]
+        return int(np.logical_and.reduce(flags).sum())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DesignTask:
+    """The wishes of some designs, at their worst over the scenarios. count: of the designs, of which there may be none."""
+
+    spec: Spec
+    scenarios: Sequence[Scenario]
+    designs: Mapping[str, np.ndarray]
+    count: int
+    stop: float
+    dtype: np.dtype
+
+    def records(self) -> np.ndarray:
+        """A record per design."""
+        records = np.zeros(self.count, self.dtype)
+        records["slice"] = np.arange(self.count)
+        if self.count:
+            found = evaluate(self.spec, self.spec.design.wishes, self.scenarios, self.designs, self.stop)
+            for name, worst in found.items():
+                records[name], records[f"{name}_scenario"] = worst.value, worst.scenario
+                records[f"{name}_certified"] = worst.certified
+        return records
+
+
+def design(
+    spec: Spec,
+    jobs: int | None = None,
+    backend: str | None = None,
+    scheduler: str | None = None,
+    progress: Progress | None = None,
+    checkpoint: Path | None = None,
+    force: bool = False,
+) -> Table:
+    """Search for the designs that meet the wishes of a spec's [design]: the front if some have no bound, otherwise the best.
+
+    jobs, backend, scheduler, progress, checkpoint, force: see `Work`. The result depends on the seed and not on the workers.
+    Raises UsageError for a loop that cannot be designed, WavesweepError if no design meets all bounds, and the errors of a run.
+    """
+    started = time.perf_counter()
+    job = job_of(spec)
+    run = _Run(job, checkpoint_of(job, checkpoint, force, warnings := []), progress)
+    run.workers = choose(jobs, backend, scheduler, len(job.chunks), partial(_seconds, job))
+    asked, settings = spec.design, spec.design.settings
+    first = genes_of(asked.vary, spec.values)[None]
+    best = None
+    for alive in generations(
+        run.judge, len(asked.vary), settings["population"], settings["generations"], settings["seed"], first
+    ):
+        best = alive if best is None else best.joined(alive)
+        best = best.take(undominated(best))
+    if not (best.violation == 0).any():
+        raise WavesweepError(miss(spec, run.everything(), job.scenarios))
+    front = survivors(best, FRONT)
+    front = front.take(np.lexsort(front.objectives.T[::-1]))
+    job.genes[settings["generations"]] = front.genes
+    records = run.records(settings["generations"])
+    columns, kept = _columns(spec, job, front.genes, records)
+    counts = {"computed": run.done, "skipped": 0, "certified": int(kept["certified"].sum())}
+    timings = {"compute_s": time.perf_counter() - started, "kernel_s": run.seconds, "workers": run.workers.count}
+    facts = facts_of(spec, METHODS, counts, timings, _notices(job)) | {"warnings": warnings}
+    facts |= {"own": own_design(spec, job), "stop": job.stop}
+    facts |= {"scenarios": len(job.scenarios), "checked_scenarios": len(job.finer)}
+    return Table("design", lambda: (columns,), facts, fields=_fields(spec, columns), forget=run.forget)
+
+
+METHODS = {
+    "search": "NSGA-II with constrained domination, seeded; every design at its worst over all that it has to hold for",
+    "check": "the designs of the front again, with values between the ends of every range",
+}
+
+
+def job_of(spec: Spec) -> DesignJob:
+    """The job of a spec's [design]. Raises UsageError if it cannot be done."""
+    asked = spec.as_designed().design
+    if loop_of(spec, {axis.path: axis.values for axis in asked.for_all}):
+        raise UsageError("design: expected a [controller] whose rates divide, found a loop that is assembled tick by tick")
+    for path in ("rates.ratio", "rates.slow_hz", "rates.fast_hz"):
+        if any(axis.path == path for axis in asked.for_all):
+            raise UsageError(f"design.for_all: expected numbers of device, hand and timing, found {path}; design for one rate")
+    grid, settings = make_grid(spec.as_designed(), ()), asked.settings
+    axis = next((axis for axis in spec.sweep if axis.path == "environment.K_VE"), None)
+    stop = float(axis.stop if axis else K_VE_SPAN[1])
+    finer = next(some for between in (1, 0) if len(some := scenarios_of(asked, between)) <= FINER or not between)
+    chunks = Chunks(settings["generations"] + 1, max(settings["population"], FRONT), 1, CHUNK)
+    return DesignJob(grid, chunks, {}, {}, scenarios_of(asked), finer, stop)
+
+
+class _Run:
+    """The chunks of a study, one generation after the other."""
+
+    def __init__(self, job, store, progress):
+        self.job, self.store, self.progress = job, store, progress
+        self.workers, self.seconds, self.done, self.forget = None, 0.0, 0, store.remove
+        self.total = (job.chunks.loops - 1) * job.grid.spec.design.settings["population"]
+
+    def judge(self, generation: int, genes: np.ndarray) -> Judged:
+        """The designs of a generation, judged."""
+        self.job.genes[generation] = genes
+        objectives, violation = judged(self.job.grid.spec.design, self.records(generation))
+        return Judged(genes, objectives, violation)
+
+    def records(self, generation: int) -> np.ndarray:
+        """The records of a generation, from the checkpoint as far as it has them."""
+        job, found, known = self.job, {}, set(self.store.finished())
+        for number in job.chunks_of(generation):
+            if number in known:
+                try:
+                    found[number] = self.store.load(number)
+                except DamagedError as error:
+                    self.store.set_aside(number, error)
+        missing = [number for number in job.chunks_of(generation) if number not in found]
+        finished = results(self.workers, missing, lambda number: job.task(job.chunks[number]))
+        try:
+            for number, records, seconds in finished:
+                self.store.save(number, records)
+                found[number], self.seconds = records, self.seconds + seconds
+        except BaseException as error:
+            if self.store.place:
+                error.add_note(f"{self.done} designs are kept in {self.store.place}; the same command goes on from there.")
+            raise
+        finally:
+            finished.close()
+        records = np.concatenate([found[number] for number in sorted(found)])
+        self.done += records.size
+        if self.progress:
+            self.progress(min(self.done, self.total), self.total, None)
+        return records
+
+    def everything(self) -> np.ndarray:
+        """The records of all generations of the search."""
+        last = self.job.chunks.loops - 1
+        numbers = [number for number in self.store.finished() if number < self.job.chunks_of(last).start]
+        return np.concatenate([self.store.load(number) for number in numbers])
+
+
+def _seconds(job):
+    """Of the whole study in one process, from two designs."""
+    spec = job.grid.spec
+    genes = np.tile(genes_of(spec.design.vary, spec.values), (2, 1)) * np.array([[1.0], [0.9]])
+    task = DesignTask(spec, job.scenarios, designs_of(spec.design.vary, genes), 2, job.stop, job.dtype)
+    task.records()
+    started = time.perf_counter()
+    task.records()
+    return (time.perf_counter() - started) / 2 * (job.chunks.loops - 1) * spec.design.settings["population"]
+
+
+def own_design(spec: Spec, job: DesignJob) -> dict[str, float | None]:
+    """The wishes of the spec's own design, at their worst; None if there is no value."""
+    own = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
+    found = evaluate(spec, spec.design.wishes, job.finer, own, job.stop)
+    return {name: float(worst.value[0]) if np.isfinite(worst.value[0]) else None for name, worst in found.items()}
+
+
+def _columns(spec, job, genes, records):
+    """The columns of the table, and the records."""
+    values, columns = designs_of(spec.design.vary, genes), {}
+    for axis in spec.design.vary:
+        columns[axis.name] = values[axis.path]
+    flags = [records[f"{wish.name}_certified"] for wish in spec.design.wishes]
+    objectives, violation = judged(spec.design, records)
+    for wish in spec.design.wishes:
+        columns[wish.name] = records[wish.name]
+        texts = [job.finer[at].described() or "the spec's own" for at in records[f"{wish.name}_scenario"].tolist()]
+        columns[f"{wish.name}_scenario"] = np.array(texts, dtype=object)
+    columns["certified"], columns["holds"] = np.logical_and.reduce(flags), violation == 0
+    order = np.lexsort(objectives.T[::-1])
+    return {name: column[order] for name, column in columns.items()}, columns
+
+
+def _fields(spec, columns):
+    from wavesweep.results.schema import Field, fields
+
+    axes = {field.name: field for field in fields("zwidth", [axis.name for axis in spec.design.vary])}
+    found = [axes[axis.name] for axis in spec.design.vary]
+    for wish in spec.design.wishes:
+        found.append(Field(wish.name, "number", wish.kind.unit, f"{wish.kind.description}, at its worst"))
+        found.append(Field(f"{wish.name}_scenario", "string", "", f"what sets the worst {wish.name}"))
+    found.append(Field("certified", "boolean", "", "all values of the row are certified"))
+    found.append(Field("holds", "boolean", "", "every bound holds with values between the ends of every range as well"))
+    return tuple(field for field in found if field.name in columns)
+
+
+def _notices(job):
+    yield f"each design holds for {len(job.scenarios)} combinations; those of the front were checked over {len(job.finer)}"
+    unread = [axis.name for axis in job.grid.spec.design.vary if axis.path not in _read(job.grid.spec)]
+    if unread:
+        yield f"{', '.join(unread)}: not read by {job.grid.spec.kind}, varied for nothing"
+
+
+def _read(spec):
+    from wavesweep.sweep.grid import keys_of
+
+    return keys_of(spec)

@@ -1,0 +1,75 @@
+"""What designs are worth: objectives, violations of bounds, and the nearest miss if no design meets them all."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from wavesweep.seeking.family import Scenario
+from wavesweep.spec import Spec
+from wavesweep.spec.design import Design, Wish
+
+UNKNOWN = 10.0  # violation of a value that is missing or not certified, above that of most that are
+LEAST = 1e-9  # of a quantity of which the logarithm is an objective
+BY_RATIO = ("z_width", "felt")  # quantities that count by their ratios
+
+
+def margin(wish: Wish, value: np.ndarray) -> np.ndarray:
+    """By how much a bound is kept, as a share of it (of 1e-6 if it is 0); negative if it is not."""
+    share = (value - wish.bound) / (abs(wish.bound) or 1e-6)
+    return share if wish.kind.more else -share
+
+
+def judged(design: Design, records: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Objectives to be made small, `(designs, objectives)`, and violations, `(designs,)`, 0 if all is kept and certified."""
+    free = [wish for wish in design.wishes if wish.bound is None]
+    bounded = [wish for wish in design.wishes if wish.bound is not None]
+    objectives, violation = (
+        [_objective(wish, records[wish.name]) for wish in free],
+        np.zeros(len(records[design.wishes[0].name])),
+    )
+    margins = []
+    for wish in bounded:
+        kept = margin(wish, records[wish.name])
+        margins.append(np.where(np.isnan(kept), -UNKNOWN, kept))
+        violation += np.maximum(-margins[-1], 0.0)
+    for wish in design.wishes:
+        unknown = np.isnan(records[wish.name]) | ~records[f"{wish.name}_certified"]
+        violation += np.where(unknown, UNKNOWN, 0.0)
+    if not free:
+        objectives = [-np.min(margins, axis=0)]
+    return np.stack(objectives, axis=1), violation
+
+
+def _objective(wish, value):
+    value = np.log(np.maximum(value, LEAST)) if wish.name in BY_RATIO else value
+    return np.where(np.isnan(value), np.inf, -value if wish.kind.more else value)
+
+
+def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario]) -> str:
+    """Text: the nearest miss, and which wishes stand against each other."""
+    design = spec.design
+    _, violation = judged(design, records)
+    at = int(np.argmin(violation))
+    parts = []
+    for wish in design.wishes:
+        value = records[wish.name][at]
+        said = "not known" if np.isnan(value) else f"{value:.6g} {wish.kind.unit if wish.kind.unit != '1' else ''}".rstrip()
+        if wish.bound is not None:
+            said += f" ({wish.kind.bound.replace('_', ' ')} {wish.bound:g})"
+        place = scenarios[int(records[f"{wish.name}_scenario"][at])].described()
+        parts.append(f"{wish.name} {said}{f' with {place}' if place and wish.bound is not None else ''}")
+    against = _against(design, records)
+    return f"no design of {len(records)} meets all bounds; the nearest has {'; '.join(parts)}{against}"
+
+
+def _against(design, records):
+    """The pair of bounds that no design met both of, though each was met."""
+    kept = {wish.name: margin(wish, records[wish.name]) >= 0 for wish in design.wishes if wish.bound is not None}
+    names = list(kept)
+    for i, one in enumerate(names):
+        for other in names[i + 1 :]:
+            if kept[one].any() and kept[other].any() and not (kept[one] & kept[other]).any():
+                counts = f"{kept[one].sum()} designs met the one, {kept[other].sum()} the other, none both"
+                return f"; {one} stands against {other}: {counts}"
+    never = [name for name, flags in kept.items() if not flags.any()]
+    return f"; never met by itself: {', '.join(never)}" if never else ""

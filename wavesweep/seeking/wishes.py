@@ -1,0 +1,203 @@
+"""Every quantity that may be wished for, at its worst over all that a design has to hold for, of many designs at once."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.analysis.response import prepare, respond
+from wavesweep.analysis.spectrum import eigenvalues, spectral_radius
+from wavesweep.diagram import WALL, draw, keys_read
+from wavesweep.lifted import close, cut_at_wall
+from wavesweep.seeking.family import Points, Scenario, points_of
+from wavesweep.spec import Axis, Spec
+from wavesweep.spec.design import Wish
+from wavesweep.spec.resolving import longest_delay
+from wavesweep.sweep.grid import groups
+from wavesweep.sweep.interval_table import at_points
+
+NODES = 24  # Gauss-Legendre nodes of a band in the logarithm of the frequency
+BAND_HZ = (0.1, 10.0)
+BATCH = 512  # points at a time: more leave the processor's cache
+ERROR = 1e-6  # relative, up to which a response is believed
+DELAY = "environment.delay"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Worst:
+    """The worst value of each design, `(designs,)`, NaN if there is none; the scenario of it; whether all is certified."""
+
+    value: np.ndarray
+    scenario: np.ndarray
+    certified: np.ndarray
+
+    def at(self, index) -> "Worst":
+        """Some of the designs."""
+        return Worst(self.value[index], self.scenario[index], self.certified[index])
+
+
+def evaluate(
+    spec: Spec, wishes: Sequence[Wish], scenarios: Sequence[Scenario], designs: Mapping[str, np.ndarray], stop: float
+) -> dict[str, Worst]:
+    """The worst values of designs that are no product: wish -> `Worst`.
+
+    designs: path -> value of each design, `(designs,)`. stop: the largest stiffness of a wall that is looked for, N/m.
+    Accuracy: that of stable intervals, responses and norms; a value that rests on anything not certified says so.
+    """
+    found, known = {}, {}
+    for wish in wishes:
+        walls = {"environment.B_VE": wish.options.get("B_VE", (spec.values["environment.B_VE"],))}
+        if wish.name in ("z_width", "felt"):
+            key = walls["environment.B_VE"]
+            if key not in known:
+                known[key] = _stiffest(spec, points_of(spec.values, designs, scenarios, walls), stop)
+            found[wish.name] = known[key][wish.name]
+            continue
+        walls = {"environment.K_VE": wish.options.get("walls", (spec.values["environment.K_VE"],))} | walls
+        points = points_of(spec.values, designs, scenarios, walls if wish.name != "channel" else {})
+        value, certified = _MEASURES[wish.name](spec, wish, points)
+        found[wish.name] = Worst(*points.worst(value, wish.kind.more), points.all_of(certified))
+    return found
+
+
+def _stiffest(spec, points: Points, stop) -> dict[str, Worst]:
+    """The stiffest wall up to which every wall is stable, and the stiffness that is felt of it."""
+    axis = Axis("K_VE", WALL[0], (), 0.0, stop, False)
+    once, back = _distinct(points.changes, points.size)
+    value, felt, certified = np.zeros(once.size), np.zeros(once.size), np.ones(once.size, bool)
+    for start in range(0, once.size, BATCH):
+        part = once[start : start + BATCH]
+        rows = at_points(spec, axis, {path: column[part] for path, column in points.changes.items()}, points.ties)
+        at = start + rows["slice"]
+        certified[at] = rows["certified"]
+        first = (rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)
+        value[at[first]], felt[at[first]] = rows["high"][first], rows["felt_high"][first]
+    value, felt, every = value[back], felt[back], points.all_of(certified[back])
+    return {name: Worst(*points.worst(each, more=True), every) for name, each in (("z_width", value), ("felt", felt))}
+
+
+def _batches(spec, points: Points):
+    """Yield indices of points of one structure, at most BATCH, and their values."""
+    resolved = {}
+    for members, values in groups(spec, points.changes, points.size, resolved):
+        for start in range(0, members.size, BATCH):
+            part = slice(start, start + BATCH)
+            yield members[part], {path: each[part] if np.ndim(each) else each for path, each in values.items()}
+
+
+def _walls(values, size):
+    return (np.broadcast_to(np.asarray(values[path], float), (size,)) for path in WALL)
+
+
+def _transparency(spec, wish, points):
+    """Root mean square of |ln(H/H_dc)| over the logarithm of the frequency; missing where a loop is unstable."""
+    ends = np.log(wish.options.get("band_hz", BAND_HZ))
+    node, weight = np.polynomial.legendre.leggauss(NODES)
+    frequency = np.exp(ends.mean() + node * np.ptp(ends) / 2)
+    ideal, ideal_error = _ideal(spec, points, frequency)
+    value, certified = np.full(points.size, np.nan), np.ones(points.size, bool)
+    for members, values in _batches(spec, points):
+        K, B = _walls(values, members.size)
+        diagram = draw(values)
+        stable = spectral_radius(cut_at_wall(diagram), K, B) < 1
+        found = respond(prepare(diagram, K, B), frequency, ERROR / 2)
+        with np.errstate(all="ignore"):
+            square = np.abs(np.log(found.admittance / ideal[members])) ** 2
+        value[members] = np.where(stable, np.sqrt((square * weight).sum(-1) / 2), np.nan)
+        certified[members] = ~stable | ((found.admittance_error <= ERROR) & (ideal_error[members] <= ERROR)).all(-1)
+    return value, certified
+
+
+def _ideal(spec, points, frequency):
+    """The admittance of direct coupling at the fast rate and its error, `(points, frequencies)`; each different loop once."""
+    kind = {"controller.kind": "dc"}
+    ideal = spec.with_values(kind)
+    read = keys_read(ideal.values)
+    changes = {path: column for path, column in points.changes.items() if path in read}
+    first, back = _distinct(changes, points.size)
+    some = Points({path: column[first] for path, column in changes.items()}, (), (first.size, 1, 1))
+    value, error = np.empty((first.size, frequency.size), complex), np.empty((first.size, frequency.size))
+    for members, values in _batches(ideal, some):
+        found = respond(prepare(draw(values), *_walls(values, members.size)), frequency)
+        value[members], error[members] = found.admittance, found.admittance_error
+    return value[back], error[back]
+
+
+def _channel(spec, wish, points):
+    """Norm of the wave channel; 0 without waves. Only filters and rates decide, and what repeats is computed once."""
+    from wavesweep.analysis.passivity import channel_norm
+
+    del wish
+    read = {path: column for path, column in points.changes.items() if path.startswith(("filters.", "rates."))}
+    first, back = _distinct(read, points.size)
+    some = Points({path: column[first] for path, column in read.items()}, (), (first.size, 1, 1))
+    norms, sure = np.zeros(first.size), np.ones(first.size, bool)
+    for members, values in _batches(spec, some):
+        norm = channel_norm(values)
+        if norm is not None:
+            norms[members], sure[members] = norm.norm, norm.certified
+    return norms[back], sure[back]
+
+
+def _distinct(columns, size):
+    if not columns:
+        return np.zeros(1, int), np.zeros(size, int)
+    _, first, back = np.unique(
+        np.stack(list(columns.values()), 1).astype(float), axis=0, return_index=True, return_inverse=True
+    )
+    return first, back.reshape(-1)
+
+
+def _port(spec, wish, points):
+    from wavesweep.analysis.passivity import port_margin
+
+    del wish
+    value, certified = np.full(points.size, np.nan), np.ones(points.size, bool)
+    for members, values in _batches(spec, points):
+        K, B = _walls(values, members.size)
+        found = port_margin(values | dict(zip(WALL, (K, B), strict=True)))
+        value[members], certified[members] = found.margin, found.certified
+    return value, certified
+
+
+def _damping_ratio(spec, wish, points):
+    """Of the mode that decays most slowly; 0 and less if the loop is unstable."""
+    del wish
+    value, certified = np.full(points.size, np.nan), np.ones(points.size, bool)
+    for members, values in _batches(spec, points):
+        cut = cut_at_wall(draw(values))
+        delta, finite = eigenvalues(close(cut, *_walls(values, members.size)))
+        delta = np.broadcast_to(delta, (members.size, delta.shape[-1]))
+        slowest = np.take_along_axis(delta, np.argmax(np.abs(1 + delta), -1)[:, None], -1)[:, 0]
+        with np.errstate(all="ignore"):
+            s = np.log1p(slowest)
+            value[members] = np.where(finite, -s.real / np.abs(s), np.nan)
+    return value, certified
+
+
+def _delay_margin(spec, wish, points):
+    """Ticks of further delay of the slow result up to which every delay is stable; -1 if the loop is unstable as it is."""
+    del wish
+    delay = np.broadcast_to(points.changes.get(DELAY, spec.values[DELAY]), (points.size,)).astype(int)
+    value, open_ = np.full(points.size, -1.0), np.arange(points.size)
+    for more in range(longest_delay(spec.values["rates.ratio"]) + 1):
+        open_ = open_[delay[open_] + more <= longest_delay(spec.values["rates.ratio"])]
+        if not open_.size:
+            break
+        changes = {path: column[open_] for path, column in points.changes.items()} | {DELAY: delay[open_] + more}
+        some = Points(changes, (), (open_.size, 1, 1))
+        stable = np.zeros(open_.size, bool)
+        for members, values in _batches(spec, some):
+            stable[members] = spectral_radius(cut_at_wall(draw(values)), *_walls(values, members.size)) < 1
+        open_ = open_[stable]
+        value[open_] = more
+    return value, np.ones(points.size, bool)
+
+
+_MEASURES = {
+    "transparency": _transparency,
+    "channel": _channel,
+    "port": _port,
+    "damping_ratio": _damping_ratio,
+    "delay_margin": _delay_margin,
+}

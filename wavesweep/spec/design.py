@@ -1,0 +1,286 @@
+"""The table [design]: numbers to vary, wishes, and what each design has to hold for, read with all mistakes at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from wavesweep.errors import Mistake
+from wavesweep.spec.axes import Axis, build_axis
+from wavesweep.spec.checking import Rejected, check, nearest, show
+from wavesweep.spec.keys import KEYS, Key, Names
+from wavesweep.spec.reading import Leaf, Place
+
+MOST_CHOICES = 1000  # whole numbers of a key that is varied
+MOST_SCENARIOS = 4096
+HAND = ("mass", "damping", "stiffness")
+SECTIONS = ("vary", "wish", "for_all")
+NOT_VARIED = ("environment.K_VE", "environment.B_VE", "rates.fast_hz", "rates.slow_hz", "rates.ratio")
+
+DESIGN_KEYS = MappingProxyType(
+    {
+        "seed": Key("design.seed", "integer", 0, "1", "seed of the search", low=0, high=2**53 - 1),
+        "population": Key("design.population", "integer", 96, "1", "designs of a generation", low=8, high=10_000),
+        "generations": Key("design.generations", "integer", 80, "1", "generations of the search", low=1, high=100_000),
+    }
+)
+_STIFFNESS, _DAMPING = KEYS["environment.K_VE"], KEYS["environment.B_VE"]
+_BAND = Key("band_hz", "number", None, "Hz", "lowest and highest frequency", low=0.0, above_low=True)
+# Options of a wish: name -> (key of each number, how many; None for any).
+_WALLS = {"walls": (_STIFFNESS, None), "B_VE": (_DAMPING, None)}
+
+
+@dataclass(frozen=True, slots=True)
+class WishKind:
+    """A quantity that may be wished for. more: whether more of it is better."""
+
+    unit: str
+    more: bool
+    description: str
+    options: Mapping[str, tuple[Key, int | None]]
+
+    @property
+    def bound(self) -> str:
+        """The key of its bound."""
+        return "at_least" if self.more else "at_most"
+
+
+WISHES = MappingProxyType(
+    {
+        "z_width": WishKind("N/m", True, "stiffest wall up to which every wall is stable", {"B_VE": (_DAMPING, None)}),
+        "felt": WishKind("N/m", True, "static stiffness felt of that wall", {"B_VE": (_DAMPING, None)}),
+        "transparency": WishKind(
+            "1",
+            False,
+            "root mean square over the band of |ln(H/H_dc)|, H the transmitted admittance and H_dc that of direct coupling",
+            {"band_hz": (_BAND, 2), **_WALLS},
+        ),
+        "channel": WishKind("1", False, "norm of the wave channel", {}),
+        "port": WishKind("m/N", True, "passivity margin of the hand's port", _WALLS),
+        "damping_ratio": WishKind("1", True, "damping ratio of the slowest mode", _WALLS),
+        "delay_margin": WishKind("tick", True, "further delay of the slow result up to which every delay is stable", _WALLS),
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """A wish: the name of its kind, its bound (None: as good as possible), and its options as tuples of numbers."""
+
+    name: str
+    bound: float | None
+    options: Mapping[str, tuple[float, ...]]
+
+    @property
+    def kind(self) -> WishKind:
+        """What is wished for."""
+        return WISHES[self.name]
+
+    def written(self) -> dict[str, object]:
+        """Return the wish as a spec could give it."""
+        bound = {} if self.bound is None else {self.kind.bound: self.bound}
+        return bound | {name: list(values) for name, values in self.options.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """The table [design].
+
+    vary: axes of numbers; their values if they are choices, otherwise a span. for_all: axes with the values for which a design
+    has to hold. hand: values of the operator's mass, damping and stiffness, empty if the hand is the spec's own. ratios: pairs
+    of paths and the values of the first one over the second. settings: by the names of DESIGN_KEYS.
+    """
+
+    vary: tuple[Axis, ...]
+    wishes: tuple[Wish, ...]
+    for_all: tuple[Axis, ...]
+    hand: Mapping[str, tuple[float, ...]]
+    ratios: tuple[tuple[str, str, tuple[float, ...]], ...]
+    settings: Mapping[str, int]
+    place: Place = field(default=Place(), repr=False, compare=False)
+
+    def written(self) -> dict[str, object]:
+        """Return the table as a spec could give it."""
+        for_all = {axis.name: list(axis.values) for axis in self.for_all}
+        for_all |= {f"{one}/{other}": list(values) for one, other, values in self.ratios}
+        for_all |= {"hand": {part: list(values) for part, values in self.hand.items()}} if self.hand else {}
+        return {
+            **self.settings,
+            "vary": {axis.name: _varied(axis) for axis in self.vary},
+            "wish": {wish.name: wish.written() for wish in self.wishes},
+            **({"for_all": for_all} if for_all else {}),
+        }
+
+
+def _varied(axis: Axis) -> object:
+    return axis.written() if axis.values else {"start": axis.start, "stop": axis.stop, "scale": axis.scale}
+
+
+def build_design(leaves: Mapping[tuple[str, ...], Leaf], names: Names) -> tuple[Design | None, list[Mistake]]:
+    """Return the design of the leaves below [design], by their paths without "design"; None if there are none or mistakes."""
+    if not leaves:
+        return None, []
+    reader = _Reader(leaves, names)
+    reader.sort()
+    settings = {name: reader.number(key, reader.settings.get(name)) for name, key in DESIGN_KEYS.items()}
+    vary = tuple(reader.varied())
+    wishes = tuple(reader.wished())
+    for_all, ratios, hand = reader.scenarios()
+    reader.refuse_nothing(vary, wishes)
+    design = Design(vary, wishes, for_all, hand, ratios, settings, next(iter(leaves.values())).place.parent())
+    scenarios = math.prod(
+        len(values) for values in [*(axis.values for axis in for_all), *hand.values(), *(r[2] for r in ratios)]
+    )
+    if scenarios > MOST_SCENARIOS:
+        reader.refuse("for_all", f"at most {MOST_SCENARIOS} combinations", f"{scenarios}")
+    return (None if reader.mistakes else design), reader.mistakes
+
+
+class _Reader:
+    def __init__(self, leaves, names):
+        self.leaves, self.names = leaves, names
+        self.mistakes, self.settings = [], {}
+        self.parts = {section: {} for section in SECTIONS}
+
+    def refuse(self, path, expected, found, suggestion="", leaf=None):
+        leaf = leaf or next((leaf for at, leaf in self.leaves.items() if ".".join(at).startswith(path)), None)
+        leaf = leaf or next(iter(self.leaves.values()))
+        self.mistakes.append(leaf.mistake(f"design.{path}", expected, found, suggestion, of_key=True))
+
+    def sort(self):
+        for (first, *rest), leaf in self.leaves.items():
+            if first in DESIGN_KEYS and not rest:
+                self.settings[first] = leaf
+            elif first not in SECTIONS:
+                expected = f"one of {', '.join((*SECTIONS, *DESIGN_KEYS))}"
+                self.refuse(first, expected, "an unknown key", nearest(first, (*SECTIONS, *DESIGN_KEYS)), leaf)
+            elif not rest:
+                if leaf.value != {}:
+                    self.refuse(first, "a table", show(leaf.value), leaf=leaf)
+            else:
+                name, parts = self._named(first, rest)
+                self.parts[first].setdefault(name, {})[".".join(parts)] = leaf
+
+    def _named(self, section, rest):
+        """The name of an axis, a wish, a ratio or the hand, and the parts below it."""
+        if section == "wish" or rest[0] == "hand":
+            return rest[0], rest[1:]
+        for length in range(1, len(rest) + 1):
+            name = ".".join(rest[:length])
+            if self.names.find(name) or all(map(self.names.find, name.split("/"))):
+                return name, rest[length:]
+        return ".".join(rest), ()
+
+    def number(self, key, leaf):
+        if leaf is None:
+            return key.default
+        try:
+            return check(key, leaf.value)
+        except Rejected as error:
+            self.mistakes.append(leaf.mistake(key.path, error.expected, error.found))
+            return key.default
+
+    def varied(self) -> Iterator[Axis]:
+        for name, parts in self.parts["vary"].items():
+            axis = self._axis("vary", name, parts)
+            if axis is None:
+                continue
+            if axis.path in NOT_VARIED:
+                self.refuse(f"vary.{name}", "a number of the device or the controller", "one of the wall or the rates")
+            elif axis.structural and not axis.values:
+                if axis.stop - axis.start >= MOST_CHOICES:
+                    self.refuse(f"vary.{name}", f"fewer than {MOST_CHOICES} whole numbers", "more")
+                values = tuple(range(int(axis.start), int(axis.stop) + 1))
+                yield Axis(axis.name, axis.path, values, axis.start, axis.stop, True, None, axis.place)
+            else:
+                yield axis
+
+    def _axis(self, section, name, parts):
+        if self.names.find(name) is None:
+            numeric = (*self.names.symbols, *self.names.numeric)
+            self.refuse(f"{section}.{name}", "the name of a numeric key", "an unknown one", nearest(name, numeric))
+            return None
+        axis, wrong = build_axis(f"design.{section}", name, parts, self.names)
+        self.mistakes += wrong
+        return axis
+
+    def wished(self) -> Iterator[Wish]:
+        for name, parts in self.parts["wish"].items():
+            if name not in WISHES:
+                self.refuse(f"wish.{name}", f"one of {', '.join(WISHES)}", "an unknown wish", nearest(name, WISHES))
+                continue
+            kind = WISHES[name]
+            bound, options = None, {}
+            for part, leaf in parts.items():
+                path = f"wish.{name}.{part}"
+                if part == "" and leaf.value == {}:
+                    continue
+                if part == kind.bound:
+                    bound = self.number(Key(f"design.{path}", "number", None, kind.unit, ""), leaf)
+                elif part in kind.options:
+                    options[part] = self._numbers(path, leaf, *kind.options[part])
+                else:
+                    known = (kind.bound, *kind.options)
+                    self.refuse(path, f"one of {', '.join(known)}", "an unknown key", nearest(part, known), leaf)
+            if "band_hz" in options and len(options["band_hz"]) == 2 and not options["band_hz"][0] < options["band_hz"][1]:
+                self.refuse(f"wish.{name}.band_hz", "the lowest frequency first", show(list(options["band_hz"])))
+            yield Wish(name, bound, options)
+
+    def _numbers(self, path, leaf, key, count):
+        if not isinstance(leaf.value, list) or not leaf.value or (count and len(leaf.value) != count):
+            self.refuse(path, f"a list of {f'{count} ' if count else ''}numbers", show(leaf.value), leaf=leaf)
+            return ()
+        found = []
+        for index, item in enumerate(leaf.value):
+            try:
+                found.append(float(check(key, item)))
+            except Rejected as error:
+                self.mistakes.append(leaf.mistake(f"design.{path}[{index}]", error.expected, error.found))
+        return tuple(dict.fromkeys(found))
+
+    def scenarios(self):
+        axes, ratios, hand = [], [], {}
+        for name, parts in self.parts["for_all"].items():
+            if name == "hand":
+                hand = self._hand(parts)
+            elif "/" in name and all(map(self.names.find, name.split("/"))) and name.count("/") == 1:
+                one, other = (self.names.find(each).path for each in name.split("/"))
+                key = Key(f"design.for_all.{name}", "number", None, "1", "", low=0.0, above_low=True)
+                values = self._numbers(f"for_all.{name}", next(iter(parts.values())), key, None)
+                ratios.append((one, other, values))
+            else:
+                axis = self._axis("for_all", name, parts)
+                if axis is not None and axis.path in ("environment.K_VE", "environment.B_VE"):
+                    self.refuse(f"for_all.{name}", "a number of device, operator or timing (walls belong to the wishes)", name)
+                elif axis is not None:
+                    ends = axis.values or (axis.start, axis.stop)
+                    axes.append(Axis(axis.name, axis.path, ends, axis.start, axis.stop, axis.structural, None, axis.place))
+        twice = {axis.path for axis in axes} & {
+            self.names.find(name).path for name in self.parts["vary"] if self.names.find(name)
+        }
+        for path in sorted(twice):
+            self.refuse(f"for_all.{path}", "a number that is not varied", "one of [design.vary]")
+        return tuple(axes), tuple(ratios), hand
+
+    def _hand(self, parts):
+        found = {}
+        for part, leaf in parts.items():
+            if part not in HAND:
+                self.refuse(f"for_all.hand.{part}", f"one of {', '.join(HAND)}", "an unknown key", nearest(part, HAND), leaf)
+                continue
+            values = self._numbers(f"for_all.hand.{part}", leaf, KEYS[f"operator.{part}"], None)
+            found[part] = values
+        return found
+
+    def refuse_nothing(self, vary, wishes):
+        """Refuse a design without numbers to vary or wishes, or with more than two that have no bound."""
+        if not self.parts["vary"]:
+            self.refuse("vary", "at least one number to vary", "none")
+        if not self.parts["wish"]:
+            self.refuse("wish", f"at least one of {', '.join(WISHES)}", "none")
+        free = [wish.name for wish in wishes if wish.bound is None]
+        if len(free) > 2:
+            self.refuse("wish", "at most two wishes without a bound", f"{len(free)}: {', '.join(free)}")
+        del vary
