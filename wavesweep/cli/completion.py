@@ -158,4 +158,5 @@ COMPLETIONS: dict[str, Callable[[str], Iterable[CompletionItem]]] = {
     "table": _files,
     "tables": _files,
     "out": _files,
+    "save": _files,
 }

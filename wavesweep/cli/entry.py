@@ -48,6 +48,7 @@ COMMANDS = MappingProxyType(
         "bench": "Measure run time against error, for this tool and for other methods.",
         "plot": "Draw the figure of a table again, as PNG, SVG or PDF.",
         "check": "Judge a spec's own design, and list the work that each command would do.",
+        "explore": "Show the boundary of stability in a browser, and vary every number by a slider.",
         "init": "Write a commented spec to begin with.",
         "keys": "Explain the keys of a spec: values, units and defaults.",
     }

@@ -64,7 +64,7 @@ def command(kind: str, device: str | None, out: str | None, force: bool, **_: bo
         return
     if target.exists() and not force:
         raise UsageError(f"{target}: the file exists; expected another --out FILE, or --force to replace it")
-    _write(target, text)
+    write_whole(target, text)
     click.echo(str(target), err=True)
 
 
@@ -75,7 +75,7 @@ def _known(name: str, names: Iterable[str], what: str) -> None:
         raise UsageError(f"{name} is no {what}; expected one of {', '.join(names)}{hint}")
 
 
-def _write(target: Path, text: str) -> None:
+def write_whole(target: Path, text: str) -> None:
     """Write the whole file or nothing."""
     scratch = target.with_name(f".{target.name}.{os.getpid()}")
     try:

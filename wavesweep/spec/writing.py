@@ -10,7 +10,7 @@ _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def as_toml(tables: Mapping[str, object]) -> str:
-    """Return nested tables as TOML, from which `load` gives the same values; those within tables are in braces.
+    """Return nested tables as TOML, from which `load` gives the same values; tables within tables are in braces.
 
     tables: of texts, numbers, booleans, lists of these and further tables, as `Spec.tables` gives them; None is left out.
     """

@@ -194,7 +194,7 @@ def _along_any_parameter(task, values, size, walls):
 def _varied(task, values, at, p):
     """The values of some loops at other values of the parameter, with those that follow it."""
     varied = selected(values, at) | {task.along: p}
-    return varied | {path: varied[path] * p for path in task.ties}
+    return varied | {path: varied[path] * p for path in getattr(task, "ties", ())}
 
 
 def different(loop, p):

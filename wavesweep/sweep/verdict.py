@@ -1,5 +1,7 @@
 """The verdict on a spec's own design: stability, the room that each number has, and the feel."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from wavesweep.analysis.response import felt, felt_map, prepare, respond
@@ -9,7 +11,8 @@ from wavesweep.diagram import WALL, draw
 from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import WavesweepError
 from wavesweep.lifted import close, cut_at_wall
-from wavesweep.spec import Axis, Spec
+from wavesweep.spec import KEYS, Axis, Spec
+from wavesweep.spec.keys import VALUE_PATHS
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.sweep.assumptions import assumes
 from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of_loop, refuse_singular
@@ -20,28 +23,40 @@ from wavesweep.sweep.running import in_memory
 FAR = 10.0  # factor up to which a number is followed
 USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}  # followed up to FAR times that, from 0
 DELAYS = 200  # ticks of delay that are tried
+CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on, see `channel_norm`
 SLOW_SHARE = 1e-4  # of the slow rate: a frequency so low that the impedance is that of a spring and a damper
 
 
 def verdict(spec: Spec) -> dict:
     """The verdict on the spec's own design as a JSON-able dict; a missing number is None.
 
-    stable, spectral_radius (per frame), period_s (of the frame), assumes (see `assumptions`); limits: per number of the loop
-    the stable interval that its value lies in (see `limits`); delay: the number of ticks it may grow to; felt: stiffness
-    (N/m) and damping (N*s/m) of the wall as the hand feels it at low frequency; slowest: time constant (s) and damping
-    ratio of the slowest mode; channel_norm: of the wave channel, 1 or less if it is passive.
-    A drawn loop has no delay and no channel that a spec would name, and is felt at the hand's port if it has one.
+    The numbers of `own_design`; limits: per number of the loop the stable interval that its value lies in (see `limits`);
+    delay: the number of ticks it may grow to. A drawn loop has no delay that a spec would name.
     """
-    values = spec.values
-    drawing = loop_of(spec)
-    cut = None if drawing else cut_at_wall(draw(values))
-    E, period = _frame_of(spec) if cut is None else (_closed(values), float(cut.period))
+    cut = None if loop_of(spec) else cut_at_wall(draw(spec.values))
+    return own_design(spec, cut) | {"limits": limits(spec, cut), "delay": _delays(spec)}
+
+
+def own_design(spec: Spec, cut=None, loop=None) -> dict:
+    """The numbers of the spec's own design without those about its changes, as a JSON-able dict; a missing number is None.
+
+    stable, spectral_radius (per frame), period_s (of the frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping
+    (N*s/m) of the wall as the hand feels it at low frequency; slowest: time constant (s) and damping ratio of the slowest
+    mode; channel_norm: of the wave channel, 1 or less if it is passive.
+    A drawn loop has no channel that a spec would name, and is felt at the hand's port if it has one.
+    cut, loop: the compiled loop and the one prepared for responses, if they are known already.
+    """
+    values, drawing = spec.values, loop_of(spec)
+    if drawing is None:
+        cut = cut or cut_at_wall(draw(values))
+        E, period = close(cut, *(values[path] for path in WALL)), float(cut.period)
+    else:
+        E, period = _frame_of(spec)
     delta = eigenvalues(E)[0]
     radius = float(np.abs(1 + delta).max(initial=0.0))
     found = {"stable": radius < 1, "spectral_radius": radius, "period_s": period, "assumes": assumes(spec)}
-    found |= {"limits": limits(spec, cut), "delay": _delays(spec)}
     channel = None if drawing else _channel_norm(values)
-    return found | {"felt": _felt(spec), "slowest": _slowest(delta, period), "channel_norm": channel}
+    return found | {"felt": _felt(spec, loop), "slowest": _slowest(delta, period), "channel_norm": channel}
 
 
 def _frame_of(spec):
@@ -112,17 +127,17 @@ def _closed(values):
     return close(cut_at_wall(draw(values)), *(values[path] for path in WALL))
 
 
-def _felt(spec):
+def _felt(spec, loop):
     values = spec.values
     if spec.drawing and spec.drawing.hand is None:
         return None
     if loop_of(spec):
         return _felt_at(spec)
     K, B = (values[path] for path in WALL)
-    diagram, loop = draw(values), prepare(draw(values), K, B)
+    loop = loop or prepare(draw(values), K, B)
     low = SLOW_SHARE * values["rates.fast_hz"] / values["rates.ratio"]
     damping = _damping(lambda frequency: respond(loop, frequency).impedance, low)
-    return {"stiffness": _number(float(felt(felt_map(diagram), K))), "damping": _number(damping)}
+    return {"stiffness": _number(float(felt(felt_map(loop.diagram), K))), "damping": _number(damping)}
 
 
 def _felt_at(spec):
@@ -155,9 +170,14 @@ def _slowest(delta, period):
 
 
 def _channel_norm(values):
+    return _norm_of(tuple((path, value) for path, value in values.items() if path.startswith(CHANNEL)))
+
+
+@lru_cache(maxsize=64)  # a design that is varied by something else keeps its channel
+def _norm_of(kept):
     from wavesweep.analysis.passivity import channel_norm
 
-    norm = channel_norm(values)
+    norm = channel_norm({path: KEYS[path].default for path in VALUE_PATHS} | dict(kept))
     return None if norm is None else _number(norm.norm)
 
 

@@ -1,0 +1,91 @@
+"""A page that is served in a thread, and questions to it as a browser sends them."""
+
+import http.client
+import json
+import threading
+from dataclasses import dataclass
+
+import pytest
+
+from wavesweep.explore.page import Page
+from wavesweep.explore.server import Server
+from wavesweep.spec import load
+
+HOLE = {
+    "controller": {"kind": "pmw", "b": 25.0},
+    "environment": {"integration": "explicit"},
+    "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
+    "sweep": {"K_VE": {"start": 0, "stop": 6000}, "B_VE": {"start": 0, "stop": 5, "num": 11}, "b": [20, 25]},
+}
+ARM = {
+    "rates": {"tick_hz": 10000},
+    "numbers": {"kp": 240.0, "kd": 3.0, "c": {"value": 0.0, "unit": "N*s/m"}},
+    "block": {
+        "arm": {"type": "mass", "mass": 0.2, "damping": 0.063},
+        "net": {"type": "delay", "every": 20, "phase": 10},
+    },
+    "wire": {"net.u": "arm.x", "arm.f": "-kp*net.y - kd*arm.v + c*arm.v + hand"},
+    "ports": {"hand": {"force": "hand", "displacement": "arm.x"}},
+    "sweep": {"along": "c", "c": {"start": -1, "stop": 20}, "kp": [60, 120, 240]},
+}
+UNEVEN = HOLE | {"rates": {"slow_hz": 60.0}}
+
+
+@dataclass
+class Client:
+    """A browser that knows the server's address."""
+
+    server: Server
+    page: Page
+
+    def send(self, method, path, body=None, host=None, origin="own", token=None, kind="application/json"):
+        """The status, the headers and the text of an answer."""
+        port = self.server.server_address[1]
+        own = f"127.0.0.1:{port}"
+        headers = {"Host": own if host is None else host}
+        if origin == "own" and method == "POST":
+            headers["Origin"] = f"http://{own}"
+        elif origin != "own" and origin is not None:
+            headers["Origin"] = origin
+        if body is not None:
+            headers["Content-Type"] = kind
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+        try:
+            token = self.server.token if token is None else token
+            connection.request(method, f"/{token}/{path}", body, headers)
+            answer = connection.getresponse()
+            return answer.status, dict(answer.getheaders()), answer.read().decode()
+        finally:
+            connection.close()
+
+    def ask(self, name, **question):
+        """The answer to a question."""
+        status, _, text = self.send("POST", name, json.dumps({"values": {}, **question}))
+        assert status == 200, text
+        return json.loads(text)
+
+
+@pytest.fixture(scope="session")
+def serving():
+    """Serve the page of a spec until the tests end."""
+    opened = []
+
+    def start(source):
+        page = Page(load(source))
+        server = Server(page.text, page.answers)
+        server.open_page(1)  # one that stays open until the tests end
+        thread = threading.Thread(target=server.serve, daemon=True)
+        thread.start()
+        opened.append((server, thread))
+        return Client(server, page)
+
+    yield start
+    for server, thread in opened:
+        server.open_page(-1)
+        thread.join(10)
+        assert not thread.is_alive()
+
+
+@pytest.fixture(scope="session")
+def client(serving):
+    return serving(HOLE)

@@ -1,0 +1,209 @@
+"""The answers of a page equal those of the library, and a saved page has them all."""
+
+import json
+import re
+import tomllib
+
+import numpy as np
+import pytest
+
+import wavesweep
+from tests.explore.conftest import ARM, HOLE, UNEVEN
+from wavesweep.cli import main
+from wavesweep.explore.page import saved_page
+from wavesweep.spec import load
+
+PLANE = {"x": "environment.B_VE", "y": "environment.K_VE", "x_span": [0, 5], "y_span": [0, 6000]}
+ENDS = ("low", "high", "low_omega", "high_omega", "residual", "felt_low", "felt_high")
+
+
+@pytest.mark.slow
+def test_the_numbers_of_a_design_are_those_of_check(client):
+    found = client.ask("quick")["own"]
+    verdict = wavesweep.verdict(HOLE)
+    for name in ("stable", "spectral_radius", "period_s", "felt", "slowest", "channel_norm", "assumes"):
+        assert found[name] == verdict[name]
+    changed = client.ask("quick", values={"controller.b": 31.0, "environment.delay": 4})["own"]
+    expected = wavesweep.verdict(
+        HOLE | {"controller": {"kind": "pmw", "b": 31.0}, "environment": {"integration": "explicit", "delay": 4}}
+    )
+    assert {name: changed[name] for name in changed} == {name: expected[name] for name in changed}
+
+
+@pytest.mark.slow
+def test_the_channel_is_that_of_the_passivity_table(client):
+    table = wavesweep.compile(HOLE).passivity()
+    assert client.ask("quick")["own"]["channel_norm"] == table.channel_norm[0]
+    lm = {"controller": {"kind": "pmw-lm", "Kp": 20.0}, "local_model": {"K_LM": 0.0, "delay": 0}, "environment": {"delay": 5}}
+    assert wavesweep.verdict(lm)["channel_norm"] == wavesweep.compile(lm).passivity().channel_norm[0]
+
+
+def test_the_response_is_that_of_the_library(client):
+    found = client.ask("quick")["response"]
+    table = wavesweep.compile(HOLE).response(found["frequency_hz"])
+    for name in ("admittance_abs", "admittance_deg", "impedance_abs", "impedance_deg"):
+        assert found[name] == table[name].tolist()
+    assert found["error"] < 1e-9
+    assert found["doubt"] == []
+
+
+def test_the_intervals_are_those_of_the_library(client):
+    for path, name, span in (
+        ("environment.K_VE", "K_VE", (0, 6000)),
+        ("controller.b", "b", (5, 80)),
+        ("device.mass", "device.mass", (0.02, 0.5)),
+    ):
+        found = client.ask("certified", along=path, span=span)
+        table = wavesweep.compile(HOLE).stable_intervals(along=name, span=span)
+        assert found["certified"] == bool(table.certified.all())
+        assert len(found["intervals"]) == len(table) if table.intervals[0] else not found["intervals"]
+        for row, (_, expected) in zip(found["intervals"], table.iterrows(), strict=True):
+            for end in ENDS:
+                assert row[end] == (None if np.isnan(expected[end]) else expected[end])
+
+
+def test_the_plane_is_that_of_the_library(client):
+    found = client.ask("certified", plane=PLANE)
+    table = wavesweep.compile(HOLE).stable_intervals(span=(0, 6000), B_VE=found["x"])
+    expected = [[] for _ in found["x"]]
+    for _, row in table[table.intervals > 0].iterrows():
+        expected[found["x"].index(row.B_VE)].append([row.low, row.high, bool(row.certified)])
+    assert found["columns"] == expected
+    assert found["partly"] == [False] * len(expected)
+    assert sum(found["known"]) > 0.8 * len(found["known"])
+
+
+def test_the_quick_plane_and_its_intervals_are_near_the_proved_ones(client):
+    found = client.ask("quick", plane=PLANE, search={"environment.K_VE": [0, 6000]})
+    assert found["plane"]["how"] == "curve"
+    first, second = found["ranges"][0]["intervals"]
+    assert (first["high"], second["low"], second["high"]) == pytest.approx((799.7134, 2523.3351, 4448.8188), abs=1e-3)
+    for x, column in zip(found["plane"]["x"][::10], found["plane"]["columns"][::10], strict=True):
+        table = wavesweep.compile(HOLE).stable_intervals(span=(0, 6000), B_VE=[x])
+        pairs = table[table.intervals > 0][["low", "high"]].to_numpy()
+        assert np.array(column).reshape(-1, 2) == pytest.approx(pairs, abs=0.5)  # 1e-4 of the plane
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("source", [ARM, UNEVEN], ids=["drawn", "uneven"])
+def test_drawn_loops_and_uneven_rates_have_the_same(serving, source):
+    client = serving(source)
+    plane = {**vars_of(client.page.plane)}
+    quick = client.ask("quick", plane=plane, cells=6)
+    verdict = wavesweep.verdict(source)
+    assert {name: quick["own"][name] for name in quick["own"]} == {name: verdict[name] for name in quick["own"]}
+    assert quick["plane"]["how"] == "cells"
+    loop = wavesweep.compile(source)
+    axes = {plane["x"]: quick["plane"]["x"], plane["y"]: quick["plane"]["y"]}
+    assert quick["plane"]["stable"] == (loop.spectral_radius(**axes) < 1).astype(int).tolist()
+    assert client.ask("certified", plane=plane) == {"how": "single"}
+    middle = sum(plane["x_span"]) / 2
+    found = client.ask("certified", plane=plane, x=[middle])
+    table = loop.stable_intervals(along=plane["y"], span=plane["y_span"], **{plane["x"]: [middle]})
+    assert found["columns"] == [[[row.low, row.high, bool(row.certified)] for _, row in table.iterrows() if row.intervals]]
+    assert "assembled tick by tick" in client.send("GET", "")[2]
+
+
+def vars_of(plane):
+    return {"x": plane.x, "y": plane.y, "x_span": list(plane.x_span), "y_span": list(plane.y_span)}
+
+
+def test_another_plane_is_found_by_proved_columns_at_once_if_the_wall_is_up(client):
+    plane = PLANE | {"x": "controller.b", "x_span": [10, 60]}
+    found = client.ask("quick", plane=plane)["plane"]
+    assert found["how"] == "certified"
+    assert not any(found["known"])
+
+
+def test_what_makes_no_loop_is_said_in_the_answer(client):
+    for question in ({"name": "quick"}, {"name": "certified", "plane": PLANE}, {"name": "toml"}):
+        found = client.ask(question.pop("name"), **question | {"values": {"environment.delay": 30}})
+        assert set(found) == {"error"}
+        assert "environment.delay: expected a whole number <= 20 (rates.ratio), found 30" in found["error"]
+
+
+def test_a_plane_beyond_the_limits_of_a_key_is_said_in_the_answer(client):
+    plane = PLANE | {"x": "filters.lp1.cutoff_hz", "x_span": [1, 600]}
+    for question in ({"name": "quick"}, {"name": "certified"}, {"name": "certified", "x": [2.0]}):
+        found = client.ask(question.pop("name"), plane=plane, **question)
+        assert "filters.lp1.cutoff_hz: expected a number < 500" in found["error"]
+    found = client.ask("certified", along="filters.lp1.cutoff_hz", span=[1, 600])
+    assert "filters.lp1.cutoff_hz: expected a number < 500" in found["error"]
+    assert client.send("POST", "certified", json.dumps({"values": {}, "plane": PLANE, "x": [7.0]}))[0] == 400
+
+
+def test_the_text_of_a_design_loads_to_it(client):
+    text = client.ask("toml", values={"controller.b": 33.5})["text"]
+    spec = load(tomllib.loads(text))
+    assert spec.values["controller.b"] == 33.5
+    assert spec.sha256 == load(HOLE).with_values({"b": 33.5}).sha256
+
+
+def data_of(text):
+    return json.loads(re.search(r'id="data">(.*?)</script>', text, re.DOTALL)[1])
+
+
+@pytest.mark.slow
+def test_a_saved_page_has_the_sweep_in_it():
+    data = data_of(saved_page(load(HOLE)))
+    assert data["stops"] == {"controller.b": [20.0, 25.0]}
+    assert [design["values"]["controller.b"] for design in data["designs"]] == [20.0, 25.0]
+    intervals, responses = data["report"]
+    table = wavesweep.zwidth(HOLE)
+    rows = intervals["csv"].split("\n")
+    assert len(rows) == len(table) + 1 == intervals["rows"] + 1
+    highs = [float(row.split(",")[rows[0].split(",").index("high")]) for row in rows[1:]]
+    assert highs == table.high.tolist()
+    assert intervals["facts"]["spec_sha256"] == load(HOLE).sha256
+    assert responses["kind"] == "bode"
+    assert intervals["figure"].startswith("data:image/svg+xml;base64,")
+    assert load(tomllib.loads(data["designs"][1]["toml"])).sha256 == load(HOLE).sha256
+    assert data["designs"][0]["ranges"][0]["certified"]
+
+
+@pytest.mark.slow
+def test_a_sweep_with_too_many_designs_says_so():
+    data = data_of(saved_page(load(HOLE | {"sweep": HOLE["sweep"] | {"b": list(range(10, 80))}})))
+    assert (data["left"], data["stops"], len(data["designs"])) == (71 - 1, {}, 1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("source", [ARM, UNEVEN], ids=["drawn", "uneven"])
+def test_a_saved_page_of_other_loops(source):
+    data = data_of(saved_page(load(source)))
+    assert data["designs"][0]["plane"]["how"] == "certified"
+    assert [table["kind"] for table in data["report"]] == ["zwidth", "bode"]
+
+
+@pytest.mark.slow
+def test_text_from_a_spec_cannot_leave_its_place(tmp_path):
+    path = tmp_path / "a<b>&c.toml"
+    path.write_text(ARM_TEXT)
+    text = saved_page(load(path))
+    assert "</script><script>" not in text
+    assert "<title>a&lt;b&gt;&amp;c: wavesweep explore</title>" in text
+    assert "</script><script>alert(1)" in data_of(text)["sliders"][1]["description"]
+
+
+ARM_TEXT = """
+rates.tick_hz = 1000
+numbers.k = { value = 1.0, description = "</script><script>alert(1)</script>" }
+numbers.d = 1.0
+block.m = { type = "mass", mass = 1.0 }
+wire."m.f" = "-k*m.x - d*m.v"
+sweep = { along = "k", k = { start = 0, stop = 5 } }
+"""
+
+
+@pytest.mark.slow
+def test_the_command_saves_and_does_not_overwrite(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text('controller.kind = "dc"\nsweep.B_VE = [0, 1]\n')
+    assert main(["explore", "mine.toml", "--save", "mine.html"]) == 0
+    assert capfd.readouterr() == ("", "mine.html\n")
+    first = (tmp_path / "mine.html").read_text()
+    assert main(["explore", "mine.toml", "--save", "mine.html", "--set", "device.mass=0.2"]) == 2
+    assert "mine.html: the file exists; expected another name, or --force to replace it" in capfd.readouterr().err
+    assert (tmp_path / "mine.html").read_text() == first
+    assert main(["explore", "mine.toml", "--save", "mine.html", "--set", "device.mass=0.2", "--force"]) == 0
+    assert data_of((tmp_path / "mine.html").read_text())["sliders"] != data_of(first)["sliders"]

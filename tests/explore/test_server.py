@@ -1,0 +1,199 @@
+"""The server alone: who is answered, what, and when it ends."""
+
+import http.client
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from wavesweep.explore.server import GRACE, LARGEST, Server, as_json
+
+QUESTION = json.dumps({"values": {}})
+
+
+def test_the_page_is_there_with_its_data_and_a_policy(client):
+    status, headers, text = client.send("GET", "")
+    assert (status, headers["Content-Type"]) == (200, "text/html; charset=utf-8")
+    assert headers["Cache-Control"] == "no-store"
+    assert headers["X-Frame-Options"] == "DENY"
+    assert headers["Cross-Origin-Resource-Policy"] == "same-origin"
+    assert re.search(r"default-src 'none'; script-src 'sha256-[^']+'; [^\"]*connect-src 'self'", text)
+    assert "{{" not in text
+    assert json.loads(re.search(r'id="data">(.*?)</script>', text)[1])["name"] == "spec"
+
+
+def test_the_page_fetches_nothing_from_elsewhere(client):
+    _, _, text = client.send("GET", "")
+    addresses = set(re.findall(r"https?://[^\"' )]+", text))
+    assert addresses == {"http://www.w3.org/2000/svg"}  # a name, which no browser fetches
+    assert re.findall(r"<(?:link|script|img)[^>]*(?:src|href)=\"(?!data:)", text) == []
+
+
+@pytest.mark.parametrize("token", ["", "x", "é", "../.."])
+@pytest.mark.parametrize(("method", "path", "body"), [("GET", "", None), ("GET", "alive", None), ("POST", "quick", QUESTION)])
+def test_a_wrong_token_gets_403(client, method, path, body, token):
+    from urllib.parse import quote
+
+    status, _, text = client.send(method, path, body, token=quote(token))
+    assert (status, text) == (403, "403 Forbidden\n")
+
+
+def test_a_token_that_begins_right_gets_403(client):
+    assert client.send("GET", "", token=client.server.token[:-1])[0] == 403
+    assert client.send("GET", "", token=client.server.token + "A")[0] == 403
+
+
+@pytest.mark.parametrize("host", ["evil.example", "evil.example:{port}", "127.0.0.1", "127.0.0.1:1", "[::1]:{port}", ""])
+def test_another_host_gets_403(client, host):
+    """As with a name that a hostile page has pointed at this machine."""
+    named = host.format(port=client.server.server_address[1])
+    for method, body in (("GET", None), ("POST", QUESTION)):
+        path = "quick" if body else ""
+        assert client.send(method, path, body, host=named)[0] == 403
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1", "https://127.0.0.1:{port}", None])
+def test_another_origin_gets_nothing(client, origin):
+    origin = origin and origin.format(port=client.server.server_address[1])
+    status, headers, text = client.send("POST", "quick", QUESTION, origin=origin)
+    assert (status, text) == (403, "403 Forbidden\n")
+    assert "Access-Control-Allow-Origin" not in headers
+    if origin is not None:
+        assert client.send("GET", "", origin=origin)[0] == 403
+
+
+def test_a_form_of_another_page_gets_403(client):
+    """It can send plain text without asking first."""
+    assert client.send("POST", "quick", QUESTION, kind="text/plain")[0] == 403
+
+
+@pytest.mark.parametrize("path", ["page.html", "../pyproject.toml", "%2e%2e/etc/passwd", "quick/x", "index.html"])
+def test_there_is_no_way_to_a_file(client, path):
+    assert client.send("GET", path)[0] == 404
+    assert client.send("POST", path, QUESTION)[0] == 404
+
+
+@pytest.mark.parametrize(
+    ("body", "status"),
+    [
+        ("{", 400),
+        ("[1]", 400),
+        ("3", 400),
+        ("{}", 400),
+        ('{"values": 3}', 400),
+        ('{"values": {"controller.kind": "dc"}}', 400),
+        ('{"values": {"controller.b": "20"}}', 400),
+        ('{"values": {}, "plane": {"x": "a"}}', 400),
+        ("[" * 30000, 400),
+        (" " * (LARGEST + 1), 413),
+    ],
+)
+def test_nonsense_is_refused_and_the_server_lives(client, body, status):
+    assert client.send("POST", "quick", body)[0] == status
+    assert client.send("GET", "")[0] == 200
+
+
+def test_a_body_without_a_length_is_refused(client):
+    port = client.server.server_address[1]
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    connection.putrequest("POST", f"/{client.server.token}/quick")
+    for name, value in (("Origin", f"http://127.0.0.1:{port}"), ("Content-Type", "application/json")):
+        connection.putheader(name, value)
+    connection.endheaders()
+    assert connection.getresponse().status == 411
+    connection.close()
+
+
+def test_other_methods_are_not_there(client):
+    for method in ("PUT", "DELETE", "OPTIONS", "HEAD"):
+        assert client.send(method, "")[0] == 501
+
+
+def test_the_server_listens_on_loopback_alone(client):
+    assert client.server.server_address[0] == "127.0.0.1"
+    assert len(client.server.token) >= 32
+    with Server(str, {}) as other:
+        assert other.token != client.server.token
+
+
+def test_a_fault_of_an_answer_is_a_line_on_stderr(capfd):
+    def broken(_):
+        raise ZeroDivisionError("x")
+
+    server = Server(str, {"quick": broken})
+    thread = threading.Thread(target=server.serve, daemon=True)
+    thread.start()
+    port = server.server_address[1]
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    headers = {"Origin": f"http://127.0.0.1:{port}", "Content-Type": "application/json"}
+    connection.request("POST", f"/{server.token}/quick", "{}", headers)
+    with pytest.raises(http.client.RemoteDisconnected):
+        connection.getresponse()
+    assert "Error: ZeroDivisionError: x (a fault of wavesweep)\n" in capfd.readouterr().err
+    server.open_page(1)
+    server.open_page(-1)
+    server._seen -= GRACE + 1
+    thread.join(10)
+    assert not thread.is_alive()
+
+
+def test_numbers_that_are_not_finite_are_null():
+    assert (
+        as_json({"a": [1.5, float("nan"), (float("inf"), 2)], "b": True, "c": None})
+        == '{"a":[1.5,null,[null,2]],"b":true,"c":null}'
+    )
+
+
+SPEC = 'controller.kind = "pmw"\n'
+
+
+def started(tmp_path, *options):
+    """The command in a process of its own, and its address."""
+    (tmp_path / "mine.toml").write_text(SPEC)
+    command = [sys.executable, "-m", "wavesweep", "explore", "mine.toml", "--no-browser", *options]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    address = process.stderr.readline().split()[0]
+    port, token = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/([\w-]+)/", address).groups()
+    return process, int(port), token
+
+
+@pytest.mark.slow
+def test_the_command_ends_when_its_page_is_closed(tmp_path):
+    process, port, token = started(tmp_path)
+    page = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
+    page.request("GET", f"/{token}/alive")
+    assert page.getresponse().read(1) == b":"
+    time.sleep(GRACE + 1)
+    assert process.poll() is None
+    page.close()
+    page.sock = None
+    assert process.wait(GRACE + 10) == 0
+    assert process.stderr.read() == ""
+    process.stderr.close()
+
+
+@pytest.mark.slow
+def test_the_command_ends_with_ctrl_c(tmp_path):
+    process, _, _ = started(tmp_path)
+    os.kill(process.pid, signal.SIGINT)
+    assert process.wait(10) == 130
+    assert process.stderr.read() == "Interrupted.\n"
+    process.stderr.close()
+
+
+@pytest.mark.slow
+def test_a_port_that_is_taken_is_named(tmp_path):
+    process, port, _ = started(tmp_path)
+    command = [sys.executable, "-m", "wavesweep", "explore", "mine.toml", "--no-browser", "--port", str(port)]
+    other = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=60, check=False)
+    process.terminate()
+    assert process.wait(10) == 143
+    process.stderr.close()
+    assert other.returncode == 2
+    assert other.stderr == f"Error: --port {port}: Address already in use; expected a free port, or none for any\n"

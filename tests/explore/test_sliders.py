@@ -1,0 +1,94 @@
+"""Which numbers a page varies, in which range, and the spec with them as a file."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from wavesweep.explore.sliders import changed, sliders_of, text_of
+from wavesweep.spec import load
+from wavesweep.sweep.grid import keys_of
+
+ROOT = Path(__file__).parents[2]
+SPECS = [path for path in sorted(ROOT.glob("sweeps/**/*.toml")) if "[block." not in path.read_text(encoding="utf-8")]
+EDGES = {"passband_hz": 5.0, "stopband_hz": 40.0, "passband_db": 1.0, "stopband_db": 20.0}
+
+
+@pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
+def test_every_numeric_key_that_the_loop_reads_has_a_slider(path):
+    spec = load(path)
+    sliders = {slider.path: slider for slider in sliders_of(spec)}
+    assert {path for path in keys_of(spec) if spec.names.keys[path].numeric} <= set(sliders)
+    for slider in sliders.values():
+        assert slider.low <= slider.value <= slider.high
+        assert slider.low < slider.high
+        assert slider.scale == "linear" or slider.low > 0
+
+
+@pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
+def test_both_ends_of_a_slider_make_a_spec(path):
+    spec = load(path)
+    for slider in sliders_of(spec):
+        for end in (slider.low, slider.high, *(slider.search or ())):
+            if slider.path == "rates.ratio" and end < spec.values["environment.delay"]:
+                continue  # the delay has to come down first, and the page says so
+            if slider.path == "rates.fast_hz" and end < 200:
+                continue  # so has a cutoff
+            assert changed(spec, {slider.path: end}).values[slider.path] == end
+
+
+def test_a_gain_of_zero_hides_no_slider():
+    spec = load({"controller": {"kind": "pmw-lm"}, "local_model": {"K_LM": 0.0, "B_LM": 0.0}})
+    assert {"local_model.K_LM", "local_model.B_LM", "filters.hp.cutoff_hz"} <= {each.path for each in sliders_of(spec)}
+
+
+def test_band_edges_are_varied_in_place_of_what_follows_from_them():
+    spec = load({"controller": {"kind": "pmw"}, "filters": {"lp1": EDGES}})
+    sliders = {slider.path: slider for slider in sliders_of(spec)}
+    assert {f"filters.lp1.{edge}" for edge in EDGES} <= set(sliders)
+    assert "filters.lp1.cutoff_hz" not in sliders
+    assert sliders["filters.lp1.stopband_hz"].value == 40.0
+    other = changed(spec, {"filters.lp1.stopband_hz": 15.0})
+    assert other.values["filters.lp1.order"] > spec.values["filters.lp1.order"]
+    again = load(tomllib.loads(text_of(other)))
+    assert dict(again.values) == dict(other.values)
+    assert again.sha256 == other.sha256
+
+
+def test_a_slow_rate_that_does_not_divide_is_varied_itself():
+    spec = load({"controller": {"kind": "pmw"}, "rates": {"slow_hz": 60.0}})
+    paths = {slider.path: slider.value for slider in sliders_of(spec)}
+    assert paths["rates.slow_hz"] == 60.0
+    assert "rates.ratio" not in paths
+    assert load(tomllib.loads(text_of(spec))).sha256 == spec.sha256
+
+
+@pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
+def test_the_copied_text_is_the_same_request(path):
+    spec = load(path)
+    assert load(tomllib.loads(text_of(spec))).sha256 == spec.sha256
+    other = changed(spec, {"device.mass": 0.123, "environment.K_VE": 321.0})
+    again = load(tomllib.loads(text_of(other)))
+    assert again.sha256 == other.sha256 != spec.sha256
+
+
+def test_the_copied_text_keeps_the_simulation_that_is_given():
+    spec = load(
+        {"controller": {"kind": "dc"}, "simulate": {"input": "stepped-sine", "frequency_hz": [1.0, 2.0], "friction": 0.5}}
+    )
+    again = load(tomllib.loads(text_of(spec)))
+    assert again.as_simulated().sha256 == spec.as_simulated().sha256
+
+
+def test_a_whole_number_may_come_as_a_float():
+    spec = load({"controller": {"kind": "pmw"}})
+    assert changed(spec, {"filters.lp1.order": 2.0}).values["filters.lp1.order"] == 2
+
+
+@pytest.mark.parametrize("path", sorted(ROOT.glob("sweeps/recipes/*.toml")), ids=lambda path: path.stem)
+def test_the_low_end_of_a_drawn_numbers_slider_makes_a_loop(path):
+    spec = load(path)
+    for slider in sliders_of(spec):
+        assert slider.low <= slider.value <= slider.high
+        assert slider.scale == "linear" or slider.low > 0
+        changed(spec, {slider.path: slider.low})

@@ -1,0 +1,78 @@
+"""`wavesweep explore`."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import click
+
+from wavesweep.cli.options import debug, override
+from wavesweep.errors import UsageError
+
+
+@click.command("explore")
+@click.argument("spec")
+@override
+@click.option(
+    "--save", metavar="FILE", help="Write the page with the results of the spec's sweep to a file, and serve nothing."
+)
+@click.option("--force", is_flag=True, help="Replace the file of --save if it exists.")
+@click.option(
+    "--port", metavar="N", type=click.IntRange(0, 65535), default=0, help="Port of the server [default: any free one]."
+)
+@click.option("--browser/--no-browser", default=True, show_default=True, help="Open the page, or only print its address.")
+@debug
+def command(spec: str, overrides: tuple[str, ...], save: str | None, force: bool, port: int, browser: bool, **_: bool) -> None:
+    """Show the boundary of stability in a browser, and vary every number by a slider.
+
+    SPEC is a TOML file. The page has a slider for each number that the loop reads, the stable designs in the plane of two of
+    them (K_VE over B_VE to begin with), the stable intervals through the design, the felt stiffness, admittance and
+    impedance, and the norm of the wave channel. All of it follows while a slider is dragged; if the sliders rest, the
+    intervals are certified and marked so. A button copies the design as TOML.
+
+    The server answers on this machine alone, at an address with a secret in it, and ends if the page is closed or by Ctrl-C.
+    With --save the page is written to a file that needs no server, with figures, tables, spec and facts of the sweep.
+
+    \b
+    Examples:
+      wavesweep explore mine.toml
+      wavesweep explore mine.toml --set b=40 --save mine.html
+    """
+    from wavesweep.spec import load
+
+    loaded = load(spec, overrides)
+    if save is not None:
+        _save(loaded, Path(save), force)
+        return
+    from wavesweep.explore.page import Page
+    from wavesweep.explore.server import Server
+
+    page = Page(loaded)
+    try:
+        server = Server(page.text, page.answers, port)
+    except OSError as error:
+        raise UsageError(f"--port {port}: {error.strerror}; expected a free port, or none for any") from error
+    click.echo(f"{server.address} (Ctrl-C or closing the page ends it)", err=True)
+    if browser and _has_screen():
+        import threading
+        import webbrowser
+
+        threading.Thread(target=webbrowser.open, args=(server.address,), daemon=True).start()
+    server.serve()
+
+
+def _has_screen() -> bool:
+    """Whether a browser has a screen; without one Python would start a browser for terminals in this one."""
+    return sys.platform == "darwin" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _save(spec, target: Path, force: bool) -> None:
+    if target.exists() and not force:
+        raise UsageError(f"{target}: the file exists; expected another name, or --force to replace it")
+    from wavesweep.cli.init import write_whole
+    from wavesweep.explore.page import saved_page
+
+    write_whole(target, saved_page(spec))
+    click.echo(str(target), err=True)

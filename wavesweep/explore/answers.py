@@ -1,0 +1,237 @@
+"""The answers of a page: the numbers of one design, its stable intervals, and a plane of two parameters, as JSON has them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from types import MappingProxyType
+
+import numpy as np
+
+from wavesweep.analysis.intervals.plane import quick_columns, refined_curve
+from wavesweep.analysis.response import prepare, respond
+from wavesweep.analysis.response.drawn import respond_port
+from wavesweep.analysis.response.frame import Loop
+from wavesweep.diagram import WALL, draw
+from wavesweep.errors import WavesweepError
+from wavesweep.lifted import Cut, cut_at_wall
+from wavesweep.plots.refine import KNOWN, Curve, View, curves_of
+from wavesweep.spec import Axis, Spec
+from wavesweep.sweep.drawn_loops import ports_of_loop
+from wavesweep.sweep.grid import loop_of, make_grid
+from wavesweep.sweep.job import cost_of, job_over
+from wavesweep.sweep.response_table import doubt_of, parts_of
+from wavesweep.sweep.running import in_memory
+from wavesweep.sweep.tasks import radius_over
+from wavesweep.sweep.verdict import own_design
+
+COLUMNS, FEWEST = 61, 9  # of a plane, before a figure computes more
+SECONDS = 0.4  # that these may take
+POINTS = 90  # frequencies of a response
+ROUNDS = 6  # of false position for the intervals through the design
+EDGE = 0.05  # of a plane that is left beyond the design
+JUMP = 0.5  # of the plane, between two points of a curve that no line joins
+OUTSIDE = 4.0  # sizes of the plane, beyond which a point of a curve does not count
+PIXELS = (600, 400)  # of the plane
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """The plane of two parameters. x, y: their paths, x_span, y_span: the range that is shown."""
+
+    x: str
+    y: str
+    x_span: tuple[float, float]
+    y_span: tuple[float, float]
+
+    @classmethod
+    def of(cls, given: Mapping[str, object]) -> Plane:
+        """The plane that a page asks for. Errors: KeyError, TypeError or ValueError for anything else."""
+        x, y = given["x"], given["y"]
+        spans = [tuple(float(end) for end in given[name]) for name in ("x_span", "y_span")]
+        if not (isinstance(x, str) and isinstance(y, str) and x != y):
+            raise ValueError("expected two different keys")
+        if not all(len(span) == 2 and np.isfinite(span).all() and span[0] < span[1] for span in spans):
+            raise ValueError("expected two spans")
+        return cls(x, y, *spans)
+
+
+def quick(
+    spec: Spec,
+    plane: Plane | None,
+    cells: int = 0,
+    search: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+    with_response: bool = True,
+) -> dict:
+    """The numbers of the spec's own design, its response and, if one is given, the plane as fast as it can be had.
+
+    cells: samples along each side of a plane that has no curve; without any this plane is left out. search: path -> range of
+    the stable intervals through the design, which the curve gives as well. with_response: whether the response is wanted.
+    """
+    cut = loop = None
+    if loop_of(spec) is None:
+        diagram = draw(spec.values)
+        cut, loop = cut_at_wall(diagram), prepare(diagram, *(spec.values[path] for path in WALL))
+    found = {"own": own_design(spec, cut, loop)} | ({"response": response(spec, loop)} if with_response else {})
+    if plane is None:
+        return found
+    if cut is not None and {plane.x, plane.y} == set(WALL):
+        return found | _by_curve(spec, cut, plane, search)
+    if cut is not None and plane.y in WALL:
+        return found | {"plane": certified_columns(spec, plane, np.linspace(*plane.x_span, COLUMNS // 2))}
+    return found | ({"plane": _cell_plane(spec, plane, cells)} if cells else {})
+
+
+def _by_curve(spec, cut: Cut, plane: Plane, search) -> dict:
+    """The wall's plane and the intervals through the design by the boundary's explicit curve; K_VE may be either axis."""
+    solved = WALL.index(plane.y)
+    theta, walls = refined_curve(cut, (plane.x_span, plane.y_span) if solved else (plane.y_span, plane.x_span))
+    fixed, ranges = np.linspace(*plane.x_span, COLUMNS), []
+    columns = quick_columns(cut, theta, walls, solved, fixed, plane.y_span)
+    for path, span in search.items():
+        at, other = WALL.index(path), np.array([spec.values[WALL[1 - WALL.index(path)]]])
+        pairs = quick_columns(cut, theta, walls, at, other, span, ROUNDS)[0]
+        ranges.append({"path": path, "span": span, "intervals": [{"low": low, "high": high} for low, high in pairs]})
+    shown = _pieces(walls[[1 - solved, solved]], plane, theta / float(cut.period))
+    found = {"how": "curve", "angles": theta.size, "x": fixed.tolist(), "columns": columns, "curve": shown}
+    return {"plane": found, "ranges": ranges}
+
+
+def _pieces(points, plane, omega) -> list[dict]:
+    """The parts of a curve near the plane: x, y and the oscillation (rad/s) of their points; it is cut where it jumps."""
+    low, high = (np.array([span[at] for span in (plane.x_span, plane.y_span)])[:, None] for at in (0, 1))
+    with np.errstate(all="ignore"):
+        place = (points - low) / (high - low)
+        good = (np.abs(place - 0.5) < OUTSIDE).all(0)
+        cuts = np.flatnonzero(~(np.abs(np.diff(place)).max(0) < JUMP) | ~(good[1:] & good[:-1])) + 1
+    parts = [part for part in np.split(np.arange(omega.size), cuts) if part.size > 1 and good[part].all()]
+    shown = [part for part in parts if (np.abs(place[:, part] - 0.5) < 0.75).all(0).any()]
+    return [{"x": points[0, part].tolist(), "y": points[1, part].tolist(), "omega": omega[part].tolist()} for part in shown]
+
+
+def _cell_plane(spec: Spec, plane: Plane, cells: int) -> dict:
+    """The plane by the eigenvalues in the middle of so many cells along each side."""
+    x, y = (np.linspace(*span, 2 * cells + 1)[1::2] for span in (plane.x_span, plane.y_span))
+    axes = tuple(_axis(spec, *pair) for pair in ((plane.x, x), (plane.y, y)))
+    stable = (radius_over(spec, axes) < 1).reshape(cells, cells)
+    return {"how": "cells", "x": x.tolist(), "y": y.tolist(), "stable": stable.astype(int).tolist()}
+
+
+def _axis(spec, path, values, span=None) -> Axis:
+    names = {each: name for name, each in spec.names.symbols.items()}
+    low, high = span if span is not None else (float(np.min(values)), float(np.max(values)))
+    key = spec.names.keys[path]
+    return Axis(names.get(path, path), path, tuple(np.asarray(values).tolist()), low, high, key.structural, "linear")
+
+
+def certified_plane(spec: Spec, plane: Plane) -> dict:
+    """The plane by the stable intervals along y of the table, at values of x and, between them, of the figure (see `refine`).
+
+    If y is no single gain of a frame, columns take too long for that: then the answer has no columns but the word "single", see
+    `certified_columns`.
+    """
+    along = _axis(spec, plane.y, (), plane.y_span)
+    seconds, exact = cost_of(spec, loop_of(spec), along)
+    if not exact:
+        return {"how": "single"}
+    across = _axis(spec, plane.x, np.linspace(*plane.x_span, int(np.clip(SECONDS / seconds, FEWEST, COLUMNS))))
+    sweep = {"along": along.name, across.name: list(across.values), along.name: {"start": along.start, "stop": along.stop}}
+    facts = {"spec": {**spec.tables(), "sweep": sweep}}
+    rows = in_memory(job_over(make_grid(spec, (across,), plane.y), along))
+    return plane_of(curves_of([rows], View(across.name, False, *PIXELS), facts)[0])
+
+
+def certified_columns(spec: Spec, plane: Plane, x) -> dict:
+    """The stable intervals along y at some values of x; nothing is said of the values between them."""
+    axes = _axis(spec, plane.x, x), _axis(spec, plane.y, (), plane.y_span)
+    rows = in_memory(job_over(make_grid(spec, axes[:1], plane.y), axes[1]))
+    return plane_of(curves_of([rows], View(axes[0].name, False, *PIXELS), {})[0])
+
+
+def plane_of(curve: Curve) -> dict:
+    """The columns of a curve, each with its intervals as (low, high, certified), and which gaps between them are known.
+
+    partly: whether other intervals of the column may be missing.
+    """
+    slices = curve.slices()
+    places = [x for x, _, _ in slices]
+    gaps = [curve.gaps.get(pair) == KNOWN for pair in pairwise(places)]
+    columns = [[(each.low, each.high, each.certified) for each in intervals] for _, intervals, _ in slices]
+    return {"how": "certified", "x": places, "columns": columns, "known": gaps, "partly": [partly for *_, partly in slices]}
+
+
+INTERVAL = ("low", "high", "low_omega", "high_omega", "certified", "doubt", "residual", "felt_low", "felt_high")
+
+
+def stable_ranges(spec: Spec, path: str, span: tuple[float, float], cut: Cut | None = None) -> dict:
+    """The stable intervals of the spec's own design along a number within a span, as rows of the table of `zwidth`.
+
+    cut: the compiled loop, if it is known already.
+    """
+    axis = _axis(spec, path, (), span)
+    rows = in_memory(job_over(make_grid(spec, (), path), axis, cut))
+    columns = {name: rows[name].tolist() for name in INTERVAL}
+    found = [dict(zip(INTERVAL, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+    stable = [row for row, count in zip(found, rows["intervals"].tolist(), strict=True) if count]
+    certified = bool(rows["certified"].all())
+    return {"path": path, "span": span, "intervals": stable, "certified": certified, "doubt": str(rows["doubt"][0])}
+
+
+def response(spec: Spec, loop: Loop | None) -> dict | None:
+    """Admittance (m/N) and impedance (N/m) over the frequencies of [bode], as in the table of `bode`; None without a hand.
+
+    loop: that of a controller, prepared; None if it is assembled tick by tick.
+    """
+    if spec.drawing and spec.drawing.hand is None:
+        return None
+    frequency = frequencies(spec)
+    slow = None if spec.drawing else spec.values["rates.fast_hz"] / spec.values["rates.ratio"] / 2
+    if loop is None:
+        port = ports_of_loop(spec, loop_of(spec))
+        found = respond_port(port, frequency)
+    else:
+        found = respond(loop, frequency)
+    errors = found.admittance_error.ravel(), found.impedance_error.ravel()
+    lost = ~np.isfinite(found.admittance.ravel())
+    columns = parts_of("admittance", found.admittance.ravel()) | parts_of("impedance", found.impedance.ravel())
+    return {
+        "frequency_hz": frequency.tolist(),
+        **{name: column.tolist() for name, column in columns.items() if name.endswith(("_abs", "_deg"))},
+        "doubt": sorted(set(doubt_of(errors, True, lost).tolist()) - {""}),
+        "error": float(np.nanmax(np.concatenate(errors), initial=0.0)),
+        "slow_nyquist_hz": slow,
+    }
+
+
+def frequencies(spec: Spec) -> np.ndarray:
+    """Frequencies in Hz, evenly over the decades that the spec's [bode] has."""
+    rate = spec.drawing.rate(spec.values) if spec.drawing else spec.values["rates.fast_hz"]
+    wanted = [each for each in spec.frequency_hz if 0 < each <= rate / 2] or [rate / 1e4, rate / 2]
+    return np.unique(np.clip(np.geomspace(min(wanted), max(wanted), POINTS), None, rate / 2))
+
+
+def first_plane(spec: Spec, sliders) -> Plane | None:
+    """The plane that a page begins with: the wall's, or of a drawn loop that of its [sweep]; None if it has no two numbers.
+
+    The range of y ends a little above the highest limit of stability, if there is one within the range that is searched.
+    """
+    smooth = {slider.path: slider for slider in sliders if slider.search}
+    if len(smooth) < 2:
+        return None
+    wall = [f"numbers.{number}" for number in spec.drawing.wall or ()] if spec.drawing else list(WALL)
+    along = spec.names.find(spec.along) if spec.along else None
+    swept = [axis.path for axis in spec.sweep if axis.path in smooth]
+    order = dict.fromkeys([*wall, *([along.path] if along else []), *swept, *smooth])
+    y, x, *_ = [path for path in order if path in smooth]
+    slider = smooth[x]
+    x_span = slider.search if slider.values else (slider.low, slider.high)
+    x_span = (x_span[0], max(x_span[1], slider.value + EDGE * (x_span[1] - x_span[0])))  # the design is seen, with space beyond
+    plane = Plane(x, y, x_span, smooth[y].search)
+    try:
+        few = certified_columns(spec, plane, np.linspace(*x_span, FEWEST))
+    except WavesweepError:  # somewhere in the range there is no loop
+        return plane
+    tops = [row[1] for column in few["columns"] for row in column if row[1] < plane.y_span[1]]
+    top = max([*tops, smooth[y].value]) * 1.25 if tops else plane.y_span[1]
+    return Plane(x, y, x_span, (plane.y_span[0], min(top, plane.y_span[1]))) if top > plane.y_span[0] else plane

@@ -1,0 +1,259 @@
+"""The page of a spec: its text with the data in it, the answers to its questions, and the file that needs no server."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import re
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict
+from html import escape
+from importlib.resources import files
+from io import BytesIO
+from itertools import product
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from wavesweep.diagram import WALL
+from wavesweep.errors import WavesweepError
+from wavesweep.explore.answers import (
+    Plane,
+    certified_columns,
+    certified_plane,
+    first_plane,
+    quick,
+    stable_ranges,
+)
+from wavesweep.explore.server import Answer, as_json
+from wavesweep.explore.sliders import changed, sliders_of, text_of
+from wavesweep.spec import Spec
+from wavesweep.sweep.grid import loop_of
+
+FIRST_CELLS, MOST_CELLS, MOST_COLUMNS = 12, 40, 16
+MOST_DESIGNS = 64  # of a sweep that a saved page has
+MOST_ROWS = 5000  # of its table
+
+
+class Page:
+    """The page of a spec, which answers the questions of its script."""
+
+    def __init__(self, spec: Spec) -> None:
+        self.spec = spec
+        self.sliders = sliders_of(spec)
+        self.plane = first_plane(spec, self.sliders)
+        search = {slider.path: slider.search for slider in self.sliders if slider.path in WALL}
+        try:
+            self.first = quick(spec, self.plane, FIRST_CELLS, search)
+        except WavesweepError:  # somewhere in the plane there is no loop
+            self.first = quick(spec, None)
+
+    def text(self) -> str:
+        """The page with the numbers of the spec's own design, before any question."""
+        return page_text(self._data())
+
+    @property
+    def answers(self) -> Mapping[str, Answer]:
+        """The questions of the page."""
+        return {"quick": self._said(self._quick), "certified": self._said(self._certified), "toml": self._said(self._toml)}
+
+    def _data(self) -> dict:
+        from wavesweep import __version__
+
+        spec = self.spec
+        return {
+            "name": spec.name,
+            "kind": spec.kind,
+            "version": __version__,
+            "sliders": [asdict(slider) for slider in self.sliders],
+            "plane": asdict(self.plane) if self.plane else None,
+            "wall": [] if loop_of(spec) else list(WALL),
+            "slow": bool(loop_of(spec)),
+            "hand": self.first["response"] is not None,
+            "first": self.first,
+        }
+
+    def _said(self, answer):
+        """The function, whose errors about the numbers of a design are part of its answer."""
+
+        def answered(question):
+            try:
+                return answer(question)
+            except WavesweepError as error:
+                return {"error": _sentence(str(error))}
+            except (np.linalg.LinAlgError, FloatingPointError, OverflowError) as error:
+                return {"error": f"numbers beyond double precision ({error})"}
+
+        return answered
+
+    def _quick(self, question):
+        spec = self._changed(question)
+        plane = self._plane(spec, question["plane"]) if question.get("plane") else None
+        search = {path: _span(span) for path, span in question.get("search", {}).items() if path in WALL}
+        cells = min(int(question.get("cells", 0)), MOST_CELLS)
+        return quick(spec, plane, cells, search, bool(question.get("response", True)))
+
+    def _certified(self, question):
+        spec = self._changed(question)
+        if "along" in question:
+            path, span = self._smooth(question["along"]), _span(question["span"])
+            _refuse_ends(spec, path, span)
+            return stable_ranges(spec, path, span)
+        plane = self._plane(spec, question["plane"])
+        if "x" in question:
+            return certified_columns(spec, plane, _inside(question["x"], plane.x_span))
+        return certified_plane(spec, plane)
+
+    def _plane(self, spec, given):
+        """A plane whose corners are designs. Errors: SpecError if they are none, KeyError for other keys."""
+        plane = Plane.of(given)
+        for path, span in ((plane.x, plane.x_span), (plane.y, plane.y_span)):
+            _refuse_ends(spec, self._smooth(path), span)
+        return plane
+
+    def _toml(self, question):
+        return {"text": text_of(self._changed(question))}
+
+    def _smooth(self, path):
+        if path not in [slider.path for slider in self.sliders if slider.search]:
+            raise KeyError(path)
+        return path
+
+    def _changed(self, question):
+        known = {slider.path for slider in self.sliders}
+        values = question["values"]
+        if not isinstance(values, dict) or not set(values) <= known:
+            raise KeyError("values")
+        if not all(isinstance(value, (int, float)) for value in values.values()):
+            raise TypeError("values")
+        return changed(self.spec, values)
+
+
+def _inside(given, span):
+    places = [float(x) for x in given]
+    if not 1 <= len(places) <= MOST_COLUMNS or not all(span[0] <= x <= span[1] for x in places):
+        raise ValueError("expected values within the plane")
+    return places
+
+
+def _refuse_ends(spec, path, span):
+    for end in span:
+        changed(spec, {path: end})
+
+
+def _span(given):
+    low, high = (float(end) for end in given)
+    if not low < high:
+        raise ValueError("expected a span")
+    return low, high
+
+
+def _sentence(error: str) -> str:
+    """The mistakes of a spec in a line."""
+    return " ".join(error.split())
+
+
+def saved_page(spec: Spec) -> str:
+    """The page with the results of the spec's sweep in it: figures, table, spec and facts. It asks no server.
+
+    Of a sweep over other axes than those of the plane each combination is a stop of their sliders, up to MOST_DESIGNS of them.
+    """
+    page = Page(spec)
+    data = page._data()  # noqa: SLF001 - the same page
+    others = [slider for slider in page.sliders if slider.values and (not page.plane or slider.path not in _axes(page.plane))]
+    stops = {slider.path: sorted({*slider.values, float(slider.value)}) for slider in others}
+    count = 1
+    for values in stops.values():
+        count *= len(values)
+    if count > MOST_DESIGNS:
+        stops, left = {}, count
+    else:
+        left = 0
+    designs = []
+    for values in product(*stops.values()):
+        with suppress(WavesweepError):  # a combination that makes no loop, such as a delay beyond the frame
+            designs.append(_design(page, dict(zip(stops, values, strict=True))))
+    data["first"] = None
+    return page_text(data | {"designs": designs, "stops": stops, "left": left, "report": _report(spec)})
+
+
+def _axes(plane):
+    return (plane.x, plane.y)
+
+
+def _design(page, values):
+    spec, plane = changed(page.spec, values), page.plane
+    found = quick(spec, None) | {"values": values, "toml": text_of(spec)}
+    search = {slider.path: slider.search for slider in page.sliders}
+    if plane:
+        full = certified_plane(spec, plane)
+        if full["how"] == "single":
+            steps = [plane.x_span[0] + k * (plane.x_span[1] - plane.x_span[0]) / MOST_COLUMNS for k in range(MOST_COLUMNS + 1)]
+            full = certified_columns(spec, plane, steps)
+        found["plane"] = full
+    along = _axes(plane) if plane else [path for path, span in search.items() if span][:1]
+    return found | {"ranges": [stable_ranges(spec, path, search[path]) for path in along]}
+
+
+def _report(spec):
+    """The tables of the sweep: rows, facts and figures."""
+    from wavesweep import sweep
+
+    tables = []
+    with suppress(WavesweepError):
+        tables.append(("Stable intervals", sweep.intervals(spec, spec.along or None)))
+    with suppress(WavesweepError):
+        tables.append(("Responses", sweep.responses([spec])))
+    return [_table(title, table) for title, table in tables]
+
+
+def _table(title, table):
+    from wavesweep import results
+    from wavesweep.plots import drawn
+
+    table, text = drawn(table), _Head()
+    results.stream(table, text)  # the picture is drawn from the rows that it sees here
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "figure.svg")
+        table.figure(path)
+        figure = base64.b64encode(path.read_bytes()).decode()
+    lines = text.getvalue().decode().splitlines()[: MOST_ROWS + 1]
+    fields = results.fields_of(table.kind, next(iter(table.blocks())), table.facts)
+    return {
+        "title": title,
+        "kind": table.kind,
+        "units": [field.unit for field in fields],
+        "csv": "\n".join(lines),
+        "rows": text.lines - 1,
+        "facts": table.facts,
+        "figure": f"data:image/svg+xml;base64,{figure}",
+    }
+
+
+class _Head(BytesIO):
+    """A stream that keeps the first MOST_ROWS lines or so, and counts them all."""
+
+    lines = 0
+
+    def write(self, part) -> int:
+        if self.lines <= MOST_ROWS:
+            super().write(part)
+        self.lines += bytes(part).count(b"\n")
+        return len(part)
+
+    def writelines(self, parts) -> None:
+        for part in parts:
+            self.write(part)
+
+
+def page_text(data: Mapping[str, object]) -> str:
+    """The text of a page with data in it; a policy in it lets its own script run, and nothing be fetched from elsewhere."""
+    text = (files(__package__) / "page.html").read_text(encoding="utf-8")
+    script = re.search(r"<script>(.*?)</script>", text, re.DOTALL)[1]
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    policy = f"default-src 'none'; script-src 'sha256-{digest}'; style-src 'unsafe-inline'; img-src data:; connect-src 'self'; "
+    policy += "base-uri 'none'; form-action 'none'"
+    inside = as_json(data).replace("<", "\\u003c")
+    return text.replace("{{policy}}", policy).replace("{{title}}", escape(str(data["name"]))).replace("{{data}}", inside)

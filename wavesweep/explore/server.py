@@ -1,0 +1,177 @@
+"""The server of a page: on this machine's loopback alone, behind a token, and over as soon as the page is closed.
+
+A request is answered only if it names this address as its host (which a page of another site cannot make a browser do), comes
+from the page itself if it has an origin, and has the token in its path. There is no path to any file.
+"""
+
+from __future__ import annotations
+
+import hmac
+import json
+import secrets
+import sys
+import time
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Lock
+
+LOOPBACK = "127.0.0.1"
+LARGEST = 64 * 1024  # bytes of a question
+BEAT = 1.0  # s between two signs of life on the connection that a page keeps open
+GRACE = 3.0  # s without any page after which the server ends; a page that is loaded again takes less
+LOOK = 0.25  # s between two looks at the pages
+POLICY = "no-store", "no-referrer", "nosniff", "same-origin", "DENY"
+HEADERS = ("Cache-Control", "Referrer-Policy", "X-Content-Type-Options", "Cross-Origin-Resource-Policy", "X-Frame-Options")
+
+Answer = Callable[[Mapping[str, object]], Mapping[str, object]]
+
+
+class Server(ThreadingHTTPServer):
+    """A server of one page and of the answers to its questions.
+
+    page: gives the text of the page. answers: name of a question -> function from its JSON to that of the answer. port: 0 for
+    any free one.
+    """
+
+    daemon_threads = True
+    block_on_close = False
+    timeout = LOOK
+
+    def __init__(self, page: Callable[[], str], answers: Mapping[str, Answer], port: int = 0) -> None:
+        super().__init__((LOOPBACK, port), Handler)
+        self.page, self.answers, self.token = page, answers, secrets.token_urlsafe(24)
+        self._pages, self._seen, self._lock = 0, None, Lock()
+
+    @property
+    def address(self) -> str:
+        """The address of the page."""
+        return f"http://{LOOPBACK}:{self.server_address[1]}/{self.token}/"
+
+    def serve(self) -> None:
+        """Answer until the last page has been closed for GRACE seconds."""
+        with self:
+            while not self.over():
+                self.handle_request()
+
+    def over(self) -> bool:
+        """Whether there was a page and there is none any more."""
+        with self._lock:
+            return self._pages == 0 and self._seen is not None and time.monotonic() - self._seen > GRACE
+
+    def open_page(self, change: int) -> None:
+        """Count a page that was opened (1) or closed (-1)."""
+        with self._lock:
+            self._pages += change
+            self._seen = time.monotonic()
+
+    def handle_error(self, request, client_address) -> None:  # noqa: ARG002 - the names of the base
+        """Say a line of an error, but nothing of a connection that the browser has given up."""
+        error = sys.exception()
+        if not isinstance(error, OSError):
+            sys.stderr.write(f"Error: {type(error).__name__}: {error} (a fault of wavesweep)\n")
+
+
+class Handler(BaseHTTPRequestHandler):
+    """One connection of a browser."""
+
+    server: Server
+    protocol_version = "HTTP/1.1"
+    server_version = "wavesweep"
+    sys_version = ""
+    timeout = 600
+    wbufsize = -1  # head and body go out together
+    disable_nagle_algorithm = True
+
+    def log_message(self, format: str, *args: object) -> None:  # noqa: A002 - the name of the base
+        """Keep the terminal quiet."""
+
+    def do_GET(self) -> None:
+        """The page, and the connection that it keeps open."""
+        name = self._asked()
+        if name == "":
+            self._send(HTTPStatus.OK, self.server.page().encode(), "text/html; charset=utf-8")
+        elif name == "alive":
+            self._stay()
+        elif name is not None:
+            self._refuse(HTTPStatus.NOT_FOUND)
+
+    def do_POST(self) -> None:
+        """The answer to a question."""
+        name = self._asked(asking=True)
+        if name is None:
+            return
+        if name not in self.server.answers:
+            self._refuse(HTTPStatus.NOT_FOUND)
+            return
+        length = self.headers.get("Content-Length", "")
+        if not length.isascii() or not length.isdigit() or int(length) > LARGEST:
+            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE if length.isdigit() else HTTPStatus.LENGTH_REQUIRED)
+            return
+        try:
+            answer = self.server.answers[name](dict(json.loads(self.rfile.read(int(length)))))
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            self._refuse(HTTPStatus.BAD_REQUEST)
+            return
+        self._send(HTTPStatus.OK, as_json(answer).encode(), "application/json")
+
+    def _asked(self, asking: bool = False) -> str | None:
+        """The last part of the path; None, with a refusal, unless host, origin and token are those of the page."""
+        port = self.server.server_address[1]
+        hosts = [f"{name}:{port}" for name in (LOOPBACK, "localhost")]
+        origin = self.headers.get("Origin")
+        right = self.headers.get_all("Host") in [[host] for host in hosts]
+        right &= origin in [f"http://{host}" for host in hosts] or (origin is None and not asking)
+        right &= not asking or self.headers.get_content_type() == "application/json"
+        _, token, name = (*self.path.partition("?")[0].split("/", 2), "", "")[:3]
+        if not (right and hmac.compare_digest(token.encode(), self.server.token.encode())):
+            self._refuse(HTTPStatus.FORBIDDEN)
+            return None
+        return name
+
+    def _stay(self) -> None:
+        """Keep the connection until the page has gone; a browser does not slow this down in a tab that is not seen."""
+        self._head(HTTPStatus.OK, "text/event-stream", None)
+        self.server.open_page(1)
+        try:
+            while True:
+                self.wfile.write(b": here\n\n")
+                self.wfile.flush()
+                time.sleep(BEAT)
+        except OSError:
+            self.close_connection = True
+        finally:
+            self.server.open_page(-1)
+
+    def _refuse(self, status: HTTPStatus) -> None:
+        self.close_connection = True  # the body of the question has not been read
+        self._send(status, f"{status.value} {status.phrase}\n".encode(), "text/plain; charset=utf-8")
+
+    def _send(self, status: HTTPStatus, body: bytes, kind: str) -> None:
+        self._head(status, kind, len(body))
+        self.wfile.write(body)
+        self.wfile.flush()
+
+    def _head(self, status: HTTPStatus, kind: str, length: int | None) -> None:
+        self.send_response(status)
+        self.send_header("Content-Type", kind)
+        for name, value in zip(HEADERS, POLICY, strict=True):
+            self.send_header(name, value)
+        if length is not None:
+            self.send_header("Content-Length", str(length))
+        if self.close_connection or length is None:
+            self.send_header("Connection", "close")
+        self.end_headers()
+
+
+def as_json(value: object) -> str:
+    """JSON in which numbers that are not finite are null."""
+    return json.dumps(_finite(value), allow_nan=False, separators=(",", ":"))
+
+
+def _finite(value):
+    if isinstance(value, float):
+        return value if value - value == 0 else None
+    if isinstance(value, Mapping):
+        return {name: _finite(part) for name, part in value.items()}
+    return [_finite(part) for part in value] if isinstance(value, (list, tuple)) else value

@@ -1,0 +1,202 @@
+"""The numbers of a spec that a page can vary, with the range of each slider, and the spec with other numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from wavesweep.diagram import WALL, keys_read
+from wavesweep.errors import SpecError
+from wavesweep.spec import SYMBOLS, Key, Spec
+from wavesweep.spec.keys import BAND_EDGES
+from wavesweep.spec.spec import K_VE_SPAN
+from wavesweep.spec.writing import as_toml
+from wavesweep.sweep.grid import is_plain, loop_of
+from wavesweep.sweep.verdict import FAR, USUAL
+
+FACTOR = 4.0  # of a gain's value, to which its slider goes
+HAND = {"operator.mass": 0.5, "operator.damping": 5.0, "operator.stiffness": 500.0}  # usual numbers of keys that are often 0
+
+
+@dataclass(frozen=True, slots=True)
+class Slider:
+    """A number that can be varied.
+
+    path, name: its key, as a path and as it is called. low, high: ends of the slider. least, most: limits of the spec, None if
+    there are none. scale: "log" or "linear". step: 1 for whole numbers. search: the range that is searched for stable
+    intervals, None if the key decides the structure of the loop. values: those that the spec sweeps.
+    """
+
+    path: str
+    name: str
+    unit: str
+    description: str
+    value: float
+    low: float
+    high: float
+    least: float | None
+    most: float | None
+    scale: str
+    step: int | None
+    search: tuple[float, float] | None
+    values: tuple[float, ...]
+
+
+def sliders_of(spec: Spec) -> list[Slider]:
+    """The sliders of all numbers that the spec's loop reads, in the order of its keys."""
+    return [_slider(spec, spec.names.keys[path]) for path in _paths(spec)]
+
+
+def _paths(spec):
+    if spec.drawing:
+        return [path for path in spec.names.numeric if path in spec.values]
+    # A gain of zero may leave a branch out of the loop, whose other numbers come in with it.
+    raised = {path: 1.0 if value == 0 and isinstance(value, float) else value for path, value in spec.values.items()}
+    read = keys_read(spec.values) | keys_read(raised)
+    if isinstance(spec.values["rates.ratio"], float):
+        read = (read - {"rates.ratio"}) | {"rates.slow_hz"}
+    found = []
+    for path in spec.names.numeric:
+        stem, _, last = path.rpartition(".")
+        by_edges = f"{stem}.passband_hz" in spec.given
+        if last in BAND_EDGES:
+            if by_edges and f"{stem}.order" in read:
+                found.append(path)
+        elif path in read and not (by_edges and stem.startswith("filters.")):
+            found.append(path)
+    return found
+
+
+def _slider(spec: Spec, key: Key) -> Slider:
+    value = number_of(spec, key.path)
+    axis = next((axis for axis in spec.sweep if axis.path == key.path), None)
+    names = {path: name for name, path in spec.names.symbols.items()}
+    most = _most(spec, key)
+    least = key.low
+    low, high, scale = _range(key, value, axis, most)
+    plain = is_plain(spec, key.path)
+    stepped = key.type == "integer" or (spec.drawing and not plain and key.path != "rates.tick_hz")
+    if spec.drawing and value > low and not _accepts(spec, key.path, low):  # such as a mass of 0, which its block refuses
+        whole = stepped and float(value).is_integer()
+        low = 1 if whole else min((value, *(axis.values if axis else ()))) if stepped else max(value, 0.0) / FAR
+        scale = "log" if low > 0 and not stepped else "linear"
+    if loop_of(spec) and key.path in ("rates.fast_hz", "rates.slow_hz") and value.is_integer():
+        stepped, scale = True, "linear"  # other rates are hardly ever in step again
+    return Slider(
+        path=key.path,
+        name=names.get(key.path, key.path),
+        unit="" if key.unit in ("", "1") else key.unit,
+        description=key.description,
+        value=value,
+        low=low,
+        high=high,
+        least=least,
+        most=most,
+        scale=scale,
+        step=1 if stepped and float(value).is_integer() else None,
+        search=_search(spec, key, value, axis, (low, high)) if plain else None,
+        values=tuple(map(float, axis.values)) if axis else (),
+    )
+
+
+def _accepts(spec, path, value):
+    try:
+        spec.with_values({path: value})
+    except SpecError:
+        return False
+    return True
+
+
+def number_of(spec: Spec, path: str) -> float:
+    """The value of a numeric key, also of one that another follows from."""
+    if path in spec.values:
+        return spec.values[path]
+    rates, filters = spec.tables()["rates"], spec.tables().get("filters", {})
+    table, *_, last = path.split(".")
+    return float(rates[last] if table == "rates" else filters[path.split(".")[1]][last])
+
+
+def _most(spec, key):
+    """The largest value that the spec accepts, with the others as they are."""
+    if key.path == "environment.delay":
+        return int(spec.values["rates.ratio"])
+    if key.path.endswith("_hz") and key.path.startswith("filters."):
+        return spec.values["rates.fast_hz"] / 2 * (1 - 1e-9)
+    if key.choices:
+        return max(key.choices)
+    return key.high
+
+
+def _range(key, value, axis, most):
+    """(low, high, scale) of a slider."""
+    if key.type == "integer":
+        low = key.low if key.low is not None else min(key.choices, default=0)
+        high = most if most is not None and most <= 100 else 4 * max(value, 1)
+        return low, min(high, most) if most is not None else high, "linear"
+    if axis and axis.scale and axis.start < axis.stop:
+        return min(axis.start, value), max(axis.stop, value), axis.scale if min(axis.start, value) > 0 else "linear"
+    low, high, scale = _usual(key, value, most)
+    return (min(low, axis.start), max(high, axis.stop), scale) if axis else (low, high, scale)
+
+
+def _usual(key, value, most):
+    """The range of a slider about a value, of which no sweep says anything."""
+    if key.above_low and value > 0:
+        return value / FAR, min(value * FAR, most or value * FAR), "log"
+    usual = USUAL.get(next((name for name, path in SYMBOLS.items() if path == key.path), ""), HAND.get(key.path, 1.0))
+    if value < 0:
+        return FACTOR * value, -FACTOR * value, "linear"
+    low = 0.0 if key.low == 0 or value else -FACTOR * usual
+    return low, min(FACTOR * (value or usual / FACTOR), most or float("inf")), "linear"
+
+
+def _search(spec, key, value, axis, ends):
+    """The range of stable intervals: that of [sweep], and otherwise that of the slider."""
+    stiffness = f"numbers.{spec.drawing.wall[0]}" if spec.drawing and spec.drawing.wall else WALL[0]
+    if axis and axis.start < axis.stop:
+        return float(axis.start), float(axis.stop)
+    return K_VE_SPAN if key.path == stiffness else (float(ends[0]), float(max(ends[1], value)))
+
+
+def changed(spec: Spec, values: Mapping[str, float]) -> Spec:
+    """The spec with other numbers; a whole number may come as a float. Errors: SpecError with every mistake."""
+    wanted = {}
+    for path, value in values.items():
+        key = spec.names.find(path)
+        whole = key is not None and key.type == "integer" and isinstance(value, float) and value.is_integer()
+        wanted[path] = int(value) if whole else value
+    own = {path: value for path, value in wanted.items() if path not in spec.values or spec.values[path] != value}
+    return spec.with_values(own) if own else spec
+
+
+def text_of(spec: Spec) -> str:
+    """The spec as TOML, with the keys that its loop reads and those that it gives."""
+    tables = spec.tables()
+    if not spec.drawing:
+        kept = {*keys_read(spec.values), *_paths(spec), *spec.given}
+        tables = _only(tables, kept, {path for path in spec.given if path.rpartition(".")[2] in BAND_EDGES})
+    given = {name: spec.simulate[name] for path in spec.given for table, name in [path.split(".", 1)] if table == "simulate"}
+    simulated = {name: list(value) if isinstance(value, tuple) else value for name, value in given.items()}
+    return as_toml({**tables, **({"simulate": simulated} if simulated else {})})
+
+
+def _only(tables, kept, edges):
+    """The tables of the loop with the keys `kept`; the order and cutoff that follow from band edges are left out."""
+    by_edges = {path.rpartition(".")[0] for path in edges}
+    found = {name: tables[name] for name in ("sweep", "bode")}
+    loop = {}
+    for name, table in tables.items():
+        if name in found:
+            continue
+        for last, value in table.items():
+            path = f"{name}.{last}"
+            if isinstance(value, Mapping):
+                parts = {
+                    part: each
+                    for part, each in value.items()
+                    if f"{path}.{part}" in kept and (path not in by_edges or part in BAND_EDGES)
+                }
+                loop.setdefault(name, {}).update({last: parts} if parts else {})
+            elif path in kept:
+                loop.setdefault(name, {})[last] = value
+    return loop | found
