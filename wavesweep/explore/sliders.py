@@ -77,8 +77,9 @@ def _slider(spec: Spec, key: Key) -> Slider:
     plain = is_plain(spec, key.path)
     stepped = key.type == "integer" or (spec.drawing and not plain and key.path != "rates.tick_hz")
     if spec.drawing and value > low and not _accepts(spec, key.path, low):  # such as a mass of 0, which its block refuses
+        least_whole = next(each for each in (1, 2, value) if _accepts(spec, key.path, each))
         whole = stepped and float(value).is_integer()
-        low = 1 if whole else min((value, *(axis.values if axis else ()))) if stepped else max(value, 0.0) / FAR
+        low = least_whole if whole else min((value, *(axis.values if axis else ()))) if stepped else max(value, 0.0) / FAR
         scale = "log" if low > 0 and not stepped else "linear"
     if loop_of(spec) and key.path in ("rates.fast_hz", "rates.slow_hz") and value.is_integer():
         stepped, scale = True, "linear"  # other rates are hardly ever in step again
