@@ -20,6 +20,7 @@ NAMES = {
     "delay_margin": "delay margin",
 }
 _FRONT = {"marker": "o", "markersize": 4, "color": "#0072B2", "linestyle": "-", "linewidth": 0.8}
+WHOLE = "int"
 _OWN = {"marker": "X", "markersize": 8, "color": "#D55E00", "markeredgecolor": "white", "linestyle": "none"}
 
 
@@ -28,6 +29,8 @@ def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
 
     All values are the worst over what the designs have to hold for. The arrows on the axes say which side is better.
     """
+    from matplotlib.ticker import MaxNLocator, NullFormatter
+
     wishes = list(facts["spec"]["design"]["wish"])
     free = [name for name in wishes if not {"at_least", "at_most"} & set(facts["spec"]["design"]["wish"][name])]
     x, y = free if len(free) == 2 else [wishes[0], wishes[1] if len(wishes) > 1 else wishes[0]]
@@ -58,9 +61,14 @@ def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
             panel.set_xscale(front.get_xscale())
             if (columns[name] > 0).all() and columns[name].max() > 5 * columns[name].min():
                 panel.set_yscale("log")
+                panel.yaxis.set_minor_formatter(NullFormatter())
+            if WHOLE in str(columns[name].dtype):
+                panel.yaxis.set_major_locator(MaxNLocator(integer=True))
             panel.grid(visible=True, color="0.9", linewidth=0.5)
             panel.tick_params(labelsize=6)
-        note_assumptions(canvas, facts)
+        unknown = [NAMES[name] for name in (x, y) if own.get(name) is None]
+        above = f"the spec's own design is not shown: its {' and its '.join(unknown)} is not known, as where it is unstable"
+        note_assumptions(canvas, facts, above if own and unknown else "")
     return canvas
 
 

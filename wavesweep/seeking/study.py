@@ -133,7 +133,9 @@ def design(
     front = front.take(np.lexsort(front.objectives.T[::-1]))
     job.genes[settings["generations"]] = front.genes
     records = run.records(settings["generations"])
-    columns, kept = _columns(spec, job, front.genes, records)
+    # With more to hold for, a design may be worth less than another one.
+    still = undominated(Judged(front.genes, *judged(asked, records)))
+    columns, kept = _columns(spec, job, front.genes[still], records[still])
     counts = {"computed": run.done, "skipped": 0, "certified": int(kept["certified"].sum())}
     timings = {"compute_s": time.perf_counter() - started, "kernel_s": run.seconds, "workers": run.workers.count}
     facts = facts_of(spec, METHODS, counts, timings, _notices(job)) | {"warnings": warnings}

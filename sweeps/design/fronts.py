@@ -1,0 +1,41 @@
+"""The fronts of this folder in one figure: run `wavesweep design` on each spec first, then this from the top folder.
+
+for name in plain gains front passive free; do wavesweep design sweeps/design/$name.toml; done
+python sweeps/design/fronts.py
+"""
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import pandas
+
+NAMES = {
+    "plain": "plain waves",
+    "gains": "local model, gains alone",
+    "front": "gains and filters",
+    "passive": "the same with a passive channel",
+    "free": "gains and filters, no hand",
+}
+LOOKS = ("o-", "s-", "D-", "^--", "v:")
+
+
+def draw(results: Path, target: Path) -> None:
+    """Draw the `design` tables in the folders below `results`."""
+    fig, axes = plt.subplots(figsize=(6.9, 3.4), layout="constrained")
+    for (name, words), look in zip(NAMES.items(), LOOKS, strict=True):
+        if (results / name / "design.csv").exists():
+            table = pandas.read_csv(results / name / "design.csv").sort_values("z_width")
+            axes.plot(table.z_width, table.transparency, look, markersize=3.5, linewidth=0.9, label=words)
+    axes.set_xscale("log")
+    axes.set_xlabel("stiffest wall (N/m), more is better")
+    axes.set_ylabel("error of the response, less is better")
+    axes.grid(visible=True, which="both", color="0.9", linewidth=0.5)
+    axes.legend(fontsize=8)
+    fig.savefig(target, dpi=150)
+
+
+if __name__ == "__main__":
+    draw(Path("results"), Path(__file__).with_name("fronts.png"))
