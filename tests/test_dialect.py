@@ -15,7 +15,7 @@ PACKAGE = Path(wavesweep.__file__).parent
 ROOT = PACKAGE.parent
 
 FOLDERS = (
-    *(".", "analysis/passivity", "analysis/simulation", "bench", "cli", "diagram", "paper", "paper/statements"),
+    *(".", "analysis/passivity", "analysis/simulation", "bench", "cli", "diagram", "export", "paper", "paper/statements"),
     *("plots", "results", "spec", "sweep"),
 )
 # Rates per thousand words.

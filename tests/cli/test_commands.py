@@ -15,7 +15,7 @@ from wavesweep.cli.entry import COMMANDS, group, module_of
 ROOT = Path(__file__).parents[2]
 
 # Those of a SPEC that write tables.
-WITH_TABLES = [name for name in COMMANDS if name not in ("check", "paper", "bench", "keys", "init", "plot")]
+WITH_TABLES = [name for name in COMMANDS if name not in ("check", "paper", "bench", "keys", "init", "plot", "export")]
 SWEEPS = [name for name in WITH_TABLES if name not in ("simulate", "passivity", "compare")]
 
 

@@ -42,6 +42,7 @@ COMMANDS = MappingProxyType(
         "compare": "Compare the Z-width and the responses of several specs, in one figure and one table.",
         "simulate": "Simulate the loop tick by tick, optionally with contact, friction and hardware limits.",
         "passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port.",
+        "export": "Write the controller as C, with test vectors: what was analysed is what runs.",
         "paper": "Reproduce the paper's figures and test its statements.",
         "bench": "Measure run time against error, for this tool and for other methods.",
         "plot": "Draw the figure of a table again, as PNG, SVG or PDF.",
