@@ -17,7 +17,7 @@ from support.specs import KINDS, nested, values_of
 
 import wavesweep
 from wavesweep.analysis.simulation import Effects, simulate
-from wavesweep.errors import IllPosedLoopError, UsageError, WavesweepError
+from wavesweep.errors import IllPosedLoopError, WavesweepError
 from wavesweep.export import exported
 
 MANY = int(os.environ.get("WAVESWEEP_EXPORTS", "0"))
@@ -129,6 +129,27 @@ def test_a_build_with_other_arithmetic_is_refused(flags, tmp_path):
     assert "-mno-fma" in files["controller.c"]
 
 
+def test_a_wall_without_a_solution_leaves_the_wave_loop_open(tmp_path):
+    """One that the host sets: its damper returns each wave as its own negative."""
+    need("gcc")
+    written(experiment("pmw", lp1_order=0), tmp_path)
+    program = (
+        '#include <stdio.h>\n#include "controller.h"\nint main(void) { ws_state s; double f; ws_init(&s, 0.0);\n'
+        's.wall.B_VE = 1e300; f = ws_fast_tick(&s, 0.0, 0.1); printf("%.17g %d\\n", f, s.ill_posed); return 0; }\n'
+    )
+    (tmp_path / "example.c").write_text(program)
+    assert made(tmp_path, "example", "gcc", "-O2") == (0, "2.5 1\n")  # b v, as if nothing came back
+
+
+def test_the_header_is_one_of_cpp_too(tmp_path):
+    if not shutil.which("g++"):
+        pytest.skip("no g++")
+    written(experiment("pmw"), tmp_path)
+    (tmp_path / "host.cpp").write_text('#include "controller.h"\nint main() { ws_state s; ws_init(&s, 0.0); }\n')
+    for words in (["gcc", "-std=c99", "-c", "controller.c"], ["g++", "host.cpp", "controller.o", "-o", "host"], ["./host"]):
+        subprocess.run(words, cwd=tmp_path, check=True)
+
+
 def test_constants_are_exact_and_the_state_is_one_struct():
     files = exported(wavesweep.load(experiment("pmw-lm", b=0.1)))
     assert f"b = {(0.1).hex()};" in files["controller.c"]
@@ -138,9 +159,6 @@ def test_constants_are_exact_and_the_state_is_one_struct():
 
 
 def test_no_file_of_a_spec_that_cannot_be_exported():
-    drawn = wavesweep.load("sweeps/recipes/policy.toml")
-    with pytest.raises(UsageError, match="does not say which of its blocks are the controller"):
-        exported(drawn)
     with pytest.raises(WavesweepError, match="divided by a whole number"):
         exported(wavesweep.load({"controller": {"kind": "pmw"}, "rates": {"slow_hz": 60.0}}))
     orders = {f"{name}_order": 0 for name in ("lp1", "hp", "lp2")}

@@ -55,7 +55,8 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
         show_json({"command": "export", **facts, "ticks": ticks, "files": files, "seconds": round(seconds, 3)})
     elif not switches["quiet"]:
         say(f"{loaded.name}, {loaded.kind}: vectors of {ticks} ticks; `make -C {folder} check` compares every bit")
-        say(f"assumes: {assumes(loaded)}")
+        for line in filter(None, [assumes(loaded)]):
+            say(f"assumes: {line}")
         say(f"Wrote {', '.join([str(paths[0]), *(path.name for path in paths[1:])])} in {seconds:.2f} s")
 
 

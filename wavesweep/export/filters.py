@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from wavesweep.analysis.simulation.cascade import Section
-from wavesweep.export.text import number
+from wavesweep.export.text import factor
 
 
 def states_of(sections: Sequence[Section]) -> int:
@@ -31,15 +31,11 @@ def _lines(sections, array, store):
     for p, g, r, d in sections:
         a, b = f"{array}[{place}]", f"{array}[{place + 1}]"
         if p.imag:
-            output = f"{_c(r.real)} * {a} - {_c(r.imag)} * {b} + {_c(d)} * u"
-            after = f"{_c(p.real)} * {a} - {_c(p.imag)} * {b} + {_c(g)} * u"
-            second = [f"{b} = {_c(p.real)} * {b} + {_c(p.imag)} * {a};"]
+            output = f"{factor(r.real)} * {a} - {factor(r.imag)} * {b} + {factor(d)} * u"
+            after = f"{factor(p.real)} * {a} - {factor(p.imag)} * {b} + {factor(g)} * u"
+            second = [f"{b} = {factor(p.real)} * {b} + {factor(p.imag)} * {a};"]
         else:
-            output, after, second = f"{_c(r)} * {a} + {_c(d)} * u", f"{_c(p)} * {a} + {_c(g)} * u", []
+            output, after, second = f"{factor(r)} * {a} + {factor(d)} * u", f"{factor(p)} * {a} + {factor(g)} * u", []
         lines += [f"y = {output};", f"next = {after};", *second, f"{a} = next;", "u = y;"] if store else [f"u = {output};"]
         place += 2 if p.imag else 1
     return lines
-
-
-def _c(value):
-    return number(value) if value >= 0 else f"({number(value)})"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -14,8 +14,9 @@ from wavesweep.analysis.simulation.avatar import Port
 from wavesweep.analysis.simulation.both_loops import SimulatedLoop
 from wavesweep.analysis.simulation.wave_control import WaveLaw
 from wavesweep.errors import UsageError
+from wavesweep.export.drawn import exported_drawn
 from wavesweep.export.filters import filter_functions, states_of
-from wavesweep.export.text import filled, number
+from wavesweep.export.text import constants, filled, number, table_of
 from wavesweep.spec import Spec
 from wavesweep.sweep.simulation_table import simulation_of
 
@@ -43,17 +44,14 @@ _LOCAL = {name: f"s.{name}" for name in ("u_h", "v_l", "v_2")}
 def exported(spec: Spec) -> dict[str, str]:
     """Return the files of the controller of a spec in C: name -> text.
 
-    The vectors are the experiment of the spec's [simulate] table: position, velocity and lateness in each tick, and the controller's signals.
+    The vectors are the experiment of the spec's [simulate] table: position, velocity and lateness in each tick, and the
+    controller's signals.
 
-    Errors: `UsageError` if the loop is drawn or cannot be simulated, or if no tick could be; `IllPosedLoopError` if its wave
-    loop without delay has no solution.
+    Errors: `UsageError` if the loop cannot be simulated, or if no tick could be, and see `exported_drawn`;
+    `IllPosedLoopError` if its wave loop without delay has no solution.
     """
     if spec.drawing:
-        found = "rates that do not divide" if not hasattr(spec.drawing, "blocks") else "a loop drawn from blocks"
-        raise UsageError(
-            f"export: expected one of the controllers of controller.kind at rates that divide, found {found}: a drawing does "
-            "not say which of its blocks are the controller and which the device"
-        )
+        return exported_drawn(spec)
     spec = spec.as_simulated()
     loop = compile_loop(spec.values, spec.simulate["wall"])
     columns = table(simulation_of(spec))
@@ -117,7 +115,7 @@ def _values(spec: Spec, loop: SimulatedLoop) -> dict[str, Any]:
         "device": device,
     }
     special = _wave_values(keys, law) if isinstance(law, WaveLaw) else ({"K_LM": law.K_LM, "B_LM": law.B_LM}, {})
-    return _constants(numbers | special[0]) | texts | special[1]
+    return constants(numbers | special[0]) | texts | special[1]
 
 
 def _wave_values(keys: Mapping[str, Any], law: WaveLaw) -> tuple[dict[str, float], dict[str, Any]]:
@@ -145,12 +143,6 @@ def _described(keys: Mapping[str, Any], name: str) -> str:
     return f"{FILTERS[name]}: " + (f"Butterworth of order {order}, {cutoff:g} Hz." if order else "none, the order is 0.")
 
 
-def _constants(numbers: Mapping[str, float]) -> dict[str, str]:
-    """Each number exactly, and as a text for a comment."""
-    exact = {name: number(value) for name, value in numbers.items()}
-    return exact | {f"{name}_text": f"{value:g}" for name, value in numbers.items()}
-
-
 def _check_values(columns: Mapping[str, np.ndarray], signals: Mapping[str, str], loop: SimulatedLoop) -> dict[str, Any]:
     """The texts for the check: its signals, the start, and the number of late results at a time."""
     latest = int(columns["late"].max(initial=0))
@@ -163,8 +155,7 @@ def _check_values(columns: Mapping[str, np.ndarray], signals: Mapping[str, str],
     }
 
 
-def _vectors(columns: Mapping[str, np.ndarray], signals: Mapping[str, str]) -> str:
-    """Rows with hexadecimal numbers: the lateness of the frame's result, position and velocity, and the signals."""
-    numbers = [[float.hex(value) for value in columns[name].astype(float).tolist()] for name in ("x_hat", "v_hat", *signals)]
-    rows = zip(map(str, columns["late"].tolist()), *numbers, strict=True)
-    return "\n".join([",".join(["late", "x", "v", *signals]), *map(",".join, rows), ""])
+def _vectors(columns: Mapping[str, np.ndarray], signals: Iterable[str]) -> str:
+    """Rows of the lateness of the frame's result, position and velocity, and the signals."""
+    given = {"late": columns["late"], "x": columns["x_hat"], "v": columns["v_hat"]}
+    return table_of(given | {name: columns[name].astype(float) for name in signals})

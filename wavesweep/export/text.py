@@ -4,10 +4,29 @@ from collections.abc import Mapping
 from importlib.resources import files
 from string import Template
 
+import numpy as np
+
 
 def number(value: float) -> str:
     """A double as a hexadecimal constant of C99, which is exact."""
     return float(value).hex()
+
+
+def factor(value: float) -> str:
+    """A double as a factor of a product, in parentheses if it is negative."""
+    return number(value) if value >= 0 else f"({number(value)})"
+
+
+def constants(numbers: Mapping[str, float]) -> dict[str, str]:
+    """Each number exactly, and as a text for a comment."""
+    exact = {name: number(value) for name, value in numbers.items()}
+    return exact | {f"{name}_text": f"{value:g}" for name, value in numbers.items()}
+
+
+def table_of(columns: Mapping[str, np.ndarray]) -> str:
+    """The text of a CSV file with hexadecimal numbers; columns of whole numbers have decimal ones."""
+    texts = [map(str if column.dtype.kind == "i" else float.hex, column.tolist()) for column in columns.values()]
+    return "\n".join([",".join(columns), *map(",".join, zip(*texts, strict=True)), ""])
 
 
 def filled(name: str, flags: Mapping[str, bool], values: Mapping[str, object]) -> str:

@@ -41,6 +41,10 @@
 
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 #define WS_FAST_HZ $fast_hz /* $fast_hz_text Hz */
 #define WS_T $T       /* s, the period of the fast tick */
 #define WS_RATIO $ratio     /* fast ticks in a frame */
@@ -148,4 +152,7 @@ double ws_fast_tick(ws_state *s, double x, double v);
 ws_result ws_slow_frame(ws_state *s, ws_sent sent);
 void ws_receive(ws_state *s, ws_result result);
 
+#ifdef __cplusplus
+}
+#endif
 #endif
