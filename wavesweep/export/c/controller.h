@@ -30,6 +30,7 @@
  * ws_slow_frame reads s->wall and changes s->slow only, so it may run beside ws_fast_tick; ws_receive may not.
 @end
 @else
+ *
  * The wall is computed in every tick. If that cannot be done in time, set s.late = 1 before the tick; then `waiting` is 1 after
  * it, and ws_receive(&s, ws_slow_frame(&s, s.sent)) gives the force that is held when it comes.
 @end

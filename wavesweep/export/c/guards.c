@@ -12,9 +12,11 @@
 #if DBL_MANT_DIG != 53 || DBL_MAX_EXP != 1024
 #error "double is not the IEEE format of 64 bits; there is no build with the same bits"
 #endif
-#if !defined(WS_ALLOW_FMA) && (defined(__FMA__) || defined(__FMA4__) || defined(__FP_FAST_FMA) || defined(FP_FAST_FMA))
-#error "fused multiplications are on (-march=native?): compile controller.c with -mno-fma -mno-fma4. On a processor that \
-always has them, such as ARM, add -ffp-contract=off -DWS_ALLOW_FMA if `make check` passes with exactly these flags"
+#if defined(__FMA__) || defined(__FMA4__) || defined(__AVX512F__) || defined(__FP_FAST_FMA)
+#ifndef WS_ALLOW_FMA
+#error "fused multiplications are on (-march=native?): compile controller.c with -mno-fma -mno-fma4 -mno-avx512f. On a \
+processor that always has them, such as ARM, add -ffp-contract=off -DWS_ALLOW_FMA if `make check` passes with just these flags"
+#endif
 #endif
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
