@@ -15,7 +15,8 @@ PACKAGE = Path(wavesweep.__file__).parent
 ROOT = PACKAGE.parent
 
 FOLDERS = (
-    *(".", "analysis/passivity", "analysis/simulation", "bench", "cli", "diagram", "explore", "paper", "paper/statements"),
+    *(".", "analysis/passivity", "analysis/simulation", "bench", "cli", "diagram", "explore", "export", "paper"),
+    "paper/statements",
     *("plots", "results", "spec", "sweep"),
 )
 # Rates per thousand words.

@@ -12,7 +12,7 @@ import wavesweep
 PACKAGE = Path(wavesweep.__file__).parent
 
 # Data flows to the right, imports point to the left. What stands above all may use all of it.
-LAYERS = ("errors", "controllers", "spec", "diagram", "lifted", "analysis", "sweep", "results", "plots", "paper")
+LAYERS = ("errors", "controllers", "spec", "diagram", "lifted", "analysis", "sweep", "export", "results", "plots", "paper")
 TOP = len(LAYERS)
 HEAVY = ("numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
 

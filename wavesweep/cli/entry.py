@@ -44,6 +44,7 @@ COMMANDS = MappingProxyType(
         "passivity": "Compute the norm of the wave channel and the passivity margin at the hand's port.",
         "why": "Explain each limit of a design: by how many per cent it moves for one per cent of each number.",
         "design": "Search for designs that meet a wish, for all devices and hands that they have to hold for.",
+        "export": "Write the controller as C, with test vectors: what was analysed is what runs.",
         "paper": "Reproduce the paper's figures and test its statements.",
         "bench": "Measure run time against error, for this tool and for other methods.",
         "plot": "Draw the figure of a table again, as PNG, SVG or PDF.",

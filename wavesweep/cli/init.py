@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from textwrap import wrap
 
 import click
 
+from wavesweep.cli.output import write_whole
 from wavesweep.controllers import CONTROLLERS, MEANINGS
 from wavesweep.errors import UsageError
 from wavesweep.spec.checking import nearest, show
@@ -73,16 +73,6 @@ def _known(name: str, names: Iterable[str], what: str) -> None:
         meant = nearest(name, names)
         hint = f"; did you mean {meant}?" if meant else ""
         raise UsageError(f"{name} is no {what}; expected one of {', '.join(names)}{hint}")
-
-
-def write_whole(target: Path, text: str) -> None:
-    """Write the whole file or nothing."""
-    scratch = target.with_name(f".{target.name}.{os.getpid()}")
-    try:
-        scratch.write_text(text, encoding="utf-8")
-        scratch.replace(target)
-    finally:
-        scratch.unlink(missing_ok=True)
 
 
 def starter(kind: str, device: str | None, path: str) -> str:

@@ -216,6 +216,16 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
     return Finished(table.kind, notices, tally.numbers(table.facts), [*warnings, *tally.lines(table.facts)], paths)
 
 
+def write_whole(target: Path, text: str) -> None:
+    """Write the whole file or nothing."""
+    scratch = target.with_name(f".{target.name}.{os.getpid()}")
+    try:
+        scratch.write_text(text, encoding="utf-8")
+        scratch.replace(target)
+    finally:
+        scratch.unlink(missing_ok=True)
+
+
 def say(text: str, warning: bool = False) -> None:
     """Write a line to stderr; if that is impossible, the message is dropped, since the results matter more.
 

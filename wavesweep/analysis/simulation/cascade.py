@@ -6,7 +6,8 @@ A section with the pole ``p`` (a real one, or the upper one of a conjugate pair)
 
 which for a pair is the normal form ``[[Re p, Im p], [-Im p, Re p]]`` written as a complex number. A direct-form section
 would keep ``1 - 2·Re p + |p|²``, whose digits cancel if the poles are close to z = 1: at 10th order and 0.1 % of the
-rate none is left.
+rate none is left. The products of complex numbers are written out, since a compiler may fuse those of Python's own, and the
+controller that `export` writes repeats each operation.
 """
 
 from __future__ import annotations
@@ -58,22 +59,30 @@ def _section(passes: str, s: complex, real: bool) -> Section:
     return Section(p, g, d * at_zero**2 / (1j * p.imag) / g, d)
 
 
-def at_rest(sections: tuple[Section, ...]) -> tuple[complex, ...]:
+State = tuple[tuple[float, float], ...]
+"""Real and imaginary part of each section's ``q``; the latter stays 0 behind a real pole."""
+
+
+def at_rest(sections: tuple[Section, ...]) -> State:
     """The state of a cascade that has seen nothing."""
-    return tuple(section.p * 0 for section in sections)
+    return ((0.0, 0.0),) * len(sections)
 
 
-def output(sections: tuple[Section, ...], state: tuple[complex, ...], u: float) -> float:
+def output(sections: tuple[Section, ...], state: State, u: float) -> float:
     """The cascade's output for the sample ``u``; its state stays as it is."""
-    for (_, _, r, d), q in zip(sections, state, strict=True):
-        u = (r * q).real + d * u
+    for (p, _, r, d), (a, b) in zip(sections, state, strict=True):
+        u = r.real * a - r.imag * b + d * u if p.imag else r.real * a + d * u
     return u
 
 
-def advance(sections: tuple[Section, ...], state: tuple[complex, ...], u: float) -> tuple[tuple[complex, ...], float]:
+def advance(sections: tuple[Section, ...], state: State, u: float) -> tuple[State, float]:
     """The state after the sample ``u``, and the output for it."""
     after = []
-    for (p, g, r, d), q in zip(sections, state, strict=True):
-        after.append(p * q + g * u)
-        u = (r * q).real + d * u
+    for (p, g, r, d), (a, b) in zip(sections, state, strict=True):
+        if p.imag:
+            after.append((p.real * a - p.imag * b + g * u, p.real * b + p.imag * a))
+            u = r.real * a - r.imag * b + d * u
+        else:
+            after.append((p.real * a + g * u, 0.0))
+            u = r.real * a + d * u
     return tuple(after), u

@@ -84,7 +84,7 @@ def direct_tick(
         F_s, delay = sample.F, None if late is None else law.delay + late
         held, mail = sample if delay == 0 else held, post(mail, sample, k, delay)
     f_m = held.F
-    if held.touching:
+    if held.touching and (law.K_LM or law.B_LM):
         f_m = f_m + law.K_LM * (x - held.x) + law.B_LM * (v_hat - held.v)
     return DirectMemory(held, mail), DirectTick(f_m, F_s, held.touching)
 

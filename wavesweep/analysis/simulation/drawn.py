@@ -1,10 +1,12 @@
 """Drawn loops run tick by tick, from their blocks alone: nothing is lifted, and no code of the lifting is used.
 
 For each set of blocks that run in a tick, the blocks are run once on unit states, unit held outputs and unit inputs, one after
-the other in the order in which they depend on each other. That gives the tick as a matrix, and a run is one product a tick.
+the other in the order in which they depend on each other. That gives the tick as a matrix, and a run is one product a tick,
+whose terms are multiplied and added one by one in a fixed order: the same on every processor, and in an exported controller.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +17,6 @@ from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
 
 CHECKED = 1024  # ticks after which a run is checked for numbers that mean nothing
-LARGE = 64  # numbers from which on a tick is a sparse matrix: a long delay has a state for every step
 SAME = 1e-9  # rad per frame: a sine this close to one that is its own image has one part
 
 
@@ -99,8 +100,8 @@ def own_image(angle: float) -> bool:
 def _run(drawn, inputs, signals, limits):
     """Rows of signals, `(ticks, signals)`, and the number of rows before the first that means nothing."""
     count = len(next(iter(inputs.values()))) if inputs else 0
-    kinds, sets = _kinds(drawn, count)
-    blocks = _Blocks(drawn, tuple(inputs), tuple(signals))
+    kinds, sets = kinds_of(drawn, count)
+    blocks = Blocks(drawn, tuple(inputs), tuple(signals))
     outside = np.stack(list(inputs.values()), axis=1) if inputs else np.zeros((0, 0))
     most = np.array([limits.get(name, np.inf) for name in signals])
     n, h = blocks.summed, len(blocks.direct) + len(blocks.holding)
@@ -111,9 +112,10 @@ def _run(drawn, inputs, signals, limits):
             for tick in range(first, last):
                 kind = kinds[tick % drawn.ticks]
                 if kind not in maps:
-                    maps[kind] = _fitting(blocks.tick(sets[kind]))
+                    maps[kind] = blocks.tick(sets[kind])
                 z[h:] = outside[tick]
-                found = maps[kind] @ z
+                each = maps[kind]
+                found = np.bincount(each.rows, each.factors * z[each.columns], each.count)  # sums from 0.0, in order
                 z[:n] += found[:n]
                 z[n:h] = found[n:h]
                 rows[tick] = found[h:]
@@ -123,25 +125,29 @@ def _run(drawn, inputs, signals, limits):
     return rows, count
 
 
-def _kinds(drawn, count):
-    """The number of the set of blocks that run in each tick of the frame, as far as it is needed, and the sets."""
+def kinds_of(drawn: Drawn, count: int) -> tuple[list[int], list[tuple[int, ...]]]:
+    """The number of the set of blocks that run in each tick of the frame, as far as `count` ticks need it, and the sets."""
     ticks = np.arange(min(count, drawn.ticks))
     masks = np.stack([np.isin(ticks % each.every, each.phase) for each in drawn.placed], axis=1)
     sets, which = np.unique(masks, axis=0, return_inverse=True)
     return which.reshape(-1).tolist(), [tuple(np.flatnonzero(row).tolist()) for row in sets]
 
 
-def _fitting(matrix):
-    """The matrix, sparse if it is large."""
-    if matrix.shape[1] <= LARGE:
-        return np.ascontiguousarray(matrix)
-    from scipy.sparse import csr_array
+class Tick(NamedTuple):
+    """The entries of a tick's matrix that are not zero, row by row: row, column and factor of each; and the number of rows."""
 
-    return csr_array(matrix)
+    rows: np.ndarray
+    columns: np.ndarray
+    factors: np.ndarray
+    count: int
 
 
-class _Blocks:
-    """The blocks of a drawing, run for many states at once: each number is a row over these."""
+class Blocks:
+    """The blocks of a drawing, run for many states at once: each number is a row over these.
+
+    `names`: of the columns, which are states, held outputs and inputs. `summed`: the number of states that are summed from
+    their changes, which come first; `direct`: whether a state gets a new value.
+    """
 
     def __init__(self, drawn, inputs, signals):
         self.drawn, self.blocks, self.signals, self.inputs = drawn, [each.block for each in drawn.placed], signals, inputs
@@ -153,8 +159,10 @@ class _Blocks:
         self.order_of_states = np.argsort(self.direct, kind="stable")
         self.summed = int((~self.direct).sum())
         self.width = len(self.direct) + len(self.holding) + len(inputs)
+        states = [f"{block.name}.{state}" for block in self.blocks for state in block.states]
+        self.names = [*(states[i] for i in self.order_of_states), *(f"{name}, held" for name in self.holding), *inputs]
 
-    def tick(self, running):
+    def tick(self, running: tuple[int, ...]) -> Tick:
         """The tick as a matrix from states, held outputs and inputs to states, held outputs and signals.
 
         Of the first states, the summed ones, it gives the changes.
@@ -171,7 +179,9 @@ class _Blocks:
             block, mask = self.blocks[i], np.split(self.direct, borders)[i]
             states[i] = (block.E + np.diag(mask)) @ self.now[i] + block.B @ self.read(block)
         rows = [self.values[name] for name in self.holding] + [self.value(name) for name in self.signals]
-        return np.concatenate([np.concatenate(states)[self.order_of_states], np.reshape(rows, (-1, self.width))])
+        matrix = np.concatenate([np.concatenate(states)[self.order_of_states], np.reshape(rows, (-1, self.width))])
+        places = np.nonzero(matrix)
+        return Tick(*places, matrix[places], len(matrix))
 
     def value(self, signal):
         """A signal, from outputs as they are now."""

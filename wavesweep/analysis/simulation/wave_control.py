@@ -19,7 +19,7 @@ from wavesweep.analysis.simulation.avatar import (
     pressed,
     touch,
 )
-from wavesweep.analysis.simulation.cascade import Section, advance, at_rest, butterworth, output
+from wavesweep.analysis.simulation.cascade import Section, State, advance, at_rest, butterworth, output
 from wavesweep.analysis.simulation.hardware import Mail, collect, post
 from wavesweep.errors import IllPosedLoopError
 
@@ -42,9 +42,9 @@ class WaveLaw(NamedTuple):
 class WaveMemory(NamedTuple):
     """Everything that a wave controller keeps from tick to tick."""
 
-    lp1: tuple[complex, ...]
-    hp: tuple[complex, ...]
-    lp2: tuple[complex, ...]
+    lp1: State
+    hp: State
+    lp2: State
     slow: Avatar  # after the last slow event
     held: Avatar  # the pair (v_1, x̄_s) that the fast loop reads
     local: Avatar

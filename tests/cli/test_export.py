@@ -1,0 +1,54 @@
+"""`export` writes the files of a controller, and never over others."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+FILES = ["controller.h", "controller.c", "check.c", "example.c", "vectors.csv", "Makefile"]
+SHORT = ("--set", "simulate.duration_s=0.05", "--set", "simulate.settle_s=0")
+
+
+def test_the_files_go_to_a_folder_of_the_specs_name(wavesweep, spec):
+    code, out, err = wavesweep("export", spec, *SHORT)
+    assert (code, out) == (0, "")
+    folder = Path("results/wall/c")
+    assert sorted(file.name for file in folder.iterdir()) == sorted(FILES)
+    assert "wall, pmw: vectors of 50 ticks; `make -C results/wall/c check` compares every bit" in err
+    assert "assumes: implicit integration of the wall, no delay, exact velocity" in err
+    assert f"Wrote results/wall/c/{', '.join(FILES)} in " in err
+    assert "from the spec wall, SHA-256" in (folder / "controller.h").read_text()
+
+
+def test_existing_files_are_replaced_only_with_force(wavesweep, spec, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "Makefile").write_text("all:\n")
+    code, _, err = wavesweep("export", spec, *SHORT, "--out", "mine")
+    assert (code, err) == (
+        2,
+        "Error: mine/Makefile: the file exists; expected another --out DIR, or --force to replace the files\n",
+    )
+    assert [file.name for file in (tmp_path / "mine").iterdir()] == ["Makefile"]
+    assert wavesweep("export", spec, *SHORT, "--out", "mine", "--force", "--quiet") == (0, "", "")
+    assert "check:" in (tmp_path / "mine" / "Makefile").read_text()
+
+
+def test_the_summary_as_json(wavesweep, spec):
+    code, out, err = wavesweep("export", spec, *SHORT, "--json", "--out", "mine")
+    summary = json.loads(out)
+    assert (code, err, summary["command"], summary["specs"], summary["ticks"]) == (0, "", "export", ["wall"], 50)
+    assert summary["files"] == [f"mine/{name}" for name in FILES]
+
+
+@pytest.mark.parametrize("settings", [(), ("--set", "simulate.wall=0.01", "--set", "controller.kind=dc-lm")])
+def test_the_vectors_are_the_rows_of_simulate(settings, wavesweep, spec):
+    from wavesweep import results
+
+    wavesweep("export", spec, *SHORT, *settings, "--out", "mine", "--quiet")
+    wavesweep("simulate", spec, *SHORT, *settings, "--out", "there", "--quiet", "--no-plot")
+    columns = results.read("there/simulate.parquet")
+    names, *rows = [line.split(",") for line in Path("mine/vectors.csv").read_text().splitlines()]
+    assert names[:5] == ["late", "x", "v", "f_m", "touching"]
+    assert len(rows) == 50
+    for place, name in enumerate(names[3:], 3):
+        assert [float.fromhex(row[place]) for row in rows] == columns[name].astype(float).tolist()

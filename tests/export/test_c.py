@@ -1,0 +1,177 @@
+"""The controller in C is that of the simulation to the last bit, for every controller, compiler and level of optimisation.
+
+WAVESWEEP_EXPORTS=200 runs so many random specs over 100,000 ticks each.
+"""
+
+import csv
+import os
+import re
+import shutil
+import subprocess
+from functools import lru_cache
+
+import numpy as np
+import pytest
+from support.exports import COMPILERS, LEVELS, made, present, put, random_tables, written
+from support.specs import KINDS, nested, values_of
+
+import wavesweep
+from wavesweep.analysis.simulation import Effects, simulate
+from wavesweep.errors import IllPosedLoopError, WavesweepError
+from wavesweep.export import exported
+
+MANY = int(os.environ.get("WAVESWEEP_EXPORTS", "0"))
+SEEDS, TICKS = (range(MANY), 100_000) if MANY else (range(8), 2000)
+CHANGES = (
+    {"delay": 3, "velocity": "difference", "lp1_order": 3},
+    {"Kp": 20.0, "integration": "trapezoidal", "lp1_order": 0, "local_model__delay": 0, "hp_order": 2},
+)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not shutil.which("make"), reason="no make"),
+]
+compilers = pytest.mark.parametrize("compiler", COMPILERS)
+
+
+def need(compiler):
+    """Skip the test if the compiler is not there."""
+    if compiler not in present():
+        pytest.skip(f"no {compiler}")
+
+
+@lru_cache(maxsize=1)
+def random_files(seed):
+    """The files of a random spec, computed once for all compilers."""
+    return exported(wavesweep.load(random_tables(seed, TICKS)))
+
+
+def experiment(kind, simulate=None, **changes):
+    """The tables of the paper's loop, softer, under noise."""
+    loop = {"K_VE": 100.0, "local_model__K_LM": 80.0, **changes}
+    return nested(values_of(kind, **loop)) | {"simulate": {"input": "noise", "duration_s": 1.5, **(simulate or {})}}
+
+
+@compilers
+@pytest.mark.parametrize("seed", SEEDS)
+def test_no_bit_of_a_random_controller_differs(seed, compiler, tmp_path):
+    need(compiler)
+    files = random_files(seed)
+    put(files, tmp_path)
+    ticks = files["vectors.csv"].count("\n") - 1
+    for level in LEVELS:
+        code, said = made(tmp_path, "check", compiler, level)
+        assert (code, said.splitlines()[-1].split(": ")[1:]) == (0, ["no bit differs"]), said
+        assert said.splitlines()[-1].startswith(f"{ticks} ticks, ")
+
+
+@compilers
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("changes", CHANGES)
+def test_no_bit_of_each_kind_differs_behind_a_surface_with_late_and_lost_results(kind, changes, compiler, tmp_path):
+    need(compiler)
+    effects = {"wall": 0.0, "late": 45, "dropped": 0.1, "amplitude": 5.0, "seed": 0}
+    files = written(experiment(kind, effects, **changes), tmp_path)
+    rows = list(csv.DictReader(files["vectors.csv"].splitlines()))
+    assert {row["touching"] for row in rows} == {(0.0).hex(), (1.0).hex()}
+    assert {"-1", "0"} < {row["late"] for row in rows}
+    code, said = made(tmp_path, "check", compiler, "-O2")
+    assert (code, said[-16:]) == (0, " no bit differs\n"), said
+
+
+@pytest.mark.parametrize("column", ["f_m", "u_s", "F_s"])
+def test_the_check_sees_one_bit(column, tmp_path):
+    need("gcc")
+    files = written(experiment("pmw", delay=3), tmp_path)
+    lines = files["vectors.csv"].splitlines()
+    names, row = lines[0].split(","), lines[100].split(",")
+    place = names.index(column)
+    row[place] = float(np.nextafter(float.fromhex(row[place]), np.inf)).hex()
+    (tmp_path / "vectors.csv").write_text("\n".join([*lines[:100], ",".join(row), *lines[101:], ""]))
+    code, said = made(tmp_path, "check", "gcc", "-O1")
+    assert code == 2  # of make
+    assert re.search(r"^\d+ ticks, 9 signals each: \d+ numbers differ$", said, re.MULTILINE)
+
+
+@pytest.mark.parametrize(("kind", "changes"), [(kind, changes) for kind in KINDS for changes in CHANGES])
+def test_the_host_closes_the_loop_as_the_simulation_does(kind, changes, tmp_path):
+    need("gcc")
+    tables = experiment(kind, **changes)
+    written(tables, tmp_path)
+    code, said = made(tmp_path, "example", "gcc", "-O2")
+    rows = list(csv.DictReader(said.splitlines()))
+    assert (code, len(rows)) == (0, 2000)
+    seen = simulate(wavesweep.load(tables).values, np.ones(2000), Effects()).signals
+    for name in ("x", "v", "f_m"):
+        assert np.array_equal([float(row[name]) for row in rows], seen[name])
+
+
+def test_the_controller_needs_no_library(tmp_path):
+    need("gcc")
+    for kind in KINDS:
+        written(experiment(kind, local_model__delay=0, lp1_order=12), tmp_path)
+        subprocess.run([shutil.which("gcc"), "-std=c99", "-O2", "-c", "controller.c"], cwd=tmp_path, check=True)
+        found = subprocess.run(
+            [shutil.which("nm"), "-u", "controller.o"], cwd=tmp_path, capture_output=True, text=True, check=True
+        )
+        assert set(found.stdout.split()) - {"U", "memset", "memcpy"} == set()
+
+
+@pytest.mark.parametrize("flags", [["-ffast-math"], ["-mfma"], ["-mavx512f", "-mno-fma"], ["-m32", "-mfpmath=387"]])
+def test_a_build_with_other_arithmetic_is_refused(flags, tmp_path):
+    need("gcc")
+    if not flags[0].startswith("-ff") and "x86_64" not in os.uname().machine:
+        pytest.skip("flags of another processor")
+    written(experiment("pmw"), tmp_path)
+    words = [shutil.which("gcc"), "-std=c99", "-fsyntax-only", "-ffreestanding", *flags, "controller.c"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "compile controller.c with" in done.stderr
+
+
+@compilers
+def test_the_way_out_that_the_refusal_names_is_one(compiler, tmp_path):
+    need(compiler)
+    if "x86_64" not in os.uname().machine:
+        pytest.skip("flags of another processor")
+    files = written(experiment("pmw-lm", local_model__delay=0, lp1_order=4), tmp_path)
+    flags = re.search(r"controller\.c with (-mno-fma .*?)\. On a", files["controller.c"])[1].split()
+    code, said = made(tmp_path, "check", compiler, "-O2", "-march=native", *flags)
+    assert (code, said[-16:]) == (0, " no bit differs\n"), said
+
+
+def test_a_wall_without_a_solution_leaves_the_wave_loop_open(tmp_path):
+    """One that the host sets: its damper returns each wave as its own negative."""
+    need("gcc")
+    written(experiment("pmw", lp1_order=0), tmp_path)
+    program = (
+        '#include <stdio.h>\n#include "controller.h"\nint main(void) { ws_state s; double f; ws_init(&s, 0.0);\n'
+        's.wall.B_VE = 1e300; f = ws_fast_tick(&s, 0.0, 0.1); printf("%.17g %d\\n", f, s.ill_posed); return 0; }\n'
+    )
+    (tmp_path / "example.c").write_text(program)
+    assert made(tmp_path, "example", "gcc", "-O2") == (0, "2.5 1\n")  # b v, as if nothing came back
+
+
+def test_the_header_is_one_of_cpp_too(tmp_path):
+    if not shutil.which("g++"):
+        pytest.skip("no g++")
+    written(experiment("pmw"), tmp_path)
+    (tmp_path / "host.cpp").write_text('#include "controller.h"\nint main() { ws_state s; ws_init(&s, 0.0); }\n')
+    for words in (["gcc", "-std=c99", "-c", "controller.c"], ["g++", "host.cpp", "controller.o", "-o", "host"], ["./host"]):
+        subprocess.run(words, cwd=tmp_path, check=True)
+
+
+def test_constants_are_exact_and_the_state_is_one_struct():
+    files = exported(wavesweep.load(experiment("pmw-lm", b=0.1)))
+    assert f"b = {(0.1).hex()};" in files["controller.c"]
+    assert "malloc" not in files["controller.c"]
+    assert "static double" in files["controller.c"]
+    assert not re.search(r"^static (?!const|inline)[^(]*;", files["controller.c"], re.MULTILINE)
+
+
+def test_no_file_of_a_spec_that_cannot_be_exported():
+    with pytest.raises(WavesweepError, match="divided by a whole number"):
+        exported(wavesweep.load({"controller": {"kind": "pmw"}, "rates": {"slow_hz": 60.0}}))
+    orders = {f"{name}_order": 0 for name in ("lp1", "hp", "lp2")}
+    ill = values_of("pmw-lm", local_model__delay=0, local_model__integration="explicit", local_model__B_LM=1e300, **orders)
+    with pytest.raises(IllPosedLoopError):
+        exported(wavesweep.load(nested(ill)))

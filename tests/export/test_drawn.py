@@ -1,0 +1,108 @@
+"""The controller of a drawn loop in C: its blocks without the device, to the last bit."""
+
+import csv
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.exports import COMPILERS, LEVELS, made, present, written
+
+import wavesweep
+from wavesweep.errors import UsageError
+from wavesweep.export import exported
+from wavesweep.export.drawn import _identifiers
+from wavesweep.sweep.simulation_table import simulation_of
+
+RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
+NAMES = ("policy", "long-delay", "teleoperation", "wheel", "hybrid-test", "controllers/pmw-lm", "controllers/dc-lm")
+ARM = """
+[rates]
+tick_hz = 1000
+[block.hand]
+type = "mass"
+mass = 0.2
+damping = 1.0
+[block.arm]
+type = "mass"
+mass = 0.5
+damping = 3.0
+[block.felt]
+type = "hold"
+every = 4
+[block.sum]
+type = "integrator"
+every = 2
+phase = 1
+[wire]
+"felt.u" = "push - 2*hand.v"
+"sum.u" = "arm.x - 0.1*felt.y"
+"hand.f" = "push - 30*(hand.x - arm.x)"
+"arm.f" = "30*(hand.x - arm.x) - 40*arm.x - 0.5*sum.y"
+[ports]
+hand = { force = "push", displacement = "hand.x" }
+[simulate]
+input = "noise"
+duration_s = 1
+"""
+pytestmark = pytest.mark.slow
+
+
+def recipe(name):
+    """The tables of a recipe, with a short run of noise."""
+    tables = tomllib.loads((RECIPES / f"{name}.toml").read_text(encoding="utf-8"))
+    return tables | {"simulate": {"input": "noise", "duration_s": 0.5}}
+
+
+@pytest.mark.parametrize("compiler", COMPILERS)
+@pytest.mark.parametrize("name", ["arm", *NAMES])
+def test_no_bit_differs(name, compiler, tmp_path):
+    if compiler not in present():
+        pytest.skip(f"no {compiler}")
+    files = written(tomllib.loads(ARM) if name == "arm" else recipe(name), tmp_path)
+    rows = files["vectors.csv"].count("\n") - 1
+    assert rows > 200
+    for level in LEVELS:
+        code, said = made(tmp_path, "check", compiler, level)
+        assert (code, said.split(" signals")[0][:-2], said[-16:]) == (0, f"{rows} ticks,", " no bit differs\n"), said
+
+
+@pytest.mark.parametrize("name", ["arm", "policy", "controllers/pmw-lm"])
+def test_the_host_closes_the_loop_as_the_simulation_does(name, tmp_path):
+    """Blocks and device are one matrix there, and two programs here: rounding remains."""
+    if "gcc" not in present():
+        pytest.skip("no gcc")
+    tables = tomllib.loads(ARM) if name == "arm" else recipe(name)
+    written(tables, tmp_path)
+    code, said = made(tmp_path, "example", "gcc", "-O2")
+    rows = list(csv.DictReader(said.splitlines()))
+    assert (code, len(rows)) == (0, 2000)
+    seen = simulation_of(wavesweep.load(tables), np.ones(2000)).signals["v"]
+    place = {"arm": "hand_v", "policy": "joint_v", "controllers/pmw-lm": "device_v"}[name]
+    assert [float(row[place]) for row in rows] == pytest.approx(seen, rel=1e-9, abs=1e-11 * np.abs(seen).max())
+
+
+def test_the_controller_reads_the_device_and_the_force_that_it_feels():
+    files = exported(wavesweep.load(tomllib.loads(ARM)))
+    assert files["vectors.csv"].split("\n", 1)[0] == "tick,hand_x,hand_v,arm_x,push,hand_f,arm_f"
+    assert "The device is the host's: hand, arm." in files["controller.h"]
+
+
+def test_a_loop_without_a_controller_is_refused():
+    tables = tomllib.loads(ARM)
+    tables["block"] = {name: tables["block"][name] for name in ("hand", "arm")}
+    tables["wire"] = {"hand.f": "push - 30*(hand.x - arm.x)", "arm.f": "30*(hand.x - arm.x) - 40*arm.x"}
+    with pytest.raises(UsageError, match=r"expected a device .* and further blocks, found nothing else"):
+        exported(wavesweep.load(tables))
+
+
+def test_a_device_that_responds_within_the_tick_is_refused():
+    tables = tomllib.loads(ARM)
+    tables["block"]["lead"] = {"type": "tf", "num": [1.0, 1.0], "den": [1.0, 100.0]}
+    tables["wire"] |= {"lead.u": "arm.v", "arm.f": "-40*arm.x - lead.y - 0.5*sum.y"}
+    with pytest.raises(UsageError, match=r"found block\.lead with direct terms"):
+        exported(wavesweep.load(tables))
+
+
+def test_two_ports_never_share_a_name_in_c():
+    assert _identifiers(["a_b.c", "a.b_c", "0.x"]) == {"a_b.c": "a_b_c", "a.b_c": "a_b_c_2", "0.x": "_0_x"}

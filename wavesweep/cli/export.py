@@ -1,0 +1,66 @@
+"""`wavesweep export`."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import click
+
+from wavesweep.cli.options import as_json, debug, override, quiet
+from wavesweep.errors import UsageError
+
+
+@click.command("export")
+@click.argument("spec")
+@click.option("--to", type=click.Choice(["c"]), default="c", show_default=True, help="Language: c is C99.")
+@click.option("--out", metavar="DIR", help="Folder for the files [default: results/<spec's name>/c].")
+@click.option("--force", is_flag=True, help="Replace existing files.")
+@override
+@as_json
+@quiet
+@debug
+def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[str, ...], **switches: bool) -> None:
+    """Write the controller as C, with test vectors: what was analysed is what runs.
+
+    SPEC is a TOML file. controller.h and controller.c have the controller with its state in one struct, without allocation and
+    without a mathematical library; each operation is that of simulate, so all numbers are the same to the last bit. The device
+    and the wall are the host's: example.c shows a host. vectors.csv has the experiment of the spec's [simulate] table, and make
+    check compiles the controller, runs the vectors and compares every bit.
+
+    If one of the files exists, they are replaced only with --force.
+
+    \b
+    Example:
+      wavesweep export sweeps/paper/fig4.toml --to c --out controller
+    """
+    from wavesweep import spec as specs
+    from wavesweep.cli.output import say, show_json, write_whole
+    from wavesweep.export import exported
+    from wavesweep.sweep.assumptions import assumes
+
+    started = time.perf_counter()
+    loaded = specs.load(spec, overrides)
+    folder = Path(out or Path("results", loaded.name, to))
+    found = exported(loaded)
+    paths = [folder / name for name in found]
+    _refuse_existing(paths, force)
+    folder.mkdir(parents=True, exist_ok=True)
+    for path, text in zip(paths, found.values(), strict=True):
+        write_whole(path, text)
+    seconds, ticks = time.perf_counter() - started, found["vectors.csv"].count("\n") - 1
+    if switches["as_json"]:
+        facts = {"specs": [loaded.name], "spec_sha256": loaded.as_simulated().sha256, "assumes": assumes(loaded)}
+        files = [str(path) for path in paths]
+        show_json({"command": "export", **facts, "ticks": ticks, "files": files, "seconds": round(seconds, 3)})
+    elif not switches["quiet"]:
+        say(f"{loaded.name}, {loaded.kind}: vectors of {ticks} ticks; `make -C {folder} check` compares every bit")
+        for line in filter(None, [assumes(loaded)]):
+            say(f"assumes: {line}")
+        say(f"Wrote {', '.join([str(paths[0]), *(path.name for path in paths[1:])])} in {seconds:.2f} s")
+
+
+def _refuse_existing(paths: list[Path], force: bool) -> None:
+    existing = [path for path in paths if path.exists()]
+    if existing and not force:
+        raise UsageError(f"{existing[0]}: the file exists; expected another --out DIR, or --force to replace the files")

@@ -1,0 +1,5 @@
+"""The controller of a spec as C, with vectors of `simulate` that prove that it is the same controller."""
+
+from wavesweep.export.source import exported
+
+__all__ = ["exported"]

@@ -1,0 +1,31 @@
+/* A host: the controller in a loop with a simulated device, pushed with 1 N from rest for 2 s. Prints a table.
+ *
+ * On a real device the lines that move it are gone: `in` comes from the sensors, and `out` goes to the motors.
+ */
+#include <stdio.h>
+
+#include "controller.h"
+
+int main(void)
+{
+    static ws_state s;
+    double q[$size] = {0.0}, dq[$size], u[$forces];
+    const double hand = 1.0;
+    long tick;
+    int i;
+    ws_init(&s);
+    printf("time_s,$header\n");
+    for (tick = 0; tick < (long)(2 * WS_FAST_HZ); tick++) {
+        ws_inputs in;
+        ws_outputs out;
+$sensed
+        out = ws_fast_tick(&s, in);
+        printf("%.17g$formats\n", (double)tick * WS_T, $printed);
+        /* the device, exact for inputs held over the tick: its states change by dq */
+$pushed
+$moved
+        for (i = 0; i < $size; i++)
+            q[i] += dq[i];
+    }
+    return 0;
+}
