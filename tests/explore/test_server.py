@@ -153,10 +153,19 @@ def test_numbers_that_are_not_finite_are_null():
 SPEC = 'controller.kind = "pmw"\n'
 
 
+# Whoever runs the tests may have switched Ctrl-C off for its children.
+PROGRAM = """
+import signal, sys
+from wavesweep.cli import main
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.exit(main())
+"""
+
+
 def started(tmp_path, *options):
     """The command in a process of its own, and its address."""
     (tmp_path / "mine.toml").write_text(SPEC)
-    command = [sys.executable, "-m", "wavesweep", "explore", "mine.toml", "--no-browser", *options]
+    command = [sys.executable, "-c", PROGRAM, "explore", "mine.toml", "--no-browser", *options]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
     address = process.stderr.readline().split()[0]
     port, token = re.fullmatch(r"http://127\.0\.0\.1:(\d+)/([\w-]+)/", address).groups()
