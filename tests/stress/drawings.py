@@ -12,7 +12,7 @@ import numpy as np
 from support.drawn import random_tables
 
 import wavesweep
-from wavesweep.analysis.simulation.drawn import _Blocks, _kinds
+from wavesweep.analysis.simulation.drawn import Blocks, kinds_of
 from wavesweep.diagram.assembly import assembled
 
 SPANS = {"k": (0, 300), "d": (-2, 400), "k0": (0, 3000), "g": (0.05, 2), "m0": (0.01, 3)}
@@ -33,12 +33,13 @@ class Tally:
 
 def monodromy(drawn):
     """The map of states and held outputs over a frame, from runs of the blocks on unit states."""
-    kinds, sets = _kinds(drawn, drawn.ticks)
-    blocks = _Blocks(drawn, (), ())
+    kinds, sets = kinds_of(drawn, drawn.ticks)
+    blocks = Blocks(drawn, (), ())
     n, size = blocks.summed, blocks.width
     steps = []
     for running in sets:
-        step = blocks.tick(running)
+        tick, step = blocks.tick(running), np.zeros((size, size))
+        step[tick.rows, tick.columns] = tick.factors
         step[:n, :n] += np.eye(n)
         steps.append(step)
     whole = np.eye(size)

@@ -128,7 +128,9 @@ def design(
         best = alive if best is None else best.joined(alive)
         best = best.take(undominated(best))
     if not (best.violation == 0).any():
-        raise WavesweepError(miss(spec, run.everything(), job.scenarios))
+        said = miss(spec, run.everything(), job.scenarios)
+        run.forget()  # nothing of it is left to be done
+        raise WavesweepError(said)
     front = survivors(best, FRONT)
     front = front.take(np.lexsort(front.objectives.T[::-1]))
     job.genes[settings["generations"]] = front.genes
