@@ -107,6 +107,7 @@ def test_every_type_of_block_stands_in_the_readme_with_its_keys_and_ports():
         )
 
 
+@pytest.mark.slow
 def test_the_drawn_loop_of_the_readme_is_a_recipe_with_its_limits():
     text = section("Draw your own loop")
     tables = tomllib.loads(re.search(r"```toml\n(.*?)```", text, re.DOTALL).group(1))

@@ -91,6 +91,7 @@ def test_help_loads_no_command():
     assert loaded & {"wavesweep.cli.zwidth", "wavesweep.spec", "wavesweep.sweep"} == set()
 
 
+@pytest.mark.slow
 def test_writing_a_table_loads_no_pandas(tmp_path):
     program = (
         "import numpy as np\nfrom wavesweep import results\nfrom wavesweep.sweep import Table\n"
@@ -104,6 +105,7 @@ def test_writing_a_table_loads_no_pandas(tmp_path):
     assert loaded & {"pandas", "scipy", "matplotlib", "control", "joblib", "pyarrow.compute", "importlib.metadata"} == set()
 
 
+@pytest.mark.slow
 def test_check_without_a_picture_loads_no_matplotlib(tmp_path):
     spec = tmp_path / "wall.toml"
     spec.write_text('[controller]\nkind = "dc"\n')
@@ -112,6 +114,7 @@ def test_check_without_a_picture_loads_no_matplotlib(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_a_small_run_without_a_figure_needs_numpy_click_and_parquet_only(tmp_path):
     spec = tmp_path / "wall.toml"
     spec.write_text('[controller]\nkind = "pmw"\n[sweep]\nK_VE = { start = 0, stop = 2000 }\nB_VE = [0.5, 1.0]\n')

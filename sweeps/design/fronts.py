@@ -16,7 +16,7 @@ NAMES = {
     "plain": "plain waves",
     "gains": "local model, gains alone",
     "front": "gains and filters",
-    "passive": "the same with a passive channel",
+    "passive": "plain waves, passive channel",
     "free": "gains and filters, no hand",
 }
 LOOKS = ("o-", "s-", "D-", "^--", "v:")

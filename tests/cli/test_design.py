@@ -68,6 +68,7 @@ def test_the_front_is_that_of_the_other_commands(run):
         assert tomllib.loads((results / name).read_text())["controller"]["b"] == rows["b"][row]
 
 
+@pytest.mark.slow
 def test_the_figure_can_be_drawn_again(run, tmp_path):
     assert run()[0] == 0
     assert (tmp_path / "results/mine/design.png").stat().st_size > 10_000
@@ -136,6 +137,7 @@ def test_all_bounds_give_the_design_that_keeps_them_best(run):
     assert margins[0] == margins.max() > 0
 
 
+@pytest.mark.slow
 def test_the_library_has_the_same_table(run, tmp_path):
     assert run("--no-plot")[0] == 0
     table = wavesweep.design(tmp_path / "mine.toml")

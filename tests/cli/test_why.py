@@ -36,6 +36,7 @@ def test_the_columns_are_those_of_the_schema():
     assert tuple(field.name for field in TABLES["why"]) == COLUMNS
 
 
+@pytest.mark.slow
 def test_every_end_has_its_rows_its_words_and_its_files(wavesweep, hole, tmp_path):
     code, out, err = wavesweep("why", hole)
     assert (code, out) == (0, "")

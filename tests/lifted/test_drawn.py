@@ -106,6 +106,7 @@ def built_in(changes):
     return wavesweep.compile(nested(values_of("pmw", **({"integration": "explicit"} | changes))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", WAVES)
 def test_waves_written_as_blocks_are_the_built_in_loop(changes):
     """Its walls exactly, its radius, its response and its port."""

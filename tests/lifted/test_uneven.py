@@ -41,6 +41,7 @@ def test_rates_that_divide_give_the_loop_of_the_lifting(kind, delay, velocity):
     assert radius(spec) == pytest.approx(float(own), rel=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", CONTROLLERS)
 def test_all_answers_are_those_of_the_lifting_where_rates_divide(kind, monkeypatch):
     spec = spec_of(kind, environment={"integration": "explicit", "delay": 3}, operator={"damping": 0.4})
@@ -98,6 +99,7 @@ def avatar(u, s, values, step):
     return u - np.sqrt(2 / b) * (K * s + B * velocity), s + step * velocity
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dc-slow", "pmw"])
 @pytest.mark.parametrize(
     ("slow_hz", "delay"), [(60.0, 0), (60.0, 1), (60.0, 15), (60.0, 16), (400.0, 0), (300.0, 2), (61.538, 15)]

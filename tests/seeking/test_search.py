@@ -20,12 +20,14 @@ def last(judge, genes=8, population=80, count=100, seed=0):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("number", "area"), [(1, 1.21 - 1 / 3), (2, 1.21 - 2 / 3)])
 def test_published_fronts_are_found(number, area):
     found = last(lambda _, x: Judged(x, zdt(number, x), np.zeros(len(x))))
     assert 0.97 * area < hypervolume(found.objectives, np.array([1.1, 1.1])) <= area
 
 
+@pytest.mark.slow
 def test_a_constraint_is_kept_and_its_edge_is_found():
     """The least x + y with x y >= 1/4 is 1, at x = y = 1/2."""
 

@@ -36,6 +36,7 @@ def loops(spec, number):
     return [wavesweep.compile(spec.with_values(own | dict(each.values))) for each in scenarios_of(spec.design)]
 
 
+@pytest.mark.slow
 def test_the_stiffest_wall_and_what_is_felt_are_the_least_of_all_intervals():
     spec = load(TABLES)
     found = values_of(spec)
@@ -51,6 +52,7 @@ def test_the_stiffest_wall_and_what_is_felt_are_the_least_of_all_intervals():
     assert found["channel"].value[[0, 1]] == pytest.approx(norms, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_transparency_is_the_distance_from_direct_coupling():
     spec = wishes(transparency={"band_hz": [0.1, 10], "walls": [100, 200]})
     found = values_of(spec)["transparency"]
@@ -73,6 +75,7 @@ def test_transparency_is_the_distance_from_direct_coupling():
     assert np.isfinite(found.value).any()
 
 
+@pytest.mark.slow
 def test_margins_of_port_damping_and_delay_are_those_of_each_loop():
     spec = wishes(port={}, damping_ratio={"walls": [100]}, delay_margin={"at_least": 1, "walls": [100]})
     found = values_of(spec)
@@ -91,6 +94,7 @@ def test_margins_of_port_damping_and_delay_are_those_of_each_loop():
         assert found["delay_margin"].value[number] == min(margins)
 
 
+@pytest.mark.slow
 def test_a_number_that_follows_the_wall_follows_it_at_every_stiffness():
     """With K_LM twice K_VE, a wall just below the limit is stable, and one just above it is not."""
     tables = TABLES["design"] | {"for_all": {"K_LM/K_VE": [2.0]}, "wish": {"z_width": {"B_VE": [1]}}}

@@ -103,6 +103,7 @@ CHANGES = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("changes", CHANGES)
 def test_a_controller_written_as_blocks_is_the_built_in_one(kind, changes):
@@ -210,6 +211,7 @@ def bytes_of(job, workers=None, folder=None):
     return {name: column.tobytes() if column.dtype.kind != "O" else column.tolist() for name, column in table.items()}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", SWEEPS)
 def test_results_do_not_depend_on_the_cuts(text, tmp_path):
     job = job_of(load(tomllib.loads(text)))
@@ -321,6 +323,7 @@ def test_what_needs_a_controller_is_refused_in_a_sentence():
         wavesweep.zwidth(tomllib.loads(WALL), hand="passive")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("changes", [{}, {"environment.delay": 7, "device.velocity": "difference"}])
 def test_a_controller_written_as_blocks_runs_as_its_own_law(kind, changes):
@@ -390,6 +393,7 @@ def test_random_drawings_have_the_intervals_of_a_scan(seed):
         assert not (wrong.any() and table.certified.all())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gain", "certified"), [("(kd - 4)**2 - 1", False), ("(kd - 4)**2 - 0.9999", True)])
 def test_a_range_is_searched_on_both_sides_of_a_loop_of_direct_terms_without_a_solution(gain, certified):
     """The spring is kp/(1 + gain): with kp = 100 stable up to 6000, so to 1/60 of the gain's distance from -1."""

@@ -38,6 +38,7 @@ def test_whole_numbers_and_the_slow_rate_may_be_swept_in_one_spec_only():
     assert np.isnan(columns["rates.slow_hz"].iloc[3])
 
 
+@pytest.mark.slow
 def test_chunks_hold_whole_curves_and_a_checkpoint_gives_the_same_bits(tmp_path, same, monkeypatch):
     bode = {"frequency_hz": [0.0, 1.0, 10.0], "K_VE": [0.0, 100.0], "K_LM": [1.0, 2.0], "b": [10.0, 20.0, 40.0]}
     spec = wavesweep.load({"controller": {"kind": "pmw"}, "bode": bode})

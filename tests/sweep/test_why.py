@@ -197,6 +197,7 @@ def test_zero_numbers_have_no_effect_and_no_slope_and_whole_ones_are_named():
     assert set(table.unit) == {"N/m"}
 
 
+@pytest.mark.slow
 def test_rows_of_a_product_are_those_of_each_combination_to_the_bit():
     loop = wavesweep.compile(nested(values_of("pmw-lm", integration="explicit", delay=3)))
     axes = {"B_VE": [0.0, 0.5, 3.0], "Kp": [0.0, 20.0], "environment.delay": [0, 3]}
