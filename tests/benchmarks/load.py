@@ -1,6 +1,6 @@
 """Load of large sweeps: time, memory of the run and of its workers, disk at its peak, time to write and to draw.
 
-    python tests/benchmarks/load.py 1 4        # millions of slices, one run after the other; 10 takes 5 minutes on 2 cores
+    python tests/benchmarks/load.py 1 4        # millions of slices, one run after the other; 10 takes about 80 s on 2 cores
 
 It runs `wavesweep zwidth` as a user does, in a temporary folder, and looks at /proc and at the folder ten times a second.
 """
