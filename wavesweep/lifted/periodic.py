@@ -340,13 +340,8 @@ def _shown_of_leads(c, drift):
 def _read_after(E, C, names):
     """Indices of the states without the held outputs that nothing reads any more, once the frame has begun."""
     moves, shown = (np.any(part != 0, axis=tuple(range(part.ndim - 2))) for part in (E, C))
+    held = [name.endswith(" held") for name in names]
     kept = list(range(len(names)))
-    while True:
-        idle = [
-            i
-            for i in kept
-            if names[i].endswith(" held") and not shown[:, i].any() and not any(moves[j, i] for j in kept if j != i)
-        ]
-        if not idle:
-            return kept
+    while idle := [i for i in kept if held[i] and not shown[:, i].any() and not any(moves[j, i] for j in kept if j != i)]:
         kept = [i for i in kept if i not in idle]
+    return kept
