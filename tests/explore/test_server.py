@@ -11,6 +11,7 @@ import threading
 import time
 
 import pytest
+from support.program import PROGRAM
 
 from wavesweep.explore.server import GRACE, LARGEST, Server, as_json
 
@@ -151,15 +152,6 @@ def test_numbers_that_are_not_finite_are_null():
 
 
 SPEC = 'controller.kind = "pmw"\n'
-
-
-# Whoever runs the tests may have switched Ctrl-C off for its children.
-PROGRAM = """
-import signal, sys
-from wavesweep.cli import main
-signal.signal(signal.SIGINT, signal.default_int_handler)
-sys.exit(main())
-"""
 
 
 def started(tmp_path, *options):

@@ -15,17 +15,6 @@ from wavesweep.spec.block_types import TYPES as BLOCKS
 from wavesweep.spec.keys import DEVICE_EFFECTS
 
 
-@pytest.fixture
-def write(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    def write(text):
-        (tmp_path / "a.toml").write_text(text, encoding="utf-8")
-        return "a.toml"
-
-    return write
-
-
 def changed(text, *changes):
     for old, new in changes:
         assert old in text

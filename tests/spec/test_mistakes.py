@@ -17,17 +17,6 @@ def mistakes(source, *overrides):
     return str(error.value).splitlines()
 
 
-@pytest.fixture
-def write(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    def write(text):
-        (tmp_path / "a.toml").write_text(text, encoding="utf-8")
-        return "a.toml"
-
-    return write
-
-
 @pytest.mark.parametrize(
     ("text", "line"),
     [

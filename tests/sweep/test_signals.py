@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.program import PROGRAM
 
 from wavesweep.sweep.workers import BACKENDS, EXTRAS
 
@@ -30,14 +31,6 @@ kind = "pmw"
 K_VE = { start = 0, stop = 20000 }
 b = { start = 5, stop = 100, num = 500 }
 B_VE = { start = 0, stop = 15, num = 241 }
-"""
-# Whoever runs the tests may have switched Ctrl-C off for its children.
-PROGRAM = """
-import signal, sys
-from wavesweep.cli import main
-signal.signal(signal.SIGINT, signal.default_int_handler)
-signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests may run under nohup
-sys.exit(main())
 """
 SECONDS = 5  # in which everything has to end
 STOPPED = {signal.SIGINT: "Interrupted.", signal.SIGTERM: "Terminated.", signal.SIGHUP: "Hung up."}

@@ -12,6 +12,7 @@ import time
 
 import numpy as np
 import pytest
+from support.program import PROGRAM
 
 from wavesweep.sweep import workers
 
@@ -27,13 +28,6 @@ kind = "pmw"
 K_VE = { start = 0, stop = 20000 }
 b = { start = 5, stop = 100, num = 500 }
 B_VE = { start = 0, stop = 15, num = 81 }
-"""
-# Whoever runs the tests may have switched Ctrl-C off for its children.
-PROGRAM = """
-import signal, sys
-from wavesweep.cli import main
-signal.signal(signal.SIGINT, signal.default_int_handler)
-sys.exit(main())
 """
 FILES = ("zwidth.csv", "zwidth.parquet")
 
