@@ -10,6 +10,7 @@ from wavesweep.analysis.intervals import stable_along_any, stable_intervals
 from wavesweep.analysis.passivity.drawn import drawn_port_margin
 from wavesweep.analysis.response.drawn import Ports, port_of, respond_port
 from wavesweep.diagram import blocks
+from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.errors import UsageError
 from wavesweep.lifted.periodic import closed_frame, cut_at_number, drift_of_drawn, frame_of, in_a_row, then, ticks_of
@@ -163,3 +164,14 @@ def test_a_frame_that_is_too_long_is_refused():
 def test_a_position_that_nothing_reads_is_no_limit():
     """Velocity feedback on a free mass: kd < 2 m/T, its position drifts."""
     assert along_any(lambda p: pd(0.0, p), (1, 2000)) == ([(1, pytest.approx(400, rel=1e-9))], True)
+
+
+@pytest.mark.parametrize("state", ["x", "y held"])
+def test_the_name_of_a_state_that_nothing_reads_does_not_take_it_out(state):
+    none = np.zeros((1, 0))
+    grows = Block("own", (), ("y",), (state,), np.array([[0.5]]), none, np.zeros((1, 1)), none)
+    placed = (Placed(blocks.mass("m", T, 0.2)), Placed(grows))
+    loops = [Drawn(T, placed, {"m.f": {"m.x": -kp, "m.v": -3.0}}) for kp in (100.0, 101.0)]
+    cut = cut_at_number(Drawn(T, placed, {"m.f": {"m.v": -3.0, "w": 1.0}}, ("w",)), drift_of_drawn(*loops), "w", "m.x")
+    assert cut.states == ("m.v", "m.x", f"own.{state}")
+    assert wavesweep.compile(loops[0]).spectral_radius() == pytest.approx(1.5, rel=1e-12)

@@ -324,7 +324,7 @@ def _cut(E, B, c, d, drift, period, condition):
     v, dv = (c[..., 1:, :], d[..., 1:, :]) if c.shape[-2] > 1 else (0 * c, 0 * d)
     C = np.concatenate(np.broadcast_arrays(v, advance, c[..., :1, :]), axis=-2)
     D = np.concatenate(np.broadcast_arrays(dv, step, d[..., :1, :]), axis=-2)
-    read = _read_after(E, C, [drift.states[i] for i in kept])
+    read = _read_after(E, C)
     E, B, C, kept = E[..., read, :][..., read], B[..., read, :], C[..., read], [kept[i] for i in read]
     names = tuple(drift.states[i] for i in kept)
     left = tuple(drift.states[i] for i in leads)
@@ -337,11 +337,11 @@ def _shown_of_leads(c, drift):
     return np.stack(parts, axis=-1) if parts else np.zeros((*c.shape[:-1], 0))
 
 
-def _read_after(E, C, names):
-    """Indices of the states without the held outputs that nothing reads any more, once the frame has begun."""
+def _read_after(E, C):
+    """Indices of the states without those that every frame overwrites, as held outputs, and that nothing reads."""
     moves, shown = (np.any(part != 0, axis=tuple(range(part.ndim - 2))) for part in (E, C))
-    held = [name.endswith(" held") for name in names]
-    kept = list(range(len(names)))
-    while idle := [i for i in kept if held[i] and not shown[:, i].any() and not any(moves[j, i] for j in kept if j != i)]:
+    over = np.all(E.diagonal(axis1=-2, axis2=-1) == -1, axis=tuple(range(E.ndim - 2)))
+    kept = list(range(len(over)))
+    while idle := [i for i in kept if over[i] and not shown[:, i].any() and not any(moves[j, i] for j in kept if j != i)]:
         kept = [i for i in kept if i not in idle]
     return kept
