@@ -10,10 +10,11 @@ WORST_CONDITION = 1e12  # beyond it a closed loop keeps fewer than 4 digits, whi
 ROUNDING = 8 * np.finfo(float).eps  # of the terms of a sum, what is left of it when it should be zero
 
 
-def connect(name: str, blocks, sums, inputs, outputs) -> Block:
+def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Block:
     """Close every junction among `blocks` and return one block from the signals `inputs` to the signals `outputs`.
 
     blocks: `Block`s of one rate. sums: signal -> {source signal: gain}. inputs: external signals. outputs: any signals.
+    terms: whether the block has the sizes of the terms of its entries' sums (see `Block`).
     Raises IllPosedLoopError where the algebraic loop through the direct terms is singular to working precision.
     """
     tracer = _Tracer(blocks, sums, inputs)
@@ -40,7 +41,7 @@ def connect(name: str, blocks, sums, inputs, outputs) -> Block:
         states,
         **parts,
         condition=condition,
-        terms=_terms((E, B, C, D), (from_y, from_w), (out_y, out_w), inverse),
+        terms=_terms((E, B, C, D), (from_y, from_w), (out_y, out_w), inverse) if terms else None,
     )
 
 

@@ -110,9 +110,13 @@ def _kept(terms, index):
     return E[..., index[:, None], index], B[..., index, :], C[..., index], D
 
 
-def fast_side(diagram: Diagram, outputs) -> Block:
-    """The tick: from the hand's force and the held signals to `outputs`; states that these do not read are left out."""
-    block, _ = prune(connect("fast", diagram.fast, diagram.sums, (diagram.hand.force, *diagram.holds), tuple(outputs)))
+def fast_side(diagram: Diagram, outputs, terms: bool = False) -> Block:
+    """The tick: from the hand's force and the held signals to `outputs`; states that these do not read are left out.
+
+    terms: see `connect`.
+    """
+    inputs = (diagram.hand.force, *diagram.holds)
+    block, _ = prune(connect("fast", diagram.fast, diagram.sums, inputs, tuple(outputs), terms))
     return block
 
 

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 SECONDS = 0.3  # that a chunk should take: if it takes longer, a crash loses more; if shorter, handing it out costs more
 FEWEST, MOST = 16, 4096  # slices of a chunk; more would leave the processor's cache
 # Seconds per slice and squared order, measured: one polynomial per slice; arcs, which crowded poles of high order need;
-# eigenvalues at many points, along any parameter but the wall.
-BY_POLYNOMIAL, BY_ARCS, BY_EIGENVALUES = 0.4e-6, 30e-6, 40e-6
+# panels, along any parameter but the wall.
+BY_POLYNOMIAL, BY_ARCS, BY_PANELS = 0.4e-6, 30e-6, 15e-6
 CROWDED = 24  # states
 
 
@@ -145,7 +145,7 @@ def expected_cost(order: int, wall: bool) -> float:
 
     A fixed rule and no measurement, so that a run that goes on finds the chunks of the one that was stopped.
     """
-    share = BY_EIGENVALUES if not wall else BY_POLYNOMIAL if order <= CROWDED else BY_ARCS
+    share = BY_PANELS if not wall else BY_POLYNOMIAL if order <= CROWDED else BY_ARCS
     return share * max(order, 2) ** 2
 
 

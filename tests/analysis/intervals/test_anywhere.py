@@ -1,10 +1,11 @@
 """Stable intervals along numbers that enter the loop in any way, held against eigenvalues and against the exact way."""
 
+import mpmath
 import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.analysis.intervals import any_parameter
+from wavesweep.analysis.intervals import critical
 from wavesweep.analysis.intervals.any_parameter import stable_along_any
 from wavesweep.analysis.intervals.panels import bracketed_roots
 from wavesweep.errors import UsageError
@@ -137,10 +138,45 @@ def test_roots_are_found_inside_their_brackets_to_rounding():
     np.testing.assert_allclose(found[:3], roots[:3], rtol=1e-15, atol=1e-15)
 
 
-def test_the_critical_functions_of_a_matrix_alone_have_the_same_bits_as_among_others():
-    E = np.random.default_rng(4).normal(size=(40, 5, 5))
-    together = any_parameter._criticals(E)
-    for column in range(40):
-        alone = any_parameter._criticals(E[column : column + 1])
+@pytest.mark.parametrize("function", [lambda E: critical.from_coefficients(E, 1.0, 0.0), critical.from_eigenvalues])
+def test_the_critical_functions_of_a_matrix_alone_have_the_same_bits_as_among_others(function):
+    E = np.random.default_rng(4).normal(size=(600, 5, 5))
+    together = function(E)
+    for column in (0, 1, 17, 511, 512, 599):
+        alone = function(E[column : column + 1])
         for one, all_ in zip(alone, together, strict=True):
-            assert np.array_equal(np.asarray(one)[:, 0], np.asarray(all_)[:, column])
+            assert np.array_equal(one[:, 0], all_[:, column])
+
+
+@pytest.mark.parametrize("order", range(1, 13))
+@pytest.mark.parametrize("imaginary", [0.0, 0.3])
+def test_the_critical_functions_are_the_products_that_they_stand_for_within_their_bounds(order, imaginary):
+    random = np.random.default_rng(order)
+    E = (
+        0.4 * random.normal(size=(40, order, order))
+        + imaginary * 1j * random.normal(size=(40, order, order))
+        - 0.5 * np.eye(order)
+    )
+    E = E if imaginary else E.real
+    units = 2.0 ** random.integers(-20, 20, size=(40, order))
+    phase, log, error = critical.from_coefficients(E / (units[:, None, :] / units[:, :, None]), units, 0.0)
+    for k in range(0, 40, 8):
+        with mpmath.workdps(50):
+            w, _ = mpmath.eig(mpmath.matrix(E[k].tolist()))
+            pairs = [1 - (1 + w[i]) * (1 + w[j]) for i in range(order) for j in range(i)]
+            exact = [mpmath.fprod(pairs), mpmath.fprod(-each for each in w), mpmath.fprod(2 + each for each in w)]
+        found = phase[:, k] * np.exp(log[:, k])
+        # A bound to first order, for rounding as it usually is: an order of magnitude is allowed for.
+        off = [abs(complex(one) - other) for one, other in zip(exact, found, strict=True)]
+        assert np.all(off <= 10 * np.finfo(float).eps * (error[:, k] + order) * np.abs(found))
+        assert np.all(error[:, k] < 1e9)
+
+
+def test_bounds_of_the_critical_functions_hold_for_entries_that_are_off():
+    random = np.random.default_rng(7)
+    E = 0.4 * random.normal(size=(200, 7, 7)) - 0.5 * np.eye(7)
+    exact, off = critical.from_eigenvalues(E), 1e-9
+    phase, log, error = critical.from_coefficients(E + off * random.uniform(-1, 1, E.shape), 1.0, off)
+    far = np.abs(phase * np.exp(log - exact[1]) - exact[0])
+    assert np.quantile(far / (np.finfo(float).eps * error), 0.99) < 10
+    assert np.median(far / (np.finfo(float).eps * error)) > 1e-5  # and they say something

@@ -5,6 +5,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.analysis.doubt import COUNTS, NONE, OVERFLOW, SEARCH
+from wavesweep.analysis.intervals.critical import (
+    BEYOND,
+    CAUTION,
+    ONE,
+    PAIR,
+    from_coefficients,
+    from_eigenvalues,
+    surely_unstable,
+)
+from wavesweep.analysis.intervals.interpolated import followed_frames
 from wavesweep.analysis.intervals.panels import bracketed_roots, panel_roots
 from wavesweep.analysis.intervals.regions import count_where_clear, cut_span
 from wavesweep.analysis.intervals.stable import Intervals, doubts_of, intervals_of
@@ -14,9 +24,10 @@ from wavesweep.analysis.spectrum import excess
 ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
 NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing is given up
 MANY = 512  # so many open panels of one column are, too
-PAIR, ONE, MINUS_ONE, BEYOND = 0, 1, 2, 3  # the functions: a complex pair, z = 1, z = -1; surely unstable
 WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
-LARGEST = 1e150  # of an entry; products of two eigenvalues overflow beyond
+MOST_ORDER = 14  # with more states the coefficients have lost too much as a rule
+FINE = 3e-8  # error of a value over the largest of its panel, up to which its roots can be told
+ROUGH = 0.1  # the same of what only bounds
 CLEAR = 1e-10  # | |z|^2 - 1 | at an end, up to which the end is believed
 UNSTABLE, UNKNOWN = 1, -1  # labels of parts of the span that are not counted
 
@@ -54,17 +65,12 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
     Accuracy: ends to 1e-9 relative, usually 1e-13; those within 1e-9 of the span of its low end are given as that end.
     """
     low, high = span
-    everyone, width = np.arange(columns), high - low
+    width = high - low
 
-    def sample(column, p):
-        parts = _criticals(evaluate(np.repeat(column, p.shape[-1]), p.ravel()))
-        return tuple(part.reshape(len(part), *p.shape) for part in parts)
-
+    frames = followed_frames(evaluate, span, columns, bounds)
     found = panel_roots(
-        sample,
-        everyone,
-        np.full(columns, float(low)),
-        np.full(columns, float(high)),
+        _sampler(frames),
+        *frames.edges(),
         columns,
         NARROWEST * width,
         MANY,
@@ -142,42 +148,37 @@ def _given(parts, labelled):
     return label, doubt
 
 
-def _criticals(E):
-    """Phase and logarithm of the size of the four functions, `(4, n)` each, and how far rounding can reach, relatively."""
-    if len(E) == 1:  # numpy adds up one row in another order than several, and a result must not depend on the batch
-        return tuple(part[:, :1] for part in map(np.asarray, _criticals(np.repeat(E, 2, axis=0))))
-    finite = (np.abs(E) < LARGEST).all((-1, -2))
-    E = np.where(finite[:, None, None], E, 0.0)
-    w = np.linalg.eigvals(E).astype(complex)
-    i, j = np.triu_indices(w.shape[-1], 1)
-    # An eigenvalue is good to eps times the size of the matrix, and a small factor has nothing else to stand on.
-    scale = np.maximum(1, np.abs(E).max((-1, -2)))
-    phases, logs, errors = [], [], []
-    for factor in (-(w[:, i] + w[:, j] + w[:, i] * w[:, j]), -w, 2 + w):
-        magnitude = np.maximum(np.abs(factor), 1e-300)
-        phases.append((factor / magnitude).prod(-1))
-        logs.append(np.log(magnitude).sum(-1))
-        with np.errstate(over="ignore"):
-            errors.append(np.minimum(scale / np.maximum(magnitude.min(-1, initial=1.0), 1e-30), 1e12))
-    beyond = _beyond(1 + w, scale)
-    phases, logs, errors = (np.stack([*parts, part]) for parts, part in zip((phases, logs, errors), beyond, strict=True))
-    return np.where(finite, phases, np.nan), np.where(finite, logs, np.inf), errors
+def _sampler(frames):
+    """What `panel_roots` samples: the critical functions of these columns at these points.
 
-
-def _beyond(z, scale):
-    """`(t/n)^2 + e/m - 2`, as in `_criticals`: t the sum of the n eigenvalues, e the sum of the m products of two of them.
-
-    Where it is positive |t| exceeds n or |e| exceeds m, so an eigenvalue exceeds 1. Where a complex pair dominates, t may
-    vanish, but e is its squared size.
+    From coefficients, and from eigenvalues on those panels on which the coefficients' own error would be more than FINE.
     """
-    n = z.shape[-1]
-    z = z / scale[:, None]
-    first, squares = z.sum(-1) ** 2, (z**2).sum(-1)
-    second = (first - squares) / max(n * (n - 1), 1)
-    total, least = first / n**2 + second, 2 * scale**-2.0
-    magnitude = np.maximum(np.abs(total - least), 1e-300)
-    size = 2 * np.abs(first) + np.abs(squares) + least
-    return (total - least) / magnitude, np.log(magnitude) + 2 * np.log(scale), 4 * n * np.minimum(size / magnitude, 1e12)
+
+    def sample(column, p):
+        E, off = frames.at(column, p)
+        flat, units = E.reshape(-1, *E.shape[2:]), np.repeat(frames.units[column], p.shape[-1], axis=0)
+        if E.shape[-1] > MOST_ORDER and not np.iscomplexobj(p):
+            found, again = [np.empty((3, *p.shape), kind) for kind in (complex, float, float)], np.arange(column.size)
+        else:
+            found = [part.reshape(3, *p.shape) for part in from_coefficients(flat, units, np.repeat(off, p.shape[-1]))]
+            again = np.flatnonzero(_too_rough(found, ROUGH if np.iscomplexobj(p) else FINE))
+        if again.size:
+            between = again[off[again] > 0]
+            E[between] = frames.computed(column[between], p[between])
+            for part, better in zip(found, from_eigenvalues(E[again].reshape(-1, *E.shape[2:])), strict=True):
+                part[:, again] = better.reshape(3, again.size, -1)
+        last = (part.reshape(1, *p.shape) for part in surely_unstable(E.reshape(flat.shape), units))
+        return tuple(np.concatenate(pair) for pair in zip(found, last, strict=True))
+
+    return sample
+
+
+def _too_rough(found, most):
+    """Panels on which some function, but BEYOND, has an error beyond a share of its largest value."""
+    _, log, error = found
+    with np.errstate(all="ignore"):
+        relative = np.exp(log - log.max(-1, keepdims=True))
+        return (np.finfo(float).eps * (error * relative).max(-1) > most).any(0) & np.isfinite(log).all((0, -1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,8 +200,9 @@ def _polished(evaluate, found, span) -> _Ends:
     reach = np.minimum(found.within, 0.1 * width) + 1e-9 * width  # the disc, which no other root is in
 
     def value(at, x):
-        phase, log, _ = _criticals(evaluate(column[at], x))
-        return np.sign(phase[kind[at], np.arange(at.size)].real), log[kind[at], np.arange(at.size)]
+        phase, log, error = (part[kind[at], np.arange(at.size)] for part in from_eigenvalues(evaluate(column[at], x)))
+        # With an eigenvalue within rounding of its place the sign means nothing, and this is the root.
+        return np.sign(phase.real) * (error * np.finfo(float).eps < CAUTION), log
 
     x, bracketed = bracketed_roots(value, found.x - reach, found.x + reach, found.x, span[0] + ATTACHED / 4 * width)
     miss, theta = _nearest(evaluate, column, x, kind)

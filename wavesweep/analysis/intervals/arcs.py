@@ -12,6 +12,7 @@ SMALLEST = 1e-9  # rad; an arc this small that proves nothing is given up
 END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not told from one at the end itself
 MANY = 256  # so many open arcs of one column, and the column is given up
 TINY = 1e-300
+CAUTION = 20  # roundings of what is added up that two solves may cost
 
 
 def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
@@ -53,7 +54,7 @@ def _boundary(opened, theta):
     right = solve(A, B + 0 * A[..., :1])[..., 0]
     left = solve(np.swapaxes(across, -1, -2), np.swapaxes(C, -1, -2) + 0 * A[..., :1])[..., 0]
     value = (left * right).sum(-1)
-    return value if np.iscomplexobj(theta) else value.real, np.abs(left * right).sum(-1)
+    return value if np.iscomplexobj(theta) else value.real, CAUTION * np.abs(left * right).sum(-1)
 
 
 def _collect(cut, along, fixed, span, opened, found):

@@ -18,6 +18,7 @@ RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(OUTER) + 0.5) / OUTER)
 RIM = (RIM + 1 / RIM) / 2
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
 BEYOND = 4 * ELLIPSE ** (1 - NODES) / (ELLIPSE - 1)  # error of the interpolant, over the largest value on the ellipse
+LEBESGUE = 4  # more than the constant of the nodes: how much an interpolant may exceed the largest of its samples
 for _array in (NODE, TRANSFORM, RIM):
     _array.flags.writeable = False
 
@@ -195,7 +196,7 @@ def _interpolate(value, size):
     first = (value[..., None] * TRANSFORM).sum(-2)
     first[:, 0] /= 2
     largest, tail = np.abs(first).max(-1), np.abs(first[:, KEPT:]).max(-1)
-    floor = 4 * NODES * np.finfo(float).eps * size.max(-1)
+    floor = LEBESGUE * np.finfo(float).eps * size.max(-1)
     second = first[:, :KEPT] / 2
     second[:, 0] *= 2
     second[:, :-2] -= first[:, 2:KEPT] / 2
@@ -222,28 +223,37 @@ def _halves(column, low, high, split):
     return np.tile(column, 2), np.concatenate([low, cut_at]), np.concatenate([cut_at, high])
 
 
-STEPS = 80  # bisection alone needs 52; interpolation usually ends after 4
-ABOUT = (1e-2, 1e-4, 1e-7)  # of a bracket, how far from the seed it is looked at first
+STEPS = 80  # bisection alone needs 52; interpolation usually ends after 2
+ABOUT = (1e-2, 1e-4, 1e-7)  # of a bracket, how far from the seed it is looked at where it is not next to it
+NEXT = 1e-8  # of a bracket, how far from the seed it usually is at most
 
 
 def bracketed_roots(value, low, high, seed, least=-np.inf):
     """Chandrupatla's method (Adv. Eng. Software 28, 1997) on every bracket; functions of any size, given by logarithms.
 
-    value(at, x): sign and log of the size of the functions `at` (indices) at x. seed: an approximate root in each bracket,
+    value(at, x): sign (0 at a root) and log of the size of the functions `at` (indices) at x. seed: an approximate root in each bracket,
     which is narrowed by points about it first: a call costs much, a point little. least: roots below need not be told
-    apart. Returns the roots, to rounding, and whether the signs at the bracket's ends differed.
+    apart. Returns the roots, to rounding, and whether the signs at the bracket's ends, or next to the seed, differed.
     """
     if not low.size:
         return low.copy(), np.zeros(0, bool)
-    a, fa, b, fb, valid, scale = _narrowed(value, low.astype(float), high.astype(float), seed)
+    at, reach = np.arange(low.size), NEXT * (high - low)
+    a, fa, b, fb, valid, scale = _narrowed(value, at, np.stack([np.maximum(seed - reach, low), np.minimum(seed + reach, high)]))
+    at = np.flatnonzero(~valid)
+    if at.size:
+        reach = np.array(ABOUT)[:, None] * (high - low)[at]
+        x = np.concatenate([seed[at] - reach, seed[at] + reach[::-1]])
+        x = np.concatenate([low[None, at], np.clip(x, low[at], high[at]), high[None, at]])
+        for part, wider in zip((a, fa, b, fb, valid, scale), _narrowed(value, at, x), strict=True):
+            part[at] = wider
     with np.errstate(divide="ignore", invalid="ignore"):
-        t, open_ = fa / (fa - fb), valid.copy()
+        t, open_ = fa / (fa - fb), valid & (fa != 0) & (fb != 0)
     t = np.where((t > 0) & (t < 1), t, 0.5)
     for _ in range(STEPS):
         at = np.flatnonzero(open_)
         if not at.size:
             break
-        x = a[at] + t[at] * (b[at] - a[at])
+        x, before = a[at] + t[at] * (b[at] - a[at]), np.where(np.abs(fa[at]) <= np.abs(fb[at]), a[at], b[at])
         sign, log = value(at, x)
         with np.errstate(over="ignore"):
             fx = sign * np.exp(log - scale[at])
@@ -254,23 +264,23 @@ def bracketed_roots(value, low, high, seed, least=-np.inf):
         t[at] = _next(a[at], fa[at], b[at], fb[at], c, fc)
         width, rounding = np.abs(b[at] - a[at]), np.spacing(np.maximum(np.abs(a[at]), np.abs(b[at])))
         t[at] = np.clip(t[at], rounding / np.maximum(width, rounding), 1 - rounding / np.maximum(width, rounding))
-        open_[at] = (fx != 0) & (width > 2 * rounding) & (np.maximum(a[at], b[at]) > least)
+        # Two approximations that agree to rounding are the root: interpolation between signs that differ does not stall.
+        going = (fx != 0) & (width > 2 * rounding) & (np.abs(x - before) > 2 * rounding)
+        open_[at] = going & (np.maximum(a[at], b[at]) > least)
     return np.where(np.abs(fa) <= np.abs(fb), a, b), valid
 
 
-def _narrowed(value, low, high, seed):
-    """The narrowest pair of points about each seed at which the signs differ, `(a, fa, b, fb)`, whether there is one, and the
-    logarithm of the size that the values were divided by."""
-    reach = np.array(ABOUT)[:, None] * (high - low)
-    x = np.concatenate([low[None], np.clip(seed - reach, low, high), np.clip(seed + reach[::-1], low, high), high[None]])
-    sign, log = (part.reshape(x.shape) for part in value(np.tile(np.arange(low.size), len(x)), x.ravel()))
+def _narrowed(value, at, x):
+    """The narrowest pair of the points x, `(points, brackets)`, at which the signs of the functions `at` differ, `(a, fa, b, fb)`,
+    whether they differ at the first and the last, and the logarithm of the size that the values were divided by."""
+    sign, log = (part.reshape(x.shape) for part in value(np.tile(at, len(x)), x.ravel()))
     scale = np.where(np.isfinite(log), log, -np.inf).max(0)
     scale = np.where(np.isfinite(scale), scale, 0.0)
     with np.errstate(over="ignore", invalid="ignore"):
         f = sign * np.exp(log - scale)
     changes = (sign[:-1] * sign[1:] <= 0) & (x[:-1] < x[1:])
     steps = np.where(changes, np.diff(x, axis=0), np.inf)
-    at, every = np.argmin(steps, axis=0), np.arange(low.size)
+    at, every = np.argmin(steps, axis=0), np.arange(at.size)
     return x[at + 1, every], f[at + 1, every], x[at, every], f[at, every], sign[0] * sign[-1] <= 0, scale
 
 

@@ -126,7 +126,7 @@ def prepare(diagram: Diagram, K_VE, B_VE, outputs=None) -> Loop:
     """
     outputs = tuple(outputs or (diagram.hand.displacement, diagram.hand.reaction))
     samples = tuple(dict.fromkeys(diagram.samples.values()))
-    fast = fast_side(diagram, (*outputs, *(name for name in samples if name not in outputs)))
+    fast = fast_side(diagram, (*outputs, *(name for name in samples if name not in outputs)), terms=True)
     if np.any(fast.D[..., [fast.outputs.index(name) for name in samples], :1]):
         raise WavesweepError("a sampler reads the hand's force in the same tick: the response of such a loop is not known")
     with np.errstate(all="ignore"):  # a frame that overflows is found below
@@ -188,7 +188,9 @@ def _closed(diagram, fast, samples, sizes, wall) -> dict:
     frame = lift_held(fast, diagram.ratio, diagram.delay, tuple(diagram.holds), samples)
     sources, fast_states = tuple(diagram.holds.values()), len(fast.states)
     outputs = (*diagram.wall, *sources)
-    block = connect("slow", (frame, *diagram.slow, *latches(diagram)), slow_sums(diagram), (diagram.wall_force,), outputs)
+    block = connect(
+        "slow", (frame, *diagram.slow, *latches(diagram)), slow_sums(diagram), (diagram.wall_force,), outputs, terms=True
+    )
     names, E, C = block.states, block.E.copy(), block.C.copy()
     latched = np.array([[latch(name) == state for state in names] for name in diagram.holds], float)
     latched = latched.reshape(len(sources), len(names))

@@ -1,0 +1,207 @@
+"""Critical functions of a frame: they vanish where its eigenvalues cross the unit circle. From coefficients or eigenvalues."""
+
+from functools import cache
+from math import comb
+
+import numpy as np
+
+from wavesweep.lifted.circle import inverse
+
+PAIR, ONE, MINUS_ONE, BEYOND = 0, 1, 2, 3  # the functions: a complex pair, z = 1, z = -1; surely unstable
+LARGEST = 1e150  # of an entry; products of two eigenvalues overflow beyond
+MOST_ERROR = 1e12  # of a value, in roundings of itself
+CAUTION = 20  # roundings of the largest entry that an eigenvalue is believed to
+BLOCK = 512  # matrices at a time, which the cache holds
+EPS = np.finfo(float).eps
+
+
+def from_coefficients(E, units, off):
+    """Phase and logarithm of the size of three functions, `(3, n)` each, and how far rounding can reach, in roundings.
+
+    E: `(n, order, order)`, real or complex, frames less identity, whose eigenvalues are `w_i = z_i - 1`; units: `(n, order)`,
+    of the states, see `balance`; off: `(n,)`, what an entry in these units may be off by. PAIR is `prod_{i<j} (1 - z_i z_j)`,
+    ONE `prod (-w_i)`, MINUS_ONE `prod (2 + w_i)`. No eigenvalue is needed: they are symmetric functions, so they follow from
+    the characteristic polynomial, which elimination to Hessenberg form gives (J. H. Wilkinson, The Algebraic Eigenvalue
+    Problem, 1965, chapters 6 and 7). With `s = w/(2 + w)`, which maps the circle to the imaginary axis, PAIR is the last
+    Hurwitz determinant but one of the polynomial in s (L. Orlando, Math. Ann. 71, 1911), the resultant of its even and its odd
+    part, which is the determinant of their Bezout matrix. Its error is what errors of the coefficients can do to that
+    determinant, to first order.
+    """
+    E, finite = _finite(E)
+    units, off = np.broadcast_to(units, E.shape[:-1]), np.broadcast_to(off, E.shape[:1])
+    with np.errstate(all="ignore"):
+        blocks = [
+            _of_block(E[part] * (units[part, None, :] / units[part, :, None]), off[part])
+            for part in (slice(start, start + BLOCK) for start in range(0, len(E), BLOCK))
+        ]
+    return _given([np.concatenate(part, axis=-1) for part in zip(*blocks, strict=True)], finite)
+
+
+def from_eigenvalues(E):
+    """The same from the eigenvalues: slower, and good for more states, since coefficients of crowded poles lose digits."""
+    E, finite = _finite(E)
+    w = np.linalg.eigvals(E).astype(complex)
+    i, j = np.triu_indices(w.shape[-1], 1)
+    # An eigenvalue is good to eps times the size of the matrix, and a small factor has nothing else to stand on.
+    scale, found = np.maximum(1, np.abs(E).max((-1, -2), initial=0)), []
+    for factor in (-(w[:, i] + w[:, j] + w[:, i] * w[:, j]), -w, 2 + w):
+        magnitude = np.maximum(np.abs(factor), 1e-300)
+        with np.errstate(over="ignore"):
+            error = CAUTION * scale / np.maximum(magnitude.min(-1, initial=1.0), 1e-30)
+        found.append(((factor / magnitude).prod(-1), np.log(magnitude).sum(-1), error))
+    return _given([np.stack(part) for part in zip(*found, strict=True)], finite)
+
+
+def surely_unstable(E, units):
+    """The function BEYOND, as one row of the same: `(t/n)^2 + e/m - 2`, t the sum of the n eigenvalues z, e that of the m
+    products of two of them.
+
+    Where it is positive |t| exceeds n or |e| exceeds m, so an eigenvalue exceeds 1. Where a complex pair dominates, t may
+    vanish, but e is its squared size. Both are traces.
+    """
+    E, finite = _finite(E)
+    units, n = np.broadcast_to(units, E.shape[:-1]), E.shape[-1]
+    with np.errstate(all="ignore"):
+        A = np.moveaxis(E * (units[:, None, :] / units[:, :, None]), 0, -1)
+        scale = np.maximum(1, np.abs(A).max((0, 1), initial=0))
+        first = size = squares = sizes = 0.0
+        for i in range(n):
+            diagonal = A[i, i] / scale + 1 / scale
+            first, size = first + diagonal, size + np.abs(diagonal)
+            squares, sizes = squares + diagonal**2, sizes + np.abs(diagonal) ** 2
+            for j in range(i):
+                term = 2 * (A[i, j] / scale) * (A[j, i] / scale)
+                squares, sizes = squares + term, sizes + np.abs(term)
+        second = (first**2 - squares) / max(n * (n - 1), 1)
+        total, least = first**2 / max(n, 1) ** 2 + second, 2 * scale**-2.0
+        found = _split(total - least, CAUTION * n * (2 * size**2 + sizes + least), 2 * np.log(scale))
+    return _given([part[None] for part in found], finite)
+
+
+def _finite(E):
+    """E with zeros for what overflows, and which do not; a matrix alone is doubled, since numpy adds up one row in another order
+    than several, and a result must not depend on the batch."""
+    finite = (np.abs(E) < LARGEST).all((-1, -2))
+    E = np.where(finite[:, None, None], E, 0.0)
+    return (np.repeat(E, 2, axis=0) if len(E) == 1 else E), finite
+
+
+def _given(parts, finite):
+    """Phases, logarithms and errors of as many matrices as were asked about, NaN, inf and the largest where E is not finite."""
+    phase, log, error = (part[:, : finite.size] for part in parts)
+    known = finite & np.isfinite(log) & np.isfinite(error)
+    log = np.where(finite & ~known, -np.inf, log)
+    phase = np.where(finite, phase, np.nan).astype(complex)
+    return phase, np.where(finite, log, np.inf), np.where(known, np.minimum(error, MOST_ERROR), MOST_ERROR)
+
+
+def _of_block(E, off):
+    """Phases, logarithms and errors, `(3, n)` each; the matrices are in the last axis from here on."""
+    A = np.moveaxis(E, 0, -1).copy()
+    order, size = len(A), np.exp2(np.ceil(np.log2(np.maximum(1, np.abs(A).max((0, 1), initial=0)))))
+    c = _characteristic(_hessenberg(A / size))
+    # Of each coefficient: its own rounding, and what one of the largest entry, which is 1 here, may do to it, or what this is off.
+    rounding = np.abs(c)
+    rounding[:-1] += np.arange(1, order + 1)[:, None] * np.abs(c[1:]) * (1 + order * off / (EPS * size))
+    q, reach = _mapped(c, rounding, size)
+    largest = np.abs(q).max(0)
+    phase, log, error = _last_but_one(q / largest, reach / largest)
+    log = log + (order - 1) * (order * np.log(size) + np.log(largest) - order / 2 * np.log(2))
+    values = (
+        (phase, log, error),
+        _split(c[0], rounding[0], order * np.log(size)),
+        _split(q[-1], reach[-1], order * np.log(size)),
+    )
+    return tuple(np.stack(part) for part in zip(*values, strict=True))
+
+
+def _split(value, reach, factor):
+    """Phase, logarithm of the size and relative error of a number times exp(factor)."""
+    magnitude = np.maximum(np.abs(value), 1e-300)
+    return value / magnitude, np.log(magnitude) + factor, reach / magnitude
+
+
+def _hessenberg(A):
+    """A, `(n, n, matrices)`, in place to Hessenberg form by elimination with row exchanges."""
+    for k in range(1, len(A) - 1):
+        pivot = np.argmax(np.abs(A[k:, k - 1]), axis=0) + k
+        moved = np.flatnonzero(pivot != k)
+        if moved.size:
+            row = pivot[moved]
+            for side in (A, np.swapaxes(A, 0, 1)):
+                above = side[k][:, moved]
+                side[k][:, moved] = side[row, :, moved].T
+                side[row, :, moved] = above.T
+        lead = A[k, k - 1]
+        factor = A[k + 1 :, k - 1] / np.where(lead == 0, 1, lead)
+        A[k + 1 :, k - 1 :] -= factor[:, None] * A[k, k - 1 :]
+        for i, each in enumerate(factor, start=k + 1):
+            A[:, k] += A[:, i] * each
+    return A
+
+
+def _characteristic(H):
+    """Coefficients of `det(w I - H)`, that of the lowest power first, `(n + 1, matrices)`; H in Hessenberg form."""
+    leading = [np.ones((1, H.shape[-1]), H.dtype)]  # those of the leading parts of H
+    for j in range(len(H)):
+        now, product = np.zeros((j + 2, H.shape[-1]), H.dtype), np.ones(H.shape[-1], H.dtype)
+        now[1:] = leading[-1]
+        now[:-1] -= H[j, j] * leading[-1]
+        for i in range(j - 1, -1, -1):
+            product = product * H[i + 1, i]
+            now[: i + 1] -= H[i, j] * product * leading[i]
+        leading.append(now)
+    return leading[-1]
+
+
+@cache
+def _powers(order):
+    """Coefficients of `(2 s)^k (1 - s)^(order - k)`, by columns."""
+    out = np.zeros((order + 1, order + 1))
+    for k in range(order + 1):
+        for i in range(order - k + 1):
+            out[k + i, k] = 2.0**k * comb(order - k, i) * (-1) ** i
+    out.flags.writeable = False
+    return out
+
+
+def _mapped(c, rounding, size):
+    """Coefficients in s of the polynomial whose coefficients in `w/size` are c, over `size^order`, and their errors."""
+    change = _powers(len(c) - 1)
+    q, reach = np.zeros_like(c), np.zeros_like(rounding)
+    weight = np.ones_like(size)
+    for k, (each, error) in enumerate(zip(c, rounding, strict=True)):
+        for i in range(k, len(c)):
+            q[i] += change[i, k] * (each * weight)
+            reach[i] += abs(change[i, k]) * (error * weight)
+        weight = weight / size
+    return q, reach
+
+
+def _last_but_one(q, reach):
+    """Phase, logarithm and relative error of the last Hurwitz determinant but one; reach: errors of the coefficients q."""
+    half = (len(q) - 1) // 2
+    if not half:
+        return np.ones_like(q[0]), np.zeros(q.shape[-1]), np.zeros(q.shape[-1])
+    even, odd = (np.concatenate([part, 0 * part[:1]])[: half + 1] for part in (q[0::2], q[1::2]))
+    sizes = [np.concatenate([part, 0 * part[:1]])[: half + 1] for part in (reach[0::2], reach[1::2])]
+    matrix, error = np.zeros((half, half, q.shape[-1]), q.dtype), np.zeros((half, half, q.shape[-1]))
+    a, b = np.abs(even), np.abs(odd)
+    for i in range(half):
+        for j in range(half - 1, i - 1, -1):
+            before = (matrix[i - 1, j + 1], error[i - 1, j + 1]) if i and j + 1 < half else (0.0, 0.0)
+            matrix[i, j] = even[j + 1] * odd[i] - even[i] * odd[j + 1] + before[0]
+            terms = a[j + 1] * sizes[1][i] + sizes[0][j + 1] * b[i] + a[i] * sizes[1][j + 1] + sizes[0][i] * b[j + 1]
+            error[i, j] = terms + before[1]
+            matrix[j, i], error[j, i] = matrix[i, j], error[i, j]
+    if len(q) % 2:  # of an even order the leading coefficient is a factor of the last column, and not one of the function
+        matrix[:, -1], error[:, -1] = odd[:half], sizes[1][:half]
+    lost = ~np.isfinite(matrix).all((0, 1))
+    matrix = np.moveaxis(np.where(lost, np.eye(half)[:, :, None], matrix), -1, 0)
+    phase, log = np.linalg.slogdet(matrix)
+    back = np.moveaxis(inverse(matrix), 0, -1)
+    total = np.zeros(lost.size)
+    for i in range(half):
+        for j in range(half):
+            total += np.abs(back[j, i]) * error[i, j]
+    return phase, np.where(log > -690, log, -690.0), np.where(lost, np.inf, total)
