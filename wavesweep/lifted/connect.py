@@ -22,10 +22,14 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     from_y, from_w = tracer.gains(ports)
     out_y, out_w = tracer.gains(outputs)
     E, B, C, D = (_block_diagonal([getattr(block, part) for block in blocks]) for part in "EBCD")
-    inverse, condition = _loop_inverse(np.eye(len(ports)) - from_y @ D, name, ports)
+    fed = np.flatnonzero(np.any(D != 0, axis=(*range(D.ndim - 2), -2)))  # inputs that reach an output in the same tick
+    direct = from_y @ D[..., fed]
+    inverse, condition = _loop_inverse(np.eye(fed.size) - direct[..., fed, :], name, [ports[i] for i in fed])
     for block in blocks:
         condition = condition * block.condition
-    x_to_u, w_to_u = inverse @ (from_y @ C), inverse @ from_w
+    # u = from_y (C x + D u) + from_w w, solved for the inputs `fed` first, on which alone D acts.
+    from_x, through = from_y @ C, direct @ inverse
+    x_to_u, w_to_u = from_x + through @ from_x[..., fed, :], from_w + through @ from_w[..., fed, :]
     states = tuple(f"{block.name}.{state}" for block in blocks for state in block.states)
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
         parts = {
@@ -34,15 +38,11 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
             "C": out_y @ (C + D @ x_to_u),
             "D": _through(out_w, out_y @ D, w_to_u),
         }
-    return Block(
-        name,
-        tuple(inputs),
-        tuple(outputs),
-        states,
-        **parts,
-        condition=condition,
-        terms=_terms((E, B, C, D), (from_y, from_w), (out_y, out_w), inverse) if terms else None,
-    )
+    if terms:
+        whole = np.eye(len(ports)) + np.zeros((*through.shape[:-2], 1, 1), through.dtype)
+        whole[..., fed] += through
+        terms = _terms((E, B, C, D), (from_y, from_w), (out_y, out_w), whole)
+    return Block(name, tuple(inputs), tuple(outputs), states, **parts, condition=condition, terms=terms or None)
 
 
 def _terms(parts, inward, outward, inverse):
@@ -116,6 +116,8 @@ def _block_diagonal(arrays):
 
 def _loop_inverse(loop, name, ports):
     """Inverse of the loop's return difference, refused where its condition number says that it is ill-posed, and that."""
+    if not ports:
+        return loop, np.ones(loop.shape[:-2])
     overflown = ~np.isfinite(loop).all((-1, -2))  # a frame that overflows is for the caller to see
     try:
         inverse = np.linalg.inv(np.where(overflown[..., None, None], np.nan, loop))

@@ -156,18 +156,18 @@ def _sampler(frames):
 
     def sample(column, p):
         E, off = frames.at(column, p)
-        flat, units = E.reshape(-1, *E.shape[2:]), np.repeat(frames.units[column], p.shape[-1], axis=0)
+        E = E.reshape(-1, *E.shape[2:])
+        off, units = (np.repeat(part, p.shape[-1], axis=0) for part in (off, frames.units[column]))
         if E.shape[-1] > MOST_ORDER and not np.iscomplexobj(p):
             found, again = [np.empty((3, *p.shape), kind) for kind in (complex, float, float)], np.arange(column.size)
         else:
-            found = [part.reshape(3, *p.shape) for part in from_coefficients(flat, units, np.repeat(off, p.shape[-1]))]
+            found = [part.reshape(3, *p.shape) for part in from_coefficients(E, units, off)]
             again = np.flatnonzero(_too_rough(found, ROUGH if np.iscomplexobj(p) else FINE))
         if again.size:
-            between = again[off[again] > 0]
-            E[between] = frames.computed(column[between], p[between])
-            for part, better in zip(found, from_eigenvalues(E[again].reshape(-1, *E.shape[2:])), strict=True):
+            rows = (again[:, None] * p.shape[-1] + np.arange(p.shape[-1])).ravel()
+            for part, better in zip(found, from_eigenvalues(E[rows], units[rows], off[rows]), strict=True):
                 part[:, again] = better.reshape(3, again.size, -1)
-        last = (part.reshape(1, *p.shape) for part in surely_unstable(E.reshape(flat.shape), units))
+        last = (part.reshape(1, *p.shape) for part in surely_unstable(E, units))
         return tuple(np.concatenate(pair) for pair in zip(found, last, strict=True))
 
     return sample

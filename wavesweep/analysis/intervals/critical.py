@@ -27,8 +27,7 @@ def from_coefficients(E, units, off):
     part, which is the determinant of their Bezout matrix. Its error is what errors of the coefficients can do to that
     determinant, to first order.
     """
-    E, finite = _finite(E)
-    units, off = np.broadcast_to(units, E.shape[:-1]), np.broadcast_to(off, E.shape[:1])
+    E, finite, units, off = _finite(E, units, off)
     with np.errstate(all="ignore"):
         blocks = [
             _of_block(E[part] * (units[part, None, :] / units[part, :, None]), off[part])
@@ -37,17 +36,18 @@ def from_coefficients(E, units, off):
     return _given([np.concatenate(part, axis=-1) for part in zip(*blocks, strict=True)], finite)
 
 
-def from_eigenvalues(E):
+def from_eigenvalues(E, units=1.0, off=0.0):
     """The same from the eigenvalues: slower, and good for more states, since coefficients of crowded poles lose digits."""
-    E, finite = _finite(E)
+    E, finite, units, off = _finite(E, units, off)
+    E = E * (units[:, None, :] / units[:, :, None])
     w = np.linalg.eigvals(E).astype(complex)
     i, j = np.triu_indices(w.shape[-1], 1)
     # An eigenvalue is good to eps times the size of the matrix, and a small factor has nothing else to stand on.
-    scale, found = np.maximum(1, np.abs(E).max((-1, -2), initial=0)), []
+    scale, found = CAUTION * np.maximum(1, np.abs(E).max((-1, -2), initial=0)) + E.shape[-1] * off / EPS, []
     for factor in (-(w[:, i] + w[:, j] + w[:, i] * w[:, j]), -w, 2 + w):
         magnitude = np.maximum(np.abs(factor), 1e-300)
         with np.errstate(over="ignore"):
-            error = CAUTION * scale / np.maximum(magnitude.min(-1, initial=1.0), 1e-30)
+            error = scale / np.maximum(magnitude.min(-1, initial=1.0), 1e-30)
         found.append(((factor / magnitude).prod(-1), np.log(magnitude).sum(-1), error))
     return _given([np.stack(part) for part in zip(*found, strict=True)], finite)
 
@@ -59,8 +59,8 @@ def surely_unstable(E, units):
     Where it is positive |t| exceeds n or |e| exceeds m, so an eigenvalue exceeds 1. Where a complex pair dominates, t may
     vanish, but e is its squared size. Both are traces.
     """
-    E, finite = _finite(E)
-    units, n = np.broadcast_to(units, E.shape[:-1]), E.shape[-1]
+    E, finite, units, _ = _finite(E, units, 0.0)
+    n = E.shape[-1]
     with np.errstate(all="ignore"):
         A = np.moveaxis(E * (units[:, None, :] / units[:, :, None]), 0, -1)
         scale = np.maximum(1, np.abs(A).max((0, 1), initial=0))
@@ -78,12 +78,13 @@ def surely_unstable(E, units):
     return _given([part[None] for part in found], finite)
 
 
-def _finite(E):
-    """E with zeros for what overflows, and which do not; a matrix alone is doubled, since numpy adds up one row in another order
-    than several, and a result must not depend on the batch."""
+def _finite(E, units, off):
+    """E with zeros for what overflows, which do not, and units and off of every matrix; a matrix alone is doubled, since numpy
+    adds up one row in another order than several, and a result must not depend on the batch."""
     finite = (np.abs(E) < LARGEST).all((-1, -2))
     E = np.where(finite[:, None, None], E, 0.0)
-    return (np.repeat(E, 2, axis=0) if len(E) == 1 else E), finite
+    E = np.repeat(E, 2, axis=0) if len(E) == 1 else E
+    return E, finite, np.broadcast_to(units, E.shape[:-1]), np.broadcast_to(off, E.shape[:1])
 
 
 def _given(parts, finite):

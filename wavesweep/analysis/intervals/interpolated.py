@@ -9,6 +9,7 @@ from wavesweep.analysis.spectrum import balance
 
 SAMPLES = 28  # of a piece
 PIECES = 4  # a piece narrower than this part of the span that is not followed is computed at every point
+HOPELESS = 0.05  # of the largest entry, what the last coefficient of a piece that would not be followed in halves either has left
 LOOSE = 64.0  # roundings of the largest entry that an interpolant may be off by
 NODE = np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)
 TRANSFORM = np.cos(np.outer(np.arange(SAMPLES), np.arccos(NODE))) * (2 / SAMPLES)
@@ -97,12 +98,13 @@ def followed_frames(evaluate, span, columns: int, bounds) -> Frames:
         left, right = np.maximum(low - reach, bounds[0]), np.minimum(high + reach, bounds[1])
         middle, half = (left + right) / 2, (right - left) / 2
         coefficients, error = np.zeros((column.size, SAMPLES, ratio.shape[-1])), np.full(column.size, np.inf)
+        hopeless = np.zeros(column.size, bool)
         inside = np.flatnonzero((middle - EXTENT * half >= bounds[0]) & (middle + EXTENT * half <= bounds[1]))
         if inside.size:
             some = (part[inside] for part in (column, middle, half))
-            coefficients[inside], error[inside] = _interpolants(evaluate, *some, ratio[column[inside]])
+            coefficients[inside], error[inside], hopeless[inside] = _interpolants(evaluate, *some, ratio[column[inside]])
         followed = np.isfinite(error)
-        kept = followed | (high - low <= smallest)
+        kept = followed | hopeless | (high - low <= smallest)
         done.append([part[kept] for part in (column + (low - span[0]) / width, middle, half, coefficients, error, followed)])
         column, low, high = (part[~kept] for part in (column, low, high))
         cut_at = (low + high) / 2
@@ -127,4 +129,4 @@ def _interpolants(evaluate, column, middle, half, ratio):
             left = np.abs(rim.reshape(some.size, RIM.size, -1) - ON_RIM @ coefficients[some]) * ratio[some, None]
             # Twice, since between two points of the rim it may be larger than at both.
             error[some] = 2 * left.max((1, 2)) / AT_RIM + LEBESGUE * eps * largest[some]
-        return coefficients, np.where(error <= LOOSE * eps * largest, error, np.inf)
+        return coefficients, np.where(error <= LOOSE * eps * largest, error, np.inf), tail > HOPELESS * largest
