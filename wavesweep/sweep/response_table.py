@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
 from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING, UNSTABLE, words
-from wavesweep.analysis.response import prepare, respond, worst_gain
+from wavesweep.analysis.response import Modal, gain_of, prepare, respond
 from wavesweep.analysis.response.drawn import frame_of_port, respond_port
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw
@@ -262,10 +262,10 @@ def _refuse_aliases(grid, frequency):
 
 def _block(values, frequency):
     """The columns for loops of one drawing."""
-    diagram, K, B, ratio = draw(values), values["environment.K_VE"], values["environment.B_VE"], values["rates.ratio"]
-    loop = prepare(diagram, K, B)
-    found, radius = respond(loop, frequency), spectral_radius(cut_at_wall(diagram), K, B)
-    gain, gain_error = worst_gain(loop, frequency, ratio)
+    one, ratio = all(np.size(value) == 1 for value in values.values()), values["rates.ratio"]
+    known = tuple((path, tuple(value.tolist()) if np.ndim(value) else value) for path, value in values.items()) if one else ()
+    loop, modal, gain_at, radius = _prepared_one(known) if one else _prepared(values)
+    found, (gain, gain_error) = respond(loop, frequency, modal=modal), gain_at(frequency)
     omega = 2 * np.pi * frequency * (ratio * np.reshape(1 / np.asarray(values["rates.fast_hz"], float), (-1, 1)))
     columns = {"omega_Ts": omega} | parts_of("admittance", found.admittance) | parts_of("impedance", found.impedance)
     errors = {"admittance": found.admittance_error, "impedance": found.impedance_error, "worst_gain": gain_error}
@@ -274,3 +274,17 @@ def _block(values, frequency):
     # A gain without bound is missing, and that is known.
     columns |= {f"{name}_error": np.where(np.isnan(columns.get(name, error)), np.nan, error) for name, error in errors.items()}
     return columns | {"doubt": _doubts(errors.values(), stable, loop.lost[..., None])}
+
+
+@lru_cache(maxsize=16)  # a compiled loop is asked again and again
+def _prepared_one(items):
+    """The same for a single loop, of pairs of key and value; a tuple stands for an array."""
+    return _prepared({path: np.array(value) if isinstance(value, tuple) else value for path, value in items})
+
+
+def _prepared(values):
+    """What responses of these loops at any frequencies have in common: loops, their modes, gain, and spectral radius."""
+    diagram, K, B = draw(values), values["environment.K_VE"], values["environment.B_VE"]
+    loop = prepare(diagram, K, B)
+    with np.errstate(all="ignore"):
+        return loop, Modal(loop), gain_of(loop, values["rates.ratio"]), spectral_radius(cut_at_wall(diagram), K, B)

@@ -7,6 +7,7 @@ import time
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -133,7 +134,8 @@ def with_felt(task: IntervalTask, records: np.ndarray) -> np.ndarray:
             K[rows] = np.broadcast_to(values[WALL[0]], members.shape)[at]
         tied = getattr(task, "ties", ())
         if task.along in WALL and not tied:
-            known = felt_map(draw(values), _batch(values))
+            batch = _batch(values)
+            known = felt_map(draw(values), batch) if batch else _felt_of_one(tuple(values.items()))
             known = np.broadcast_to(known.reshape(3, -1), (3, members.size))[:, at]
         for name, end in zip(FELT, ("low", "high"), strict=True):
             p = records[end][rows]
@@ -142,6 +144,12 @@ def with_felt(task: IntervalTask, records: np.ndarray) -> np.ndarray:
                 known = felt_map(draw(varied), p.shape)
             records[name][rows] = felt(known, p if task.along == WALL[0] else K[rows])
     return records
+
+
+@lru_cache(maxsize=64)  # a compiled loop is asked again and again
+def _felt_of_one(values):
+    """What is felt of the walls of a single loop; values: pairs of key and value."""
+    return felt_map(draw(dict(values)))
 
 
 def _batch(values):

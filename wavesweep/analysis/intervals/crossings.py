@@ -194,6 +194,8 @@ def open_inside(cut: Cut, owner, along: str, fixed, span, ends):
     inside, slack = np.zeros(fixed.size, bool), SLIVER * (span[1] - span[0])
     for (may, bit), place in zip(ends, (0.0, np.pi), strict=True):
         at = np.flatnonzero(may)
+        if not at.size:
+            continue
         theta = np.abs(place - bit[at, None] * OCTAVES)
         t = terms(cut.at(np.repeat(owner[at], OCTAVES.size)), on_circle(theta.reshape(-1)))
         solved, other = (part.reshape(theta.shape) for part in t.along(along))

@@ -9,7 +9,9 @@ from wavesweep.analysis.spectrum import balance
 
 SAMPLES = 28  # of a piece
 PIECES = 4  # a piece narrower than this part of the span that is not followed is computed at every point
-HOPELESS = 0.05  # of the largest entry, what the last coefficient of a piece that would not be followed in halves either has left
+HOPELESS = (
+    0.05  # of the largest entry, what the last coefficient of a piece that would not be followed in halves either has left
+)
 LOOSE = 64.0  # roundings of the largest entry that an interpolant may be off by
 NODE = np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)
 TRANSFORM = np.cos(np.outer(np.arange(SAMPLES), np.arccos(NODE))) * (2 / SAMPLES)

@@ -1,6 +1,8 @@
 """Worst-case gain: the largest singular value of the lifted response."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -30,12 +32,22 @@ def worst_gain(loop: Loop, frequency_hz, ratio: int) -> tuple[np.ndarray, np.nda
     drift; both NaN where it is not known.
     Accuracy: as bounded (see `Dominant`), but if modes fail beyond 32 ticks: then Lanczos' process ends at changes of 1e-13.
     """
-    frequency = np.atleast_1d(np.asarray(frequency_hz, float))
+    return gain_of(loop, ratio)(frequency_hz)
+
+
+def gain_of(loop: Loop, ratio: int) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """`worst_gain` of one loop as a function of the frequencies, prepared once for any number of calls."""
+    if loop.diagram.ratio == 1:
+        return partial(_over_aliases, loop, ratio)
     with np.errstate(all="ignore"):
-        if loop.diagram.ratio == 1:
-            return _over_aliases(loop, frequency, ratio)
         whole, drifts = with_scene(prepare(loop.diagram, *loop.wall, outputs=(loop.diagram.hand.position,)))
-        modes, width = Dominant(whole), max(1, POINTS // ratio)
+        return partial(_through_modes, whole, drifts, Dominant(whole), ratio)
+
+
+def _through_modes(whole, drifts, modes, ratio, frequency_hz):
+    """The gain at these frequencies; `whole`, `drifts`: see `with_scene`."""
+    frequency, width = np.atleast_1d(np.asarray(frequency_hz, float)), max(1, POINTS // ratio)
+    with np.errstate(all="ignore"):
         parts = [modes.gain(circle(whole, frequency[at : at + width])) for at in range(0, frequency.size, width)]
         gain, error = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
         _improve(whole, frequency, gain, error)
@@ -73,8 +85,13 @@ def _improve(loop, frequency, gain, error):
         error[..., index] = np.where(doubtful[..., index], bound, error[..., index])
 
 
-def _over_aliases(loop, frequency, ratio):
+def _over_aliases(loop, ratio, frequency_hz):
     """A loop that is the same in every tick keeps every alias to itself."""
+    with np.errstate(all="ignore"):
+        return _largest_alias(loop, ratio, np.atleast_1d(np.asarray(frequency_hz, float)))
+
+
+def _largest_alias(loop, ratio, frequency):
     points = circle(loop, frequency)
     rate, near = points.rate, (points.angle(ratio) / (2 * np.pi))[:, None]  # from the nearest multiple of the slow rate
     aliases = np.abs(np.arange(ratio) - (ratio - 1) // 2 + near) * (rate / ratio)

@@ -35,10 +35,10 @@ def steady_state(loop: Loop, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
     return found.admittance, found.impedance
 
 
-def respond(loop: Loop, frequency_hz, good: float = GOOD) -> Response:
+def respond(loop: Loop, frequency_hz, good: float = GOOD, modal: "Modal | None" = None) -> Response:
     """Transmitted admittance and impedance with bounds on their errors; frequency_hz: `(points,)`, Hz; 0: the static limit.
 
-    good: relative error up to which a number is not computed again on a slower way.
+    good: relative error up to which a number is not computed again on a slower way. modal: of this loop, if it is known.
 
     The hand's force `exp(j w k T)` gives a sum over `w + 2 pi m/T_s`; both are its components at w itself. The state at
     the start of a frame solves `(w - E) X = g` with the loop closed, so nothing is taken through a pole of an open loop,
@@ -48,7 +48,7 @@ def respond(loop: Loop, frequency_hz, good: float = GOOD) -> Response:
     """
     frequency, width = np.atleast_1d(np.asarray(frequency_hz, float)), max(1, TERMS // loop.diagram.ratio)
     with np.errstate(all="ignore"):
-        modal, still = Modal(loop), frequency == 0
+        modal, still = modal or Modal(loop), frequency == 0
         moving = frequency[~still]
         parts = [_responses(loop, modal, circle(loop, moving[at : at + width]), good) for at in range(0, moving.size, width)]
         found = [np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)]
