@@ -1,4 +1,4 @@
-"""What a slice costs along numbers that are no single gain of a frame: batches of a hundred, certificate and DataFrame included.
+"""What a slice costs along numbers that are no single gain of a frame, in batches of a hundred with certificate and DataFrame.
 
     OPENBLAS_NUM_THREADS=1 python tests/benchmarks/panel_speed.py
 

@@ -238,11 +238,17 @@ def job_over(grid: Grid, axis: Axis, cut: Cut | None = None) -> IntervalJob:
     if grid.drawing:
         return _job_of_drawing(grid, axis, resolved)
     ends = [next(iter(resolved.values())), *list(resolved.values())[-1:]]
-    order = cut.order if cut else max(cut_at_wall(draw(values)).order for values in ends)
+    order = cut.order if cut else max(_order(tuple(values.items())) for values in ends)
     cost = expected_cost(order, axis.path in WALL)
     bounds = bounds_within(grid.spec, None, axis, {}, grid.loops)
     chunks = cut_up(grid.loops, grid.walls, cost)
     return IntervalJob(grid, chunks, resolved, axis, cut, bounds=bounds, exact=axis.path in WALL)
+
+
+@lru_cache(maxsize=64)
+def _order(items):
+    """States of a loop; items: pairs of key and value."""
+    return cut_at_wall(draw(dict(items))).order
 
 
 CHECKED = 100_000  # loops whose numbers are checked before anything is computed; those of more are checked chunk by chunk

@@ -101,7 +101,7 @@ def _of_block(E, off):
     A = np.moveaxis(E, 0, -1).copy()
     order, size = len(A), np.exp2(np.ceil(np.log2(np.maximum(1, np.abs(A).max((0, 1), initial=0)))))
     c = _characteristic(_hessenberg(A / size))
-    # Of each coefficient: its own rounding, and what one of the largest entry, which is 1 here, may do to it, or what this is off.
+    # Of each coefficient: its own rounding, and what one of the largest entry (1 here), or what this is off, may do to it.
     rounding = np.abs(c)
     rounding[:-1] += np.arange(1, order + 1)[:, None] * np.abs(c[1:]) * (1 + order * off / (EPS * size))
     q, reach = _mapped(c, rounding, size)

@@ -37,7 +37,7 @@ class Frames:
     """Interpolants of frames, piece by piece.
 
     start: `(pieces,)`, sorted keys of the low ends: number of the column plus the share of the span. middle, half: of what was
-    sampled. coefficients: `(pieces, SAMPLES, n n)`, Chebyshev. error: what each entry may be off by, in the units of the states.
+    sampled. coefficients: `(pieces, SAMPLES, n n)`, Chebyshev. error: what each entry may be off by, in balanced units.
     followed: which pieces are; the others are computed. units: `(columns, n)`, of the states, see `balance`.
     """
 
@@ -85,9 +85,9 @@ class Frames:
 def followed_frames(evaluate, span, columns: int, bounds) -> Frames:
     """Follow the frames of every column over the span.
 
-    evaluate, bounds: see `stable_along_any`. Each entry is interpolated at SAMPLES Chebyshev points of a piece. What is left of it,
-    divided by the Chebyshev polynomial that vanishes at these, is analytic, so on the piece it is at most what it is on the rim
-    of an ellipse about it, where the frames are computed at complex values (see `panel_roots`): the polynomial, which is 1 at
+    evaluate, bounds: see `stable_along_any`. Each entry is interpolated at SAMPLES Chebyshev points of a piece. What is left of
+    it, divided by the Chebyshev polynomial that vanishes at these, is analytic, so on the piece it is at most what it is on the
+    rim of an ellipse about it, where the frames are computed at complex values (see `panel_roots`): that polynomial, 1 at
     most on the piece, is 10^11 there. A piece that is not followed to LOOSE roundings is cut in two.
     """
     width, smallest = span[1] - span[0], 1.01 * (span[1] - span[0]) / PIECES
@@ -117,8 +117,8 @@ def followed_frames(evaluate, span, columns: int, bounds) -> Frames:
 
 
 def _interpolants(evaluate, column, middle, half, ratio):
-    """Chebyshev coefficients of the entries on each piece, and what an entry may be off by in balanced units: infinite where that
-    is more than LOOSE roundings of the largest."""
+    """Chebyshev coefficients of the entries on each piece; what an entry may be off by (balanced units; infinite where that is
+    more than LOOSE roundings of the largest); and whether halves of the piece would be no better."""
     size, error, eps = column.size, np.full(column.size, np.inf), np.finfo(float).eps
     E = evaluate(np.repeat(column, SAMPLES), (middle[:, None] + half[:, None] * NODE).ravel()).reshape(size, SAMPLES, -1)
     with np.errstate(all="ignore"):

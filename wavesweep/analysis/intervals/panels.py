@@ -231,8 +231,8 @@ NEXT = 1e-8  # of a bracket, how far from the seed it usually is at most
 def bracketed_roots(value, low, high, seed, least=-np.inf):
     """Chandrupatla's method (Adv. Eng. Software 28, 1997) on every bracket; functions of any size, given by logarithms.
 
-    value(at, x): sign (0 at a root) and log of the size of the functions `at` (indices) at x. seed: an approximate root in each bracket,
-    which is narrowed by points about it first: a call costs much, a point little. least: roots below need not be told
+    value(at, x): sign (0 at a root) and log of the size of the functions `at` (indices) at x. seed: an approximate root in each
+    bracket, which is narrowed by points about it first: a call costs much, a point little. least: roots below need not be told
     apart. Returns the roots, to rounding, and whether the signs at the bracket's ends, or next to the seed, differed.
     """
     if not low.size:
@@ -271,7 +271,7 @@ def bracketed_roots(value, low, high, seed, least=-np.inf):
 
 
 def _narrowed(value, at, x):
-    """The narrowest pair of the points x, `(points, brackets)`, at which the signs of the functions `at` differ, `(a, fa, b, fb)`,
+    """The narrowest pair of the points x, `(points, brackets)`, where the signs of the functions `at` differ, `(a, fa, b, fb)`,
     whether they differ at the first and the last, and the logarithm of the size that the values were divided by."""
     sign, log = (part.reshape(x.shape) for part in value(np.tile(at, len(x)), x.ravel()))
     scale = np.where(np.isfinite(log), log, -np.inf).max(0)
