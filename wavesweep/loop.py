@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from math import isnan
 
 import numpy as np
@@ -233,7 +234,7 @@ class Loop:
         low, high = (float(end) for end in span)
         if not low < high:
             raise UsageError(f"span: expected (low, high) with low < high, found ({low!r}, {high!r})")
-        self.spec.with_values({key.path: high})
+        _accept(self.spec, key.path, high)
         return Axis(name, key.path, (), low, high, key.structural, "linear")
 
     def _axes(self, axes: Mapping) -> tuple[Axis, ...]:
@@ -246,7 +247,7 @@ class Loop:
             raise UsageError(f"{name}: expected at least one value, found none")
         plain = tuple(number.item() for number in numbers)
         for extreme in (min(plain), max(plain), *filter(isnan, plain)):
-            self.spec.with_values({key.path: extreme})  # refuses what a spec would refuse
+            _accept(self.spec, key.path, extreme)
         plain = plain if key.type == "integer" else tuple(map(float, plain))
         return Axis(name, key.path, plain, min(plain), max(plain), key.structural)
 
@@ -312,6 +313,12 @@ class DrawnLoop:
         seen = run_drawn(drawn, rows, tuple(signals))
         count = len(next(iter(seen.values()), ()))
         return DataFrame({"time_s": np.arange(count) * float(drawn.period)} | seen)
+
+
+@lru_cache(maxsize=256)  # a compiled loop is asked about the same ranges again and again
+def _accept(spec, path, value):
+    """Raise SpecError for a value that a spec would refuse."""
+    spec.with_values({path: value})
 
 
 def _figure(kind, table, spec, swept=None):
