@@ -11,7 +11,7 @@ from wavesweep.controllers import CONTROLLERS, drawing_of
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import drift_of, latch
 
-__all__ = ["CONTROLLERS", "WALL", "Diagram", "draw", "drift_of", "keys_read", "state_labels"]
+__all__ = ["CONTROLLERS", "WALL", "Diagram", "draw", "drift_of", "identity", "keys_read", "state_labels"]
 
 WALL = ("environment.K_VE", "environment.B_VE")
 
@@ -24,6 +24,12 @@ def draw(values) -> Diagram:
     """
     function = drawing_of(values["controller.kind"])
     return replace(function(values), structure=_structure(function, tuple(sorted(_tame(values)))))
+
+
+def identity(values) -> tuple:
+    """What a single loop of these values can be remembered by: its drawing, and pairs of key and value; arrays of one as tuples."""
+    items = ((path, tuple(value.tolist()) if np.ndim(value) else value) for path, value in values.items())
+    return drawing_of(values["controller.kind"]), tuple(items)
 
 
 @lru_cache(maxsize=1024)

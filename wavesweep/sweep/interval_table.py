@@ -102,13 +102,17 @@ def at_points(spec: Spec, axis: Axis, points: Mapping[str, np.ndarray], ties: tu
     of_walls = () if drawing else WALL
     loops, loop = _distinct_rows({path: column for path, column in points.items() if path not in of_walls}, count)
     walls, wall = _distinct_rows({path: column for path, column in points.items() if path in of_walls}, count)
-    if loops.size * walls.size <= WASTE * count:
+    if loops.size * walls.size > WASTE * count and count <= WASTE * loops.size:  # every point a loop with a wall of its own
+        loops, loop, walls, wall = *(np.arange(count),) * 2, None, None
+        parts = [(np.arange(count), loops, None)]
+    elif loops.size * walls.size <= WASTE * count:
         parts = [(np.arange(count), np.sort(loops), np.sort(walls))]
     else:  # the product would be mostly points that nobody wants
         by = loop if loops.size <= walls.size else wall
         members = [np.flatnonzero(by == number) for number in range(by.max() + 1)]
         parts = [(each, np.unique(loops[loop[each]]), np.unique(walls[wall[each]])) for each in members]
-    found = [_part(spec, drawing, axis, points, ties, *part, loops[loop], walls[wall]) for part in parts]
+    owners = loops[loop], walls if walls is None else walls[wall]
+    found = [_part(spec, drawing, axis, points, ties, *part, *owners) for part in parts]
     records = np.concatenate(found)
     records = records[np.argsort(records["slice"], kind="stable")]
     return {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
@@ -123,14 +127,21 @@ def _distinct_rows(columns, count):
 
 
 def _part(spec, drawing, axis, points, ties, members, loops, walls, owner, wall_of):
-    """The records of the points `members`, from the product of some loops and walls, each given by a point that has it."""
+    """The records of the points `members`, from the product of some loops and walls, each given by a point that has it; walls:
+    None if every loop has the wall of its point alone."""
     of_walls = () if drawing else WALL
     changes = {path: column[loops] for path, column in points.items() if path not in of_walls}
-    wanted = {path: points[path][walls] if path in points else np.full(walls.size, spec.values[path]) for path in of_walls}
+    own = walls is None
+    shape = (loops.size, 1) if own else walls.shape
+    wanted = {
+        path: points[path][loops if own else walls].reshape(shape) if path in points else np.full(shape, spec.values[path])
+        for path in of_walls
+    }
     bounds = bounds_within(spec, drawing, axis, changes, loops.size)
     task = task_over(spec, drawing, axis, bounds, groups(spec, changes, loops.size), wanted)
     records = (replace(task, ties=ties) if ties else task).records()
-    number = np.searchsorted(loops, owner[members]) * walls.size + np.searchsorted(walls, wall_of[members])
+    number = np.searchsorted(loops, owner[members])
+    number = number if own else number * walls.size + np.searchsorted(walls, wall_of[members])
     order = np.argsort(number, kind="stable")
     kept = records[np.isin(records["slice"], number)]
     kept["slice"] = members[order][np.searchsorted(number[order], kept["slice"])]

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from wavesweep.analysis.doubt import words
-from wavesweep.diagram import WALL, draw
+from wavesweep.diagram import WALL, draw, identity
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.spec import KEYS, Axis, Spec, sweep_axes
@@ -239,7 +239,7 @@ def job_over(grid: Grid, axis: Axis, cut: Cut | None = None) -> IntervalJob:
     if grid.drawing:
         return _job_of_drawing(grid, axis, resolved)
     ends = [next(iter(resolved.values())), *list(resolved.values())[-1:]]
-    order = cut.order if cut else max(_order(tuple(values.items())) for values in ends)
+    order = cut.order if cut else max(_order(*identity(values)) for values in ends)
     cost = expected_cost(order, axis.path in WALL)
     bounds = bounds_within(grid.spec, None, axis, {}, grid.loops)
     chunks = cut_up(grid.loops, grid.walls, cost)
@@ -247,8 +247,8 @@ def job_over(grid: Grid, axis: Axis, cut: Cut | None = None) -> IntervalJob:
 
 
 @lru_cache(maxsize=64)
-def _order(items):
-    """States of a loop; items: pairs of key and value."""
+def _order(_, items):
+    """States of a loop, see `identity`."""
     return cut_at_wall(draw(dict(items))).order
 
 

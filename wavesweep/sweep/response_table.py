@@ -12,7 +12,7 @@ from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING, UNSTABLE, words
 from wavesweep.analysis.response import Modal, gain_of, prepare, respond
 from wavesweep.analysis.response.drawn import frame_of_port, respond_port
 from wavesweep.analysis.spectrum import spectral_radius
-from wavesweep.diagram import draw
+from wavesweep.diagram import draw, identity
 from wavesweep.errors import UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of, ports_of_groups, radius_of
@@ -263,8 +263,7 @@ def _refuse_aliases(grid, frequency):
 def _block(values, frequency):
     """The columns for loops of one drawing."""
     one, ratio = all(np.size(value) == 1 for value in values.values()), values["rates.ratio"]
-    known = tuple((path, tuple(value.tolist()) if np.ndim(value) else value) for path, value in values.items()) if one else ()
-    loop, modal, gain_at, radius = _prepared_one(known) if one else _prepared(values)
+    loop, modal, gain_at, radius = _prepared_one(*identity(values)) if one else _prepared(values)
     found, (gain, gain_error) = respond(loop, frequency, modal=modal), gain_at(frequency)
     omega = 2 * np.pi * frequency * (ratio * np.reshape(1 / np.asarray(values["rates.fast_hz"], float), (-1, 1)))
     columns = {"omega_Ts": omega} | parts_of("admittance", found.admittance) | parts_of("impedance", found.impedance)
@@ -277,8 +276,8 @@ def _block(values, frequency):
 
 
 @lru_cache(maxsize=16)  # a compiled loop is asked again and again
-def _prepared_one(items):
-    """The same for a single loop, of pairs of key and value; a tuple stands for an array."""
+def _prepared_one(_, items):
+    """The same for a single loop, see `identity`; a tuple stands for an array."""
     return _prepared({path: np.array(value) if isinstance(value, tuple) else value for path, value in items})
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
 from wavesweep.analysis.response import felt, felt_map
 from wavesweep.analysis.spectrum import spectral_radius
-from wavesweep.diagram import WALL, draw
+from wavesweep.diagram import WALL, draw, identity
 from wavesweep.lifted import Cut, close, cut_at_wall
 from wavesweep.sweep.grid import groups, make_grid, selected
 
@@ -98,9 +98,9 @@ class IntervalTask:
     """Stable intervals along the path `along` within span = (low, high).
 
     groups: (members, values) pairs, see `groups`; the members of all of them number the loops from 0.
-    walls: path -> value of every wall that each loop is closed with. bounds: the drawing exists between these values of
-    the parameter. cut: the compiled loop, if there is only one and it is known already. ties: paths of numbers that follow the
-    parameter; their values are the factors.
+    walls: path -> value of every wall that each loop is closed with, `(walls,)`, or `(loops, walls)` if loops have their own.
+    bounds: the drawing exists between these values of the parameter. cut: the compiled loop, if there is only one and it
+    is known already. ties: paths of numbers that follow the parameter; their values are the factors.
     """
 
     along: str
@@ -119,8 +119,8 @@ class IntervalTask:
 def with_felt(task: IntervalTask, records: np.ndarray) -> np.ndarray:
     """The records with the static stiffness that the hand feels at both ends of each interval (N/m; NaN: none)."""
     walls = getattr(task, "walls", None)  # a loop that is assembled tick by tick has its own
-    loop, wall = np.divmod(records["slice"], len(walls[WALL[0]]) if walls else 1)
-    K = walls[WALL[0]][wall] if walls else np.empty(loop.size)
+    loop, wall = np.divmod(records["slice"], walls[WALL[0]].shape[-1] if walls else 1)
+    K = np.atleast_2d(walls[WALL[0]])[loop if walls[WALL[0]].ndim > 1 else 0, wall] if walls else np.empty(loop.size)
     for name in FELT:
         records[name] = np.nan
     for members, own in task.groups:
@@ -135,7 +135,7 @@ def with_felt(task: IntervalTask, records: np.ndarray) -> np.ndarray:
         tied = getattr(task, "ties", ())
         if task.along in WALL and not tied:
             batch = _batch(values)
-            known = felt_map(draw(values), batch) if batch else _felt_of_one(tuple(values.items()))
+            known = felt_map(draw(values), batch) if batch else _felt_of_one(*identity(values))
             known = np.broadcast_to(known.reshape(3, -1), (3, members.size))[:, at]
         for name, end in zip(FELT, ("low", "high"), strict=True):
             p = records[end][rows]
@@ -147,9 +147,9 @@ def with_felt(task: IntervalTask, records: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)  # a compiled loop is asked again and again
-def _felt_of_one(values):
-    """What is felt of the walls of a single loop; values: pairs of key and value."""
-    return felt_map(draw(dict(values)))
+def _felt_of_one(_, items):
+    """What is felt of the walls of a single loop, see `identity`."""
+    return felt_map(draw(dict(items)))
 
 
 def _batch(values):
@@ -159,11 +159,15 @@ def _batch(values):
 
 def solve(task: IntervalTask) -> Intervals:
     """The intervals, sorted by slice; slices are numbered `loop * walls + wall`."""
-    walls = len(task.walls[WALL[0]])
+    walls = task.walls[WALL[0]].shape[-1]
     along = _along_wall if task.along in WALL and not task.ties else _along_any_parameter
     parts, slices = [], []
     for members, values in task.groups:
-        parts.append(along(task, values, members.size, walls))
+        own = {
+            path: np.broadcast_to(each[members] if each.ndim > 1 else each, (members.size, walls))
+            for path, each in task.walls.items()
+        }
+        parts.append(along(task, values, own))
         slices.append(members[parts[-1].column // walls] * walls + parts[-1].column % walls)
     slices = np.concatenate(slices)
     order = np.argsort(slices, kind="stable")
@@ -171,16 +175,16 @@ def solve(task: IntervalTask) -> Intervals:
     return Intervals(**(whole | {"column": slices[order]}))
 
 
-def _along_wall(task, values, size, walls):
+def _along_wall(task, values, walls):
     """Exact intervals: the wall is one scalar of the cut loop."""
-    loops = with_batch(task.cut or cut_at_wall(draw(values)), size)
     other = next(path for path in WALL if path != task.along)
-    return stable_intervals(loops, SYMBOL[task.along], task.span, np.broadcast_to(task.walls[other], (size, walls)))
+    loops = with_batch(task.cut or cut_at_wall(draw(values)), len(walls[other]))
+    return stable_intervals(loops, SYMBOL[task.along], task.span, walls[other])
 
 
-def _along_any_parameter(task, values, size, walls):
+def _along_any_parameter(task, values, own):
     """Intervals by eigenvalues: the loop is compiled again at every point, once for all walls."""
-    K, B = (task.walls[path] for path in WALL)
+    size, walls = own[WALL[0]].shape
 
     def evaluate(number, p):
         loop, wall = np.divmod(number, walls)
@@ -190,9 +194,9 @@ def _along_any_parameter(task, values, size, walls):
         with np.errstate(all="ignore"):  # a loop may overflow beside the real axis; the panels look for such numbers
             cuts = with_batch(cut_at_wall(draw(varied)), p.size).at(back)
             if task.along in WALL:
-                there = {path: p[back] if path == task.along else task.walls[path][wall] for path in WALL}
+                there = {path: p[back] if path == task.along else own[path][loop, wall] for path in WALL}
                 return close(cuts, *there.values())
-            return close(cuts, K[wall], B[wall])
+            return close(cuts, *(own[path][loop, wall] for path in WALL))
 
     rate = np.broadcast_to(np.asarray(values["rates.fast_hz"], float), (size,))
     ticks = draw(values).ratio
