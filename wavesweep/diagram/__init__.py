@@ -27,7 +27,7 @@ def draw(values) -> Diagram:
 
 
 def identity(values) -> tuple:
-    """What a single loop of these values can be remembered by: its drawing, and pairs of key and value; arrays of one as tuples."""
+    """What a single loop of these values is remembered by: its drawing, and pairs of key and value; arrays of one as tuples."""
     items = ((path, tuple(value.tolist()) if np.ndim(value) else value) for path, value in values.items())
     return drawing_of(values["controller.kind"]), tuple(items)
 
