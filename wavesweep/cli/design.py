@@ -16,8 +16,17 @@ if TYPE_CHECKING:
 
 @click.command("design")
 @click.argument("spec")
+@click.option(
+    "--hand",
+    type=click.Choice(["vertices", "box"]),
+    default="vertices",
+    show_default=True,
+    help="The hands that the designs of the result are checked for. vertices: the ends of the ranges of [design.for_all] and "
+    "values between them. box: every hand between the ends, which takes seconds for each design and device; the columns "
+    "z_width_box and box_settled say what is left and whether it is proved.",
+)
 @common
-def command(spec: str, options: Options) -> None:
+def command(spec: str, hand: str, options: Options) -> None:
     """Search for designs that meet a wish, for all devices and hands that they have to hold for.
 
     SPEC is a TOML file. Its table [design.vary] has the numbers that may be changed, with their ranges; [design.wish] the
@@ -40,7 +49,7 @@ def command(spec: str, options: Options) -> None:
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
         from wavesweep.seeking.best import written
 
-        table = sweep.design(*specs, **work)
+        table = sweep.design(*specs, hand=hand, **work)
         if options.to_stdout:
             return [table]
         return [written(table, specs[0], Path(folder_of(specs, options)))]

@@ -4,11 +4,14 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
+from wavesweep.analysis.passivity import HandBox
+from wavesweep.analysis.passivity.hand import OPERATOR
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.seeking.family import Scenario, scenarios_of
 from wavesweep.seeking.genes import designs_of, genes_of
@@ -16,9 +19,11 @@ from wavesweep.seeking.search import Judged, generations, survivors, undominated
 from wavesweep.seeking.verdicts import judged, miss
 from wavesweep.seeking.wishes import evaluate
 from wavesweep.spec import Spec
+from wavesweep.spec.design import HAND
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.sweep.checkpoint import DamagedError, checkpoint_of
 from wavesweep.sweep.grid import loop_of, make_grid
+from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.job import Chunk, Chunks, Job
 from wavesweep.sweep.running import Progress
 from wavesweep.sweep.table import Table, facts_of
@@ -26,6 +31,7 @@ from wavesweep.sweep.workers import choose, results
 
 CHUNK = 8  # designs of a task
 FRONT = 48  # designs of the table at most
+BOX, SETTLED = "z_width_box", "box_settled"
 FINER = 1000  # combinations that a design of the front is checked over at most
 
 
@@ -34,21 +40,23 @@ class DesignJob(Job):
     """Generations of designs, as chunks; the last one is the front, over a finer choice of what it has to hold for.
 
     genes: number of a generation -> `(designs, axes)`, known once the one before it is judged. scenarios, finer: what designs
-    have to hold for in the search and at its end.
+    have to hold for in the search and at its end. box: of hands, all of which the front is checked for, if it is.
     """
 
     genes: dict[int, np.ndarray]
     scenarios: Sequence[Scenario]
     finer: Sequence[Scenario]
     stop: float
+    box: HandBox | None = None
     noun: ClassVar[str] = "designs"
 
     @property
     def dtype(self) -> np.dtype:
-        """A value, a scenario and a certificate for each wish."""
+        """A value, a scenario and a certificate for each wish, and what a box of hands leaves of the stiffest wall."""
         wishes = self.grid.spec.design.wishes
         parts = [((wish.name, "<f8"), (f"{wish.name}_scenario", "<i4"), (f"{wish.name}_certified", "?")) for wish in wishes]
-        return np.dtype([("slice", "<i4"), *(field for each in parts for field in each)])
+        hands = [(BOX, "<f8"), (SETTLED, "?")] if self.box else []
+        return np.dtype([("slice", "<i4"), *(field for each in parts for field in each), *hands])
 
     @property
     def size(self) -> int:
@@ -58,7 +66,7 @@ class DesignJob(Job):
     @property
     def identity(self) -> dict[str, object]:
         """The kind of the records."""
-        return {"records": "designs", "stop": self.stop}
+        return {"records": "designs", "stop": self.stop} | ({"box": repr(self.box)} if self.box else {})
 
     def chunks_of(self, generation: int) -> range:
         """Numbers of the chunks of a generation."""
@@ -69,8 +77,9 @@ class DesignJob(Job):
         """The task of a worker for that chunk."""
         generation, spec = chunk.loops.start, self.grid.spec
         genes = self.genes[generation][chunk.walls.start : chunk.walls.stop]
-        scenarios = self.finer if generation == self.chunks.loops - 1 else self.scenarios
-        return DesignTask(spec, scenarios, designs_of(spec.design.vary, genes), len(genes), self.stop, self.dtype)
+        last = generation == self.chunks.loops - 1
+        designs, scenarios = designs_of(spec.design.vary, genes), self.finer if last else self.scenarios
+        return DesignTask(spec, scenarios, designs, len(genes), self.stop, self.dtype, self.box if last else None)
 
     def certified(self, records: np.ndarray) -> int:
         """Number of designs all of whose wishes are certified."""
@@ -80,7 +89,8 @@ class DesignJob(Job):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DesignTask:
-    """The wishes of some designs, at their worst over the scenarios. count: of the designs, of which there may be none."""
+    """The wishes of some designs, at their worst over the scenarios. count: of the designs, of which there may be none. box: of
+    hands to check them for."""
 
     spec: Spec
     scenarios: Sequence[Scenario]
@@ -88,6 +98,7 @@ class DesignTask:
     count: int
     stop: float
     dtype: np.dtype
+    box: HandBox | None = None
 
     def records(self) -> np.ndarray:
         """A record per design."""
@@ -98,7 +109,27 @@ class DesignTask:
             for name, worst in found.items():
                 records[name], records[f"{name}_scenario"] = worst.value, worst.scenario
                 records[f"{name}_certified"] = worst.certified
+        if self.box:
+            self._hold(records)
         return records
+
+    def _hold(self, records):
+        """Fill in the stiffest wall, up to that of the vertices, that is stable with every hand of the box, and whether that is
+        settled; see `Guarantee`."""
+        spec = self.spec
+        wish = next(wish for wish in spec.design.wishes if wish.name == "z_width")
+        devices = list(
+            {tuple(item for item in each.values.items() if item[0] not in OPERATOR): None for each in self.scenarios}
+        )
+        for number, record in enumerate(records):
+            own = {path: column[number].item() for path, column in self.designs.items()}
+            record[BOX], record[SETTLED] = record["z_width"], True
+            for device, damping in product(devices, wish.options.get("B_VE", (spec.values["environment.B_VE"],))):
+                values = dict(spec.with_values(own | dict(device) | {"environment.B_VE": damping}).values)
+                rows = Guarantee("box", self.box).records(values, "environment.K_VE", (0.0, float(record["z_width"])))
+                first = rows[(rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)]
+                record[BOX] = min(record[BOX], *first["high"].tolist()) if first.size else 0.0
+                record[SETTLED] &= bool(first.size and first["settled"][0])
 
 
 def design(
@@ -109,14 +140,16 @@ def design(
     progress: Progress | None = None,
     checkpoint: Path | None = None,
     force: bool = False,
+    hand: str = "vertices",
 ) -> Table:
     """Search for the designs that meet the wishes of a spec's [design]: the front if some have no bound, otherwise the best.
 
+    hand: "box" to check the front for every hand between the ends of the ranges as well, "vertices" for finer values alone.
     jobs, backend, scheduler, progress, checkpoint, force: see `Work`. The result depends on the seed and not on the workers.
     Raises UsageError for a loop that cannot be designed, WavesweepError if no design meets all bounds, and the errors of a run.
     """
     started = time.perf_counter()
-    job = job_of(spec)
+    job = job_of(spec, hand)
     run = _Run(job, checkpoint_of(job, checkpoint, force, warnings := []), progress)
     run.workers = choose(jobs, backend, scheduler, len(job.chunks), partial(_seconds, job))
     asked, settings = spec.design, spec.design.settings
@@ -152,8 +185,8 @@ METHODS = {
 }
 
 
-def job_of(spec: Spec) -> DesignJob:
-    """The job of a spec's [design]. Raises UsageError if it cannot be done."""
+def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
+    """The job of a spec's [design]; hand: see `design`. Raises UsageError if it cannot be done."""
     asked = spec.as_designed().design
     if loop_of(spec, {axis.path: axis.values for axis in asked.for_all}):
         raise UsageError("design: expected a [controller] whose rates divide, found a loop that is assembled tick by tick")
@@ -165,7 +198,20 @@ def job_of(spec: Spec) -> DesignJob:
     stop = float(axis.stop if axis else K_VE_SPAN[1])
     finer = next(some for between in (1, 0) if len(some := scenarios_of(asked, between)) <= FINER or not between)
     chunks = Chunks(settings["generations"] + 1, max(settings["population"], FRONT), 1, CHUNK)
-    return DesignJob(grid, chunks, {}, {}, scenarios_of(asked), finer, stop)
+    return DesignJob(grid, chunks, {}, {}, scenarios_of(asked), finer, stop, box_of(spec) if hand == "box" else None)
+
+
+def box_of(spec: Spec) -> HandBox:
+    """All hands between the ends of the ranges of [design.for_all]. Raises UsageError if these or the wishes leave no box."""
+    asked = spec.as_designed().design
+    if not asked.hand:
+        raise UsageError("hand box: expected [design.for_all] hand = { stiffness = [...], ... }, found none")
+    if not any(wish.name == "z_width" for wish in asked.wishes):
+        raise UsageError("hand box: expected the wish z_width, whose walls are checked, found none")
+    if asked.ratios:
+        raise UsageError("hand box: expected a wall that nothing follows, found ratios in [design.for_all]")
+    own = {part: (spec.values[f"operator.{part}"],) for part in HAND}
+    return HandBox(**{part: (float(min(values)), float(max(values))) for part, values in (own | dict(asked.hand)).items()})
 
 
 class _Run:
@@ -246,6 +292,8 @@ def _columns(spec, job, genes, records):
         texts = [job.finer[at].described() or "the spec's own" for at in records[f"{wish.name}_scenario"].tolist()]
         columns[f"{wish.name}_scenario"] = np.array(texts, dtype=object)
     columns["certified"], columns["holds"] = np.logical_and.reduce(flags), violation == 0
+    if job.box:
+        columns |= {name: records[name] for name in (BOX, SETTLED)}
     order = np.lexsort(objectives.T[::-1])
     return {name: column[order] for name, column in columns.items()}, columns
 
@@ -260,6 +308,8 @@ def _fields(spec, columns):
         found.append(Field(f"{wish.name}_scenario", "string", "", f"what sets the worst {wish.name}"))
     found.append(Field("certified", "boolean", "", "all values of the row are certified"))
     found.append(Field("holds", "boolean", "", "every bound holds with values between the ends of every range as well"))
+    found.append(Field(BOX, "number", "N/m", "the stiffest wall, up to z_width, that is stable with every hand of the box"))
+    found.append(Field(SETTLED, "boolean", "", "z_width_box is proved, but for a thousandth of it, and not only searched"))
     return tuple(field for field in found if field.name in columns)
 
 
