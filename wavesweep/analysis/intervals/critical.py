@@ -103,7 +103,7 @@ def _of_block(E, off):
     c = _characteristic(_hessenberg(A / size))
     # Of each coefficient: its own rounding, and what one of the largest entry (1 here), or what this is off, may do to it.
     rounding = np.abs(c)
-    rounding[:-1] += np.arange(1, order + 1)[:, None] * np.abs(c[1:]) * (1 + order * off / (EPS * size))
+    rounding[:-1] += np.arange(1, order + 1)[:, None] * np.abs(c[1:]) * (1 + order**0.5 * off / (EPS * size))
     q, reach = _mapped(c, rounding, size)
     largest = np.abs(q).max(0)
     phase, log, error = _last_but_one(q / largest, reach / largest)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.intervals.panels import EXTENT, LEBESGUE, OVERLAP, RIM
+from wavesweep.analysis.intervals.panels import EXTENT, OVERLAP, RIM
 from wavesweep.analysis.spectrum import balance
 
 SAMPLES = 28  # of a piece
@@ -12,6 +12,7 @@ PIECES = 4  # a piece narrower than this part of the span that is not followed i
 HOPELESS = (
     0.05  # of the largest entry, what the last coefficient of a piece that would not be followed in halves either has left
 )
+ROUNDED = 16  # roundings of the largest entry that the samples and the sums of an interpolant cost
 LOOSE = 64.0  # roundings of the largest entry that an interpolant may be off by
 NODE = np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)
 TRANSFORM = np.cos(np.outer(np.arange(SAMPLES), np.arccos(NODE))) * (2 / SAMPLES)
@@ -130,5 +131,5 @@ def _interpolants(evaluate, column, middle, half, ratio):
             rim = evaluate(np.repeat(column[some], RIM.size), (middle[some, None] + half[some, None] * RIM).ravel())
             left = np.abs(rim.reshape(some.size, RIM.size, -1) - ON_RIM @ coefficients[some]) * ratio[some, None]
             # Twice, since between two points of the rim it may be larger than at both.
-            error[some] = 2 * left.max((1, 2)) / AT_RIM + LEBESGUE * eps * largest[some]
+            error[some] = 2 * left.max((1, 2)) / AT_RIM + ROUNDED * eps * largest[some]
         return coefficients, np.where(error <= LOOSE * eps * largest, error, np.inf), tail > HOPELESS * largest
