@@ -148,6 +148,26 @@ def test_what_rates_that_do_not_divide_cannot_have_is_refused():
         wavesweep.zwidth(spec_of("pmw", rates={"slow_hz": 60}), hand="passive")
 
 
+@pytest.mark.parametrize("kind", CONTROLLERS)
+def test_a_simulation_shows_the_response_of_the_loop(kind):
+    tables = {"rates": {"slow_hz": 60}, "environment": {"integration": "explicit", "K_VE": 60.0, "B_VE": 2.0}}
+    spec = spec_of(kind, **tables, device={"damping": 2.0}, operator={"damping": 3.0, "stiffness": 200.0})
+    spec = load(spec.tables() | {"simulate": {"input": "stepped-sine", "frequency_hz": [3.0, 7.3], "settle_s": 4.0}})
+    seen = wavesweep.simulate(spec)
+    response = seen[1] if isinstance(seen, (list, tuple)) else seen
+    assert (response["doubt"] == "").all()
+    for name in ("admittance", "impedance"):
+        linear = response[f"linear_{name}_re"] + 1j * response[f"linear_{name}_im"]
+        found = response[f"{name}_re"] + 1j * response[f"{name}_im"]
+        np.testing.assert_allclose(found, linear, rtol=1e-5)
+
+
+def test_effects_of_a_device_are_refused_at_rates_that_do_not_divide():
+    tables = spec_of("pmw", rates={"slow_hz": 60}).tables() | {"simulate": {"resolution": 1e-5}}
+    with pytest.raises(UsageError, match=r"found simulate.resolution"):
+        wavesweep.simulate(tables)
+
+
 def test_every_slow_block_runs_in_the_ticks_of_its_steps():
     drawn = assembled(Uneven("pmw"), spec_of("pmw", rates={"slow_hz": 60}, environment={"delay": 16}).values)
     when = {each.block.name: np.flatnonzero(each.runs(drawn.ticks)).tolist() for each in drawn.placed}

@@ -6,7 +6,8 @@ import pytest
 import wavesweep
 from wavesweep.seeking.family import points_of, scenarios_of
 from wavesweep.seeking.wishes import evaluate
-from wavesweep.spec import load
+from wavesweep.spec import Axis, load
+from wavesweep.sweep.interval_table import at_points
 
 TABLES = {
     "controller": {"kind": "pmw-lm", "Kp": 2.0},
@@ -119,3 +120,38 @@ def test_points_are_the_product_with_the_designs_slowest():
     value, scenario = points.worst(np.where(np.arange(32) == 5, np.nan, 1.0), more=False)
     assert np.isnan(value[0])
     assert scenario[0] == 2
+
+
+def test_unrelated_points_each_with_a_wall_of_its_own_are_those_of_each_loop():
+    spec, random = load(TABLES), np.random.default_rng(5)
+    points = {
+        "controller.b": random.uniform(5, 80, 12),
+        "device.mass": random.uniform(0.05, 0.3, 12),
+        "environment.B_VE": np.append(0.0, random.uniform(0.1, 9, 11)),
+    }
+    axis = Axis("K_VE", "environment.K_VE", (), 0.0, 20000.0, False)
+    found = at_points(spec, axis, points)
+    assert np.array_equal(np.unique(found["slice"]), np.arange(12))
+    for number in range(12):
+        own = {path: column[number].item() for path, column in points.items()}
+        row = wavesweep.compile(spec.with_values(own)).stable_intervals()
+        same = found["slice"] == number
+        assert found["certified"][same].all() == row.certified.all()
+        for name in ("low", "high", "felt_high"):
+            np.testing.assert_allclose(found[name][same], row[name], rtol=1e-12)
+
+
+def test_points_along_a_number_keep_their_own_walls():
+    spec, random = load(TABLES), np.random.default_rng(6)
+    points = {
+        "device.mass": random.uniform(0.05, 0.3, 6),
+        "environment.K_VE": random.uniform(20, 300, 6),
+        "environment.B_VE": random.uniform(0.1, 9, 6),
+    }
+    found = at_points(spec, Axis("b", "controller.b", (), 2.0, 100.0, False), points)
+    for number in range(6):
+        own = {path: column[number].item() for path, column in points.items()}
+        row = wavesweep.compile(spec.with_values(own)).stable_intervals("b", (2.0, 100.0))
+        same = found["slice"] == number
+        for name in ("low", "high", "felt_low"):
+            np.testing.assert_allclose(found[name][same], row[name], rtol=1e-9)

@@ -65,7 +65,8 @@ def _spans(columns: Columns, facts: Mapping[str, Any]) -> list[slice]:
     if "block" in facts["spec"]:  # of a drawn loop a frame may be a tick
         length = max(_DETAIL_FRAMES * (1 + int(columns["phase"].max(initial=0))), _DETAIL_TICKS)
     else:
-        length = _DETAIL_FRAMES * int(facts["spec"]["rates"]["ratio"])
+        rates = facts["spec"]["rates"]
+        length = _DETAIL_FRAMES * int(rates.get("ratio") or rates["fast_hz"] / rates["slow_hz"])
     if rows <= 2 * length:
         return [slice(None)]
     start = min(max(_event(columns, facts) - length // 4, 0), rows - length)

@@ -11,7 +11,7 @@ from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.design import Design
 from wavesweep.spec.drawing import RATE, Drawing, resolve_drawn, written
-from wavesweep.spec.keys import BUILT_IN, KEYS, SYMBOLS, Names
+from wavesweep.spec.keys import BUILT_IN, DEVICE_EFFECTS, KEYS, SYMBOLS, Names
 from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.resolving import Given, resolve
 from wavesweep.spec.studies import Experiment, Studies, axis_fault, need_values
@@ -117,10 +117,11 @@ class Spec:
     def as_simulated(self) -> Spec:
         """Return the spec of `simulate`, whose digest covers [simulate] too.
 
-        Errors: SpecError if the experiment does not fit the fast rate, or if a drawn loop has no hand.
+        Errors: SpecError if the experiment does not fit the fast rate, or if a drawn loop has no hand; UsageError if the rates
+        do not divide and a device is to have effects beyond the linear loop.
         """
         if isinstance(self._values.get("rates.ratio"), float):
-            raise UsageError(f"{self.name}: simulate expects rates.fast_hz divided by a whole number; set another slow rate")
+            self._refuse_effects()
         rate = RATE if self.drawing else "rates.fast_hz"
         mistakes = list(self._studies.experiment.beyond_limits(self.tick_hz, rate))
         if self.drawing and self.drawing.hand is None:
@@ -129,6 +130,14 @@ class Spec:
         if mistakes:
             raise SpecError(mistakes)
         return replace(self, for_simulation=True)
+
+    def _refuse_effects(self) -> None:
+        asked = [path for path in DEVICE_EFFECTS if self.simulate.get(path.split(".")[1]) not in (None, 0)]
+        if asked:
+            raise UsageError(
+                f"{self.name}: at rates that do not divide the linear loop alone is simulated, found {', '.join(asked)}; leave "
+                "these out, or divide rates.fast_hz by a whole number"
+            )
 
     @property
     def design(self) -> Design | None:

@@ -27,7 +27,7 @@ from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.drawn_loops import ports_of, ports_of_loop, radii, refuse_singular
-from wavesweep.sweep.grid import make_grid
+from wavesweep.sweep.grid import loop_of, make_grid
 from wavesweep.sweep.response_table import doubt_of, parts_of
 from wavesweep.sweep.table import Table, facts_of
 
@@ -35,17 +35,21 @@ from wavesweep.sweep.table import Table, facts_of
 def simulation_of(spec: Spec, force=None, **changes: Any) -> Simulation:
     """Run the experiment of a spec's [simulate] table. spec, force, changes: see `analysis.simulation.simulated`.
 
-    A drawn loop has a hand, but no device whose effects could be changed. Errors: UsageError if some are.
+    A drawn loop has a hand, but no device whose effects could be changed, nor has one at rates that do not divide. Errors:
+    UsageError if some are.
     """
-    if not spec.drawing:
+    drawing = loop_of(spec)
+    if drawing is None:
         return simulated(spec, force, **changes)
     if changes:
         found = ", ".join(changes)
-        raise UsageError(f"option {found}: expected none, since a drawn loop has no haptic device, found {found}")
-    refuse_singular(spec, spec.drawing)
-    drawing, ports = spec.drawing, ports_of(spec, spec.drawing)
+        why = "a drawn loop has no haptic device" if spec.drawing else "the rates do not divide"
+        raise UsageError(f"option {found}: expected none, since {why}, found {found}")
+    refuse_singular(spec, drawing)
+    ports = ports_of(spec, drawing)
     force = hand_force(spec.as_simulated()).force if force is None else given(force).force
-    drawn = with_velocity(assembled(drawing, spec.values), drawing)
+    drawn = assembled(drawing, spec.values)
+    drawn = with_velocity(drawn, drawing) if spec.drawing else drawn
     velocity = VELOCITY if VELOCITY in drawn.sums else ""
     return simulate_drawn(drawn, force, ports.force, ports.position, velocity, ports.reaction)
 
@@ -64,7 +68,7 @@ def with_velocity(drawn: Drawn, drawing: Drawing) -> Drawn:
 
 def radius_of(spec: Spec) -> float:
     """Spectral radius per frame of the spec's linear loop, which has none of the effects of [simulate]."""
-    if spec.drawing:
+    if loop_of(spec):
         return float(radii(make_grid(spec, ()))[0])
     wall = (spec.values["environment.K_VE"], spec.values["environment.B_VE"])
     return float(spectral_radius(cut_at_wall(draw(spec.values)), *wall))
@@ -76,7 +80,7 @@ def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> 
     If the linear loop is not stable, it has no steady response, and the columns of that response are missing.
     """
     signals = {"f_device": simulation.signals["f_h"], **simulation.signals}  # without a reaction it is that of the whole port
-    seen = estimate(signals, tones, spec.tick_hz, simulation.frame, components if spec.drawing else None)
+    seen = estimate(signals, tones, spec.tick_hz, simulation.frame, components if loop_of(spec) else None)
     # The normalised frequency is that of the slow rate, also for dc, whose frame is one tick.
     ratio = simulation.frame if spec.drawing else spec.values["rates.ratio"]
     seen["omega_Ts"] = 2 * np.pi * seen["frequency_hz"] * ratio / spec.tick_hz
@@ -94,11 +98,11 @@ def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> 
 
 def _linear(spec, frequency):
     """The response of the linear loop, and whether the frame overflows."""
-    values = spec.values
-    if not spec.drawing:
+    values, drawing = spec.values, loop_of(spec)
+    if drawing is None:
         loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"])
         return respond(loop, frequency), loop.lost
-    port = ports_of_loop(spec, spec.drawing)
+    port = ports_of_loop(spec, drawing)
     return respond_port(port, frequency), not np.isfinite(frame_of_port(port)).all()
 
 
@@ -120,9 +124,9 @@ def simulate(spec: Spec) -> list[Table]:
     hand = hand_force(spec)
     simulation = simulation_of(spec, hand.force)
     columns = table(simulation)
-    simulated_at, radius = time.perf_counter(), radius_of(spec)
+    simulated_at, radius, drawn = time.perf_counter(), radius_of(spec), loop_of(spec) is not None
     linear = {"stable": radius < 1, "spectral_radius": radius if isfinite(radius) else None}
-    methods, seconds = DRAWN_METHODS if spec.drawing else METHODS, {"march_s": simulated_at - started}
+    methods, seconds = DRAWN_METHODS if drawn else METHODS, {"march_s": simulated_at - started}
     facts = _facts(spec, methods, seconds, list(_notices(spec))) | {"linear_loop": linear}
     rows = len(columns["tick"])
     facts["ticks"] = {"wanted": len(hand.force), "simulated": rows, "stopped": _stopped(simulation, rows, len(hand.force))}
@@ -134,8 +138,8 @@ def simulate(spec: Spec) -> list[Table]:
     if tones:
         response = seen_response(spec, simulation, tones)
         timings = {"estimate_s": time.perf_counter() - simulated_at}
-        methods = DRAWN_RESPONSE_METHODS if spec.drawing else RESPONSE_METHODS
-        notices = list(_images(tones, 1 / spec.tick_hz, simulation.frame)) if spec.drawing else []
+        methods = DRAWN_RESPONSE_METHODS if drawn else RESPONSE_METHODS
+        notices = list(_images(tones, 1 / spec.tick_hz, simulation.frame)) if drawn else []
         facts = _facts(spec, methods, timings, notices) | {"linear_loop": linear}
         tables.append(Table.of("simulate-response", response, facts))
     return tables
