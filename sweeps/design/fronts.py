@@ -1,6 +1,10 @@
 """The fronts of this folder in one figure: run `wavesweep design` on each spec first, then this from the top folder.
 
-for name in plain gains front passive free; do wavesweep design sweeps/design/$name.toml; done
+for name in plain gains front passive free; do
+    wavesweep design sweeps/design/$name.toml
+    wavesweep design sweeps/design/$name.toml --set environment.integration=implicit --set environment.delay=0 \
+        --out results/$name-implicit
+done
 python sweeps/design/fronts.py
 """
 
@@ -19,21 +23,25 @@ NAMES = {
     "passive": "plain waves, passive channel",
     "free": "gains and filters, no hand",
 }
+WALLS = {"": "explicit wall, a tick late", "-implicit": "implicit wall, no delay"}
 LOOKS = ("o-", "s-", "D-", "^--", "v:")
 
 
 def draw(results: Path, target: Path) -> None:
     """Draw the `design` tables in the folders below `results`."""
-    fig, axes = plt.subplots(figsize=(6.9, 3.4), layout="constrained")
-    for (name, words), look in zip(NAMES.items(), LOOKS, strict=True):
-        if (results / name / "design.csv").exists():
-            table = pandas.read_csv(results / name / "design.csv").sort_values("z_width")
-            axes.plot(table.z_width, table.transparency, look, markersize=3.5, linewidth=0.9, label=words)
-    axes.set_xscale("log")
-    axes.set_xlabel("stiffest wall (N/m), more is better")
-    axes.set_ylabel("error of the response, less is better")
-    axes.grid(visible=True, which="both", color="0.9", linewidth=0.5)
-    axes.legend(fontsize=8)
+    fig, both = plt.subplots(1, 2, figsize=(8.6, 3.6), layout="constrained", sharey=True)
+    for axes, (suffix, title) in zip(both, WALLS.items(), strict=True):
+        for (name, words), look in zip(NAMES.items(), LOOKS, strict=True):
+            found = results / f"{name}{suffix}" / "design.csv"
+            if found.exists():
+                table = pandas.read_csv(found).sort_values("z_width")
+                axes.plot(table.z_width, table.transparency, look, markersize=3.5, linewidth=0.9, label=words)
+        axes.set_title(title, fontsize=10)
+        axes.set_xscale("log")
+        axes.set_xlabel("stiffest wall (N/m), more is better")
+        axes.grid(visible=True, which="both", color="0.9", linewidth=0.5)
+    both[0].set_ylabel("error of the response, less is better")
+    both[0].legend(fontsize=8)
     fig.savefig(target, dpi=150)
 
 

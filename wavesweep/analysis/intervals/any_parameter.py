@@ -57,7 +57,8 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
 
     With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are real analytic
     functions of p that vanish where a complex pair, z = 1 or z = -1 is on the unit circle (the first also where two real
-    eigenvalues are reciprocal: then the counts do not change). Their roots are found and proved on Chebyshev panels, with what
+    eigenvalues are reciprocal: then the counts do not change). Between a few values of p the frames are interpolated
+    (`interpolated`), and the functions follow from their coefficients (`critical`). Their roots are found and proved on Chebyshev panels, with what
     they are beside the real axis as the bound on what the samples do not show (`panels`); polished on the eigenvalue itself;
     and the counts of unstable eigenvalues in every region must change by 2 or 1 accordingly. Where the sums of the
     eigenvalues and of their products prove that one lies outside all over a panel, its crossings are not looked for.
@@ -66,7 +67,6 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
     """
     low, high = span
     width = high - low
-
     frames = followed_frames(evaluate, span, columns, bounds)
     found = panel_roots(
         _sampler(frames),
@@ -167,7 +167,7 @@ def _sampler(frames):
             rows = (again[:, None] * p.shape[-1] + np.arange(p.shape[-1])).ravel()
             for part, better in zip(found, from_eigenvalues(E[rows], units[rows], off[rows]), strict=True):
                 part[:, again] = better.reshape(3, again.size, -1)
-        last = (part.reshape(1, *p.shape) for part in surely_unstable(E, units))
+        last = (part.reshape(1, *p.shape) for part in surely_unstable(E, units, off))
         return tuple(np.concatenate(pair) for pair in zip(found, last, strict=True))
 
     return sample

@@ -52,14 +52,14 @@ def from_eigenvalues(E, units=1.0, off=0.0):
     return _given([np.stack(part) for part in zip(*found, strict=True)], finite)
 
 
-def surely_unstable(E, units):
+def surely_unstable(E, units, off):
     """The function BEYOND, as one row of the same: `(t/n)^2 + e/m - 2`, t the sum of the n eigenvalues z, e that of the m
     products of two of them.
 
     Where it is positive |t| exceeds n or |e| exceeds m, so an eigenvalue exceeds 1. Where a complex pair dominates, t may
     vanish, but e is its squared size. Both are traces.
     """
-    E, finite, units, _ = _finite(E, units, 0.0)
+    E, finite, units, off = _finite(E, units, off)
     n = E.shape[-1]
     with np.errstate(all="ignore"):
         A = np.moveaxis(E * (units[:, None, :] / units[:, :, None]), 0, -1)
@@ -74,7 +74,8 @@ def surely_unstable(E, units):
                 squares, sizes = squares + term, sizes + np.abs(term)
         second = (first**2 - squares) / max(n * (n - 1), 1)
         total, least = first**2 / max(n, 1) ** 2 + second, 2 * scale**-2.0
-        found = _split(total - least, CAUTION * n * (2 * size**2 + sizes + least), 2 * np.log(scale))
+        error = CAUTION * n * (2 * size**2 + sizes + least) + 4 * n**2 * off / (EPS * scale)
+        found = _split(total - least, error, 2 * np.log(scale))
     return _given([part[None] for part in found], finite)
 
 
