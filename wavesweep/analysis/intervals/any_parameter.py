@@ -58,10 +58,11 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
     With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are real analytic
     functions of p that vanish where a complex pair, z = 1 or z = -1 is on the unit circle (the first also where two real
     eigenvalues are reciprocal: then the counts do not change). Between a few values of p the frames are interpolated
-    (`interpolated`), and the functions follow from their coefficients (`critical`). Their roots are found and proved on Chebyshev panels, with what
-    they are beside the real axis as the bound on what the samples do not show (`panels`); polished on the eigenvalue itself;
-    and the counts of unstable eigenvalues in every region must change by 2 or 1 accordingly. Where the sums of the
-    eigenvalues and of their products prove that one lies outside all over a panel, its crossings are not looked for.
+    (`interpolated`), and the functions follow from their coefficients (`critical`). The roots are found and proved on Chebyshev
+    panels, with what the functions are beside the real axis as the bound on what the samples do not show (`panels`); polished
+    on the eigenvalue itself; and the counts of unstable eigenvalues in every region must change by 2 or 1 accordingly. Where
+    the sums of the eigenvalues and of their products prove that one lies outside all over a panel, its crossings are not
+    looked for.
     A part of the span that could not be proved has no label; its column is in doubt, what is known of the rest is given.
     Accuracy: ends to 1e-9 relative, usually 1e-13; those within 1e-9 of the span of its low end are given as that end.
     """
