@@ -4,7 +4,7 @@ K. Deb, A. Pratap, S. Agarwal, T. Meyarivan, A fast and elitist multiobjective g
 Evolutionary Computation 6, 2002, with its rule for constraints: a feasible design beats an infeasible one, and of two
 infeasible ones the one that violates less wins. Most children are those of differential evolution (R. Storn, K. Price, J.
 Global Optimization 11, 1997; for fronts S. Kukkonen, J. Lampinen, Proc. CEC 2005): they follow valleys that lie across the
-genes, where crossovers and mutations gene by gene are slow. Everything follows from the seed and from the values of the designs.
+genes, where crossovers and mutations gene by gene are slow. Everything follows from the seed and the values of the designs.
 """
 
 from collections.abc import Callable
