@@ -180,3 +180,19 @@ def test_bounds_of_the_critical_functions_hold_for_entries_that_are_off():
     far = np.abs(phase * np.exp(log - exact[1]) - exact[0])
     assert np.quantile(far / (np.finfo(float).eps * error), 0.99) < 10
     assert np.median(far / (np.finfo(float).eps * error)) > 1e-5  # and they say something
+
+
+def test_states_that_only_some_values_have_are_no_crossings():
+    """Below 0 the frame has a second state; a batch in which it is seen has it for all its values."""
+
+    def evaluate(_, p):
+        order = 2 if np.any(np.real(p) < 0) else 1
+        E = np.zeros((len(p), order, order), p.dtype)
+        E[:, 0, 0] = p - 1.5
+        if order == 2:
+            E[:, 1, 1] = -0.7
+        return E
+
+    found = stable_along_any(evaluate, (0.0, 3.0), 1, np.ones(1))
+    assert found.certified.all()
+    np.testing.assert_allclose([found.low, found.high], [[0.0], [1.5]], rtol=1e-12)

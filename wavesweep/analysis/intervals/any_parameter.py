@@ -14,7 +14,7 @@ from wavesweep.analysis.intervals.critical import (
     from_eigenvalues,
     surely_unstable,
 )
-from wavesweep.analysis.intervals.interpolated import followed_frames
+from wavesweep.analysis.intervals.interpolated import MoreStatesError, followed_frames
 from wavesweep.analysis.intervals.panels import bracketed_roots, panel_roots
 from wavesweep.analysis.intervals.regions import count_where_clear, cut_span
 from wavesweep.analysis.intervals.stable import Intervals, doubts_of, intervals_of
@@ -68,16 +68,13 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
     """
     low, high = span
     width = high - low
-    frames = followed_frames(evaluate, span, columns, bounds)
-    found = panel_roots(
-        _sampler(frames),
-        *frames.edges(),
-        columns,
-        NARROWEST * width,
-        MANY,
-        bounds,
-        settling=BEYOND,
-    )
+    found, order = None, 0
+    while found is None:
+        try:
+            frames = followed_frames(evaluate, span, columns, bounds, order)
+            found = panel_roots(_sampler(frames), *frames.edges(), columns, NARROWEST * width, MANY, bounds, settling=BEYOND)
+        except MoreStatesError as more:  # from the beginning, with states that may be there
+            order = more.order
     ends = _polished(evaluate, found, span)
     unsure = ends.take(~ends.good)
     doubtful = unsure.column, unsure.value - NARROWEST * width, unsure.value + NARROWEST * width

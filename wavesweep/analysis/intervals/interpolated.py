@@ -1,6 +1,7 @@
 """Frames of a loop over a range of a parameter: a few are computed, and those between are interpolated, with an error bound."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from wavesweep.analysis.intervals.panels import EXTENT, OVERLAP, RIM
 from wavesweep.analysis.spectrum import balance
 
 SAMPLES = 28  # of a piece
+TYPICAL = (0.5, 0.37, 0.71)  # of the span, where the units of the states are found
 PIECES = 4  # a piece narrower than this part of the span that is not followed is computed at every point
 HOPELESS = (
     0.05  # of the largest entry, what the last coefficient of a piece that would not be followed in halves either has left
@@ -83,16 +85,29 @@ class Frames:
         return column, low, np.where(last, self.span[1], np.append(low[1:], self.span[1])[: column.size])
 
 
-def followed_frames(evaluate, span, columns: int, bounds) -> Frames:
+class MoreStatesError(Exception):
+    """Frames of more states (`order`) than those seen before; some values of a number leave states out of the loop."""
+
+    def __init__(self, order: int):
+        super().__init__(f"frames of {order} states")
+        self.order = order
+
+
+def followed_frames(evaluate, span, columns: int, bounds, order: int = 0) -> Frames:
     """Follow the frames of every column over the span.
 
-    evaluate, bounds: see `stable_along_any`. Each entry is interpolated at SAMPLES Chebyshev points of a piece. What is left of
-    it, divided by the Chebyshev polynomial that vanishes at these, is analytic, so on the piece it is at most what it is on the
-    rim of an ellipse about it, where the frames are computed at complex values (see `panel_roots`): that polynomial, 1 at
-    most on the piece, is 10^11 there. A piece that is not followed to LOOSE roundings is cut in two.
+    evaluate, bounds: see `stable_along_any`. order: of the largest frames, if it is known. Errors: MoreStatesError.
+
+    Each entry is interpolated at SAMPLES Chebyshev points of a piece. What is left of it, divided by the Chebyshev polynomial
+    that vanishes at these, is analytic, so on the piece it is at most what it is on the rim of an ellipse about it, where the
+    frames are computed at complex values (see `panel_roots`): that polynomial, 1 at most on the piece, is 10^11 there. A piece
+    that is not followed to LOOSE roundings is cut in two.
     """
     width, smallest = span[1] - span[0], 1.01 * (span[1] - span[0]) / PIECES
     column, low, high = np.arange(columns), np.full(columns, span[0]), np.full(columns, span[1])
+    # Several values at once: a single one may happen to leave a state out of the loop.
+    E = evaluate(np.repeat(column[:1], len(TYPICAL)), span[0] + width * np.array(TYPICAL))
+    evaluate = partial(_of_order, evaluate, max(order, E.shape[-1]))
     E = evaluate(column, (low + high) / 2)
     units = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0))[1]
     ratio, done = (units[:, None, :] / units[:, :, None]).reshape(columns, -1), []
@@ -115,6 +130,20 @@ def followed_frames(evaluate, span, columns: int, bounds) -> Frames:
     parts = [np.concatenate(part) for part in zip(*done, strict=True)]
     order = np.argsort(parts[0], kind="stable")
     return Frames(evaluate, span, *(part[order] for part in parts), units)
+
+
+def _of_order(evaluate, order, column, p):
+    """The frames with this number of states: one that is left out for all these values stands there with z = 0."""
+    E = evaluate(column, p)
+    more = order - E.shape[-1]
+    if more < 0:
+        raise MoreStatesError(E.shape[-1])
+    if not more:
+        return E
+    out = np.zeros((len(E), order, order), E.dtype)
+    out[:, : E.shape[-1], : E.shape[-1]] = E
+    out[:, range(-more, 0), range(-more, 0)] = -1
+    return out
 
 
 def _interpolants(evaluate, column, middle, half, ratio):
