@@ -217,6 +217,7 @@ def _nearest(evaluate, column, x, kind):
     if not x.size:
         return np.zeros(0), np.zeros(0)
     w = np.linalg.eigvals(evaluate(column, x)).astype(complex)
+    w = np.concatenate([w, np.full((len(w), 1), -1.0)], axis=-1)  # z = 0, which makes a pair for a single eigenvalue
     i, j = np.triu_indices(w.shape[-1], 1)
     pair = -(w[:, i] + w[:, j] + w[:, i] * w[:, j])
     best = np.argmin(np.abs(pair), axis=-1)[:, None]
