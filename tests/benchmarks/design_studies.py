@@ -19,7 +19,8 @@ from joblib import Parallel, delayed
 
 from wavesweep.seeking.genes import designs_of
 from wavesweep.seeking.search import hypervolume
-from wavesweep.seeking.study import DesignTask, design, job_of
+from wavesweep.seeking.study import design, job_of
+from wavesweep.seeking.wishes import evaluate
 from wavesweep.spec import Axis, load
 from wavesweep.sweep.interval_table import at_points
 
@@ -27,13 +28,23 @@ BETTER, PART = 1.02, 64
 REFERENCE = np.array([-np.log(100.0), 1.5])
 
 
-def records_of(source, seed, count):
-    """The wishes of so many random designs."""
+def worth(source, seed, count, least):
+    """Stiffest wall (N/m) and error of so many random designs, and whether both are certified.
+
+    The error is looked at only for designs that reach the stiffness `least`, and missing for the others.
+    """
     spec = load(source)
     job = job_of(spec)
-    genes = np.random.default_rng(seed).random((count, len(spec.design.vary)))
-    designs = designs_of(spec.design.vary, genes)
-    return DesignTask(spec, job.scenarios, designs, count, job.stop, job.dtype).records(), genes
+    wishes = {wish.name: wish for wish in spec.design.wishes}
+    designs = designs_of(spec.design.vary, np.random.default_rng(seed).random((count, len(spec.design.vary))))
+    stiffest = evaluate(spec, [wishes["z_width"]], job.scenarios, designs, job.stop)["z_width"]
+    found = np.stack([stiffest.value, np.full(count, np.nan), stiffest.certified], axis=1)
+    some = np.flatnonzero(stiffest.value >= least)
+    if some.size:
+        few = {path: values[some] for path, values in designs.items()}
+        error = evaluate(spec, [wishes["transparency"]], job.scenarios, few, job.stop)["transparency"]
+        found[some, 1], found[some, 2] = error.value, found[some, 2] * error.certified
+    return found
 
 
 def random(source, table, designs, jobs, seed):
@@ -42,12 +53,12 @@ def random(source, table, designs, jobs, seed):
     stiffness, error = front.z_width.to_numpy(), front.transparency.to_numpy()
     counts, worst, known, done = np.zeros(2, int), 1.0, 0, 0
     parts = Parallel(n_jobs=jobs, return_as="generator")(
-        delayed(records_of)(source, [seed, number], PART) for number in range(-(-designs // PART))
+        delayed(worth)(source, [seed, number], PART, stiffness.min()) for number in range(-(-designs // PART))
     )
-    for records, _ in parts:
-        sure = records["z_width_certified"] & records["transparency_certified"] & np.isfinite(records["transparency"])
-        z, e = (records[name][sure][:, None] for name in ("z_width", "transparency"))
-        done, known = done + len(records), known + int(sure.sum())
+    for found in parts:
+        sure = (found[:, 2] == 1) & np.isfinite(found[:, 1])
+        z, e = found[sure, 0][:, None], found[sure, 1][:, None]
+        done, known = done + len(found), known + int(sure.sum())
         more, less = z / stiffness, error / e
         beats = (more >= 1) & (less >= 1)
         counts += [
@@ -56,7 +67,7 @@ def random(source, table, designs, jobs, seed):
         ]
         worst = max(worst, float(np.minimum(more, less).max(initial=0)))
     print(
-        f"{source}: {done:,} random designs, {known:,} of them certified and stable, {time.perf_counter() - started:.0f} s: "
+        f"{source}: {done:,} random designs, {known:,} of them as stiff as some row, {time.perf_counter() - started:.0f} s: "
         f"{counts[0]} beat a row by more than 2 % in one wish, {counts[1]} in both; the largest lead in both is {worst - 1:.2%}"
     )
 
