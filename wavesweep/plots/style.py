@@ -158,7 +158,7 @@ def _settle(canvas: Any) -> None:
 
     The layout's solver has rounding errors that may differ between runs, and the shade of a pixel can depend on them.
     """
-    canvas.get_layout_engine().execute(canvas)
+    canvas.draw_without_rendering()
     canvas.set_layout_engine("none")
     for axes in canvas.axes:
         axes.set_position([round(float(edge), 4) for edge in axes.get_position().bounds])

@@ -46,7 +46,7 @@ def test_what_vanishes_at_every_sample_is_not_followed():
         return (-0.5 + 1e-6 * hidden(x))[:, None, None] * np.eye(2)
 
     frames = followed_frames(evaluate, (0.0, 1.0), 1, EVERYWHERE)
-    assert frames.start.size > 1  # the piece that sees nothing was cut
+    assert frames.low.size > 1  # the piece that sees nothing was cut
     p = np.linspace(0.0, 1.0, 301)[:, None]
     found, _ = frames.at(np.zeros(301, int), p)
     np.testing.assert_allclose(found[:, 0], evaluate(np.zeros(301, int), p[:, 0]), rtol=0, atol=1e-13)

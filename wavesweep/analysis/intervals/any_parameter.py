@@ -72,7 +72,17 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
     while found is None:
         try:
             frames = followed_frames(evaluate, span, columns, bounds, order)
-            found = panel_roots(_sampler(frames), *frames.edges(), columns, NARROWEST * width, MANY, bounds, settling=BEYOND)
+            found = panel_roots(
+                _sampler(frames),
+                frames.column,
+                frames.low,
+                frames.high,
+                columns,
+                NARROWEST * width,
+                MANY,
+                bounds,
+                settling=BEYOND,
+            )
         except MoreStatesError as more:  # from the beginning, with states that may be there
             order = more.order
     ends = _polished(evaluate, found, span)

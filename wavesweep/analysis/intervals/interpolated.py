@@ -39,14 +39,16 @@ for _array in (NODE, TRANSFORM, ON_RIM):
 class Frames:
     """Interpolants of frames, piece by piece.
 
-    start: `(pieces,)`, sorted keys of the low ends: number of the column plus the share of the span. middle, half: of what was
-    sampled. coefficients: `(pieces, SAMPLES, n n)`, Chebyshev. error: what each entry may be off by, in balanced units.
-    followed: which pieces are; the others are computed. units: `(columns, n)`, of the states, see `balance`.
+    column, low, high: of each piece, sorted. middle, half: of what was sampled. coefficients: `(pieces, SAMPLES, n n)`.
+    error: what each entry may be off by, in balanced units. followed: which pieces are; the others are computed. units:
+    `(columns, n)`, of the states, see `balance`.
     """
 
     evaluate: object
     span: tuple[float, float]
-    start: np.ndarray
+    column: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
     middle: np.ndarray
     half: np.ndarray
     coefficients: np.ndarray
@@ -59,7 +61,8 @@ class Frames:
         error, `(panels,)`, as an entry in the units of the states."""
         order = self.units.shape[-1]
         place = (p.mean(-1).real - self.span[0]) / (self.span[1] - self.span[0])
-        piece = np.searchsorted(self.start, column + np.clip(place, 0, 1 - 1e-12), side="right") - 1
+        start = self.column + (self.low - self.span[0]) / (self.span[1] - self.span[0])
+        piece = np.searchsorted(start, column + np.clip(place, 0, 1 - 1e-9), side="right") - 1
         out = np.empty((*p.shape, order, order), p.dtype)
         near = self.followed[piece]
         some = piece[near]
@@ -76,13 +79,6 @@ class Frames:
             return np.empty((0, p.shape[-1], *2 * self.units.shape[-1:]), p.dtype)
         E = self.evaluate(np.repeat(column, p.shape[-1]), p.ravel())
         return E.reshape(*p.shape, *E.shape[1:])
-
-    def edges(self):
-        """Column, low end and high end of every piece."""
-        column = np.floor(self.start).astype(int)
-        low = self.span[0] + (self.start - column) * (self.span[1] - self.span[0])
-        last = np.append(column[1:] != column[:-1], True)[: column.size]
-        return column, low, np.where(last, self.span[1], np.append(low[1:], self.span[1])[: column.size])
 
 
 class MoreStatesError(Exception):
@@ -123,12 +119,12 @@ def followed_frames(evaluate, span, columns: int, bounds, order: int = 0) -> Fra
             coefficients[inside], error[inside], hopeless[inside] = _interpolants(evaluate, *some, ratio[column[inside]])
         followed = np.isfinite(error)
         kept = followed | hopeless | (high - low <= smallest)
-        done.append([part[kept] for part in (column + (low - span[0]) / width, middle, half, coefficients, error, followed)])
+        done.append([part[kept] for part in (column, low, high, middle, half, coefficients, error, followed)])
         column, low, high = (part[~kept] for part in (column, low, high))
         cut_at = (low + high) / 2
         column, low, high = np.tile(column, 2), np.append(low, cut_at), np.append(cut_at, high)
     parts = [np.concatenate(part) for part in zip(*done, strict=True)]
-    order = np.argsort(parts[0], kind="stable")
+    order = np.lexsort((parts[1], parts[0]))
     return Frames(evaluate, span, *(part[order] for part in parts), units)
 
 

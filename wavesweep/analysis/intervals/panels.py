@@ -237,11 +237,13 @@ def bracketed_roots(value, low, high, seed, least=-np.inf):
     """
     if not low.size:
         return low.copy(), np.zeros(0, bool)
-    at, reach = np.arange(low.size), NEXT * (high - low)
+    # A power of two, since the bits of a disc's radius may depend on the batch.
+    size = np.exp2(np.floor(np.log2(np.maximum(high - low, np.finfo(float).tiny))))
+    at, reach = np.arange(low.size), NEXT * size
     a, fa, b, fb, valid, scale = _narrowed(value, at, np.stack([np.maximum(seed - reach, low), np.minimum(seed + reach, high)]))
     at = np.flatnonzero(~valid)
     if at.size:
-        reach = np.array(ABOUT)[:, None] * (high - low)[at]
+        reach = np.array(ABOUT)[:, None] * size[at]
         x = np.concatenate([seed[at] - reach, seed[at] + reach[::-1]])
         x = np.concatenate([low[None, at], np.clip(x, low[at], high[at]), high[None, at]])
         for part, wider in zip((a, fa, b, fb, valid, scale), _narrowed(value, at, x), strict=True):
