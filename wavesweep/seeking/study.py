@@ -180,7 +180,8 @@ def design(
 
 
 METHODS = {
-    "search": "NSGA-II with constrained domination and differential evolution, seeded; every design at its worst over all that it has to hold for",
+    "search": "NSGA-II with constrained domination and differential evolution, seeded; every design at its worst over all that "
+    "it has to hold for",
     "check": "the designs of the front again, with values between the ends of every range",
 }
 
