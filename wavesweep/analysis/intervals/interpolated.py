@@ -100,7 +100,7 @@ def followed_frames(evaluate, span, columns: int, bounds, order: int = 0) -> Fra
     that is not followed to LOOSE roundings is cut in two.
     """
     width, smallest = span[1] - span[0], 1.01 * (span[1] - span[0]) / PIECES
-    column, low, high = np.arange(columns), np.full(columns, span[0]), np.full(columns, span[1])
+    column, low, high = np.arange(columns), *(np.full(columns, float(end)) for end in span)
     # Several values at once: a single one may happen to leave a state out of the loop.
     E = evaluate(np.repeat(column[:1], len(TYPICAL)), span[0] + width * np.array(TYPICAL))
     evaluate = partial(_of_order, evaluate, max(order, E.shape[-1]))
