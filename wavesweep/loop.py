@@ -315,7 +315,7 @@ class DrawnLoop:
         return DataFrame({"time_s": np.arange(count) * float(drawn.period)} | seen)
 
 
-@lru_cache(maxsize=256)  # a compiled loop is asked about the same ranges again and again
+@lru_cache(maxsize=256, typed=True)  # a compiled loop is asked about the same ranges again and again
 def _accept(spec, path, value):
     """Raise SpecError for a value that a spec would refuse."""
     spec.with_values({path: value})

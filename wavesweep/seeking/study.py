@@ -123,7 +123,9 @@ class DesignTask:
         )
         for number, record in enumerate(records):
             own = {path: column[number].item() for path, column in self.designs.items()}
-            record[BOX], record[SETTLED] = record["z_width"], True
+            record[BOX], record[SETTLED] = record["z_width"], record["z_width"] > 0
+            if not record[SETTLED]:  # no wall to touch
+                continue
             for device, damping in product(devices, wish.options.get("B_VE", (spec.values["environment.B_VE"],))):
                 values = dict(spec.with_values(own | dict(device) | {"environment.B_VE": damping}).values)
                 rows = Guarantee("box", self.box).records(values, "environment.K_VE", (0.0, float(record["z_width"])))

@@ -11,7 +11,7 @@ from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.design import Design
 from wavesweep.spec.drawing import RATE, Drawing, resolve_drawn, written
-from wavesweep.spec.keys import BUILT_IN, DEVICE_EFFECTS, KEYS, SYMBOLS, Names
+from wavesweep.spec.keys import BUILT_IN, DEVICE_EFFECTS, KEYS, SIMULATE_KEYS, SYMBOLS, Names
 from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.resolving import Given, resolve
 from wavesweep.spec.studies import Experiment, Studies, axis_fault, need_values
@@ -132,7 +132,7 @@ class Spec:
         return replace(self, for_simulation=True)
 
     def _refuse_effects(self) -> None:
-        asked = [path for path in DEVICE_EFFECTS if self.simulate.get(path.split(".")[1]) not in (None, 0)]
+        asked = [path for path in DEVICE_EFFECTS if self.simulate.get(path.split(".")[1]) != SIMULATE_KEYS[path].default]
         if asked:
             raise UsageError(
                 f"{self.name}: at rates that do not divide the linear loop alone is simulated, found {', '.join(asked)}; leave "

@@ -21,6 +21,7 @@ from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
 from wavesweep.sweep.running import Progress, Run, Work, in_memory, run
 from wavesweep.sweep.table import Columns, Table, facts_of
 
+KEPT = 200  # ticks of a frame up to which a prepared loop is remembered; it takes memory with their square
 SPARED = 1e-6  # relative error up to which a row has no doubt
 
 
@@ -262,7 +263,8 @@ def _refuse_aliases(grid, frequency):
 
 def _block(values, frequency):
     """The columns for loops of one drawing."""
-    one, ratio = all(np.size(value) == 1 for value in values.values()), values["rates.ratio"]
+    ratio = values["rates.ratio"]
+    one = ratio <= KEPT and all(np.size(value) == 1 for value in values.values())
     loop, modal, gain_at, radius = _prepared_one(*identity(values)) if one else _prepared(values)
     found, (gain, gain_error) = respond(loop, frequency, modal=modal), gain_at(frequency)
     omega = 2 * np.pi * frequency * (ratio * np.reshape(1 / np.asarray(values["rates.fast_hz"], float), (-1, 1)))
@@ -275,7 +277,7 @@ def _block(values, frequency):
     return columns | {"doubt": _doubts(errors.values(), stable, loop.lost[..., None])}
 
 
-@lru_cache(maxsize=16)  # a compiled loop is asked again and again
+@lru_cache(maxsize=4)  # a compiled loop is asked again and again
 def _prepared_one(_, items):
     """The same for a single loop, see `identity`; a tuple stands for an array."""
     return _prepared({path: np.array(value) if isinstance(value, tuple) else value for path, value in items})

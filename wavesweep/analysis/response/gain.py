@@ -44,6 +44,7 @@ def gain_of(loop: Loop, ratio: int) -> Callable[[np.ndarray], tuple[np.ndarray, 
         return partial(_through_modes, whole, drifts, Dominant(whole), ratio)
 
 
+@np.errstate(all="ignore")
 def _through_modes(whole, drifts, modes, ratio, frequency_hz):
     """The gain at these frequencies; `whole`, `drifts`: see `with_scene`."""
     frequency, width = np.atleast_1d(np.asarray(frequency_hz, float)), max(1, POINTS // ratio)
