@@ -162,9 +162,10 @@ def test_a_simulation_shows_the_response_of_the_loop(kind):
         np.testing.assert_allclose(found, linear, rtol=1e-5)
 
 
-def test_effects_of_a_device_are_refused_at_rates_that_do_not_divide():
-    tables = spec_of("pmw", rates={"slow_hz": 60}).tables() | {"simulate": {"resolution": 1e-5}}
-    with pytest.raises(UsageError, match=r"found simulate.resolution"):
+@pytest.mark.parametrize(("name", "value"), [("resolution", 1e-5), ("wall", 0.0), ("max_force", 3.0), ("late", 2)])
+def test_effects_of_a_device_are_refused_at_rates_that_do_not_divide(name, value):
+    tables = spec_of("pmw", rates={"slow_hz": 60}).tables() | {"simulate": {name: value}}
+    with pytest.raises(UsageError, match=rf"found simulate\.{name}"):
         wavesweep.simulate(tables)
 
 

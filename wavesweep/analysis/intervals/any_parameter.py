@@ -68,23 +68,7 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
     """
     low, high = span
     width = high - low
-    found, order = None, 0
-    while found is None:
-        try:
-            frames = followed_frames(evaluate, span, columns, bounds, order)
-            found = panel_roots(
-                _sampler(frames),
-                frames.column,
-                frames.low,
-                frames.high,
-                columns,
-                NARROWEST * width,
-                MANY,
-                bounds,
-                settling=BEYOND,
-            )
-        except MoreStatesError as more:  # from the beginning, with states that may be there
-            order = more.order
+    found = _roots(evaluate, span, columns, bounds)
     ends = _polished(evaluate, found, span)
     unsure = ends.take(~ends.good)
     doubtful = unsure.column, unsure.value - NARROWEST * width, unsure.value + NARROWEST * width
@@ -126,6 +110,17 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
     regions = parts.labelled(unstable, doubt, np.where(fits, NONE, COUNTS), error[parts.order])
     regions = replace(regions, unstable=np.where(regions.doubt == COUNTS, UNKNOWN, unstable))
     return intervals_of(regions, doubts_of(regions, np.zeros(columns, int)), period)
+
+
+def _roots(evaluate, span, columns, bounds, order=0):
+    """The roots of the critical functions and what is known of the panels; order: of the largest frames, if it is known."""
+    smallest = NARROWEST * (span[1] - span[0])
+    try:
+        frames = followed_frames(evaluate, span, columns, bounds, order)
+        pieces = frames.column, frames.low, frames.high
+        return panel_roots(_sampler(frames), *pieces, columns, smallest, MANY, bounds, settling=BEYOND)
+    except MoreStatesError as more:
+        return _roots(evaluate, span, columns, bounds, more.order)
 
 
 def _merged(column, left, right):

@@ -11,9 +11,7 @@ from wavesweep.analysis.spectrum import balance
 SAMPLES = 28  # of a piece
 TYPICAL = (0.5, 0.37, 0.71)  # of the span, where the units of the states are found
 PIECES = 4  # a piece narrower than this part of the span that is not followed is computed at every point
-HOPELESS = (
-    0.05  # of the largest entry, what the last coefficient of a piece that would not be followed in halves either has left
-)
+HOPELESS = 0.05  # of the largest entry, in the last coefficients: halves of such a piece would not be followed either
 ROUNDED = 16  # roundings of the largest entry that the samples and the sums of an interpolant cost
 LOOSE = 64.0  # roundings of the largest entry that an interpolant may be off by
 NODE = np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)

@@ -48,14 +48,13 @@ def gain_of(loop: Loop, ratio: int) -> Callable[[np.ndarray], tuple[np.ndarray, 
 def _through_modes(whole, drifts, modes, ratio, frequency_hz):
     """The gain at these frequencies; `whole`, `drifts`: see `with_scene`."""
     frequency, width = np.atleast_1d(np.asarray(frequency_hz, float)), max(1, POINTS // ratio)
-    with np.errstate(all="ignore"):
-        parts = [modes.gain(circle(whole, frequency[at : at + width])) for at in range(0, frequency.size, width)]
-        gain, error = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
-        _improve(whole, frequency, gain, error)
-        gain = np.where((circle(whole, frequency).frame == 0) & drifts[..., None], np.inf, gain)
-        relative = np.where(gain == np.inf, 0.0, error / gain + len(whole.states) * ROUNDING)
-        unknown = ~(relative < LOST) | whole.lost[..., None]
-        return np.where(unknown | (gain == np.inf), np.nan, gain), np.where(unknown, np.nan, relative)
+    parts = [modes.gain(circle(whole, frequency[at : at + width])) for at in range(0, frequency.size, width)]
+    gain, error = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
+    _improve(whole, frequency, gain, error)
+    gain = np.where((circle(whole, frequency).frame == 0) & drifts[..., None], np.inf, gain)
+    relative = np.where(gain == np.inf, 0.0, error / gain + len(whole.states) * ROUNDING)
+    unknown = ~(relative < LOST) | whole.lost[..., None]
+    return np.where(unknown | (gain == np.inf), np.nan, gain), np.where(unknown, np.nan, relative)
 
 
 def with_scene(loop):
@@ -86,14 +85,10 @@ def _improve(loop, frequency, gain, error):
         error[..., index] = np.where(doubtful[..., index], bound, error[..., index])
 
 
+@np.errstate(all="ignore")
 def _over_aliases(loop, ratio, frequency_hz):
     """A loop that is the same in every tick keeps every alias to itself."""
-    with np.errstate(all="ignore"):
-        return _largest_alias(loop, ratio, np.atleast_1d(np.asarray(frequency_hz, float)))
-
-
-def _largest_alias(loop, ratio, frequency):
-    points = circle(loop, frequency)
+    points = circle(loop, np.atleast_1d(np.asarray(frequency_hz, float)))
     rate, near = points.rate, (points.angle(ratio) / (2 * np.pi))[:, None]  # from the nearest multiple of the slow rate
     aliases = np.abs(np.arange(ratio) - (ratio - 1) // 2 + near) * (rate / ratio)
     constant = aliases == 0
