@@ -14,6 +14,8 @@ from wavesweep.seeking.study import job_of
 from wavesweep.seeking.verdicts import miss
 from wavesweep.spec import load
 from wavesweep.sweep import running, workers
+from wavesweep.sweep.hands import Guarantee
+from wavesweep.sweep.tasks import HAND_RECORD
 
 SPEC = """
 [environment]
@@ -212,6 +214,26 @@ def test_the_front_can_be_checked_for_every_hand_of_a_box(run, tmp_path):
     guaranteed = found[(found.hand == "box")]
     assert rows["z_width_box"][number] == pytest.approx(guaranteed.high.min(), rel=1e-9)
     assert rows["box_settled"][number] == bool(guaranteed.settled.all())
+
+
+def test_a_hand_of_the_box_that_ends_a_wall_sooner_counts(run, tmp_path, monkeypatch):
+    def sooner(_self, values, _along, span):
+        found = np.zeros(1, HAND_RECORD)
+        found["intervals"], found["high"], found["settled"] = (
+            1,
+            span[1] * (0.5 if values["environment.B_VE"] == 5 else 0.8),
+            True,
+        )
+        return found
+
+    monkeypatch.setattr(Guarantee, "records", sooner)
+    text = SPEC.replace('"device.mass" = [0.08, 0.125]', "hand = { damping = [0, 5] }")
+    (tmp_path / "mine.toml").write_text(text.replace("population = 16", "population = 8"), encoding="utf-8")
+    code, _, results = run("--no-plot", "--hand", "box", "--set", "design.generations=1", "--jobs", "1")
+    rows = read(results / "design.csv")
+    assert code == 0
+    np.testing.assert_allclose(rows["z_width_box"], 0.5 * rows["z_width"])
+    assert rows["box_settled"].all()
 
 
 @pytest.mark.parametrize(

@@ -128,6 +128,7 @@ def test_unrelated_points_each_with_a_wall_of_its_own_are_those_of_each_loop():
         "controller.b": random.uniform(5, 80, 12),
         "device.mass": random.uniform(0.05, 0.3, 12),
         "environment.B_VE": np.append(0.0, random.uniform(0.1, 9, 11)),
+        "filters.lp1.order": np.tile([1, 2], 6),  # loops of two structures, which are computed apart
     }
     axis = Axis("K_VE", "environment.K_VE", (), 0.0, 20000.0, False)
     found = at_points(spec, axis, points)

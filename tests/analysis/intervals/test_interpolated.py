@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from support.specs import values_of
 
-from wavesweep.analysis.intervals.interpolated import NODE, followed_frames
+from wavesweep.analysis.intervals.critical import from_eigenvalues
+from wavesweep.analysis.intervals.interpolated import NODE, MoreStatesError, _of_order, followed_frames
 from wavesweep.diagram import draw
 from wavesweep.lifted import close, cut_at_wall
 
@@ -87,3 +88,13 @@ def test_the_frames_of_a_column_do_not_depend_on_the_others():
     one, other = together.at(np.ones(50, int), p), alone.at(np.zeros(50, int), p)
     assert np.array_equal(one[0], other[0])
     assert np.array_equal(one[1], other[1])
+
+
+def test_a_state_that_is_left_out_changes_no_critical_function():
+    E = np.random.default_rng(3).normal(size=(20, 3, 3))
+    padded = _of_order(lambda *_: E, 5, None, None)
+    assert padded.shape == (20, 5, 5)
+    for few, more in zip(from_eigenvalues(E)[:2], from_eigenvalues(padded)[:2], strict=True):
+        np.testing.assert_allclose(more, few, rtol=1e-12, atol=1e-12)
+    with pytest.raises(MoreStatesError):
+        _of_order(lambda *_: E, 2, None, None)
