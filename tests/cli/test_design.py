@@ -101,6 +101,8 @@ def test_the_figure_can_be_drawn_again(run, tmp_path):
 
 @pytest.mark.slow
 def test_the_bytes_are_the_same_for_two_workers_and_after_a_stop(run, tmp_path, monkeypatch):
+    # Two tasks a generation.
+    (tmp_path / "mine.toml").write_text(SPEC.replace("population = 16", "population = 64"), encoding="utf-8")
     assert run("--no-plot", "--jobs", "1")[0] == 0
     one = (tmp_path / "results/mine/design.parquet").read_bytes()
     assert run("--no-plot", "--jobs", "2", "--backend", "loky", "--out", "two")[0] == 0

@@ -67,6 +67,10 @@ class Points:
         """Number of points."""
         return int(np.prod(self.shape))
 
+    def some(self, index) -> "Points":
+        """Some of the points, each as a design of its own."""
+        return Points({path: column[index] for path, column in self.changes.items()}, self.ties, (len(index), 1, 1))
+
     def worst(self, values, more: bool) -> tuple[np.ndarray, np.ndarray]:
         """The worst value of each design, `(designs,)`, and the scenario that has it; a missing value is the worst there is."""
         flat = np.reshape(values, (self.shape[0], -1))

@@ -29,7 +29,7 @@ from wavesweep.sweep.running import Progress
 from wavesweep.sweep.table import Table, facts_of
 from wavesweep.sweep.workers import choose, results
 
-CHUNK = 8  # designs of a task
+CHUNK = 48  # designs of a task at most: those of one structure are the faster, the more they are
 FRONT = 48  # designs of the table at most
 BOX, SETTLED = "z_width_box", "box_settled"
 FINER = 1000  # combinations that a design of the front is checked over at most
@@ -76,7 +76,8 @@ class DesignJob(Job):
     def task(self, chunk: Chunk) -> "DesignTask":
         """The task of a worker for that chunk."""
         generation, spec = chunk.loops.start, self.grid.spec
-        genes = self.genes[generation][chunk.walls.start : chunk.walls.stop]
+        numbers = self.chunks_of(generation)
+        genes = np.array_split(self.genes[generation], len(numbers))[chunk.number - numbers.start]
         last = generation == self.chunks.loops - 1
         designs, scenarios = designs_of(spec.design.vary, genes), self.finer if last else self.scenarios
         return DesignTask(spec, scenarios, designs, len(genes), self.stop, self.dtype, self.box if last else None)
@@ -226,10 +227,15 @@ class _Run:
         self.total = (job.chunks.loops - 1) * job.grid.spec.design.settings["population"]
 
     def judge(self, generation: int, genes: np.ndarray) -> Judged:
-        """The designs of a generation, judged."""
-        self.job.genes[generation] = genes
-        objectives, violation = judged(self.job.grid.spec.design, self.records(generation))
-        return Judged(genes, objectives, violation)
+        """The designs of a generation, judged; those of one structure are computed together."""
+        asked = self.job.grid.spec.design
+        values = designs_of(asked.vary, genes)
+        choices = [values[axis.path] for axis in asked.vary if axis.values]
+        order = np.lexsort(choices) if choices else np.arange(len(genes))
+        self.job.genes[generation] = genes[order]
+        records = np.empty(len(genes), self.job.dtype)
+        records[order] = self.records(generation)
+        return Judged(genes, *judged(asked, records))
 
     def records(self, generation: int) -> np.ndarray:
         """The records of a generation, from the checkpoint as far as it has them."""

@@ -13,7 +13,7 @@ from wavesweep.seeking.family import Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish
 from wavesweep.spec.resolving import longest_delay
-from wavesweep.sweep.grid import groups
+from wavesweep.sweep.grid import groups, selected
 from wavesweep.sweep.interval_table import at_points
 
 NODES = 24  # Gauss-Legendre nodes of a band in the logarithm of the frequency
@@ -50,7 +50,8 @@ def evaluate(
         if wish.name in ("z_width", "felt"):
             key = walls["environment.B_VE"]
             if key not in known:
-                known[key] = _stiffest(spec, points_of(spec.values, designs, scenarios, walls), stop)
+                felt = any(wish.name == "felt" for wish in wishes)
+                known[key] = _stiffest(spec, points_of(spec.values, designs, scenarios, walls), stop, felt)
             found[wish.name] = known[key][wish.name]
             continue
         walls = {"environment.K_VE": wish.options.get("walls", (spec.values["environment.K_VE"],))} | walls
@@ -60,15 +61,15 @@ def evaluate(
     return found
 
 
-def _stiffest(spec, points: Points, stop) -> dict[str, Worst]:
-    """The stiffest wall up to which every wall is stable, and the stiffness that is felt of it."""
+def _stiffest(spec, points: Points, stop, wished) -> dict[str, Worst]:
+    """The stiffest wall up to which every wall is stable, and the stiffness that is felt of it, if wished for."""
     axis = Axis("K_VE", WALL[0], (), 0.0, stop, False)
     once, back = _distinct(points.changes, points.size)
+    some = points.some(once)
     value, felt, certified = np.zeros(once.size), np.zeros(once.size), np.ones(once.size, bool)
-    for start in range(0, once.size, BATCH):
-        part = once[start : start + BATCH]
-        rows = at_points(spec, axis, {path: column[part] for path, column in points.changes.items()}, points.ties)
-        at = start + rows["slice"]
+    for part, _ in _batches(spec, some):
+        rows = at_points(spec, axis, {path: column[part] for path, column in some.changes.items()}, points.ties, felt=wished)
+        at = part[rows["slice"]]
         certified[at] = rows["certified"]
         first = (rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)
         value[at[first]], felt[at[first]] = rows["high"][first], rows["felt_high"][first]
@@ -90,22 +91,39 @@ def _walls(values, size):
 
 
 def _transparency(spec, wish, points):
-    """Root mean square of |ln(H/H_dc)| over the logarithm of the frequency; missing where a loop is unstable."""
+    """Root mean square of |ln(H/H_dc)| over the logarithm of the frequency; missing where a loop is unstable.
+
+    A design with an unstable loop has no value, and its other loops are left out.
+    """
     ends = np.log(wish.options.get("band_hz", BAND_HZ))
     node, weight = np.polynomial.legendre.leggauss(NODES)
     frequency = np.exp(ends.mean() + node * np.ptp(ends) / 2)
-    ideal, ideal_error = _ideal(spec, points, frequency)
-    value, certified = np.full(points.size, np.nan), np.ones(points.size, bool)
+    stable = np.empty(points.size, bool)
     for members, values in _batches(spec, points):
-        K, B = _walls(values, members.size)
-        diagram = draw(values)
-        stable = spectral_radius(cut_at_wall(diagram), K, B) < 1
-        found = respond(prepare(diagram, K, B), frequency, ERROR / 2)
+        stable[members] = spectral_radius(cut_at_wall(draw(values)), *_walls(values, members.size)) < 1
+    wanted = np.flatnonzero(np.repeat(points.all_of(stable), points.size // points.shape[0]))
+    value, certified = np.full(points.size, np.nan), np.ones(points.size, bool)
+    if not wanted.size:
+        return value, certified
+    points = points.some(wanted)
+    ideal, ideal_error = _ideal(spec, points, frequency)
+    for members, values in _batches(spec, points):
+        # Through the modes; the few that this is too rough for are computed again, slowly, by themselves.
+        found, error = _admittance(values, members.size, frequency, np.inf)
+        again = np.flatnonzero(~(error <= ERROR / 2).all(-1))
+        if again.size:
+            found[again], error[again] = _admittance(selected(values, again), again.size, frequency, ERROR / 2)
         with np.errstate(all="ignore"):
-            square = np.abs(np.log(found.admittance / ideal[members])) ** 2
-        value[members] = np.where(stable, np.sqrt((square * weight).sum(-1) / 2), np.nan)
-        certified[members] = ~stable | ((found.admittance_error <= ERROR) & (ideal_error[members] <= ERROR)).all(-1)
+            square = np.abs(np.log(found / ideal[members])) ** 2
+        value[wanted[members]] = np.sqrt((square * weight).sum(-1) / 2)
+        certified[wanted[members]] = ((error <= ERROR) & (ideal_error[members] <= ERROR)).all(-1)
     return value, certified
+
+
+def _admittance(values, size, frequency, good):
+    """The admittance of some loops and its relative error, `(size, frequencies)`; good: see `respond`."""
+    found = respond(prepare(draw(values), *_walls(values, size)), frequency, good)
+    return found.admittance, found.admittance_error
 
 
 def _ideal(spec, points, frequency):
@@ -115,7 +133,7 @@ def _ideal(spec, points, frequency):
     read = keys_read(ideal.values)
     changes = {path: column for path, column in points.changes.items() if path in read}
     first, back = _distinct(changes, points.size)
-    some = Points({path: column[first] for path, column in changes.items()}, (), (first.size, 1, 1))
+    some = Points(changes, (), points.shape).some(first)
     value, error = np.empty((first.size, frequency.size), complex), np.empty((first.size, frequency.size))
     for members, values in _batches(ideal, some):
         found = respond(prepare(draw(values), *_walls(values, members.size)), frequency)
@@ -130,7 +148,7 @@ def _channel(spec, wish, points):
     del wish
     read = {path: column for path, column in points.changes.items() if path.startswith(("filters.", "rates."))}
     first, back = _distinct(read, points.size)
-    some = Points({path: column[first] for path, column in read.items()}, (), (first.size, 1, 1))
+    some = Points(read, (), points.shape).some(first)
     norms, sure = np.zeros(first.size), np.ones(first.size, bool)
     for members, values in _batches(spec, some):
         norm = channel_norm(values)

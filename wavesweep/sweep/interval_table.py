@@ -91,11 +91,13 @@ def _guaranteed(own: IntervalJob, guarantee: "Guarantee") -> IntervalJob:
     return replace(few, guarantee=guarantee, cut=None)
 
 
-def at_points(spec: Spec, axis: Axis, points: Mapping[str, np.ndarray], ties: tuple[str, ...] = ()) -> Columns:
+def at_points(
+    spec: Spec, axis: Axis, points: Mapping[str, np.ndarray], ties: tuple[str, ...] = (), felt: bool = True
+) -> Columns:
     """Stable intervals along `axis` at single points, as the records of a table, with the column `slice`: the point's number.
 
     points: path -> value at each point, `(n,)`; no two points are the same. ties: paths of numbers that follow the axis; their
-    values are the factors.
+    values are the factors. felt: compute the felt stiffness at the ends too, which is missing otherwise.
     """
     count = len(next(iter(points.values())))
     drawing = loop_of(spec, points)
@@ -112,7 +114,7 @@ def at_points(spec: Spec, axis: Axis, points: Mapping[str, np.ndarray], ties: tu
         members = [np.flatnonzero(by == number) for number in range(by.max() + 1)]
         parts = [(each, np.unique(loops[loop[each]]), np.unique(walls[wall[each]])) for each in members]
     owners = loops[loop], walls if walls is None else walls[wall]
-    found = [_part(spec, drawing, axis, points, ties, *part, *owners) for part in parts]
+    found = [_part(spec, drawing, axis, points, ties, felt, *part, *owners) for part in parts]
     records = np.concatenate(found)
     records = records[np.argsort(records["slice"], kind="stable")]
     return {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
@@ -126,7 +128,7 @@ def _distinct_rows(columns, count):
     return first, back.reshape(-1)
 
 
-def _part(spec, drawing, axis, points, ties, members, loops, walls, owner, wall_of):
+def _part(spec, drawing, axis, points, ties, felt, members, loops, walls, owner, wall_of):
     """The records of the points `members`, from the product of some loops and walls, each given by a point that has it; walls:
     None if every loop has the wall of its point alone."""
     of_walls = () if drawing else WALL
@@ -139,7 +141,9 @@ def _part(spec, drawing, axis, points, ties, members, loops, walls, owner, wall_
     }
     bounds = bounds_within(spec, drawing, axis, changes, loops.size)
     task = task_over(spec, drawing, axis, bounds, groups(spec, changes, loops.size), wanted)
-    records = (replace(task, ties=ties) if ties else task).records()
+    if ties or not felt:
+        task = replace(task, ties=ties, felt=felt)
+    records = task.records()
     number = np.searchsorted(loops, owner[members])
     number = number if own else number * walls.size + np.searchsorted(walls, wall_of[members])
     order = np.argsort(number, kind="stable")

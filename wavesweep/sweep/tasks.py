@@ -100,7 +100,8 @@ class IntervalTask:
     groups: (members, values) pairs, see `groups`; the members of all of them number the loops from 0.
     walls: path -> value of every wall that each loop is closed with, `(walls,)`, or `(loops, walls)` if loops have their own.
     bounds: the drawing exists between these values of the parameter. cut: the compiled loop, if there is only one and it
-    is known already. ties: paths of numbers that follow the parameter; their values are the factors.
+    is known already. ties: paths of numbers that follow the parameter; their values are the factors. felt: give
+    the felt stiffness at the ends too.
     """
 
     along: str
@@ -110,6 +111,7 @@ class IntervalTask:
     walls: Mapping[str, np.ndarray]
     cut: Cut | None = None
     ties: tuple[str, ...] = ()
+    felt: bool = True
 
     def records(self) -> np.ndarray:
         """The intervals as records."""
@@ -123,7 +125,7 @@ def with_felt(task: IntervalTask, records: np.ndarray) -> np.ndarray:
     K = np.atleast_2d(walls[WALL[0]])[loop if walls[WALL[0]].ndim > 1 else 0, wall] if walls else np.empty(loop.size)
     for name in FELT:
         records[name] = np.nan
-    for members, own in task.groups:
+    for members, own in task.groups if getattr(task, "felt", True) else ():
         # The rates have no part in what is static.
         values = own | {"rates.ratio": max(1, int(own["rates.ratio"]))}
         rows = np.flatnonzero(np.isin(loop, members) & (records["intervals"] > 0))
