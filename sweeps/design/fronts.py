@@ -6,8 +6,6 @@ for name in plain gains front passive free; do
         --out results/$name-implicit
 done
 python sweeps/design/fronts.py
-
-In the figure kept here the implicit front of gains and filters is of 80 generations of 96 designs, which is plenty for it.
 """
 
 from pathlib import Path

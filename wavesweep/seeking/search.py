@@ -1,21 +1,31 @@
-"""A genetic search for the front of one or two objectives under constraints, in batches of a whole generation.
+"""A search for the front of one or two objectives under constraints, in batches of a whole generation.
 
-K. Deb, A. Pratap, S. Agarwal, T. Meyarivan, A fast and elitist multiobjective genetic algorithm: NSGA-II, IEEE Trans.
-Evolutionary Computation 6, 2002, with its rule for constraints: a feasible design beats an infeasible one, and of two
-infeasible ones the one that violates less wins. Most children are those of differential evolution (R. Storn, K. Price, J.
-Global Optimization 11, 1997; for fronts S. Kukkonen, J. Lampinen, Proc. CEC 2005): they follow valleys that lie across the
-genes, where crossovers and mutations gene by gene are slow. Everything follows from the seed and the values of the designs.
+Q. Zhang, H. Li, MOEA/D: A multiobjective evolutionary algorithm based on decomposition, IEEE Trans. Evolutionary Computation
+11, 2007, with the differential evolution of H. Li, Q. Zhang, IEEE Trans. Evolutionary Computation 13, 2009: every place of the
+population seeks the least of its own weighted largest objective, and takes over what is found for its neighbours. Places that
+share what they find follow a front across kinds of design that a search by rank and crowding (NSGA-II) leaves behind. A
+feasible design beats an infeasible one, and of two infeasible ones the one that violates less wins (K. Deb, Computer Methods
+in Applied Mechanics and Engineering 186, 2000). Everything follows from the seed and the values of the designs.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
+from math import prod
 
 import numpy as np
 
-CROSSOVER, MUTATION = 15.0, 20.0  # distribution indices: larger ones stay nearer to the parents
-DIFFERENCES = 0.7  # of a generation, children by differential evolution
-SHARES = (0.3, 0.9)  # of the genes that such a child takes from the difference
-MUTANTS = 0.1  # of a generation, drawn uniformly anew: what the others have all left behind can be found again
+NEIGHBOURS = 20  # of a place, itself included, and at most half of its kind
+LEAST = 6  # places of a kind; with fewer a population is not divided by kinds
+APART = 0.45  # of the generations, each kind of design by itself
+LOCAL = 0.8  # of the children, by differences of neighbours alone, and given to these alone
+SHARES = (0.3, 1.0)  # of the genes that a child takes from a difference
+FACTORS = (0.2, 1.0)  # least and largest share of a difference
+MUTATED = 0.5  # genes of a child, on average
+REACH = (-3.0, -0.5)  # decimal logarithms of the least and the largest size of a mutation
+FRESH = 0.06  # of a generation, drawn uniformly anew: what the others have all left behind can be found again
+TAKEN = 2  # places that take over a child at most, so that one design does not fill all
+BAD = 1e9  # more than any objective is, measured across the front
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,89 +47,136 @@ class Judged:
         return Judged(*(np.concatenate(pair) for pair in pairs))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Places:
+    """Places of a population, in blocks of one kind of design. weights: `(places, 2)`, of the objectives that each seeks the
+    least of; near: `(places, neighbours)`; block: places of a kind; chosen, fixed: genes that make a kind, and their values."""
+
+    weights: np.ndarray
+    near: np.ndarray
+    block: int
+    chosen: np.ndarray
+    fixed: np.ndarray
+
+    @staticmethod
+    def of(kinds, block, chosen) -> "_Places":
+        """Places for each of the kinds, `(kinds, chosen genes)`."""
+        along, kind = np.tile((np.arange(block) + 0.5) / block, len(kinds)), np.repeat(np.arange(len(kinds)), block)
+        away = np.abs(along[:, None] - along) + (kind[:, None] != kind)
+        near = np.argsort(away, axis=1, kind="stable")[:, : min(NEIGHBOURS, max(block // 2, 2), block)]
+        return _Places(np.stack([along, 1 - along], 1), near, block, chosen, kinds[kind])
+
+    def partners(self, local, rng):
+        """For every place another one: a neighbour, or any of its kind."""
+        every = np.arange(len(self.near))
+        any_ = every // self.block * self.block + rng.integers(self.block, size=every.size)
+        return np.where(local, self.near[every, rng.integers(self.near.shape[1], size=every.size)], any_)
+
+
 def generations(
-    judge: Callable[[int, np.ndarray], Judged], genes: int, population: int, count: int, seed: int, first: np.ndarray
-):
-    """Yield the surviving designs after each generation.
+    judge: Callable[[int, np.ndarray], Judged],
+    genes: int,
+    population: int,
+    count: int,
+    seed: int,
+    first: np.ndarray,
+    choices: Sequence[int] = (),
+) -> Iterator[Judged]:
+    """Yield the best designs of all after each generation, none of which another one dominates.
 
     judge(number, x): the designs x `(designs, genes)` of that generation, judged. first: designs of the first generation
-    besides random ones, `(designs, genes)`.
+    besides random ones, `(designs, genes)`. choices: for every gene the number of its values if these are few, or 0. Every
+    combination of them is a kind of design, which has a share of the population to itself at first: a kind that is good only
+    when it is finely tuned would be lost among others.
     """
     rng = np.random.default_rng(seed)
-    spread = (rng.permuted(np.tile(np.arange(population), (genes, 1)), axis=1).T + rng.random((population, genes))) / population
-    spread[: len(first)] = first[:population]
+    places = together = _Places.of(np.zeros((1, 0)), population, np.zeros(0, int))
+    kinds, apart = prod(max(1, few) for few in choices), 0
+    if 1 < kinds <= population // LEAST:
+        chosen, apart = np.flatnonzero(choices), round(APART * count)
+        values = [(np.arange(choices[gene]) + 0.5) / choices[gene] for gene in chosen]
+        places = _Places.of(np.array(list(product(*values))), population // kinds, chosen)
+    spread = rng.permuted(np.tile(np.arange(population), (genes, 1)), axis=1).T
+    spread = ((spread + rng.random((population, genes))) / population)[: len(places.near)]
+    spread[:, places.chosen] = places.fixed
+    spread[: len(first)] = first[: len(spread)]
     alive = judge(0, spread)
-    yield alive
+    best = alive.take(undominated(alive))
+    yield best
     for number in range(1, count):
-        children = judge(number, _children(alive, population, rng))
-        alive = survivors(alive.joined(children), population)
-        yield alive
+        if number == apart:
+            pool, places = best.joined(alive), together
+            alive = pool.take(np.argmin(_worth(best)(pool, places.weights[:, None]), axis=1))
+        x, local = _children(alive.genes, places, rng)
+        children = judge(number, x)
+        best = best.joined(children)
+        best = best.take(undominated(best))
+        alive = _settled(alive, children, best, places, local, rng)
+        yield best
 
 
-def _children(parents, count, rng):
-    rank, crowding = ranked(parents)
-    order = np.lexsort((-crowding, rank))
-    place = np.empty(len(order), int)
-    place[order] = np.arange(len(order))
-    rivals = rng.integers(len(order), size=(2, count, 2))
-    chosen = np.where(place[rivals[0]] < place[rivals[1]], rivals[0], rivals[1])
-    one, other = parents.genes[chosen[:, 0]], parents.genes[chosen[:, 1]]
-    different, alike = _by_differences(parents.genes, one, other, rng), _by_crossing(one, other, rng)
-    return np.where((rng.random(count) < DIFFERENCES)[:, None], different, alike)
+def _children(parents, places, rng):
+    """A child for every place, and which of them are for the neighbours of their places alone."""
+    count, genes = parents.shape
+    every, local = np.arange(count), rng.random(count) < LOCAL
+    one, other, third = (places.partners(local, rng) for _ in range(3))
+    base = np.where(rng.random(count) < 0.5, every, third)
+    moved = parents[base] + rng.uniform(*FACTORS, (count, 1)) * (parents[one] - parents[other])
+    taken = rng.random(parents.shape) < rng.choice(SHARES, (count, 1))
+    taken[every, rng.integers(genes, size=count)] = True
+    x = np.where(taken, moved, parents)
+    mutated = rng.random(x.shape) < MUTATED / genes
+    x = x + mutated * rng.normal(size=x.shape) * 10.0 ** rng.uniform(*REACH, (count, 1))
+    x = np.clip(1 - np.abs(1 - np.abs(x)), 0.0, 1.0)
+    fresh = rng.random(count) < FRESH
+    x = np.where(fresh[:, None], rng.random(x.shape), x)
+    x[:, places.chosen] = places.fixed
+    return x, local & ~fresh
 
 
-def _by_differences(genes, base, target, rng):
-    """The base with some genes moved by the difference of two other designs, the others those of the target."""
-    first, second = genes[rng.integers(len(genes), size=(2, len(base)))]
-    moved = base + rng.uniform(0.2, 1.0, (len(base), 1)) * (first - second)
-    taken = rng.random(base.shape) < rng.choice(SHARES, (len(base), 1))
-    taken[np.arange(len(base)), rng.integers(base.shape[1], size=len(base))] = True
-    folded = np.abs(np.where(taken, moved, target))
-    return np.clip(1 - np.abs(1 - folded), 0.0, 1.0)
+def _settled(alive, children, best, places, local, rng):
+    """The designs in every place once the children have been offered: to the neighbours of their own place, or, of those that
+    came from far, of the place of their kind that they are best for."""
+    worth = _worth(best)
+    now, new = worth(alive, places.weights), worth(children, places.weights[:, None])  # `(places,)`; `(places, children)`
+    genes, objectives, violation = alive.genes.copy(), alive.objectives.copy(), alive.violation.copy()
+    for child in rng.permutation(len(local)):
+        kind = slice(start := child // places.block * places.block, start + places.block)
+        home = child if local[child] else start + int(np.argmin(new[kind, child] - now[kind]))
+        some = rng.permutation(places.near[home])
+        some = some[new[some, child] < now[some]][:TAKEN]
+        genes[some], objectives[some] = children.genes[child], children.objectives[child]
+        violation[some], now[some] = children.violation[child], new[some, child]
+    return Judged(genes, objectives, violation)
 
 
-def _by_crossing(one, other, rng):
-    """Genes between and about those of two parents, and some designs that are new; Deb's crossover and mutation."""
-    count = len(one)
-    u = rng.random(one.shape)
-    beta = np.where(u < 0.5, (2 * u) ** (1 / (CROSSOVER + 1)), (2 * (1 - u)) ** (-1 / (CROSSOVER + 1)))
-    crossed = np.where(rng.random(one.shape) < 0.5, 0.5 * ((1 + beta) * one + (1 - beta) * other), one)
-    u = rng.random(one.shape)
-    step = np.where(u < 0.5, (2 * u) ** (1 / (MUTATION + 1)) - 1, 1 - (2 * (1 - u)) ** (1 / (MUTATION + 1)))
-    # Most mutations are small, and some of them reach far.
-    step *= 10.0 ** rng.uniform(-3, 0.5, (len(one), 1))
-    mutate = rng.random(one.shape) < 1 / one.shape[1]
-    mutate[np.arange(len(one)), rng.integers(one.shape[1], size=len(one))] = True
-    children = np.clip(crossed + mutate * step, 0.0, 1.0)
-    fresh = rng.random(count) < MUTANTS
-    return np.where(fresh[:, None], rng.random(children.shape), children)
+def _worth(best):
+    """A function of designs and weights: their largest weighted objective, as a share of the known front; for designs that
+    violate constraints, by how much, beyond all others."""
+    known = best.objectives[(best.violation == 0) & np.isfinite(best.objectives).all(1)]
+    known = known if len(known) else np.zeros((1, best.objectives.shape[1]))
+    least, across = known.min(0), np.ptp(known, axis=0)
+    across = np.where(across > 0, across, 1.0)
+
+    def worth(designs, weights):
+        with np.errstate(invalid="ignore"):
+            share = np.where(np.isfinite(designs.objectives), (designs.objectives - least) / across, BAD)
+        value = np.minimum((weights[..., : share.shape[-1]] * share).max(-1), BAD)
+        return np.where(designs.violation > 0, 2 * BAD + designs.violation, value)
+
+    return worth
 
 
-def survivors(designs: Judged, count: int) -> Judged:
-    """The best designs: by rank, the last of them by how far they are from their neighbours."""
-    rank, crowding = ranked(designs)
-    return designs.take(np.lexsort((-crowding, rank))[:count])
-
-
-def ranked(designs: Judged) -> tuple[np.ndarray, np.ndarray]:
-    """Rank of each design, 0 for those that no other dominates, and its distance from its neighbours in the same rank."""
-    size = len(designs.violation)
-    rank, left, level = np.zeros(size, int), np.arange(size), 0
-    while left.size:
-        best = left[undominated(designs.take(left))]
-        rank[best] = level
-        left, level = np.setdiff1d(left, best, assume_unique=True), level + 1
-    crowding = np.zeros(size)
-    for level in range(rank.max(initial=-1) + 1):
-        members = np.flatnonzero(rank == level)
-        for values in designs.objectives[members].T:
-            order = np.argsort(values, kind="stable")
-            across = values[order]
-            gaps = np.full(members.size, np.inf)
-            if np.isfinite(across).all() and (width := across[-1] - across[0]) > 0:
-                gaps[1:-1] = (across[2:] - across[:-2]) / width
-            crowding[members[order]] += gaps
-    return rank, crowding
+def spread(designs: Judged, count: int) -> Judged:
+    """So many of the designs, far from each other: those whose neighbours are nearest are left out one by one."""
+    scale = np.where(np.ptp(designs.objectives, axis=0) > 0, np.ptp(designs.objectives, axis=0), 1.0)
+    order = np.lexsort(designs.objectives.T[::-1])
+    place = designs.objectives[order] / scale
+    while len(order) > count:
+        step = np.concatenate([[np.inf], np.abs(np.diff(place, axis=0)).sum(-1), [np.inf]])
+        crowded = int(np.argmin(step[1:] + step[:-1]))
+        order, place = np.delete(order, crowded), np.delete(place, crowded, axis=0)
+    return designs.take(order)
 
 
 def undominated(designs: Judged) -> np.ndarray:

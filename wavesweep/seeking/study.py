@@ -15,7 +15,7 @@ from wavesweep.analysis.passivity.hand import OPERATOR
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.seeking.family import Scenario, scenarios_of
 from wavesweep.seeking.genes import designs_of, genes_of
-from wavesweep.seeking.search import Judged, generations, survivors, undominated
+from wavesweep.seeking.search import Judged, generations, spread, undominated
 from wavesweep.seeking.verdicts import judged, miss
 from wavesweep.seeking.wishes import evaluate
 from wavesweep.spec import Spec
@@ -157,18 +157,16 @@ def design(
     run.workers = choose(jobs, backend, scheduler, len(job.chunks), partial(_seconds, job))
     asked, settings = spec.design, spec.design.settings
     first = genes_of(asked.vary, spec.values)[None]
-    best = None
-    for alive in generations(
-        run.judge, len(asked.vary), settings["population"], settings["generations"], settings["seed"], first
+    choices = [len(axis.values or ()) for axis in asked.vary]
+    for found in generations(
+        run.judge, len(asked.vary), settings["population"], settings["generations"], settings["seed"], first, choices
     ):
-        best = alive if best is None else best.joined(alive)
-        best = best.take(undominated(best))
+        best = found
     if not (best.violation == 0).any():
         said = miss(spec, run.everything(), job.scenarios)
         run.forget()  # nothing of it is left to be done
         raise WavesweepError(said)
-    front = survivors(best, FRONT)
-    front = front.take(np.lexsort(front.objectives.T[::-1]))
+    front = spread(best, FRONT)
     job.genes[settings["generations"]] = front.genes
     records = run.records(settings["generations"])
     # With more to hold for, a design may be worth less than another one.
@@ -183,7 +181,7 @@ def design(
 
 
 METHODS = {
-    "search": "NSGA-II with constrained domination and differential evolution, seeded; every design at its worst over all that "
+    "search": "MOEA/D with differential evolution and constrained domination, seeded; every design at its worst over all that "
     "it has to hold for",
     "check": "the designs of the front again, with values between the ends of every range",
 }
