@@ -77,3 +77,42 @@ def test_the_front_is_thinned_where_it_is_crowded():
 def test_the_area_of_a_staircase():
     assert hypervolume(np.array([[0.0, 1.0], [1.0, 0.0], [5.0, -1.0]]), np.array([2.0, 2.0])) == pytest.approx(3.0)
     assert hypervolume(np.array([[3.0, 0.0]]), np.array([2.0, 2.0])) == 0.0
+
+
+def test_what_is_judged_otherwise_after_a_look_is_judged_again():
+    """From the look on the first objective is 1 larger: the best that are left were all judged so."""
+    seen = []
+
+    def judge(number, x):
+        seen.append(number)
+        return Judged(x, zdt(1, x) + np.array([1.0 * bool(looked), 0]), np.zeros(len(x)))
+
+    looked = []
+
+    def look(best):
+        looked.append(len(best.genes))
+        return len(looked) == 1
+
+    for found in generations(judge, 4, 24, 40, 0, np.zeros((0, 4)), look=look):
+        best = found
+    assert len(looked) == 3
+    assert seen == list(range(40))
+    assert best.objectives[:, 0].min() >= 1
+    assert np.array_equal(best.objectives, zdt(1, best.genes) + np.array([1.0, 0.0]))
+
+
+def test_every_kind_of_design_has_a_part_of_the_population_at_first():
+    """The second of three kinds is the best, but only next to a point that the others know nothing of."""
+
+    def judge(_, x):
+        kind = np.minimum((x[:, 0] * 3).astype(int), 2)
+        kinds.append(np.bincount(kind, minlength=3))
+        well = np.abs(x[:, 1:] - 0.81).max(1)
+        return Judged(x, np.where(kind == 1, np.minimum(3.0, 10 * well), 1 + well)[:, None], np.zeros(len(x)))
+
+    kinds = []
+    for best in generations(judge, 4, 36, 40, 0, np.zeros((0, 4)), (3, 0, 0, 0)):
+        found = best
+    assert (kinds[0] == 12).all()
+    assert (kinds[17] == 12).all()
+    assert found.objectives[0, 0] < 0.1

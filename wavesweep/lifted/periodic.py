@@ -136,8 +136,18 @@ def _replaced(sequence, pair, name):
 
 
 def then(first, second):
-    """`(I + second)(I + first) - I`."""
-    return first + second + second @ first
+    """`(I + second)(I + first) - I`; a state that either forgets is forgotten exactly, where a sum would leave a rounding."""
+    E = first + second + second @ first
+    columns, rows = _forgotten(first), _forgotten(np.swapaxes(second, -1, -2))
+    E[..., columns], E[..., rows, :] = -np.eye(E.shape[-1])[:, columns], -np.eye(E.shape[-1])[rows]
+    return E
+
+
+def _forgotten(E):
+    """Indices of the columns of `I + E` that are zero in all matrices."""
+    less, one = -np.eye(E.shape[-1]), E[(0,) * (E.ndim - 2)]
+    some = np.flatnonzero((one == less).all(0))
+    return some[[bool((E[..., column] == less[column]).all()) for column in some]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ import numpy as np
 NEIGHBOURS = 20  # of a place, itself included, and at most half of its kind
 LEAST = 6  # places of a kind; with fewer a population is not divided by kinds
 APART = 0.45  # of the generations, each kind of design by itself
+LOOKS = (APART, 0.7, 0.85)  # of the generations, where the best are looked at
 LOCAL = 0.8  # of the children, by differences of neighbours alone, and given to these alone
 SHARES = (0.3, 1.0)  # of the genes that a child takes from a difference
 FACTORS = (0.2, 1.0)  # least and largest share of a difference
@@ -81,13 +82,16 @@ def generations(
     seed: int,
     first: np.ndarray,
     choices: Sequence[int] = (),
+    look: Callable[[Judged], bool] | None = None,
 ) -> Iterator[Judged]:
     """Yield the best designs of all after each generation, none of which another one dominates.
 
     judge(number, x): the designs x `(designs, genes)` of that generation, judged. first: designs of the first generation
     besides random ones, `(designs, genes)`. choices: for every gene the number of its values if these are few, or 0. Every
     combination of them is a kind of design, which has a share of the population to itself at first: a kind that is good only
-    when it is finely tuned would be lost among others.
+    when it is finely tuned would be lost among others. look(best): called at some generations, with the designs that would be
+    yielded last; True if designs are judged otherwise from there on. Then one generation judges the population again, and the
+    best are those of it.
     """
     rng = np.random.default_rng(seed)
     places = together = _Places.of(np.zeros((1, 0)), population, np.zeros(0, int))
@@ -107,6 +111,11 @@ def generations(
         if number == apart:
             pool, places = best.joined(alive), together
             alive = pool.take(np.argmin(_worth(best)(pool, places.weights[:, None]), axis=1))
+        if look and number in [round(share * count) for share in LOOKS] and look(best):
+            alive = judge(number, alive.genes)
+            best = alive.take(undominated(alive))
+            yield best
+            continue
         x, local = _children(alive.genes, places, rng)
         children = judge(number, x)
         best = best.joined(children)

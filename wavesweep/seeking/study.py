@@ -32,6 +32,7 @@ from wavesweep.sweep.workers import choose, results
 CHUNK = 48  # designs of a task at most: those of one structure are the faster, the more they are
 FRONT = 48  # designs of the table at most
 BOX, SETTLED = "z_width_box", "box_settled"
+ADDED = 4  # combinations at a time that the search holds for besides
 FINER = 1000  # combinations that a design of the front is checked over at most
 
 
@@ -40,11 +41,12 @@ class DesignJob(Job):
     """Generations of designs, as chunks; the last one is the front, over a finer choice of what it has to hold for.
 
     genes: number of a generation -> `(designs, axes)`, known once the one before it is judged. scenarios, finer: what designs
-    have to hold for in the search and at its end. box: of hands, all of which the front is checked for, if it is.
+    have to hold for in the search, which more are added to, and at its end. box: of hands, all of which the front is checked
+    for, if it is.
     """
 
     genes: dict[int, np.ndarray]
-    scenarios: Sequence[Scenario]
+    scenarios: list[Scenario]
     finer: Sequence[Scenario]
     stop: float
     box: HandBox | None = None
@@ -79,7 +81,7 @@ class DesignJob(Job):
         numbers = self.chunks_of(generation)
         genes = np.array_split(self.genes[generation], len(numbers))[chunk.number - numbers.start]
         last = generation == self.chunks.loops - 1
-        designs, scenarios = designs_of(spec.design.vary, genes), self.finer if last else self.scenarios
+        designs, scenarios = designs_of(spec.design.vary, genes), self.finer if last else tuple(self.scenarios)
         return DesignTask(spec, scenarios, designs, len(genes), self.stop, self.dtype, self.box if last else None)
 
     def certified(self, records: np.ndarray) -> int:
@@ -159,7 +161,7 @@ def design(
     first = genes_of(asked.vary, spec.values)[None]
     choices = [len(axis.values or ()) for axis in asked.vary]
     for found in generations(
-        run.judge, len(asked.vary), settings["population"], settings["generations"], settings["seed"], first, choices
+        run.judge, len(asked.vary), settings["population"], settings["generations"], settings["seed"], first, choices, run.look
     ):
         best = found
     if not (best.violation == 0).any():
@@ -234,6 +236,20 @@ class _Run:
         records = np.empty(len(genes), self.job.dtype)
         records[order] = self.records(generation)
         return Judged(genes, *judged(asked, records))
+
+    def look(self, best: Judged) -> bool:
+        """Look at designs of the front over the finer choice, and add what is worst for some of them to what the search holds
+        for: the worst of a range need not be at its ends. Whether anything was added."""
+        job, asked = self.job, self.job.grid.spec.design
+        if (best.violation > 0).any():  # nothing is feasible yet
+            return False
+        some = spread(best, FRONT)
+        found = evaluate(job.grid.spec, asked.wishes, job.finer, designs_of(asked.vary, some.genes), job.stop)
+        worst = np.bincount(np.concatenate([each.scenario for each in found.values()]), minlength=len(job.finer))
+        order = [job.finer[at] for at in np.argsort(-worst, kind="stable")[: np.count_nonzero(worst)].tolist()]
+        new = [each for each in order if each not in job.scenarios][:ADDED]
+        job.scenarios.extend(new)
+        return bool(new)
 
     def records(self, generation: int) -> np.ndarray:
         """The records of a generation, from the checkpoint as far as it has them."""
@@ -321,7 +337,9 @@ def _fields(spec, columns):
 
 
 def _notices(job):
-    yield f"each design holds for {len(job.scenarios)} combinations; those of the front were checked over {len(job.finer)}"
+    ends = len(scenarios_of(job.grid.spec.design))
+    more = f" and {len(job.scenarios) - ends} between that were worse" if len(job.scenarios) > ends else ""
+    yield f"each design holds for {ends} combinations{more}; those of the front were checked over {len(job.finer)}"
     unread = [axis.name for axis in job.grid.spec.design.vary if axis.path not in _read(job.grid.spec)]
     if unread:
         yield f"{', '.join(unread)}: not read by {job.grid.spec.kind}, varied for nothing"

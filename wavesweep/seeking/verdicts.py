@@ -34,6 +34,8 @@ def judged(design: Design, records: Mapping[str, np.ndarray]) -> tuple[np.ndarra
         violation += np.maximum(-margins[-1], 0.0)
     for wish in design.wishes:
         unknown = np.isnan(records[wish.name]) | ~records[f"{wish.name}_certified"]
+        if wish.name in BY_RATIO:  # a design that can render no wall is none
+            unknown |= records[wish.name] <= 0
         violation += np.where(unknown, UNKNOWN, 0.0)
     if not free:
         objectives = [-np.min(margins, axis=0)]

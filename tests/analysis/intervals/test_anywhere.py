@@ -138,7 +138,10 @@ def test_roots_are_found_inside_their_brackets_to_rounding():
     np.testing.assert_allclose(found[:3], roots[:3], rtol=1e-15, atol=1e-15)
 
 
-@pytest.mark.parametrize("function", [lambda E: critical.from_coefficients(E, 1.0, 0.0), critical.from_eigenvalues])
+FUNCTIONS = (critical.from_coefficients, critical.from_eigenvalues)
+
+
+@pytest.mark.parametrize("function", FUNCTIONS)
 def test_the_critical_functions_of_a_matrix_alone_have_the_same_bits_as_among_others(function):
     E = np.random.default_rng(4).normal(size=(600, 5, 5))
     together = function(E)
@@ -159,24 +162,30 @@ def test_the_critical_functions_are_the_products_that_they_stand_for_within_thei
     )
     E = E if imaginary else E.real
     units = 2.0 ** random.integers(-20, 20, size=(40, order))
-    phase, log, error = critical.from_coefficients(E / (units[:, None, :] / units[:, :, None]), units, 0.0)
+    parts = [function(E / (units[:, None, :] / units[:, :, None]), units) for function in FUNCTIONS]
     for k in range(0, 40, 8):
         with mpmath.workdps(50):
             w, _ = mpmath.eig(mpmath.matrix(E[k].tolist()))
             pairs = [1 - (1 + w[i]) * (1 + w[j]) for i in range(order) for j in range(i)]
             exact = [mpmath.fprod(pairs), mpmath.fprod(-each for each in w), mpmath.fprod(2 + each for each in w)]
-        found = phase[:, k] * np.exp(log[:, k])
-        # A bound to first order, for rounding as it usually is: an order of magnitude is allowed for.
-        off = [abs(complex(one) - other) for one, other in zip(exact, found, strict=True)]
-        assert np.all(off <= 10 * np.finfo(float).eps * (error[:, k] + order) * np.abs(found))
-        assert np.all(error[:, k] < 1e9)
+            total = mpmath.fsum(1 + each for each in w)
+            products = mpmath.fsum((1 + w[i]) * (1 + w[j]) for i in range(order) for j in range(i))
+            exact.append((total / order) ** 2 + products / max(order * (order - 1) / 2, 1) - 2)
+        for phase, log, error in parts:
+            found = phase[:, k] * np.exp(log[:, k])
+            # A bound to first order, for rounding as it usually is: an order of magnitude is allowed for.
+            off = [abs(complex(one) - other) for one, other in zip(exact, found, strict=True)]
+            assert np.all(off <= 10 * np.finfo(float).eps * (error[:, k] + order) * np.abs(found))
+            assert np.all(error[:, k] < 1e9)
 
 
-def test_bounds_of_the_critical_functions_hold_for_entries_that_are_off():
+def test_bounds_of_the_critical_functions_hold_for_coefficients_that_are_off():
     random = np.random.default_rng(7)
-    E = 0.4 * random.normal(size=(200, 7, 7)) - 0.5 * np.eye(7)
-    exact, off = critical.from_eigenvalues(E), 1e-9
-    phase, log, error = critical.from_coefficients(E + off * random.uniform(-1, 1, E.shape), 1.0, off)
+    c, reach, size = critical.characteristic(0.4 * random.normal(size=(200, 7, 7)) - 0.5 * np.eye(7))
+    exact, off = critical.from_polynomials(c, reach, size), 1e-9
+    moved = c.copy()
+    moved[:-1] += off * random.uniform(-1, 1, moved[:-1].shape)
+    phase, log, error = critical.from_polynomials(moved, reach + off / np.finfo(float).eps, size)
     far = np.abs(phase * np.exp(log - exact[1]) - exact[0])
     assert np.quantile(far / (np.finfo(float).eps * error), 0.99) < 10
     assert np.median(far / (np.finfo(float).eps * error)) > 1e-5  # and they say something

@@ -1,11 +1,11 @@
-"""Frames between samples: right within their bound, and not followed where they cannot be known."""
+"""Characteristic polynomials between samples: right within their bound, and not followed where they cannot be known."""
 
 import numpy as np
 import pytest
 from support.specs import values_of
 
-from wavesweep.analysis.intervals.critical import from_eigenvalues
-from wavesweep.analysis.intervals.interpolated import NODE, MoreStatesError, _of_order, followed_frames
+from wavesweep.analysis.intervals.critical import EPS, characteristic, from_coefficients, from_eigenvalues, from_polynomials
+from wavesweep.analysis.intervals.interpolated import DEGREES, MoreStatesError, _of_order, chebyshev, followed, living, nodes
 from wavesweep.diagram import draw
 from wavesweep.lifted import close, cut_at_wall
 
@@ -22,35 +22,60 @@ def of_loops(path, **changes):
     return evaluate
 
 
+def between(loop, column, p):
+    """The interpolated polynomials of some columns at p, `(points,)`, where they are followed: coefficients, errors, sizes."""
+    piece = loop.piece(column, p[:, None])
+    assert (loop.pieces.degree[piece] > 0).all()
+    return loop.polynomials(piece, p[:, None])
+
+
+def exactly(loop, column, p, size):
+    """The same computed at every point, in units of that size."""
+    units = loop.units[column]
+    E = loop.computed(column, p[:, None])[:, 0] * (units[:, None, :] / units[:, :, None])
+    c, _, own = characteristic(E)
+    return c * (own / size) ** np.arange(len(c) - 1, -1, -1)[:, None]
+
+
+@pytest.mark.parametrize("imaginary", [0.0, 0.02])
 @pytest.mark.parametrize(
     ("path", "span"), [("controller.b", (10.0, 20.0)), ("device.mass", (0.1, 0.3)), ("local_model.K_LM", (1.0, 400.0))]
 )
-def test_frames_between_samples_are_right_within_their_bound(path, span):
-    evaluate = of_loops(path)
-    frames = followed_frames(evaluate, span, 2, EVERYWHERE if path.endswith("K_LM") else (0.0, np.inf))
+def test_polynomials_between_samples_are_right_within_their_bound(path, span, imaginary):
+    loop = followed(of_loops(path), span, 2, EVERYWHERE if path.endswith("K_LM") else (0.0, np.inf))
     column = np.repeat([0, 1], 30)
-    p = np.random.default_rng(0).uniform(*span, (60, 1))
-    found, bound = frames.at(column, p)
-    exact = evaluate(column, p[:, 0])
-    units = frames.units[column]
-    off = np.abs(found[:, 0] - exact) * (units[:, None, :] / units[:, :, None])
-    assert frames.followed.all()
-    assert (off.max((1, 2)) <= 2 * bound).all()  # what the frames are held against is rounded as well
-    assert (bound < 1e-12 * np.abs(exact * (units[:, None, :] / units[:, :, None])).max()).all()
+    p = np.random.default_rng(0).uniform(*span, 60) + (1j * imaginary * (span[1] - span[0]) if imaginary else 0)
+    c, reach, size = between(loop, column, p)
+    off = np.abs(c - exactly(loop, column, p, size)) / EPS
+    assert (off <= 2 * reach).all()  # the others are rounded as well
+    assert (reach <= 1e5 * np.maximum(np.abs(c).max(0), 1)).all()
 
 
 def test_what_vanishes_at_every_sample_is_not_followed():
-    hidden = np.polynomial.chebyshev.Chebyshev.basis(NODE.size)
-
     def evaluate(_, p):
         x = (p - 0.5) / 0.535  # the samples reach 3.5 % into the neighbours
-        return (-0.5 + 1e-6 * hidden(x))[:, None, None] * np.eye(2)
+        return (-0.5 + 1e-6 * chebyshev(x, DEGREES[-1])[1])[:, None, None] * np.ones((1, 1))
 
-    frames = followed_frames(evaluate, (0.0, 1.0), 1, EVERYWHERE)
-    assert frames.low.size > 1  # the piece that sees nothing was cut
-    p = np.linspace(0.0, 1.0, 301)[:, None]
-    found, _ = frames.at(np.zeros(301, int), p)
-    np.testing.assert_allclose(found[:, 0], evaluate(np.zeros(301, int), p[:, 0]), rtol=0, atol=1e-13)
+    loop = followed(evaluate, (0.0, 1.0), 1, EVERYWHERE)
+    assert loop.pieces.low.size > 1  # the piece that sees nothing was cut
+    p = np.linspace(0.0, 1.0, 301)
+    some = loop.pieces.degree[loop.piece(np.zeros(301, int), p[:, None])] > 0
+    assert some.any()
+    c, reach, size = between(loop, np.zeros(some.sum(), int), p[some])
+    assert (np.abs(c - exactly(loop, np.zeros(some.sum(), int), p[some], size)) <= 2 * EPS * reach).all()
+
+
+@pytest.mark.parametrize("degree", DEGREES)
+def test_an_interpolant_goes_through_its_points_and_the_other_polynomial_vanishes_there(degree):
+    x, transform = nodes(degree)
+    values = np.exp(x)
+    basis, vanishing = chebyshev(x, degree)
+    np.testing.assert_allclose(basis @ (transform @ values), values, rtol=1e-13)
+    np.testing.assert_allclose(vanishing, 0, atol=1e-13)
+    between, most = chebyshev(np.linspace(-1, 1, 2001), degree)
+    np.testing.assert_allclose(between @ (transform @ values), np.exp(np.linspace(-1, 1, 2001)), rtol=1e-13)
+    assert np.abs(most).max() <= 1 + 1e-12
+    np.testing.assert_array_equal(nodes(DEGREES[-1])[0][:: DEGREES[-1] // degree], x)
 
 
 def test_what_overflows_or_has_a_pole_is_computed_at_every_point():
@@ -58,13 +83,10 @@ def test_what_overflows_or_has_a_pole_is_computed_at_every_point():
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             return (1 / (p - 0.3))[:, None, None] * np.ones((2, 2))
 
-    frames = followed_frames(evaluate, (0.0, 1.0), 1, EVERYWHERE)
-    assert not frames.followed.all()
-    p = np.array([[0.29], [0.31], [0.9]])
-    found, bound = frames.at(np.zeros(3, int), p)
-    exact = evaluate(np.zeros(3, int), p[:, 0])
-    np.testing.assert_allclose(found[:, 0], exact, rtol=1e-12)
-    assert bound[0] == bound[1] == 0
+    loop = followed(evaluate, (0.0, 1.0), 1, EVERYWHERE)
+    degree = loop.pieces.degree[loop.piece(np.zeros(3, int), np.array([[0.29], [0.31], [0.9]]))]
+    assert degree[0] == degree[1] == 0
+    assert degree[2] > 0
 
 
 def test_no_point_beyond_the_bounds_is_asked_for():
@@ -74,20 +96,35 @@ def test_no_point_beyond_the_bounds_is_asked_for():
         seen.append(p)
         return np.exp(p)[:, None, None] * np.eye(3)
 
-    followed_frames(evaluate, (1.0, 5.0), 1, (0.9, 8.0))
+    followed(evaluate, (1.0, 5.0), 1, (0.9, 8.0))
     asked = np.concatenate(seen)
     assert asked.real.min() >= 0.9
     assert asked.real.max() <= 8.0
 
 
-def test_the_frames_of_a_column_do_not_depend_on_the_others():
+def test_the_polynomials_of_a_column_do_not_depend_on_the_others():
     evaluate = of_loops("controller.b")
-    together = followed_frames(evaluate, (5.0, 200.0), 2, (0.0, np.inf))
-    alone = followed_frames(lambda column, p: evaluate(column + 1, p), (5.0, 200.0), 1, (0.0, np.inf))
-    p = np.linspace(5.0, 200.0, 50)[:, None]
-    one, other = together.at(np.ones(50, int), p), alone.at(np.zeros(50, int), p)
-    assert np.array_equal(one[0], other[0])
-    assert np.array_equal(one[1], other[1])
+    together = followed(evaluate, (5.0, 200.0), 2, (0.0, np.inf))
+    alone = followed(lambda column, p: evaluate(column + 1, p), (5.0, 200.0), 1, (0.0, np.inf))
+    p = np.linspace(5.0, 200.0, 50)
+    some = together.pieces.degree[together.piece(np.ones(50, int), p[:, None])] > 0
+    assert some.any()
+    one, other = (
+        between(loop, which[some], p[some]) for loop, which in ((together, np.ones(50, int)), (alone, np.zeros(50, int)))
+    )
+    for part, same in zip(one, other, strict=True):
+        assert np.array_equal(part, same)
+    for part, same in zip(from_polynomials(*one), from_polynomials(*other), strict=True):
+        assert np.array_equal(part, same)
+
+
+def test_the_functions_of_a_polynomial_alone_have_the_same_bits_as_among_others():
+    c, reach, size = characteristic(np.random.default_rng(4).normal(size=(600, 5, 5)))
+    together = from_polynomials(c, reach, size)
+    for column in (0, 17, 511, 512, 599):
+        some = slice(column, column + 1)
+        for one, all_ in zip(from_polynomials(c[:, some], reach[:, some], size[some]), together, strict=True):
+            assert np.array_equal(one[:, 0], all_[:, column])
 
 
 def test_a_state_that_is_left_out_changes_no_critical_function():
@@ -95,6 +132,23 @@ def test_a_state_that_is_left_out_changes_no_critical_function():
     padded = _of_order(lambda *_: E, 5, None, None)
     assert padded.shape == (20, 5, 5)
     for few, more in zip(from_eigenvalues(E)[:2], from_eigenvalues(padded)[:2], strict=True):
-        np.testing.assert_allclose(more, few, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(more[:3], few[:3], rtol=1e-12, atol=1e-12)
     with pytest.raises(MoreStatesError):
         _of_order(lambda *_: E, 2, None, None)
+
+
+def test_states_that_are_forgotten_within_a_frame_are_left_out():
+    """A chain of two held values behind a state, a value that only reads, and one that two others make up for."""
+    random = np.random.default_rng(5)
+    A = np.zeros((7, 5, 5))
+    A[:, :2, :2] = 0.4 * random.normal(size=(7, 2, 2))
+    A[:, 2, :2], A[:, 3, 2] = random.normal(size=(7, 2)), 1.0  # nothing reads the last of the chain
+    A[:, 0, 4], A[:, 4, 4] = 2.0, 1e-16  # nothing enters it, and it is forgotten
+    E = A - np.eye(5)
+    few = living(E)
+    assert few.shape == (7, 2, 2)
+    for one, other in zip(from_coefficients(few)[:2], from_eigenvalues(E)[:2], strict=True):
+        np.testing.assert_allclose(one[:3], other[:3], rtol=1e-10, atol=1e-10)
+    A[3, 0, 3] = 1e-3  # in one of the frames it is read
+    assert living(A - np.eye(5)).shape == (7, 4, 4)
+    assert living(-np.ones((2, 1, 1))).shape == (2, 1, 1)  # the last state stays

@@ -12,9 +12,9 @@ from wavesweep.analysis.intervals.critical import (
     PAIR,
     from_coefficients,
     from_eigenvalues,
-    surely_unstable,
+    from_polynomials,
 )
-from wavesweep.analysis.intervals.interpolated import MoreStatesError, followed_frames
+from wavesweep.analysis.intervals.interpolated import MOST_ORDER, MoreStatesError, followed
 from wavesweep.analysis.intervals.panels import bracketed_roots, panel_roots
 from wavesweep.analysis.intervals.regions import count_where_clear, cut_span
 from wavesweep.analysis.intervals.stable import Intervals, doubts_of, intervals_of
@@ -25,9 +25,9 @@ ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain 
 NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing is given up
 MANY = 512  # so many open panels of one column are, too
 WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
-MOST_ORDER = 14  # with more states the coefficients have lost too much as a rule
-FINE = 3e-8  # error of a value over the largest of its panel, up to which its roots can be told
+FINE = 1e-6  # error of a value over the largest of its panel, up to which its roots can be told
 ROUGH = 0.1  # the same of what only bounds
+FEW = 0.1  # of itself, the error of an interpolated function whose sign is believed
 CLEAR = 1e-10  # | |z|^2 - 1 | at an end, up to which the end is believed
 UNSTABLE, UNKNOWN = 1, -1  # labels of parts of the span that are not counted
 
@@ -57,8 +57,8 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
 
     With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are real analytic
     functions of p that vanish where a complex pair, z = 1 or z = -1 is on the unit circle (the first also where two real
-    eigenvalues are reciprocal: then the counts do not change). Between a few values of p the frames are interpolated
-    (`interpolated`), and the functions follow from their coefficients (`critical`). The roots are found and proved on Chebyshev
+    eigenvalues are reciprocal: then the counts do not change). They follow from the characteristic polynomial (`critical`),
+    which is interpolated between a few values of p (`interpolated`). The roots are found and proved on Chebyshev
     panels, with what the functions are beside the real axis as the bound on what the samples do not show (`panels`); polished
     on the eigenvalue itself; and the counts of unstable eigenvalues in every region must change by 2 or 1 accordingly. Where
     the sums of the eigenvalues and of their products prove that one lies outside all over a panel, its crossings are not
@@ -68,8 +68,8 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
     """
     low, high = span
     width = high - low
-    found = _roots(evaluate, span, columns, bounds)
-    ends = _polished(evaluate, found, span)
+    loop, found = _roots(evaluate, span, columns, bounds)
+    ends = _polished(evaluate, loop, found, span)
     unsure = ends.take(~ends.good)
     doubtful = unsure.column, unsure.value - NARROWEST * width, unsure.value + NARROWEST * width
     labelled = [
@@ -113,12 +113,13 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
 
 
 def _roots(evaluate, span, columns, bounds, order=0):
-    """The roots of the critical functions and what is known of the panels; order: of the largest frames, if it is known."""
+    """The loop as it is followed, the roots of its critical functions and what is known of the panels; order: of the largest
+    frames, if it is known."""
     smallest = NARROWEST * (span[1] - span[0])
     try:
-        frames = followed_frames(evaluate, span, columns, bounds, order)
-        pieces = frames.column, frames.low, frames.high
-        return panel_roots(_sampler(frames), *pieces, columns, smallest, MANY, bounds, settling=BEYOND)
+        loop = followed(evaluate, span, columns, bounds, order)
+        first = loop.pieces.column, loop.pieces.low, loop.pieces.high
+        return loop, panel_roots(_sampler(loop), *first, columns, smallest, MANY, bounds, settling=BEYOND)
     except MoreStatesError as more:
         return _roots(evaluate, span, columns, bounds, more.order)
 
@@ -151,34 +152,51 @@ def _given(parts, labelled):
     return label, doubt
 
 
-def _sampler(frames):
+def _sampler(loop):
     """What `panel_roots` samples: the critical functions of these columns at these points.
 
-    From coefficients, and from eigenvalues on those panels on which the coefficients' own error would be more than FINE.
+    From characteristic polynomials, interpolated where they are followed; and where their own error would be more than FINE,
+    from those of frames, and then from eigenvalues.
     """
 
     def sample(column, p):
-        E, off = frames.at(column, p)
-        E = E.reshape(-1, *E.shape[2:])
-        off, units = (np.repeat(part, p.shape[-1], axis=0) for part in (off, frames.units[column]))
-        if E.shape[-1] > MOST_ORDER and not np.iscomplexobj(p):
-            found, again = [np.empty((3, *p.shape), kind) for kind in (complex, float, float)], np.arange(column.size)
-        else:
-            found = [part.reshape(3, *p.shape) for part in from_coefficients(E, units, off)]
-            again = np.flatnonzero(_too_rough(found, ROUGH if np.iscomplexobj(p) else FINE))
-        if again.size:
-            rows = (again[:, None] * p.shape[-1] + np.arange(p.shape[-1])).ravel()
-            for part, better in zip(found, from_eigenvalues(E[rows], units[rows], off[rows]), strict=True):
-                part[:, again] = better.reshape(3, again.size, -1)
-        last = (part.reshape(1, *p.shape) for part in surely_unstable(E, units, off))
-        return tuple(np.concatenate(pair) for pair in zip(found, last, strict=True))
+        most = ROUGH if np.iscomplexobj(p) else FINE
+        found = [np.empty((4, *p.shape), kind) for kind in (complex, float, float)]
+        piece = loop.piece(column, p)
+        known = loop.pieces.degree[piece] > 0
+        some, rest = np.flatnonzero(known), np.flatnonzero(~known)
+        if some.size:
+            parts = [part.reshape(4, some.size, -1) for part in from_polynomials(*loop.polynomials(piece[some], p[some]))]
+            for whole, part in zip(found, parts, strict=True):
+                whole[:, some] = part
+            rest = np.sort(np.append(rest, some[_too_rough(parts, most)]))
+        if rest.size:
+            parts = _of_frames(loop.computed(column[rest], p[rest]), loop.units[column[rest]], most)
+            for whole, part in zip(found, parts, strict=True):
+                whole[:, rest] = part
+        return tuple(found)
 
     return sample
 
 
+def _of_frames(E, units, most):
+    """The same from frames, `(panels, points, n, n)`; most: error of the functions that is let pass."""
+    panels, points, n, _ = E.shape
+    E, units = E.reshape(-1, n, n), np.repeat(units, points, axis=0)
+    if n > MOST_ORDER and not np.iscomplexobj(E):
+        return [part.reshape(4, panels, points) for part in from_eigenvalues(E, units)]
+    found = [part.reshape(4, panels, points) for part in from_coefficients(E, units)]
+    again = np.flatnonzero(_too_rough(found, most))
+    if again.size:
+        rows = (again[:, None] * points + np.arange(points)).ravel()
+        for part, better in zip(found, from_eigenvalues(E[rows], units[rows]), strict=True):
+            part[:, again] = better.reshape(4, again.size, -1)
+    return found
+
+
 def _too_rough(found, most):
     """Panels on which some function, but BEYOND, has an error beyond a share of its largest value."""
-    _, log, error = found
+    _, log, error = (part[:BEYOND] for part in found)
     with np.errstate(all="ignore"):
         relative = np.exp(log - log.max(-1, keepdims=True))
         return (np.finfo(float).eps * (error * relative).max(-1) > most).any(0) & np.isfinite(log).all((0, -1))
@@ -197,17 +215,32 @@ class _Ends(Rows):
     good: np.ndarray
 
 
-def _polished(evaluate, found, span) -> _Ends:
+def _polished(evaluate, loop, found, span) -> _Ends:
     """Every root that was found, to rounding, duplicates of overlapping panels dropped."""
     column, kind, width = found.column, found.function, span[1] - span[0]
     reach = np.minimum(found.within, 0.1 * width) + 1e-9 * width  # the disc, which no other root is in
 
-    def value(at, x):
-        phase, log, error = (part[kind[at], np.arange(at.size)] for part in from_eigenvalues(evaluate(column[at], x)))
-        # With an eigenvalue within rounding of its place the sign means nothing, and this is the root.
-        return np.sign(phase.real) * (error * np.finfo(float).eps < CAUTION), log
+    def sign(parts, at, most):
+        """Sign and logarithm of the functions of the roots `at`. Where the error is larger the sign means nothing: a root."""
+        phase, log, error = (part[kind[at], np.arange(at.size)] for part in parts)
+        return np.sign(phase.real) * (error * np.finfo(float).eps < most), log
 
-    x, bracketed = bracketed_roots(value, found.x - reach, found.x + reach, found.x, span[0] + ATTACHED / 4 * width)
+    seed, piece = found.x.copy(), loop.piece(column, found.x[:, None])
+    known = np.flatnonzero(loop.pieces.degree[piece] > 0)
+    if known.size:  # the interpolant has the root to most digits, for next to nothing
+
+        def followed_value(at, x):
+            at = known[at]
+            return sign(from_polynomials(*loop.polynomials(piece[at], x[:, None])), at, FEW)
+
+        low, high, near = (part[known] for part in (seed - reach, seed + reach, 1e-9 * reach))
+        nearer, bracketed = bracketed_roots(followed_value, low, high, seed[known], within=near)
+        seed[known] = np.where(bracketed, nearer, seed[known])
+
+    def value(at, x):
+        return sign(from_eigenvalues(evaluate(column[at], x)), at, CAUTION)
+
+    x, bracketed = bracketed_roots(value, found.x - reach, found.x + reach, seed, span[0] + ATTACHED / 4 * width)
     miss, theta = _nearest(evaluate, column, x, kind)
     ends = _Ends(column, kind, x, theta, miss, bracketed & (np.abs(miss) <= CLEAR))
     ends = ends.take(np.lexsort((x, kind, column)))

@@ -15,77 +15,109 @@ BLOCK = 512  # matrices at a time, which the cache holds
 EPS = np.finfo(float).eps
 
 
-def from_coefficients(E, units, off):
-    """Phase and logarithm of the size of three functions, `(3, n)` each, and how far rounding can reach, in roundings.
+def from_coefficients(E, units=1.0):
+    """Phase and logarithm of the size of four functions, `(4, matrices)` each, and how far rounding can reach, in roundings.
 
-    E: `(n, order, order)`, real or complex, frames less identity, whose eigenvalues are `w_i = z_i - 1`; units: `(n, order)`,
-    of the states, see `balance`; off: `(n,)`, what an entry in these units may be off by. PAIR is `prod_{i<j} (1 - z_i z_j)`,
-    ONE `prod (-w_i)`, MINUS_ONE `prod (2 + w_i)`. No eigenvalue is needed: they are symmetric functions, so they follow from
-    the characteristic polynomial, which elimination to Hessenberg form gives (J. H. Wilkinson, The Algebraic Eigenvalue
-    Problem, 1965, chapters 6 and 7). With `s = w/(2 + w)`, which maps the circle to the imaginary axis, PAIR is the last
-    Hurwitz determinant but one of the polynomial in s (L. Orlando, Math. Ann. 71, 1911), the resultant of its even and its odd
-    part, which is the determinant of their Bezout matrix. Its error is what errors of the coefficients can do to that
-    determinant, to first order.
+    E: `(matrices, n, n)`, real or complex, frames less identity, whose eigenvalues are `w_i = z_i - 1`; units: `(matrices, n)`,
+    of the states, see `balance`. PAIR is `prod_{i<j} (1 - z_i z_j)`, ONE `prod (-w_i)`, MINUS_ONE `prod (2 + w_i)`. BEYOND is
+    `(t/n)^2 + e/m - 2`, t the sum of the n eigenvalues z, e that of the m products of two of them: where it is positive |t|
+    exceeds n or |e| exceeds m, so an eigenvalue exceeds 1 (where a complex pair dominates, t may vanish, but e is its squared
+    size). No eigenvalue is needed: all are symmetric functions, so they follow from the characteristic polynomial, which
+    elimination to Hessenberg form gives (J. H. Wilkinson, The Algebraic Eigenvalue Problem, 1965, chapters 6 and 7). With
+    `s = w/(2 + w)`, which maps the circle to the imaginary axis, PAIR is the last Hurwitz determinant but one of the polynomial
+    in s (L. Orlando, Math. Ann. 71, 1911), the resultant of its even and its odd part, which is the determinant of their Bezout
+    matrix. Its error is what errors of the coefficients can do to that determinant, to first order.
     """
-    E, finite, units, off = _finite(E, units, off)
+    E, finite = _finite(E, units)
     with np.errstate(all="ignore"):
-        blocks = [
-            _of_block(E[part] * (units[part, None, :] / units[part, :, None]), off[part])
-            for part in (slice(start, start + BLOCK) for start in range(0, len(E), BLOCK))
-        ]
+        starts = range(0, len(E), BLOCK)
+        blocks = [_functions(*characteristic(E[at : at + BLOCK])) for at in starts]
     return _given([np.concatenate(part, axis=-1) for part in zip(*blocks, strict=True)], finite)
 
 
-def from_eigenvalues(E, units=1.0, off=0.0):
+def from_polynomials(c, reach, size):
+    """The same of characteristic polynomials, see `characteristic`."""
+    finite = np.isfinite(c).all(0)
+    if finite.size == 1:  # as in `_finite`
+        c, reach, size = (np.repeat(part, 2, axis=-1) for part in (c, reach, size))
+    with np.errstate(all="ignore"):
+        starts = range(0, size.size, BLOCK)
+        blocks = [_functions(*(part[..., at : at + BLOCK] for part in (c, reach, size))) for at in starts]
+    return _given([np.concatenate(part, axis=-1) for part in zip(*blocks, strict=True)], finite)
+
+
+def from_eigenvalues(E, units=1.0):
     """The same from the eigenvalues: slower, and good for more states, since coefficients of crowded poles lose digits."""
-    E, finite, units, off = _finite(E, units, off)
-    E = E * (units[:, None, :] / units[:, :, None])
-    w = np.linalg.eigvals(E).astype(complex)
-    i, j = np.triu_indices(w.shape[-1], 1)
+    E, finite = _finite(E, units)
+    w, n = np.linalg.eigvals(E).astype(complex), E.shape[-1]
+    i, j = np.triu_indices(n, 1)
     # An eigenvalue is good to eps times the size of the matrix, and a small factor has nothing else to stand on.
-    scale, found = CAUTION * np.maximum(1, np.abs(E).max((-1, -2), initial=0)) + E.shape[-1] * off / EPS, []
+    size, found = np.maximum(1, np.abs(E).max((-1, -2), initial=0)), []
     for factor in (-(w[:, i] + w[:, j] + w[:, i] * w[:, j]), -w, 2 + w):
         magnitude = np.maximum(np.abs(factor), 1e-300)
         with np.errstate(over="ignore"):
-            error = scale / np.maximum(magnitude.min(-1, initial=1.0), 1e-30)
+            error = CAUTION * size / np.maximum(magnitude.min(-1, initial=1.0), 1e-30)
         found.append(((factor / magnitude).prod(-1), np.log(magnitude).sum(-1), error))
+    z = (1 + w) / size[:, None]
+    total, squares, least = z.sum(-1), (z**2).sum(-1), 2 * size**-2.0
+    second = (total**2 - squares) / max(n * (n - 1), 1)
+    value = total**2 / max(n, 1) ** 2 + second - least
+    value = value if np.iscomplexobj(E) else value.real
+    found.append(_split(value, CAUTION * max(n, 1) * (np.abs(z).sum(-1) + 1) ** 2, 2 * np.log(size)))
     return _given([np.stack(part) for part in zip(*found, strict=True)], finite)
 
 
-def surely_unstable(E, units, off):
-    """The function BEYOND, as one row of the same: `(t/n)^2 + e/m - 2`, t the sum of the n eigenvalues z, e that of the m
-    products of two of them.
+def _finite(E, units):
+    """E in these units, with zeros for what overflows, and which do not.
 
-    Where it is positive |t| exceeds n or |e| exceeds m, so an eigenvalue exceeds 1. Where a complex pair dominates, t may
-    vanish, but e is its squared size. Both are traces.
+    A matrix alone is doubled: numpy adds up one row in another order than several, and a result must not depend on the batch.
     """
-    E, finite, units, off = _finite(E, units, off)
-    n = E.shape[-1]
-    with np.errstate(all="ignore"):
-        A = np.moveaxis(E * (units[:, None, :] / units[:, :, None]), 0, -1)
-        scale = np.maximum(1, np.abs(A).max((0, 1), initial=0))
-        first = size = squares = sizes = 0.0
-        for i in range(n):
-            diagonal = A[i, i] / scale + 1 / scale
-            first, size = first + diagonal, size + np.abs(diagonal)
-            squares, sizes = squares + diagonal**2, sizes + np.abs(diagonal) ** 2
-            for j in range(i):
-                term = 2 * (A[i, j] / scale) * (A[j, i] / scale)
-                squares, sizes = squares + term, sizes + np.abs(term)
-        second = (first**2 - squares) / max(n * (n - 1), 1)
-        total, least = first**2 / max(n, 1) ** 2 + second, 2 * scale**-2.0
-        error = CAUTION * n * (2 * size**2 + sizes + least) + 4 * n**2 * off / (EPS * scale)
-        found = _split(total - least, error, 2 * np.log(scale))
-    return _given([part[None] for part in found], finite)
+    finite, units = (np.abs(E) < LARGEST).all((-1, -2)), np.broadcast_to(units, E.shape[:-1])
+    E = np.where(finite[:, None, None], E, 0.0) * (units[:, None, :] / units[:, :, None])
+    return np.repeat(E, 2, axis=0) if len(E) == 1 else E, finite
 
 
-def _finite(E, units, off):
-    """E with zeros for what overflows, which do not, and units and off of every matrix; a matrix alone is doubled, since numpy
-    adds up one row in another order than several, and a result must not depend on the batch."""
-    finite = (np.abs(E) < LARGEST).all((-1, -2))
-    E = np.where(finite[:, None, None], E, 0.0)
-    E = np.repeat(E, 2, axis=0) if len(E) == 1 else E
-    return E, finite, np.broadcast_to(units, E.shape[:-1]), np.broadcast_to(off, E.shape[:1])
+def characteristic(E):
+    """Coefficients of `det(w I - E)` in powers of `w/size`, that of the lowest first, `(n + 1, matrices)`; their errors, in
+    roundings; and size, a power of two for every matrix. E: `(matrices, n, n)`."""
+    A = np.moveaxis(E, 0, -1).copy()
+    n, size = len(A), np.exp2(np.ceil(np.log2(np.maximum(1, np.abs(A).max((0, 1), initial=0)))))
+    c = _characteristic(_hessenberg(A / size))
+    # Of each coefficient: its own rounding, and what one of the largest entry (1 here) may do to it.
+    reach = np.abs(c)
+    reach[:-1] += np.arange(1, n + 1)[:, None] * np.abs(c[1:])
+    return c, reach, size
+
+
+def _functions(c, reach, size):
+    """Phases, logarithms and errors, `(4, matrices)` each; the matrices are in the last axis from here on."""
+    n = len(c) - 1
+    q, errors = _mapped(c, reach, size)
+    largest = np.abs(q).max(0)
+    phase, log, error = _last_but_one(q / largest, errors / largest)
+    values = (
+        (phase, log + (n - 1) * (n * np.log(size) + np.log(largest) - n / 2 * np.log(2)), error),
+        _split(c[0], reach[0], n * np.log(size)),
+        _split(q[-1], errors[-1], n * np.log(size)),
+        _beyond(c, reach, size),
+    )
+    return tuple(np.stack(part) for part in zip(*values, strict=True))
+
+
+def _beyond(c, reach, size):
+    """BEYOND: two coefficients are the sum of the w and the sum of their products, less their signs."""
+    n, least = len(c) - 1, 2 * size**-2.0
+    if not n:
+        return _split(-least, least, 0 * size)
+    pairs, several = max(n * (n - 1) / 2, 1), n > 1
+    total, dtotal = n / size - c[-2], n / size + reach[-2]
+    second, dsecond = (
+        several * pairs * size**-2.0 + sign * (n - 1) / size * part[-2] + (part[-3] if several else 0)
+        for sign, part in ((-1, c), (1, reach))
+    )
+    value = total**2 / n**2 + second / pairs - least
+    error = (2 * np.abs(total) * dtotal + np.abs(total) ** 2) / n**2 + (dsecond + np.abs(second)) / pairs + least
+    return _split(value, 4 * error, 2 * np.log(size))
 
 
 def _given(parts, finite):
@@ -95,26 +127,6 @@ def _given(parts, finite):
     log = np.where(finite & ~known, -np.inf, log)
     phase = np.where(finite, phase, np.nan).astype(complex)
     return phase, np.where(finite, log, np.inf), np.where(known, np.minimum(error, MOST_ERROR), MOST_ERROR)
-
-
-def _of_block(E, off):
-    """Phases, logarithms and errors, `(3, n)` each; the matrices are in the last axis from here on."""
-    A = np.moveaxis(E, 0, -1).copy()
-    order, size = len(A), np.exp2(np.ceil(np.log2(np.maximum(1, np.abs(A).max((0, 1), initial=0)))))
-    c = _characteristic(_hessenberg(A / size))
-    # Of each coefficient: its own rounding, and what one of the largest entry (1 here), or what this is off, may do to it.
-    rounding = np.abs(c)
-    rounding[:-1] += np.arange(1, order + 1)[:, None] * np.abs(c[1:]) * (1 + order**0.5 * off / (EPS * size))
-    q, reach = _mapped(c, rounding, size)
-    largest = np.abs(q).max(0)
-    phase, log, error = _last_but_one(q / largest, reach / largest)
-    log = log + (order - 1) * (order * np.log(size) + np.log(largest) - order / 2 * np.log(2))
-    values = (
-        (phase, log, error),
-        _split(c[0], rounding[0], order * np.log(size)),
-        _split(q[-1], reach[-1], order * np.log(size)),
-    )
-    return tuple(np.stack(part) for part in zip(*values, strict=True))
 
 
 def _split(value, reach, factor):

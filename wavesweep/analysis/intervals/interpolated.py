@@ -1,78 +1,122 @@
-"""Frames of a loop over a range of a parameter: a few are computed, and those between are interpolated, with an error bound."""
+"""Characteristic polynomials of a loop over a range of a parameter: a few are computed, others interpolated, with a bound."""
 
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
-from wavesweep.analysis.intervals.panels import EXTENT, OVERLAP, RIM
+from wavesweep.analysis.intervals.critical import EPS, LARGEST, characteristic
+from wavesweep.analysis.intervals.panels import EXTENT, LEBESGUE, OVERLAP, RIM
+from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import balance
 
-SAMPLES = 28  # of a piece
+DEGREES = (14, 28, 56)  # of an interpolant; its points are kept when it is raised
 TYPICAL = (0.5, 0.37, 0.71)  # of the span, where the units of the states are found
-PIECES = 4  # a piece narrower than this part of the span that is not followed is computed at every point
-HOPELESS = 0.05  # of the largest entry, in the last coefficients: halves of such a piece would not be followed either
-ROUNDED = 16  # roundings of the largest entry that the samples and the sums of an interpolant cost
-LOOSE = 64.0  # roundings of the largest entry that an interpolant may be off by
-NODE = np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)
-TRANSFORM = np.cos(np.outer(np.arange(SAMPLES), np.arccos(NODE))) * (2 / SAMPLES)
-TRANSFORM[0] /= 2
+PIECES = 16  # a piece narrower than this part of the span that is not followed is computed at every point
+HOPELESS, WIDE = 0.05, 4  # last coefficients over the largest: a piece that is no wider than a WIDE-th of the span is given up
+MOST_ORDER = 14  # with more states the coefficients of characteristic polynomials have lost too much as a rule
+ROUNDED = 16  # roundings of the largest value that the sums of an interpolant cost
+LOOSE = 64.0  # roundings, as many as the values are off by themselves, that an interpolant may be off by besides
+FORGOTTEN = 1e-9  # size of an eigenvalue of its own up to which a state is left out
+MARGIN = 1e3  # of what a higher degree is expected to leave, since coefficients fall unevenly
 
 
-def chebyshev(x):
-    """The Chebyshev polynomials of degree 0 to SAMPLES - 1 at x, in a last axis."""
+@cache
+def nodes(degree):
+    """Chebyshev points of the second kind in [-1, 1], every other of which are those of half the degree, and what takes
+    values there to Chebyshev coefficients."""
+    angle = np.pi * np.arange(degree + 1) / degree
+    transform = np.cos(np.outer(np.arange(degree + 1), angle)) * (2 / degree)
+    transform[:, [0, -1]] /= 2
+    transform[[0, -1]] /= 2
+    for array in (angle := np.cos(angle), transform):
+        array.flags.writeable = False
+    return angle, transform
+
+
+def chebyshev(x, degree):
+    """The Chebyshev polynomials to that degree at x, in a last axis, and the polynomial that vanishes at the nodes."""
     parts = [np.ones_like(x), x]
-    for _ in range(SAMPLES - 2):
+    for _ in range(degree - 1):
         parts.append(2 * x * parts[-1] - parts[-2])
-    return np.stack(parts, axis=-1)
+    return np.stack(parts, axis=-1), x * parts[-1] - parts[-2]
 
 
-ON_RIM = chebyshev(RIM)
-AT_RIM = np.abs(ON_RIM[:, -1] * RIM * 2 - ON_RIM[:, -2]).min()  # of the polynomial that vanishes at the nodes
-for _array in (NODE, TRANSFORM, ON_RIM):
-    _array.flags.writeable = False
+@cache
+def _rim(degree):
+    """The same on the rim of the ellipse, and the least size of the polynomial that vanishes."""
+    basis, vanishing = chebyshev(RIM, degree)
+    return basis, np.abs(vanishing).min()
 
 
 @dataclass(frozen=True, slots=True)
-class Frames:
-    """Interpolants of frames, piece by piece.
+class Pieces(Rows):
+    """Interpolants of the coefficients of characteristic polynomials in `w/size`, but for the leading one, piece by piece.
 
-    column, low, high: of each piece, sorted. middle, half: of what was sampled. coefficients: `(pieces, SAMPLES, n n)`.
-    error: what each entry may be off by, in balanced units. followed: which pieces are; the others are computed. units:
-    `(columns, n)`, of the states, see `balance`.
+    column, low, high: of each piece. middle, half: of what was sampled. degree: `(pieces,)`, 0 where it is not followed.
+    coefficients: `(pieces, DEGREES[-1] + 1, n)`. reach: `(pieces, n)`, what each is off by at the nodes and between them by
+    rounding; beside: by how much it misses the ellipse's rim; both in roundings of 1. size: `(pieces,)`.
     """
 
-    evaluate: object
-    span: tuple[float, float]
     column: np.ndarray
     low: np.ndarray
     high: np.ndarray
     middle: np.ndarray
     half: np.ndarray
+    degree: np.ndarray
     coefficients: np.ndarray
-    error: np.ndarray
-    followed: np.ndarray
+    reach: np.ndarray
+    beside: np.ndarray
+    size: np.ndarray
+
+    @staticmethod
+    def none(column, low, high, bounds, order) -> "Pieces":
+        """Pieces that are not followed yet, with their overlap within the bounds."""
+        over, pieces = OVERLAP * (high - low), column.size
+        left, right = np.maximum(low - over, bounds[0]), np.minimum(high + over, bounds[1])
+        empty = np.zeros((pieces, DEGREES[-1] + 1, order)), *np.zeros((2, pieces, order)), np.ones(pieces)
+        return Pieces(column, low, high, (left + right) / 2, (right - left) / 2, np.zeros(pieces, int), *empty)
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """A loop over a span. pieces: sorted by column and place. units: `(columns, n)`, of the states, see `balance`."""
+
+    evaluate: object
+    span: tuple[float, float]
+    pieces: Pieces
     units: np.ndarray
 
-    def at(self, column, p):
-        """Frames less identity at `p`, `(panels, points)`, of these columns, `(panels, points, n, n)`; and the bound of their
-        error, `(panels,)`, as an entry in the units of the states."""
-        order = self.units.shape[-1]
-        place = (p.mean(-1).real - self.span[0]) / (self.span[1] - self.span[0])
-        start = self.column + (self.low - self.span[0]) / (self.span[1] - self.span[0])
-        piece = np.searchsorted(start, column + np.clip(place, 0, 1 - 1e-9), side="right") - 1
-        out = np.empty((*p.shape, order, order), p.dtype)
-        near = self.followed[piece]
-        some = piece[near]
-        if some.size:
-            basis = chebyshev((p[near] - self.middle[some, None]) / self.half[some, None])
-            out[near] = (basis @ self.coefficients[some]).reshape(-1, p.shape[-1], order, order)
-        if not near.all():
-            out[~near] = self.computed(column[~near], p[~near])
-        return out, np.where(near, self.error[piece], 0.0)
+    def piece(self, column, p):
+        """The piece that points `p`, `(panels, points)`, of these columns lie in, `(panels,)`."""
+        width = self.span[1] - self.span[0]
+        place = np.clip((p.mean(-1).real - self.span[0]) / width, 0, 1 - 1e-9)
+        start = self.pieces.column + (self.pieces.low - self.span[0]) / width
+        return np.searchsorted(start, column + place, side="right") - 1
+
+    def polynomials(self, piece, p):
+        """Characteristic polynomials at `p`, `(panels, points)`, in these pieces, which are followed: coefficients
+        `(n + 1, panels * points)`, their errors and sizes as `critical.from_polynomials` takes them."""
+        some, (panels, count), n = self.pieces.take(piece), p.shape, self.units.shape[-1]
+        c, reach = np.ones((panels, count, n + 1), p.dtype), np.ones((panels, count, n + 1))
+        x = (p - some.middle[:, None]) / some.half[:, None]
+        for degree in DEGREES:
+            at = np.flatnonzero(some.degree == degree)
+            if not at.size:
+                continue
+            basis, vanishing = chebyshev(x[at], degree)
+            c[at, :, :n] = basis @ some.coefficients[at, : degree + 1]
+            # Noise at the nodes grows beside the real axis as a polynomial of that degree does.
+            noise = 2 * np.abs(basis[..., -1]) if np.iscomplexobj(p) else np.ones(x[at].shape)
+            missed = np.abs(vanishing) / _rim(degree)[1]
+            reach[at, :, :n] = (
+                some.reach[at, None] * np.maximum(noise, 1)[..., None] + some.beside[at, None] * missed[..., None]
+            )
+        c, reach = (np.moveaxis(part, -1, 0).reshape(n + 1, -1) for part in (c, reach))
+        return c, reach, np.repeat(some.size, count)
 
     def computed(self, column, p):
-        """The same, none interpolated."""
+        """Frames less identity at `p`, `(panels, points)`, of these columns, `(panels, points, n, n)`."""
         if not column.size:
             return np.empty((0, p.shape[-1], *2 * self.units.shape[-1:]), p.dtype)
         E = self.evaluate(np.repeat(column, p.shape[-1]), p.ravel())
@@ -87,48 +131,45 @@ class MoreStatesError(Exception):
         self.order = order
 
 
-def followed_frames(evaluate, span, columns: int, bounds, order: int = 0) -> Frames:
-    """Follow the frames of every column over the span.
+def followed(evaluate, span, columns: int, bounds, order: int = 0) -> Followed:
+    """Follow the characteristic polynomial of every column over the span.
 
     evaluate, bounds: see `stable_along_any`. order: of the largest frames, if it is known. Errors: MoreStatesError.
 
-    Each entry is interpolated at SAMPLES Chebyshev points of a piece. What is left of it, divided by the Chebyshev polynomial
-    that vanishes at these, is analytic, so on the piece it is at most what it is on the rim of an ellipse about it, where the
-    frames are computed at complex values (see `panel_roots`): that polynomial, 1 at most on the piece, is 10^11 there. A piece
-    that is not followed to LOOSE roundings is cut in two.
+    Each coefficient is interpolated at the Chebyshev points of a piece. What is left of it, divided by the polynomial that
+    vanishes at these, is analytic, so on the piece it is at most what it is on the rim of an ellipse about it, where frames are
+    computed at complex values (see `panel_roots`): that polynomial, 1 at most on the piece, is 10^5 there for 15 points and
+    10^22 for 57. A piece that is not followed to LOOSE roundings is cut in two.
     """
-    width, smallest = span[1] - span[0], 1.01 * (span[1] - span[0]) / PIECES
+    width = span[1] - span[0]
     column, low, high = np.arange(columns), *(np.full(columns, float(end)) for end in span)
     # Several values at once: a single one may happen to leave a state out of the loop.
-    E = evaluate(np.repeat(column[:1], len(TYPICAL)), span[0] + width * np.array(TYPICAL))
-    evaluate = partial(_of_order, evaluate, max(order, E.shape[-1]))
+    E = living(evaluate(np.repeat(column[:1], len(TYPICAL)), span[0] + width * np.array(TYPICAL)))
+    order = max(order, E.shape[-1])
+    evaluate = partial(_of_order, evaluate, order)
     E = evaluate(column, (low + high) / 2)
     units = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0))[1]
-    ratio, done = (units[:, None, :] / units[:, :, None]).reshape(columns, -1), []
+    done = []
     while column.size:
-        reach = OVERLAP * (high - low)
-        left, right = np.maximum(low - reach, bounds[0]), np.minimum(high + reach, bounds[1])
-        middle, half = (left + right) / 2, (right - left) / 2
-        coefficients, error = np.zeros((column.size, SAMPLES, ratio.shape[-1])), np.full(column.size, np.inf)
+        pieces = Pieces.none(column, low, high, bounds, order)
+        inside = (pieces.middle - EXTENT * pieces.half >= bounds[0]) & (pieces.middle + EXTENT * pieces.half <= bounds[1])
         hopeless = np.zeros(column.size, bool)
-        inside = np.flatnonzero((middle - EXTENT * half >= bounds[0]) & (middle + EXTENT * half <= bounds[1]))
-        if inside.size:
-            some = (part[inside] for part in (column, middle, half))
-            coefficients[inside], error[inside], hopeless[inside] = _interpolants(evaluate, *some, ratio[column[inside]])
-        followed = np.isfinite(error)
-        kept = followed | hopeless | (high - low <= smallest)
-        done.append([part[kept] for part in (column, low, high, middle, half, coefficients, error, followed)])
+        if order <= MOST_ORDER:
+            with np.errstate(all="ignore"):
+                hopeless[inside] = _follow(evaluate, pieces, np.flatnonzero(inside), units)
+        share = (high - low) / width
+        kept = (pieces.degree > 0) | (order > MOST_ORDER) | (share * PIECES <= 1.01) | hopeless & (share * WIDE <= 1.01)
+        done.append(pieces.take(kept))
         column, low, high = (part[~kept] for part in (column, low, high))
         cut_at = (low + high) / 2
         column, low, high = np.tile(column, 2), np.append(low, cut_at), np.append(cut_at, high)
-    parts = [np.concatenate(part) for part in zip(*done, strict=True)]
-    order = np.lexsort((parts[1], parts[0]))
-    return Frames(evaluate, span, *(part[order] for part in parts), units)
+    pieces = Pieces.join(done)
+    return Followed(evaluate, span, pieces.take(np.lexsort((pieces.low, pieces.column))), units)
 
 
 def _of_order(evaluate, order, column, p):
-    """The frames with this number of states: one that is left out for all these values stands there with z = 0."""
-    E = evaluate(column, p)
+    """The frames with this number of states; those that are left out for all these values stand there with z = 0."""
+    E = living(evaluate(column, p))
     more = order - E.shape[-1]
     if more < 0:
         raise MoreStatesError(E.shape[-1])
@@ -140,19 +181,89 @@ def _of_order(evaluate, order, column, p):
     return out
 
 
-def _interpolants(evaluate, column, middle, half, ratio):
-    """Chebyshev coefficients of the entries on each piece; what an entry may be off by (balanced units; infinite where that is
-    more than LOOSE roundings of the largest); and whether halves of the piece would be no better."""
-    size, error, eps = column.size, np.full(column.size, np.inf), np.finfo(float).eps
-    E = evaluate(np.repeat(column, SAMPLES), (middle[:, None] + half[:, None] * NODE).ravel()).reshape(size, SAMPLES, -1)
-    with np.errstate(all="ignore"):
-        coefficients = TRANSFORM @ E
-        largest = (np.abs(E) * ratio[:, None]).max((1, 2), initial=1)
-        tail = (np.abs(coefficients[:, -2:]) * ratio[:, None]).max((1, 2))
-        some = np.flatnonzero(tail <= LOOSE * eps * largest)
-        if some.size:
-            rim = evaluate(np.repeat(column[some], RIM.size), (middle[some, None] + half[some, None] * RIM).ravel())
-            left = np.abs(rim.reshape(some.size, RIM.size, -1) - ON_RIM @ coefficients[some]) * ratio[some, None]
+def living(E):
+    """Frames less identity, `(frames, n, n)`, without the states that nothing recalls after a frame, or that nothing enters.
+
+    Held values and delays are such: they have z = 0, where eigenvalues would crowd, and cross nothing.
+    """
+    A = np.abs(E + np.eye(E.shape[-1])).max(0, initial=0)
+    kept = np.arange(len(A))
+    while kept.size > 1:
+        some = A[np.ix_(kept, kept)]
+        others = some * ~np.eye(kept.size, dtype=bool)
+        dead = (some.diagonal() <= FORGOTTEN) & ((others.max(0) == 0) | (others.max(1) == 0))
+        if not dead.any():
+            break
+        kept = kept[~dead] if not dead.all() else kept[:1]
+    return E if kept.size == len(A) else E[:, kept[:, None], kept]
+
+
+class _Samples:
+    """Characteristic polynomials of frames on some pieces. size: of each piece, set by its first samples."""
+
+    def __init__(self, evaluate, pieces, units):
+        self.evaluate, self.pieces, self.size = evaluate, pieces, None
+        units = units[pieces.column]
+        self.ratio = (units[:, None, :] / units[:, :, None])[:, None]
+
+    def at(self, which, x):
+        """Coefficients (complex if x is) and their errors at the places x of the pieces `which`, `(pieces, points, n)` each."""
+        some = self.pieces.take(which)
+        p = (some.middle[:, None] + some.half[:, None] * x).ravel()
+        E = self.evaluate(np.repeat(some.column, x.size), p)
+        n = E.shape[-1]
+        E = E.reshape(which.size, x.size, n, n) * self.ratio[which]
+        known = (np.abs(E) < LARGEST).all((1, 2, 3))
+        E = np.where(known[:, None, None, None], E, 0.0)
+        if self.size is None:
+            self.size = np.exp2(np.ceil(np.log2(np.abs(E).max((1, 2, 3), initial=1))))
+        E /= self.size[which, None, None, None]
+        c, reach, more = characteristic(E.reshape(-1, n, n))
+        power = more ** np.arange(n, 0, -1)[:, None]
+        c, reach = (np.ascontiguousarray((part[:-1] * power).T).reshape(which.size, x.size, n) for part in (c, reach))
+        c[~known] = np.nan
+        return c, reach
+
+
+def _follow(evaluate, pieces, index, units):
+    """Fill in the pieces `index` as far as they can be followed, and say which are hopeless."""
+    samples, n, hopeless = _Samples(evaluate, pieces.take(index), units), units.shape[-1], np.zeros(index.size, bool)
+    beside, vague = np.full((index.size, RIM.size, n), np.nan, complex), np.zeros((index.size, RIM.size, n))
+    open_, c, unsure = np.arange(index.size), None, None
+    for degree in DEGREES:
+        if not open_.size:
+            break
+        x, transform = nodes(degree)
+        if c is None:
+            c, unsure = samples.at(open_, x)
+        else:
+            c, unsure = (_between(*pair) for pair in zip((c, unsure), samples.at(open_, x[1::2]), strict=True))
+        found, reach = transform @ c, LEBESGUE * unsure.max(1) + ROUNDED * np.abs(c).max(1)
+        last = np.abs(found[:, -2:]).max(1)
+        share = (last / reach).max(1)  # NaN where a value is lost
+        if degree == DEGREES[0]:
+            hopeless = ~((last / np.abs(c).max(1)).max(1) <= HOPELESS)
+        ready = np.flatnonzero(share <= LOOSE * EPS)
+        if ready.size:
+            mine = open_[ready]
+            new = mine[np.isnan(beside[mine, 0, 0])]
+            if new.size:
+                beside[new], vague[new] = samples.at(new, RIM)
+            basis, least = _rim(degree)
             # Twice, since between two points of the rim it may be larger than at both.
-            error[some] = 2 * left.max((1, 2)) / AT_RIM + ROUNDED * eps * largest[some]
-        return coefficients, np.where(error <= LOOSE * eps * largest, error, np.inf), tail > HOPELESS * largest
+            missed = (2 * np.abs(beside[mine] - basis @ found[ready]) / EPS + vague[mine]).max(1)
+            good = (missed <= LOOSE * least * reach[ready]).all(1)
+            ready, mine, at = ready[good], mine[good], index[mine[good]]
+            pieces.degree[at], pieces.size[at], pieces.coefficients[at, : degree + 1] = degree, samples.size[mine], found[ready]
+            pieces.reach[at], pieces.beside[at] = reach[ready], missed[good]
+        going = share ** (DEGREES[-1] / degree) <= MARGIN * LOOSE * EPS
+        going[ready] = False
+        open_, c, unsure = open_[going], c[going], unsure[going]
+    return hopeless
+
+
+def _between(known, new):
+    """Values at every point from those at every other one and those between, `(pieces, points, n)`."""
+    whole = np.empty((known.shape[0], known.shape[1] + new.shape[1], known.shape[2]))
+    whole[:, ::2], whole[:, 1::2] = known, new
+    return whole

@@ -228,12 +228,13 @@ ABOUT = (1e-2, 1e-4, 1e-7)  # of a bracket, how far from the seed it is looked a
 NEXT = 1e-8  # of a bracket, how far from the seed it usually is at most
 
 
-def bracketed_roots(value, low, high, seed, least=-np.inf):
+def bracketed_roots(value, low, high, seed, least=-np.inf, within=0.0):
     """Chandrupatla's method (Adv. Eng. Software 28, 1997) on every bracket; functions of any size, given by logarithms.
 
     value(at, x): sign (0 at a root) and log of the size of the functions `at` (indices) at x. seed: an approximate root in each
     bracket, which is narrowed by points about it first: a call costs much, a point little. least: roots below need not be told
-    apart. Returns the roots, to rounding, and whether the signs at the bracket's ends, or next to the seed, differed.
+    apart. within: how near to a root is near enough. Returns the roots, to rounding if `within` is 0, and whether the signs at
+    the bracket's ends, or next to the seed, differed.
     """
     if not low.size:
         return low.copy(), np.zeros(0, bool)
@@ -267,7 +268,8 @@ def bracketed_roots(value, low, high, seed, least=-np.inf):
         width, rounding = np.abs(b[at] - a[at]), np.spacing(np.maximum(np.abs(a[at]), np.abs(b[at])))
         t[at] = np.clip(t[at], rounding / np.maximum(width, rounding), 1 - rounding / np.maximum(width, rounding))
         # Two approximations that agree to rounding are the root: interpolation between signs that differ does not stall.
-        going = (fx != 0) & (width > 2 * rounding) & (np.abs(x - before) > 2 * rounding)
+        near = np.maximum(2 * rounding, within if np.ndim(within) == 0 else within[at])
+        going = (fx != 0) & (width > near) & (np.abs(x - before) > near)
         open_[at] = going & (np.maximum(a[at], b[at]) > least)
     return np.where(np.abs(fa) <= np.abs(fb), a, b), valid
 
