@@ -24,7 +24,7 @@ from wavesweep.seeking.wishes import evaluate
 from wavesweep.spec import Axis, load
 from wavesweep.sweep.interval_table import at_points
 
-BETTER, PART = 1.02, 64
+BETTER, PART = 1.02, 512
 REFERENCE = np.array([-np.log(100.0), 1.5])
 
 

@@ -15,9 +15,9 @@ TYPICAL = (0.5, 0.37, 0.71)  # of the span, where the units of the states are fo
 PIECES = 16  # a piece narrower than this part of the span that is not followed is computed at every point
 HOPELESS, WIDE = 0.05, 4  # last coefficients over the largest: a piece that is no wider than a WIDE-th of the span is given up
 MOST_ORDER = 14  # with more states the coefficients of characteristic polynomials have lost too much as a rule
-ROUNDED = 16  # roundings of the largest value that the sums of an interpolant cost
+ROUNDED = 16  # roundings of all its terms that the sums of an interpolant cost
 LOOSE = 64.0  # roundings, as many as the values are off by themselves, that an interpolant may be off by besides
-FORGOTTEN = 1e-9  # size of an eigenvalue of its own up to which a state is left out
+FORGOTTEN = 64 * EPS  # size of an eigenvalue of its own up to which a state is left out: what rounding may make of 0
 MARGIN = 1e3  # of what a higher degree is expected to leave, since coefficients fall unevenly
 
 
@@ -238,21 +238,22 @@ def _follow(evaluate, pieces, index, units):
             c, unsure = samples.at(open_, x)
         else:
             c, unsure = (_between(*pair) for pair in zip((c, unsure), samples.at(open_, x[1::2]), strict=True))
-        found, reach = transform @ c, LEBESGUE * unsure.max(1) + ROUNDED * np.abs(c).max(1)
+        found, least = transform @ c, np.finfo(float).tiny
+        reach = np.maximum(LEBESGUE * unsure.max(1) + ROUNDED * np.abs(found).sum(1), least)
         last = np.abs(found[:, -2:]).max(1)
         share = (last / reach).max(1)  # NaN where a value is lost
         if degree == DEGREES[0]:
-            hopeless = ~((last / np.abs(c).max(1)).max(1) <= HOPELESS)
+            hopeless = ~((last / np.maximum(np.abs(c).max(1), least)).max(1) <= HOPELESS)
         ready = np.flatnonzero(share <= LOOSE * EPS)
         if ready.size:
             mine = open_[ready]
             new = mine[np.isnan(beside[mine, 0, 0])]
             if new.size:
                 beside[new], vague[new] = samples.at(new, RIM)
-            basis, least = _rim(degree)
+            basis, vanishing = _rim(degree)
             # Twice, since between two points of the rim it may be larger than at both.
             missed = (2 * np.abs(beside[mine] - basis @ found[ready]) / EPS + vague[mine]).max(1)
-            good = (missed <= LOOSE * least * reach[ready]).all(1)
+            good = (missed <= LOOSE * vanishing * reach[ready]).all(1)
             ready, mine, at = ready[good], mine[good], index[mine[good]]
             pieces.degree[at], pieces.size[at], pieces.coefficients[at, : degree + 1] = degree, samples.size[mine], found[ready]
             pieces.reach[at], pieces.beside[at] = reach[ready], missed[good]
