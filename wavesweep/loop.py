@@ -245,7 +245,7 @@ class Loop:
         numbers = np.atleast_1d(np.asarray(values)).ravel()
         if not numbers.size:
             raise UsageError(f"{name}: expected at least one value, found none")
-        plain = tuple(number.item() for number in numbers)
+        plain = tuple(numbers.tolist())
         for extreme in (min(plain), max(plain), *filter(isnan, plain)):
             _accept(self.spec, key.path, extreme)
         plain = plain if key.type == "integer" else tuple(map(float, plain))

@@ -231,9 +231,12 @@ def test_a_hand_of_the_box_that_ends_a_wall_sooner_counts(run, tmp_path, monkeyp
     monkeypatch.setattr(Guarantee, "records", sooner)
     text = SPEC.replace('"device.mass" = [0.08, 0.125]', "hand = { damping = [0, 5] }")
     (tmp_path / "mine.toml").write_text(text.replace("population = 16", "population = 8"), encoding="utf-8")
-    code, _, results = run("--no-plot", "--hand", "box", "--set", "design.generations=1", "--jobs", "1")
+    code, text, results = run("--no-plot", "--hand", "box", "--set", "design.generations=1", "--jobs", "1")
     rows = read(results / "design.csv")
     assert code == 0
+    assert (
+        f"every hand of the box: 0 of {rows['b'].size} designs keep all walls, 0 of them proved; the worst keeps 50 %" in text
+    )
     np.testing.assert_allclose(rows["z_width_box"], 0.5 * rows["z_width"])
     assert rows["box_settled"].all()
 

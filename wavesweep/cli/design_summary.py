@@ -29,7 +29,18 @@ def design(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "best": {name: {wish: float(columns[wish][row]) for wish in wishes} for name, row in best.items()},
         "own": dict(facts["own"]),
         "files": list(facts.get("best", ())),
-    }
+    } | _box(columns)
+
+
+def _box(columns):
+    """How many designs keep all their walls with every hand of a box, how many of these are proved, and the least share."""
+    if "z_width_box" not in columns:
+        return {}
+    wall, left = columns["z_width"], columns["z_width_box"]
+    kept = left >= wall
+    share = np.divide(left, wall, out=np.ones(len(wall)), where=wall > 0)
+    settled = kept & columns["box_settled"]
+    return {"box": {"kept": int(kept.sum()), "settled": int(settled.sum()), "least": float(share.min())}}
 
 
 def design_lines(found: Numbers) -> Iterator[Line]:
@@ -40,6 +51,10 @@ def design_lines(found: Numbers) -> Iterator[Line]:
     for name, values in found["best"].items():
         yield f"best {name}: {_wishes(values)}", False
     yield f"the spec's own design: {_wishes(found['own'])}", False
+    if "box" in found:
+        kept, of = found["box"], count(found["designs"], "design")
+        worst = f"; the worst keeps {100 * kept['least']:.3g} %" if kept["kept"] < found["designs"] else ""
+        yield f"every hand of the box: {kept['kept']} of {of} keep all walls, {kept['settled']} of them proved{worst}", False
     if found["certified"] < found["designs"]:
         yield f"{found['designs'] - found['certified']} of {count(found['designs'], 'row')} not certified", True
     if found["bounds_hold_between"] < found["designs"]:

@@ -69,7 +69,11 @@ def _states(cut, w, back=None):
 
 def _shifted(cut, w):
     """`w I - E`."""
-    return np.asarray(w)[..., None, None] * np.eye(cut.E.shape[-1]) - cut.E
+    w, n = np.asarray(w), cut.E.shape[-1]
+    A = np.empty((*np.broadcast_shapes(w.shape, cut.E.shape[:-2]), n, n), np.result_type(w, cut.E))
+    np.negative(cut.E, out=A)
+    A.reshape(*A.shape[:-2], n * n)[..., :: n + 1] += w[..., None]
+    return A
 
 
 def read(C, state):
