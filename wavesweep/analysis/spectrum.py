@@ -81,7 +81,7 @@ def balance(E):
     for _ in range(BALANCING):
         for k in index:
             row, column = size[:, k, :].sum(-1), size[:, :, k].sum(-1)
-            with np.errstate(divide="ignore", invalid="ignore"):
+            with np.errstate(all="ignore"):
                 factor = np.exp2(np.round(np.log2(row / column) / 2))
             factor = np.where(np.isfinite(factor) & (factor > 0), factor, 1.0)[:, None]
             size[:, :, k], size[:, k, :] = size[:, :, k] * factor, size[:, k, :] / factor

@@ -2,6 +2,7 @@
 
 import mpmath
 import numpy as np
+import pandas
 import pytest
 
 import wavesweep
@@ -205,3 +206,70 @@ def test_states_that_only_some_values_have_are_no_crossings():
     found = stable_along_any(evaluate, (0.0, 3.0), 1, np.ones(1))
     assert found.certified.all()
     np.testing.assert_allclose([found.low, found.high], [[0.0], [1.5]], rtol=1e-12)
+
+
+CHAIN = {  # (g - 3) vanishes in some slices: then a held value is read by nobody
+    "rates": {"tick_hz": 1000.0},
+    "numbers": {"m0": 0.5, "d": 1.0, "k": 50.0, "g0": 2.0, "g1": 1.0},
+    "block": {
+        "m": {"type": "mass", "mass": "m0", "damping": 0.25},
+        "h0": {"type": "delay", "steps": 2, "every": 4},
+        "h1": {"type": "hold", "every": 5, "phase": 2},
+    },
+    "wire": {"h0.u": "m.v", "h1.u": "h0.y + m.x", "m.f": "-d*m.v - k*m.x - (g0 - 3)*h0.y - (g1 - 3)*h1.y"},
+}
+
+
+@pytest.mark.parametrize(("along", "span"), [("k", (0, 1e5)), ("k", (-10, 10)), ("d", (-2, 400))])
+def test_slices_that_forget_other_states_do_not_change_each_other(along, span):
+    loop = wavesweep.compile(CHAIN)
+    together = loop.stable_intervals(along, span, g0=[4.0], g1=[3.0, 5.0])
+    alone = loop.stable_intervals(along, span, g0=[4.0], g1=[3.0])
+    pandas.testing.assert_frame_equal(together[together.g1 == 3.0].reset_index(drop=True), alone)
+
+
+def test_a_span_with_zero_in_its_middle_is_no_overflow():
+    """A zero of the number leaves states of tiny sizes, which say nothing of the units elsewhere."""
+    loop = wavesweep.compile({"controller": {"kind": "pmw-lm", "b": 25.0}})
+    rows = [loop.stable_intervals("Kp", span).iloc[0] for span in ((-5, 5), (-5, 5.1))]
+    assert all(row.certified for row in rows)
+    assert rows[0].low == pytest.approx(rows[1].low, rel=1e-9)
+
+
+@pytest.mark.parametrize(("hz", "mass", "k", "every"), [(1e6, 3.0, 1.0, 10), (77148.0, 511.2, 0.577, 4), (1e3, 0.3, 100.0, 2)])
+def test_ends_of_slow_loops_are_right_where_the_frame_is_large_beside_its_eigenvalues(hz, mass, k, every):
+    """A mass on a spring that is read late: in 60 digits the pair leaves the circle where 1 - c2 + c1 c3 - c3^2 vanishes."""
+    loop = wavesweep.compile(
+        {
+            "rates": {"tick_hz": hz},
+            "numbers": {"d": 0.5, "k": k},
+            "block": {
+                "m": {"type": "mass", "mass": mass, "damping": "d"},
+                "h": {"type": "hold", "every": every, "phase": 1},
+                "g": {"type": "hold", "every": every},
+            },
+            "wire": {"h.u": "g.y", "g.u": "m.x", "m.f": "-k*h.y"},
+        }
+    )
+    with mpmath.workdps(60):
+        about = k * (every / 2 + 1) / hz
+
+        def step(ticks, d):
+            decay = mpmath.e ** (-d / mpmath.mpf(mass) * ticks / mpmath.mpf(hz))
+            A = mpmath.matrix([[1, mass / d * (1 - decay)], [0, decay]])
+            return A, mpmath.matrix([ticks / mpmath.mpf(hz) / d - mass / d**2 * (1 - decay), (1 - decay) / d])
+
+        def leaves(d):
+            (first, early), (rest, late) = step(1, d), step(every - 1, d)
+            through, held = rest * first, rest * early
+            M = mpmath.matrix(3, 3)
+            for i in range(2):
+                M[i, 0], M[i, 1], M[i, 2] = through[i, 0] - k * late[i], through[i, 1], -k * held[i]
+            M[2, 0] = 1
+            c1, c3 = -(M[0, 0] + M[1, 1] + M[2, 2]), -mpmath.det(M)
+            c2 = sum(M[i, i] * M[j, j] - M[i, j] * M[j, i] for j in range(3) for i in range(j))
+            return 1 - c2 + c1 * c3 - c3**2
+
+        exact = mpmath.findroot(leaves, (about * 0.99, about * 1.01), solver="anderson", tol=1e-100, maxsteps=400, verify=False)
+    row = loop.stable_intervals("d", (0, 10 * about)).iloc[0]
+    assert row.low == pytest.approx(float(exact), rel=1e-10)

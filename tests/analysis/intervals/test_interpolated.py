@@ -1,11 +1,22 @@
 """Characteristic polynomials between samples: right within their bound, and not followed where they cannot be known."""
 
+import mpmath
 import numpy as np
 import pytest
 from support.specs import values_of
 
 from wavesweep.analysis.intervals.critical import EPS, characteristic, from_coefficients, from_eigenvalues, from_polynomials
-from wavesweep.analysis.intervals.interpolated import DEGREES, MoreStatesError, _of_order, chebyshev, followed, living, nodes
+from wavesweep.analysis.intervals.interpolated import (
+    DEGREES,
+    MoreStatesError,
+    RecalledError,
+    _of_order,
+    chebyshev,
+    followed,
+    living,
+    nodes,
+    typical,
+)
 from wavesweep.diagram import draw
 from wavesweep.lifted import close, cut_at_wall
 
@@ -20,6 +31,12 @@ def of_loops(path, **changes):
         return close(cut_at_wall(draw(own | {path: p})), 100.0 * (1 + column), 1.0)
 
     return evaluate
+
+
+def follow(evaluate, span, columns, bounds):
+    """All states of these columns followed."""
+    sizes = typical(evaluate, span, columns)[1]
+    return followed(evaluate, span, columns, bounds, sizes, np.ones(sizes.shape[-1], bool))
 
 
 def between(loop, column, p):
@@ -42,7 +59,7 @@ def exactly(loop, column, p, size):
     ("path", "span"), [("controller.b", (10.0, 20.0)), ("device.mass", (0.1, 0.3)), ("local_model.K_LM", (1.0, 400.0))]
 )
 def test_polynomials_between_samples_are_right_within_their_bound(path, span, imaginary):
-    loop = followed(of_loops(path), span, 2, EVERYWHERE if path.endswith("K_LM") else (0.0, np.inf))
+    loop = follow(of_loops(path), span, 2, EVERYWHERE if path.endswith("K_LM") else (0.0, np.inf))
     column = np.repeat([0, 1], 30)
     p = np.random.default_rng(0).uniform(*span, 60) + (1j * imaginary * (span[1] - span[0]) if imaginary else 0)
     c, reach, size = between(loop, column, p)
@@ -56,7 +73,7 @@ def test_what_vanishes_at_every_sample_is_not_followed():
         x = (p - 0.5) / 0.535  # the samples reach 3.5 % into the neighbours
         return (-0.5 + 1e-6 * chebyshev(x, DEGREES[-1])[1])[:, None, None] * np.ones((1, 1))
 
-    loop = followed(evaluate, (0.0, 1.0), 1, EVERYWHERE)
+    loop = follow(evaluate, (0.0, 1.0), 1, EVERYWHERE)
     assert loop.pieces.low.size > 1  # the piece that sees nothing was cut
     p = np.linspace(0.0, 1.0, 301)
     some = loop.pieces.degree[loop.piece(np.zeros(301, int), p[:, None])] > 0
@@ -83,7 +100,7 @@ def test_what_overflows_or_has_a_pole_is_computed_at_every_point():
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             return (1 / (p - 0.3))[:, None, None] * np.ones((2, 2))
 
-    loop = followed(evaluate, (0.0, 1.0), 1, EVERYWHERE)
+    loop = follow(evaluate, (0.0, 1.0), 1, EVERYWHERE)
     degree = loop.pieces.degree[loop.piece(np.zeros(3, int), np.array([[0.29], [0.31], [0.9]]))]
     assert degree[0] == degree[1] == 0
     assert degree[2] > 0
@@ -96,7 +113,7 @@ def test_no_point_beyond_the_bounds_is_asked_for():
         seen.append(p)
         return np.exp(p)[:, None, None] * np.eye(3)
 
-    followed(evaluate, (1.0, 5.0), 1, (0.9, 8.0))
+    follow(evaluate, (1.0, 5.0), 1, (0.9, 8.0))
     asked = np.concatenate(seen)
     assert asked.real.min() >= 0.9
     assert asked.real.max() <= 8.0
@@ -104,8 +121,8 @@ def test_no_point_beyond_the_bounds_is_asked_for():
 
 def test_the_polynomials_of_a_column_do_not_depend_on_the_others():
     evaluate = of_loops("controller.b")
-    together = followed(evaluate, (5.0, 200.0), 2, (0.0, np.inf))
-    alone = followed(lambda column, p: evaluate(column + 1, p), (5.0, 200.0), 1, (0.0, np.inf))
+    together = follow(evaluate, (5.0, 200.0), 2, (0.0, np.inf))
+    alone = follow(lambda column, p: evaluate(column + 1, p), (5.0, 200.0), 1, (0.0, np.inf))
     p = np.linspace(5.0, 200.0, 50)
     some = together.pieces.degree[together.piece(np.ones(50, int), p[:, None])] > 0
     assert some.any()
@@ -129,26 +146,57 @@ def test_the_functions_of_a_polynomial_alone_have_the_same_bits_as_among_others(
 
 def test_a_state_that_is_left_out_changes_no_critical_function():
     E = np.random.default_rng(3).normal(size=(20, 3, 3))
-    padded = _of_order(lambda *_: E, 5, None, None)
+    padded = _of_order(lambda *_: E, 5, np.ones(3, bool), None, None)
     assert padded.shape == (20, 5, 5)
     for few, more in zip(from_eigenvalues(E)[:2], from_eigenvalues(padded)[:2], strict=True):
         np.testing.assert_allclose(more[:3], few[:3], rtol=1e-12, atol=1e-12)
     with pytest.raises(MoreStatesError):
-        _of_order(lambda *_: E, 2, None, None)
+        _of_order(lambda *_: E, 2, np.ones(3, bool), None, None)
 
 
-def test_states_that_are_forgotten_within_a_frame_are_left_out():
-    """A chain of two held values behind a state, a value that only reads, and one that two others make up for."""
+def forgetful():
+    """Frames with a chain of two held values behind two states, and a value that nothing enters: I + E."""
     random = np.random.default_rng(5)
     A = np.zeros((7, 5, 5))
     A[:, :2, :2] = 0.4 * random.normal(size=(7, 2, 2))
     A[:, 2, :2], A[:, 3, 2] = random.normal(size=(7, 2)), 1.0  # nothing reads the last of the chain
     A[:, 0, 4], A[:, 4, 4] = 2.0, 1e-16  # nothing enters it, and it is forgotten
-    E = A - np.eye(5)
-    few = living(E)
-    assert few.shape == (7, 2, 2)
+    return A
+
+
+def test_states_that_are_forgotten_within_a_frame_are_left_out():
+    A = forgetful()
+    kept = living(np.abs(A))
+    assert (kept == [True, True, False, False, False]).all()
+    few, E = A[:, :2, :2] - np.eye(2), A - np.eye(5)
     for one, other in zip(from_coefficients(few)[:2], from_eigenvalues(E)[:2], strict=True):
         np.testing.assert_allclose(one[:3], other[:3], rtol=1e-10, atol=1e-10)
-    A[3, 0, 3] = 1e-3  # in one of the frames it is read
-    assert living(A - np.eye(5)).shape == (7, 4, 4)
-    assert living(-np.ones((2, 1, 1))).shape == (2, 1, 1)  # the last state stays
+    A[3, 0, 3] = 1e-3  # in one of the columns it is read
+    assert (living(np.abs(A)).sum(1) == [2, 2, 2, 4, 2, 2, 2]).all()
+    assert living(np.zeros((2, 3, 3))).sum(1).tolist() == [1, 1]  # one state stays
+    A[3, 0, 0] = np.inf  # which says nothing of the others
+    assert living(np.abs(A))[3].sum() == 4
+
+
+def test_a_state_that_is_recalled_at_other_values_is_noticed():
+    E, column = forgetful() - np.eye(5), np.array([0, 0, 1, 1, 2, 2, 2])
+    kept = living(np.abs(E + np.eye(5)))[0]
+    assert _of_order(lambda *_: E, 2, kept, column, None).shape == (7, 2, 2)
+    E[3, 0, 3] = 1e-3
+    with pytest.raises(RecalledError) as error:
+        _of_order(lambda *_: E, 2, kept, column, None)
+    assert error.value.columns.tolist() == [1]
+    with pytest.raises(RecalledError) as error:
+        _of_order(lambda *_: E[:, :4, :4], 2, kept, column, None)
+    assert error.value.columns.tolist() == [0, 1, 2]
+
+
+def test_interpolation_at_the_nodes_costs_few_roundings():
+    for degree in DEGREES:
+        with mpmath.workdps(40):
+            exact = [[mpmath.cos(mpmath.pi * k * j / degree) for j in range(degree + 1)] for k in range(degree + 1)]
+        _, transform = nodes(degree)
+        scaled = transform * (degree / 2)
+        scaled[:, [0, -1]] *= 2
+        scaled[[0, -1]] *= 2
+        assert np.abs(scaled - np.array(exact, float)).max() < 2 * EPS

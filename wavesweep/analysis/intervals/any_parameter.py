@@ -1,6 +1,7 @@
 """Stable intervals along any number of a loop, from its eigenvalues."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -14,12 +15,13 @@ from wavesweep.analysis.intervals.critical import (
     from_eigenvalues,
     from_polynomials,
 )
-from wavesweep.analysis.intervals.interpolated import MOST_ORDER, MoreStatesError, followed
+from wavesweep.analysis.intervals.interpolated import MOST_ORDER, MoreStatesError, RecalledError, followed, living, typical
 from wavesweep.analysis.intervals.panels import bracketed_roots, panel_roots
-from wavesweep.analysis.intervals.regions import count_where_clear, cut_span
+from wavesweep.analysis.intervals.regions import NEAR_ZERO, count_where_clear, cut_span
 from wavesweep.analysis.intervals.stable import Intervals, doubts_of, intervals_of
 from wavesweep.analysis.rows import Rows
-from wavesweep.analysis.spectrum import excess
+from wavesweep.analysis.spectrum import balance, excess
+from wavesweep.lifted.circle import inverse
 
 ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
 NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing is given up
@@ -28,6 +30,8 @@ WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
 FINE = 1e-6  # error of a value over the largest of its panel, up to which its roots can be told
 ROUGH = 0.1  # the same of what only bounds
 FEW = 0.1  # of itself, the error of an interpolated function whose sign is believed
+EXACT = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
+ROUNDED = 4  # roundings of every entry that an end has to withstand
 CLEAR = 1e-10  # | |z|^2 - 1 | at an end, up to which the end is believed
 UNSTABLE, UNKNOWN = 1, -1  # labels of parts of the span that are not counted
 
@@ -39,9 +43,10 @@ def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.i
     """
     low, high = span
     if not (low > 0 and high > WIDE * low):
-        return _stable(evaluate, span, columns, period, bounds)
+        return _stable(evaluate, span, columns, period, bounds, lambda p: EXACT * (np.abs(p) + NEAR_ZERO * (high - low)))
     logs = tuple(np.log(end) if end > 0 else -np.inf for end in (low, high, *bounds))
-    found = _stable(lambda column, t: evaluate(column, np.exp(t)), logs[:2], columns, period, logs[2:])
+    exact = (lambda column, t: evaluate(column, np.exp(t))), logs[:2], columns, period, logs[2:], lambda t: EXACT + 0 * t
+    found = _stable(*exact)
     # The range's own ends are given back as they were, not as exp(log(end)).
     ends = [
         np.where(part == log, end, np.exp(part)) for part, log, end in ((found.low, logs[0], low), (found.high, logs[1], high))
@@ -49,11 +54,35 @@ def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.i
     return replace(found, low=ends[0], high=ends[1])
 
 
-def _stable(evaluate, span, columns, period, bounds) -> Intervals:
+def _stable(evaluate, span, columns, period, bounds, slack) -> Intervals:
+    """The same, the columns whose frames forget the same states together; see `_alike`."""
+    recurring, sizes = typical(evaluate, span, columns)
+    kept, done = living(recurring), []
+    pending = np.arange(columns)
+    while pending.size:
+        names = pending[(kept[pending] == kept[pending[0]]).all(1)]
+        mask = kept[names[0]]
+        try:
+            part = _alike(partial(_of, evaluate, names), span, names.size, period[names], bounds, slack, sizes[names], mask)
+        except RecalledError as some:
+            kept[names[some.columns]] = True
+            continue
+        done.append(replace(part, column=names[part.column]))
+        pending = np.setdiff1d(pending, names)
+    whole = Intervals.join(done)
+    return whole.take(np.argsort(whole.column, kind="stable"))
+
+
+def _of(evaluate, names, column, p):
+    return evaluate(names[column], p)
+
+
+def _alike(evaluate, span, columns, period, bounds, slack, sizes, kept) -> Intervals:
     """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.
 
     evaluate(column, p): `(n, order, order)` frame-to-frame matrices less identity of these columns at these values, real or
-    complex, analytic in p. period: of the frame, s, `(columns,)`. bounds: p beyond them has no loop.
+    complex, analytic in p. period: of the frame, s, `(columns,)`. bounds: p beyond them has no loop. slack(p): by how much
+    rounding may move an end. sizes, kept: see `followed`.
 
     With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are real analytic
     functions of p that vanish where a complex pair, z = 1 or z = -1 is on the unit circle (the first also where two real
@@ -68,8 +97,8 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
     """
     low, high = span
     width = high - low
-    loop, found = _roots(evaluate, span, columns, bounds)
-    ends = _polished(evaluate, loop, found, span)
+    loop, found = _roots(evaluate, span, columns, bounds, sizes, kept)
+    ends = _polished(evaluate, loop, found, span, slack)
     unsure = ends.take(~ends.good)
     doubtful = unsure.column, unsure.value - NARROWEST * width, unsure.value + NARROWEST * width
     labelled = [
@@ -112,16 +141,16 @@ def _stable(evaluate, span, columns, period, bounds) -> Intervals:
     return intervals_of(regions, doubts_of(regions, np.zeros(columns, int)), period)
 
 
-def _roots(evaluate, span, columns, bounds, order=0):
+def _roots(evaluate, span, columns, bounds, sizes, kept, order=0):
     """The loop as it is followed, the roots of its critical functions and what is known of the panels; order: of the largest
     frames, if it is known."""
     smallest = NARROWEST * (span[1] - span[0])
     try:
-        loop = followed(evaluate, span, columns, bounds, order)
+        loop = followed(evaluate, span, columns, bounds, sizes, kept, order)
         first = loop.pieces.column, loop.pieces.low, loop.pieces.high
         return loop, panel_roots(_sampler(loop), *first, columns, smallest, MANY, bounds, settling=BEYOND)
     except MoreStatesError as more:
-        return _roots(evaluate, span, columns, bounds, more.order)
+        return _roots(evaluate, span, columns, bounds, sizes, kept, more.order)
 
 
 def _merged(column, left, right):
@@ -215,7 +244,7 @@ class _Ends(Rows):
     good: np.ndarray
 
 
-def _polished(evaluate, loop, found, span) -> _Ends:
+def _polished(evaluate, loop, found, span, slack) -> _Ends:
     """Every root that was found, to rounding, duplicates of overlapping panels dropped."""
     column, kind, width = found.column, found.function, span[1] - span[0]
     reach = np.minimum(found.within, 0.1 * width) + 1e-9 * width  # the disc, which no other root is in
@@ -241,8 +270,11 @@ def _polished(evaluate, loop, found, span) -> _Ends:
         return sign(from_eigenvalues(evaluate(column[at], x)), at, CAUTION)
 
     x, bracketed = bracketed_roots(value, found.x - reach, found.x + reach, seed, span[0] + ATTACHED / 4 * width)
-    miss, theta = _nearest(evaluate, column, x, kind)
-    ends = _Ends(column, kind, x, theta, miss, bracketed & (np.abs(miss) <= CLEAR))
+    w, miss, theta = _nearest(evaluate, column, x, kind)
+    x, moved = _corrected(evaluate, column, x, w, slack(x))
+    # A reciprocal pair of real eigenvalues crosses nothing, wherever it is.
+    firm = (moved <= slack(x)) | ((kind == PAIR) & (theta == 0)) | (np.abs(x - span[0]) <= ATTACHED * width)
+    ends = _Ends(column, kind, x, theta, miss, bracketed & (np.abs(miss) <= CLEAR) & firm)
     ends = ends.take(np.lexsort((x, kind, column)))
     new = np.ones(x.size, bool)
     new[1:] = (np.diff(ends.column) != 0) | (np.diff(ends.function) != 0) | (np.diff(ends.value) > 1e-10 * width)
@@ -250,10 +282,10 @@ def _polished(evaluate, loop, found, span) -> _Ends:
 
 
 def _nearest(evaluate, column, x, kind):
-    """How far the nearest eigenvalue of that kind is from its place on the circle (1 - |z|^2, or 1 - z_i z_j of a
-    reciprocal pair; |z|^2 - 1 at z = +-1), and its angle (0 for a reciprocal pair)."""
+    """The eigenvalue w = z - 1 of that kind that is nearest to its place on the circle, how far it is from there (1 - |z|^2, or
+    1 - z_i z_j of a reciprocal pair; |z|^2 - 1 at z = +-1), and its angle (0 for a reciprocal pair)."""
     if not x.size:
-        return np.zeros(0), np.zeros(0)
+        return np.zeros(0, complex), np.zeros(0), np.zeros(0)
     w = np.linalg.eigvals(evaluate(column, x)).astype(complex)
     w = np.concatenate([w, np.full((len(w), 1), -1.0)], axis=-1)  # z = 0, which makes a pair for a single eigenvalue
     i, j = np.triu_indices(w.shape[-1], 1)
@@ -263,4 +295,39 @@ def _nearest(evaluate, column, x, kind):
     single = np.take_along_axis(w, np.argmin(np.where(kind[:, None] == ONE, np.abs(w), np.abs(w + 2)), -1)[:, None], -1)[:, 0]
     miss = np.where(kind == PAIR, np.take_along_axis(pair, best, -1)[:, 0].real, excess(single))
     theta = np.where(kind == PAIR, np.abs(np.angle(1 + first)) * (first.imag != 0), np.where(kind == ONE, 0.0, np.pi))
-    return miss, theta
+    return np.where(kind == PAIR, first, single), miss, theta
+
+
+def _corrected(evaluate, column, x, w, slack):
+    """x where the eigenvalue next to w is on the circle, and by how much rounding of the frame's entries moves it.
+
+    Eigenvalues are good to rounding of the largest entry, which is much beside those of a slow loop: a quotient of vectors is
+    good to rounding of each. slack: of the ends; a correction is at most a thousand times as large.
+    """
+    if not x.size:
+        return x, x
+    step = 1e3 * slack
+    E = evaluate(np.tile(column, 2), np.concatenate([x, x + step]))
+    with np.errstate(all="ignore"):
+        E, _ = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0))
+        now, unsure = _rayleigh(E, np.tile(w, 2))
+        value = excess(now).reshape(2, -1)
+        slope = (value[1] - value[0]) / step
+        by = -value[0] / slope
+        moved = 2 * np.abs(1 + now[: x.size]) * unsure[: x.size] / np.abs(slope)
+        near = np.abs(by) <= step
+    return np.where(near, x + by, x), np.where(near, moved, np.inf)
+
+
+def _rayleigh(E, w):
+    """The eigenvalue of each matrix next to w, as the quotient of its vectors, whose error is the square of theirs; and what
+    ROUNDED roundings of every entry move it by, to first order."""
+    back = inverse(E - w[:, None, None] * np.eye(E.shape[-1]))
+    start = np.cos(np.arange(1, E.shape[-1] + 1))
+    right, left = back @ start[:, None], start @ back
+    right, left = (part / np.abs(part).max((-1, -2) if part.ndim > 2 else -1, keepdims=True) for part in (right, left))
+    right, left = back @ right, left[:, None] @ back
+    right, left = (part / np.abs(part).max((-1, -2), keepdims=True) for part in (right, left))
+    through = (left @ right)[:, 0, 0]
+    value = (left @ (E @ right))[:, 0, 0] / through
+    return value, ROUNDED * np.finfo(float).eps * (np.abs(left) @ (np.abs(E) @ np.abs(right)))[:, 0, 0] / np.abs(through)

@@ -131,8 +131,9 @@ def _given(parts, finite):
 
 def _split(value, reach, factor):
     """Phase, logarithm of the size and relative error of a number times exp(factor)."""
-    magnitude = np.maximum(np.abs(value), 1e-300)
-    return value / magnitude, np.log(magnitude) + factor, reach / magnitude
+    size = np.abs(value)
+    magnitude = np.maximum(size, 1e-300)
+    return value / magnitude, np.log(magnitude) + factor, np.where(size > 1e-290, reach / magnitude, 1e300)
 
 
 def _hessenberg(A):

@@ -11,11 +11,11 @@ from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import balance
 
 DEGREES = (14, 28, 56)  # of an interpolant; its points are kept when it is raised
-TYPICAL = (0.5, 0.37, 0.71)  # of the span, where the units of the states are found
+TYPICAL = (0.53, 0.37, 0.71)  # of the span, where the units of the states are found; not the middle, which may be 0
 PIECES = 16  # a piece narrower than this part of the span that is not followed is computed at every point
 HOPELESS, WIDE = 0.05, 4  # last coefficients over the largest: a piece that is no wider than a WIDE-th of the span is given up
 MOST_ORDER = 14  # with more states the coefficients of characteristic polynomials have lost too much as a rule
-ROUNDED = 16  # roundings of all its terms that the sums of an interpolant cost
+ROUNDED = 32  # roundings of all its terms that the sums of an interpolant cost
 LOOSE = 64.0  # roundings, as many as the values are off by themselves, that an interpolant may be off by besides
 FORGOTTEN = 64 * EPS  # size of an eigenvalue of its own up to which a state is left out: what rounding may make of 0
 MARGIN = 1e3  # of what a higher degree is expected to leave, since coefficients fall unevenly
@@ -25,13 +25,18 @@ MARGIN = 1e3  # of what a higher degree is expected to leave, since coefficients
 def nodes(degree):
     """Chebyshev points of the second kind in [-1, 1], every other of which are those of half the degree, and what takes
     values there to Chebyshev coefficients."""
-    angle = np.pi * np.arange(degree + 1) / degree
-    transform = np.cos(np.outer(np.arange(degree + 1), angle)) * (2 / degree)
+    number = np.arange(degree + 1)
+    # Whole turns, and then halves, are taken out first: the cosine of a large angle has lost digits with the angle.
+    turn = np.outer(number, number) % (2 * degree)
+    turn = np.minimum(turn, 2 * degree - turn)
+    short = np.cos(np.pi * np.minimum(turn, degree - turn) / degree)
+    transform = np.where(2 * turn > degree, -short, short) * (2 / degree)
     transform[:, [0, -1]] /= 2
     transform[[0, -1]] /= 2
-    for array in (angle := np.cos(angle), transform):
+    x = np.cos(np.pi * number / degree)
+    for array in (x, transform):
         array.flags.writeable = False
-    return angle, transform
+    return x, transform
 
 
 def chebyshev(x, degree):
@@ -131,24 +136,59 @@ class MoreStatesError(Exception):
         self.order = order
 
 
-def followed(evaluate, span, columns: int, bounds, order: int = 0) -> Followed:
+class RecalledError(Exception):
+    """States that were taken to be forgotten are recalled at some values of these columns."""
+
+    def __init__(self, columns: np.ndarray):
+        super().__init__(f"states of {len(columns)} columns are recalled")
+        self.columns = columns
+
+
+def typical(evaluate, span, columns: int) -> tuple[np.ndarray, np.ndarray]:
+    """Largest sizes of the entries of each column's frames at a few points, with and less the identity, `(columns, n, n)`; 0
+    where they overflow. Each column is looked at by itself: what is done with it must not depend on the others."""
+    points = span[0] + (span[1] - span[0]) * np.array(TYPICAL)
+    E = evaluate(np.repeat(np.arange(columns), points.size), np.tile(points, columns))
+    E = np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)
+    return tuple(np.abs(part).reshape(columns, points.size, *E.shape[1:]).max(1) for part in (E + np.eye(E.shape[-1]), E))
+
+
+def living(sizes):
+    """Which states a frame recalls and something enters, `(columns, n)`; sizes: of the entries of I + E, `(columns, n, n)`.
+
+    The others, held values and delays, have z = 0, where eigenvalues would crowd, and cross nothing. One state is always kept.
+    """
+    n = sizes.shape[-1]
+    kept, diagonal = np.ones(sizes.shape[:-1], bool), np.diagonal(sizes, axis1=-2, axis2=-1)
+    others = np.where(np.eye(n, dtype=bool), 0.0, sizes)
+    while True:
+        some = np.where(kept[:, None, :] & kept[:, :, None], others, 0.0)
+        dead = kept & (diagonal <= FORGOTTEN) & ((some.max(1) == 0) | (some.max(2) == 0))
+        if not dead.any():
+            kept[~kept.any(1), 0] = True
+            return kept
+        kept &= ~dead
+
+
+def followed(evaluate, span, columns: int, bounds, sizes, kept, order: int = 0) -> Followed:
     """Follow the characteristic polynomial of every column over the span.
 
-    evaluate, bounds: see `stable_along_any`. order: of the largest frames, if it is known. Errors: MoreStatesError.
+    evaluate, bounds: see `stable_along_any`. sizes: of the entries of typical frames, `(columns, n, n)`, which give the units;
+    kept: `(n,)`, the states that are not forgotten. order: of the largest frames, if it is known. Errors: MoreStatesError,
+    RecalledError.
 
     Each coefficient is interpolated at the Chebyshev points of a piece. What is left of it, divided by the polynomial that
     vanishes at these, is analytic, so on the piece it is at most what it is on the rim of an ellipse about it, where frames are
     computed at complex values (see `panel_roots`): that polynomial, 1 at most on the piece, is 10^5 there for 15 points and
     10^22 for 57. A piece that is not followed to LOOSE roundings is cut in two.
     """
-    width = span[1] - span[0]
+    width, few = span[1] - span[0], int(kept.sum())
     column, low, high = np.arange(columns), *(np.full(columns, float(end)) for end in span)
-    # Several values at once: a single one may happen to leave a state out of the loop.
-    E = living(evaluate(np.repeat(column[:1], len(TYPICAL)), span[0] + width * np.array(TYPICAL)))
-    order = max(order, E.shape[-1])
-    evaluate = partial(_of_order, evaluate, order)
-    E = evaluate(column, (low + high) / 2)
-    units = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0))[1]
+    order = max(order, few)
+    evaluate = partial(_of_order, evaluate, order, kept)
+    whole = np.zeros((columns, order, order))
+    whole[:, :few, :few] = sizes[:, kept][:, :, kept]
+    units = balance(whole)[1]
     done = []
     while column.size:
         pieces = Pieces.none(column, low, high, bounds, order)
@@ -167,9 +207,18 @@ def followed(evaluate, span, columns: int, bounds, order: int = 0) -> Followed:
     return Followed(evaluate, span, pieces.take(np.lexsort((pieces.low, pieces.column))), units)
 
 
-def _of_order(evaluate, order, column, p):
+def _of_order(evaluate, order, kept, column, p):
     """The frames with this number of states; those that are left out for all these values stand there with z = 0."""
-    E = living(evaluate(column, p))
+    E = evaluate(column, p)
+    if not kept.all():
+        if E.shape[-1] != kept.size:
+            raise RecalledError(np.unique(column))
+        with np.errstate(all="ignore"):
+            A = np.abs(E + np.eye(kept.size))
+        if (living(A.max(0)[None])[0] & ~kept).any():
+            alike = [number for number in np.unique(column) if not (living(A[column == number].max(0)[None])[0] & ~kept).any()]
+            raise RecalledError(np.setdiff1d(column, alike))
+        E = E[:, kept][:, :, kept]
     more = order - E.shape[-1]
     if more < 0:
         raise MoreStatesError(E.shape[-1])
@@ -179,23 +228,6 @@ def _of_order(evaluate, order, column, p):
     out[:, : E.shape[-1], : E.shape[-1]] = E
     out[:, range(-more, 0), range(-more, 0)] = -1
     return out
-
-
-def living(E):
-    """Frames less identity, `(frames, n, n)`, without the states that nothing recalls after a frame, or that nothing enters.
-
-    Held values and delays are such: they have z = 0, where eigenvalues would crowd, and cross nothing.
-    """
-    A = np.abs(E + np.eye(E.shape[-1])).max(0, initial=0)
-    kept = np.arange(len(A))
-    while kept.size > 1:
-        some = A[np.ix_(kept, kept)]
-        others = some * ~np.eye(kept.size, dtype=bool)
-        dead = (some.diagonal() <= FORGOTTEN) & ((others.max(0) == 0) | (others.max(1) == 0))
-        if not dead.any():
-            break
-        kept = kept[~dead] if not dead.all() else kept[:1]
-    return E if kept.size == len(A) else E[:, kept[:, None], kept]
 
 
 class _Samples:
