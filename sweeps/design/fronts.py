@@ -29,7 +29,7 @@ LOOKS = ("o-", "s-", "D-", "^--", "v:")
 
 def draw(results: Path, target: Path) -> None:
     """Draw the `design` tables in the folders below `results`."""
-    fig, both = plt.subplots(1, 2, figsize=(8.6, 3.6), layout="constrained", sharey=True)
+    fig, both = plt.subplots(1, 2, figsize=(8.6, 3.6), layout="constrained", sharex=True, sharey=True)
     for axes, (suffix, title) in zip(both, WALLS.items(), strict=True):
         for (name, words), look in zip(NAMES.items(), LOOKS, strict=True):
             found = results / f"{name}{suffix}" / "design.csv"
