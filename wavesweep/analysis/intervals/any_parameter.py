@@ -16,7 +16,7 @@ from wavesweep.analysis.intervals.critical import (
     from_polynomials,
 )
 from wavesweep.analysis.intervals.interpolated import MOST_ORDER, MoreStatesError, RecalledError, followed, living, typical
-from wavesweep.analysis.intervals.panels import bracketed_roots, panel_roots
+from wavesweep.analysis.intervals.panels import ROUGH, bracketed_roots, panel_roots
 from wavesweep.analysis.intervals.regions import NEAR_ZERO, count_where_clear, cut_span
 from wavesweep.analysis.intervals.stable import Intervals, doubts_of, intervals_of
 from wavesweep.analysis.rows import Rows
@@ -28,10 +28,10 @@ NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing is giv
 MANY = 512  # so many open panels of one column are, too
 WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
 FINE = 1e-6  # error of a value over the largest of its panel, up to which its roots can be told
-ROUGH = 0.1  # the same of what only bounds
 FEW = 0.1  # of itself, the error of an interpolated function whose sign is believed
 EXACT = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
 ROUNDED = 4  # roundings of every entry that an end has to withstand
+BESIDE = 1e-10  # of an eigenvalue, how far from it its vectors are looked for
 CLEAR = 1e-10  # | |z|^2 - 1 | at an end, up to which the end is believed
 UNSTABLE, UNKNOWN = 1, -1  # labels of parts of the span that are not counted
 
@@ -224,11 +224,13 @@ def _of_frames(E, units, most):
 
 
 def _too_rough(found, most):
-    """Panels on which some function, but BEYOND, has an error beyond a share of its largest value."""
+    """Panels on which some function, but BEYOND, has too large an error beside its largest value, or is not known; where frames
+    overflow nothing can be better."""
     _, log, error = (part[:BEYOND] for part in found)
     with np.errstate(all="ignore"):
         relative = np.exp(log - log.max(-1, keepdims=True))
-        return (np.finfo(float).eps * (error * relative).max(-1) > most).any(0) & np.isfinite(log).all((0, -1))
+        known = (np.finfo(float).eps * (error * relative).max(-1) <= most) & (log > -np.inf).all(-1)
+    return ~known.all(0) & (log < np.inf).all((0, -1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -322,6 +324,8 @@ def _corrected(evaluate, column, x, w, slack):
 def _rayleigh(E, w):
     """The eigenvalue of each matrix next to w, as the quotient of its vectors, whose error is the square of theirs; and what
     ROUNDED roundings of every entry move it by, to first order."""
+    # A little beside w: at an eigenvalue itself there is no inverse.
+    w = w + BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2))
     back = inverse(E - w[:, None, None] * np.eye(E.shape[-1]))
     start = np.cos(np.arange(1, E.shape[-1] + 1))
     right, left = back @ start[:, None], start @ back

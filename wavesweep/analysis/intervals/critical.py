@@ -9,7 +9,8 @@ from wavesweep.lifted.circle import inverse
 
 PAIR, ONE, MINUS_ONE, BEYOND = 0, 1, 2, 3  # the functions: a complex pair, z = 1, z = -1; surely unstable
 LARGEST = 1e150  # of an entry; products of two eigenvalues overflow beyond
-MOST_ERROR = 1e12  # of a value, in roundings of itself
+MOST_ERROR = 1e20  # of a value, in roundings of itself
+MOST_OF_EIGENVALUES = 1e12  # the same where nothing is better: an eigenvalue is seldom as far off as its bound
 CAUTION = 20  # roundings of the largest entry that an eigenvalue is believed to
 BLOCK = 512  # matrices at a time, which the cache holds
 EPS = np.finfo(float).eps
@@ -64,7 +65,7 @@ def from_eigenvalues(E, units=1.0):
     value = total**2 / max(n, 1) ** 2 + second - least
     value = value if np.iscomplexobj(E) else value.real
     found.append(_split(value, CAUTION * max(n, 1) * (np.abs(z).sum(-1) + 1) ** 2, 2 * np.log(size)))
-    return _given([np.stack(part) for part in zip(*found, strict=True)], finite)
+    return _given([np.stack(part) for part in zip(*found, strict=True)], finite, MOST_OF_EIGENVALUES)
 
 
 def _finite(E, units):
@@ -120,13 +121,13 @@ def _beyond(c, reach, size):
     return _split(value, 4 * error, 2 * np.log(size))
 
 
-def _given(parts, finite):
+def _given(parts, finite, most=MOST_ERROR):
     """Phases, logarithms and errors of as many matrices as were asked about, NaN, inf and the largest where E is not finite."""
     phase, log, error = (part[:, : finite.size] for part in parts)
     known = finite & np.isfinite(log) & np.isfinite(error)
     log = np.where(finite & ~known, -np.inf, log)
     phase = np.where(finite, phase, np.nan).astype(complex)
-    return phase, np.where(finite, log, np.inf), np.where(known, np.minimum(error, MOST_ERROR), MOST_ERROR)
+    return phase, np.where(finite, log, np.inf), np.where(known, np.minimum(error, most), most)
 
 
 def _split(value, reach, factor):

@@ -18,6 +18,7 @@ RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(OUTER) + 0.5) / OUTER)
 RIM = (RIM + 1 / RIM) / 2
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
 BEYOND = 4 * ELLIPSE ** (1 - NODES) / (ELLIPSE - 1)  # error of the interpolant, over the largest value on the ellipse
+ROUGH = 10.0  # of itself, up to which the error of a value on the rim counts; what is beyond is no better known
 LEBESGUE = 4  # more than the constant of the nodes: how much an interpolant may exceed the largest of its samples
 for _array in (NODE, TRANSFORM, RIM):
     _array.flags.writeable = False
@@ -180,8 +181,8 @@ def _hidden(sample, panels, bounds, which, trend, peak):
     if not which.size:
         return hidden
     some = panels.take(which)
-    _, log, _ = sample(some.column, some.at(RIM))
-    log = log - trend[:, which, None] * RIM.real
+    _, log, error = sample(some.column, some.at(RIM))
+    log = log + np.log1p(np.minimum(np.finfo(float).eps * error, ROUGH)) - trend[:, which, None] * RIM.real
     with np.errstate(over="ignore", invalid="ignore"):
         # Between two points of the rim it may be larger than at both, by no more than they differ, and twice for good measure.
         steepest = np.abs(np.diff(log, axis=-1)).max(-1)
