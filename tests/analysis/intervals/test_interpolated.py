@@ -191,6 +191,16 @@ def test_a_state_that_is_recalled_at_other_values_is_noticed():
     assert error.value.columns.tolist() == [0, 1, 2]
 
 
+def test_columns_that_forget_a_state_in_different_ways_do_not_recall_it_together():
+    """In one nothing reads the last state, in the other nothing enters it."""
+    A = np.zeros((2, 2, 2))
+    A[:, 0, 0], A[0, 1, 0], A[1, 0, 1] = 0.5, 1.0, 1.0
+    kept = living(A)
+    assert (kept == [True, False]).all()
+    found = _of_order(lambda *_: A - np.eye(2), 1, kept[0], np.array([0, 1]), None)
+    assert found.ravel().tolist() == [-0.5, -0.5]
+
+
 def test_interpolation_at_the_nodes_costs_few_roundings():
     for degree in DEGREES:
         with mpmath.workdps(40):

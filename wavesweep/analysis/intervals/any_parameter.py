@@ -30,6 +30,7 @@ WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
 FINE = 1e-6  # error of a value over the largest of its panel, up to which its roots can be told
 FEW = 0.1  # of itself, the error of an interpolated function whose sign is believed
 EXACT = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
+STEP = 1e3  # times what rounding may move an end by: how far a correction may go, and where its slope is taken from
 ROUNDED = 4  # roundings of every entry that an end has to withstand
 BESIDE = 1e-10  # of an eigenvalue, how far from it its vectors are looked for
 CLEAR = 1e-10  # | |z|^2 - 1 | at an end, up to which the end is believed
@@ -45,8 +46,8 @@ def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.i
     if not (low > 0 and high > WIDE * low):
         return _stable(evaluate, span, columns, period, bounds, lambda p: EXACT * (np.abs(p) + NEAR_ZERO * (high - low)))
     logs = tuple(np.log(end) if end > 0 else -np.inf for end in (low, high, *bounds))
-    exact = (lambda column, t: evaluate(column, np.exp(t))), logs[:2], columns, period, logs[2:], lambda t: EXACT + 0 * t
-    found = _stable(*exact)
+    by_logs = partial(_by_logarithm, evaluate)
+    found = _stable(by_logs, logs[:2], columns, period, logs[2:], lambda t: EXACT + 0 * t)
     # The range's own ends are given back as they were, not as exp(log(end)).
     ends = [
         np.where(part == log, end, np.exp(part)) for part, log, end in ((found.low, logs[0], low), (found.high, logs[1], high))
@@ -71,6 +72,10 @@ def _stable(evaluate, span, columns, period, bounds, slack) -> Intervals:
         pending = np.setdiff1d(pending, names)
     whole = Intervals.join(done)
     return whole.take(np.argsort(whole.column, kind="stable"))
+
+
+def _by_logarithm(evaluate, column, t):
+    return evaluate(column, np.exp(t))
 
 
 def _of(evaluate, names, column, p):
@@ -272,8 +277,12 @@ def _polished(evaluate, loop, found, span, slack) -> _Ends:
         return sign(from_eigenvalues(evaluate(column[at], x)), at, CAUTION)
 
     x, bracketed = bracketed_roots(value, found.x - reach, found.x + reach, seed, span[0] + ATTACHED / 4 * width)
-    w, miss, theta = _nearest(evaluate, column, x, kind)
-    x, moved = _corrected(evaluate, column, x, w, slack(x))
+    if not x.size:
+        return _Ends(column, kind, x, x, x, bracketed)
+    step = STEP * slack(x)
+    E = evaluate(np.tile(column, 2), np.concatenate([x, x + step]))
+    w, miss, theta = _nearest(E[: x.size], kind)
+    x, moved = _corrected(E, w, x, step)
     # A reciprocal pair of real eigenvalues crosses nothing, wherever it is.
     firm = (moved <= slack(x)) | ((kind == PAIR) & (theta == 0)) | (np.abs(x - span[0]) <= ATTACHED * width)
     ends = _Ends(column, kind, x, theta, miss, bracketed & (np.abs(miss) <= CLEAR) & firm)
@@ -283,12 +292,10 @@ def _polished(evaluate, loop, found, span, slack) -> _Ends:
     return ends.take(new)
 
 
-def _nearest(evaluate, column, x, kind):
+def _nearest(E, kind):
     """The eigenvalue w = z - 1 of that kind that is nearest to its place on the circle, how far it is from there (1 - |z|^2, or
     1 - z_i z_j of a reciprocal pair; |z|^2 - 1 at z = +-1), and its angle (0 for a reciprocal pair)."""
-    if not x.size:
-        return np.zeros(0, complex), np.zeros(0), np.zeros(0)
-    w = np.linalg.eigvals(evaluate(column, x)).astype(complex)
+    w = np.linalg.eigvals(E).astype(complex)
     w = np.concatenate([w, np.full((len(w), 1), -1.0)], axis=-1)  # z = 0, which makes a pair for a single eigenvalue
     i, j = np.triu_indices(w.shape[-1], 1)
     pair = -(w[:, i] + w[:, j] + w[:, i] * w[:, j])
@@ -300,16 +307,12 @@ def _nearest(evaluate, column, x, kind):
     return np.where(kind == PAIR, first, single), miss, theta
 
 
-def _corrected(evaluate, column, x, w, slack):
+def _corrected(E, w, x, step):
     """x where the eigenvalue next to w is on the circle, and by how much rounding of the frame's entries moves it.
 
     Eigenvalues are good to rounding of the largest entry, which is much beside those of a slow loop: a quotient of vectors is
-    good to rounding of each. slack: of the ends; a correction is at most a thousand times as large.
+    good to rounding of each. E: frames at x, and then at x + step; a correction is at most that step.
     """
-    if not x.size:
-        return x, x
-    step = 1e3 * slack
-    E = evaluate(np.tile(column, 2), np.concatenate([x, x + step]))
     with np.errstate(all="ignore"):
         E, _ = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0))
         now, unsure = _rayleigh(E, np.tile(w, 2))

@@ -215,9 +215,11 @@ def _of_order(evaluate, order, kept, column, p):
             raise RecalledError(np.unique(column))
         with np.errstate(all="ignore"):
             A = np.abs(E + np.eye(kept.size))
-        if (living(A.max(0)[None])[0] & ~kept).any():
-            alike = [number for number in np.unique(column) if not (living(A[column == number].max(0)[None])[0] & ~kept).any()]
-            raise RecalledError(np.setdiff1d(column, alike))
+        if (living(A.max(0)[None])[0] & ~kept).any():  # of all columns at once, which says little of each
+            numbers = np.unique(column)
+            recalled = (living(np.stack([A[column == number].max(0) for number in numbers])) & ~kept).any(1)
+            if recalled.any():
+                raise RecalledError(numbers[recalled])
         E = E[:, kept][:, :, kept]
     more = order - E.shape[-1]
     if more < 0:
