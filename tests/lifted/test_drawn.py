@@ -175,3 +175,16 @@ def test_the_name_of_a_state_that_nothing_reads_does_not_take_it_out(state):
     cut = cut_at_number(Drawn(T, placed, {"m.f": {"m.v": -3.0, "w": 1.0}}, ("w",)), drift_of_drawn(*loops), "w", "m.x")
     assert cut.states == ("m.v", "m.x", f"own.{state}")
     assert wavesweep.compile(loops[0]).spectral_radius() == pytest.approx(1.5, rel=1e-12)
+
+
+def test_a_state_that_a_tick_forgets_is_forgotten_exactly():
+    """A sum of the two would leave the rounding of -1 - 0.3 + 0.3, which a later tick passes on."""
+    random = np.random.default_rng(1)
+    first, second = random.normal(size=(2, 6, 4, 4))
+    first[:, :, 1], second[:, 2, :] = -np.eye(4)[1], -np.eye(4)[2]
+    found = np.eye(4) + then(first, second)
+    assert (found[:, :, 1] == 0).all()
+    assert (found[:, 2, :] == 0).all()
+    np.testing.assert_allclose(found, (np.eye(4) + second) @ (np.eye(4) + first), atol=1e-14)
+    second[3, 2, 0] = 0.1  # which one of the matrices does not forget
+    assert (np.eye(4) + then(first, second))[3, 2].any()

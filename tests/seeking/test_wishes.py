@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.seeking import study
+from wavesweep.seeking import wishes as measures
 from wavesweep.seeking.family import points_of, scenarios_of
-from wavesweep.seeking.wishes import evaluate
+from wavesweep.seeking.search import Judged
+from wavesweep.seeking.verdicts import judged
+from wavesweep.seeking.wishes import Worst, evaluate
 from wavesweep.spec import Axis, load
 from wavesweep.sweep.interval_table import at_points
 
@@ -156,3 +160,53 @@ def test_points_along_a_number_keep_their_own_walls():
         same = found["slice"] == number
         for name in ("low", "high", "felt_low"):
             np.testing.assert_allclose(found[name][same], row[name], rtol=1e-9)
+
+
+def test_loops_that_modes_are_too_rough_for_are_computed_again(monkeypatch):
+    spec = wishes(transparency={"band_hz": [0.1, 10], "walls": [50]})
+    right, own = values_of(spec)["transparency"], measures._admittance
+
+    def rough(values, size, frequency, good):
+        found, error = own(values, size, frequency, good)
+        if good == np.inf:
+            found[0], error[0] = 7.0, 1.0
+        return found, error
+
+    monkeypatch.setattr(measures, "_admittance", rough)
+    found = values_of(spec)["transparency"]
+    np.testing.assert_allclose(found.value, right.value, rtol=1e-6)
+    assert (found.certified == right.certified).all()
+
+
+def test_a_design_that_can_render_no_wall_is_none():
+    spec = wishes(z_width={"B_VE": [1]})
+    records = {"z_width": np.array([0.0, 100.0]), "z_width_certified": np.array([True, True])}
+    assert judged(spec.design, records)[1].tolist() == [10.0, 0.0]
+
+
+def test_what_is_worst_between_the_ends_is_held_for_from_there_on(monkeypatch):
+    spec = wishes(z_width={"B_VE": [1]}, transparency={"band_hz": [0.1, 10], "walls": [50]})
+    job = study.job_of(spec)
+    between = next(number for number, each in enumerate(job.finer) if each not in job.scenarios)
+    ends = list(job.scenarios)
+
+    def found(_spec, asked, _scenarios, designs, _stop):
+        count = len(next(iter(designs.values())))
+        return {wish.name: Worst(np.ones(count), np.full(count, between), np.ones(count, bool)) for wish in asked}
+
+    monkeypatch.setattr(study, "evaluate", found)
+    run = study._Run(job, type("", (), {"remove": None}), None)
+    best = Judged(np.full((3, 2), 0.5), np.array([[0.0, 2.0], [1.0, 1.0], [2.0, 0.0]]), np.zeros(3))
+    assert run.look(best)
+    assert job.scenarios == [*ends, job.finer[between]]
+    assert not run.look(best)  # it holds for that by now
+    assert not run.look(Judged(best.genes, best.objectives, np.ones(3)))
+
+
+def test_the_felt_stiffness_is_left_out_where_nobody_wishes_for_it():
+    spec, axis = wishes(z_width={"B_VE": [1]}), Axis("K_VE", "environment.K_VE", (), 0.0, 20000.0, False)
+    points = {"controller.b": np.array([10.0, 20.0])}
+    with_it, without = at_points(spec, axis, points), at_points(spec, axis, points, felt=False)
+    assert np.isfinite(with_it["felt_high"]).all()
+    assert np.isnan(without["felt_high"]).all()
+    np.testing.assert_array_equal(with_it["high"], without["high"])

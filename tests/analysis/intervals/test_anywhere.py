@@ -1,16 +1,19 @@
 """Stable intervals along numbers that enter the loop in any way, held against eigenvalues and against the exact way."""
 
+from pathlib import Path
+
 import mpmath
 import numpy as np
 import pandas
 import pytest
 
 import wavesweep
-from wavesweep.analysis.intervals import critical
+from wavesweep.analysis.intervals import critical, panels
 from wavesweep.analysis.intervals.any_parameter import stable_along_any
 from wavesweep.analysis.intervals.panels import bracketed_roots
 from wavesweep.errors import UsageError
 
+RECIPES = Path(__file__).parents[3] / "sweeps" / "recipes"
 BANK = {"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit", "K_VE": 1000.0}}
 SPANS = {
     "K_LM": (0, 5000),
@@ -230,29 +233,38 @@ def test_slices_that_forget_other_states_do_not_change_each_other(along, span):
 
 def test_a_span_with_zero_in_its_middle_is_no_overflow():
     """A zero of the number leaves states of tiny sizes, which say nothing of the units elsewhere."""
-    loop = wavesweep.compile({"controller": {"kind": "pmw-lm", "b": 25.0}})
-    rows = [loop.stable_intervals("Kp", span).iloc[0] for span in ((-5, 5), (-5, 5.1))]
+    loop = wavesweep.compile(RECIPES / "teleoperation.toml")
+    rows = [loop.stable_intervals("c", span).iloc[0] for span in ((-4, 4), (-4, 4.1))]
     assert all(row.certified for row in rows)
-    assert rows[0].low == pytest.approx(rows[1].low, rel=1e-9)
+    assert rows[0].high == pytest.approx(rows[1].high, rel=1e-9)
 
 
-@pytest.mark.parametrize(("hz", "mass", "k", "every"), [(1e6, 3.0, 1.0, 10), (77148.0, 511.2, 0.577, 4), (1e3, 0.3, 100.0, 2)])
+def late_spring(hz, mass, k, every):
+    """A mass on a spring that is read late, whose damping d keeps it stable, and about where."""
+    return {
+        "rates": {"tick_hz": hz},
+        "numbers": {"d": 0.5, "k": k},
+        "block": {
+            "m": {"type": "mass", "mass": mass, "damping": "d"},
+            "h": {"type": "hold", "every": every, "phase": 1},
+            "g": {"type": "hold", "every": every},
+        },
+        "wire": {"h.u": "g.y", "g.u": "m.x", "m.f": "-k*h.y"},
+    }, k * (every / 2 + 1) / hz
+
+
+def test_an_end_that_rounding_of_the_frame_moves_too_far_is_not_certified():
+    spec, about = late_spring(275e3, 448.0, 2.67, 2)
+    row = wavesweep.compile(spec).stable_intervals("d", (0, 10 * about)).iloc[0]
+    assert not row.certified
+    assert row.doubt == "search"
+
+
+@pytest.mark.parametrize(("hz", "mass", "k", "every"), [(440e3, 11.0, 0.238, 10), (294e3, 4.59, 20.9, 2), (1e3, 0.3, 100.0, 2)])
 def test_ends_of_slow_loops_are_right_where_the_frame_is_large_beside_its_eigenvalues(hz, mass, k, every):
     """A mass on a spring that is read late: in 60 digits the pair leaves the circle where 1 - c2 + c1 c3 - c3^2 vanishes."""
-    loop = wavesweep.compile(
-        {
-            "rates": {"tick_hz": hz},
-            "numbers": {"d": 0.5, "k": k},
-            "block": {
-                "m": {"type": "mass", "mass": mass, "damping": "d"},
-                "h": {"type": "hold", "every": every, "phase": 1},
-                "g": {"type": "hold", "every": every},
-            },
-            "wire": {"h.u": "g.y", "g.u": "m.x", "m.f": "-k*h.y"},
-        }
-    )
+    spec, about = late_spring(hz, mass, k, every)
     with mpmath.workdps(60):
-        about = k * (every / 2 + 1) / hz
 
         def step(ticks, d):
             decay = mpmath.e ** (-d / mpmath.mpf(mass) * ticks / mpmath.mpf(hz))
@@ -271,5 +283,21 @@ def test_ends_of_slow_loops_are_right_where_the_frame_is_large_beside_its_eigenv
             return 1 - c2 + c1 * c3 - c3**2
 
         exact = mpmath.findroot(leaves, (about * 0.99, about * 1.01), solver="anderson", tol=1e-100, maxsteps=400, verify=False)
-    row = loop.stable_intervals("d", (0, 10 * about)).iloc[0]
+    row = wavesweep.compile(spec).stable_intervals("d", (0, 10 * about)).iloc[0]
+    assert row.certified
     assert row.low == pytest.approx(float(exact), rel=1e-10)
+
+
+def test_the_error_of_a_value_on_the_rim_counts():
+    """A function that is 1, known to rounding on the interval and to `share` of itself beside it."""
+
+    def hidden(share):
+        def sample(_, x):
+            known = share if np.iscomplexobj(x) else 0.0
+            return tuple(np.full((1, *x.shape), value) for value in (1.0, 0.0, known / np.finfo(float).eps))
+
+        some = panels._Panels(np.zeros(1, int), np.zeros(1), np.ones(1))
+        return panels._hidden(sample, some, (-np.inf, np.inf), np.array([0]), np.zeros((1, 1)), np.zeros((1, 1)))[0, 0]
+
+    assert hidden(1.0) == pytest.approx(2 * hidden(0.0))
+    assert hidden(1e9) == pytest.approx(11 * hidden(0.0))  # what is beyond that is no better known
