@@ -1,5 +1,7 @@
 """Connecting blocks of one rate through their summing junctions, every algebraic loop closed exactly."""
 
+from dataclasses import dataclass, replace
+
 import numpy as np
 
 from wavesweep.diagram.block import Block, numbers
@@ -9,6 +11,13 @@ WORST_CONDITION = 1e12  # beyond it a closed loop keeps fewer than 4 digits, whi
 
 ROUNDING = 8 * np.finfo(float).eps  # of the terms of a sum, what is left of it when it should be zero
 
+Row = dict[int, object]
+"""A signal as a sum over columns: states, then inputs from outside, then torn ports; column -> number or array over the batch.
+
+Loops are sparse, and what does not vary over a batch is a plain number here: dense products of small matrices cost ten times
+as much. Each sum is added up in an order that the structure alone decides, so a loop does not depend on its batch.
+"""
+
 
 def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Block:
     """Close every junction among `blocks` and return one block from the signals `inputs` to the signals `outputs`.
@@ -16,114 +25,261 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     blocks: `Block`s of one rate. sums: signal -> {source signal: gain}. inputs: external signals. outputs: any signals.
     terms: whether the block has the sizes of the terms of its entries' sums (see `Block`).
     Raises IllPosedLoopError where the algebraic loop through the direct terms is singular to working precision.
+
+    The ports are followed in the order in which their direct terms need each other. Where this comes to a port again, the
+    port is torn: it is unknown until all others are sums of states, inputs and torn ports, and then found from as many
+    equations as ports are torn (G. Kron, Diakoptics, 1963).
     """
-    tracer = _Tracer(blocks, sums, inputs)
-    ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
-    from_y, from_w = tracer.gains(ports)
-    out_y, out_w = tracer.gains(outputs)
-    E, B, C, D = (_block_diagonal([getattr(block, part) for block in blocks]) for part in "EBCD")
-    fed = np.flatnonzero(np.any(D != 0, axis=(*range(D.ndim - 2), -2)))  # inputs that reach an output in the same tick
-    direct = from_y @ D[..., fed]
-    inverse, condition = _loop_inverse(np.eye(fed.size) - direct[..., fed, :], name, [ports[i] for i in fed])
+    net = _Net.of(blocks, sums, inputs, outputs)
+    order, torn = net.order()
+    rows = net.followed(order, torn)
+    inverse, condition = np.zeros((0, 0)), 1.0
+    if torn:
+        sized = net.sized()
+        sizes = sized.loop(sized.followed(order, torn, states=False), torn)
+        closed = [port for port, row in zip(net.ports, rows, strict=True) if max(row, default=0) >= len(net.E) + net.inputs]
+        inverse, condition = _loop_inverse(net.loop(rows, torn), sizes, name, closed)
+        rows = net.untorn(rows, torn, inverse)
     for block in blocks:
         condition = condition * block.condition
-    # u = from_y (C x + D u) + from_w w, solved for the inputs `fed` first, on which alone D acts.
-    from_x, through = from_y @ C, direct @ inverse
-    x_to_u, w_to_u = from_x + through @ from_x[..., fed, :], from_w + through @ from_w[..., fed, :]
     states = tuple(f"{block.name}.{state}" for block in blocks for state in block.states)
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
-        parts = {
-            "E": E + B @ x_to_u,
-            "B": _through(0.0, B, w_to_u),
-            "C": out_y @ (C + D @ x_to_u),
-            "D": _through(out_w, out_y @ D, w_to_u),
-        }
-    if terms:
-        whole = np.eye(len(ports)) + np.zeros((*through.shape[:-2], 1, 1), through.dtype)
-        whole[..., fed] += through
-        terms = _terms((E, B, C, D), (from_y, from_w), (out_y, out_w), whole)
-    return Block(name, tuple(inputs), tuple(outputs), states, **parts, condition=condition, terms=terms or None)
+        parts = net.assembled(rows)
+        if terms:
+            sized = net.sized()
+            terms = sized.assembled(sized.untorn(sized.followed(order, torn), torn, np.abs(inverse)))
+    return Block(name, tuple(inputs), tuple(outputs), states, *parts, condition=condition, terms=terms or None)
 
 
-def _terms(parts, inward, outward, inverse):
-    """Sizes of the terms that the entries of the connected block are sums of: where these cancel, rounding is left."""
-    (E, B, C, D), (from_y, from_w), (out_y, out_w) = (tuple(map(np.abs, group)) for group in (parts, inward, outward))
-    with np.errstate(over="ignore", invalid="ignore"):
-        x_to_u, w_to_u = np.abs(inverse) @ (from_y @ C), np.abs(inverse) @ from_w
-        return E + B @ x_to_u, B @ w_to_u, out_y @ (C + D @ x_to_u), out_w + out_y @ (D @ w_to_u)
+@dataclass(frozen=True, slots=True)
+class _Net:
+    """Blocks and the gains between them, entry by entry.
+
+    E, B: of each state; C, D: of each block output; a row maps states (E, C) or ports (B, D) to what is not zero. ports: a
+    name per block input. into, out: of each port, and of each signal that is wanted, the gains of block outputs and of inputs
+    from outside. inputs: how many of these there are. batch: shape. kind: of the numbers.
+    """
+
+    E: list[Row]
+    B: list[Row]
+    C: list[Row]
+    D: list[Row]
+    ports: list[str]
+    into: list[tuple[Row, Row]]
+    out: list[tuple[Row, Row]]
+    inputs: int
+    batch: tuple[int, ...]
+    kind: np.dtype
+
+    @staticmethod
+    def of(blocks, sums, inputs, outputs) -> "_Net":
+        """The net of these blocks; see `connect`."""
+        tracer = _Tracer(blocks, sums, inputs)
+        ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
+        into, out = ([tracer.gains(signal) for signal in signals] for signals in (ports, outputs))
+        arrays = [getattr(block, part) for block in blocks for part in "EBCD"]
+        batch = np.broadcast_shapes(*(array.shape[:-2] for array in arrays), *(gain.shape for gain in tracer.used))
+        parts = {part: [] for part in "EBCD"}
+        states = first_port = 0
+        for block in blocks:
+            for part, column in (("E", states), ("B", first_port), ("C", states), ("D", first_port)):
+                parts[part] += _entries(getattr(block, part), column)
+            states, first_port = states + len(block.states), first_port + len(block.inputs)
+        kind = np.result_type(float, *arrays, *tracer.used)
+        return _Net(**parts, ports=ports, into=into, out=out, inputs=len(inputs), batch=batch, kind=kind)
+
+    def sized(self) -> "_Net":
+        """The same of the sizes of all numbers."""
+        parts = {part: [_sizes(row) for row in getattr(self, part)] for part in "EBCD"}
+        into, out = ([tuple(map(_sizes, pair)) for pair in pairs] for pairs in (self.into, self.out))
+        return replace(self, **parts, into=into, out=out, kind=np.dtype(float))
+
+    def order(self) -> tuple[list[int], list[int]]:
+        """The ports, each after those that its direct terms need, but for those that are torn; and these."""
+        needs = [list(dict.fromkeys(port for output in outputs for port in self.D[output])) for outputs, _ in self.into]
+        order, torn, begun, ended = [], [], set(), set()
+        for first in range(len(needs)):
+            path = [] if first in begun else [(first, iter(needs[first]))]
+            begun.add(first)
+            while path:
+                port, rest = path[-1]
+                for other in rest:
+                    if other not in begun:
+                        begun.add(other)
+                        path.append((other, iter(needs[other])))
+                        break
+                    if other not in ended and other not in torn:
+                        torn.append(other)
+                else:
+                    path.pop()
+                    ended.add(port)
+                    order.append(port)
+        return order, torn
+
+    def followed(self, order, torn, states=True) -> list[Row]:
+        """Every port as a sum over columns; a torn port as the sum that it has to be. states: whether to add up states."""
+        first = len(self.E) + self.inputs
+        unknown = {port: {first + at: 1.0} for at, port in enumerate(torn)}
+        rows, known = [{} for _ in order], {}
+        for port in order:
+            outputs, outside = self.into[port]
+            row = {len(self.E) + column: gain for column, gain in outside.items()}
+            for output, gain in outputs.items():
+                if output not in known:
+                    known[output] = dict(self.C[output]) if states else {}
+                    for other, through in self.D[output].items():
+                        _add(known[output], unknown.get(other, rows[other]), through)
+                _add(row, known[output], gain)
+            rows[port] = row
+        return rows
+
+    def loop(self, rows, torn):
+        """The part of the torn ports that comes from torn ports, `(..., torn, torn)`."""
+        first = len(self.E) + self.inputs
+        return _stacked([_part(rows[port], first) for port in torn], len(torn), self.batch, self.kind)
+
+    def untorn(self, rows, torn, inverse) -> list[Row]:
+        """Every port as a sum over states and inputs alone; inverse: of the torn ports' return difference."""
+        first, solved = len(self.E) + self.inputs, []
+        for line in _entries(inverse, 0):
+            solved.append({})
+            for at, factor in line.items():
+                _add(solved[-1], {column: value for column, value in rows[torn[at]].items() if column < first}, factor)
+        found = []
+        for port, row in enumerate(rows):
+            if port in torn:
+                found.append(solved[torn.index(port)])
+                continue
+            found.append({column: value for column, value in row.items() if column < first})
+            for at, factor in _part(row, first).items():
+                _add(found[-1], solved[at], factor)
+        return found
+
+    def assembled(self, rows) -> tuple[np.ndarray, ...]:
+        """E, B, C and D of the whole, from its ports."""
+        n, found = len(self.E), []
+        for base, ports in zip(self.E, self.B, strict=True):
+            found.append(_summed(dict(base), ports, rows, n))
+        for outputs, outside in self.out:
+            base, ports = {n + column: gain for column, gain in outside.items()}, {}
+            for output, gain in outputs.items():
+                _add(base, self.C[output], gain)
+                _add(ports, self.D[output], gain)
+            found.append(_summed(base, ports, rows, n))
+        whole = []
+        for some in (found[:n], found[n:]):
+            for first, width in ((0, n), (n, self.inputs)):
+                rows = [_part(row, first, first + width) for row in some]
+                whole.append(_stacked(rows, width, self.batch, self.kind))
+        return tuple(whole)
 
 
-def _through(before, left, right):
-    """`before + left right`, and 0 where nothing is left but rounding: with no filter and no delay in the line the
-    wall's force reaches the avatar twice, by +1/b and -1/b, and eps/b is much where b is small."""
-    total = before + left @ right
-    size = np.abs(before) + np.abs(left) @ np.abs(right)
-    return np.where((np.abs(total) <= ROUNDING * size) & np.isfinite(size), 0.0, total)
+def _entries(matrix, first) -> list[Row]:
+    """The entries of each row that are not zero all over the batch, by their columns, the first of which is `first`."""
+    if matrix.ndim == 2 and matrix.dtype.kind != "c":
+        return [{first + at: each for at, each in enumerate(row) if each} for row in matrix.tolist()]
+    found = [{} for _ in range(matrix.shape[-2])]
+    for row, column in zip(*np.nonzero((matrix != 0).any(axis=tuple(range(matrix.ndim - 2)))), strict=True):
+        found[row][first + int(column)] = _number(np.ascontiguousarray(matrix[..., row, column]))
+    return found
+
+
+def _number(each):
+    """What is the same real number all over the batch as a plain number. Python multiplies complex ones in its own way."""
+    each = numbers(each)
+    flat = each.ravel()
+    if not flat.size or flat[0] != flat[-1] or flat[0].imag != 0 or not (flat == flat[0]).all():
+        return each
+    return flat[0].real.item()
+
+
+def _add(row, other, factor):
+    """Add `factor` times the other row to the row."""
+    plain = isinstance(factor, float) and factor == 1.0
+    for column, value in other.items():
+        term = value if plain else factor * value
+        row[column] = row[column] + term if column in row else term
+
+
+def _sizes(row) -> Row:
+    return {column: abs(value) for column, value in row.items()}
+
+
+def _part(row, first, end=np.inf) -> Row:
+    """The columns from `first` on up to `end`, counted from there."""
+    return {column - first: value for column, value in row.items() if first <= column < end}
+
+
+def _stacked(rows, width, batch, kind):
+    """Rows as an array `(..., len(rows), width)`."""
+    out = np.zeros((*batch, len(rows), width), kind)
+    for at, row in enumerate(rows):
+        for column, value in row.items():
+            out[..., at, column] = value
+    return out
+
+
+def _summed(row, ports, rows, states) -> Row:
+    """The row and the sum of these ports; in the columns of inputs 0 where nothing is left but rounding: with no filter and no
+    delay in the line the wall's force reaches the avatar twice, by +1/b and -1/b, and eps/b is much where b is small."""
+    sizes = _sizes(_part_of_inputs(row, states))
+    for port, factor in ports.items():
+        _add(row, rows[port], factor)
+        _add(sizes, _sizes(_part_of_inputs(rows[port], states)), abs(factor))
+    for column, size in sizes.items():
+        with np.errstate(invalid="ignore"):
+            row[column] = np.where((np.abs(row[column]) <= ROUNDING * size) & np.isfinite(size), 0.0, row[column])
+    return row
+
+
+def _part_of_inputs(row, states) -> Row:
+    return {column: value for column, value in row.items() if column >= states}
 
 
 class _Tracer:
-    """Follows a signal back through the junctions to block outputs (y) and external inputs (w)."""
+    """Follows a signal back through the junctions to block outputs and external inputs."""
 
     def __init__(self, blocks, sums, inputs):
+        outputs = [f"{block.name}.{port}" for block in blocks for port in block.outputs]
         self.sums = sums
-        self.y = {f"{block.name}.{port}": i for i, port_block in enumerate(_ports(blocks)) for block, port in [port_block]}
-        self.w = {signal: i for i, signal in enumerate(inputs)}
-        self.known = {}
+        self.outputs = {signal: i for i, signal in enumerate(outputs)}
+        self.inputs = {signal: i for i, signal in enumerate(inputs)}
+        self.known, self.used = {}, []
 
-    def gains(self, signals):
-        """Gain matrices `(..., len(signals), ny)` and `(..., len(signals), nw)`."""
-        traced = [self.trace(signal) for signal in signals]
-        shape = np.broadcast_shapes(*(np.shape(g) for terms in traced for g in terms.values()), ())
-        kind = np.result_type(float, *(g for terms in traced for g in terms.values()))
-        from_y = np.zeros((*shape, len(signals), len(self.y)), kind)
-        from_w = np.zeros((*shape, len(signals), len(self.w)), kind)
-        for row, terms in enumerate(traced):
-            for source, gain in terms.items():
-                if source in self.w:
-                    from_w[..., row, self.w[source]] = gain
-                else:
-                    from_y[..., row, self.y[source]] = gain
-        return from_y, from_w
+    def gains(self, signal) -> tuple[Row, Row]:
+        """The gains of block outputs, and those of inputs from outside."""
+        traced = self.trace(signal)
+        return tuple(
+            {at[source]: gain for source, gain in traced.items() if source in at} for at in (self.outputs, self.inputs)
+        )
 
     def trace(self, signal) -> dict:
-        if signal in self.w or signal in self.y:
+        """Sources and their gains."""
+        if signal in self.inputs or signal in self.outputs:
             return {signal: 1.0}
         if signal not in self.known:
             if signal not in self.sums:
                 raise ValueError(f"nothing makes the signal {signal!r}")
             total = {}
             for source, gain in self.sums[signal].items():
-                for origin, factor in self.trace(source).items():
-                    total[origin] = total.get(origin, 0.0) + numbers(gain) * factor
+                self.used.append(numbers(gain))
+                _add(total, self.trace(source), _number(gain))
             self.known[signal] = total
         return self.known[signal]
 
 
-def _ports(blocks):
-    return [(block, port) for block in blocks for port in block.outputs]
+def _loop_inverse(loop, sizes, name, ports):
+    """Inverse of the return difference of torn ports, refused where its condition number says that it is ill-posed, and that.
 
-
-def _block_diagonal(arrays):
-    """Block-diagonal of matrices whose batch axes broadcast."""
-    batch = np.broadcast_shapes(*(a.shape[:-2] for a in arrays))
-    out = np.zeros((*batch, sum(a.shape[-2] for a in arrays), sum(a.shape[-1] for a in arrays)), np.result_type(*arrays))
-    row = column = 0
-    for a in arrays:
-        out[..., row : row + a.shape[-2], column : column + a.shape[-1]] = a
-        row, column = row + a.shape[-2], column + a.shape[-1]
-    return out
-
-
-def _loop_inverse(loop, name, ports):
-    """Inverse of the loop's return difference, refused where its condition number says that it is ill-posed, and that."""
-    if not ports:
-        return loop, np.ones(loop.shape[:-2])
+    sizes: of the terms that the loop's entries are sums of.
+    """
+    loop = np.eye(loop.shape[-1]) - loop
     overflown = ~np.isfinite(loop).all((-1, -2))  # a frame that overflows is for the caller to see
     try:
         inverse = np.linalg.inv(np.where(overflown[..., None, None], np.nan, loop))
     except np.linalg.LinAlgError:
         inverse = np.full_like(loop, np.inf)
-    condition = _condition(loop, inverse)
+    condition = _condition(inverse, np.eye(loop.shape[-1]) + sizes)
     if not np.all((condition < WORST_CONDITION) | overflown):
         raise IllPosedLoopError(
             f"the algebraic loop of the {name} side through {', '.join(ports)} is ill-posed: condition number "
@@ -133,12 +289,12 @@ def _loop_inverse(loop, name, ports):
     return inverse, condition
 
 
-def _condition(loop, inverse):
+def _condition(inverse, sizes):
     """Condition number for the best choice of units, the spectral radius of |L^-1| |L| (Bauer 1963): a wave impedance of
     1e-9 makes entries of very different sizes, and no ill-posed loop. Overestimated, by a power's norm, by a few."""
     with np.errstate(over="ignore", invalid="ignore"):
-        power = np.abs(inverse) @ np.abs(loop)
-        for _ in range(3):
+        power = np.abs(inverse) @ sizes
+        for _ in range(3 if power.shape[-1] > 1 else 0):
             power = power @ power
-        condition = power.sum(-1).max(-1, initial=0) ** 0.125
+        condition = power.sum(-1).max(-1, initial=0) ** (0.125 if power.shape[-1] > 1 else 1.0)
     return np.where(np.isnan(condition), np.inf, condition)

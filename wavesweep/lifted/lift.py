@@ -5,6 +5,7 @@ import numpy as np
 from wavesweep.diagram.block import Block, unit_delay
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import latch
+from wavesweep.lifted.batches import in_parts
 from wavesweep.lifted.connect import connect
 
 
@@ -13,13 +14,16 @@ def growth(E, ticks: int):
 
     E: `(..., n, n)`. Overflow of a locally unstable loop gives infinities, silently: the caller looks at them.
     """
-    n = E.shape[-1]
-    total, done = np.zeros_like(E), 0
-    for bit in f"{ticks:b}" if ticks else "":
-        if done:
-            total, done = 2 * total + total @ E @ total, 2 * done  # S_2n = S_n (2I + E S_n)
+    return in_parts(lambda part: _growth(E[part], ticks), E.shape[:-2], E.shape[-1], E.dtype)
+
+
+def _growth(E, ticks):
+    one = np.eye(E.shape[-1])
+    total = one + np.zeros_like(E) if ticks else np.zeros_like(E)
+    for number, bit in enumerate(f"{ticks:b}"[1:]):
+        total = 2 * total + total @ E @ total if number else 2 * one + E  # S_2n = S_n (2I + E S_n)
         if bit == "1":
-            total, done = total + E @ total + np.eye(n), done + 1
+            total = total + E @ total + one
     return total
 
 

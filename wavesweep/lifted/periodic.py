@@ -8,8 +8,8 @@ import numpy as np
 
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawn import Drawn, shifts
+from wavesweep.lifted.batches import in_parts
 from wavesweep.lifted.connect import connect
-from wavesweep.lifted.cut import Cut
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,8 +72,10 @@ def frame_of(ticks: Ticks, skipped: int = 0) -> np.ndarray:
     n, kinds = len(ticks.states), ticks.kind[skipped:].tolist()
     if not kinds:
         return np.zeros((n, n))
+    changes = [_Change.of(each.E) for each in ticks.maps]
+    batch, kind = np.broadcast_shapes(*(each.E.shape[:-2] for each in changes)), np.result_type(*(each.E for each in changes))
     with np.errstate(over="ignore", invalid="ignore"):
-        return in_a_row(kinds, [each.E for each in ticks.maps], then)
+        return in_parts(lambda part: in_a_row(kinds, [each.at(part) for each in changes], _Change.then).E, batch, n, kind)
 
 
 def in_a_row(kinds, maps, joined):
@@ -137,17 +139,39 @@ def _replaced(sequence, pair, name):
 
 def then(first, second):
     """`(I + second)(I + first) - I`; a state that either forgets is forgotten exactly, where a sum would leave a rounding."""
-    E = first + second + second @ first
-    columns, rows = _forgotten(first), _forgotten(np.swapaxes(second, -1, -2))
-    E[..., columns], E[..., rows, :] = -np.eye(E.shape[-1])[:, columns], -np.eye(E.shape[-1])[rows]
-    return E
+    return _Change.of(first).then(_Change.of(second)).E
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Change:
+    """What ticks do, less the identity, and the states that they forget: no other one keeps anything of the first kind, and the
+    second kind keeps nothing of any."""
+
+    E: np.ndarray
+    unread: list[int]
+    unset: list[int]
+
+    @staticmethod
+    def of(E) -> "_Change":
+        return _Change(E, _forgotten(E), _forgotten(np.swapaxes(E, -1, -2)))
+
+    def at(self, few) -> "_Change":
+        """That of some matrices of a batch."""
+        return self if self.E.ndim == 2 else _Change(self.E[few], self.unread, self.unset)
+
+    def then(self, later) -> "_Change":
+        E = self.E + later.E
+        E += later.E @ self.E
+        for state in (*self.unread, *later.unset):  # the other entries of its column, or its row, cancel exactly
+            E[..., state, state] = -1.0
+        return _Change(E, self.unread, later.unset)
 
 
 def _forgotten(E):
     """Indices of the columns of `I + E` that are zero in all matrices."""
     less, one = -np.eye(E.shape[-1]), E[(0,) * (E.ndim - 2)]
     some = np.flatnonzero((one == less).all(0))
-    return some[[bool((E[..., column] == less[column]).all()) for column in some]]
+    return [column for column in some.tolist() if bool((E[..., column] == less[column]).all())]
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,14 +231,16 @@ def without_drift(E: np.ndarray, drift: Drift) -> np.ndarray:
     A lead moves others by constant factors: they are counted from it. A shift of other factors, which a left null vector
     `l E = 0` belongs to, is folded away: `l = E_sR E_RR^-1`, and what is left goes by `E_RR + E_Rs l`.
     """
-    leads = [lead for lead, _ in drift.moved]
-    if drift.moved:
-        E = E.copy()
+    leads, unread = [lead for lead, _ in drift.moved], () if drift.folded else drift.unread
+    index = [i for i in range(len(drift.states)) if i not in leads and i not in unread]
+    if len(index) < E.shape[-1]:
+        E, whole = E[..., np.array(index, int)[:, None], index], E
         for lead, others in drift.moved:
-            for index, factor in others:
-                E[..., index, :] -= factor * E[..., lead, :]
-    index = [i for i in range(len(drift.states)) if i not in leads]
-    E = E[..., index, :][..., index]
+            for state, factor in others:
+                if state in index:
+                    E[..., index.index(state), :] -= factor * whole[..., lead, index]
+    if not drift.folded:
+        return E
     for lead in drift.folded:
         s = index.index(lead)
         rest = [i for i in range(len(index)) if i != s]
@@ -240,118 +266,3 @@ def closed_frame(drawn: Drawn, drift: Drift) -> np.ndarray:
     for i in range(E.shape[-1], 2):
         whole[..., i, i] = -1.0
     return whole
-
-
-def cut_at_number(drawn: Drawn, drift: Drift, force: str, read: str, damped: str = "") -> Cut | None:
-    """Cut the loop at a number that is one scalar gain of a frame; None if it is not one.
-
-    drawn: the loop in which the number's product is the input `force`, its last one, and the number would multiply the signal
-    `read`. damped: a second signal, which another number multiplies in the same sum: the velocity that a wall's damper reads.
-    drift: that of this open loop, with these signals watched.
-    The number is one scalar of the frame if the product reaches the loop in a single tick of a frame, or if `read` changes in a
-    single one and is held in between. Closing it is `force = p read`: the wall of a built-in loop under another name.
-    """
-    ticks = ticks_of(drawn, (read, *((damped,) if damped else ())))
-    if ticks.states != drift.states:
-        raise ValueError(f"the drift is that of other states: {drift.states}, expected {ticks.states}")
-    at = _only_tick(ticks, drawn.inputs.index(force))
-    if at is None or drift.folded:
-        return None
-    first, whole_frame = at
-    ticks = ticks.from_tick(first)
-    w = drawn.inputs.index(force)
-    E, B = _with_input(ticks, w, whole_frame)
-    head = ticks.maps[ticks.kind[0]]
-    c, d = head.C, head.D[..., w : w + 1]
-    if damped and np.any(_shown_of_leads(c[..., 1:, :], drift)):
-        return None
-    return _cut(E, B, c, d, drift, np.asarray(drawn.period) * drawn.ticks, head.condition)
-
-
-def _only_tick(ticks, w):
-    """The tick in which the frame begins for this input, and whether the input is held over the frame; or None."""
-    reached = [np.any(each.B[..., w]) or np.any(each.D[..., w]) for each in ticks.maps]
-    where = np.flatnonzero(np.array(reached)[ticks.kind])
-    if where.size == 0:
-        return None
-    if where.size == 1:
-        return int(where[0]), False
-    changes = _changing(ticks)
-    where = np.flatnonzero(np.isin(ticks.kind, changes)) if changes else np.zeros(0)
-    return (int(where[0]), True) if where.size == 1 else None
-
-
-def _changing(ticks):
-    """The kinds of tick in which the output changes, if it is a state that is held in all others; else none."""
-    for still in ticks.maps:
-        shown = still.C
-        held = [shown @ each.E for each in ticks.maps]
-        follows = [
-            np.array_equal(*np.broadcast_arrays(shown + step, each.C))
-            and np.array_equal(*np.broadcast_arrays(shown @ each.B, each.D))
-            for step, each in zip(held, ticks.maps, strict=True)
-        ]
-        if not np.any(still.D) and all(follows):
-            return [kind for kind, step in enumerate(held) if np.any(step) or np.any(ticks.maps[kind].D)]
-    return []
-
-
-def _with_input(ticks, w, held):
-    """The frame with the input of its first tick, or with the same input in all of its ticks."""
-    kinds = ticks.kind.tolist()
-    pairs = [(each.E, each.B[..., w : w + 1]) for each in ticks.maps]
-    silent = [(E, 0 * B) for E, B in pairs]
-
-    def joined(first, second):
-        return then(first[0], second[0]), first[1] + second[0] @ first[1] + second[1]
-
-    with np.errstate(over="ignore", invalid="ignore"):
-        if held:
-            return in_a_row(kinds, pairs, joined)
-        rest = in_a_row(kinds[1:], silent, joined) if len(kinds) > 1 else None
-        return pairs[kinds[0]] if rest is None else joined(pairs[kinds[0]], rest)
-
-
-def _cut(E, B, c, d, drift, period, condition):
-    leads = {lead: dict(others) for lead, others in drift.moved}
-    E, B = E.copy(), B.copy()
-    for lead, others in leads.items():
-        for index, factor in others.items():
-            E[..., index, :] -= factor * E[..., lead, :]
-            B[..., index, :] -= factor * B[..., lead, :]
-    share = dict(zip(leads, np.moveaxis(_shown_of_leads(c[..., :1, :], drift), -1, 0), strict=True))
-    read = [lead for lead, value in share.items() if np.any(value)]
-    if len(read) > 1:
-        return None
-    kept = [i for i in range(len(drift.states)) if i not in leads]
-    advance, step = np.zeros((1, len(kept))), np.zeros((1, 1))
-    if read:
-        advance, step = (
-            share[read[0]][..., None] * part for part in (E[..., read[0] : read[0] + 1, kept], B[..., read[0] : read[0] + 1, :])
-        )
-    integrates = bool(read)
-    E, B, c = E[..., kept, :][..., kept], B[..., kept, :], c[..., kept]
-    v, dv = (c[..., 1:, :], d[..., 1:, :]) if c.shape[-2] > 1 else (0 * c, 0 * d)
-    C = np.concatenate(np.broadcast_arrays(v, advance, c[..., :1, :]), axis=-2)
-    D = np.concatenate(np.broadcast_arrays(dv, step, d[..., :1, :]), axis=-2)
-    read = _read_after(E, C)
-    E, B, C, kept = E[..., read, :][..., read], B[..., read, :], C[..., read], [kept[i] for i in read]
-    names = tuple(drift.states[i] for i in kept)
-    left = tuple(drift.states[i] for i in leads)
-    return Cut(E, B, C, D, integrates, period=period, states=names, unread=left, condition=condition)
-
-
-def _shown_of_leads(c, drift):
-    """What rows of outputs show of each shift, `(..., rows, shifts)`."""
-    parts = [c[..., lead] + sum(factor * c[..., index] for index, factor in others) for lead, others in drift.moved]
-    return np.stack(parts, axis=-1) if parts else np.zeros((*c.shape[:-1], 0))
-
-
-def _read_after(E, C):
-    """Indices of the states without those that every frame overwrites, as held outputs, and that nothing reads."""
-    moves, shown = (np.any(part != 0, axis=tuple(range(part.ndim - 2))) for part in (E, C))
-    over = np.all(E.diagonal(axis1=-2, axis2=-1) == -1, axis=tuple(range(E.ndim - 2)))
-    kept = list(range(len(over)))
-    while idle := [i for i in kept if over[i] and not shown[:, i].any() and not any(moves[j, i] for j in kept if j != i)]:
-        kept = [i for i in kept if i not in idle]
-    return kept

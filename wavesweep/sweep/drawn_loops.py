@@ -25,7 +25,8 @@ from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.lifted import Cut
-from wavesweep.lifted.periodic import Drift, closed_frame, cut_at_number, drift_of_drawn
+from wavesweep.lifted.number import cut_at_number
+from wavesweep.lifted.periodic import Drift, closed_frame, drift_of_drawn
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.grid import groups, selected
 from wavesweep.sweep.tasks import TINY, different, records_of, with_batch, with_felt

@@ -17,6 +17,7 @@ from wavesweep.analysis.intervals.interpolated import (
     nodes,
     typical,
 )
+from wavesweep.analysis.intervals.panels import RIM
 from wavesweep.diagram import draw
 from wavesweep.lifted import close, cut_at_wall
 
@@ -66,6 +67,23 @@ def test_polynomials_between_samples_are_right_within_their_bound(path, span, im
     off = np.abs(c - exactly(loop, column, p, size)) / EPS
     assert (off <= 2 * reach).all()  # the others are rounded as well
     assert (reach <= 1e5 * np.maximum(np.abs(c).max(0), 1)).all()
+
+
+def test_the_rim_of_a_piece_is_what_was_computed_there():
+    """A panel that is a piece asks for its rim again: the interpolant there would be off by 10^5 roundings and more."""
+    loop = follow(of_loops("controller.b"), (10.0, 20.0), 2, EVERYWHERE)
+    pieces = np.flatnonzero(loop.pieces.degree > 0)
+    rim = loop.pieces.at(RIM)[pieces]
+    c, reach, size = loop.polynomials(pieces, rim)
+    computed = loop.computed(loop.pieces.column[pieces], rim)
+    units = loop.units[loop.pieces.column[pieces]]
+    E = (computed * (units[:, None, None, :] / units[:, None, :, None])).reshape(-1, *computed.shape[2:])
+    exact, error, own = characteristic(E)
+    power = (own / size) ** np.arange(len(c) - 1, -1, -1)[:, None]
+    np.testing.assert_array_equal(c, exact * power)
+    np.testing.assert_array_equal(reach[:-1], (error * power)[:-1])
+    beside = loop.polynomials(pieces, rim * (1 + 1e-12))[1]
+    assert (beside[:-1] > 100 * reach[:-1]).any()
 
 
 def test_what_vanishes_at_every_sample_is_not_followed():

@@ -1,6 +1,6 @@
 """Stable intervals along any number of a loop, from its eigenvalues."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -8,32 +8,22 @@ import numpy as np
 from wavesweep.analysis.doubt import COUNTS, NONE, OVERFLOW, SEARCH
 from wavesweep.analysis.intervals.critical import (
     BEYOND,
-    CAUTION,
-    ONE,
     PAIR,
     from_coefficients,
     from_eigenvalues,
     from_polynomials,
 )
 from wavesweep.analysis.intervals.interpolated import MOST_ORDER, MoreStatesError, RecalledError, followed, living, typical
-from wavesweep.analysis.intervals.panels import ROUGH, bracketed_roots, panel_roots
+from wavesweep.analysis.intervals.panels import ROUGH, panel_roots
+from wavesweep.analysis.intervals.polishing import ATTACHED, polished
 from wavesweep.analysis.intervals.regions import NEAR_ZERO, count_where_clear, cut_span
 from wavesweep.analysis.intervals.stable import Intervals, doubts_of, intervals_of
-from wavesweep.analysis.rows import Rows
-from wavesweep.analysis.spectrum import balance, excess
-from wavesweep.lifted.circle import inverse
 
-ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
 NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing is given up
 MANY = 512  # so many open panels of one column are, too
 WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
 FINE = 1e-6  # error of a value over the largest of its panel, up to which its roots can be told
-FEW = 0.1  # of itself, the error of an interpolated function whose sign is believed
 EXACT = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
-STEP = 1e3  # times what rounding may move an end by: how far a correction may go, and where its slope is taken from
-ROUNDED = 4  # roundings of every entry that an end has to withstand
-BESIDE = 1e-10  # of an eigenvalue, how far from it its vectors are looked for
-CLEAR = 1e-10  # | |z|^2 - 1 | at an end, up to which the end is believed
 UNSTABLE, UNKNOWN = 1, -1  # labels of parts of the span that are not counted
 
 
@@ -103,7 +93,7 @@ def _alike(evaluate, span, columns, period, bounds, slack, sizes, kept) -> Inter
     low, high = span
     width = high - low
     loop, found = _roots(evaluate, span, columns, bounds, sizes, kept)
-    ends = _polished(evaluate, loop, found, span, slack)
+    ends = polished(evaluate, loop, found, span, slack)
     unsure = ends.take(~ends.good)
     doubtful = unsure.column, unsure.value - NARROWEST * width, unsure.value + NARROWEST * width
     labelled = [
@@ -236,105 +226,3 @@ def _too_rough(found, most):
         relative = np.exp(log - log.max(-1, keepdims=True))
         known = (np.finfo(float).eps * (error * relative).max(-1) <= most) & (log > -np.inf).all(-1)
     return ~known.all(0) & (log < np.inf).all((0, -1))
-
-
-@dataclass(frozen=True, slots=True)
-class _Ends(Rows):
-    """Roots to rounding: column, function and value of the parameter; angle theta of the eigenvalue there, by how much it
-    misses its place, and whether all is well."""
-
-    column: np.ndarray
-    function: np.ndarray
-    value: np.ndarray
-    theta: np.ndarray
-    miss: np.ndarray
-    good: np.ndarray
-
-
-def _polished(evaluate, loop, found, span, slack) -> _Ends:
-    """Every root that was found, to rounding, duplicates of overlapping panels dropped."""
-    column, kind, width = found.column, found.function, span[1] - span[0]
-    reach = np.minimum(found.within, 0.1 * width) + 1e-9 * width  # the disc, which no other root is in
-
-    def sign(parts, at, most):
-        """Sign and logarithm of the functions of the roots `at`. Where the error is larger the sign means nothing: a root."""
-        phase, log, error = (part[kind[at], np.arange(at.size)] for part in parts)
-        return np.sign(phase.real) * (error * np.finfo(float).eps < most), log
-
-    seed, piece = found.x.copy(), loop.piece(column, found.x[:, None])
-    known = np.flatnonzero(loop.pieces.degree[piece] > 0)
-    if known.size:  # the interpolant has the root to most digits, for next to nothing
-
-        def followed_value(at, x):
-            at = known[at]
-            return sign(from_polynomials(*loop.polynomials(piece[at], x[:, None])), at, FEW)
-
-        low, high, near = (part[known] for part in (seed - reach, seed + reach, 1e-9 * reach))
-        nearer, bracketed = bracketed_roots(followed_value, low, high, seed[known], within=near)
-        seed[known] = np.where(bracketed, nearer, seed[known])
-
-    def value(at, x):
-        return sign(from_eigenvalues(evaluate(column[at], x)), at, CAUTION)
-
-    x, bracketed = bracketed_roots(value, found.x - reach, found.x + reach, seed, span[0] + ATTACHED / 4 * width)
-    if not x.size:
-        return _Ends(column, kind, x, x, x, bracketed)
-    step = STEP * slack(x)
-    E = evaluate(np.tile(column, 2), np.concatenate([x, x + step]))
-    w, miss, theta = _nearest(E[: x.size], kind)
-    x, moved = _corrected(E, w, x, step)
-    # A reciprocal pair of real eigenvalues crosses nothing, wherever it is.
-    firm = (moved <= slack(x)) | ((kind == PAIR) & (theta == 0)) | (np.abs(x - span[0]) <= ATTACHED * width)
-    ends = _Ends(column, kind, x, theta, miss, bracketed & (np.abs(miss) <= CLEAR) & firm)
-    ends = ends.take(np.lexsort((x, kind, column)))
-    new = np.ones(x.size, bool)
-    new[1:] = (np.diff(ends.column) != 0) | (np.diff(ends.function) != 0) | (np.diff(ends.value) > 1e-10 * width)
-    return ends.take(new)
-
-
-def _nearest(E, kind):
-    """The eigenvalue w = z - 1 of that kind that is nearest to its place on the circle, how far it is from there (1 - |z|^2, or
-    1 - z_i z_j of a reciprocal pair; |z|^2 - 1 at z = +-1), and its angle (0 for a reciprocal pair)."""
-    w = np.linalg.eigvals(E).astype(complex)
-    w = np.concatenate([w, np.full((len(w), 1), -1.0)], axis=-1)  # z = 0, which makes a pair for a single eigenvalue
-    i, j = np.triu_indices(w.shape[-1], 1)
-    pair = -(w[:, i] + w[:, j] + w[:, i] * w[:, j])
-    best = np.argmin(np.abs(pair), axis=-1)[:, None]
-    first = np.take_along_axis(w[:, i], best, -1)[:, 0]
-    single = np.take_along_axis(w, np.argmin(np.where(kind[:, None] == ONE, np.abs(w), np.abs(w + 2)), -1)[:, None], -1)[:, 0]
-    miss = np.where(kind == PAIR, np.take_along_axis(pair, best, -1)[:, 0].real, excess(single))
-    theta = np.where(kind == PAIR, np.abs(np.angle(1 + first)) * (first.imag != 0), np.where(kind == ONE, 0.0, np.pi))
-    return np.where(kind == PAIR, first, single), miss, theta
-
-
-def _corrected(E, w, x, step):
-    """x where the eigenvalue next to w is on the circle, and by how much rounding of the frame's entries moves it.
-
-    Eigenvalues are good to rounding of the largest entry, which is much beside those of a slow loop: a quotient of vectors is
-    good to rounding of each. E: frames at x, and then at x + step; a correction is at most that step.
-    """
-    with np.errstate(all="ignore"):
-        E, _ = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0))
-        now, unsure = _rayleigh(E, np.tile(w, 2))
-        value = excess(now).reshape(2, -1)
-        slope = (value[1] - value[0]) / step
-        by = -value[0] / slope
-        moved = 2 * np.abs(1 + now[: x.size]) * unsure[: x.size] / np.abs(slope)
-        near = np.abs(by) <= step
-    return np.where(near, x + by, x), np.where(near, moved, np.inf)
-
-
-def _rayleigh(E, w):
-    """The eigenvalue of each matrix next to w, as the quotient of its vectors, whose error is the square of theirs; and what
-    ROUNDED roundings of every entry move it by, to first order."""
-    # A little beside w: at an eigenvalue itself there is no inverse.
-    w = w + BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2))
-    back = inverse(E - w[:, None, None] * np.eye(E.shape[-1]))
-    start = np.cos(np.arange(1, E.shape[-1] + 1))
-    right, left = back @ start[:, None], start @ back
-    right, left = (part / np.abs(part).max((-1, -2) if part.ndim > 2 else -1, keepdims=True) for part in (right, left))
-    right, left = back @ right, left[:, None] @ back
-    right, left = (part / np.abs(part).max((-1, -2), keepdims=True) for part in (right, left))
-    through = (left @ right)[:, 0, 0]
-    value = (left @ (E @ right))[:, 0, 0] / through
-    return value, ROUNDED * np.finfo(float).eps * (np.abs(left) @ (np.abs(E) @ np.abs(right)))[:, 0, 0] / np.abs(through)

@@ -60,7 +60,8 @@ class Pieces(Rows):
 
     column, low, high: of each piece. middle, half: of what was sampled. degree: `(pieces,)`, 0 where it is not followed.
     coefficients: `(pieces, DEGREES[-1] + 1, n)`. reach: `(pieces, n)`, what each is off by at the nodes and between them by
-    rounding; beside: by how much it misses the ellipse's rim; both in roundings of 1. size: `(pieces,)`.
+    rounding; beside: by how much it misses the ellipse's rim; both in roundings of 1. rim: what they are there, computed at
+    RIM, `(pieces, OUTER, n)`, and vague: by how much these are off. size: `(pieces,)`.
     """
 
     column: np.ndarray
@@ -72,6 +73,8 @@ class Pieces(Rows):
     coefficients: np.ndarray
     reach: np.ndarray
     beside: np.ndarray
+    rim: np.ndarray
+    vague: np.ndarray
     size: np.ndarray
 
     @staticmethod
@@ -79,8 +82,13 @@ class Pieces(Rows):
         """Pieces that are not followed yet, with their overlap within the bounds."""
         over, pieces = OVERLAP * (high - low), column.size
         left, right = np.maximum(low - over, bounds[0]), np.minimum(high + over, bounds[1])
-        empty = np.zeros((pieces, DEGREES[-1] + 1, order)), *np.zeros((2, pieces, order)), np.ones(pieces)
+        rim = np.zeros((pieces, RIM.size, order))
+        empty = np.zeros((pieces, DEGREES[-1] + 1, order)), *np.zeros((2, pieces, order)), rim + 0j, rim, np.ones(pieces)
         return Pieces(column, low, high, (left + right) / 2, (right - left) / 2, np.zeros(pieces, int), *empty)
+
+    def at(self, place):
+        """Points of all pieces, `(pieces, points)`; place: where on [-1, 1], or beside it."""
+        return self.middle[:, None] + self.half[:, None] * place
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,23 +110,25 @@ class Followed:
     def polynomials(self, piece, p):
         """Characteristic polynomials at `p`, `(panels, points)`, in these pieces, which are followed: coefficients
         `(n + 1, panels * points)`, their errors and sizes as `critical.from_polynomials` takes them."""
-        some, (panels, count), n = self.pieces.take(piece), p.shape, self.units.shape[-1]
+        pieces, (panels, count), n = self.pieces, p.shape, self.units.shape[-1]
         c, reach = np.ones((panels, count, n + 1), p.dtype), np.ones((panels, count, n + 1))
-        x = (p - some.middle[:, None]) / some.half[:, None]
+        middle, half, degrees = (part[piece] for part in (pieces.middle, pieces.half, pieces.degree))
+        x = (p - middle[:, None]) / half[:, None]
         for degree in DEGREES:
-            at = np.flatnonzero(some.degree == degree)
+            at = np.flatnonzero(degrees == degree)
             if not at.size:
                 continue
-            basis, vanishing = chebyshev(x[at], degree)
-            c[at, :, :n] = basis @ some.coefficients[at, : degree + 1]
+            mine, (basis, vanishing) = piece[at], chebyshev(x[at], degree)
+            c[at, :, :n] = basis @ pieces.coefficients[mine, : degree + 1]
             # Noise at the nodes grows beside the real axis as a polynomial of that degree does.
-            noise = 2 * np.abs(basis[..., -1]) if np.iscomplexobj(p) else np.ones(x[at].shape)
-            missed = np.abs(vanishing) / _rim(degree)[1]
-            reach[at, :, :n] = (
-                some.reach[at, None] * np.maximum(noise, 1)[..., None] + some.beside[at, None] * missed[..., None]
-            )
+            noise = 2 * np.abs(basis[..., -1:]) if np.iscomplexobj(p) else np.ones((1, 1, 1))
+            missed = np.abs(vanishing[..., None]) / _rim(degree)[1]
+            reach[at, :, :n] = pieces.reach[mine, None] * np.maximum(noise, 1) + pieces.beside[mine, None] * missed
+        if count == RIM.size and np.iscomplexobj(p):  # a panel may be a piece, whose rim was computed
+            at = np.flatnonzero((p == middle[:, None] + half[:, None] * RIM).all(-1))
+            c[at, :, :n], reach[at, :, :n] = pieces.rim[piece[at]], pieces.vague[piece[at]]
         c, reach = (np.moveaxis(part, -1, 0).reshape(n + 1, -1) for part in (c, reach))
-        return c, reach, np.repeat(some.size, count)
+        return c, reach, np.repeat(pieces.size[piece], count)
 
     def computed(self, column, p):
         """Frames less identity at `p`, `(panels, points)`, of these columns, `(panels, points, n, n)`."""
@@ -243,7 +253,7 @@ class _Samples:
     def at(self, which, x):
         """Coefficients (complex if x is) and their errors at the places x of the pieces `which`, `(pieces, points, n)` each."""
         some = self.pieces.take(which)
-        p = (some.middle[:, None] + some.half[:, None] * x).ravel()
+        p = some.at(x).ravel()
         E = self.evaluate(np.repeat(some.column, x.size), p)
         n = E.shape[-1]
         E = E.reshape(which.size, x.size, n, n) * self.ratio[which]
@@ -262,7 +272,7 @@ class _Samples:
 def _follow(evaluate, pieces, index, units):
     """Fill in the pieces `index` as far as they can be followed, and say which are hopeless."""
     samples, n, hopeless = _Samples(evaluate, pieces.take(index), units), units.shape[-1], np.zeros(index.size, bool)
-    beside, vague = np.full((index.size, RIM.size, n), np.nan, complex), np.zeros((index.size, RIM.size, n))
+    rim, vague = np.full((index.size, RIM.size, n), np.nan, complex), np.zeros((index.size, RIM.size, n))
     open_, c, unsure = np.arange(index.size), None, None
     for degree in DEGREES:
         if not open_.size:
@@ -281,16 +291,17 @@ def _follow(evaluate, pieces, index, units):
         ready = np.flatnonzero(share <= LOOSE * EPS)
         if ready.size:
             mine = open_[ready]
-            new = mine[np.isnan(beside[mine, 0, 0])]
+            new = mine[np.isnan(rim[mine, 0, 0])]
             if new.size:
-                beside[new], vague[new] = samples.at(new, RIM)
+                rim[new], vague[new] = samples.at(new, RIM)
             basis, vanishing = _rim(degree)
             # Twice, since between two points of the rim it may be larger than at both.
-            missed = (2 * np.abs(beside[mine] - basis @ found[ready]) / EPS + vague[mine]).max(1)
+            missed = (2 * np.abs(rim[mine] - basis @ found[ready]) / EPS + vague[mine]).max(1)
             good = (missed <= LOOSE * vanishing * reach[ready]).all(1)
             ready, mine, at = ready[good], mine[good], index[mine[good]]
             pieces.degree[at], pieces.size[at], pieces.coefficients[at, : degree + 1] = degree, samples.size[mine], found[ready]
             pieces.reach[at], pieces.beside[at] = reach[ready], missed[good]
+            pieces.rim[at], pieces.vague[at] = rim[mine], vague[mine]
         going = share ** (DEGREES[-1] / degree) <= MARGIN * LOOSE * EPS
         going[ready] = False
         open_, c, unsure = open_[going], c[going], unsure[going]

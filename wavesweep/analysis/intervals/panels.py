@@ -8,7 +8,7 @@ from wavesweep.analysis.intervals.isolate import by_discs
 from wavesweep.analysis.rows import Rows
 
 NODES, KEPT = 20, 14  # samples per panel; the Chebyshev coefficients from KEPT on must have decayed and bound the error
-DECAYED = 1e-9
+DECAYED = 1e-5  # of the largest, above which a panel is split at once and no proof is tried
 OVERLAP = 0.035  # of its width a panel reaches into each neighbour, so that no root stays on an edge for ever
 DEGREES = (1, 2, 4, 7, 10, KEPT)  # an interpolant is cut to each of these in turn, what is cut away added to its error
 NODE = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
@@ -19,6 +19,7 @@ RIM = (RIM + 1 / RIM) / 2
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
 BEYOND = 4 * ELLIPSE ** (1 - NODES) / (ELLIPSE - 1)  # error of the interpolant, over the largest value on the ellipse
 ROUGH = 10.0  # of itself, up to which the error of a value on the rim counts; what is beyond is no better known
+CROWDED = 0.7  # of half a panel, from its middle: how far out its smallest sample says where to cut
 LEBESGUE = 4  # more than the constant of the nodes: how much an interpolant may exceed the largest of its samples
 for _array in (NODE, TRANSFORM, RIM):
     _array.flags.writeable = False
@@ -86,7 +87,7 @@ def panel_roots(
         reach = OVERLAP * (high - low)
         left, right = np.maximum(low - reach, bounds[0]), np.minimum(high + reach, bounds[1])
         panels = _Panels(column, (left + right) / 2, (right - left) / 2)
-        proved, settled, finite, nothing, roots = _judged(sample, panels, bounds, settling)
+        proved, settled, finite, nothing, roots, share = _judged(sample, panels, bounds, settling)
         found += roots
         at_ends = [~proved & (end == ends[i]) & (high - low < end_bit) for i, end in enumerate((low, high))]
         open_low[column[at_ends[0]]], open_high[column[at_ends[1]]] = True, True
@@ -96,7 +97,7 @@ def panel_roots(
         hopeless = open_ & ((high - low <= smallest) | (np.bincount(column[open_], minlength=columns)[column] > many // 2))
         give("lost", hopeless & finite)
         give("overflown", hopeless & ~finite)
-        column, low, high = _halves(column, low, high, open_ & ~hopeless)
+        column, low, high = _cut(column, low, high, share, open_ & ~hopeless)
     parts = [np.concatenate(part) for part in zip(*found, strict=True)] if found else [np.zeros(0, int)] * 2 + [np.zeros(0)] * 3
     none = (np.zeros(0, int), np.zeros(0), np.zeros(0))
     edges = {kind: tuple(map(np.concatenate, zip(*some, strict=True))) if some else none for kind, some in given_up.items()}
@@ -117,7 +118,7 @@ class _Panels(Rows):
 
 
 def _judged(sample, panels, bounds, settling):
-    """(proved, settled, finite, not finite anywhere) of every panel, and the roots on the panels that are proved."""
+    """(proved, settled, finite, not finite anywhere) of every panel, the roots on those that are proved, and where to cut."""
     phase, log, error = sample(panels.column, panels.at(NODE))
     functions, reached, finite = log.shape[0], np.isfinite(log).all(0).any(-1), np.isfinite(log).all((0, -1))
     sign = np.where(finite[:, None], phase.real, 0.0)
@@ -148,7 +149,7 @@ def _judged(sample, panels, bounds, settling):
     proved &= sure[counted].all(0)
     settled &= ~proved
     kept = [(panels.column[at][proved[at]], *(part[proved[at]] for part in rest)) for at, *rest in roots]
-    return proved, settled, finite, ~reached, kept
+    return proved, settled, finite, ~reached, kept, _share(np.abs(value[counted]))
 
 
 def _trend(log, finite):
@@ -170,7 +171,16 @@ def _scaled(sign, log, trend):
 def _tail(sign, log, trend):
     """The largest of the last Chebyshev coefficients of the samples without their trend."""
     value, _ = _scaled(sign, log, trend)
-    return np.abs((value[..., None] * TRANSFORM[:, KEPT:]).sum(-2)).max(-1)
+    return np.abs(_transformed(value, TRANSFORM[:, KEPT:])).max(-1)
+
+
+def _transformed(value, transform):
+    """Chebyshev coefficients of the samples. Sums and not a matrix product: BLAS may round a row differently in another batch,
+    and bytes must not change."""
+    total = value[..., :1] * transform[0]
+    for node in range(1, NODES):
+        total += value[..., node : node + 1] * transform[node]
+    return total
 
 
 def _hidden(sample, panels, bounds, which, trend, peak):
@@ -193,8 +203,7 @@ def _hidden(sample, panels, bounds, which, trend, peak):
 
 def _interpolate(value, size):
     """Second-kind Chebyshev coefficients `(panels, KEPT)`, their error bound on the panel, and whether they decayed."""
-    # A sum and not a matrix product: BLAS may round a row differently in another batch, and bytes must not change.
-    first = (value[..., None] * TRANSFORM).sum(-2)
+    first = _transformed(value, TRANSFORM)
     first[:, 0] /= 2
     largest, tail = np.abs(first).max(-1), np.abs(first[:, KEPT:]).max(-1)
     floor = LEBESGUE * np.finfo(float).eps * size.max(-1)
@@ -218,9 +227,16 @@ def _proved_roots(coefficients, noise):
         rows = rows[~proved]
 
 
-def _halves(column, low, high, split):
-    column, low, high = column[split], low[split], high[split]
-    cut_at = low + 0.48 * (high - low)  # not the middle, where symmetric loops put their roots
+def _share(size):
+    """Where a panel is best cut, as a share of its width: so that its smallest sample, next to which roots may crowd, is in a
+    small part if it is near an end. Never in the middle, where symmetric loops put their roots."""
+    place = NODE[np.argmin(size.min(0), axis=-1)]
+    return np.where(np.abs(place) < CROWDED, 0.48, np.where(place > 0, 0.76, 0.24))
+
+
+def _cut(column, low, high, share, split):
+    column, low, high, share = column[split], low[split], high[split], share[split]
+    cut_at = low + share * (high - low)
     return np.tile(column, 2), np.concatenate([low, cut_at]), np.concatenate([cut_at, high])
 
 
@@ -229,13 +245,12 @@ ABOUT = (1e-2, 1e-4, 1e-7)  # of a bracket, how far from the seed it is looked a
 NEXT = 1e-8  # of a bracket, how far from the seed it usually is at most
 
 
-def bracketed_roots(value, low, high, seed, least=-np.inf, within=0.0):
+def bracketed_roots(value, low, high, seed, least=-np.inf):
     """Chandrupatla's method (Adv. Eng. Software 28, 1997) on every bracket; functions of any size, given by logarithms.
 
     value(at, x): sign (0 at a root) and log of the size of the functions `at` (indices) at x. seed: an approximate root in each
     bracket, which is narrowed by points about it first: a call costs much, a point little. least: roots below need not be told
-    apart. within: how near to a root is near enough. Returns the roots, to rounding if `within` is 0, and whether the signs at
-    the bracket's ends, or next to the seed, differed.
+    apart. Returns the roots, to rounding, and whether the signs at the bracket's ends, or next to the seed, differed.
     """
     if not low.size:
         return low.copy(), np.zeros(0, bool)
@@ -269,8 +284,7 @@ def bracketed_roots(value, low, high, seed, least=-np.inf, within=0.0):
         width, rounding = np.abs(b[at] - a[at]), np.spacing(np.maximum(np.abs(a[at]), np.abs(b[at])))
         t[at] = np.clip(t[at], rounding / np.maximum(width, rounding), 1 - rounding / np.maximum(width, rounding))
         # Two approximations that agree to rounding are the root: interpolation between signs that differ does not stall.
-        near = np.maximum(2 * rounding, within if np.ndim(within) == 0 else within[at])
-        going = (fx != 0) & (width > near) & (np.abs(x - before) > near)
+        going = (fx != 0) & (width > 2 * rounding) & (np.abs(x - before) > 2 * rounding)
         open_[at] = going & (np.maximum(a[at], b[at]) > least)
     return np.where(np.abs(fa) <= np.abs(fb), a, b), valid
 

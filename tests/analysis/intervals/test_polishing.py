@@ -1,0 +1,90 @@
+"""Roots of critical functions to rounding, and the panels that they were found on."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from wavesweep.analysis.intervals import panels, stable_along_any
+from wavesweep.analysis.intervals.critical import PAIR
+from wavesweep.analysis.intervals.polishing import polished
+from wavesweep.lifted.batches import CACHED, in_parts
+from wavesweep.lifted.lift import growth
+
+
+def turning(size, angle):
+    """A pair of eigenvalues of that size and angle, less identity, `(..., 2, 2)`."""
+    E = np.zeros((*np.shape(size), 2, 2), np.result_type(size, angle))
+    E[..., 0, 0] = E[..., 1, 1] = size * np.cos(angle) - 1
+    E[..., 0, 1], E[..., 1, 0] = size * np.sin(angle), -size * np.sin(angle)
+    return E
+
+
+@pytest.mark.parametrize("slow", [1e-12, 1e-11])
+@pytest.mark.parametrize("off", [1e-9, 1e-7, -1e-5])
+def test_two_real_eigenvalues_next_to_one_hide_no_crossing(slow, off):
+    """Their product differs from 1 by less than that of a pair does next to the place where it crosses, at p = 1."""
+
+    def evaluate(_, p):
+        E = np.zeros((p.size, 4, 4), p.dtype)
+        E[:, :2, :2] = turning(np.exp(0.1 * (p - 1)), 0.7 + 0.2 * p)
+        E[:, 2, 2], E[:, 3, 3] = -slow, -2 * slow
+        return E
+
+    one, none = np.array([0]), (np.zeros(0, int), np.zeros(0), np.zeros(0))
+    found = panels.Found(one, np.array([PAIR]), np.array([1 + off]), np.array([1e-2]), one, none, none, none, one > 0, one > 0)
+    loop = SimpleNamespace(pieces=SimpleNamespace(degree=one), piece=lambda column, _: 0 * column)
+    ends = polished(evaluate, loop, found, (0.5, 1.6), lambda p: 1e-9 * np.abs(p))
+    assert ends.theta.tolist() == [pytest.approx(0.9)]
+    assert ends.good.all()
+    np.testing.assert_allclose(ends.value, 1.0, rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_ends_are_those_that_were_put_there(seed):
+    """Pairs and single eigenvalues that cross at known values, seen through an unknown change of coordinates."""
+    random = np.random.default_rng(seed)
+    at, steep = np.sort(random.uniform(1, 9, 3)), random.uniform(0.01, 0.3, 3) * random.choice([-1, 1], 3)
+    angles, T = random.uniform(0.3, 2.8, 2), np.linalg.qr(random.normal(size=(5, 5)))[0]
+
+    def evaluate(_, p):
+        E = np.zeros((p.size, 5, 5), p.dtype)
+        for i in range(2):
+            E[:, 2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = turning(np.exp(steep[i] * (p - at[i])), angles[i] + 0.02 * p)
+        E[:, 4, 4] = np.exp(steep[2] * (p - at[2])) * (1 if seed % 2 else -1) - 1
+        return T.T @ E @ T
+
+    found = stable_along_any(evaluate, (0.5, 9.5), 1, np.ones(1))
+    low = max([0.5, *at[steep < 0]])
+    high = min([9.5, *at[steep > 0]])
+    assert found.certified.all()
+    if low < high:
+        assert found.low.tolist() == [pytest.approx(low, rel=1e-11)]
+        assert found.high.tolist() == [pytest.approx(high, rel=1e-11)]
+    else:
+        assert found.count.tolist() == [0]
+
+
+@pytest.mark.parametrize("end", [-1, 1])
+def test_roots_that_crowd_next_to_an_end_take_few_panels(end):
+    """Two roots 2e-5 apart at 0.97 of the span: a panel of a fourth is next, and not a half."""
+    asked = []
+
+    def sample(column, x):
+        asked.append(len(column) * np.isrealobj(x))
+        x = end * x
+        value = ((x - 0.97) ** 2 - 1e-10)[None]
+        size = np.abs(value)
+        return value / size, np.log(size), np.ones(size.shape)
+
+    found = panels.panel_roots(sample, np.zeros(1, int), -np.ones(1), np.ones(1), 1, 1e-9, 512)
+    assert sorted(end * found.x) == [pytest.approx(0.97 - 1e-5, abs=1e-6), pytest.approx(0.97 + 1e-5, abs=1e-6)]
+    assert sum(asked) <= 12
+
+
+@pytest.mark.parametrize("kind", [float, complex])
+def test_a_batch_in_parts_has_the_same_bits(kind):
+    E = np.random.default_rng(1).normal(size=(2 * CACHED // (25 * 8) + 7, 5, 5)).astype(kind) - np.eye(5)
+    whole = growth(E, 20)
+    assert np.array_equal(whole[::991], np.stack([growth(one, 20) for one in E[::991]]))
+    assert np.array_equal(in_parts(lambda part: E[part], E.shape[:1], 5, kind), E)

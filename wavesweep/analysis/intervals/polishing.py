@@ -1,0 +1,157 @@
+"""Roots of critical functions to rounding: ends of stable intervals along any number, on the eigenvalues themselves."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.analysis.intervals.critical import CAUTION, ONE, PAIR, from_eigenvalues, from_polynomials
+from wavesweep.analysis.intervals.panels import bracketed_roots
+from wavesweep.analysis.rows import Rows
+from wavesweep.analysis.spectrum import balance, excess
+from wavesweep.lifted.circle import inverse
+
+ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
+STEP = 1e3  # times what rounding may move an end by: how far a correction may go, and where its slope is taken from
+ROUNDED = 4  # roundings of every entry that an end has to withstand
+BESIDE = 1e-10  # of an eigenvalue, how far from it its vectors are looked for
+SECANT, SECANTS = 1e-3, 3  # of a disc, the first step from its middle; how many follow
+TRIES = 4  # steps of Newton from where a root was found
+CLEAR = 1e-10  # | |z|^2 - 1 | at an end, up to which the end is believed
+FEW = 0.1  # of itself, the error of an interpolated function whose sign is believed
+
+
+@dataclass(frozen=True, slots=True)
+class Ends(Rows):
+    """Roots to rounding: column, function and value of the parameter; angle theta of the eigenvalue there, by how much it
+    misses its place, and whether all is well."""
+
+    column: np.ndarray
+    function: np.ndarray
+    value: np.ndarray
+    theta: np.ndarray
+    miss: np.ndarray
+    good: np.ndarray
+
+
+def polished(evaluate, loop, found, span, slack) -> Ends:
+    """Every root that was found, to rounding, duplicates of overlapping panels dropped."""
+    column, kind, width = found.column, found.function, span[1] - span[0]
+    reach = np.minimum(found.within, 0.1 * width) + 1e-9 * width  # the disc, which no other root is in
+
+    def sign(parts, at, most):
+        """Sign and logarithm of the functions of the roots `at`. Where the error is larger the sign means nothing: a root."""
+        phase, log, error = (part[kind[at], np.arange(at.size)] for part in parts)
+        return np.sign(phase.real) * (error * np.finfo(float).eps < most), log
+
+    x, bracketed = found.x.copy(), np.zeros(found.x.size, bool)
+    piece = loop.piece(column, x[:, None])
+    known = np.flatnonzero(loop.pieces.degree[piece] > 0)
+    if known.size:  # the interpolant has the root to most digits, for next to nothing
+
+        def followed_value(x):
+            return sign(from_polynomials(*loop.polynomials(piece[known], x[:, None])), known, FEW)
+
+        x[known] = _by_secants(followed_value, x[known], reach[known])
+
+    def end(at):
+        return _end(evaluate, column[at], kind[at], x[at], slack, reach[at])
+
+    ends, rest = np.zeros((3, x.size)), np.arange(x.size)
+    for _ in range(TRIES):
+        if rest.size:
+            x[rest], *ends[:, rest] = end(rest)
+            # A root of this eigenvalue in the disc, which has one root only.
+            bracketed = (np.abs(ends[0]) <= CLEAR) & (np.abs(x - found.x) <= reach) & np.isfinite(ends[2])
+            rest = np.flatnonzero(~bracketed)
+    if rest.size:  # Newton's method does not get there
+
+        def value(at, x):
+            at = rest[at]
+            return sign(from_eigenvalues(evaluate(column[at], x)), at, CAUTION)
+
+        low, high, least = found.x - reach, found.x + reach, span[0] + ATTACHED / 4 * width
+        x[rest], bracketed[rest] = bracketed_roots(value, low[rest], high[rest], found.x[rest], least)
+        x[rest], *ends[:, rest] = end(rest)
+    miss, theta, moved = ends
+    # A reciprocal pair of real eigenvalues crosses nothing, wherever it is.
+    firm = (moved <= slack(x)) | ((kind == PAIR) & (theta == 0)) | (np.abs(x - span[0]) <= ATTACHED * width)
+    ends = Ends(column, kind, x, theta, miss, bracketed & (np.abs(miss) <= CLEAR) & firm)
+    ends = ends.take(np.lexsort((x, kind, column)))
+    new = np.ones(x.size, bool)
+    new[1:] = (np.diff(ends.column) != 0) | (np.diff(ends.function) != 0) | (np.diff(ends.value) > 1e-10 * width)
+    return ends.take(new)
+
+
+def _by_secants(value, x, reach):
+    """Roots from approximations by the secant method, each within `reach` of where it began; value(x): sign and logarithm."""
+    before, (sign, scale) = x, value(x)
+    scale = np.where(np.isfinite(scale), scale, 0.0)
+    f, step = sign, SECANT * reach
+    for _ in range(SECANTS):
+        now = np.clip(before + step, x - reach, x + reach)
+        sign, log = value(now)
+        with np.errstate(all="ignore"):
+            g = sign * np.exp(log - scale)
+            step = np.where(g == 0, 0.0, -g * (now - before) / (g - f))
+        before, f, step = now, g, np.where(np.isfinite(step), step, 0.0)
+    return np.clip(before + step, x - reach, x + reach)
+
+
+def _end(evaluate, column, kind, x, slack, reach):
+    """Better values of the roots x, no farther than `reach`; by how much the eigenvalue misses its place at x itself, and its
+    angle there; and by how much rounding moves the root, which is infinite if x is not next to it."""
+    step = STEP * slack(x)
+    E = evaluate(np.tile(column, 2), np.concatenate([x, x + step]))
+    w, miss, theta = _nearest(E[: x.size], kind)
+    by, moved = _correction(E, w, step)
+    pairs = np.flatnonzero((kind == PAIR) & (theta == 0))
+    if pairs.size:  # of reciprocal eigenvalues, which cross nothing: the slope of their product will do
+        _, later, _ = _nearest(E[x.size + pairs], kind[pairs])
+        with np.errstate(all="ignore"):
+            by[pairs], moved[pairs] = -miss[pairs] * step[pairs] / (later - miss[pairs]), 0.0
+    return np.where(np.abs(by) <= np.maximum(step, reach), x + by, x), miss, theta, np.where(np.abs(by) <= step, moved, np.inf)
+
+
+def _nearest(E, kind):
+    """The eigenvalue w = z - 1 of that kind that is nearest to its place on the circle, how far it is from there (1 - |z|^2, or
+    1 - z_i z_j of a reciprocal pair; |z|^2 - 1 at z = +-1), and its angle (0 for a reciprocal pair)."""
+    w = np.linalg.eigvals(E).astype(complex)
+    w = np.concatenate([w, np.full((len(w), 1), -1.0)], axis=-1)  # z = 0, which makes a pair for a single eigenvalue
+    i, j = np.triu_indices(w.shape[-1], 1)
+    pair = -(w[:, i] + w[:, j] + w[:, i] * w[:, j])
+    best = np.argmin(np.abs(pair), axis=-1)[:, None]
+    first = np.take_along_axis(w[:, i], best, -1)[:, 0]
+    single = np.take_along_axis(w, np.argmin(np.where(kind[:, None] == ONE, np.abs(w), np.abs(w + 2)), -1)[:, None], -1)[:, 0]
+    miss = np.where(kind == PAIR, np.take_along_axis(pair, best, -1)[:, 0].real, excess(single))
+    theta = np.where(kind == PAIR, np.abs(np.angle(1 + first)) * (first.imag != 0), np.where(kind == ONE, 0.0, np.pi))
+    return np.where(kind == PAIR, first, single), miss, theta
+
+
+def _correction(E, w, step):
+    """How far it is to where the eigenvalue next to w is on the circle, and by how much rounding of the entries moves that.
+
+    Eigenvalues are good to rounding of the largest entry, which is much beside those of a slow loop: a quotient of vectors is
+    good to rounding of each. E: frames, and then those a step further on.
+    """
+    with np.errstate(all="ignore"):
+        E, _ = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0))
+        now, unsure = _rayleigh(E, np.tile(w, 2))
+        value = excess(now).reshape(2, -1)
+        slope = (value[1] - value[0]) / step
+        return -value[0] / slope, 2 * np.abs(1 + now[: w.size]) * unsure[: w.size] / np.abs(slope)
+
+
+def _rayleigh(E, w):
+    """The eigenvalue of each matrix next to w, as the quotient of its vectors, whose error is the square of theirs; and what
+    ROUNDED roundings of every entry move it by, to first order."""
+    # A little beside w: at an eigenvalue itself there is no inverse.
+    w = w + BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2))
+    back = inverse(E - w[:, None, None] * np.eye(E.shape[-1]))
+    start = np.cos(np.arange(1, E.shape[-1] + 1))
+    right, left = back @ start[:, None], start @ back
+    right, left = (part / np.abs(part).max((-1, -2) if part.ndim > 2 else -1, keepdims=True) for part in (right, left))
+    right, left = back @ right, left[:, None] @ back
+    right, left = (part / np.abs(part).max((-1, -2), keepdims=True) for part in (right, left))
+    through = (left @ right)[:, 0, 0]
+    value = (left @ (E @ right))[:, 0, 0] / through
+    return value, ROUNDED * np.finfo(float).eps * (np.abs(left) @ (np.abs(E) @ np.abs(right)))[:, 0, 0] / np.abs(through)

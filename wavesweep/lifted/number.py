@@ -1,0 +1,122 @@
+"""The frame of a drawn loop cut at a number that is one scalar gain of it."""
+
+import numpy as np
+
+from wavesweep.diagram.drawn import Drawn
+from wavesweep.lifted.cut import Cut
+from wavesweep.lifted.periodic import Drift, in_a_row, then, ticks_of
+
+
+def cut_at_number(drawn: Drawn, drift: Drift, force: str, read: str, damped: str = "") -> Cut | None:
+    """Cut the loop at a number that is one scalar gain of a frame; None if it is not one.
+
+    drawn: the loop in which the number's product is the input `force`, its last one, and the number would multiply the signal
+    `read`. damped: a second signal, which another number multiplies in the same sum: the velocity that a wall's damper reads.
+    drift: that of this open loop, with these signals watched.
+    The number is one scalar of the frame if the product reaches the loop in a single tick of a frame, or if `read` changes in a
+    single one and is held in between. Closing it is `force = p read`: the wall of a built-in loop under another name.
+    """
+    ticks = ticks_of(drawn, (read, *((damped,) if damped else ())))
+    if ticks.states != drift.states:
+        raise ValueError(f"the drift is that of other states: {drift.states}, expected {ticks.states}")
+    at = _only_tick(ticks, drawn.inputs.index(force))
+    if at is None or drift.folded:
+        return None
+    first, whole_frame = at
+    ticks = ticks.from_tick(first)
+    w = drawn.inputs.index(force)
+    E, B = _with_input(ticks, w, whole_frame)
+    head = ticks.maps[ticks.kind[0]]
+    c, d = head.C, head.D[..., w : w + 1]
+    if damped and np.any(_shown_of_leads(c[..., 1:, :], drift)):
+        return None
+    return _cut(E, B, c, d, drift, np.asarray(drawn.period) * drawn.ticks, head.condition)
+
+
+def _only_tick(ticks, w):
+    """The tick in which the frame begins for this input, and whether the input is held over the frame; or None."""
+    reached = [np.any(each.B[..., w]) or np.any(each.D[..., w]) for each in ticks.maps]
+    where = np.flatnonzero(np.array(reached)[ticks.kind])
+    if where.size == 0:
+        return None
+    if where.size == 1:
+        return int(where[0]), False
+    changes = _changing(ticks)
+    where = np.flatnonzero(np.isin(ticks.kind, changes)) if changes else np.zeros(0)
+    return (int(where[0]), True) if where.size == 1 else None
+
+
+def _changing(ticks):
+    """The kinds of tick in which the output changes, if it is a state that is held in all others; else none."""
+    for still in ticks.maps:
+        shown = still.C
+        held = [shown @ each.E for each in ticks.maps]
+        follows = [
+            np.array_equal(*np.broadcast_arrays(shown + step, each.C))
+            and np.array_equal(*np.broadcast_arrays(shown @ each.B, each.D))
+            for step, each in zip(held, ticks.maps, strict=True)
+        ]
+        if not np.any(still.D) and all(follows):
+            return [kind for kind, step in enumerate(held) if np.any(step) or np.any(ticks.maps[kind].D)]
+    return []
+
+
+def _with_input(ticks, w, held):
+    """The frame with the input of its first tick, or with the same input in all of its ticks."""
+    kinds = ticks.kind.tolist()
+    pairs = [(each.E, each.B[..., w : w + 1]) for each in ticks.maps]
+    silent = [(E, 0 * B) for E, B in pairs]
+
+    def joined(first, second):
+        return then(first[0], second[0]), first[1] + second[0] @ first[1] + second[1]
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        if held:
+            return in_a_row(kinds, pairs, joined)
+        rest = in_a_row(kinds[1:], silent, joined) if len(kinds) > 1 else None
+        return pairs[kinds[0]] if rest is None else joined(pairs[kinds[0]], rest)
+
+
+def _cut(E, B, c, d, drift, period, condition):
+    leads = {lead: dict(others) for lead, others in drift.moved}
+    E, B = E.copy(), B.copy()
+    for lead, others in leads.items():
+        for index, factor in others.items():
+            E[..., index, :] -= factor * E[..., lead, :]
+            B[..., index, :] -= factor * B[..., lead, :]
+    share = dict(zip(leads, np.moveaxis(_shown_of_leads(c[..., :1, :], drift), -1, 0), strict=True))
+    read = [lead for lead, value in share.items() if np.any(value)]
+    if len(read) > 1:
+        return None
+    kept = [i for i in range(len(drift.states)) if i not in leads]
+    advance, step = np.zeros((1, len(kept))), np.zeros((1, 1))
+    if read:
+        advance, step = (
+            share[read[0]][..., None] * part for part in (E[..., read[0] : read[0] + 1, kept], B[..., read[0] : read[0] + 1, :])
+        )
+    integrates = bool(read)
+    E, B, c = E[..., kept, :][..., kept], B[..., kept, :], c[..., kept]
+    v, dv = (c[..., 1:, :], d[..., 1:, :]) if c.shape[-2] > 1 else (0 * c, 0 * d)
+    C = np.concatenate(np.broadcast_arrays(v, advance, c[..., :1, :]), axis=-2)
+    D = np.concatenate(np.broadcast_arrays(dv, step, d[..., :1, :]), axis=-2)
+    read = _read_after(E, C)
+    E, B, C, kept = E[..., read, :][..., read], B[..., read, :], C[..., read], [kept[i] for i in read]
+    names = tuple(drift.states[i] for i in kept)
+    left = tuple(drift.states[i] for i in leads)
+    return Cut(E, B, C, D, integrates, period=period, states=names, unread=left, condition=condition)
+
+
+def _shown_of_leads(c, drift):
+    """What rows of outputs show of each shift, `(..., rows, shifts)`."""
+    parts = [c[..., lead] + sum(factor * c[..., index] for index, factor in others) for lead, others in drift.moved]
+    return np.stack(parts, axis=-1) if parts else np.zeros((*c.shape[:-1], 0))
+
+
+def _read_after(E, C):
+    """Indices of the states without those that every frame overwrites, as held outputs, and that nothing reads."""
+    moves, shown = (np.any(part != 0, axis=tuple(range(part.ndim - 2))) for part in (E, C))
+    over = np.all(E.diagonal(axis1=-2, axis2=-1) == -1, axis=tuple(range(E.ndim - 2)))
+    kept = list(range(len(over)))
+    while idle := [i for i in kept if over[i] and not shown[:, i].any() and not any(moves[j, i] for j in kept if j != i)]:
+        kept = [i for i in kept if i not in idle]
+    return kept
