@@ -20,6 +20,8 @@ def frozen(array) -> np.ndarray:
 
 def matrix(rows) -> np.ndarray:
     """Stack rows of scalars and arrays to `(..., len(rows), len(rows[0]))`, entries broadcast together."""
+    if all(isinstance(entry, int | float) for row in rows for entry in row):
+        return np.array(rows, float)
     height, width = len(rows), len(rows[0])
     entries = [numbers(entry) for row in rows for entry in row]
     out = np.empty((*np.broadcast_shapes(*(e.shape for e in entries)), height, width), np.result_type(*entries))

@@ -78,14 +78,14 @@ class _Net:
         ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
         into, out = ([tracer.gains(signal) for signal in signals] for signals in (ports, outputs))
         arrays = [getattr(block, part) for block in blocks for part in "EBCD"]
-        batch = np.broadcast_shapes(*(array.shape[:-2] for array in arrays), *(gain.shape for gain in tracer.used))
+        batch = np.broadcast_shapes(*{array.shape[:-2] for array in arrays}, *{gain.shape for gain in tracer.used})
         parts = {part: [] for part in "EBCD"}
         states = first_port = 0
         for block in blocks:
             for part, column in (("E", states), ("B", first_port), ("C", states), ("D", first_port)):
                 parts[part] += _entries(getattr(block, part), column)
             states, first_port = states + len(block.states), first_port + len(block.inputs)
-        kind = np.result_type(float, *arrays, *tracer.used)
+        kind = np.result_type(float, *{array.dtype for array in (*arrays, *tracer.used)})
         return _Net(**parts, ports=ports, into=into, out=out, inputs=len(inputs), batch=batch, kind=kind)
 
     def sized(self) -> "_Net":
@@ -186,6 +186,8 @@ def _entries(matrix, first) -> list[Row]:
 
 def _number(each):
     """What is the same real number all over the batch as a plain number. Python multiplies complex ones in its own way."""
+    if isinstance(each, int | float):
+        return float(each)
     each = numbers(each)
     flat = each.ravel()
     if not flat.size or flat[0] != flat[-1] or flat[0].imag != 0 or not (flat == flat[0]).all():
@@ -222,18 +224,21 @@ def _stacked(rows, width, batch, kind):
 def _summed(row, ports, rows, states) -> Row:
     """The row and the sum of these ports; in the columns of inputs 0 where nothing is left but rounding: with no filter and no
     delay in the line the wall's force reaches the avatar twice, by +1/b and -1/b, and eps/b is much where b is small."""
-    sizes = _sizes(_part_of_inputs(row, states))
+    sizes = {}  # of the terms, where there are several
     for port, factor in ports.items():
-        _add(row, rows[port], factor)
-        _add(sizes, _sizes(_part_of_inputs(rows[port], states)), abs(factor))
+        for column, value in rows[port].items():
+            term = factor * value
+            if column in row and column >= states:
+                sizes[column] = (sizes[column] if column in sizes else abs(row[column])) + abs(term)
+            row[column] = row[column] + term if column in row else term
     for column, size in sizes.items():
-        with np.errstate(invalid="ignore"):
-            row[column] = np.where((np.abs(row[column]) <= ROUNDING * size) & np.isfinite(size), 0.0, row[column])
+        total = row[column]
+        if isinstance(size, float):
+            row[column] = 0.0 if abs(total) <= ROUNDING * size < np.inf else total
+        else:
+            with np.errstate(invalid="ignore"):
+                row[column] = np.where((np.abs(total) <= ROUNDING * size) & np.isfinite(size), 0.0, total)
     return row
-
-
-def _part_of_inputs(row, states) -> Row:
-    return {column: value for column, value in row.items() if column >= states}
 
 
 class _Tracer:
@@ -262,7 +267,8 @@ class _Tracer:
                 raise ValueError(f"nothing makes the signal {signal!r}")
             total = {}
             for source, gain in self.sums[signal].items():
-                self.used.append(numbers(gain))
+                if not isinstance(gain, int | float):
+                    self.used.append(numbers(gain))
                 _add(total, self.trace(source), _number(gain))
             self.known[signal] = total
         return self.known[signal]
