@@ -12,9 +12,22 @@ import wavesweep
 PACKAGE = Path(wavesweep.__file__).parent
 
 # Data flows to the right, imports point to the left. What stands above all may use all of it.
-LAYERS = ("errors", "controllers", "spec", "diagram", "lifted", "analysis", "sweep", "export", "results", "plots", "paper")
+LAYERS = (
+    "errors",
+    "controllers",
+    "kernel",
+    "spec",
+    "diagram",
+    "lifted",
+    "analysis",
+    "sweep",
+    "export",
+    "results",
+    "plots",
+    "paper",
+)
 TOP = len(LAYERS)
-HEAVY = ("numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
+HEAVY = ("numba", "numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
 
 
 def layer_of(module):

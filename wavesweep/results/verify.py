@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wavesweep import kernel
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results.files import read, read_rows
 from wavesweep.results.folder import SUFFIXES
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 Columns = Mapping[str, np.ndarray]
 ROWS = 20
 SEED = 0
-CLOSE = 1e-9  # relative difference that counts as none if the versions of this program or of numpy differ
+CLOSE = 1e-9  # relative difference that counts as none if the versions of this program, of numpy or of another kernel differ
 NOISE = ("residual",)  # rounding errors, which agree to the bit or not at all
 
 
@@ -39,7 +40,7 @@ def verify(directory: str | Path, rows: int = ROWS, seed: int = SEED) -> Verific
 
     directory: of results. rows: of a table of intervals, so many combinations are drawn at random; the smaller tables of
     responses, passivity and simulation are computed again as a whole. seed: of the draw.
-    Rows are compared to the bit or, if another version of this program or of numpy made them, to 1e-9, relative.
+    Rows are compared to the bit or, if another version of this program, of numpy or of a kernel made them, to 1e-9, relative.
     Raises UsageError if the folder has no data package of this program.
     """
     packages = sorted(Path(directory).glob(f"*{SUFFIXES[-1]}"))
@@ -182,7 +183,7 @@ def _stem(package: Path) -> str:
 def _rows(package: Path, facts: Mapping[str, Any], again: _Again, rows: int, seed: int) -> Iterator[tuple[str, bool]]:
     """Yield the sentences about the rows that are computed again."""
     parquet, exact = package.with_name(package.name.replace(SUFFIXES[-1], ".parquet")), _same_versions(facts)
-    how = "to the bit" if exact else f"to {CLOSE:g}, since another version of this program or of numpy made them"
+    how = "to the bit" if exact else f"to {CLOSE:g}, since another version of this program, of numpy or of a kernel made them"
     try:
         if again.some is None:
             difference = _compared(parquet, again.whole(), exact)
@@ -212,9 +213,8 @@ def _compared(parquet: Path, blocks: Iterable[Columns], exact: bool) -> str:
 
 
 def _same_versions(facts: Mapping[str, Any]) -> bool:
-    from wavesweep import __version__
-
-    return (facts.get("tool_version"), facts.get("numpy_version")) == (__version__, np.__version__)
+    names = ("tool_version", "numpy_version", "kernel")
+    return [facts.get(name) for name in names] == [kernel.versions().get(name) for name in names]
 
 
 def _sampled(parquet: Path, again: _Again, rows: int, seed: int, exact: bool) -> str:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wavesweep import kernel
 from wavesweep.errors import CheckpointError
 from wavesweep.sweep.disk import TEMPORARY, is_folder, make_folders, put_away, read_file, remove_folder, remove_old, write_file
 from wavesweep.sweep.job import Job
@@ -213,14 +214,11 @@ def _digest(run):
 
 def identity_of(job: Job) -> dict[str, object]:
     """What a finished chunk depends on, JSON-able: chunks of runs that differ in any of it are never mixed."""
-    from wavesweep import __version__
-
     chunks = job.chunks
     return {
         "layout": LAYOUT,
         "spec_sha256": job.grid.spec.sha256,
-        "tool_version": __version__,
-        "numpy_version": np.__version__,
+        **kernel.versions(),
         "chunks": [chunks.loops, chunks.walls, chunks.deep, chunks.wide],
         **job.identity,
     }

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep import kernel
+
 Columns = Mapping[str, np.ndarray]
 
 
@@ -66,15 +68,13 @@ def facts_of(specs, methods, slices, timings, notices=(), swept=()) -> dict:
 
     specs: a spec or several, of which `spec` in the facts is the first. swept: paths of the axes of the table.
     """
-    from wavesweep import __version__
     from wavesweep.sweep.assumptions import assumed_by
 
     several = specs if isinstance(specs, (list, tuple)) else (specs,)
 
     return {
         "schema_version": 1,
-        "tool_version": __version__,
-        "numpy_version": np.__version__,
+        **kernel.versions(),
         "spec_name": "+".join(spec.name for spec in several),
         "spec": several[0].tables(),
         "spec_sha256": digest_of(several),

@@ -16,6 +16,7 @@ from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_int
 from wavesweep.analysis.response import felt, felt_map
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import WALL, draw, identity
+from wavesweep.kernel import using
 from wavesweep.lifted import Cut, close, cut_at_wall
 from wavesweep.sweep.grid import groups, make_grid, selected
 
@@ -63,10 +64,11 @@ class Task(Protocol):
         """Compute the result, a structured array."""
 
 
-def timed(number: int, task: Task) -> tuple[int, np.ndarray, float]:
-    """Compute a chunk: its number, its records and the processor seconds used."""
+def timed(number: int, task: Task, kernel: str) -> tuple[int, np.ndarray, float]:
+    """Compute a chunk with that kernel: its number, its records and the processor seconds used."""
     started = time.thread_time()
-    records = task.records()
+    with using(kernel):
+        records = task.records()
     return number, records, time.thread_time() - started
 
 
@@ -128,7 +130,8 @@ def with_felt(task: IntervalTask, records: np.ndarray) -> np.ndarray:
     for members, own in task.groups if getattr(task, "felt", True) else ():
         # The rates have no part in what is static.
         values = own | {"rates.ratio": max(1, int(own["rates.ratio"]))}
-        rows = np.flatnonzero(np.isin(loop, members) & (records["intervals"] > 0))
+        mine = np.isin(loop, members) if len(task.groups) > 1 else True
+        rows = np.flatnonzero(mine & (records["intervals"] > 0))
         at = np.searchsorted(members, loop[rows])
         if not rows.size:
             continue

@@ -10,6 +10,7 @@ from wavesweep.analysis.intervals.boundary import K_VE
 from wavesweep.analysis.intervals.crossings import crossings, sampled_polynomial, warp_scale
 from wavesweep.analysis.intervals.regions import Regions, cut_span, regions
 from wavesweep.analysis.rows import Rows
+from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 
@@ -63,7 +64,7 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), width)
     pending, done = np.arange(flat.size), []
     cut, overflown = _finite(cut)
-    for method in (_by_trace, _by_polynomial, _by_arcs):
+    for method in (_by_trace, *((_by_kernel,) if chosen() != NUMPY else ()), _by_polynomial, _by_arcs):
         parts, doubt = method(cut, owner[pending], along, flat[pending], span)
         lost = overflown[owner[pending]]
         parts = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable))
@@ -91,6 +92,13 @@ def _by_trace(cut, owner, along, fixed, span):
     everywhere = np.ones(fixed.size, int)
     parts = whole.labelled(everywhere, 0 * everywhere, nowhere.astype(int), nowhere)
     return parts, np.where(trace_excludes_stability(cut, owner, along, fixed, span), NONE, CROWDED)
+
+
+def _by_kernel(cut, owner, along, fixed, span):
+    """The same by the compiled kernel, as far as signs prove the roots."""
+    from wavesweep.analysis.intervals import compiled
+
+    return _judged(cut, owner, along, fixed, span, compiled.crossings(cut, owner, along, fixed, span))
 
 
 def _by_polynomial(cut, owner, along, fixed, span):

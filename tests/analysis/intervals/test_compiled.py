@@ -1,0 +1,162 @@
+"""The compiled kernel against numpy, which is its reference; a run that uses it says so, others do not load it."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from support.specs import nested, random_values
+
+import wavesweep
+from wavesweep import kernel, results, sweep
+from wavesweep.analysis.doubt import NONE
+from wavesweep.analysis.intervals import stable, stable_intervals
+from wavesweep.analysis.intervals.bernstein import change_of_basis, largest_bernstein, roots_by_sign
+from wavesweep.diagram import draw
+from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.lifted import cut_at_wall
+from wavesweep.results.verify import verify
+from wavesweep.spec import load
+from wavesweep.sweep.checkpoint import identity_of
+from wavesweep.sweep.job import job_of
+
+pytest.importorskip("numba")
+
+FIXED = {"K_VE": np.array([[0.0, 0.3, 2.0, 7.0, 40.0]]), "B_VE": np.array([[0.0, 20.0, 300.0, 2000.0, 9000.0]])}
+SPANS = {"K_VE": (0.0, 20000.0), "B_VE": (0.0, 300.0)}
+
+
+def both(cut, along, fixed):
+    """The intervals by numpy and by the kernel."""
+    found = []
+    for name in (kernel.NUMPY, kernel.NUMBA):
+        with kernel.using(name):
+            found.append(stable_intervals(cut, along, SPANS[along], fixed))
+    return found
+
+
+@pytest.mark.parametrize("along", ["K_VE", "B_VE"])
+@pytest.mark.parametrize("seed", range(60))
+def test_the_kernel_finds_what_numpy_finds(seed, along):
+    cut = cut_at_wall(draw(random_values(7000 + seed))).at(np.newaxis)
+    numpys, kernels = both(cut, along, FIXED[along])
+    known = np.isin(numpys.column, kernels.column[kernels.certified]) & numpys.certified
+    assert known.sum() == numpys.certified.sum()
+    others = np.isin(kernels.column, numpys.column[numpys.certified])
+    for name in ("column", "index", "count"):
+        np.testing.assert_array_equal(getattr(kernels, name)[others], getattr(numpys, name)[known])
+    size = SPANS[along][1]
+    for name in ("low", "high"):
+        np.testing.assert_allclose(getattr(kernels, name)[others], getattr(numpys, name)[known], rtol=1e-9, atol=1e-14 * size)
+    for name in ("low_omega", "high_omega"):
+        np.testing.assert_allclose(getattr(kernels, name)[others], getattr(numpys, name)[known], rtol=1e-6, atol=1e-6)
+
+
+def test_most_columns_are_proved_by_the_kernel_itself(monkeypatch):
+    asked = {"_by_kernel": 0, "_by_polynomial": 0}
+
+    def counting(name, method):
+        def counted(cut, owner, *given):
+            asked[name] += owner.size
+            return method(cut, owner, *given)
+
+        return counted
+
+    for name in asked:
+        monkeypatch.setattr(stable, name, counting(name, getattr(stable, name)))
+    with kernel.using(kernel.NUMBA):
+        for seed in range(40):
+            cut = cut_at_wall(draw(random_values(7000 + seed, "pmw-lm"))).at(np.newaxis)
+            stable_intervals(cut, "K_VE", SPANS["K_VE"], FIXED["K_VE"])
+    assert asked["_by_kernel"] > 100
+    assert asked["_by_polynomial"] < 0.2 * asked["_by_kernel"]
+
+
+@pytest.mark.parametrize("along", ["K_VE", "B_VE"])
+def test_columns_have_the_same_bits_alone(along):
+    cut = cut_at_wall(draw(random_values(7003, "pmw-lm") | {"controller.b": np.linspace(5, 60, 9)}))
+    fixed = np.repeat(FIXED[along], 9, axis=0)
+    with kernel.using(kernel.NUMBA):
+        whole = stable_intervals(cut, along, SPANS[along], fixed)
+        for loop in (0, 4, 8):
+            one = stable_intervals(cut.at(slice(loop, loop + 1)), along, SPANS[along], fixed[:1, 2:4])
+            at = np.isin(whole.column, [5 * loop + 2, 5 * loop + 3])
+            for name in ("low", "high", "low_omega", "high_omega", "residual", "doubt"):
+                assert np.array_equal(getattr(one, name), getattr(whole, name)[at], equal_nan=True)
+    assert (whole.doubt == NONE).all()
+
+
+@pytest.mark.parametrize("n", [2, 5, 9, 16])
+def test_signs_decide_as_they_do_in_numpy(n):
+    from wavesweep.analysis.intervals.compiled.isolating import _roots
+
+    random = np.random.default_rng(n)
+    rows = random.normal(size=(400, n)) * 0.5 ** np.arange(n)
+    rows[::5] = np.round(rows[::5], 1)
+    rows /= np.abs(rows).max(-1, keepdims=True)
+    noise = 10.0 ** random.uniform(-16, -3, 400)
+    (row, value, _, slope), complete = roots_by_sign(rows, noise)
+    pieces = np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64), np.empty((64, n))
+    for i in range(400):
+        values, slopes = np.empty(n), np.empty(n)
+        count = _roots(rows[i].copy(), noise[i], change_of_basis(n), largest_bernstein(n - 1), pieces, values, slopes)
+        assert (count >= 0) == complete[i]
+        if complete[i]:
+            np.testing.assert_allclose(values[:count], value[row == i], rtol=1e-12, atol=1e-15)
+            np.testing.assert_array_equal(slopes[:count], slope[row == i])
+
+
+SMALL = {
+    "controller": {"kind": "pmw-lm"},
+    "sweep": {"along": "K_VE", "K_VE": {"start": 0, "stop": 20000}, "B_VE": [0.5, 1.0, 5.0], "b": [10.0, 20.0]},
+}  # fmt: skip
+
+
+def test_a_table_says_by_which_kernel_it_was_made(tmp_path):
+    with kernel.using(kernel.NUMBA):
+        table = sweep.intervals(load(SMALL), jobs=1)
+        results.publish(table, tmp_path)
+        assert any("to the bit" in sentence for sentence in verify(tmp_path).checked)
+    assert table.facts["kernel"].startswith("numba 0.")
+    assert any("to 1e-09" in sentence for sentence in verify(tmp_path).checked)
+    assert verify(tmp_path).differences == ()
+    assert "kernel" not in sweep.intervals(load(SMALL), jobs=1).facts
+
+
+@pytest.mark.slow
+def test_workers_use_the_kernel_of_the_run():
+    spec = load(SMALL)
+    with kernel.using(kernel.NUMBA):
+        here, there = (sweep.intervals(spec, jobs=jobs, backend=backend).columns for jobs, backend in ((1, None), (2, "loky")))
+    for name, column in here.items():
+        assert column.astype(str).tolist() == there[name].astype(str).tolist()
+
+
+def test_chunks_of_another_kernel_are_of_another_run():
+    job = job_of(load(SMALL), None)
+    with kernel.using(kernel.NUMBA):
+        other = identity_of(job)
+    assert other.keys() - identity_of(job).keys() == {"kernel"}
+
+
+def test_another_word_or_a_missing_extra_gets_a_message_that_says_what_to_do(monkeypatch):
+    loop = wavesweep.compile(nested(random_values(7003, "pmw")))
+    monkeypatch.setenv(kernel.VARIABLE, "cuda")
+    with pytest.raises(UsageError, match="WAVESWEEP_KERNEL=cuda: expected numpy or numba"):
+        loop.stable_intervals()
+    monkeypatch.setenv(kernel.VARIABLE, kernel.NUMBA)
+    monkeypatch.setattr(kernel, "_installed", lambda: False)
+    with pytest.raises(WavesweepError, match=r"pip install 'wavesweep\[numba\]'"):
+        loop.stable_intervals()
+
+
+def test_numba_is_loaded_only_if_it_is_chosen(monkeypatch):
+    program = (
+        "import sys, wavesweep\nwavesweep.compile({'controller': {'kind': 'pmw'}}).stable_intervals()\n"
+        "print('numba' in sys.modules)"
+    )
+    said = []
+    for word in ("", kernel.NUMBA):
+        monkeypatch.setenv(kernel.VARIABLE, word)
+        said.append(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip())
+    assert said == ["False", "True"]

@@ -1,0 +1,103 @@
+"""Real roots by the signs of Bernstein coefficients, column by column, for the kernel; see `bernstein`."""
+
+import numpy as np
+
+from wavesweep.analysis.intervals.bernstein import CLOSE, HALVINGS, SHARE, STEPS
+from wavesweep.analysis.intervals.compiled.solving import compiled
+
+EPS = float(np.finfo(float).eps)
+
+
+@compiled
+def _whole(c, change, b):
+    """Bernstein coefficients on [-1, 1] in b, and a bound on their rounding."""
+    n, most = len(c), 0.0
+    for i in range(n):
+        total, size = 0.0, 0.0
+        for k in range(n):
+            total += change[i, k] * c[k]
+            size += abs(change[i, k] * c[k])
+        b[i], most = total, max(most, size)
+    return (n + 2) * EPS * most
+
+
+@compiled
+def _halved(b, left):
+    """Coefficients on either side of the cut, those on the right in b (de Casteljau)."""
+    left[0] = b[0]
+    for k in range(1, len(b)):
+        for i in range(len(b) - k):
+            b[i] = (1 - SHARE) * b[i] + SHARE * b[i + 1]
+        left[k] = b[0]
+
+
+@compiled
+def _once(b, threshold):
+    """Whether the coefficients' signs change exactly once; one that is not known may stand where they change."""
+    changes, unknown, before = 0, 0, 0
+    for i in range(len(b)):
+        sign = (b[i] > threshold) - (b[i] < -threshold)
+        unknown += sign == 0
+        changes += i > 0 and sign != before
+        before = sign
+    ends = ((b[0] > threshold) - (b[0] < -threshold)) * before
+    return ends == -1 and unknown <= 1 and changes == 1 + unknown
+
+
+@compiled
+def _root(b):
+    """The root in (0, 1) of Bernstein coefficients that change their sign once: Newton, kept between bounds."""
+    n, turn = len(b), np.sign(b[-1])
+    after = 0
+    for i in range(n):
+        after += turn * b[i] <= 0
+    before, behind = turn * b[after - 1], turn * b[after]
+    t, low, high = (after - 1 + before / (before - behind)) / (n - 1), 0.0, 1.0
+    for _ in range(STEPS):
+        power, value, slope, s, choose, fewer = 1.0, b[0], b[1] - b[0], 1 - t, 1.0, 1.0
+        for k in range(1, n):
+            power, choose = power * t, choose * (n - k) / k
+            value = value * s + choose * b[k] * power
+            if k < n - 1:
+                fewer = fewer * (n - 1 - k) / k
+                slope = slope * s + fewer * (b[k + 1] - b[k]) * power
+        value, slope = turn * value, turn * (n - 1) * slope
+        if value <= 0:
+            low = t
+        else:
+            high = t
+        step = -value / slope
+        last, following = abs(step) <= CLOSE, t + step
+        if not low < following < high:
+            following = min(max(following, low), high) if last else (low + high) / 2
+        t = following
+        if last:
+            break
+    return t
+
+
+@compiled
+def _roots(c, noise, change, farthest, pieces, values, slopes):
+    """The roots in (-1, 1) of a column's polynomial in `values`, and their number; -1 if signs do not decide."""
+    n, found, open_ = len(c), 0, 1
+    low, high, depth, unsure, b = pieces
+    low[0], high[0], depth[0], unsure[0] = -1.0, 1.0, 0, _whole(c, change, b[0])
+    if not (np.isfinite(unsure[0]) and min(abs(b[0, 0]), abs(b[0, n - 1])) > noise + unsure[0]):
+        return -1
+    while open_:
+        at = open_ - 1
+        piece, left, right, rounding = b[at], low[at], high[at], unsure[at]
+        least, most = piece.min(), piece.max()
+        if least > noise + rounding or most < -noise - rounding:
+            open_ -= 1
+        elif _once(piece, farthest * noise + rounding) and found < len(values):
+            values[found], slopes[found] = left + (right - left) * _root(piece), np.sign(piece[n - 1])
+            found, open_ = found + 1, open_ - 1
+        elif depth[at] == HALVINGS - 1 or max(-least, most) <= noise + rounding:
+            return -1
+        else:
+            _halved(piece, b[at + 1])
+            middle, rounding = left + SHARE * (right - left), rounding + 4 * n * EPS * max(-least, most)
+            low[at], low[at + 1], high[at + 1], unsure[at], unsure[at + 1] = middle, left, middle, rounding, rounding
+            depth[at], depth[at + 1], open_ = depth[at] + 1, depth[at] + 1, open_ + 1
+    return found
