@@ -1,5 +1,6 @@
 """Connecting blocks: junctions, algebraic loops, and loops that have no solution."""
 
+import mpmath
 import numpy as np
 import pytest
 from support.lifted import transfer
@@ -133,6 +134,50 @@ def test_a_loop_of_a_batch_has_the_same_bits_alone(seed, kind):
             assert np.array_equal(getattr(part, name), getattr(whole, name)[at])
         for one, all_ in zip(part.terms, whole.terms, strict=True):
             assert np.array_equal(one, all_[at])
+
+
+def static(D, outputs="stuvw"):
+    p, m = np.shape(D)[-2:]
+    return Block("b", tuple("abcde"[:m]), tuple(outputs[:p]), (), np.zeros((0, 0)), np.zeros((0, m)), np.zeros((p, 0)), D)
+
+
+@pytest.mark.parametrize(("gain", "off"), [(1.0, 1e-14), (1e6, 1e-14), (1e9, 1e-13), (1e11, 1e-10)])
+def test_small_entries_of_a_loop_keep_their_digits_beside_large_ones(gain, off):
+    """Ports of three rows that feed each other, one gain large: the inverse of `I - D`, entry by entry, in 60 digits."""
+    random, tried = np.random.default_rng(3), 0
+    for _ in range(40):
+        D = random.normal(size=(3, 3))
+        D[tuple(random.integers(0, 3, 2))] *= gain
+        with mpmath.workdps(60):
+            exact = np.array((mpmath.matrix((np.eye(3) - D).tolist()) ** -1).tolist(), float)
+        if (np.abs(exact) @ np.abs(np.eye(3) - D)).sum(1).max() > 1e4:
+            continue
+        tried += 1
+        sums = {f"b.{port}": {f"b.{output}": 1.0, f"r{port}": 1.0} for port, output in zip("abc", "stu", strict=True)}
+        found = connect("loop", (static(D),), sums, ("ra", "rb", "rc"), ("b.a", "b.b", "b.c")).D
+        np.testing.assert_allclose(found, exact, rtol=off * 1e2, atol=0)
+    assert tried > 20
+
+
+def test_what_a_port_does_not_need_is_exactly_zero_in_it():
+    """The inverse of a loop whose second half alone sees the state keeps roundings of the first."""
+    random = np.random.default_rng(0)
+    for _ in range(50):
+        D = np.block([[random.normal(size=(2, 2)), np.zeros((2, 2))], [random.normal(size=(2, 4))]])
+        block = Block(
+            "b", tuple("abcd"), tuple("stuv"), ("x",), [[0.0]], random.normal(size=(1, 4)), [[0], [0], [1.0], [2.0]], D
+        )
+        sums = {f"b.{port}": {f"b.{output}": 1.0} for port, output in zip("abcd", "stuv", strict=True)}
+        assert not connect("loop", (block,), sums, (), ("b.a", "b.b")).C.any()
+
+
+def test_the_pivot_is_zero_where_a_loop_has_no_solution():
+    """Two loops, `1 - g` and `1 + 3 g`, at complex g: their product is analytic."""
+    g = np.array([0.3, 1.0 + 1e-9j, -1 / 3 + 0.2j])
+    D = np.zeros((3, 2, 2), complex)
+    D[:, 0, 0], D[:, 1, 1] = g, -3 * g
+    sums = {"b.a": {"b.s": 1, "r": 1}, "b.b": {"b.t": 1}}
+    assert connect("loop", (static(D),), sums, ("r",), ("b.s",)).pivot == pytest.approx((1 - g) * (1 + 3 * g), rel=1e-12)
 
 
 def test_torn_loops_are_conditioned_by_what_their_terms_cancel():

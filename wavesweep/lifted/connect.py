@@ -9,6 +9,7 @@ from wavesweep.errors import IllPosedLoopError
 
 WORST_CONDITION = 1e12  # beyond it a closed loop keeps fewer than 4 digits, which is no answer
 
+REFINED = 2  # steps of refinement of an inverse
 ROUNDING = 8 * np.finfo(float).eps  # of the terms of a sum, what is left of it when it should be zero
 
 Row = dict[int, object]
@@ -33,22 +34,23 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     net = _Net.of(blocks, sums, inputs, outputs)
     order, torn = net.order()
     rows = net.followed(order, torn)
-    inverse, condition = np.zeros((0, 0)), 1.0
+    inverse, condition, pivot = np.zeros((0, 0)), 1.0, 1.0
     if torn:
         sized = net.sized()
         sizes = sized.loop(sized.followed(order, torn, states=False), torn)
         closed = [port for port, row in zip(net.ports, rows, strict=True) if max(row, default=0) >= len(net.E) + net.inputs]
-        inverse, condition = _loop_inverse(net.loop(rows, torn), sizes, name, closed)
+        inverse, condition, pivot = _loop_inverse(net.loop(rows, torn), sizes, net.reached(rows, torn), name, closed)
         rows = net.untorn(rows, torn, inverse)
     for block in blocks:
-        condition = condition * block.condition
+        condition, pivot = condition * block.condition, pivot * block.pivot
     states = tuple(f"{block.name}.{state}" for block in blocks for state in block.states)
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
         parts = net.assembled(rows)
         if terms:
             sized = net.sized()
             terms = sized.assembled(sized.untorn(sized.followed(order, torn), torn, np.abs(inverse)))
-    return Block(name, tuple(inputs), tuple(outputs), states, *parts, condition=condition, terms=terms or None)
+    facts = {"condition": condition, "pivot": pivot, "terms": terms or None}
+    return Block(name, tuple(inputs), tuple(outputs), states, *parts, **facts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +59,8 @@ class _Net:
 
     E, B: of each state; C, D: of each block output; a row maps states (E, C) or ports (B, D) to what is not zero. ports: a
     name per block input. into, out: of each port, and of each signal that is wanted, the gains of block outputs and of inputs
-    from outside. inputs: how many of these there are. batch: shape. kind: of the numbers.
+    from outside. shown: the port that a wanted signal is, if it is one. inputs: how many there are from outside. batch: shape.
+    kind: of the numbers.
     """
 
     E: list[Row]
@@ -67,6 +70,7 @@ class _Net:
     ports: list[str]
     into: list[tuple[Row, Row]]
     out: list[tuple[Row, Row]]
+    shown: list[int | None]
     inputs: int
     batch: tuple[int, ...]
     kind: np.dtype
@@ -86,7 +90,8 @@ class _Net:
                 parts[part] += _entries(getattr(block, part), column)
             states, first_port = states + len(block.states), first_port + len(block.inputs)
         kind = np.result_type(float, *{array.dtype for array in (*arrays, *tracer.used)})
-        return _Net(**parts, ports=ports, into=into, out=out, inputs=len(inputs), batch=batch, kind=kind)
+        shown = [ports.index(signal) if signal in ports else None for signal in outputs]
+        return _Net(**parts, ports=ports, into=into, out=out, shown=shown, inputs=len(inputs), batch=batch, kind=kind)
 
     def sized(self) -> "_Net":
         """The same of the sizes of all numbers."""
@@ -138,6 +143,15 @@ class _Net:
         first = len(self.E) + self.inputs
         return _stacked([_part(rows[port], first) for port in torn], len(torn), self.batch, self.kind)
 
+    def reached(self, rows, torn):
+        """Which torn ports each of them depends on, through others too, `(torn, torn)`."""
+        first, found = len(self.E) + self.inputs, np.eye(len(torn), dtype=bool)
+        for at, port in enumerate(torn):
+            found[at, [column - first for column in rows[port] if column >= first]] = True
+        for _ in torn:
+            found = (found.astype(int) @ found) > 0
+        return found
+
     def untorn(self, rows, torn, inverse) -> list[Row]:
         """Every port as a sum over states and inputs alone; inverse: of the torn ports' return difference."""
         first, solved = len(self.E) + self.inputs, []
@@ -160,11 +174,13 @@ class _Net:
         n, found = len(self.E), []
         for base, ports in zip(self.E, self.B, strict=True):
             found.append(_summed(dict(base), ports, rows, n))
-        for outputs, outside in self.out:
+        for (outputs, outside), port in zip(self.out, self.shown, strict=True):
             base, ports = {n + column: gain for column, gain in outside.items()}, {}
             for output, gain in outputs.items():
                 _add(base, self.C[output], gain)
                 _add(ports, self.D[output], gain)
+            if port is not None:  # what is known of a port is better than its sum, whose terms may cancel
+                base, ports = {}, {port: 1.0}
             found.append(_summed(base, ports, rows, n))
         whole = []
         for some in (found[:n], found[n:]):
@@ -274,10 +290,11 @@ class _Tracer:
         return self.known[signal]
 
 
-def _loop_inverse(loop, sizes, name, ports):
-    """Inverse of the return difference of torn ports, refused where its condition number says that it is ill-posed, and that.
+def _loop_inverse(loop, sizes, reached, name, ports):
+    """Inverse of the return difference of torn ports, refused where its condition number says that it is ill-posed, that, and
+    the determinant.
 
-    sizes: of the terms that the loop's entries are sums of.
+    sizes: of the terms that the loop's entries are sums of. reached: where the inverse is not zero by structure.
     """
     loop = np.eye(loop.shape[-1]) - loop
     overflown = ~np.isfinite(loop).all((-1, -2))  # a frame that overflows is for the caller to see
@@ -285,6 +302,10 @@ def _loop_inverse(loop, sizes, name, ports):
         inverse = np.linalg.inv(np.where(overflown[..., None, None], np.nan, loop))
     except np.linalg.LinAlgError:
         inverse = np.full_like(loop, np.inf)
+    with np.errstate(all="ignore"):
+        for _ in range(REFINED):  # entries that are small beside the largest have lost their digits
+            inverse = inverse + inverse @ (np.eye(loop.shape[-1]) - loop @ inverse)
+        inverse[..., ~reached], pivot = 0.0, np.linalg.det(loop)
     condition = _condition(inverse, np.eye(loop.shape[-1]) + sizes)
     if not np.all((condition < WORST_CONDITION) | overflown):
         raise IllPosedLoopError(
@@ -292,7 +313,7 @@ def _loop_inverse(loop, sizes, name, ports):
             f"{float(np.max(condition)):.1e}, expected below {WORST_CONDITION:.0e}; give the loop a delay "
             "(environment.delay or local_model.delay) or change the gain that closes it"
         )
-    return inverse, condition
+    return inverse, condition, pivot
 
 
 def _condition(inverse, sizes):

@@ -22,7 +22,7 @@ class Cut:
     integrates: whether there is an ADVANCE. It is the exact eigenvalue 1 of the cut loop: the position of the whole scene
     when no spring holds the hand, or the avatar's when nothing but the wall reads it. Kept out of E, it is never rounded.
     period: of the frame, s (a number or an array over the batch). states, unread: names of what is kept and left out.
-    condition: by how much closing its algebraic loops may have multiplied the rounding of its entries.
+    condition: by how much closing its algebraic loops may have multiplied the rounding of its entries; pivot: see `Block`.
     conserved: the drift that was folded away ("" if none): a combination of states that no wall force changes.
     """
 
@@ -36,9 +36,10 @@ class Cut:
     unread: tuple[str, ...]
     conserved: str = ""
     condition: np.ndarray = 1.0
+    pivot: np.ndarray = 1.0
 
     def __post_init__(self):
-        for name in ("E", "B", "C", "D", "period", "condition"):
+        for name in ("E", "B", "C", "D", "period", "condition", "pivot"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @property
@@ -69,13 +70,14 @@ class Cut:
             unread=self.unread,
             conserved=self.conserved,
             condition=pick(self.condition, 0),
+            pivot=pick(self.pivot, 0),
         )
 
 
 def cut_at_wall(diagram: Diagram) -> Cut:
     """Lift the drawing and cut it at the wall."""
     block, unread = slow_side(diagram, diagram.wall)
-    facts = {"period": diagram.period * diagram.ratio, "unread": unread, "condition": block.condition}
+    facts = {"period": diagram.period * diagram.ratio, "unread": unread, "condition": block.condition, "pivot": block.pivot}
     drift = drift_of(diagram)
     if drift.lead not in block.states:
         x, v = block.C[..., 0, :], block.C[..., 1, :]
@@ -148,6 +150,11 @@ def close(cut: Cut, K_VE, B_VE) -> np.ndarray:
     """
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
         return _closed(cut, *(numbers(a)[..., None, None] for a in (K_VE, B_VE)))
+
+
+def wall_pivot(cut: Cut, K_VE, B_VE) -> np.ndarray:
+    """What the wall's own algebraic loop adds to the pivot: see `Block`."""
+    return 1 - K_VE * cut.D[..., OFFSET, 0] - B_VE * cut.D[..., V, 0]
 
 
 def _closed(cut, K, F):

@@ -73,6 +73,7 @@ def lift_held(fast: Block, ratio: int, delay: int, held, sampled) -> Block:
         C=C,
         D=np.concatenate([d for _, _, d in parts], axis=-1),
         condition=fast.condition,
+        pivot=fast.pivot,
     )
 
 
@@ -101,6 +102,7 @@ def prune(block: Block) -> tuple[Block, tuple[str, ...]]:
         C=block.C[..., index],
         D=block.D,
         condition=block.condition,
+        pivot=block.pivot,
         terms=_kept(block.terms, index),
     )
     return smaller, tuple(s for s, keep in zip(block.states, kept, strict=True) if not keep)

@@ -169,6 +169,8 @@ class _Change:
 
 def _forgotten(E):
     """Indices of the columns of `I + E` that are zero in all matrices."""
+    if not E.size:
+        return []
     less, one = -np.eye(E.shape[-1]), E[(0,) * (E.ndim - 2)]
     some = np.flatnonzero((one == less).all(0))
     return [column for column in some.tolist() if bool((E[..., column] == less[column]).all())]
@@ -257,7 +259,12 @@ def without_drift(E: np.ndarray, drift: Drift) -> np.ndarray:
 def closed_frame(drawn: Drawn, drift: Drift) -> np.ndarray:
     """The frame-to-frame matrix less identity, without drift, `(..., k, k)`; loops of less than two states are filled up with
     eigenvalues at 0 of the frame."""
-    E = without_drift(frame_of(ticks_of(drawn)), drift)
+    return closed(ticks_of(drawn), drift)
+
+
+def closed(ticks: Ticks, drift: Drift) -> np.ndarray:
+    """The same of connected ticks."""
+    E = without_drift(frame_of(ticks), drift)
     missing = 2 - E.shape[-1]
     if missing <= 0:
         return E

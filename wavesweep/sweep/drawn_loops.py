@@ -3,11 +3,12 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
-from functools import lru_cache
+from functools import lru_cache, reduce
 
 import numpy as np
 
 from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
+from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.response.drawn import Port, Ports, port_of
 from wavesweep.analysis.spectrum import eigenvalues
 from wavesweep.diagram.assembly import (
@@ -26,12 +27,13 @@ from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.lifted import Cut
 from wavesweep.lifted.number import cut_at_number
-from wavesweep.lifted.periodic import Drift, closed_frame, drift_of_drawn
+from wavesweep.lifted.periodic import Drift, closed, closed_frame, drift_of_drawn, ticks_of
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.grid import groups, selected
 from wavesweep.sweep.tasks import TINY, different, records_of, with_batch, with_felt
 
 Groups = tuple[tuple[np.ndarray, Mapping[str, object]], ...]
+FACTS = "pivot", "condition"  # of connected ticks; those of a frame are products
 EXACT = "one scalar gain of a frame: crossings of the unit circle from one real polynomial, proved, polished in state space"
 PANELS = "roots of the eigenvalues' critical functions on Chebyshev panels, proved by Smith's discs, polished"
 
@@ -138,7 +140,7 @@ class DrawnTask:
         def evaluate(number, p):
             first, back = different(number, p)
             varied = selected(values, number[first]) | {self.along: np.where(p[first] == 0, TINY, p[first])}
-            return _where_solvable(self.drawing, varied, drift, first.size)[back]
+            return _where_solvable(self.drawing, varied, drift, first.size).take(back)
 
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
@@ -147,15 +149,20 @@ class DrawnTask:
 
 def _where_solvable(drawing, values, drift, size):
     """The frames of a batch; NaN for loops of direct terms without a solution, which a search may come across."""
+    drawn = assembled(drawing, values)
     try:
-        E = frames(drawing, values, drift)
-        return np.broadcast_to(E, (size, *E.shape[-2:]))
+        with named_loops(drawn), np.errstate(all="ignore"):
+            ticks = ticks_of(drawn)
+            E = closed(ticks, drift)
+            pivot, condition = (reduce(np.multiply, (getattr(each, part) for each in ticks.maps)) for part in FACTS)
+        whole = zip((E, pivot, condition), (E.shape[-2:], (), ()), strict=True)
+        return Frames(*(np.broadcast_to(part, (size, *tail)) for part, tail in whole))
     except IllPosedLoopError:
         if size == 1:
             order = max(2, len(drift.kept))
-            return np.full((1, order, order), np.nan)
+            return Frames(np.full((1, order, order), np.nan), np.zeros(1), np.full(1, np.inf))
     parts = [slice(size // 2), slice(size // 2, size)]
-    return np.concatenate([_where_solvable(drawing, selected(values, part), drift, len(range(size)[part])) for part in parts])
+    return Frames.join([_where_solvable(drawing, selected(values, part), drift, len(range(size)[part])) for part in parts])
 
 
 def radii(grid) -> np.ndarray:

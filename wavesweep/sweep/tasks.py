@@ -13,11 +13,13 @@ from typing import Protocol
 import numpy as np
 
 from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
+from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.response import felt, felt_map
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import WALL, draw, identity
 from wavesweep.kernel import using
 from wavesweep.lifted import Cut, close, cut_at_wall
+from wavesweep.lifted.cut import wall_pivot
 from wavesweep.sweep.grid import groups, make_grid, selected
 
 WATCH = 0.5  # s between two looks at the parent
@@ -198,10 +200,8 @@ def _along_any_parameter(task, values, own):
         varied = _varied(task, values, at, p)
         with np.errstate(all="ignore"):  # a loop may overflow beside the real axis; the panels look for such numbers
             cuts = with_batch(cut_at_wall(draw(varied)), p.size).at(back)
-            if task.along in WALL:
-                there = {path: p[back] if path == task.along else own[path][loop, wall] for path in WALL}
-                return close(cuts, *there.values())
-            return close(cuts, *(own[path][loop, wall] for path in WALL))
+            there = [p[back] if path == task.along else own[path][loop, wall] for path in WALL]
+            return Frames(close(cuts, *there), cuts.pivot * wall_pivot(cuts, *there), cuts.condition)
 
     rate = np.broadcast_to(np.asarray(values["rates.fast_hz"], float), (size,))
     ticks = draw(values).ratio

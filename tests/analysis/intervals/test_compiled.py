@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -84,6 +85,13 @@ def test_columns_have_the_same_bits_alone(along):
             for name in ("low", "high", "low_omega", "high_omega", "residual", "doubt"):
                 assert np.array_equal(getattr(one, name), getattr(whole, name)[at], equal_nan=True)
     assert (whole.doubt == NONE).all()
+
+
+def test_a_wall_that_reads_nothing_is_no_division_by_zero():
+    cut = cut_at_wall(draw(random_values(7003, "pmw"))).at(np.newaxis)
+    numpys, kernels = both(replace(cut, C=0 * cut.C, D=0 * cut.D), "B_VE", FIXED["B_VE"])
+    np.testing.assert_array_equal(kernels.count, numpys.count)
+    np.testing.assert_array_equal(kernels.doubt, numpys.doubt)
 
 
 @pytest.mark.parametrize("n", [2, 5, 9, 16])

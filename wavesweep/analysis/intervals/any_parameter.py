@@ -13,6 +13,7 @@ from wavesweep.analysis.intervals.critical import (
     from_eigenvalues,
     from_polynomials,
 )
+from wavesweep.analysis.intervals.frames import Frames, pole_inside
 from wavesweep.analysis.intervals.interpolated import MOST_ORDER, MoreStatesError, RecalledError, followed, living, typical
 from wavesweep.analysis.intervals.panels import ROUGH, panel_roots
 from wavesweep.analysis.intervals.polishing import ATTACHED, polished
@@ -75,8 +76,8 @@ def _of(evaluate, names, column, p):
 def _alike(evaluate, span, columns, period, bounds, slack, sizes, kept) -> Intervals:
     """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.
 
-    evaluate(column, p): `(n, order, order)` frame-to-frame matrices less identity of these columns at these values, real or
-    complex, analytic in p. period: of the frame, s, `(columns,)`. bounds: p beyond them has no loop. slack(p): by how much
+    evaluate(column, p): `Frames` of these columns at these values, real or complex; or matrices `(n, order, order)` without
+    poles, analytic in p. period: of the frame, s, `(columns,)`. bounds: p beyond them has no loop. slack(p): by how much
     rounding may move an end. sizes, kept: see `followed`.
 
     With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are real analytic
@@ -128,7 +129,7 @@ def _alike(evaluate, span, columns, period, bounds, slack, sizes, kept) -> Inter
     label, doubt = _given(parts, labelled)
     counted = np.flatnonzero(label == 0)
     unstable = label.copy()
-    unstable[counted] = count_where_clear(parts, counted, lambda some, value: evaluate(parts.column[some], value))
+    unstable[counted] = count_where_clear(parts, counted, lambda some, value: Frames.of(evaluate(parts.column[some], value)).E)
     change = np.abs(unstable[parts.has_previous] - unstable[parts.has_next])
     fits = np.isnan(parts.gain[parts.has_previous]) | (change == parts.gain[parts.has_previous])
     regions = parts.labelled(unstable, doubt, np.where(fits, NONE, COUNTS), error[parts.order])
@@ -195,9 +196,12 @@ def _sampler(loop):
                 whole[:, some] = part
             rest = np.sort(np.append(rest, some[_too_rough(parts, most)]))
         if rest.size:
-            parts = _of_frames(loop.computed(column[rest], p[rest]), loop.units[column[rest]], most)
+            E, pivot = loop.computed(column[rest], p[rest])
+            parts = _of_frames(E, loop.units[column[rest]], most)
             for whole, part in zip(found, parts, strict=True):
                 whole[:, rest] = part
+            if np.iscomplexobj(p):  # the rim of a panel: with a pole inside it bounds nothing
+                found[1][:, rest[pole_inside(pivot) & ~known[rest]]] = np.inf
         return tuple(found)
 
     return sample

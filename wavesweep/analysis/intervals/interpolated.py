@@ -1,11 +1,12 @@
 """Characteristic polynomials of a loop over a range of a parameter: a few are computed, others interpolated, with a bound."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 
 import numpy as np
 
 from wavesweep.analysis.intervals.critical import EPS, LARGEST, characteristic
+from wavesweep.analysis.intervals.frames import Frames, pole_inside
 from wavesweep.analysis.intervals.panels import EXTENT, LEBESGUE, OVERLAP, RIM
 from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import balance
@@ -131,11 +132,9 @@ class Followed:
         return c, reach, np.repeat(pieces.size[piece], count)
 
     def computed(self, column, p):
-        """Frames less identity at `p`, `(panels, points)`, of these columns, `(panels, points, n, n)`."""
-        if not column.size:
-            return np.empty((0, p.shape[-1], *2 * self.units.shape[-1:]), p.dtype)
-        E = self.evaluate(np.repeat(column, p.shape[-1]), p.ravel())
-        return E.reshape(*p.shape, *E.shape[1:])
+        """Frames less identity at `p`, `(panels, points)`, of these columns, `(panels, points, n, n)`, and their pivots."""
+        found = self.evaluate(np.repeat(column, p.shape[-1]), p.ravel())
+        return found.E.reshape(*p.shape, *found.E.shape[1:]), found.pivot.reshape(p.shape)
 
 
 class MoreStatesError(Exception):
@@ -158,7 +157,7 @@ def typical(evaluate, span, columns: int) -> tuple[np.ndarray, np.ndarray]:
     """Largest sizes of the entries of each column's frames at a few points, with and less the identity, `(columns, n, n)`; 0
     where they overflow. Each column is looked at by itself: what is done with it must not depend on the others."""
     points = span[0] + (span[1] - span[0]) * np.array(TYPICAL)
-    E = evaluate(np.repeat(np.arange(columns), points.size), np.tile(points, columns))
+    E = Frames.of(evaluate(np.repeat(np.arange(columns), points.size), np.tile(points, columns))).E
     E = np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)
     return tuple(np.abs(part).reshape(columns, points.size, *E.shape[1:]).max(1) for part in (E + np.eye(E.shape[-1]), E))
 
@@ -189,8 +188,8 @@ def followed(evaluate, span, columns: int, bounds, sizes, kept, order: int = 0) 
 
     Each coefficient is interpolated at the Chebyshev points of a piece. What is left of it, divided by the polynomial that
     vanishes at these, is analytic, so on the piece it is at most what it is on the rim of an ellipse about it, where frames are
-    computed at complex values (see `panel_roots`): that polynomial, 1 at most on the piece, is 10^5 there for 15 points and
-    10^22 for 57. A piece that is not followed to LOOSE roundings is cut in two.
+    computed at complex values (see `panel_roots`) and no pole is inside (see `pole_inside`): that polynomial, 1 at most on the
+    piece, is 10^5 there for 15 points and 10^22 for 57. A piece that is not followed to LOOSE roundings is cut in two.
     """
     width, few = span[1] - span[0], int(kept.sum())
     column, low, high = np.arange(columns), *(np.full(columns, float(end)) for end in span)
@@ -219,7 +218,8 @@ def followed(evaluate, span, columns: int, bounds, sizes, kept, order: int = 0) 
 
 def _of_order(evaluate, order, kept, column, p):
     """The frames with this number of states; those that are left out for all these values stand there with z = 0."""
-    E = evaluate(column, p)
+    found = Frames.of(evaluate(column, p))
+    E = found.E
     if not kept.all():
         if E.shape[-1] != kept.size:
             raise RecalledError(np.unique(column))
@@ -235,11 +235,11 @@ def _of_order(evaluate, order, kept, column, p):
     if more < 0:
         raise MoreStatesError(E.shape[-1])
     if not more:
-        return E
+        return replace(found, E=E)
     out = np.zeros((len(E), order, order), E.dtype)
     out[:, : E.shape[-1], : E.shape[-1]] = E
     out[:, range(-more, 0), range(-more, 0)] = -1
-    return out
+    return replace(found, E=out)
 
 
 class _Samples:
@@ -251,12 +251,12 @@ class _Samples:
         self.ratio = (units[:, None, :] / units[:, :, None])[:, None]
 
     def at(self, which, x):
-        """Coefficients (complex if x is) and their errors at the places x of the pieces `which`, `(pieces, points, n)` each."""
+        """Coefficients (complex if x is) and their errors at places x of the pieces `which`, `(pieces, points, n)`; pivots."""
         some = self.pieces.take(which)
         p = some.at(x).ravel()
-        E = self.evaluate(np.repeat(some.column, x.size), p)
-        n = E.shape[-1]
-        E = E.reshape(which.size, x.size, n, n) * self.ratio[which]
+        found = self.evaluate(np.repeat(some.column, x.size), p)
+        n = found.E.shape[-1]
+        E = found.E.reshape(which.size, x.size, n, n) * self.ratio[which]
         known = (np.abs(E) < LARGEST).all((1, 2, 3))
         E = np.where(known[:, None, None, None], E, 0.0)
         if self.size is None:
@@ -266,22 +266,22 @@ class _Samples:
         power = more ** np.arange(n, 0, -1)[:, None]
         c, reach = (np.ascontiguousarray((part[:-1] * power).T).reshape(which.size, x.size, n) for part in (c, reach))
         c[~known] = np.nan
-        return c, reach
+        return c, reach, found.pivot.reshape(which.size, x.size)
 
 
 def _follow(evaluate, pieces, index, units):
     """Fill in the pieces `index` as far as they can be followed, and say which are hopeless."""
     samples, n, hopeless = _Samples(evaluate, pieces.take(index), units), units.shape[-1], np.zeros(index.size, bool)
     rim, vague = np.full((index.size, RIM.size, n), np.nan, complex), np.zeros((index.size, RIM.size, n))
-    open_, c, unsure = np.arange(index.size), None, None
+    open_, poles, c, unsure = np.arange(index.size), np.zeros(index.size, bool), None, None
     for degree in DEGREES:
         if not open_.size:
             break
         x, transform = nodes(degree)
         if c is None:
-            c, unsure = samples.at(open_, x)
+            c, unsure, _ = samples.at(open_, x)
         else:
-            c, unsure = (_between(*pair) for pair in zip((c, unsure), samples.at(open_, x[1::2]), strict=True))
+            c, unsure = (_between(*pair) for pair in zip((c, unsure), samples.at(open_, x[1::2])[:2], strict=True))
         found, least = transform @ c, np.finfo(float).tiny
         reach = np.maximum(LEBESGUE * unsure.max(1) + ROUNDED * np.abs(found).sum(1), least)
         last = np.abs(found[:, -2:]).max(1)
@@ -293,11 +293,12 @@ def _follow(evaluate, pieces, index, units):
             mine = open_[ready]
             new = mine[np.isnan(rim[mine, 0, 0])]
             if new.size:
-                rim[new], vague[new] = samples.at(new, RIM)
+                rim[new], vague[new], pivot = samples.at(new, RIM)
+                poles[new] = pole_inside(pivot)
             basis, vanishing = _rim(degree)
             # Twice, since between two points of the rim it may be larger than at both.
             missed = (2 * np.abs(rim[mine] - basis @ found[ready]) / EPS + vague[mine]).max(1)
-            good = (missed <= LOOSE * vanishing * reach[ready]).all(1)
+            good = (missed <= LOOSE * vanishing * reach[ready]).all(1) & ~poles[mine]
             ready, mine, at = ready[good], mine[good], index[mine[good]]
             pieces.degree[at], pieces.size[at], pieces.coefficients[at, : degree + 1] = degree, samples.size[mine], found[ready]
             pieces.reach[at], pieces.beside[at] = reach[ready], missed[good]

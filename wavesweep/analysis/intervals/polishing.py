@@ -4,10 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.analysis.intervals.boundary import ORDINARY
 from wavesweep.analysis.intervals.critical import CAUTION, ONE, PAIR, from_eigenvalues, from_polynomials
+from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.intervals.panels import bracketed_roots
 from wavesweep.analysis.rows import Rows
-from wavesweep.analysis.spectrum import balance, excess
+from wavesweep.analysis.spectrum import balance, eigenvalues, excess
 from wavesweep.lifted.circle import inverse
 
 ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
@@ -67,7 +69,7 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
 
         def value(at, x):
             at = rest[at]
-            return sign(from_eigenvalues(evaluate(column[at], x)), at, CAUTION)
+            return sign(from_eigenvalues(Frames.of(evaluate(column[at], x)).E), at, CAUTION)
 
         low, high, least = found.x - reach, found.x + reach, span[0] + ATTACHED / 4 * width
         x[rest], bracketed[rest] = bracketed_roots(value, low[rest], high[rest], found.x[rest], least)
@@ -101,9 +103,11 @@ def _end(evaluate, column, kind, x, slack, reach):
     """Better values of the roots x, no farther than `reach`; by how much the eigenvalue misses its place at x itself, and its
     angle there; and by how much rounding moves the root, which is infinite if x is not next to it."""
     step = STEP * slack(x)
-    E = evaluate(np.tile(column, 2), np.concatenate([x, x + step]))
+    found = Frames.of(evaluate(np.tile(column, 2), np.concatenate([x, x + step])))
+    E = found.E
     w, miss, theta = _nearest(E[: x.size], kind)
     by, moved = _correction(E, w, step)
+    moved = moved * np.maximum(1, found.condition[: x.size] / ORDINARY)
     pairs = np.flatnonzero((kind == PAIR) & (theta == 0))
     if pairs.size:  # of reciprocal eigenvalues, which cross nothing: the slope of their product will do
         _, later, _ = _nearest(E[x.size + pairs], kind[pairs])
@@ -115,7 +119,7 @@ def _end(evaluate, column, kind, x, slack, reach):
 def _nearest(E, kind):
     """The eigenvalue w = z - 1 of that kind that is nearest to its place on the circle, how far it is from there (1 - |z|^2, or
     1 - z_i z_j of a reciprocal pair; |z|^2 - 1 at z = +-1), and its angle (0 for a reciprocal pair)."""
-    w = np.linalg.eigvals(E).astype(complex)
+    w, known = eigenvalues(E)
     w = np.concatenate([w, np.full((len(w), 1), -1.0)], axis=-1)  # z = 0, which makes a pair for a single eigenvalue
     i, j = np.triu_indices(w.shape[-1], 1)
     pair = -(w[:, i] + w[:, j] + w[:, i] * w[:, j])
@@ -124,7 +128,7 @@ def _nearest(E, kind):
     single = np.take_along_axis(w, np.argmin(np.where(kind[:, None] == ONE, np.abs(w), np.abs(w + 2)), -1)[:, None], -1)[:, 0]
     miss = np.where(kind == PAIR, np.take_along_axis(pair, best, -1)[:, 0].real, excess(single))
     theta = np.where(kind == PAIR, np.abs(np.angle(1 + first)) * (first.imag != 0), np.where(kind == ONE, 0.0, np.pi))
-    return np.where(kind == PAIR, first, single), miss, theta
+    return np.where(kind == PAIR, first, single), np.where(known, miss, np.inf), theta
 
 
 def _correction(E, w, step):

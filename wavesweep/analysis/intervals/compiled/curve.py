@@ -3,7 +3,7 @@
 import numpy as np
 
 from wavesweep.analysis.intervals.boundary import ORDINARY, ROUNDS
-from wavesweep.analysis.intervals.compiled.solving import _factored, _solve, _solve_transposed, _states, compiled
+from wavesweep.analysis.intervals.compiled.solving import _factored, _over, _solve, _solve_transposed, _states, compiled
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V
 
 EPS = float(np.finfo(float).eps)
@@ -67,7 +67,7 @@ def _sampled(E, B, C, D, integrates, along_k, r, phi, A, exchanged, x, G):
     phase = _factored(A, exchanged) + 0j
     for i in range(len(E)):
         inverse = abs(A[i, i])  # of a pivot
-        phase, log = phase * (np.conj(A[i, i]) / inverse), log - np.log(inverse)
+        phase, log = phase * _over(np.conj(A[i, i]), inverse + 0j), log - np.log(inverse)
     _solve(A, exchanged, x)
     for row in range(3):
         total = 0j
@@ -130,11 +130,11 @@ def _polished(E, B, C, D, integrates, along_k, fixed, theta, scale, A, exchanged
             G[row], dG[row] = shown, slope
         one, solved, other = _terms(integrates, along_k, w, G)
         d_one, d_solved, d_other = _slopes(integrates, along_k, w, G, dG)
-        now = (one - fixed * other) / solved
-        slope = (d_one - fixed * d_other - now * d_solved) / solved * (1j * (1 + w))
+        now = _over(one - fixed * other, solved)
+        slope = _over(d_one - fixed * d_other - now * d_solved, solved) * (1j * (1 + w))
         far = abs(now) > scale
         if far:
-            now, slope = 1 / now, -slope / (now * now)
+            now, slope = _over(1.0 + 0j, now), -_over(slope, now * now)
         step = -now.imag / slope.imag
         if not np.isfinite(step):
             step = 0.0
@@ -200,8 +200,8 @@ def _ends(E, B, C, D, condition, integrates, along_k, owner, fixed, value, place
         one, solved, other = _terms(integrates, along_k, w, G)
         d_one, d_solved, d_other = _slopes(integrates, along_k, w, G, dG)
         _, of_solved, of_other = _terms(integrates, along_k, abs(w), error)
-        exact = (one - y * other) / solved
-        turned = (d_one - y * d_other - exact * d_solved) / solved * (1j * (1 + w))
+        exact = _over(one - y * other, solved)
+        turned = _over(d_one - y * d_other - exact * d_solved, solved) * (1j * (1 + w))
         unsure = abs(y) * of_other + abs(exact) * of_solved
         grazing = 1.0 if on_axis[point] else abs(turned) / abs(turned.imag)
         whole = abs(one) + abs(y * other) + abs(exact * solved)

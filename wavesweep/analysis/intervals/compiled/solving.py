@@ -1,15 +1,42 @@
 """Small dense systems next to the circle, solved one after the other, for the kernel."""
 
-from numba import njit
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+from numba import config, njit
+
+from wavesweep.lifted import cut
+
+
+def _place():
+    """A folder for compiled code that belongs to these very sources: numba looks at the file of a function alone, and not at
+    those that it calls or takes constants from."""
+    here, digest = Path(__file__).parent, sha256()
+    for source in sorted([*here.parent.rglob("*.py"), *Path(cut.__file__).parent.glob("*.py")]):
+        digest.update(source.read_bytes())
+    return Path(config.CACHE_DIR or here / "__pycache__") / f"wavesweep-{digest.hexdigest()[:16]}"
+
+
+PLACE = str(_place())
 
 
 def compiled(function):
-    """The function compiled at its first call. numba keeps it on disk, if it may, until this file changes."""
+    """The function compiled at its first call, and kept on disk if there is a place."""
     options = {"error_model": "numpy", "nogil": True}
+    before, config.CACHE_DIR = config.CACHE_DIR, PLACE
     try:
         return njit(cache=True, **options)(function)
-    except RuntimeError:  # there is no place to keep it
+    except RuntimeError:
         return njit(**options)(function)
+    finally:
+        config.CACHE_DIR = before
+
+
+@compiled
+def _over(a, b):
+    """a/b of complex numbers, NaN for b = 0, for which numba raises an error."""
+    return a / b if b != 0 else complex(np.nan, np.nan)
 
 
 @compiled
@@ -27,7 +54,7 @@ def _factored(A, exchanged):
             for j in range(len(A)):
                 A[k, j], A[at, j] = A[at, j], A[k, j]
             sign = -sign
-        A[k, k] = 1.0 / A[k, k]
+        A[k, k] = _over(1.0 + 0j, A[k, k])
         for i in range(k + 1, len(A)):
             factor = A[i, k] * A[k, k]
             A[i, k] = factor
