@@ -11,6 +11,7 @@ from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_int
 from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.response.drawn import Port, Ports, port_of
 from wavesweep.analysis.spectrum import eigenvalues
+from wavesweep.diagram import WALL
 from wavesweep.diagram.assembly import (
     FACTOR,
     POSITION,
@@ -144,7 +145,8 @@ class DrawnTask:
 
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
-        return stable_along_any(evaluate, self.span, size, period, self.bounds)
+        bent = isinstance(self.drawing, Uneven) and self.along in WALL and self.span[0] >= 0
+        return stable_along_any(evaluate, self.span, size, period, self.bounds, bent)
 
 
 def _where_solvable(drawing, values, drift, size):

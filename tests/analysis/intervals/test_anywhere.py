@@ -6,9 +6,10 @@ import mpmath
 import numpy as np
 import pandas
 import pytest
+from support.specs import values_of
 
 import wavesweep
-from wavesweep.analysis.intervals import critical, panels
+from wavesweep.analysis.intervals import critical, panels, stable_intervals
 from wavesweep.analysis.intervals.any_parameter import stable_along_any
 from wavesweep.analysis.intervals.panels import bracketed_roots
 from wavesweep.errors import UsageError
@@ -94,6 +95,26 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
     np.testing.assert_allclose(found.low, exact.low, rtol=1e-9)
     np.testing.assert_allclose(found.high, exact.high, rtol=1e-9)
     np.testing.assert_allclose(found.high_omega, exact.high_omega, rtol=1e-6)
+
+
+@pytest.mark.parametrize("low", [0.0, 3.0])
+def test_a_bent_variable_finds_what_the_exact_way_finds(low):
+    """It begins even and ends as a logarithm; a pole of the wall's own loop lies below zero."""
+    from wavesweep.diagram import draw
+    from wavesweep.lifted import close, cut_at_wall
+
+    values = values_of("pmw", integration="trapezoidal", Kp=20.0) | {"controller.b": np.linspace(5, 60, 12)}
+    cut, span = cut_at_wall(draw(values)), (low, 20000.0)
+    exact = stable_intervals(cut, "K_VE", span, np.ones((12, 1)))
+
+    def evaluate(column, K):
+        return close(cut.at(column), np.where(K == 0, 1e-300, K), 1.0)
+
+    found = stable_along_any(evaluate, span, 12, np.full(12, 0.02), (-np.inf, np.inf), bent=True)
+    assert found.certified.all()
+    assert (exact.low[exact.count > 0] == low).any()
+    for name in ("low", "high"):
+        np.testing.assert_allclose(getattr(found, name), getattr(exact, name), rtol=1e-9)
 
 
 def test_a_pair_of_real_eigenvalues_with_product_one_is_no_end():

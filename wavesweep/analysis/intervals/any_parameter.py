@@ -22,28 +22,42 @@ from wavesweep.analysis.intervals.stable import Intervals, doubts_of, intervals_
 
 NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing is given up
 MANY = 512  # so many open panels of one column are, too
+BENT = 10.0  # of a span, where a bent variable turns from one that is even to its logarithm
 WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
 FINE = 1e-6  # error of a value over the largest of its panel, up to which its roots can be told
 EXACT = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
 UNSTABLE, UNKNOWN = 1, -1  # labels of parts of the span that are not counted
 
 
-def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.inf)) -> Intervals:
+def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.inf), bent=False) -> Intervals:
     """All stable intervals within span = (low, high) of a parameter that may enter in any smooth way; see `_stable`.
 
-    Over a span of more than an octave its logarithm is the variable: masses, impedances and cutoffs act by their ratios.
+    Over a span of more than an octave its logarithm is the variable: masses, impedances and cutoffs act by their ratios. bent:
+    that of its distance from the low end, and a BENT-th of the span; stiffnesses and dampings have poles below zero.
     """
     low, high = span
-    if not (low > 0 and high > WIDE * low):
-        return _stable(evaluate, span, columns, period, bounds, lambda p: EXACT * (np.abs(p) + NEAR_ZERO * (high - low)))
-    logs = tuple(np.log(end) if end > 0 else -np.inf for end in (low, high, *bounds))
-    by_logs = partial(_by_logarithm, evaluate)
-    found = _stable(by_logs, logs[:2], columns, period, logs[2:], lambda t: EXACT + 0 * t)
-    # The range's own ends are given back as they were, not as exp(log(end)).
-    ends = [
-        np.where(part == log, end, np.exp(part)) for part, log, end in ((found.low, logs[0], low), (found.high, logs[1], high))
-    ]
-    return replace(found, low=ends[0], high=ends[1])
+    if bent:
+        unit, slope = (high - low) / BENT, lambda t: unit * np.exp(t)
+        into, out = lambda p: np.log1p((p - low) / unit), lambda t: low + unit * np.expm1(t)
+    elif low > 0 and high > WIDE * low:
+        unit, into, out, slope = low, np.log, np.exp, None
+    else:
+        unit, into, out, slope = np.inf, _same, _same, np.ones_like
+    ends = tuple(into(end) if end > low - unit else -np.inf for end in (low, high, *bounds))
+
+    def slack(t):
+        return EXACT + 0 * t if slope is None else EXACT * (np.abs(out(t)) + NEAR_ZERO * (high - low)) / slope(t)
+
+    found = _stable(partial(_through, evaluate, out), ends[:2], columns, period, ends[2:], slack)
+    # The range's own ends are given back as they were, not as they come out.
+    lows, highs = (
+        np.where(part == end, own, out(part)) for part, end, own in zip((found.low, found.high), ends[:2], span, strict=True)
+    )
+    return replace(found, low=lows, high=highs)
+
+
+def _same(p):
+    return p
 
 
 def _stable(evaluate, span, columns, period, bounds, slack) -> Intervals:
@@ -65,8 +79,8 @@ def _stable(evaluate, span, columns, period, bounds, slack) -> Intervals:
     return whole.take(np.argsort(whole.column, kind="stable"))
 
 
-def _by_logarithm(evaluate, column, t):
-    return evaluate(column, np.exp(t))
+def _through(evaluate, out, column, t):
+    return evaluate(column, out(t))
 
 
 def _of(evaluate, names, column, p):
