@@ -13,6 +13,7 @@ from wavesweep import kernel, results, sweep
 from wavesweep.analysis.doubt import NONE
 from wavesweep.analysis.intervals import stable, stable_intervals
 from wavesweep.analysis.intervals.bernstein import change_of_basis, largest_bernstein, roots_by_sign
+from wavesweep.bench.this_tool import profile_rows
 from wavesweep.diagram import draw
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.lifted import cut_at_wall
@@ -138,6 +139,13 @@ def test_workers_use_the_kernel_of_the_run():
         here, there = (sweep.intervals(spec, jobs=jobs, backend=backend).columns for jobs, backend in ((1, None), (2, "loky")))
     for name, column in here.items():
         assert column.astype(str).tolist() == there[name].astype(str).tolist()
+
+
+def test_the_benchmark_knows_the_stages_of_the_kernel():
+    with kernel.using(kernel.NUMBA):
+        rows = list(profile_rows(repeats=1))
+    assert {"compiled kernel", "count and label"} <= {row["method"] for row in rows}
+    assert "polish" not in {row["method"] for row in rows}
 
 
 def test_chunks_of_another_kernel_are_of_another_run():
