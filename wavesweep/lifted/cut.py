@@ -148,7 +148,7 @@ def close(cut: Cut, K_VE, B_VE) -> np.ndarray:
     K_VE (N/m), B_VE (N*s/m): numbers or arrays that broadcast with the batch. With K_VE = 0 nothing reads the position of
     the scene; its eigenvalue 1 is a drift and is replaced by 0 (a delta of -1).
     """
-    with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a frame that overflows is for the caller to see
         return _closed(cut, *(numbers(a)[..., None, None] for a in (K_VE, B_VE)))
 
 

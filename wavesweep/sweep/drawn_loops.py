@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache, reduce
 
 import numpy as np
@@ -19,6 +19,7 @@ from wavesweep.diagram.assembly import (
     REACTION,
     assembled,
     direct_loops,
+    guards_at,
     refuse_unsuitable,
     scalar_place,
     tame_pair,
@@ -141,7 +142,9 @@ class DrawnTask:
         def evaluate(number, p):
             first, back = different(number, p)
             varied = selected(values, number[first]) | {self.along: np.where(p[first] == 0, TINY, p[first])}
-            return _where_solvable(self.drawing, varied, drift, first.size).take(back)
+            found = _where_solvable(self.drawing, varied, drift, first.size)
+            divisors = guards_at(self.drawing, varied, self.along, first.size)
+            return replace(found, pivots=np.concatenate([found.pivots, divisors], axis=-1)).take(back)
 
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
@@ -157,12 +160,12 @@ def _where_solvable(drawing, values, drift, size):
             ticks = ticks_of(drawn)
             E = closed(ticks, drift)
             pivot, condition = (reduce(np.multiply, (getattr(each, part) for each in ticks.maps)) for part in FACTS)
-        whole = zip((E, pivot, condition), (E.shape[-2:], (), ()), strict=True)
+        whole = zip((E, np.asarray(pivot)[..., None], condition), (E.shape[-2:], (1,), ()), strict=True)
         return Frames(*(np.broadcast_to(part, (size, *tail)) for part, tail in whole))
     except IllPosedLoopError:
         if size == 1:
             order = max(2, len(drift.kept))
-            return Frames(np.full((1, order, order), np.nan), np.zeros(1), np.full(1, np.inf))
+            return Frames(np.full((1, order, order), np.nan), np.zeros((1, 1)), np.full(1, np.inf))
     parts = [slice(size // 2), slice(size // 2, size)]
     return Frames.join([_where_solvable(drawing, selected(values, part), drift, len(range(size)[part])) for part in parts])
 

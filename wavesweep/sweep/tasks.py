@@ -201,7 +201,7 @@ def _along_any_parameter(task, values, own):
         with np.errstate(all="ignore"):  # a loop may overflow beside the real axis; the panels look for such numbers
             cuts = with_batch(cut_at_wall(draw(varied)), p.size).at(back)
             there = [p[back] if path == task.along else own[path][loop, wall] for path in WALL]
-            return Frames(close(cuts, *there), cuts.pivot * wall_pivot(cuts, *there), cuts.condition)
+            return Frames(close(cuts, *there), (cuts.pivot * wall_pivot(cuts, *there))[:, None], cuts.condition)
 
     rate = np.broadcast_to(np.asarray(values["rates.fast_hz"], float), (size,))
     ticks = draw(values).ratio

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.analysis.intervals.frames import pole_inside
+from wavesweep.analysis.intervals.frames import NODES, level, pole_inside
 from wavesweep.analysis.intervals.panels import RIM
 
 
@@ -79,12 +79,85 @@ def test_an_end_is_not_certified_beyond_what_an_ill_conditioned_loop_keeps(seed)
         assert rows.certified.all()
 
 
-def test_zeros_inside_a_rim_are_counted():
-    """Of a polynomial with known zeros; the segment itself is [-1, 1]."""
-    inside, outside = np.array([0.3, 0.2 + 0.5j, -0.9 + 1e-9j]), np.array([2.0, -3.0, 1.0 + 3j])
-    for zeros, expected in ((outside, False), (inside[:1], True), (inside[1:2], True), (inside[2:], True), ([], False)):
-        value = np.ones((1, RIM.size), complex)
+EXPRESSIONS = {  # a gain that is large at c = 1 alone, by what is there beside c, and where the loop is unstable
+    "3e-10/((c-1)**2+1e-10)": 1.0,
+    "25e-14/((c-1)**2+1e-14)*100": 1.0,
+    "5e-7/sqrt((c-1)**2+1e-14)": 1.0,
+    "1e-10/(c-1)**2": 1 + 5.8e-6,
+    "1e-8/((c-1)*(c-1.001))": 0.999998,
+}
+
+
+@pytest.mark.parametrize("gain", EXPRESSIONS)
+def test_poles_of_expressions_are_not_certified_over(gain):
+    spec = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"c": 0.1},
+        "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.5}},
+        "wire": {"m.f": f"({gain})*m.v - 200*m.x"},
+    }
+    loop, at = wavesweep.compile(spec), EXPRESSIONS[gain]
+    rows = loop.stable_intervals("c", (0, 3))
+    if loop.spectral_radius(c=[at])[0] > 1:
+        assert not ((rows.low <= at) & (rows.high >= at) & rows.certified).any()
+
+
+def test_a_mass_that_vanishes_beside_the_axis_is_not_certified_over():
+    spec = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"c": 0.1},
+        "block": {"m": {"type": "mass", "mass": "0.1-1e-11/((c-1)**2+1.001e-10)", "damping": 0.05}},
+        "wire": {"m.f": "-2*m.x - 3*m.v"},
+    }
+    loop = wavesweep.compile(spec)
+    rows = loop.stable_intervals("c", (0, 3))
+    assert loop.spectral_radius(c=[1.0])[0] > 1
+    assert not ((rows.low <= 1) & (rows.high >= 1) & rows.certified).any()
+
+
+def test_a_pivot_whose_zeros_cancel_poles_is_seen_through():
+    """`g = (1 - (x^2 + d^2)/(x^2 + 100 d^2)) g + v`, x = c - 1: as many zeros as poles."""
+    spec = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"c": 0.1},
+        "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.5}, "g": {"type": "gain", "k": 1.0}},
+        "wire": {"g.u": "(1-((c-1)**2+1e-14)/((c-1)**2+1e-12))*g.y + m.v", "m.f": "g.y-200*m.x"},
+    }
+    loop = wavesweep.compile(spec)
+    rows = loop.stable_intervals("c", (0, 3))
+    assert loop.spectral_radius(c=[1.0])[0] > 1
+    assert not ((rows.low <= 1) & (rows.high >= 1) & rows.certified).any()
+
+
+def judged(zeros):
+    """What is said of the polynomial with these zeros on the ellipse about [-1, 1]; complex ones have conjugates."""
+
+    def value(x):
+        product = np.ones((1, x.size, 1), complex)
         for zero in zeros:
-            value = value * ((RIM - zero) * (RIM - np.conj(zero)) if np.imag(zero) else RIM - zero)
-        assert pole_inside(value).tolist() == [expected]
-    assert pole_inside(np.full((1, RIM.size), np.nan)).tolist() == [True]
+            product[0, :, 0] *= (x - zero) * (x - np.conj(zero)) if np.imag(zero) else x - zero
+        return product
+
+    return bool(pole_inside(value(RIM), level(value(NODES)))[0])
+
+
+def test_zeros_inside_a_rim_are_seen():
+    inside, outside = [0.3, 0.2 + 0.5j, -0.9 + 1e-9j], [2.0, -3.0, 1.0 + 3j]
+    assert [judged(zeros) for zeros in ([], outside, inside[:1], inside[1:2], inside[2:], inside + outside)] == [
+        0,
+        0,
+        1,
+        1,
+        1,
+        1,
+    ]
+    assert pole_inside(np.full((1, RIM.size, 1), np.nan), np.zeros((1, 1))).tolist() == [True]
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 8, 15, 16, 17, 31, 32, 33, 64])
+def test_as_many_zeros_as_points_are_seen(count):
+    """The phase of 16 zeros inside turns by a whole turn from each of 16 points to the next."""
+    random = np.random.default_rng(count)
+    for _ in range(200):
+        assert judged(random.uniform(-1.2, 1.2, count))
+        assert judged(np.repeat(random.uniform(-1, 1, 1), count))

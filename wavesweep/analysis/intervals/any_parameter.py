@@ -13,9 +13,9 @@ from wavesweep.analysis.intervals.critical import (
     from_eigenvalues,
     from_polynomials,
 )
-from wavesweep.analysis.intervals.frames import Frames, pole_inside
+from wavesweep.analysis.intervals.frames import NODES, Frames, level, pole_inside
 from wavesweep.analysis.intervals.interpolated import MOST_ORDER, MoreStatesError, RecalledError, followed, living, typical
-from wavesweep.analysis.intervals.panels import ROUGH, panel_roots
+from wavesweep.analysis.intervals.panels import RIM, ROUGH, panel_roots
 from wavesweep.analysis.intervals.polishing import ATTACHED, polished
 from wavesweep.analysis.intervals.regions import NEAR_ZERO, count_where_clear, cut_span
 from wavesweep.analysis.intervals.stable import Intervals, doubts_of, intervals_of
@@ -210,12 +210,16 @@ def _sampler(loop):
                 whole[:, some] = part
             rest = np.sort(np.append(rest, some[_too_rough(parts, most)]))
         if rest.size:
-            E, pivot = loop.computed(column[rest], p[rest])
+            E, pivots = loop.computed(column[rest], p[rest])
             parts = _of_frames(E, loop.units[column[rest]], most)
             for whole, part in zip(found, parts, strict=True):
                 whole[:, rest] = part
-            if np.iscomplexobj(p):  # the rim of a panel: with a pole inside it bounds nothing
-                found[1][:, rest[pole_inside(pivot) & ~known[rest]]] = np.inf
+            at = np.flatnonzero(~known[rest]) if np.iscomplexobj(p) else rest[:0]
+            if at.size:  # the rim of a panel: with a pole inside it bounds nothing
+                middle = p[rest[at]].real.mean(-1, keepdims=True)
+                half = np.abs(p[rest[at]].real - middle).max(-1, keepdims=True) / RIM.real.max()
+                _, inside = loop.computed(column[rest[at]], middle + half * NODES)
+                found[1][:, rest[at[pole_inside(pivots[at], level(inside))]]] = np.inf
         return tuple(found)
 
     return sample

@@ -7,31 +7,45 @@ import numpy as np
 from wavesweep.analysis.rows import Rows
 
 STEEPEST = np.pi / 2  # turn between two points of a rim, beyond which it may be another turn
+LEVEL = 0.45  # half of what a zero on the segment adds to the mean of the logarithm on the rim
+NODES = np.cos(np.pi * (np.arange(8) + 0.5) / 8)  # of a segment, which stand for their mean
+NODES.flags.writeable = False
 
 
 @dataclass(frozen=True, slots=True)
 class Frames(Rows):
-    """Frames at values of a parameter. E: `(n, order, order)`, less identity. pivot: `(n,)`, analytic in the parameter and zero
-    where an algebraic loop has no solution, so that the frame has a pole there. condition: `(n,)`, see `Block`.
+    """Frames at values of a parameter. E: `(n, order, order)`, less identity. pivots: `(n, k)`, functions that are analytic
+    in the parameter if none has a zero: one is zero where an algebraic loop has no solution, others are divisors. Frames are
+    analytic where none is zero. condition: `(n,)`, see `Block`.
     """
 
     E: np.ndarray
-    pivot: np.ndarray
+    pivots: np.ndarray
     condition: np.ndarray
 
     @staticmethod
     def of(found) -> "Frames":
-        """The same, or matrices without algebraic loops."""
-        return found if isinstance(found, Frames) else Frames(found, *np.ones((2, len(found))))
+        """The same, or matrices that are analytic everywhere."""
+        return found if isinstance(found, Frames) else Frames(found, np.ones((len(found), 1)), np.ones(len(found)))
 
 
-def pole_inside(pivot) -> np.ndarray:
-    """Whether a frame may have a pole inside of a rim; pivot: `(rims, points)` at points of its upper half, in their order.
+def level(pivots, weights=None) -> np.ndarray:
+    """Mean of the logarithm of each pivot's size, `(rims, k)`; pivots: `(rims, points, k)`."""
+    with np.errstate(all="ignore"):
+        return np.average(np.log(np.abs(pivots)), axis=1, weights=weights)
 
-    A pole of small weight leaves no trace in samples about it, but the pivot has a zero there, and by the argument principle it
-    turns once about 0 along the rim. What lies on the lower half are the conjugates.
+
+def pole_inside(pivots, inner) -> np.ndarray:
+    """Whether frames may have a pole inside of a rim. pivots: `(rims, points, k)` at points of the upper half of an ellipse
+    about a segment, evenly in the angle of its Chebyshev polynomials; inner: their `level` at Chebyshev points of the segment.
+
+    A pole of small weight leaves no trace in samples about it, but a pivot has a zero there, and by the argument principle it
+    turns once about 0 along the rim. What lies on the lower half are the conjugates. As many zeros as points would turn it by
+    whole turns from each to the next; but the logarithm of a function without zeros is a Chebyshev series, so the mean of its
+    real part on the rim is that on the segment, and zeros between raise it (as in Jensen's formula).
     """
-    around = np.concatenate([pivot, np.conj(pivot[:, ::-1]), pivot[:, :1]], axis=-1)
+    around = np.concatenate([pivots, np.conj(pivots[:, ::-1]), pivots[:, :1]], axis=1)
     with np.errstate(all="ignore"):
         turns = np.angle(around[:, 1:] / around[:, :-1])
-        return ~((np.abs(turns) < STEEPEST).all(-1) & (np.abs(turns.sum(-1)) < 1))
+        still = (np.abs(turns) < STEEPEST).all(1) & (np.abs(turns.sum(1)) < 1)
+        return ~(still & (np.abs(level(pivots) - inner) < LEVEL)).all(-1)

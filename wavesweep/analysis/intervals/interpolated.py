@@ -6,7 +6,7 @@ from functools import cache, partial
 import numpy as np
 
 from wavesweep.analysis.intervals.critical import EPS, LARGEST, characteristic
-from wavesweep.analysis.intervals.frames import Frames, pole_inside
+from wavesweep.analysis.intervals.frames import Frames, level, pole_inside
 from wavesweep.analysis.intervals.panels import EXTENT, LEBESGUE, OVERLAP, RIM
 from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import balance
@@ -132,9 +132,9 @@ class Followed:
         return c, reach, np.repeat(pieces.size[piece], count)
 
     def computed(self, column, p):
-        """Frames less identity at `p`, `(panels, points)`, of these columns, `(panels, points, n, n)`, and their pivots."""
+        """Frames less identity at `p`, `(panels, points)`, of these columns, `(panels, points, n, n)`, and pivots."""
         found = self.evaluate(np.repeat(column, p.shape[-1]), p.ravel())
-        return found.E.reshape(*p.shape, *found.E.shape[1:]), found.pivot.reshape(p.shape)
+        return found.E.reshape(*p.shape, *found.E.shape[1:]), found.pivots.reshape(*p.shape, -1)
 
 
 class MoreStatesError(Exception):
@@ -266,7 +266,7 @@ class _Samples:
         power = more ** np.arange(n, 0, -1)[:, None]
         c, reach = (np.ascontiguousarray((part[:-1] * power).T).reshape(which.size, x.size, n) for part in (c, reach))
         c[~known] = np.nan
-        return c, reach, found.pivot.reshape(which.size, x.size)
+        return c, reach, found.pivots.reshape(which.size, x.size, -1)
 
 
 def _follow(evaluate, pieces, index, units):
@@ -279,7 +279,8 @@ def _follow(evaluate, pieces, index, units):
             break
         x, transform = nodes(degree)
         if c is None:
-            c, unsure, _ = samples.at(open_, x)
+            c, unsure, pivots = samples.at(open_, x)
+            inner = level(pivots, np.where(np.abs(x) == 1, 0.5, 1.0))
         else:
             c, unsure = (_between(*pair) for pair in zip((c, unsure), samples.at(open_, x[1::2])[:2], strict=True))
         found, least = transform @ c, np.finfo(float).tiny
@@ -293,8 +294,8 @@ def _follow(evaluate, pieces, index, units):
             mine = open_[ready]
             new = mine[np.isnan(rim[mine, 0, 0])]
             if new.size:
-                rim[new], vague[new], pivot = samples.at(new, RIM)
-                poles[new] = pole_inside(pivot)
+                rim[new], vague[new], pivots = samples.at(new, RIM)
+                poles[new] = pole_inside(pivots, inner[new])
             basis, vanishing = _rim(degree)
             # Twice, since between two points of the rim it may be larger than at both.
             missed = (2 * np.abs(rim[mine] - basis @ found[ready]) / EPS + vague[mine]).max(1)
