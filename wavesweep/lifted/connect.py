@@ -1,6 +1,7 @@
 """Connecting blocks of one rate through their summing junctions, every algebraic loop closed exactly."""
 
 from dataclasses import dataclass, replace
+from math import prod
 
 import numpy as np
 
@@ -194,9 +195,18 @@ def _entries(matrix, first) -> list[Row]:
     """The entries of each row that are not zero all over the batch, by their columns, the first of which is `first`."""
     if matrix.ndim == 2 and matrix.dtype.kind != "c":
         return [{first + at: each for at, each in enumerate(row) if each} for row in matrix.tolist()]
-    found = [{} for _ in range(matrix.shape[-2])]
-    for row, column in zip(*np.nonzero((matrix != 0).any(axis=tuple(range(matrix.ndim - 2)))), strict=True):
-        found[row][first + int(column)] = _number(np.ascontiguousarray(matrix[..., row, column]))
+    (*batch, height, width), found = matrix.shape, [{} for _ in range(matrix.shape[-2])]
+    flat = matrix.reshape(prod(batch), height * width)
+    filled = np.flatnonzero((flat != 0).any(0))
+    if not filled.size:
+        return found
+    # Copied, since numpy multiplies complex numbers in another way if there is one and its stride is another.
+    some = np.empty((filled.size, len(flat)), flat.dtype)
+    some[:] = flat[:, filled].T
+    one = some[:, 0]
+    plain = (some == one[:, None]).all(1) & (one.imag == 0)  # see `_number`
+    for at, place in enumerate(filled.tolist()):
+        found[place // width][first + place % width] = one[at].real.item() if plain[at] else some[at].reshape(batch)
     return found
 
 
@@ -207,7 +217,7 @@ def _number(each):
     each = numbers(each)
     flat = each.ravel()
     if not flat.size or flat[0] != flat[-1] or flat[0].imag != 0 or not (flat == flat[0]).all():
-        return each
+        return each.copy()
     return flat[0].real.item()
 
 
