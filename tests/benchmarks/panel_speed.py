@@ -1,11 +1,14 @@
 """What a slice costs along numbers that are no single gain of a frame, in batches of a hundred with certificate and DataFrame.
 
-    OPENBLAS_NUM_THREADS=1 python tests/benchmarks/panel_speed.py
+    OPENBLAS_NUM_THREADS=1 python tests/benchmarks/panel_speed.py [--recipes]
 
 Beside each, in turn: eigenvalues at 100 values of the number, which know nothing of what lies between. Medians of 5.
+--recipes: every recipe along each of its smooth numbers instead, from 0.3 to 3 times its value, for 100 values of another one.
 """
 
+import argparse
 import time
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +28,22 @@ LONG = {  # a frame of 1,000 ticks
     },
     "wire": {"device.f": "force.y", "scene.u": "device.x", "force.u": "-K*scene.y"},
 }
+
+
+def chain(masses, ticks):
+    """Masses in a row, the first on a spring that is read once in so many ticks: two states each, and what is held."""
+    neighbours = {i: [j for j in (i - 1, i + 1) if 0 <= j < masses] for i in range(masses)}
+    forces = {f"m{i}.f": " ".join(f"-k*(m{i}.x-m{j}.x)-0.2*(m{i}.v-m{j}.v)" for j in near) for i, near in neighbours.items()}
+    first, others = {"type": "mass", "mass": "m", "damping": 0.5}, {"type": "mass", "mass": 0.1, "damping": 0.5}
+    return {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"m": 0.2, "k": 50.0, "K": 20.0},
+        "block": {f"m{i}": others if i else first for i in range(masses)} | {"h": {"type": "hold", "every": ticks}},
+        "wire": forces | {"h.u": "m0.x", "m0.f": forces["m0.f"] + " - K*h.y"},
+    }
+
+
+SPRINGS = {"K": np.linspace(5, 40, 100)}
 CASES = (
     ("pmw-lm, 9 states", BANK, "b", (5, 200), {"K_VE": np.linspace(100, 3000, 100)}),
     ("pmw-lm, 9 states", BANK, "b", (5, 200), MASSES),
@@ -37,7 +56,26 @@ CASES = (
     ("policy.toml, 5 states", RECIPES / "policy.toml", "f", (0.1, 60), {"zeta": np.linspace(0.5, 2, 100)}),
     ("two-rate-wall.toml, 4 states", RECIPES / "two-rate-wall.toml", "K", (0, 3000), {"B": np.linspace(1, 10, 100)}),
     ("1,000 ticks, 4 states", LONG, "m", (0.01, 1), {"K": np.linspace(0.1, 2, 100)}),
+    *(
+        (f"chain of {2 * masses + 1} states, {ticks} ticks", chain(masses, ticks), along, span, SPRINGS)
+        for masses in (5, 9)
+        for ticks in (20, 1000)
+        for along, span in (("m", (0.05, 1)), ("k", (20, 100)))
+    ),
 )
+
+
+def recipes():
+    """Yield a case for every smooth number of every recipe."""
+    for path in sorted(RECIPES.glob("*.toml")):
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+        tables.pop("sweep", None)
+        given = {name: entry["value"] if isinstance(entry, dict) else entry for name, entry in tables["numbers"].items()}
+        values = {name: value for name, value in given.items() if isinstance(value, float) and value}
+        for name, value in values.items():
+            other = next((each for each in values if each != name), None)
+            if other and not wavesweep.compile(tables).spec.names.find(name).structural:
+                yield path.name, tables, name, (0.3 * value, 3 * value), {other: values[other] * np.linspace(0.8, 1.2, 100)}
 
 
 def seconds(work):
@@ -49,9 +87,11 @@ def seconds(work):
 
 def main():
     """Print a line per case."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--recipes", action="store_true", help="every recipe along each of its smooth numbers")
     print("| loop | along | over | ms a slice | eigenvalues at 100 values (ms) | ratio | certified | intervals |")
     print("| --- | --- | --- | --- | --- | --- | --- | --- |")
-    for name, source, along, span, axes in CASES:
+    for name, source, along, span, axes in recipes() if parser.parse_args().recipes else CASES:
         loop = wavesweep.compile(source)
         values = np.geomspace(*span, 100) if span[0] > 0 else np.linspace(*span, 101)[1:]
 

@@ -122,7 +122,7 @@ def test_blocks_that_feed_each_other_at_once_do_what_their_equations_say(seed):
 
 
 @pytest.mark.parametrize("kind", [float, complex])
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(8))
 def test_a_loop_of_a_batch_has_the_same_bits_alone(seed, kind):
     blocks, sums, inputs, outputs = random_net(seed, (37,), kind)
     whole = connect("net", blocks, sums, inputs, outputs, terms=True)

@@ -34,10 +34,9 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     """
     net = _Net.of(blocks, sums, inputs, outputs)
     order, torn = net.order()
-    rows = net.followed(order, torn)
+    rows, sized = net.followed(order, torn), net.sized() if torn or terms else None
     inverse, condition, pivot = np.zeros((0, 0)), 1.0, 1.0
     if torn:
-        sized = net.sized()
         sizes = sized.loop(sized.followed(order, torn, states=False), torn)
         closed = [port for port, row in zip(net.ports, rows, strict=True) if max(row, default=0) >= len(net.E) + net.inputs]
         inverse, condition, pivot = _loop_inverse(net.loop(rows, torn), sizes, net.reached(rows, torn), name, closed)
@@ -48,7 +47,6 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
         parts = net.assembled(rows)
         if terms:
-            sized = net.sized()
             terms = sized.assembled(sized.untorn(sized.followed(order, torn), torn, np.abs(inverse)))
     facts = {"condition": condition, "pivot": pivot, "terms": terms or None}
     return Block(name, tuple(inputs), tuple(outputs), states, *parts, **facts)
@@ -200,9 +198,7 @@ def _entries(matrix, first) -> list[Row]:
     filled = np.flatnonzero((flat != 0).any(0))
     if not filled.size:
         return found
-    # Copied, since numpy multiplies complex numbers in another way if there is one and its stride is another.
-    some = np.empty((filled.size, len(flat)), flat.dtype)
-    some[:] = flat[:, filled].T
+    some = np.ascontiguousarray(flat[:, filled].T)
     one = some[:, 0]
     plain = (some == one[:, None]).all(1) & (one.imag == 0)  # see `_number`
     for at, place in enumerate(filled.tolist()):
@@ -217,7 +213,7 @@ def _number(each):
     each = numbers(each)
     flat = each.ravel()
     if not flat.size or flat[0] != flat[-1] or flat[0].imag != 0 or not (flat == flat[0]).all():
-        return each.copy()
+        return each
     return flat[0].real.item()
 
 

@@ -79,11 +79,17 @@ def _drift(one, other, watched):
         return drift_of_drawn(one, other, watched)
 
 
-def frames(drawing: Drawing, values: Mapping[str, object], drift: Drift) -> np.ndarray:
+def frames(drawing: Drawing | Uneven, values: Mapping[str, object], drift: Drift) -> np.ndarray:
     """Frame-to-frame matrices less identity, without drift, `(..., n, n)`."""
+    return _closed(drawing, values, drift)[0]
+
+
+def _closed(drawing, values, drift):
+    """The same, and the connected ticks."""
     drawn = assembled(drawing, values)
     with named_loops(drawn), np.errstate(all="ignore"):
-        return closed_frame(drawn, drift)
+        ticks = ticks_of(drawn)
+        return closed(ticks, drift), ticks
 
 
 def exact_cut(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], number: str) -> Cut | None:
@@ -154,11 +160,9 @@ class DrawnTask:
 
 def _where_solvable(drawing, values, drift, size):
     """The frames of a batch; NaN for loops of direct terms without a solution, which a search may come across."""
-    drawn = assembled(drawing, values)
     try:
-        with named_loops(drawn), np.errstate(all="ignore"):
-            ticks = ticks_of(drawn)
-            E = closed(ticks, drift)
+        E, ticks = _closed(drawing, values, drift)
+        with np.errstate(all="ignore"):
             pivot, condition = (reduce(np.multiply, (getattr(each, part) for each in ticks.maps)) for part in FACTS)
         whole = zip((E, np.asarray(pivot)[..., None], condition), (E.shape[-2:], (1,), ()), strict=True)
         return Frames(*(np.broadcast_to(part, (size, *tail)) for part, tail in whole))

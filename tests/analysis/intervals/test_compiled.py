@@ -95,6 +95,16 @@ def test_a_wall_that_reads_nothing_is_no_division_by_zero():
     np.testing.assert_array_equal(kernels.doubt, numpys.doubt)
 
 
+def test_a_singular_system_has_no_number_and_no_error():
+    """numba would raise ZeroDivisionError for complex numbers."""
+    from wavesweep.analysis.intervals.compiled.solving import _factored, _solve
+
+    A, exchanged, x = np.ones((3, 3), complex), np.zeros(3, int), np.ones(3, complex)
+    _factored(A, exchanged)
+    _solve(A, exchanged, x)
+    assert np.isnan(x).all()
+
+
 @pytest.mark.parametrize("n", [2, 5, 9, 16])
 def test_signs_decide_as_they_do_in_numpy(n):
     from wavesweep.analysis.intervals.compiled.isolating import _roots

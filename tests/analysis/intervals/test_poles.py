@@ -4,10 +4,16 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from support.specs import values_of
 
 import wavesweep
+from wavesweep.analysis.intervals import stable_along_any
 from wavesweep.analysis.intervals.frames import NODES, level, pole_inside
 from wavesweep.analysis.intervals.panels import RIM
+from wavesweep.diagram import draw
+from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted.cut import OFFSET, V, wall_pivot
+from wavesweep.sweep import tasks
 
 
 def pair_of_poles(beside):
@@ -102,6 +108,22 @@ def test_poles_of_expressions_are_not_certified_over(gain):
         assert not ((rows.low <= at) & (rows.high >= at) & rows.certified).any()
 
 
+def test_a_search_next_to_a_pole_ends_without_an_error():
+    """Newton's method on an end meets a value at which the loop of direct terms has no solution, and no eigenvalues."""
+    spec = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"c": 0.1},
+        "block": {
+            "m": {"type": "mass", "mass": 0.1, "damping": 1.5},
+            "g": {"type": "gain", "k": 1.0},
+            "h": {"type": "hold", "every": 2},
+        },
+        "wire": {"g.u": "c*g.y + 1e-4*m.v", "m.f": "-200*h.y - g.y", "h.u": "m.x"},
+    }
+    rows = wavesweep.compile(spec).stable_intervals("c", (0, 3))
+    assert not ((rows.low <= 1) & (rows.high >= 1) & rows.certified).any()
+
+
 def test_a_mass_that_vanishes_beside_the_axis_is_not_certified_over():
     spec = {
         "rates": {"tick_hz": 1000},
@@ -127,6 +149,30 @@ def test_a_pivot_whose_zeros_cancel_poles_is_seen_through():
     rows = loop.stable_intervals("c", (0, 3))
     assert loop.spectral_radius(c=[1.0])[0] > 1
     assert not ((rows.low <= 1) & (rows.high >= 1) & rows.certified).any()
+
+
+def test_the_walls_own_loop_is_among_the_pivots(monkeypatch):
+    """Without delay the implicit wall answers at once. At the stiffness at which it has no solution the frame is infinite."""
+    cut = cut_at_wall(draw(values_of("pmw", integration="implicit", delay=0)))
+    singular = 1 / cut.D[OFFSET, 0]
+    frames, pivots = zip(
+        *((close(cut, K, 0.0), wall_pivot(cut, K, 0.0)) for K in singular * (1 + np.array([1e-7, 1e-6]))), strict=True
+    )
+    assert np.abs(frames[0]).max() > 1e4
+    np.testing.assert_allclose(frames[0] * pivots[0], frames[1] * pivots[1], rtol=1e-3, atol=1e-4)
+    seen = []
+
+    def watched(evaluate, *given):
+        seen.append(evaluate)
+        return stable_along_any(evaluate, *given)
+
+    monkeypatch.setattr(tasks, "stable_along_any", watched)
+    tables = {"controller": {"kind": "pmw"}, "environment": {"delay": 0, "K_VE": 500.0}}
+    wavesweep.compile(tables).stable_intervals("b", (10, 20), B_VE=2.0)
+    b = np.array([11.0, 19.0])
+    own = cut_at_wall(draw(values_of("pmw", delay=0) | {"controller.b": b}))
+    expected = own.pivot * (1 - 500.0 * own.D[..., OFFSET, 0] - 2.0 * own.D[..., V, 0])
+    np.testing.assert_allclose(seen[0](np.zeros(2, int), b).pivots[:, 0], expected, rtol=1e-12)
 
 
 def judged(zeros):

@@ -6,13 +6,7 @@ from functools import partial
 import numpy as np
 
 from wavesweep.analysis.doubt import COUNTS, NONE, OVERFLOW, SEARCH
-from wavesweep.analysis.intervals.critical import (
-    BEYOND,
-    PAIR,
-    from_coefficients,
-    from_eigenvalues,
-    from_polynomials,
-)
+from wavesweep.analysis.intervals.critical import BEYOND, PAIR, from_coefficients, from_eigenvalues, from_polynomials
 from wavesweep.analysis.intervals.frames import NODES, Frames, level, pole_inside
 from wavesweep.analysis.intervals.interpolated import MOST_ORDER, MoreStatesError, RecalledError, followed, living, typical
 from wavesweep.analysis.intervals.panels import RIM, ROUGH, panel_roots

@@ -45,7 +45,7 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
         phase, log, error = (part[kind[at], np.arange(at.size)] for part in parts)
         return np.sign(phase.real) * (error * np.finfo(float).eps < most), log
 
-    x, bracketed = found.x.copy(), np.zeros(found.x.size, bool)
+    x, met = found.x.copy(), np.zeros(found.x.size, bool)
     piece = loop.piece(column, x[:, None])
     known = np.flatnonzero(loop.pieces.degree[piece] > 0)
     if known.size:  # the interpolant has the root to most digits, for next to nothing
@@ -63,8 +63,8 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
         if rest.size:
             x[rest], *ends[:, rest] = end(rest)
             # A root of this eigenvalue in the disc, which has one root only.
-            bracketed = (np.abs(ends[0]) <= CLEAR) & (np.abs(x - found.x) <= reach) & np.isfinite(ends[2])
-            rest = np.flatnonzero(~bracketed)
+            met = (np.abs(ends[0]) <= CLEAR) & (np.abs(x - found.x) <= reach) & np.isfinite(ends[2])
+            rest = np.flatnonzero(~met)
     if rest.size:  # Newton's method does not get there
 
         def value(at, x):
@@ -72,12 +72,12 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
             return sign(from_eigenvalues(Frames.of(evaluate(column[at], x)).E), at, CAUTION)
 
         low, high, least = found.x - reach, found.x + reach, span[0] + ATTACHED / 4 * width
-        x[rest], bracketed[rest] = bracketed_roots(value, low[rest], high[rest], found.x[rest], least)
+        x[rest], met[rest] = bracketed_roots(value, low[rest], high[rest], found.x[rest], least)
         x[rest], *ends[:, rest] = end(rest)
     miss, theta, moved = ends
     # A reciprocal pair of real eigenvalues crosses nothing, wherever it is.
     firm = (moved <= slack(x)) | ((kind == PAIR) & (theta == 0)) | (np.abs(x - span[0]) <= ATTACHED * width)
-    ends = Ends(column, kind, x, theta, miss, bracketed & (np.abs(miss) <= CLEAR) & firm)
+    ends = Ends(column, kind, x, theta, miss, met & (np.abs(miss) <= CLEAR) & firm)
     ends = ends.take(np.lexsort((x, kind, column)))
     new = np.ones(x.size, bool)
     new[1:] = (np.diff(ends.column) != 0) | (np.diff(ends.function) != 0) | (np.diff(ends.value) > 1e-10 * width)
