@@ -109,7 +109,7 @@ def test_poles_of_expressions_are_not_certified_over(gain):
 
 
 def test_a_search_next_to_a_pole_ends_without_an_error():
-    """Newton's method on an end meets a value at which the loop of direct terms has no solution, and no eigenvalues."""
+    """A gain in a loop of direct terms, about the value at which that has no solution, and a spring that is read late."""
     spec = {
         "rates": {"tick_hz": 1000},
         "numbers": {"c": 0.1},

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from wavesweep.analysis.intervals import panels, stable_along_any
-from wavesweep.analysis.intervals.critical import PAIR
-from wavesweep.analysis.intervals.polishing import polished
+from wavesweep.analysis.intervals.critical import ONE, PAIR
+from wavesweep.analysis.intervals.polishing import _nearest, polished
 from wavesweep.lifted.batches import CACHED, in_parts
 from wavesweep.lifted.lift import growth
 
@@ -38,6 +38,12 @@ def test_two_real_eigenvalues_next_to_one_hide_no_crossing(slow, off):
     assert ends.theta.tolist() == [pytest.approx(0.9)]
     assert ends.good.all()
     np.testing.assert_allclose(ends.value, 1.0, rtol=1e-9)
+
+
+def test_a_frame_that_is_not_known_is_no_end():
+    """Newton's method may meet a value at which the loop has no frame; LAPACK would raise an error."""
+    _, miss, _ = _nearest(np.full((2, 3, 3), np.nan), np.array([PAIR, ONE]))
+    assert (miss == np.inf).all()
 
 
 @pytest.mark.parametrize("seed", range(6))
