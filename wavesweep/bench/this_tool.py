@@ -107,10 +107,9 @@ def _taken() -> dict[Callable, str]:
     """The stages that a call goes through."""
     if chosen() == NUMPY:
         return STAGES
-    from wavesweep.analysis.intervals.compiled import crossings
+    from wavesweep.analysis.intervals.compiled import proved
 
-    within = (sampled_polynomial, isolate, polish)
-    return {function: stage for function, stage in STAGES.items() if function not in within} | {crossings: "compiled kernel"}
+    return {draw: STAGES[draw], cut_at_wall: STAGES[cut_at_wall], proved: "compiled kernel"}
 
 
 def _profiled(function: Callable) -> tuple[str, int, str]:

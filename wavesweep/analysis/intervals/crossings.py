@@ -103,7 +103,7 @@ class Crossings:
 
     column: which column it belongs to. value: the wall parameter. theta: angle of the eigenvalue that crosses (rad per
     frame, 0 and pi included). jump: by how much the number of unstable eigenvalues grows as the value grows past it.
-    inverse: of `w I - E` at the crossing or next to it, `inverses[inverse]`; None if the kernel found them.
+    inverse: of `w I - E` at the crossing or next to it, `inverses[inverse]`.
     complete: `(columns,)`, whether the list of that column is proved complete.
     above: `(columns,)`, by how much that number grows from the low end of the span to an infinite value, less what belongs to
     the loop alone; NaN if that is not known.
@@ -114,7 +114,7 @@ class Crossings:
     theta: np.ndarray
     jump: np.ndarray
     inverse: np.ndarray
-    inverses: np.ndarray | None
+    inverses: np.ndarray
     complete: np.ndarray
     above: np.ndarray
 

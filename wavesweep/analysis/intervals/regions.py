@@ -175,13 +175,8 @@ def _judged_ends(cut, owner, along, fixed, span, found, parts, unstable):
     of_stable = np.flatnonzero((unstable[parts.has_previous] == 0) | (unstable[parts.has_next] == 0))
     column, value, theta = (part[of_stable] for part in (column, value, theta))
     places = fixed[column], value, _place(theta), (theta == 0.0) | (theta == np.pi)
-    if found.inverses is None:
-        from wavesweep.analysis.intervals import compiled
-
-        left, moved, usual = compiled.ends(cut, owner[column], along, *places)
-    else:
-        back = found.inverses[found.inverse[parts.order[of_stable]]]
-        left, moved, usual = ends(cut.at(owner[column]), along, *places, back)
+    back = found.inverses[found.inverse[parts.order[of_stable]]]
+    left, moved, usual = ends(cut.at(owner[column]), along, *places, back)
     # At z = 1 an integrating loop meets the equation 0 = 0 at K_VE = 0, by structure.
     error[of_stable] = np.where(cut.integrates & (theta == 0.0), 0.0, left)
     clear = error[of_stable] <= USUAL * (usual + np.finfo(float).eps)

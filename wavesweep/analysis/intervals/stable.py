@@ -60,12 +60,25 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     fixed = np.asarray(fixed, float)
     if along != K_VE and cut.integrates and np.any(fixed == 0):
         return _joined(cut, along, span, fixed)
-    width = fixed.shape[-1]
-    flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), width)
-    pending, done = np.arange(flat.size), []
+    flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
+    if chosen() == NUMPY:
+        return _by_numpy(cut, owner, along, flat, span)
+    from wavesweep.analysis.intervals import compiled
+
+    found, left = compiled.proved(cut, owner, along, flat, span)
+    if not left.size:
+        return found
+    rest = _by_numpy(cut, owner[left], along, flat[left], span)
+    whole = Intervals.join([found, replace(rest, column=left[rest.column])])
+    return whole.take(np.argsort(whole.column, kind="stable"))
+
+
+def _by_numpy(cut, owner, along, fixed, span) -> Intervals:
+    """The intervals of the columns with the loops `cut.at(owner)`, each by the first method that proves it."""
+    pending, done = np.arange(fixed.size), []
     cut, overflown = _finite(cut)
-    for method in (_by_trace, *((_by_kernel,) if chosen() != NUMPY else ()), _by_polynomial, _by_arcs):
-        parts, doubt = method(cut, owner[pending], along, flat[pending], span)
+    for method in (_by_trace, _by_polynomial, _by_arcs):
+        parts, doubt = method(cut, owner[pending], along, fixed[pending], span)
         lost = overflown[owner[pending]]
         parts = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable))
         doubt = np.where(lost, OVERFLOW, doubt)
@@ -92,13 +105,6 @@ def _by_trace(cut, owner, along, fixed, span):
     everywhere = np.ones(fixed.size, int)
     parts = whole.labelled(everywhere, 0 * everywhere, nowhere.astype(int), nowhere)
     return parts, np.where(trace_excludes_stability(cut, owner, along, fixed, span), NONE, CROWDED)
-
-
-def _by_kernel(cut, owner, along, fixed, span):
-    """The same by the compiled kernel, as far as signs prove the roots."""
-    from wavesweep.analysis.intervals import compiled
-
-    return _judged(cut, owner, along, fixed, span, compiled.crossings(cut, owner, along, fixed, span))
 
 
 def _by_polynomial(cut, owner, along, fixed, span):

@@ -6,50 +6,66 @@ numpy's way is the reference: a column that this one does not prove is left to i
 
 import numpy as np
 
+from wavesweep.analysis.doubt import NONE
 from wavesweep.analysis.intervals.bernstein import MOST, change_of_basis, largest_bernstein
 from wavesweep.analysis.intervals.boundary import K_VE
-from wavesweep.analysis.intervals.compiled.curve import _at_end, _ends, _polished, _polynomial, _transform
+from wavesweep.analysis.intervals.compiled.curve import _at_ends, _judged, _polished, _polynomial, _row_order, _transform
 from wavesweep.analysis.intervals.compiled.isolating import _roots
-from wavesweep.analysis.intervals.compiled.solving import compiled
-from wavesweep.analysis.intervals.crossings import FAR, SPARE, Crossings, warp_scale
-from wavesweep.lifted.cut import Cut
+from wavesweep.analysis.intervals.compiled.labelling import LEFT, OPEN, _asked, _cut, _followed, _intervals, _screened
+from wavesweep.analysis.intervals.compiled.lanes import LANES
+from wavesweep.analysis.intervals.compiled.solving import _room, compiled
+from wavesweep.analysis.intervals.crossings import FAR, SPARE, warp_scale
+from wavesweep.analysis.intervals.regions import SHARES
+from wavesweep.analysis.intervals.stable import Intervals
+from wavesweep.analysis.spectrum import count_outside
+from wavesweep.lifted.cut import Cut, close
 
 NEAR_SEED = 1e-4  # of an angle, how far a polished one may be from its seed
 
 
-def crossings(cut: Cut, owner, along: str, fixed, span) -> Crossings:
-    """Crossings of the columns with the loops `cut.at(owner)` and the other wall parameter `fixed`; see `crossings.crossings`.
+def proved(cut: Cut, owner, along: str, fixed, span) -> tuple[Intervals, np.ndarray]:
+    """The intervals of the columns with the loops `cut.at(owner)` and the other wall parameter `fixed` that the kernel proves,
+    sorted, and the columns that it leaves.
 
-    Columns whose roots the signs of Bernstein coefficients do not prove are not complete.
+    owner: not falling.
     """
-    n, loops = cut.order, cut.batch[0]
+    n, loops, (low, high) = cut.order, cut.batch[0], map(float, span)
+    arrays, facts = _arrays(cut), (cut.integrates, along == K_VE)
+    columns = owner.astype(np.int64), np.ascontiguousarray(fixed)
+    state = _screened(*arrays, *facts, *columns, low, high)
     scale = np.broadcast_to(warp_scale(cut), (loops,)).astype(float)
-    change = change_of_basis(n) if 2 <= n <= MOST else np.zeros((0, 0))
-    farthest = largest_bernstein(n - 1) if 2 <= n <= MOST else np.inf
-    found, value, theta, jump, ends, signs, complete, above = _crossings(
-        *_arrays(cut), cut.integrates, along == K_VE, owner.astype(np.int64), fixed, *map(float, span), scale, change, farthest
-    )
-    every = np.tile(np.arange(fixed.size), 2)
-    column = np.concatenate([found, every])
-    value, jump = np.concatenate([value, ends.ravel()]), np.concatenate([jump, signs.ravel()])
-    theta = np.concatenate([theta, np.repeat([0.0, np.pi], fixed.size)])
-    return Crossings(column, value, theta, jump, np.zeros(column.size, int), None, complete, above)
+    if not 2 <= n <= MOST:
+        state[state == OPEN] = LEFT
+    change, farthest = (change_of_basis(n), largest_bernstein(n - 1)) if 2 <= n <= MOST else (np.zeros((0, 0)), np.inf)
+    condition = np.broadcast_to(cut.condition, (loops,)).astype(float)
+    *found, above = _crossings(*arrays, condition, *facts, *columns, low, high, scale, change, farthest, state)
+    bounds, rise, start = _cut(low, high, *found, state)
+    width = high - low
 
+    def counted(column, region):
+        seen, open_ = np.full(region.size, -1), np.arange(region.size)
+        for share in SHARES:
+            some = region[open_]
+            value, other = bounds[0, some] + share * (bounds[1, some] - bounds[0, some]), fixed[column[open_]]
+            wall = (value, other) if along == K_VE else (other, value)
+            count, sure = count_outside(close(cut.at(owner[column[open_]]), *wall))
+            seen[open_[sure]] = count[sure]
+            open_ = open_[~sure]
+            if not open_.size:
+                break
+        return seen
 
-def ends(cut: Cut, owner, along: str, fixed, value, w, on_axis):
-    """What `boundary.ends` gives, at crossings of the loops `cut.at(owner)`."""
-    condition = np.broadcast_to(cut.condition, cut.batch).astype(float)
-    return _ends(
-        *_arrays(cut),
-        condition,
-        cut.integrates,
-        along == K_VE,
-        owner.astype(np.int64),
-        fixed,
-        value,
-        w.astype(complex),
-        on_axis,
-    )
+    asked = _asked(columns[0], state, start, bounds, width, above)
+    at = np.flatnonzero(asked)
+    seen = counted(at, start[at]) if at.size else at
+    begins, claimed = _followed(columns[0], state, start, bounds, width, asked, seen, above, rise)
+    if claimed.size:
+        column = np.searchsorted(start, claimed, side="right") - 1
+        state[column[counted(column, claimed) != begins[column] + rise[claimed]]] = LEFT
+    (column, index, count), (*ends, low_theta, high_theta, residual) = _intervals(state, start, bounds, rise, begins)
+    period = np.broadcast_to(cut.period, (loops,))[owner[column]]
+    omega = low_theta / period, high_theta / period
+    return Intervals(column, index, count, *ends, *omega, np.full(column.size, NONE), residual), np.flatnonzero(state == LEFT)
 
 
 def _arrays(cut):
@@ -61,49 +77,109 @@ def _arrays(cut):
 
 
 @compiled
-def _crossings(E, B, C, D, integrates, along_k, owner, fixed, low, high, scale, change, farthest):
-    order, n, columns, most = E.shape[1], E.shape[1] + integrates, len(fixed), max(abs(low), abs(high))
-    curve, over, noise, transform = np.zeros((2, n)), np.zeros((3, n + 1)), np.zeros(5), _transform(n + SPARE)
-    A, exchanged = np.empty((order, order), np.complex128), np.empty(order, np.int64)
-    (x, turn), (G, dG) = np.empty((2, order), np.complex128), np.empty((2, 3), np.complex128)
+def _crossings(E, B, C, D, condition, integrates, along_k, owner, fixed, low, high, scale, change, farthest, state):
+    """The crossings of the columns that are OPEN, which are LEFT where the signs do not prove them; see `crossings`.
+
+    Returns the column of each between z = 1 and -1, sorted, `(4, crossings)` of their value, angle, jump and what `_judged`
+    says of them; `(3, 2, columns)` of the value, the jump and that of those at z = 1 and -1; and what is above.
+    """
+    columns, n = len(fixed), E.shape[1] + integrates
+    found, inner = np.empty(columns * n, np.int64), np.empty((4, columns * n))
+    ends, above, room = np.empty((3, 2, columns)), np.zeros(columns), _room(E.shape[1])
+    tables, first, total = (_transform(n + SPARE), change, farthest), 0, 0
+    while first < columns:
+        loop, after = owner[first], first + 1
+        while after < columns and owner[after] == loop:
+            after += 1
+        if (state[first:after] == OPEN).any():
+            own = E[loop], B[loop], C[loop], D[loop], integrates, along_k, _row_order(E[loop], scale[loop])
+            here = state[first:after], fixed[first:after], ends[:, :, first:after], above[first:after]
+            count = _of_loop(own, condition[loop], scale[loop], low, high, tables, *here, found[total:], inner[:, total:], room)
+            found[total : total + count] += first
+            total += count
+        first = after
+    return found[:total], inner[:, :total], ends, above
+
+
+@compiled
+def _of_loop(own, condition, scale, low, high, tables, state, fixed, ends, above, found, inner, room):
+    """The crossings of the columns of one loop, and their number."""
+    (transform, change, farthest), n, total, integrates = tables, len(own[0]) + own[4], 0, own[4]
+    curve, over, noise, at_ends = np.zeros((2, n)), np.zeros((3, n + 1)), np.zeros(5), np.empty((2, 3))
     pieces = np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64), np.empty((64, n))
-    (c, values, slopes), (one, solved, other) = np.empty((3, n)), np.empty((3, 2))
-    found, (value, theta, jump), total, current = np.empty(columns * n, np.int64), np.empty((3, columns * n)), 0, -1
-    (ends, signs), complete, above = np.empty((2, 2, columns)), np.zeros(columns, np.bool_), np.zeros(columns)
-    for column in range(columns):
-        loop, y, roots = owner[column], fixed[column], -1
-        own = E[loop], B[loop], C[loop], D[loop], integrates, along_k
-        if loop != current:
-            current = loop
-            _polynomial(*own, scale[loop], transform, curve, over, noise)
-            for side in range(2):
-                one[side], solved[side], other[side] = _at_end(*own, -2.0 * side + 0j, G)
+    c, values, slopes = np.empty((3, n))
+    _polynomial(own, scale, transform, curve, over, noise, room)
+    _at_ends(own, room, at_ends)
+    for column in range(len(fixed)):
+        if state[column] != OPEN:
+            continue
+        y, roots = fixed[column], -1
         size, at_one, at_minus_one = _coefficients(curve, y, c)
-        ends[:, column] = (one - y * other) / solved
+        for side in range(2):
+            ends[0, side, column] = (at_ends[side, 0] - y * at_ends[side, 2]) / at_ends[side, 1]
         if integrates:
-            ends[0, column] = 0.0 if along_k else np.inf
-        signs[0, column], signs[1, column] = np.sign(at_one), -np.sign(at_minus_one)
+            ends[0, 0, column] = 0.0 if own[5] else np.inf
+        ends[1, 0, column], ends[1, 1, column] = np.sign(at_one), -np.sign(at_minus_one)
         if len(change) == n:
             roots = _roots(
                 c, (noise[0] + abs(y) * noise[1]) * (n * (n + 1) / 2) / size, change, farthest, pieces, values, slopes
             )
-        complete[column] = roots >= 0 and not np.isnan(ends[:, column]).any()
+        if roots < 0 or np.isnan(ends[0, :, column]).any():
+            state[column] = LEFT
         for i in range(roots):
             side = _side(over, noise, y, values[i], low, high)
             if side:
                 above[column] -= 2.0 * slopes[i] * (side > 0)
                 continue
-            seed = 2 * np.arctan2(scale[loop] * np.sqrt(1 - values[i]), np.sqrt(1 + values[i]))
-            found[total], jump[total] = column, -2.0 * slopes[i]
-            theta[total], value[total], good = _polished(*own, y, seed, most, A, exchanged, x, turn, G, dG)
-            complete[column] &= good and abs(theta[total] - seed) <= NEAR_SEED * min(seed, np.pi - seed)
-            above[column] += _growth(value[total], jump[total], low, most)
+            found[total], inner[2, total] = column, -2.0 * slopes[i]
+            inner[1, total] = 2 * np.arctan2(scale * np.sqrt(1 - values[i]), np.sqrt(1 + values[i]))
             total += 1
+    _settled(own, condition, low, high, state, fixed, above, found[:total], inner[:, :total], room)
+    _settled_ends(own, condition, low, high, state, fixed, ends, above, room)
+    return total
+
+
+@compiled
+def _settled(own, condition, low, high, state, fixed, above, found, inner, room):
+    """Polish the crossings between z = 1 and -1 from their seeds, a lane each, and judge them."""
+    most, (y, theta, seed, value, residual), good = max(abs(low), abs(high)), np.empty((5, LANES)), np.empty(LANES, np.bool_)
+    for first in range(0, len(found), LANES):
+        count = min(LANES, len(found) - first)
+        for lane in range(LANES):
+            at = first + min(lane, count - 1)
+            y[lane], theta[lane] = fixed[found[at]], inner[1, at]
+        seed[:] = theta
+        _polished(own, y, theta, value, good, most, room)
+        _judged(own, condition, y, value, theta, high - low, residual, room)
+        for lane in range(count):
+            at = first + lane
+            column = found[at]
+            inner[0, at], inner[1, at], inner[3, at] = value[lane], theta[lane], residual[lane]
+            if not (good[lane] and abs(theta[lane] - seed[lane]) <= NEAR_SEED * min(seed[lane], np.pi - seed[lane])):
+                state[column] = LEFT
+            above[column] += _growth(value[lane], inner[2, at], low, most)
+
+
+@compiled
+def _settled_ends(own, condition, low, high, state, fixed, ends, above, room):
+    """Judge the crossings at z = 1 and -1 that are inside the span, a lane each."""
+    most, (y, theta, value, residual), waiting = max(abs(low), abs(high)), np.empty((4, LANES)), 0
+    names = np.empty((2, LANES), np.int64)
+    for column in range(len(fixed)):
         for side in range(2):
-            above[column] += _growth(ends[side, column], signs[side, column], low, most)
-        if not complete[column]:
-            above[column] = np.nan
-    return found[:total], value[:total], theta[:total], jump[:total], ends, signs, complete, above
+            p = ends[0, side, column]
+            if state[column] == OPEN and low < p < high:
+                names[0, waiting], names[1, waiting] = side, column
+                y[waiting], theta[waiting], value[waiting] = fixed[column], np.pi * side, p
+                waiting += 1
+            if state[column] == OPEN:
+                above[column] += _growth(p, ends[1, side, column], low, most)
+            if waiting == LANES or (waiting and column == len(fixed) - 1 and side == 1):
+                y[waiting:], theta[waiting:], value[waiting:] = y[0], theta[0], value[0]
+                _judged(own, condition, y, value, theta, high - low, residual, room)
+                for lane in range(waiting):
+                    ends[2, names[0, lane], names[1, lane]] = residual[lane]
+                waiting = 0
 
 
 @compiled

@@ -1,9 +1,26 @@
-"""The boundary of a loop for the kernel: its polynomials, points on it, and what rounding does to them; see `boundary`."""
+"""The boundary of a loop for the kernel: its polynomials, points on it, and what rounding does to them; see `boundary`.
+
+own: what all functions take of a loop: (E, B, C, D, whether it integrates, whether the stiffness is swept, the order of rows).
+"""
 
 import numpy as np
 
 from wavesweep.analysis.intervals.boundary import ORDINARY, ROUNDS
-from wavesweep.analysis.intervals.compiled.solving import _factored, _over, _solve, _solve_transposed, _states, compiled
+from wavesweep.analysis.intervals.compiled.lanes import LANES, more, put, sized
+from wavesweep.analysis.intervals.compiled.solving import (
+    WIDE,
+    _factored,
+    _filled,
+    _missed,
+    _missed_transposed,
+    _order,
+    _over,
+    _solved,
+    _solved_transposed,
+    _states,
+    compiled,
+)
+from wavesweep.analysis.intervals.regions import FIRM, NEAR_ZERO, SMALL_RESIDUAL, USUAL
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V
 
 EPS = float(np.finfo(float).eps)
@@ -32,15 +49,15 @@ def _slopes(integrates, along_k, w, G, dG):
 @compiled
 def _sines(samples, size, degree, transform, found):
     """The first coefficients of a sine polynomial in `found`, and a bound on the error of each."""
-    count, tail = len(samples), 0.0
+    count, tail, whole = len(samples), 0.0, np.zeros(len(samples))
+    for k in range(count):
+        for d in range(count):
+            whole[d] += samples[k] * transform[k, d]
     for d in range(count):
-        total = 0.0
-        for k in range(count):
-            total += samples[k] * transform[k, d]
         if d < degree:
-            found[d] = total
+            found[d] = whole[d]
         else:
-            tail = max(tail, abs(total))
+            tail = max(tail, abs(whole[d]))
     return 8 * tail + 4 * count * EPS * size
 
 
@@ -55,55 +72,76 @@ def _transform(count):
 
 
 @compiled
-def _sampled(E, B, C, D, integrates, along_k, r, phi, A, exchanged, x, G):
-    """One point of the warped circle: phase and logarithm of the pole polynomial, and the terms over it; see `crossings`."""
-    a, zeta = (1 - r) / (1 + r), complex(np.cos(phi), np.sin(phi))
-    top, bottom, log = (1 - a) * (zeta - 1), 1 + a * zeta, 0.0
+def _row_order(E, r):
+    """The order of rows that suits the middle of the warped circle, and that all points of the loop begin with."""
+    w = complex(np.cos(2 * np.arctan(r)), np.sin(2 * np.arctan(r))) - 1
+    A = np.empty(E.shape, np.complex128)
     for i in range(len(E)):
         for j in range(len(E)):
-            A[i, j] = -bottom * E[i, j]
-        A[i, i] += top
-        x[i] = B[i]
-    phase = _factored(A, exchanged) + 0j
-    for i in range(len(E)):
-        inverse = abs(A[i, i])  # of a pivot
-        phase, log = phase * _over(np.conj(A[i, i]), inverse + 0j), log - np.log(inverse)
-    _solve(A, exchanged, x)
-    for row in range(3):
-        total = 0j
-        for i in range(len(E)):
-            total += C[row, i] * x[i]
-        G[row] = bottom * total + D[row]
-    if integrates:
-        one, x_term, v_term = top, bottom * G[ADVANCE] + top * G[OFFSET], top * G[V]
-    else:
-        one, x_term, v_term = 1.0 + 0j, G[OFFSET], G[V]
-    return (phase, log, one, x_term, v_term) if along_k else (phase, log, one, v_term, x_term)
+            A[i, j] = -E[i, j]
+        A[i, i] += w
+    return _order(A)
 
 
 @compiled
-def _polynomial(E, B, C, D, integrates, along_k, r, transform, curve, over, noise):
+def _sampled(own, r, first, count, terms, weight, room):
+    """Points of the warped circle: the terms, and the squared size of the pole polynomial's inverse; see `crossings`."""
+    E, B, C, D, integrates, along_k, order = own
+    A, rows, vectors, parts = room
+    n, a, x, given, one, G = len(E), (1 - r) / (1 + r), vectors[0], vectors[1], parts[0], np.empty(3, np.complex128)
+    tops, bottoms, most, shown = parts[1], parts[3], parts[2], parts[4]
+    top, bottom = np.empty((2, LANES), np.complex128)
+    for lane in range(LANES):
+        phi = np.pi * (min(first + lane, count - 1) + 1) / (count + 1)
+        zeta = complex(np.cos(phi), np.sin(phi))
+        top[lane], bottom[lane] = (1 - a) * (zeta - 1), 1 + a * zeta
+        tops[lane], tops[LANES + lane] = top[lane].real, top[lane].imag
+        bottoms[lane], bottoms[LANES + lane] = bottom[lane].real, bottom[lane].imag
+    _filled(E, order, tops, bottoms, A, rows)
+    _factored(n, A, rows, most)
+    for i in range(n):
+        put(given, i, B[i], one, 0)
+    _solved(n, A, rows, given, x)
+    _seen(C, x, 1.0, shown)
+    for lane in range(min(LANES, count - first)):
+        point, square = first + lane, 1.0
+        for i in range(n):
+            at = (i * n + i) * WIDE + lane
+            square *= A[at] * A[at] + A[at + LANES] * A[at + LANES]
+        weight[point] = square
+        for row in range(3):
+            G[row] = bottom[lane] * complex(shown[row * WIDE + lane], shown[row * WIDE + LANES + lane]) + D[row]
+        if integrates:
+            value = top[lane], bottom[lane] * G[ADVANCE] + top[lane] * G[OFFSET], top[lane] * G[V]
+        else:
+            value = 1.0 + 0j, G[OFFSET], G[V]
+        terms[0, point], terms[1, point], terms[2, point] = value if along_k else (value[0], value[2], value[1])
+
+
+@compiled
+def _seen(C, x, sign, G):
+    """`sign C x` in the three vectors of G."""
+    for row in range(3):
+        put(G, row, sign * C[row, 0], x, 0)
+        for i in range(1, C.shape[1]):
+            more(G, row, sign * C[row, i], x, i)
+
+
+@compiled
+def _polynomial(own, r, transform, curve, over, noise, room):
     """The polynomials of a loop: those of the curve `(2, n)` and those of the wall parameter `(3, n + 1)`, and their noise."""
-    n, count, size = len(E), len(transform), np.zeros(3)
-    A, exchanged, x, G = (
-        np.empty((n, n), np.complex128),
-        np.empty(n, np.int64),
-        np.empty(n, np.complex128),
-        np.empty(3, np.complex128),
-    )
-    terms, logs, samples = np.empty((3, count), np.complex128), np.empty(count), np.empty((5, count))
+    count, size = len(transform), np.zeros(3)
+    terms, weight, samples = np.empty((3, count), np.complex128), np.empty(count), np.empty((5, count))
+    for first in range(0, count, LANES):
+        _sampled(own, r, first, count, terms, weight, room)
+    least = weight.min()
     for k in range(count):
-        phi = np.pi * (k + 1) / (count + 1)
-        phase, logs[k], one, solved, fixed = _sampled(E, B, C, D, integrates, along_k, r, phi, A, exchanged, x, G)
-        terms[0, k], terms[1, k], terms[2, k] = phase * one, phase * solved, phase * fixed
-    most = logs.max()
-    for k in range(count):
-        pole, weight = np.exp(logs[k] - most), np.sin(np.pi * (k + 1) / (count + 1))
-        solved = np.conj(pole * terms[1, k])
-        on_one, on_fixed, square = pole * terms[0, k] * solved, pole * terms[2, k] * solved, solved.real**2 + solved.imag**2
+        pole, solved, turn = least / weight[k], np.conj(terms[1, k]), np.sin(np.pi * (k + 1) / (count + 1))
+        on_one, on_fixed = pole * terms[0, k] * solved, pole * terms[2, k] * solved
+        square = pole * (solved.real**2 + solved.imag**2)
         size[0], size[1], size[2] = max(size[0], abs(on_one)), max(size[1], abs(on_fixed)), max(size[2], square)
         samples[0, k], samples[1, k] = on_one.imag, -on_fixed.imag
-        samples[2, k], samples[3, k], samples[4, k] = on_one.real * weight, on_fixed.real * weight, square * weight
+        samples[2, k], samples[3, k], samples[4, k] = on_one.real * turn, on_fixed.real * turn, square * turn
     degree = curve.shape[1]
     for part in range(2):
         noise[part] = _sines(samples[part], size[part], degree, transform, curve[part])
@@ -112,100 +150,173 @@ def _polynomial(E, B, C, D, integrates, along_k, r, transform, curve, over, nois
 
 
 @compiled
-def _polished(E, B, C, D, integrates, along_k, fixed, theta, scale, A, exchanged, x, turn, G, dG):
-    """Newton on `Im K(theta) = 0` from a seed; see `boundary.polish`. Returns theta, the value, and whether all is well."""
-    value = np.nan
-    for _ in range(ROUNDS):
-        half = np.sin(theta / 2)
-        w = complex(-2 * half * half, np.sin(theta))
-        _states(E, B, w, A, exchanged, x, turn)
-        for i in range(len(x)):
-            turn[i] = x[i]
-        _solve(A, exchanged, turn)
-        for row in range(3):
-            shown, slope = D[row] + 0j, 0j
-            for i in range(len(x)):
-                shown += C[row, i] * x[i]
-                slope -= C[row, i] * turn[i]
-            G[row], dG[row] = shown, slope
-        one, solved, other = _terms(integrates, along_k, w, G)
-        d_one, d_solved, d_other = _slopes(integrates, along_k, w, G, dG)
-        now = _over(one - fixed * other, solved)
-        slope = _over(d_one - fixed * d_other - now * d_solved, solved) * (1j * (1 + w))
-        far = abs(now) > scale
-        if far:
-            now, slope = _over(1.0 + 0j, now), -_over(slope, now * now)
-        step = -now.imag / slope.imag
-        if not np.isfinite(step):
-            step = 0.0
-        small = abs(step) <= 1e-9 * min(theta, np.pi - theta)
-        theta = min(max(theta + step, 1e-3 * theta), np.pi - 1e-3 * (np.pi - theta))
-        value = now.real + step * slope.real
-        if far:
-            value = 1 / value
-        if small:
-            return theta, value, slope.imag != 0
-    return theta, value, False
+def _placed(theta, w):
+    """The points `exp(j theta) - 1`, exactly at both ends of the circle."""
+    for lane in range(LANES):
+        half, at_end = np.sin(theta[lane] / 2), theta[lane] == np.pi or theta[lane] == 0.0
+        w[lane], w[LANES + lane] = -2 * half * half, 0.0 if at_end else np.sin(theta[lane])
 
 
 @compiled
-def _at_end(E, B, C, D, integrates, along_k, w, G):
-    """The terms at z = 1 or -1, `w` being 0 or -2."""
-    n = len(E)
-    A, exchanged, (x, rest) = np.empty((n, n), np.complex128), np.empty(n, np.int64), np.empty((2, n), np.complex128)
-    _states(E, B, w, A, exchanged, x, rest)
+def _responses(own, room):
+    """The states at the points, what is read of them, and its derivative by w, in the third and fourth part of the room."""
+    E, B, C, _, _, _, order = own
+    A, rows, vectors, parts = room
+    _states(E, B, order, room)
+    _solved(len(E), A, rows, vectors[0], vectors[3])
+    _seen(C, vectors[0], 1.0, parts[3])
+    _seen(C, vectors[3], -1.0, parts[4])
+
+
+@compiled
+def _in_lane(own, room, lane, G, dG):
+    """The point of a lane, the terms there and their derivatives."""
+    _, _, _, D, integrates, along_k, _ = own
+    _, _, _, parts = room
+    w = complex(parts[1, lane], parts[1, LANES + lane])
     for row in range(3):
-        shown = D[row] + 0j
-        for i in range(n):
-            shown += C[row, i] * x[i]
-        G[row] = shown
-    one, solved, other = _terms(integrates, along_k, w, G)
-    return one.real, solved.real, other.real
+        at = row * WIDE + lane
+        G[row] = complex(parts[3, at], parts[3, at + LANES]) + D[row]
+        dG[row] = complex(parts[4, at], parts[4, at + LANES])
+    return w, _terms(integrates, along_k, w, G), _slopes(integrates, along_k, w, G, dG)
 
 
 @compiled
-def _ends(E, B, C, D, condition, integrates, along_k, owner, fixed, value, place, on_axis):
-    n, points = E.shape[1], len(place)
-    A, exchanged, (x, rest, left) = np.empty((n, n), np.complex128), np.empty(n, np.int64), np.empty((3, n), np.complex128)
-    (G, dG), (off, size), error = np.empty((2, 3), np.complex128), np.empty((2, n)), np.empty(3)
-    residual, moved, usual = np.empty((3, points))
-    for point in range(points):
-        loop, w, y, p = owner[point], place[point], fixed[point], value[point]
-        _states(E[loop], B[loop], w, A, exchanged, x, rest)
+def _polished(own, y, theta, value, good, scale, room):
+    """Newton on `Im K(theta) = 0` from the seeds in theta, which it changes; value: K there; good: whether all is well. See
+    `boundary.polish`; y, theta, value, good: `(LANES,)`."""
+    G, dG = np.empty((2, 3), np.complex128)
+    done = np.zeros(LANES, np.bool_)
+    value[:], good[:] = np.nan, False
+    for _ in range(ROUNDS):
+        _placed(theta, room[3][1])
+        _responses(own, room)
+        for lane in range(LANES):
+            if done[lane]:
+                continue
+            w, (one, solved, other), (d_one, d_solved, d_other) = _in_lane(own, room, lane, G, dG)
+            now = _over(one - y[lane] * other, solved)
+            slope = _over(d_one - y[lane] * d_other - now * d_solved, solved) * (1j * (1 + w))
+            far = abs(now) > scale
+            if far:
+                now, slope = _over(1.0 + 0j, now), -_over(slope, now * now)
+            step, at = -now.imag / slope.imag, theta[lane]
+            if not np.isfinite(step):
+                step = 0.0
+            done[lane] = abs(step) <= 1e-9 * min(at, np.pi - at)
+            theta[lane] = min(max(at + step, 1e-3 * at), np.pi - 1e-3 * (np.pi - at))
+            found = now.real + step * slope.real
+            value[lane] = 1 / found if far else found
+            good[lane] = done[lane] and slope.imag != 0
+        if done.all():
+            break
+
+
+@compiled
+def _at_ends(own, room, found):
+    """The terms at z = 1 and at z = -1, `(2, 3)`."""
+    G, dG = np.empty((2, 3), np.complex128)
+    theta = np.full(LANES, np.pi)
+    theta[0] = 0.0
+    _placed(theta, room[3][1])
+    _responses(own, room)
+    for lane in range(2):
+        _, (one, solved, other), _ = _in_lane(own, room, lane, G, dG)
+        found[lane, 0], found[lane, 1], found[lane, 2] = one.real, solved.real, other.real
+
+
+@compiled
+def _judged(own, condition, y, p, theta, width, residual, room):
+    """What is left of the equation at crossings, relative to its terms, infinite where that is more than rounding or where
+    rounding of the loop's entries moves the wall parameter p by more than is allowed; all `(LANES,)`."""
+    moved, usual = np.empty((2, LANES))
+    _end(own, condition, y, p, theta, residual, moved, usual, room)
+    for lane in range(LANES):
+        firm = moved[lane] <= FIRM * (abs(p[lane]) + NEAR_ZERO * width)
+        if not (residual[lane] <= USUAL * (usual[lane] + EPS) and residual[lane] <= SMALL_RESIDUAL and firm):
+            residual[lane] = np.inf
+
+
+@compiled
+def _end(own, condition, y, p, theta, residual, moved, usual, room):
+    """What `boundary.ends` gives, for lanes of crossings; all `(LANES,)`.
+
+    An entry's change reaches the equation through one row, `exact` times that of the parameter solved for and y times that of
+    the other: the bound is sharper than the sum over both.
+    """
+    E, B, C, _, integrates, along_k, _ = own
+    A, rows, vectors, parts = room
+    w, factors, x, left, (whole, moves) = parts[1], parts[5], vectors[0], vectors[5], np.empty((2, LANES))
+    G, dG = np.empty((2, 3), np.complex128)
+    _placed(theta, w)
+    _responses(own, room)
+    _missed(E, B, w, parts[0], x, vectors[1])
+    for lane in range(LANES):
+        at, (unit, solved, other), (d_unit, d_solved, d_other) = _in_lane(own, room, lane, G, dG)
+        exact, on_axis = _over(unit - y[lane] * other, solved), theta[lane] == 0.0 or theta[lane] == np.pi
+        turned = _over(d_unit - y[lane] * d_other - exact * d_solved, solved) * (1j * (1 + at))
+        whole[lane] = abs(unit) + abs(y[lane] * other) + abs(exact * solved)
+        moves[lane] = (1.0 if on_axis else abs(turned) / abs(turned.imag)) / abs(solved)
+        left_over = abs(unit - p[lane] * solved - y[lane] * other)
+        residual[lane] = left_over / (abs(unit) + abs(p[lane] * solved) + abs(y[lane] * other))
+        if integrates and at == 0:
+            residual[lane] = 0.0  # the equation is 0 = 0 at K_VE = 0, by structure
+        on_x, on_v = (exact, y[lane] + 0j) if along_k else (y[lane] + 0j, exact)
+        for row, factor in ((ADVANCE, on_x * integrates), (OFFSET, on_x), (V, on_v)):
+            turn = at if integrates and row != ADVANCE else 1.0 + 0j
+            factors[row * WIDE + lane], factors[row * WIDE + LANES + lane] = (factor * turn).real, (factor * turn).imag
+    _row_of_states(C, E, w, factors, A, rows, left, vectors[4], vectors[2])
+    unsure = _rounding(own, room)
+    for lane in range(LANES):
+        usual[lane] = unsure[lane] / (whole[lane] if whole[lane] > 0 else 1.0)
+        moved[lane] = max(1.0, condition / ORDINARY) * unsure[lane] * moves[lane]
+
+
+@compiled
+def _row_of_states(C, E, w, factors, A, rows, left, given, step):
+    """left to the row that `factors` make of the three of C, times the inverse of `w I - E`, refined once."""
+    _combined(C, factors, given)
+    _solved_transposed(len(E), A, rows, given, left)
+    _combined(C, factors, given)
+    _missed_transposed(E, w, left, given)
+    _solved_transposed(len(E), A, rows, given, step)
+    for i in range(len(E)):
+        more(left, i, 1.0, step, i)
+
+
+@compiled
+def _rounding(own, room):
+    """By how much the equation changes when every entry of the loop is rounded, `(LANES,)`; what is in the room is used up."""
+    E, B, C, D, _, _, _ = own
+    _, _, vectors, parts = room
+    n, one, factors, direct, unsure = len(E), parts[0], parts[5], parts[6], np.zeros(LANES)
+    x, missed, _, _, _, left, size, off = vectors
+    for i in range(n):
+        sized(size, i, x, i)
+        sized(left, i, left, i)
+        sized(missed, i, missed, i)
+    for i in range(n):
+        put(off, i, abs(B[i]), one, 0)
+        for j in range(n):
+            more(off, i, abs(E[i, j]), size, j)
+    for row in range(3):
+        sized(factors, row, factors, row)
+        put(direct, row, abs(D[row]), one, 0)
         for i in range(n):
-            size[i] = abs(x[i])
-        for i in range(n):
-            missed, terms = B[loop, i] - w * x[i], abs(B[loop, i])
-            for j in range(n):
-                missed += E[loop, i, j] * x[j]
-                terms += abs(E[loop, i, j]) * size[j]
-            off[i] = EPS * terms + abs(missed)
+            more(direct, row, abs(C[row, i]), size, i)
+    for lane in range(LANES):
         for row in range(3):
-            for i in range(n):
-                left[i] = C[loop, row, i]
-            _solve_transposed(A, exchanged, left)
-            for j in range(n):
-                missed = C[loop, row, j] - w * left[j]
-                for i in range(n):
-                    missed += left[i] * E[loop, i, j]
-                rest[j] = missed
-            _solve_transposed(A, exchanged, rest)
-            shown, slope, error[row] = D[loop, row] + 0j, 0j, EPS * abs(D[loop, row])
-            for i in range(n):
-                left[i] += rest[i]
-                shown += C[loop, row, i] * x[i]
-                slope -= left[i] * x[i]
-                error[row] += abs(left[i]) * off[i] + EPS * abs(C[loop, row, i]) * size[i]
-            G[row], dG[row] = shown, slope
-        one, solved, other = _terms(integrates, along_k, w, G)
-        d_one, d_solved, d_other = _slopes(integrates, along_k, w, G, dG)
-        _, of_solved, of_other = _terms(integrates, along_k, abs(w), error)
-        exact = _over(one - y * other, solved)
-        turned = _over(d_one - y * d_other - exact * d_solved, solved) * (1j * (1 + w))
-        unsure = abs(y) * of_other + abs(exact) * of_solved
-        grazing = 1.0 if on_axis[point] else abs(turned) / abs(turned.imag)
-        whole = abs(one) + abs(y * other) + abs(exact * solved)
-        usual[point] = unsure / (whole if whole > 0 else 1.0)
-        moved[point] = max(1.0, condition[loop] / ORDINARY) * unsure / abs(solved) * grazing
-        residual[point] = abs(one - p * solved - y * other) / (abs(one) + abs(p * solved) + abs(y * other))
-    return residual, moved, usual
+            unsure[lane] += EPS * factors[row * WIDE + lane] * direct[row * WIDE + lane]
+        for i in range(n):
+            at = i * WIDE + lane
+            unsure[lane] += left[at] * (EPS * off[at] + missed[at])
+    return unsure
+
+
+@compiled
+def _combined(C, factors, row):
+    """The row of what is read that these factors make of its three."""
+    for i in range(C.shape[1]):
+        put(row, i, C[0, i], factors, 0)
+        more(row, i, C[1, i], factors, 1)
+        more(row, i, C[2, i], factors, 2)

@@ -1,4 +1,7 @@
-"""Small dense systems next to the circle, solved one after the other, for the kernel."""
+"""Small dense systems next to the circle for the kernel: those of one loop at several points at a time, a point a lane.
+
+What comes out in a lane depends on no other lane.
+"""
 
 from hashlib import sha256
 from pathlib import Path
@@ -6,7 +9,11 @@ from pathlib import Path
 import numpy as np
 from numba import config, njit
 
+from wavesweep.analysis.intervals.compiled.lanes import LANES, inverted, less, more, outgrown, put, times
 from wavesweep.lifted import cut
+
+WIDE = 2 * LANES  # numbers of a vector of lanes
+PREFERRED = 0.1  # of the largest entry of a column, down to which a row stays the pivot row that all lanes prefer
 
 
 def _place():
@@ -40,75 +47,149 @@ def _over(a, b):
 
 
 @compiled
-def _factored(A, exchanged):
-    """A in place to its factors with row exchanges and the inverses of its pivots, and the sign of the exchanges."""
-    sign = 1.0
+def _order(A):
+    """The rows of A in the order in which elimination with the largest pivots takes them; A is used up."""
+    order = np.arange(len(A))
     for k in range(len(A)):
         best, at = -1.0, k
         for i in range(k, len(A)):
             size = abs(A[i, k].real) + abs(A[i, k].imag)
             if size > best:
                 best, at = size, i
-        exchanged[k] = at
-        if at != k:
-            for j in range(len(A)):
-                A[k, j], A[at, j] = A[at, j], A[k, j]
-            sign = -sign
-        A[k, k] = _over(1.0 + 0j, A[k, k])
+        order[k], order[at] = order[at], order[k]
+        for j in range(len(A)):
+            A[k, j], A[at, j] = A[at, j], A[k, j]
+        pivot = _over(1.0 + 0j, A[k, k])
         for i in range(k + 1, len(A)):
-            factor = A[i, k] * A[k, k]
-            A[i, k] = factor
+            factor = A[i, k] * pivot
             for j in range(k + 1, len(A)):
                 A[i, j] -= factor * A[k, j]
-    return sign
+    return order
 
 
 @compiled
-def _solve(A, exchanged, x):
-    """x in place to `A^-1 x`, A factored."""
-    for k in range(len(A)):
-        at = exchanged[k]
-        x[k], x[at] = x[at], x[k]
-    for k in range(len(A)):
-        for i in range(k + 1, len(A)):
-            x[i] -= A[i, k] * x[k]
-    for k in range(len(A) - 1, -1, -1):
-        x[k] = x[k] * A[k, k]
-        for i in range(k):
-            x[i] -= A[i, k] * x[k]
+def _room(n):
+    """Room for systems of n equations.
+
+    Factors; which row of the loop stands where in each lane; eight vectors of states; and the ones in all lanes, the point,
+    and four vectors of three.
+    """
+    parts = np.zeros((7, 3 * WIDE))
+    parts[0, :LANES] = 1.0
+    return np.empty(n * n * WIDE), np.empty((n, LANES), np.int64), np.empty((8, n * WIDE)), parts
 
 
 @compiled
-def _solve_transposed(A, exchanged, x):
-    """x in place to `x A^-1`, A factored."""
-    for k in range(len(A)):
-        for i in range(k):
-            x[k] -= A[i, k] * x[i]
-        x[k] = x[k] * A[k, k]
-    for k in range(len(A) - 1, -1, -1):
-        for i in range(k + 1, len(A)):
-            x[k] -= A[i, k] * x[i]
-    for k in range(len(A) - 1, -1, -1):
-        at = exchanged[k]
-        x[k], x[at] = x[at], x[k]
-
-
-@compiled
-def _states(E, B, w, A, exchanged, x, rest):
-    """Factors of `w I - E` in A, and in x the states for a unit force, refined once."""
+def _filled(E, order, top, bottom, A, rows):
+    """`top I - bottom E` in A, its rows in that order; top, bottom: a vector of lanes each."""
     n = len(E)
     for i in range(n):
+        row = order[i]
+        for lane in range(LANES):
+            rows[i, lane] = row
         for j in range(n):
-            A[i, j] = -E[i, j]
-        A[i, i] += w
-        x[i] = B[i]
-    _factored(A, exchanged)
-    _solve(A, exchanged, x)
+            put(A, i * n + j, -E[row, j], bottom, 0)
+        more(A, i * n + row, 1.0, top, 0)
+
+
+@compiled
+def _factored(n, A, rows, most):
+    """The lanes of A in place to their factors and the inverses of their pivots, rows exchanged where a pivot is small."""
+    for k in range(n):
+        most[:LANES] = 0.0
+        for i in range(k + 1, n):
+            outgrown(most, 0, A, i * n + k)
+        at = (k * n + k) * WIDE
+        for lane in range(LANES):
+            if abs(A[at + lane]) + abs(A[at + LANES + lane]) < PREFERRED * most[lane]:
+                _exchanged(n, A, rows, k, lane)
+        inverted(A, k * n + k)
+        for i in range(k + 1, n):
+            times(A, i * n + k, A, k * n + k)
+            for j in range(k + 1, n):
+                less(A, i * n + j, A, i * n + k, A, k * n + j)
+
+
+@compiled
+def _exchanged(n, A, rows, k, lane):
+    """Row k of a lane exchanged with the one of the largest entry in column k."""
+    best, at = -1.0, k
+    for i in range(k, n):
+        place = (i * n + k) * WIDE + lane
+        size = abs(A[place]) + abs(A[place + LANES])
+        if size > best:
+            best, at = size, i
+    rows[k, lane], rows[at, lane] = rows[at, lane], rows[k, lane]
+    for j in range(n):
+        here, there = (k * n + j) * WIDE + lane, (at * n + j) * WIDE + lane
+        A[here], A[there] = A[there], A[here]
+        A[here + LANES], A[there + LANES] = A[there + LANES], A[here + LANES]
+
+
+@compiled
+def _solved(n, A, rows, b, x):
+    """x to `A^-1 b`, A factored."""
     for i in range(n):
-        left = B[i] - w * x[i]
+        for lane in range(LANES):
+            place = rows[i, lane] * WIDE + lane
+            x[i * WIDE + lane], x[i * WIDE + LANES + lane] = b[place], b[place + LANES]
+    for k in range(n):
+        for i in range(k + 1, n):
+            less(x, i, A, i * n + k, x, k)
+    for k in range(n - 1, -1, -1):
+        times(x, k, A, k * n + k)
+        for i in range(k):
+            less(x, i, A, i * n + k, x, k)
+
+
+@compiled
+def _solved_transposed(n, A, rows, b, x):
+    """x to `b A^-1`, A factored; b is used up."""
+    for k in range(n):
+        times(b, k, A, k * n + k)
+        for i in range(k + 1, n):
+            less(b, i, A, k * n + i, b, k)
+    for k in range(n - 1, -1, -1):
+        for i in range(k):
+            less(b, i, A, k * n + i, b, k)
+    for i in range(n):
+        for lane in range(LANES):
+            place = rows[i, lane] * WIDE + lane
+            x[place], x[place + LANES] = b[i * WIDE + lane], b[i * WIDE + LANES + lane]
+
+
+@compiled
+def _missed(E, B, w, one, x, missed):
+    """What is left of `(w I - E) x = B`."""
+    n = len(E)
+    for i in range(n):
+        put(missed, i, B[i], one, 0)
+        less(missed, i, w, 0, x, i)
         for j in range(n):
-            left += E[i, j] * x[j]
-        rest[i] = left
-    _solve(A, exchanged, rest)
+            more(missed, i, E[i, j], x, j)
+
+
+@compiled
+def _missed_transposed(E, w, left, c):
+    """c in place to what is left of `left (w I - E) = c`."""
+    n = len(E)
+    for j in range(n):
+        less(c, j, w, 0, left, j)
+        for i in range(n):
+            more(c, j, E[i, j], left, i)
+
+
+@compiled
+def _states(E, B, order, room):
+    """Factors of `w I - E` at the point, and in the first vector the states for a unit force, refined once."""
+    n, (A, rows, vectors, parts) = len(E), room
+    x, missed, step, one, w, most = vectors[0], vectors[1], vectors[2], parts[0], parts[1], parts[2]
+    _filled(E, order, w, one, A, rows)
+    _factored(n, A, rows, most)
     for i in range(n):
-        x[i] += rest[i]
+        put(missed, i, B[i], one, 0)
+    _solved(n, A, rows, missed, x)
+    _missed(E, B, w, one, x, missed)
+    _solved(n, A, rows, missed, step)
+    for i in range(n):
+        more(x, i, 1.0, step, i)

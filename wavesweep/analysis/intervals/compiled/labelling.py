@@ -1,0 +1,209 @@
+"""Regions between crossings, their counts and the stable intervals, column by column, for the kernel; see `regions`.
+
+A column that anything speaks against is left to numpy's way, so nothing here says why.
+"""
+
+import numpy as np
+
+from wavesweep.analysis.intervals.compiled.solving import compiled
+from wavesweep.analysis.intervals.regions import NARROW
+from wavesweep.lifted.cut import ADVANCE, OFFSET, V
+
+OPEN, EXCLUDED, LEFT = 0, 1, 2  # a column: to be done; unstable throughout, by its trace; left to numpy's way
+
+
+@compiled
+def _screened(E, B, C, D, integrates, along_k, owner, fixed, low, high):
+    """OPEN, EXCLUDED or LEFT for each column; see `stable.trace_excludes_stability`."""
+    loops, n = len(E), E.shape[1]
+    order, state = n + integrates, np.zeros(len(fixed), np.int64)
+    base, gain, finite = np.empty(loops), np.empty((loops, 2)), np.empty(loops, np.bool_)
+    for loop in range(loops):
+        finite[loop] = (
+            np.isfinite(E[loop]).all()
+            and np.isfinite(B[loop]).all()
+            and np.isfinite(C[loop]).all()
+            and np.isfinite(D[loop]).all()
+        )
+        trace, x, v = 0.0, D[loop, ADVANCE] if integrates else 0.0, 0.0
+        for i in range(n):
+            trace += E[loop, i, i]
+            x += C[loop, OFFSET, i] * B[loop, i]
+            v += C[loop, V, i] * B[loop, i]
+        base[loop], gain[loop, 0], gain[loop, 1] = order + trace, x, v
+    traces, through = np.empty(2), np.empty(2)
+    for column in range(len(fixed)):
+        loop, y, beyond = owner[column], fixed[column], True
+        if not finite[loop]:
+            state[column] = LEFT
+            continue
+        for side in range(2):
+            end = high if side else low
+            K, F = (end, y) if along_k else (y, end)
+            through[side] = 1 - K * D[loop, OFFSET] - F * D[loop, V]
+            added, size = K * gain[loop, 0] + F * gain[loop, 1], abs(K * gain[loop, 0]) + abs(F * gain[loop, 1])
+            traces[side] = base[loop] + added / through[side]
+            beyond &= abs(traces[side]) > max(1.001 * order, 1e-8 * (abs(base[loop]) + size / abs(through[side])))
+        if beyond and traces[0] * np.sign(traces[1]) > 0 and through[0] * through[1] > 0:
+            state[column] = EXCLUDED
+    return state
+
+
+@compiled
+def _cut(low, high, found, inner, ends, state):
+    """The regions of all columns that are OPEN, and where each column's begin: see `regions.cut_span`.
+
+    found, inner, ends: see `_crossings`. Of a region: its ends, their angles, and what is left of the equation at both
+    `(6, regions)`, and by how much the count has risen since the first.
+    """
+    columns, at, region = len(state), 0, 0
+    most = len(found) + 3 * columns
+    bounds, rise, start = np.empty((6, most)), np.empty(most), np.empty(columns + 1, np.int64)
+    sorted_ = np.empty((4, len(found) + 2))
+    for column in range(columns):
+        start[column], first = region, at
+        while at < len(found) and found[at] == column:
+            at += 1
+        if state[column] != OPEN:
+            continue
+        count, at_low = _sorted(low, high, inner[:, first:at], ends[:, :, column], sorted_)
+        risen = 0.0
+        for i in range(count + 1):
+            risen += sorted_[2, i - 1] if i else 0.0
+            for side in range(2):
+                if side <= i < count + side:
+                    value, theta, left = sorted_[0, i - side], sorted_[1, i - side], sorted_[3, i - side]
+                else:
+                    value, theta, left = (low, at_low, 0.0) if side else (high, np.nan, 0.0)
+                bounds[1 - side, region], bounds[3 - side, region], bounds[5 - side, region] = value, theta, left
+            rise[region] = risen
+            region += 1
+    start[columns] = region
+    return bounds[:, :region], rise[:region], start
+
+
+@compiled
+def _sorted(low, high, inner, ends, found):
+    """The crossings of a column inside the span, sorted, in `found`; their number, and the angle of one at its low end."""
+    count, at_low, arcs = 0, np.nan, inner.shape[1]
+    for i in range(arcs + 2):
+        if i < arcs:
+            p, theta, jump, left = inner[0, i], inner[1, i], inner[2, i], inner[3, i]
+        else:
+            p, theta, jump, left = ends[0, i - arcs], np.pi * (i - arcs), ends[1, i - arcs], ends[2, i - arcs]
+        larger = max(abs(low), abs(p))
+        if abs(p - low) <= 4 * (np.nextafter(larger, np.inf) - larger):
+            at_low = theta
+        elif low < p < high:
+            place = count
+            while place > 0 and found[0, place - 1] > p:
+                for part in range(4):
+                    found[part, place] = found[part, place - 1]
+                place -= 1
+            found[0, place], found[1, place], found[2, place], found[3, place] = p, theta, jump, left
+            count += 1
+    return count, at_low
+
+
+@compiled
+def _alone(column, start, bounds, width, above):
+    """Whether the count of a column's first region cannot follow from that of other columns."""
+    return np.isnan(above[column]) or bounds[1, start[column]] - bounds[0, start[column]] < NARROW * width
+
+
+@compiled
+def _asked(owner, state, start, bounds, width, above):
+    """Which columns have their first region counted: the first and the last of each loop, and those that stand alone."""
+    counted, last = np.zeros(len(owner), np.bool_), -1
+    for column in range(len(owner)):
+        if state[column] != OPEN:
+            continue
+        if _alone(column, start, bounds, width, above):
+            counted[column] = True
+            continue
+        if last < 0 or owner[last] != owner[column]:
+            counted[column] = True
+            if last >= 0:
+                counted[last] = True
+        last = column
+    if last >= 0:
+        counted[last] = True
+    return counted
+
+
+@compiled
+def _followed(owner, state, start, bounds, width, counted, seen, above, rise):
+    """Unstable eigenvalues in the first region of each column, and the regions that are to be counted, in order.
+
+    seen: of the columns that are counted, in order. Columns of which the count is not known become LEFT.
+    """
+    columns = len(owner)
+    begins, claimed, wanted, first = np.full(columns, -1), np.empty(len(rise), np.int64), 0, 0
+    begins[counted] = seen
+    while first < columns:
+        after = first
+        while after < columns and owner[after] == owner[first]:
+            after += 1
+        agreed = _agreed(first, after, start, bounds, width, counted, above, begins)
+        for column in range(first, after):
+            own = rise[start[column] : start[column + 1]]
+            if state[column] == OPEN and not counted[column]:
+                left = agreed - above[column]
+                begins[column] = int(left) if left + own.min() >= 0 else -1
+            if state[column] == OPEN and begins[column] < 0:
+                state[column] = LEFT
+            for i in range(1, len(own) if state[column] == OPEN else 0):
+                region = start[column] + i
+                narrow = bounds[1, region] - bounds[0, region] < NARROW * width
+                if begins[column] + own[i] <= 0 and (counted[column] or narrow):
+                    claimed[wanted] = region
+                    wanted += 1
+        first = after
+    return begins, claimed[:wanted]
+
+
+@compiled
+def _agreed(first, after, start, bounds, width, counted, above, begins):
+    """The count at infinite values that the first and the last column of a loop agree on, NaN if they do not."""
+    agreed, others = np.nan, False
+    for column in range(first, after):
+        if counted[column] and not _alone(column, start, bounds, width, above):
+            grown = begins[column] + above[column] if begins[column] >= 0 else np.nan
+            agreed = grown if not others or grown == agreed else np.nan
+            others = True
+    return agreed
+
+
+@compiled
+def _intervals(state, start, bounds, rise, begins):
+    """Stable intervals: column, index, count `(3, rows)`, and low, high, their angles and the residual `(5, rows)`.
+
+    Columns with an end in doubt, or fewer than no unstable eigenvalues, become LEFT.
+    """
+    columns, rows = len(state), 0
+    whole, parts = np.empty((3, len(rise) + columns), np.int64), np.empty((5, len(rise) + columns))
+    for column in range(columns):
+        if state[column] == LEFT:
+            continue
+        before = rows
+        for region in range(start[column], start[column + 1]):
+            unstable, worst = begins[column] + rise[region], max(bounds[4, region], bounds[5, region])
+            if unstable < 0 or (unstable == 0 and worst == np.inf):
+                state[column], rows = LEFT, before
+                break
+            if unstable > 0:
+                continue
+            if region == start[column] or begins[column] + rise[region - 1] != 0:
+                parts[:4, rows], parts[4, rows] = bounds[:4, region], worst
+                whole[0, rows], whole[1, rows] = column, rows - before
+                rows += 1
+            else:
+                parts[1, rows - 1], parts[3, rows - 1] = bounds[1, region], bounds[3, region]
+                parts[4, rows - 1] = max(parts[4, rows - 1], worst)
+        if state[column] != LEFT and rows == before:
+            whole[0, rows], whole[1, rows], parts[:4, rows], parts[4, rows] = column, -1, np.nan, 0.0
+            rows += 1
+            whole[2, before] = 0
+        elif rows > before:
+            whole[2, before:rows] = rows - before
+    return whole[:, :rows], parts[:, :rows]
