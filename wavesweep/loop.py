@@ -213,7 +213,8 @@ class Loop:
     def _frame(self, kind, columns):
         from wavesweep.library import frame
 
-        return frame(kind, columns, tables=self.spec.tables())
+        # A controller's numbers have their units from the schema.
+        return frame(kind, columns, tables=self.spec.tables() if self.spec.drawing else None)
 
     def _key(self, name):
         names = self.spec.names

@@ -161,7 +161,7 @@ def _felt_of_one(_, items):
 
 def _batch(values):
     """The shape of the arrays among the values."""
-    return np.broadcast_shapes(*(np.shape(value) for value in values.values()))
+    return np.broadcast_shapes(*(value.shape for value in values.values() if isinstance(value, np.ndarray)))
 
 
 def solve(task: IntervalTask) -> Intervals:
@@ -233,7 +233,9 @@ def _bounds(task, rate):
 
 def with_batch(cut: Cut, size: int) -> Cut:
     """The cut as a batch of `size` loops, all its parts over all of them; a single loop is repeated."""
-    return cut.at(slice(None)) if cut.batch else cut.at(np.newaxis).at(np.zeros(size, int))
+    if cut.batch:
+        return cut.at(slice(None))
+    return cut.at(np.newaxis) if size == 1 else cut.at(np.newaxis).at(np.zeros(size, int))
 
 
 PORT = np.dtype([

@@ -9,12 +9,12 @@ import numpy as np
 from wavesweep.analysis.doubt import NONE
 from wavesweep.analysis.intervals.bernstein import MOST, change_of_basis, largest_bernstein
 from wavesweep.analysis.intervals.boundary import K_VE
-from wavesweep.analysis.intervals.compiled.curve import _at_ends, _judged, _polished, _polynomial, _row_order, _transform
+from wavesweep.analysis.intervals.compiled.curve import _at_ends, _judged, _polished, _polynomial, _row_order, _scale, _transform
 from wavesweep.analysis.intervals.compiled.isolating import _roots
 from wavesweep.analysis.intervals.compiled.labelling import LEFT, OPEN, _asked, _cut, _followed, _intervals, _screened
 from wavesweep.analysis.intervals.compiled.lanes import LANES
 from wavesweep.analysis.intervals.compiled.solving import _room, compiled
-from wavesweep.analysis.intervals.crossings import FAR, SPARE, warp_scale
+from wavesweep.analysis.intervals.crossings import FAR, SPARE
 from wavesweep.analysis.intervals.regions import SHARES
 from wavesweep.analysis.intervals.stable import Intervals
 from wavesweep.analysis.spectrum import count_outside
@@ -33,12 +33,11 @@ def proved(cut: Cut, owner, along: str, fixed, span) -> tuple[Intervals, np.ndar
     arrays, facts = _arrays(cut), (cut.integrates, along == K_VE)
     columns = owner.astype(np.int64), np.ascontiguousarray(fixed)
     state = _screened(*arrays, *facts, *columns, low, high)
-    scale = np.broadcast_to(warp_scale(cut), (loops,)).astype(float)
     if not 2 <= n <= MOST:
         state[state == OPEN] = LEFT
     change, farthest = (change_of_basis(n), largest_bernstein(n - 1)) if 2 <= n <= MOST else (np.zeros((0, 0)), np.inf)
     condition = np.broadcast_to(cut.condition, (loops,)).astype(float)
-    *found, above = _crossings(*arrays, condition, *facts, *columns, low, high, scale, change, farthest, state)
+    *found, above = _crossings(*arrays, condition, *facts, *columns, low, high, change, farthest, state)
     bounds, rise, start = _cut(low, high, *found, state)
     width = high - low
 
@@ -77,7 +76,7 @@ def _arrays(cut):
 
 
 @compiled
-def _crossings(E, B, C, D, condition, integrates, along_k, owner, fixed, low, high, scale, change, farthest, state):
+def _crossings(E, B, C, D, condition, integrates, along_k, owner, fixed, low, high, change, farthest, state):
     """The crossings of the columns that are OPEN, which are LEFT where the signs do not prove them; see `crossings`.
 
     Returns the column of each between z = 1 and -1, sorted, `(4, crossings)` of their value, angle, jump and what `_judged`
@@ -92,9 +91,10 @@ def _crossings(E, B, C, D, condition, integrates, along_k, owner, fixed, low, hi
         while after < columns and owner[after] == loop:
             after += 1
         if (state[first:after] == OPEN).any():
-            own = E[loop], B[loop], C[loop], D[loop], integrates, along_k, _row_order(E[loop], scale[loop])
+            scale = _scale(E[loop])
+            own = E[loop], B[loop], C[loop], D[loop], integrates, along_k, _row_order(E[loop], scale)
             here = state[first:after], fixed[first:after], ends[:, :, first:after], above[first:after]
-            count = _of_loop(own, condition[loop], scale[loop], low, high, tables, *here, found[total:], inner[:, total:], room)
+            count = _of_loop(own, condition[loop], scale, low, high, tables, *here, found[total:], inner[:, total:], room)
             found[total : total + count] += first
             total += count
         first = after

@@ -20,6 +20,7 @@ from wavesweep.analysis.intervals.compiled.solving import (
     _states,
     compiled,
 )
+from wavesweep.analysis.intervals.crossings import FARTHEST, NEAREST
 from wavesweep.analysis.intervals.regions import FIRM, NEAR_ZERO, SMALL_RESIDUAL, USUAL
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V
 
@@ -69,6 +70,23 @@ def _transform(count):
         for d in range(count):
             transform[k, d] = np.sin(np.pi * (k + 1) / (count + 1) * (d + 1)) * (2 / (count + 1))
     return transform
+
+
+@compiled
+def _scale(E):
+    """What `crossings.warp_scale` is, of a loop."""
+    A, n, log = E.copy(), len(E), 0.0
+    for k in range(n):
+        at = k + np.argmax(np.abs(A[k:, k]))
+        for j in range(k, n):
+            A[k, j], A[at, j] = A[at, j], A[k, j]
+        log += np.log(np.abs(A[k, k]))
+        for i in range(k + 1, n):
+            factor = A[i, k] / A[k, k]
+            for j in range(k + 1, n):
+                A[i, j] -= factor * A[k, j]
+    mean = np.exp(-0.5 if log == -np.inf or np.isnan(log) else log / n)
+    return min(max(mean, NEAREST), FARTHEST)
 
 
 @compiled
