@@ -11,7 +11,7 @@ from support.specs import nested, random_values
 import wavesweep
 from wavesweep import kernel, results, sweep
 from wavesweep.analysis.doubt import NONE
-from wavesweep.analysis.intervals import stable, stable_intervals
+from wavesweep.analysis.intervals import critical, stable, stable_intervals
 from wavesweep.analysis.intervals.arcs import arc_crossings
 from wavesweep.analysis.intervals.bernstein import change_of_basis, largest_bernstein, roots_by_sign
 from wavesweep.analysis.intervals.boundary import ends
@@ -199,6 +199,42 @@ def test_signs_decide_as_they_do_in_numpy(n):
         if complete[i]:
             np.testing.assert_allclose(values[:count], value[row == i], rtol=1e-12, atol=1e-15)
             np.testing.assert_array_equal(slopes[:count], slope[row == i])
+
+
+@pytest.mark.parametrize("kind", [float, complex])
+@pytest.mark.parametrize("n", [1, 2, 3, 6, 9, 14])
+def test_characteristic_polynomials_and_functions_are_those_of_numpy_to_their_errors(n, kind):
+    random = np.random.default_rng(n)
+    E = random.normal(size=(40, n, n)) * 10.0 ** random.uniform(-4, 1, (40, n, 1)) + 0 * np.zeros(1, kind)
+    E = E + (0.3j * random.normal(size=E.shape) if kind is complex else 0)
+    E[0], E[1, :, 0], E[2] = 0.0, 0.0, np.diag(np.arange(n))
+    found = []
+    for name in (kernel.NUMPY, kernel.NUMBA):
+        with kernel.using(name):
+            c = critical.characteristic(E)
+            found.append((c, critical.from_polynomials(*c), critical.from_coefficients(E)))
+    (numpys, *numpy_values), (kernels, *kernel_values) = found
+    np.testing.assert_array_equal(kernels[2], numpys[2])
+    assert (np.abs(kernels[0] - numpys[0]) <= 8 * n * np.finfo(float).eps * (numpys[1] + kernels[1])).all()
+    for (phase, log, error), (other, other_log, other_error) in zip(numpy_values, kernel_values, strict=True):
+        believed = np.finfo(float).eps * np.minimum(error, other_error) < 1e-3
+        assert believed.mean() > 0.8
+        ratio = other[believed] * np.exp(other_log[believed] - log[believed]) / phase[believed]
+        off = np.abs(1 - ratio)
+        assert (off <= 4 * np.finfo(float).eps * (8 * n + np.maximum(error, other_error)[believed])).all()
+        np.testing.assert_allclose(other_error[believed], error[believed], rtol=0.1)
+
+
+def test_slices_along_any_number_are_those_of_numpy():
+    loop, found = wavesweep.compile({"controller": {"kind": "pmw-lm"}}), []
+    for name in (kernel.NUMPY, kernel.NUMBA):
+        with kernel.using(name):
+            found.append(loop.stable_intervals("device.mass", (0.05, 1.0), b=[12.0, 25.0, 40.0]))
+    numpys, kernels = found
+    assert kernels.certified.all()
+    np.testing.assert_array_equal(kernels.intervals, numpys.intervals)
+    np.testing.assert_allclose(kernels.low, numpys.low, rtol=1e-9)
+    np.testing.assert_allclose(kernels.high, numpys.high, rtol=1e-9)
 
 
 SMALL = {

@@ -5,6 +5,7 @@ from math import comb
 
 import numpy as np
 
+from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.circle import inverse
 
 PAIR, ONE, MINUS_ONE, BEYOND = 0, 1, 2, 3  # the functions: a complex pair, z = 1, z = -1; surely unstable
@@ -81,6 +82,10 @@ def _finite(E, units):
 def characteristic(E):
     """Coefficients of `det(w I - E)` in powers of `w/size`, that of the lowest first, `(n + 1, matrices)`; their errors, in
     roundings; and size, a power of two for every matrix. E: `(matrices, n, n)`."""
+    if chosen() != NUMPY and E.size:
+        from wavesweep.analysis.intervals.compiled import functions
+
+        return functions.characteristic(E)
     A = np.moveaxis(E, 0, -1).copy()
     n, size = len(A), np.exp2(np.ceil(np.log2(np.maximum(1, np.abs(A).max((0, 1), initial=0)))))
     c = _characteristic(_hessenberg(A / size))
@@ -93,6 +98,10 @@ def characteristic(E):
 def _functions(c, reach, size):
     """Phases, logarithms and errors, `(4, matrices)` each; the matrices are in the last axis from here on."""
     n = len(c) - 1
+    if chosen() != NUMPY and n:
+        from wavesweep.analysis.intervals.compiled import functions
+
+        return functions.functions(c, reach, size, _powers(n))
     q, errors = _mapped(c, reach, size)
     largest = np.abs(q).max(0)
     phase, log, error = _last_but_one(q / largest, errors / largest)
@@ -220,4 +229,5 @@ def _last_but_one(q, reach):
     for i in range(half):
         for j in range(half):
             total += np.abs(back[j, i]) * error[i, j]
-    return phase, np.where(log > -690, log, -690.0), np.where(lost, np.inf, total)
+    # A matrix that is exactly singular has no inverse to say what errors do to it.
+    return phase, np.where(log > -690, log, -690.0), np.where(lost | (phase == 0), np.inf, total)

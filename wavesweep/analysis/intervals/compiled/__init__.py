@@ -9,7 +9,15 @@ import numpy as np
 from wavesweep.analysis.doubt import NONE
 from wavesweep.analysis.intervals.bernstein import MOST, change_of_basis, largest_bernstein
 from wavesweep.analysis.intervals.boundary import K_VE
-from wavesweep.analysis.intervals.compiled.curve import _at_ends, _judged, _polished, _polynomial, _row_order, _scale, _transform
+from wavesweep.analysis.intervals.compiled.curve import (
+    _at_ends,
+    _judged,
+    _polished,
+    _polynomial,
+    _row_order,
+    _scale,
+    _transform,
+)
 from wavesweep.analysis.intervals.compiled.isolating import _roots
 from wavesweep.analysis.intervals.compiled.labelling import LEFT, OPEN, _asked, _cut, _followed, _intervals, _screened
 from wavesweep.analysis.intervals.compiled.lanes import LANES

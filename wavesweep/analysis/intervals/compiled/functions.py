@@ -1,0 +1,209 @@
+"""Characteristic polynomials and critical functions of frames, one after the other, for the kernel; see `critical`."""
+
+import numpy as np
+
+from wavesweep.analysis.intervals.compiled.solving import compiled
+
+EPS = float(np.finfo(float).eps)
+
+
+@compiled
+def _characteristics(E, c, reach, size):
+    """`critical.characteristic` into c, reach `(n + 1, matrices)` and size."""
+    count, n, _ = E.shape
+    A, leading = np.empty((n, n), E.dtype), np.empty((n + 1, n + 1), E.dtype)
+    for at in range(count):
+        largest = 1.0
+        for i in range(n):
+            for j in range(n):
+                largest = max(largest, E[at, i, j].real ** 2 + E[at, i, j].imag ** 2)
+        size[at] = 2.0 ** np.ceil(np.log2(largest) / 2)
+        for i in range(n):
+            for j in range(n):
+                A[i, j] = E[at, i, j] * (1 / size[at])
+        _hessenberg(A)
+        _characteristic(A, leading)
+        for k in range(n + 1):
+            c[k, at] = leading[n, k]
+            reach[k, at] = abs(leading[n, k]) + ((k + 1) * abs(leading[n, k + 1]) if k < n else 0.0)
+
+
+@compiled
+def _taxicab(number):
+    """A size that costs no root."""
+    return abs(number.real) + abs(number.imag)
+
+
+@compiled
+def _hessenberg(A):
+    """A in place to Hessenberg form by elimination with row exchanges."""
+    n = len(A)
+    for k in range(1, n - 1):
+        at = _largest(A, k, k - 1)
+        if A[at, k - 1] == 0:
+            continue
+        _exchanged(A, k, at)
+        for i in range(n if at != k else 0):
+            A[i, k], A[i, at] = A[i, at], A[i, k]
+        inverse = 1 / A[k, k - 1]
+        for i in range(k + 1, n):
+            factor = A[i, k - 1] * inverse
+            for j in range(k - 1, n):
+                A[i, j] -= factor * A[k, j]
+            for j in range(n):
+                A[j, k] += A[j, i] * factor
+
+
+@compiled
+def _largest(A, first, column):
+    """The row, from the first on, whose entry in the column is the largest."""
+    best, at = _taxicab(A[first, column]), first
+    for i in range(first + 1, len(A)):
+        size = _taxicab(A[i, column])
+        if size > best:
+            best, at = size, i
+    return at
+
+
+@compiled
+def _exchanged(A, k, at):
+    """Two rows in each other's place."""
+    for j in range(len(A) if at != k else 0):
+        A[k, j], A[at, j] = A[at, j], A[k, j]
+
+
+@compiled
+def _characteristic(H, leading):
+    """Coefficients of `det(w I - H)` of the leading parts of H, that of the lowest power first, by rows."""
+    leading[0, 0] = 1.0
+    for j in range(len(H)):
+        product = H[0, 0] * 0 + 1
+        leading[j + 1, 0] = 0.0
+        for k in range(j + 1):
+            leading[j + 1, k + 1] = leading[j, k]
+        for k in range(j + 1):
+            leading[j + 1, k] -= H[j, j] * leading[j, k]
+        for i in range(j - 1, -1, -1):
+            product *= H[i + 1, i]
+            factor = H[i, j] * product
+            for k in range(i + 1):
+                leading[j + 1, k] -= factor * leading[i, k]
+
+
+@compiled
+def _functions(c, reach, size, change, phase, log, error):
+    """`critical._functions` into phase (complex), log and error, `(4, matrices)`; change: see `critical._powers`."""
+    n, count = len(c) - 1, c.shape[1]
+    half = n // 2
+    q, missed, matrix, back = np.empty(n + 1, c.dtype), np.empty(n + 1), np.empty((half, half), c.dtype), np.empty((half, half))
+    pairs = max(n * (n - 1) / 2, 1.0)
+    for at in range(count):
+        largest, weight, least = 0.0, 1.0, 2 / size[at] ** 2
+        q[:], missed[:] = 0.0, 0.0
+        for k in range(n + 1):
+            for i in range(k, n + 1):
+                q[i] += change[i, k] * (c[k, at] * weight)
+                missed[i] += abs(change[i, k]) * (reach[k, at] * weight)
+            weight /= size[at]
+        for k in range(n + 1):
+            largest = max(largest, abs(q[k])) if not np.isnan(abs(q[k])) else np.nan
+        grown = n * np.log(size[at])
+        _part(c[0, at], reach[0, at], grown, 1, at, phase, log, error)
+        _part(q[n], missed[n], grown, 2, at, phase, log, error)
+        total, off = n / size[at] - c[n - 1, at], n / size[at] + reach[n - 1, at]
+        second = -(n - 1) / size[at] * c[n - 1, at]
+        unsure = (n - 1) / size[at] * reach[n - 1, at]
+        if n > 1:
+            second, unsure = second + pairs / size[at] ** 2 + c[n - 2, at], unsure + pairs / size[at] ** 2 + reach[n - 2, at]
+        value = total**2 / n**2 + second / pairs - least
+        whole = (2 * abs(total) * off + abs(total) ** 2) / n**2 + (unsure + abs(second)) / pairs + least
+        _part(value, 4 * whole, 2 * np.log(size[at]), 3, at, phase, log, error)
+        for k in range(n + 1):
+            q[k], missed[k] = q[k] / largest, missed[k] / largest
+        found, size_of, error[0, at] = _last_but_one(q, missed, matrix, back)
+        phase[0, at] = found
+        log[0, at] = size_of + (n - 1) * (grown + np.log(largest) - n / 2 * np.log(2))
+
+
+@compiled
+def _part(value, reach, factor, row, at, phase, log, error):
+    """Phase, logarithm of the size and relative error of a number times exp(factor)."""
+    size = abs(value)
+    magnitude = max(size, 1e-300) if not np.isnan(size) else size
+    phase[row, at], log[row, at] = value / magnitude, np.log(magnitude) + factor
+    error[row, at] = reach / magnitude if size > 1e-290 else 1e300
+
+
+@compiled
+def _last_but_one(q, missed, matrix, back):
+    """Phase, logarithm and relative error of the last Hurwitz determinant but one; see `critical._last_but_one`."""
+    half, n = len(matrix), len(q) - 1
+    error, one = back, q[0] * 0 + 1
+    if not half:
+        return one, 0.0, 0.0
+    for i in range(half):
+        for j in range(half - 1, i - 1, -1):
+            (e, de), (o, do) = _coefficient(q, missed, 2 * (j + 1)), _coefficient(q, missed, 2 * i + 1)
+            (f, df), (p, dp) = _coefficient(q, missed, 2 * i), _coefficient(q, missed, 2 * (j + 1) + 1)
+            value, unsure = e * o - f * p, abs(e) * do + de * abs(o) + abs(f) * dp + df * abs(p)
+            if i and j + 1 < half:
+                value, unsure = value + matrix[i - 1, j + 1], unsure + error[i - 1, j + 1]
+            matrix[i, j], error[i, j] = value, unsure
+            matrix[j, i], error[j, i] = value, unsure
+    if n % 2 == 0:  # of an even order the leading coefficient is a factor of the last column, and not one of the function
+        for i in range(half):
+            matrix[i, half - 1], error[i, half - 1] = q[2 * i + 1], missed[2 * i + 1]
+    return _determinant(matrix, error)
+
+
+@compiled
+def _coefficient(q, missed, k):
+    """That of a power, 0 beyond the degree."""
+    return (q[k], missed[k]) if k < len(q) else (q[0] * 0, 0.0)
+
+
+@compiled
+def _determinant(matrix, error):
+    """Phase and logarithm of the determinant, and the sum of `|inverse^T| error`; the matrix is used up.
+
+    Gauss-Jordan elimination with row exchanges, so the rows of the inverse's transpose follow at once.
+    """
+    n, phase, log, total = len(matrix), matrix[0, 0] * 0 + 1, 0.0, 0.0
+    inverse = np.zeros_like(matrix)
+    for i in range(n):
+        inverse[i, i] = 1.0
+    for k in range(n):
+        at = _largest(matrix, k, k)
+        if not _taxicab(matrix[at, k]) > 0:
+            return phase, -690.0, np.inf
+        _exchanged(matrix, k, at)
+        _exchanged(inverse, k, at)
+        pivot = matrix[k, k]
+        size, back = abs(pivot), 1 / pivot
+        phase, log = phase * (pivot / size) * (1.0 if at == k else -1.0), log + np.log(size)
+        for j in range(n):
+            matrix[k, j], inverse[k, j] = matrix[k, j] * back, inverse[k, j] * back
+        for i in range(n):
+            factor = matrix[i, k] * (i != k)
+            for j in range(n):
+                matrix[i, j] -= factor * matrix[k, j]
+                inverse[i, j] -= factor * inverse[k, j]
+    for i in range(n):
+        for j in range(n):
+            total += abs(inverse[j, i]) * error[i, j]
+    return phase, max(log, -690.0), total
+
+
+def characteristic(E):
+    """What `critical.characteristic` gives."""
+    count, n, _ = E.shape
+    c, reach, size = np.empty((n + 1, count), E.dtype), np.empty((n + 1, count)), np.empty(count)
+    _characteristics(np.ascontiguousarray(E), c, reach, size)
+    return c, reach, size
+
+
+def functions(c, reach, size, change):
+    """What `critical._functions` gives; change: see `critical._powers`."""
+    phase, (log, error) = np.empty((4, size.size), c.dtype), np.empty((2, 4, size.size))
+    _functions(*map(np.ascontiguousarray, (c, reach, size)), change, phase, log, error)
+    return phase, log, error
