@@ -95,12 +95,28 @@ def _opened(table: Table) -> tuple[tuple[Field, ...], Iterable[Columns]]:
 
 
 def _write_rows(stem: Path, fields: tuple[Field, ...], facts: Mapping[str, Any], blocks: Iterable[Columns]) -> None:
+    """Write both files, each in a thread of its own if there are several groups: Arrow leaves Python to the next group then."""
     parquet = ParquetFile(stem.with_suffix(".parquet"), fields, facts)
     with closing(parquet), stem.with_suffix(".csv").open("wb") as csv:
         csv.write(csv_header(fields))
-        for group in _groups(fields, blocks):
-            csv.write(csv_rows(group))
-            parquet.append(group)
+        groups = _groups(fields, blocks)
+        first, second = next(groups, None), next(groups, None)
+        if second is None:
+            for group in () if first is None else (first,):
+                csv.write(csv_rows(group))
+                parquet.append(group)
+            return
+        from concurrent.futures import ThreadPoolExecutor
+
+        with ThreadPoolExecutor(1) as of_csv, ThreadPoolExecutor(1) as of_parquet:
+            before: tuple = ()
+            for group in chain([first, second], groups):
+                now = of_csv.submit(lambda rows: csv.write(csv_rows(rows)), group), of_parquet.submit(parquet.append, group)
+                for each in before:  # no more than two groups are in memory
+                    each.result()
+                before = now
+            for each in before:
+                each.result()
 
 
 def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns], partition: int | None = None) -> Iterator[Columns]:
