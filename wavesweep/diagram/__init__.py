@@ -61,10 +61,15 @@ TAME_RATE = 100.0  # Hz, far above twice any moderate cutoff
 
 def keys_read(values) -> frozenset[str]:
     """The keys that the loop of `values` depends on, with those of the wall; recorded while the loop is drawn."""
-    watched = _Watched(values)
-    drawing_of(values["controller.kind"])(watched)
-    watched.seen.add("controller.kind")
-    return frozenset(watched.seen) | frozenset(WALL)
+    return _read(drawing_of(values["controller.kind"]), tuple(sorted(_tame(values))))
+
+
+@lru_cache(maxsize=1024)
+def _read(function, items) -> frozenset[str]:
+    """The same; two loops of one structure read the same keys."""
+    watched = _Watched(dict(items))
+    function(watched)
+    return frozenset({*watched.seen, "controller.kind", *WALL})
 
 
 def state_labels(diagram: Diagram) -> dict[str, str]:

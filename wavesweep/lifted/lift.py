@@ -86,8 +86,10 @@ def prune(block: Block) -> tuple[Block, tuple[str, ...]]:
     """
     reads = np.any(block.E != 0, axis=tuple(range(block.E.ndim - 2)))
     kept = np.any(block.C != 0, axis=tuple(range(block.C.ndim - 1)))
-    for _ in block.states:
-        kept = kept | np.any(reads[kept], axis=0)
+    before = 0
+    while before < np.count_nonzero(kept):
+        before = np.count_nonzero(kept)
+        kept = kept | reads[kept].any(0)
     if kept.all():
         return block, ()
     index = np.flatnonzero(kept)

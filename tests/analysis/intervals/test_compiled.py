@@ -225,6 +225,14 @@ def test_characteristic_polynomials_and_functions_are_those_of_numpy_to_their_er
         np.testing.assert_allclose(other_error[believed], error[believed], rtol=0.1)
 
 
+def test_a_polynomial_of_zeros_has_no_functions_and_no_error():
+    c, reach, size = np.zeros((4, 2), complex), np.zeros((4, 2)), np.ones(2)
+    with kernel.using(kernel.NUMBA):
+        _, log, error = critical.from_polynomials(c, reach, size)
+    assert (log[critical.PAIR] == -np.inf).all()
+    assert (error[critical.PAIR] == critical.MOST_ERROR).all()
+
+
 def test_slices_along_any_number_are_those_of_numpy():
     loop, found = wavesweep.compile({"controller": {"kind": "pmw-lm"}}), []
     for name in (kernel.NUMPY, kernel.NUMBA):

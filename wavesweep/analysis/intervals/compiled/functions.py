@@ -118,8 +118,9 @@ def _functions(c, reach, size, change, phase, log, error):
         value = total**2 / n**2 + second / pairs - least
         whole = (2 * abs(total) * off + abs(total) ** 2) / n**2 + (unsure + abs(second)) / pairs + least
         _part(value, 4 * whole, 2 * np.log(size[at]), 3, at, phase, log, error)
+        scale = 1 / largest  # numba raises an error where a complex number is divided by zero
         for k in range(n + 1):
-            q[k], missed[k] = q[k] / largest, missed[k] / largest
+            q[k], missed[k] = q[k] * scale, missed[k] * scale
         found, size_of, error[0, at] = _last_but_one(q, missed, matrix, back)
         phase[0, at] = found
         log[0, at] = size_of + (n - 1) * (grown + np.log(largest) - n / 2 * np.log(2))
