@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.diagram.block import frozen, numbers
+from wavesweep.diagram.block import Block, frozen, numbers
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import drift_of
 from wavesweep.lifted.circle import solve
@@ -74,9 +74,9 @@ class Cut:
         )
 
 
-def cut_at_wall(diagram: Diagram) -> Cut:
-    """Lift the drawing and cut it at the wall."""
-    block, unread = slow_side(diagram, diagram.wall)
+def cut_at_wall(diagram: Diagram, fast: Block | None = None) -> Cut:
+    """Lift the drawing and cut it at the wall; fast: see `slow_side`."""
+    block, unread = slow_side(diagram, diagram.wall, fast=fast)
     facts = {"period": diagram.period * diagram.ratio, "unread": unread, "condition": block.condition, "pivot": block.pivot}
     drift = drift_of(diagram)
     if drift.lead not in block.states:

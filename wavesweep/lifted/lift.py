@@ -1,5 +1,7 @@
 """Lifting: blocks of the fast rate seen once a frame, inputs held with a delay in it, and what nothing reads left out."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from wavesweep.diagram.block import Block, unit_delay
@@ -128,15 +130,22 @@ def fast_side(diagram: Diagram, outputs, terms: bool = False) -> Block:
     return block
 
 
-def slow_side(diagram: Diagram, outputs, injected=False, wall=None) -> tuple[Block, tuple[str, ...]]:
+def with_outputs(fast: Block, outputs) -> Block:
+    """The block with some of its outputs alone, and the states that these read."""
+    rows = [fast.outputs.index(name) for name in outputs]
+    return prune(replace(fast, outputs=tuple(outputs), C=fast.C[..., rows, :], D=fast.D[..., rows, :]))[0]
+
+
+def slow_side(diagram: Diagram, outputs, injected=False, wall=None, fast=None) -> tuple[Block, tuple[str, ...]]:
     """The frame, cut at the wall: from the wall's force to the slow signals `outputs`.
 
     injected: adds an input `inject.NAME` for every sample, which is added to what the sampler reads (the hand's force
     reaches the slow side by no other way). wall: a junction that makes that force, which closes the loop.
+    fast: the tick with the samples among its outputs, if it is known.
     Returns the block and the names of the states that were left out.
     """
     sampled = tuple(dict.fromkeys(diagram.samples.values()))
-    fast = fast_side(diagram, sampled)
+    fast = fast_side(diagram, sampled) if fast is None else with_outputs(fast, sampled)
     frame = lift_held(fast, diagram.ratio, diagram.delay, tuple(diagram.holds), sampled)
     sums = slow_sums(diagram)
     if injected:

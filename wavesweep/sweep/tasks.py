@@ -8,13 +8,14 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
 
 from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
 from wavesweep.analysis.intervals.frames import Frames
-from wavesweep.analysis.response import felt, felt_map
+from wavesweep.analysis.response import fast_at_rest, felt, felt_map
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import WALL, draw, identity
 from wavesweep.kernel import using
@@ -119,17 +120,19 @@ class IntervalTask:
 
     def records(self) -> np.ndarray:
         """The intervals as records."""
-        return with_felt(self, records_of(solve(self)))
+        drawn: dict[int, tuple] = {}
+        return with_felt(self, records_of(solve(self, drawn)), drawn)
 
 
-def with_felt(task: IntervalTask, records: np.ndarray) -> np.ndarray:
-    """The records with the static stiffness that the hand feels at both ends of each interval (N/m; NaN: none)."""
+def with_felt(task: IntervalTask, records: np.ndarray, drawn: Mapping[int, tuple] = MappingProxyType({})) -> np.ndarray:
+    """The records with the static stiffness that the hand feels at both ends of each interval (N/m; NaN: none); drawn: see
+    `solve`."""
     walls = getattr(task, "walls", None)  # a loop that is assembled tick by tick has its own
     loop, wall = np.divmod(records["slice"], walls[WALL[0]].shape[-1] if walls else 1)
     K = np.atleast_2d(walls[WALL[0]])[loop if walls[WALL[0]].ndim > 1 else 0, wall] if walls else np.empty(loop.size)
     for name in FELT:
         records[name] = np.nan
-    for members, own in task.groups if getattr(task, "felt", True) else ():
+    for number, (members, own) in enumerate(task.groups if getattr(task, "felt", True) else ()):
         # The rates have no part in what is static.
         values = own | {"rates.ratio": max(1, int(own["rates.ratio"]))}
         mine = np.isin(loop, members) if len(task.groups) > 1 else True
@@ -142,7 +145,8 @@ def with_felt(task: IntervalTask, records: np.ndarray) -> np.ndarray:
         tied = getattr(task, "ties", ())
         if task.along in WALL and not tied:
             batch = _batch(values)
-            known = felt_map(draw(values), batch) if batch else _felt_of_one(*identity(values))
+            diagram, fast = drawn.get(number) or (None, None)
+            known = felt_map(diagram or draw(values), batch, fast) if batch else _felt_of_one(*identity(values))
             known = np.broadcast_to(known.reshape(3, -1), (3, members.size))[:, at]
         for name, end in zip(FELT, ("low", "high"), strict=True):
             p = records[end][rows]
@@ -164,17 +168,20 @@ def _batch(values):
     return np.broadcast_shapes(*(value.shape for value in values.values() if isinstance(value, np.ndarray)))
 
 
-def solve(task: IntervalTask) -> Intervals:
-    """The intervals, sorted by slice; slices are numbered `loop * walls + wall`."""
+def solve(task: IntervalTask, drawn: dict[int, tuple] | None = None) -> Intervals:
+    """The intervals, sorted by slice; slices are numbered `loop * walls + wall`.
+
+    drawn: gets, for groups of several loops, the drawing and its tick, with which `with_felt` goes on.
+    """
     walls = task.walls[WALL[0]].shape[-1]
     along = _along_wall if task.along in WALL and not task.ties else _along_any_parameter
     parts, slices = [], []
-    for members, values in task.groups:
+    for number, (members, values) in enumerate(task.groups):
         own = {
             path: np.broadcast_to(each[members] if each.ndim > 1 else each, (members.size, walls))
             for path, each in task.walls.items()
         }
-        parts.append(along(task, values, own))
+        parts.append(along(task, values, own, number, drawn if task.felt else None))
         slices.append(members[parts[-1].column // walls] * walls + parts[-1].column % walls)
     slices = np.concatenate(slices)
     order = np.argsort(slices, kind="stable")
@@ -182,14 +189,20 @@ def solve(task: IntervalTask) -> Intervals:
     return Intervals(**(whole | {"column": slices[order]}))
 
 
-def _along_wall(task, values, walls):
+def _along_wall(task, values, walls, number, drawn):
     """Exact intervals: the wall is one scalar of the cut loop."""
-    other = next(path for path in WALL if path != task.along)
-    loops = with_batch(task.cut or cut_at_wall(draw(values)), len(walls[other]))
+    other, cut = next(path for path in WALL if path != task.along), task.cut
+    if cut is None:
+        diagram, fast = draw(values), None
+        if drawn is not None and _batch(values):
+            fast = fast_at_rest(diagram)
+            drawn[number] = diagram, fast
+        cut = cut_at_wall(diagram, fast)
+    loops = with_batch(cut, len(walls[other]))
     return stable_intervals(loops, SYMBOL[task.along], task.span, walls[other])
 
 
-def _along_any_parameter(task, values, own):
+def _along_any_parameter(task, values, own, _number, _drawn):
     """Intervals by eigenvalues: the loop is compiled again at every point, once for all walls."""
     size, walls = own[WALL[0]].shape
 
