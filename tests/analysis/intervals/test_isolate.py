@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from support import sturm
 
+from wavesweep.analysis.intervals import bernstein
 from wavesweep.analysis.intervals.bernstein import change_of_basis, largest_bernstein, roots_by_sign
 from wavesweep.analysis.intervals.isolate import EDGE, by_discs, isolate
 
@@ -108,12 +109,29 @@ def test_signs_decide_ordinary_rows_and_find_what_discs_find():
     (row, value, within, slope), complete = roots_by_sign(c / np.abs(c).max(-1, keepdims=True), np.full(300, 1e-13))
     found = by_discs(c, np.full(300, 1e-13))
     assert complete.mean() > 0.98
-    assert np.all(within < 2)
+    together = np.abs(value[:, None] - value) + 3.0 * ((row[:, None] != row) | np.eye(row.size, dtype=bool))
+    assert np.all((within > 0) & (within < together.min(-1)) & (within <= 1 - np.abs(value)))
     for index in np.flatnonzero(complete & found.proved):
         inside = found.inside[index]
         order = np.argsort(found.value[index][inside])
         np.testing.assert_allclose(value[row == index], found.value[index][inside][order], atol=1e-9)
         assert slope[row == index].tolist() == found.slope_sign[index][inside][order].tolist()
+
+
+@pytest.mark.parametrize("noise", [1e-15, 1e-10, 1e-5])
+def test_a_stretch_that_noise_alone_may_be_is_given_up_at_once(monkeypatch, noise):
+    """`x^9` is below the noise over a wide stretch: halving every piece of it 24 times would make millions."""
+    seen, halves = [], bernstein._halves
+
+    def counting(b):
+        seen.append(b.shape[-1])
+        return halves(b)
+
+    monkeypatch.setattr(bernstein, "_halves", counting)
+    c = np.array([float(a) for a in sturm.from_roots([0.0] * 9)])
+    _, complete = roots_by_sign(np.tile(c / np.abs(c).max(), (20, 1)), np.full(20, noise))
+    assert not complete.any()
+    assert sum(seen) < 20 * 24
 
 
 @pytest.mark.parametrize("n", [2, 5, 9, 16])

@@ -16,7 +16,7 @@ def roots_by_sign(coefficients, noise):
     """Real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within `noise`, row by row.
 
     coefficients: `(rows, n)`, none much larger than 1; noise: `(rows,)`. Returns the roots as (row, value, within what of it
-    the true one is, sign of the slope), sorted by row and value; and `(rows,)`, of which rows these are all, whatever the
+    no other is, sign of the slope), sorted by row and value; and `(rows,)`, of which rows these are all, whatever the
     polynomial is within the noise. A row is cut in two until every piece shows by the signs of its Bernstein
     coefficients that it has no root, since they all have one sign, or exactly one, since they change it once (Descartes'
     rule; J. M. Lane, R. F. Riesenfeld, BIT 21, 1981). Signs count beyond what noise and rounding can do: noise moves the
@@ -30,8 +30,11 @@ def roots_by_sign(coefficients, noise):
     (row, low, high, b), complete = _isolated(*_whole(coefficients), noise)
     value = low + (high - low) * _single_root(b)
     order = np.lexsort((value, row))
-    parts = row, value, np.maximum(value - low, high - value), np.sign(b[-1])
-    return tuple(part[order] for part in parts), complete
+    row, value, low, high, slope = (part[order] for part in (row, value, low, high, np.sign(b[-1])))
+    first = np.diff(row, prepend=-1) != 0
+    last = np.append(first[1:], True)[: row.size]
+    before, after = np.where(first, -1.0, np.roll(high, 1)), np.where(last, 1.0, np.roll(low, -1))
+    return (row, value, np.minimum(value - before, after - value), slope), complete
 
 
 def _whole(coefficients):
@@ -58,7 +61,9 @@ def _isolated(b, rounding, noise):
         none = (b.min(0) > own + rounding) | (b.max(0) < -own - rounding)
         single = ~none & _changes_once(b, farthest * own + rounding)
         found.append(tuple(part[..., single] for part in (row, low, high, b)))
-        rest = np.flatnonzero(~none & ~single)
+        rest = ~none & ~single
+        complete[row[rest & (np.abs(b).max(0) <= own + rounding)]] = False  # a piece that noise alone may be
+        rest = np.flatnonzero(rest & complete[row])
         if not rest.size:
             break
         row, low, high, b, rounding = (part[..., rest] for part in (row, low, high, b, rounding))
