@@ -245,6 +245,23 @@ def test_slices_along_any_number_are_those_of_numpy():
     np.testing.assert_allclose(kernels.high, numpys.high, rtol=1e-9)
 
 
+def test_compiled_code_is_beside_the_sources_or_in_the_users_cache(monkeypatch, tmp_path):
+    from wavesweep.analysis.intervals.compiled import solving
+
+    monkeypatch.setattr(solving.config, "CACHE_DIR", "")
+    monkeypatch.setattr(solving, "__file__", str(tmp_path / "compiled" / "solving.py"))
+    earlier = tmp_path / "compiled" / "__pycache__" / "wavesweep-0123456789abcdef"
+    earlier.mkdir(parents=True)
+    place = solving._place()
+    assert place.parent == earlier.parent
+    assert not earlier.exists()
+    (tmp_path / "compiled" / "curve.py").write_text("1\n")
+    assert solving._place() != place
+    monkeypatch.setattr(solving.os, "access", lambda *_: False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    assert solving._place().parent == tmp_path / "cache" / "wavesweep"
+
+
 SMALL = {
     "controller": {"kind": "pmw-lm"},
     "sweep": {"along": "K_VE", "K_VE": {"start": 0, "stop": 20000}, "B_VE": [0.5, 1.0, 5.0], "b": [10.0, 20.0]},

@@ -3,8 +3,10 @@
 What comes out in a lane depends on no other lane.
 """
 
+import os
 from hashlib import sha256
 from pathlib import Path
+from shutil import rmtree
 
 import numpy as np
 from numba import config, njit
@@ -16,13 +18,24 @@ WIDE = 2 * LANES  # numbers of a vector of lanes
 PREFERRED = 0.1  # of the largest entry of a column, down to which a row stays the pivot row that all lanes prefer
 
 
-def _place():
+def _place() -> Path:
     """A folder for compiled code that belongs to these very sources: numba looks at the file of a function alone, and not at
-    those that it calls or takes constants from."""
+    those that it calls or takes constants from. Beside them or, if they are in a place that nobody may write to, in the user's
+    cache. What belongs to earlier sources is removed there."""
     here, digest = Path(__file__).parent, sha256()
     for source in sorted([*here.parent.rglob("*.py"), *Path(cut.__file__).parent.glob("*.py")]):
         digest.update(source.read_bytes())
-    return Path(config.CACHE_DIR or here / "__pycache__") / f"wavesweep-{digest.hexdigest()[:16]}"
+    own = here / "__pycache__"
+    if config.CACHE_DIR:
+        root = Path(config.CACHE_DIR)
+    elif os.access(own if own.exists() else here, os.W_OK):
+        root = own
+    else:
+        root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "wavesweep"
+    place = root / f"wavesweep-{digest.hexdigest()[:16]}"
+    for earlier in root.glob("wavesweep-*") if root == own and not place.exists() else ():
+        rmtree(earlier, ignore_errors=True)
+    return place
 
 
 PLACE = str(_place())
