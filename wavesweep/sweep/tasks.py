@@ -6,7 +6,7 @@ import threading
 import time
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Protocol
@@ -183,6 +183,8 @@ def solve(task: IntervalTask, drawn: dict[int, tuple] | None = None) -> Interval
         }
         parts.append(along(task, values, own, number, drawn if task.felt else None))
         slices.append(members[parts[-1].column // walls] * walls + parts[-1].column % walls)
+    if len(parts) == 1:
+        return replace(parts[0], column=slices[0])
     slices = np.concatenate(slices)
     order = np.argsort(slices, kind="stable")
     whole = {f.name: np.concatenate([getattr(part, f.name) for part in parts])[order] for f in fields(Intervals)}

@@ -15,10 +15,11 @@ from wavesweep.analysis.intervals import critical, stable, stable_intervals
 from wavesweep.analysis.intervals.arcs import arc_crossings
 from wavesweep.analysis.intervals.bernstein import change_of_basis, largest_bernstein, roots_by_sign
 from wavesweep.analysis.intervals.boundary import ends
+from wavesweep.analysis.spectrum import count_outside
 from wavesweep.bench.this_tool import profile_rows
 from wavesweep.diagram import draw
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted import close, cut_at_wall
 from wavesweep.results.verify import verify
 from wavesweep.spec import load
 from wavesweep.sweep.checkpoint import identity_of
@@ -243,6 +244,29 @@ def test_slices_along_any_number_are_those_of_numpy():
     np.testing.assert_array_equal(kernels.intervals, numpys.intervals)
     np.testing.assert_allclose(kernels.low, numpys.low, rtol=1e-9)
     np.testing.assert_allclose(kernels.high, numpys.high, rtol=1e-9)
+
+
+@pytest.mark.parametrize("along", ["K_VE", "B_VE"])
+@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
+def test_closed_loops_and_their_counts_are_those_of_numpy(kind, along):
+    from wavesweep.analysis.intervals.compiled import _arrays
+    from wavesweep.analysis.intervals.compiled.labelling import NEAR, _closed, _outside
+
+    cut = cut_at_wall(draw(random_values(7003, kind))).at(np.newaxis)
+    value, fixed = np.linspace(0, SPANS[along][1], 40), np.repeat(FIXED[along][0], 8)
+    owner, column = np.zeros(40, int), np.arange(40)
+    A, known = _closed(*_arrays(cut), cut.integrates, along == "K_VE", owner, fixed, column, value)
+    numpys = close(cut.at(owner), *((value, fixed) if along == "K_VE" else (fixed, value)))
+    np.testing.assert_allclose(A, numpys, rtol=1e-14, atol=1e-14 * np.abs(numpys).max())
+    count, sure = count_outside(numpys)
+    found = _outside(A, np.linalg.eigvals(A).astype(complex), known)
+    told = found != NEAR
+    assert told.sum() > 20
+    np.testing.assert_array_equal(np.where(sure, count, -1)[told], found[told])
+    value[5] = np.inf
+    _, known = _closed(*_arrays(cut), cut.integrates, along == "K_VE", owner, fixed, column, value)
+    assert not known[5]
+    assert known.sum() == 39
 
 
 def test_compiled_code_is_beside_the_sources_or_in_the_users_cache(monkeypatch, tmp_path):

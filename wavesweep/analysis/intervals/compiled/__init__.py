@@ -19,14 +19,25 @@ from wavesweep.analysis.intervals.compiled.curve import (
     _transform,
 )
 from wavesweep.analysis.intervals.compiled.isolating import _roots
-from wavesweep.analysis.intervals.compiled.labelling import LEFT, OPEN, _asked, _cut, _followed, _intervals, _screened
+from wavesweep.analysis.intervals.compiled.labelling import (
+    LEFT,
+    NEAR,
+    OPEN,
+    _asked,
+    _closed,
+    _cut,
+    _followed,
+    _intervals,
+    _outside,
+    _screened,
+)
 from wavesweep.analysis.intervals.compiled.lanes import LANES
 from wavesweep.analysis.intervals.compiled.solving import _room, compiled
 from wavesweep.analysis.intervals.crossings import FAR, SPARE
 from wavesweep.analysis.intervals.regions import SHARES
 from wavesweep.analysis.intervals.stable import Intervals
 from wavesweep.analysis.spectrum import count_outside
-from wavesweep.lifted.cut import Cut, close
+from wavesweep.lifted.cut import Cut
 
 NEAR_SEED = 1e-4  # of an angle, how far a polished one may be from its seed
 
@@ -53,11 +64,15 @@ def proved(cut: Cut, owner, along: str, fixed, span) -> tuple[Intervals, np.ndar
         seen, open_ = np.full(region.size, -1), np.arange(region.size)
         for share in SHARES:
             some = region[open_]
-            value, other = bounds[0, some] + share * (bounds[1, some] - bounds[0, some]), fixed[column[open_]]
-            wall = (value, other) if along == K_VE else (other, value)
-            count, sure = count_outside(close(cut.at(owner[column[open_]]), *wall))
-            seen[open_[sure]] = count[sure]
-            open_ = open_[~sure]
+            value = bounds[0, some] + share * (bounds[1, some] - bounds[0, some])
+            A, known = _closed(*arrays, *facts, *columns, column[open_], value)
+            count = _outside(A, np.linalg.eigvals(A).astype(complex), known)
+            near = np.flatnonzero(count == NEAR)
+            if near.size:
+                beside, sure = count_outside(A[near])
+                count[near] = np.where(sure, beside, -1)
+            seen[open_] = count
+            open_ = open_[count < 0]
             if not open_.size:
                 break
         return seen

@@ -7,9 +7,12 @@ import numpy as np
 
 from wavesweep.analysis.intervals.compiled.solving import compiled
 from wavesweep.analysis.intervals.regions import NARROW
+from wavesweep.analysis.spectrum import NEIGHBOURHOOD, ROUNDINGS
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V
 
 OPEN, EXCLUDED, LEFT = 0, 1, 2  # a column: to be done; unstable throughout, by its trace; left to numpy's way
+NEAR = -2  # a count that is not told from eigenvalues alone
+EPS = float(np.finfo(float).eps)
 
 
 @compiled
@@ -103,6 +106,46 @@ def _sorted(low, high, inner, ends, found):
             found[0, place], found[1, place], found[2, place], found[3, place] = p, theta, jump, left
             count += 1
     return count, at_low
+
+
+@compiled
+def _closed(E, B, C, D, integrates, along_k, owner, fixed, column, value):
+    """The loops of these columns closed with their walls, what `lifted.close` gives, `(columns, order, order)`; zeros where
+    that is not finite, and where it is."""
+    n, count = E.shape[1], len(column)
+    A, known = np.zeros((count, n + integrates, n + integrates)), np.ones(count, np.bool_)
+    for at in range(count):
+        loop = owner[column[at]]
+        K, F = (value[at], fixed[column[at]]) if along_k else (fixed[column[at]], value[at])
+        through = 1 - K * D[loop, OFFSET] - F * D[loop, V]
+        for i in range(n + integrates):
+            own, driven = (E[loop, i], B[loop, i]) if i < n else (C[loop, ADVANCE], D[loop, ADVANCE])
+            for j in range(n):
+                A[at, i, j] = own[j] + driven * ((K * C[loop, OFFSET, j] + F * C[loop, V, j]) / through)
+            if integrates:
+                A[at, i, n] = driven * (K / through)
+        if integrates and K == 0:
+            A[at, n, n] = -1.0
+        if not np.isfinite(A[at].sum()):
+            A[at], known[at] = 0.0, False
+    return A, known
+
+
+@compiled
+def _outside(A, w, known):
+    """How many of the eigenvalues w lie outside the circle, see `spectrum.count_outside`: -1 where that is not known, NEAR
+    where several are so near to it that more has to be looked at."""
+    count = np.full(len(A), -1)
+    for at in range(len(A)):
+        largest, least, near, outside = 1.0, np.inf, 0, 0
+        for i in range(A.shape[1]):
+            for j in range(A.shape[1]):
+                largest = max(largest, abs(A[at, i, j]))
+            excess = 2 * w[at, i].real + w[at, i].real ** 2 + w[at, i].imag ** 2
+            least, near, outside = min(least, abs(excess)), near + (abs(excess) < NEIGHBOURHOOD), outside + (excess > 0)
+        if known[at] and least > ROUNDINGS * EPS * largest:
+            count[at] = NEAR if near > 1 else outside
+    return count
 
 
 @compiled
