@@ -31,7 +31,8 @@ STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
 GRID, THOUSANDTH = 100, 1000
 PARTS = {  # function -> what it stands for; the time is that of the function and of all that it calls
     "cut_at_wall": "compile the loops", "sampled_polynomial": "polynomial", "isolate": "roots and their proof",
-    "polish": "polish", "regions": "counts and residuals", "records_of": "records",
+    "polish": "polish", "regions": "counts and residuals", "proved": "compiled kernel", "with_felt": "felt stiffness",
+    "records_of": "records",
 }  # fmt: skip
 
 
@@ -85,7 +86,8 @@ def profile(job):
     stats = pstats.Stats(profiler).stats
     for function, meaning in PARTS.items():
         seconds = sum(cumulated for (_, _, name), (_, _, _, cumulated, _) in stats.items() if name == function)
-        print(f"  {meaning:24} {100 * seconds / total:5.1f} %")
+        if seconds:
+            print(f"  {meaning:24} {100 * seconds / total:5.1f} %")
     for name in ("eigvals", "solve", "slogdet"):
         seconds = sum(own for (file, _, found), (_, _, own, _, _) in stats.items() if found == name and "linalg" in file)
         print(f"  of all that, LAPACK {name:12} {100 * seconds / total:5.1f} %")
