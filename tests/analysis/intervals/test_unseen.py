@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from support.intervals import cut_of
+from support.specs import values_of
 
 import wavesweep
 from wavesweep.analysis.doubt import DOUBTS, INCOMPLETE
+from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.analysis.spectrum import count_outside
 
 
@@ -66,3 +69,20 @@ def test_every_reason_is_explained_where_users_read():
     for word, meaning in DOUBTS.items():
         assert not word or f"| `{word}` | {meaning} |" in readme
     assert set(INCOMPLETE) < set(DOUBTS)
+
+
+def test_an_error_beyond_all_numbers_is_no_warning():
+    """A wave impedance of 1e-6 makes terms of 1e9 where the boundary on an arc vanishes."""
+    changes = {
+        "filters.lp1.order": 4, "filters.lp1.cutoff_hz": 224.93856305628836, "filters.hp.order": 0,
+        "filters.lp2.order": 1, "filters.lp2.cutoff_hz": 75.66982581819687, "rates.fast_hz": 5000.0, "rates.ratio": 3,
+        "device.mass": 0.31585990734240565, "device.damping": 0.0026667225876664245, "device.velocity": "difference",
+        "operator.mass": 0.0, "operator.damping": 0.0, "operator.stiffness": 0.0, "environment.integration": "explicit",
+        "environment.delay": 1, "controller.b": 1.0050269889203322e-06, "controller.Kp": 7.211047609383608,
+        "local_model.K_LM": 14.168672423379494, "local_model.B_LM": 0.0, "local_model.integration": "trapezoidal",
+        "local_model.delay": 1,
+    }  # fmt: skip
+    values = values_of("pmw-lm") | changes
+    fixed = np.array([[0.01021512761873631, 0.010214033488823483, 0.010214033488865843]])
+    found = stable_intervals(cut_of(values), "B_VE", (0.0, 10000.0), fixed)
+    assert set(found.column.tolist()) == {0, 1, 2}

@@ -12,6 +12,7 @@ SMALLEST = 1e-9  # rad; an arc this small that proves nothing is given up
 END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not told from one at the end itself
 MANY = 256  # so many open arcs of one column, and the column is given up
 TINY = 1e-300
+MOST_ERROR = 1e300  # of a value, in roundings of itself
 CAUTION = 20  # roundings of what is added up that two solves may cost
 
 
@@ -36,7 +37,9 @@ def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
         magnitude, far = np.maximum(np.abs(value), TINY), [np.maximum(np.abs(some), TINY) for some in distance]
         phase = value / magnitude * (distance[0] / far[0] * (distance[1] / far[1])).prod(-1)
         log = np.log(magnitude) + sum(np.log(some).sum(-1) for some in far)
-        return phase[None], log[None], (size / magnitude)[None]
+        with np.errstate(over="ignore"):
+            error = np.minimum(size / magnitude, MOST_ERROR)
+        return phase[None], log[None], error[None]
 
     low, high = np.tile(edges[:-1], fixed.size), np.tile(edges[1:], fixed.size)
     found = panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT)
