@@ -174,14 +174,17 @@ def solve(task: IntervalTask, drawn: dict[int, tuple] | None = None) -> Interval
     drawn: gets, for groups of several loops, the drawing and its tick, with which `with_felt` goes on.
     """
     walls = task.walls[WALL[0]].shape[-1]
-    along = _along_wall if task.along in WALL and not task.ties else _along_any_parameter
+    exact = task.along in WALL and not task.ties
     parts, slices = [], []
     for number, (members, values) in enumerate(task.groups):
         own = {
             path: np.broadcast_to(each[members] if each.ndim > 1 else each, (members.size, walls))
             for path, each in task.walls.items()
         }
-        parts.append(along(task, values, own, number, drawn if task.felt else None))
+        if exact:
+            parts.append(_along_wall(task, values, own, number, drawn if task.felt else None))
+        else:
+            parts.append(_along_any_parameter(task, values, own))
         slices.append(members[parts[-1].column // walls] * walls + parts[-1].column % walls)
     if len(parts) == 1:
         return replace(parts[0], column=slices[0])
@@ -204,7 +207,7 @@ def _along_wall(task, values, walls, number, drawn):
     return stable_intervals(loops, SYMBOL[task.along], task.span, walls[other])
 
 
-def _along_any_parameter(task, values, own, _number, _drawn):
+def _along_any_parameter(task, values, own):
     """Intervals by eigenvalues: the loop is compiled again at every point, once for all walls."""
     size, walls = own[WALL[0]].shape
 

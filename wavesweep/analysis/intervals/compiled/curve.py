@@ -11,6 +11,7 @@ from wavesweep.analysis.intervals.compiled.solving import (
     WIDE,
     _factored,
     _filled,
+    _largest,
     _missed,
     _missed_transposed,
     _order,
@@ -18,6 +19,7 @@ from wavesweep.analysis.intervals.compiled.solving import (
     _solved,
     _solved_transposed,
     _states,
+    _swapped,
     compiled,
 )
 from wavesweep.analysis.intervals.crossings import FARTHEST, NEAREST
@@ -77,9 +79,7 @@ def _scale(E):
     """What `crossings.warp_scale` is, of a loop."""
     A, n, log = E.copy(), len(E), 0.0
     for k in range(n):
-        at = k + np.argmax(np.abs(A[k:, k]))
-        for j in range(k, n):
-            A[k, j], A[at, j] = A[at, j], A[k, j]
+        _swapped(A, k, _largest(A, k, k))
         log += np.log(np.abs(A[k, k]))
         for i in range(k + 1, n):
             factor = A[i, k] / A[k, k]

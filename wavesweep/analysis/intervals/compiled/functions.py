@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from wavesweep.analysis.intervals.compiled.solving import compiled
-
-EPS = float(np.finfo(float).eps)
+from wavesweep.analysis.intervals.compiled.solving import _largest, _swapped, _taxicab, compiled
 
 
 @compiled
@@ -29,12 +27,6 @@ def _characteristics(E, c, reach, size):
 
 
 @compiled
-def _taxicab(number):
-    """A size that costs no root."""
-    return abs(number.real) + abs(number.imag)
-
-
-@compiled
 def _hessenberg(A):
     """A in place to Hessenberg form by elimination with row exchanges."""
     n = len(A)
@@ -42,7 +34,7 @@ def _hessenberg(A):
         at = _largest(A, k, k - 1)
         if A[at, k - 1] == 0:
             continue
-        _exchanged(A, k, at)
+        _swapped(A, k, at)
         for i in range(n if at != k else 0):
             A[i, k], A[i, at] = A[i, at], A[i, k]
         inverse = 1 / A[k, k - 1]
@@ -52,24 +44,6 @@ def _hessenberg(A):
                 A[i, j] -= factor * A[k, j]
             for j in range(n):
                 A[j, k] += A[j, i] * factor
-
-
-@compiled
-def _largest(A, first, column):
-    """The row, from the first on, whose entry in the column is the largest."""
-    best, at = _taxicab(A[first, column]), first
-    for i in range(first + 1, len(A)):
-        size = _taxicab(A[i, column])
-        if size > best:
-            best, at = size, i
-    return at
-
-
-@compiled
-def _exchanged(A, k, at):
-    """Two rows in each other's place."""
-    for j in range(len(A) if at != k else 0):
-        A[k, j], A[at, j] = A[at, j], A[k, j]
 
 
 @compiled
@@ -95,7 +69,8 @@ def _functions(c, reach, size, change, phase, log, error):
     """`critical._functions` into phase (complex), log and error, `(4, matrices)`; change: see `critical._powers`."""
     n, count = len(c) - 1, c.shape[1]
     half = n // 2
-    q, missed, matrix, back = np.empty(n + 1, c.dtype), np.empty(n + 1), np.empty((half, half), c.dtype), np.empty((half, half))
+    q, missed = np.empty(n + 1, c.dtype), np.empty(n + 1)
+    matrix, unsure_of = np.empty((half, half), c.dtype), np.empty((half, half))
     pairs = max(n * (n - 1) / 2, 1.0)
     for at in range(count):
         largest, weight, least = 0.0, 1.0, 2 / size[at] ** 2
@@ -121,7 +96,7 @@ def _functions(c, reach, size, change, phase, log, error):
         scale = 1 / largest  # numba raises an error where a complex number is divided by zero
         for k in range(n + 1):
             q[k], missed[k] = q[k] * scale, missed[k] * scale
-        found, size_of, error[0, at] = _last_but_one(q, missed, matrix, back)
+        found, size_of, error[0, at] = _last_but_one(q, missed, matrix, unsure_of)
         phase[0, at] = found
         log[0, at] = size_of + (n - 1) * (grown + np.log(largest) - n / 2 * np.log(2))
 
@@ -136,10 +111,10 @@ def _part(value, reach, factor, row, at, phase, log, error):
 
 
 @compiled
-def _last_but_one(q, missed, matrix, back):
+def _last_but_one(q, missed, matrix, error):
     """Phase, logarithm and relative error of the last Hurwitz determinant but one; see `critical._last_but_one`."""
     half, n = len(matrix), len(q) - 1
-    error, one = back, q[0] * 0 + 1
+    one = q[0] * 0 + 1
     if not half:
         return one, 0.0, 0.0
     for i in range(half):
@@ -177,8 +152,8 @@ def _determinant(matrix, error):
         at = _largest(matrix, k, k)
         if not _taxicab(matrix[at, k]) > 0:
             return phase, -690.0, np.inf
-        _exchanged(matrix, k, at)
-        _exchanged(inverse, k, at)
+        _swapped(matrix, k, at)
+        _swapped(inverse, k, at)
         pivot = matrix[k, k]
         size, back = abs(pivot), 1 / pivot
         phase, log = phase * (pivot / size) * (1.0 if at == k else -1.0), log + np.log(size)

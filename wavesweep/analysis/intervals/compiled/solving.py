@@ -60,18 +60,37 @@ def _over(a, b):
 
 
 @compiled
+def _taxicab(number):
+    """A size that costs no root."""
+    return abs(number.real) + abs(number.imag)
+
+
+@compiled
+def _largest(A, first, column):
+    """The row, from the first on, whose entry in the column is the largest."""
+    best, at = _taxicab(A[first, column]), first
+    for i in range(first + 1, len(A)):
+        size = _taxicab(A[i, column])
+        if size > best:
+            best, at = size, i
+    return at
+
+
+@compiled
+def _swapped(A, k, at):
+    """Two rows in each other's place."""
+    for j in range(len(A) if at != k else 0):
+        A[k, j], A[at, j] = A[at, j], A[k, j]
+
+
+@compiled
 def _order(A):
     """The rows of A in the order in which elimination with the largest pivots takes them; A is used up."""
     order = np.arange(len(A))
     for k in range(len(A)):
-        best, at = -1.0, k
-        for i in range(k, len(A)):
-            size = abs(A[i, k].real) + abs(A[i, k].imag)
-            if size > best:
-                best, at = size, i
+        at = _largest(A, k, k)
         order[k], order[at] = order[at], order[k]
-        for j in range(len(A)):
-            A[k, j], A[at, j] = A[at, j], A[k, j]
+        _swapped(A, k, at)
         pivot = _over(1.0 + 0j, A[k, k])
         for i in range(k + 1, len(A)):
             factor = A[i, k] * pivot
