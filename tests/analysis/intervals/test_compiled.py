@@ -141,6 +141,23 @@ def test_a_lane_is_what_it_is_whatever_the_others_are():
     assert not np.array_equal(room[1][:, 0], room[1][:, 1])
 
 
+def test_solutions_are_refined():
+    """Rows in the worst order and entries over nine decades: what is left is rounding of each equation's own terms."""
+    from wavesweep.analysis.intervals.compiled.curve import _row_order
+    from wavesweep.analysis.intervals.compiled.solving import _room, _states
+
+    random, n = np.random.default_rng(2), 12
+    w = np.exp(1j * np.geomspace(1e-3, np.pi, 8)) - 1
+    for _ in range(20):
+        E = random.normal(size=(n, n)) * 10.0 ** random.uniform(-9, 0, (n, 1))
+        B, room = random.normal(size=n) * np.abs(E).sum(1), _room(n)
+        room[3][1, :16] = in_lanes(w)
+        _states(E, B, _row_order(E, 0.1)[::-1].copy(), room)
+        x = from_lanes(room[2][0])
+        terms = np.abs(w * x) + np.abs(E) @ np.abs(x) + np.abs(B)[:, None]
+        assert np.all(np.abs(w * x - E @ x - B[:, None]) <= n * np.finfo(float).eps * terms)
+
+
 def test_a_singular_system_has_no_number_and_no_error():
     from wavesweep.analysis.intervals.compiled.solving import _room, _states
 
@@ -267,6 +284,23 @@ def test_closed_loops_and_their_counts_are_those_of_numpy(kind, along):
     _, known = _closed(*_arrays(cut), cut.integrates, along == "K_VE", owner, fixed, column, value)
     assert not known[5]
     assert known.sum() == 39
+
+
+def test_eigenvalues_that_nearly_meet_next_to_the_circle_are_left_to_a_closer_look():
+    from wavesweep.analysis.intervals.compiled.labelling import NEAR, _outside
+
+    w = np.array([[0.5, -0.5], [-1e-4, -2e-4], [-1e-4, -0.5], [0.5, 1e-17], [0.5, 0.5]], complex)
+    known = np.array([True, True, True, True, False])
+    assert _outside(np.zeros((5, 2, 2)), w, known).tolist() == [1, NEAR, 0, -1, -1]
+
+
+@pytest.mark.parametrize(("last", "agreed"), [(3, 4.0), (2, np.nan), (-1, np.nan)])
+def test_the_first_and_the_last_column_of_a_loop_have_to_agree(last, agreed):
+    from wavesweep.analysis.intervals.compiled.labelling import _agreed
+
+    bounds, start, counted = np.tile([[0.0], [10.0]], 3), np.arange(4), np.array([True, False, True])
+    above, begins = np.array([0.0, 5.0, 1.0]), np.array([4, -1, last])
+    assert np.array_equal(_agreed(0, 3, start, bounds, 10.0, counted, above, begins), agreed, equal_nan=True)
 
 
 def test_compiled_code_is_beside_the_sources_or_in_the_users_cache(monkeypatch, tmp_path):
