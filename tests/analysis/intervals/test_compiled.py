@@ -303,6 +303,22 @@ def test_the_first_and_the_last_column_of_a_loop_have_to_agree(last, agreed):
     assert np.array_equal(_agreed(0, 3, start, bounds, 10.0, counted, above, begins), agreed, equal_nan=True)
 
 
+def test_regions_that_come_out_stable_are_counted_in_counted_columns_and_where_they_are_narrow():
+    """Two crossings of two eigenvalues in each of three columns; the last regions are stable, the one between narrow or not."""
+    from wavesweep.analysis.intervals.compiled.labelling import OPEN, _followed
+
+    rise, start, owner = np.tile([0.0, -2.0], 3), np.arange(0, 7, 2), np.zeros(3, int)
+    counted, seen = np.array([True, False, True]), np.array([2, 2])
+    for width, claimed in ((5.0, [1, 5]), (1e-8, [1, 3, 5])):
+        bounds = np.array([[0.0, 5.0] * 3, [5.0, 10.0] * 3])
+        bounds[1, 3] = 5.0 + width
+        state = np.full(3, OPEN)
+        begins, found = _followed(owner, state, start, bounds, 10.0, counted, seen, np.zeros(3), rise)
+        assert begins.tolist() == [2, 2, 2]
+        assert found.tolist() == claimed
+        assert (state == OPEN).all()
+
+
 def test_compiled_code_is_beside_the_sources_or_in_the_users_cache(monkeypatch, tmp_path):
     from wavesweep.analysis.intervals.compiled import solving
 
