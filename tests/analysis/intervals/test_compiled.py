@@ -172,7 +172,7 @@ def test_a_singular_system_has_no_number_and_no_error():
 def test_what_rounding_moves_is_bounded_and_no_more_than_numpy_says(seed, along):
     """Every entry of a loop moved at random by a million roundings."""
     from wavesweep.analysis.intervals.compiled import _arrays
-    from wavesweep.analysis.intervals.compiled.curve import _end, _polished, _row_order
+    from wavesweep.analysis.intervals.compiled.curve import _end, _judged, _polished, _row_order
     from wavesweep.analysis.intervals.compiled.solving import _room
 
     cut = cut_at_wall(draw(random_values(7010 + seed, "pmw-lm"))).at(np.newaxis)
@@ -197,6 +197,10 @@ def test_what_rounding_moves_is_bounded_and_no_more_than_numpy_says(seed, along)
         _polished((*rounded, *facts), y, there, other, good, top, room)
         seen.append(abs(other[0] - value[0]) * 2.0**-20)
     assert 1e-3 * moved[0] < max(seen) < moved[0]
+    judged = np.empty(8)
+    for condition, off, doubted in ((1.0, 0.0, False), (1e9, 0.0, True), (1.0, 1e-6, True)):
+        _judged((*arrays, *facts), condition, y, value * (1 + off), theta, top, judged, room)
+        assert np.isinf(judged).all() == doubted
 
 
 @pytest.mark.parametrize("n", [2, 5, 9, 16])
