@@ -1,5 +1,7 @@
 """The calls that do what the commands do."""
 
+import pickle
+
 import pandas
 import pytest
 
@@ -28,6 +30,13 @@ def test_the_spec_s_own_sweep_is_a_table_with_units_and_facts():
     alone = wavesweep.compile(SPEC).stable_intervals(B_VE=[0.5, 1.0], b=[10.0, 25.0], span=(0, 2000))
     pandas.testing.assert_frame_equal(table, alone, check_like=True)
     assert alone.attrs["units"] == table.attrs["units"]
+
+
+def test_a_column_shares_what_is_known_of_its_table():
+    """pandas copies `.attrs` at every access to a column, whatever their size; who unpickles a table needs no wavesweep."""
+    table = wavesweep.zwidth(SPEC, jobs=1)
+    assert table["low"].attrs["facts"] is table.attrs["facts"]
+    assert {type(part) for part in pickle.loads(pickle.dumps(table)).attrs.values()} == {dict}  # noqa: S301 - its own
 
 
 def test_hands_are_an_option():

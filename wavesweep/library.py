@@ -14,6 +14,16 @@ if TYPE_CHECKING:
 Source = Spec | str | Path | Mapping[str, Any]
 
 
+class Shared(dict):
+    """A dict for the `.attrs` of a DataFrame, which pandas copies at every access to a column: its copies are itself."""
+
+    def __deepcopy__(self, memo: Any) -> Shared:
+        return self
+
+    def __reduce__(self) -> tuple[type[dict], tuple[dict[str, Any]]]:
+        return dict, (dict(self),)  # who reads a pickled DataFrame needs no part of this package
+
+
 def frame(
     kind: str,
     columns: Mapping[str, Any],
@@ -29,9 +39,10 @@ def frame(
     from wavesweep.results import fields_of
 
     table = pandas.DataFrame(dict(columns))
-    table.attrs["units"] = {field.name: field.unit for field in fields_of(kind, columns, facts or {"spec": tables or {}})}
+    fields = fields_of(kind, columns, facts or {"spec": tables or {}})
+    table.attrs["units"] = Shared((field.name, field.unit) for field in fields)
     if facts is not None:
-        table.attrs["facts"] = dict(facts)
+        table.attrs["facts"] = Shared(facts)
     return table
 
 
@@ -83,7 +94,7 @@ def design(source: Source, **work: Any) -> DataFrame:
 
     table = search(_spec(source).as_designed(), **work)
     found = frame_of_fields(table)
-    found.attrs["facts"] = dict(table.facts)
+    found.attrs["facts"] = Shared(table.facts)
     return found
 
 
@@ -140,7 +151,7 @@ def frame_of_fields(table: Any) -> DataFrame:
     import pandas
 
     found = pandas.DataFrame(dict(table.columns))
-    found.attrs["units"] = {field.name: field.unit for field in table.fields}
+    found.attrs["units"] = Shared((field.name, field.unit) for field in table.fields)
     return found
 
 

@@ -1,19 +1,19 @@
 """The largest singular value of the lifted response: through modes, in a few steps, proved from the trace."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from wavesweep.analysis.response.frame import Loop
 from wavesweep.analysis.response.ticks import ROUNDING, long_sum, taken
-from wavesweep.analysis.rows import Rows
 from wavesweep.lifted.circle import solve
 
-STEPS = 10  # of the bidiagonalisation; beyond, singular values of the whole matrix are the quicker way
+STEPS = 9  # of the bidiagonalisation; beyond, singular values of the whole matrix are the quicker way
 SETTLED = 1e-13  # relative width of the bounds on a singular value, at which it ends
 TILE = 16  # points of one product of matrices
 FLOOR = 1e-3  # of what modes take from the forces, where one takes nothing
 LONG = 64  # ticks from which on what a force does in its own frame is quicker through its Fourier transform
+LOOKED = 3, 5, 7, STEPS  # steps after which values are looked at; few are settled earlier, and a look costs as much as a step
 NEAR = 0.1  # by how much the modes' inverse may be off for its error to be bounded with it
 
 
@@ -36,22 +36,22 @@ class Dominant:
         of_defect = loop.dE @ wide + rough * (np.abs(loop.E) @ wide + wide * np.abs(self.poles[..., None, :]))
         self.slope = np.abs(into @ defect) + back @ of_defect
         self.offset = np.abs(into @ V - eye) + rough * (back @ wide)
-        shows, takes = _lengths(np.abs(O) @ wide, -2), _lengths(back @ np.abs(G), -1)
-        vague = _lengths(dO @ wide, -2) * takes + shows * _lengths(back @ dG, -1)
+        shows, takes = _norms(np.abs(O) @ wide, -2), _norms(back @ np.abs(G), -1)
+        vague = _norms(dO @ wide, -2) * takes + shows * _norms(back @ dG, -1)
         self.P, self.Q = O @ V, into @ G
         if law is not None:
             self._append(law, loop.still, ratio)
             length = ratio**0.5 * np.abs(loop.still[..., 0])
-            unsure = length * _lengths(law[1] + 8 * ROUNDING * np.abs(law[0]), -1)[..., 0]
+            unsure = length * _norms(law[1] + 8 * ROUNDING * np.abs(law[0]), -1)[..., 0]
             shows, takes, vague = (
                 np.concatenate([part, more[..., None]], -1)
-                for part, more in ((shows, length), (takes, _lengths(law[0], -1)[..., 0]), (vague, unsure))
+                for part, more in ((shows, length), (takes, _norms(law[0], -1)[..., 0]), (vague, unsure))
             )
         self.shows, self.takes, self.vague = (part[..., None] for part in (shows, takes, vague))
         lag = np.subtract.outer(np.arange(ratio), np.arange(ratio))
         self.T = np.where(lag >= 0, own[..., lag], 0.0)
         self.spectrum = np.fft.fft(own, 2 * ratio) if ratio > LONG else None
-        self.size = _lengths(self.T, (-2, -1))[..., None]
+        self.size = _norms(self.T, (-2, -1))[..., None]
         self.impulse = np.sqrt(ratio * (down**2).sum(-1))[..., None]
         self.square = (self.T**2).sum((-2, -1))[..., None]
         self.mixed = (np.swapaxes(self.T, -1, -2) @ self.P * np.swapaxes(self.Q, -1, -2)).sum(-2)[..., None]
@@ -89,19 +89,18 @@ class Dominant:
         bits do not depend on the others.
         """
         shape, (factor, trace) = trace.shape, (_tiles(factor), _tiles(trace[..., None, :])[:, 0])
-        v = _tiles(start / len(start) ** 0.5 + np.zeros((*shape[:-1], *start.shape)))
+        v = _tiles(start).view(float)
+        v *= len(start) ** -0.5
+        v = v if len(v) == len(trace) else np.tile(v, (len(trace) // len(v), 1, 1))
         best, width = np.full((2, *trace.shape), np.nan)
-        maps, at = self._maps(factor), np.arange(len(trace))
-        u, across, diagonal, beside = 0.0, np.zeros((len(trace), TILE)), [], []
-        for step in range(STEPS):
-            u = maps.times(v) - across[:, None, :] * u
-            along = _lengths(u, -2)
-            u = u / along[:, None, :]
-            v = maps.adjoint_times(u) - along[:, None, :] * v
-            across = _lengths(v, -2)
-            v = v / across[:, None, :]
+        maps, at, ticks = self._maps(factor), np.arange(len(trace)), v.shape[1]
+        u, across, diagonal, beside = np.zeros(v.shape), np.zeros((len(trace), TILE)), [], []
+        scratch = np.empty(v.shape), np.empty(factor.shape, complex)  # fresh memory costs as much as a product
+        for step in range(1, STEPS + 1):
+            along = maps.next(v, u, across, False, scratch)
+            across = maps.next(u, v, along, True, scratch)
             diagonal, beside = [*diagonal, along], [*beside, across]
-            if step == 0:
+            if step not in LOOKED and step < ticks:
                 continue
             open_ = np.nonzero(~(width[at] <= SETTLED * best[at]))  # one that is settled keeps its value
             square, missed = _largest(*(np.stack([part[open_] for part in parts], -1) for parts in (diagonal, beside)))
@@ -113,6 +112,7 @@ class Dominant:
                 break
             if left.size < at.size:
                 maps, at, u, v, across = maps.take(left), at[left], u[left], v[left], across[left]
+                scratch = tuple(part[: left.size] for part in scratch)
                 diagonal, beside = [part[left] for part in diagonal], [part[left] for part in beside]
         width = np.where(width <= SETTLED * best, width, np.inf)
         return tuple(part.reshape(*shape[:-1], -1)[..., : shape[-1]] for part in (best, width))
@@ -120,13 +120,10 @@ class Dominant:
     def _maps(self, factor):
         """The map of each tile; factor: `(tiles, modes, TILE)`."""
         own = self.T if self.spectrum is None else self.spectrum[..., None]
-        parts = (part.reshape(-1, *part.shape[-2:]) for part in (own, self.P, self.Q))
-        count = len(factor)
-        own, P, Q = (
-            np.broadcast_to(part, (count, *part.shape[1:])) if len(part) == 1 else np.repeat(part, count // len(part), axis=0)
-            for part in parts
-        )
-        return _Maps(own, P, Q, factor)
+        parts = [part.reshape(-1, *part.shape[-2:]) for part in (own, self.P, self.Q)]
+        if len(parts[0]) > 1:
+            parts = [np.repeat(part, len(factor) // len(part), axis=0) for part in parts]
+        return _Maps(*parts, *(np.swapaxes(part.conj(), -1, -2) for part in parts[1:]), factor)
 
     def _errors(self, w, size):
         """Sum of the sizes of the modes' parts, and a bound on the error of the map, as Frobenius norms.
@@ -143,40 +140,67 @@ class Dominant:
 
 
 @dataclass(frozen=True, slots=True)
-class _Maps(Rows):
-    """The maps of tiles of points: `own + P diag(factor) Q`, own a Toeplitz matrix, or the Fourier transform of its column."""
+class _Maps:
+    """The maps of tiles of points: `own + P diag(factor) Q`, own a Toeplitz matrix, or the Fourier transform of its column.
+
+    Pt, Qt: adjoints. All but factor have one entry for all tiles, or one each.
+    """
 
     own: np.ndarray
     P: np.ndarray
     Q: np.ndarray
+    Pt: np.ndarray
+    Qt: np.ndarray
     factor: np.ndarray
 
-    def times(self, v):
-        """Each map times its vectors `(tiles, ticks, TILE)`."""
-        return self._own_times(v, False) + self.P @ (self.factor * (self.Q @ v))
+    def take(self, index):
+        """Those of some tiles."""
+        parts = (getattr(self, field.name) for field in fields(self))
+        return _Maps(*(part[index] if len(part) == len(self.factor) else part for part in parts))
 
-    def adjoint_times(self, u):
-        """Each map's adjoint times its vectors."""
-        P, Q = (np.swapaxes(part.conj(), -1, -2) for part in (self.P, self.Q))
-        return self._own_times(u, True) + Q @ (self.factor.conj() * (P @ u))
+    def next(self, v, u, weight, adjoint, scratch):
+        """Put each map times its vectors v, less `weight u`, in place of u, at length 1, and return the lengths.
 
-    def _own_times(self, v, adjoint):
+        v, u: `(tiles, ticks, 2 TILE)`, real and imaginary parts in turn. weight: `(tiles, TILE)`. adjoint: of the map. scratch:
+        arrays as large as u and factor.
+        """
+        more, inner = scratch
+        np.matmul(self.Pt if adjoint else self.Q, v.view(complex), out=inner)
+        inner *= self.factor.conj() if adjoint else self.factor
+        np.matmul(self.Qt if adjoint else self.P, inner, out=more.view(complex))
+        u *= _both_parts(-weight)
+        u += more
+        u += self._own_times(v, adjoint, more)
+        square = np.einsum("tij,tij->tj", u, u)
+        length = np.sqrt(square[:, ::2] + square[:, 1::2])
+        u *= _both_parts(1 / length)
+        return length
+
+    def _own_times(self, v, adjoint, out):
         ticks = v.shape[-2]
         if self.own.shape[-1] == ticks:
-            return ((np.swapaxes(self.own, -1, -2) if adjoint else self.own) @ v.view(float)).view(complex)
+            return np.matmul(np.swapaxes(self.own, -1, -2) if adjoint else self.own, v, out=out)
         spectrum = self.own.conj() if adjoint else self.own
-        return np.fft.ifft(spectrum * np.fft.fft(v, 2 * ticks, axis=-2), axis=-2)[:, :ticks]
+        return np.fft.ifft(spectrum * np.fft.fft(v.view(complex), 2 * ticks, axis=-2), axis=-2)[:, :ticks].view(float)
 
 
 def _tiles(part):
     """`(..., n, points)` as `(tiles, n, TILE)`, the last point repeated where a tile has more."""
     *batch, n, points = part.shape
-    count = -(-points // TILE)
-    part = np.concatenate([part, np.repeat(part[..., -1:], count * TILE - points, axis=-1)], -1)
-    return np.ascontiguousarray(np.moveaxis(part.reshape(*batch, n, count, TILE), -2, -3)).reshape(-1, n, TILE)
+    whole, left = divmod(points, TILE)
+    tiles = np.empty((*batch, whole + (left > 0), n, TILE), part.dtype)
+    tiles[..., :whole, :, :] = np.moveaxis(part[..., : whole * TILE].reshape(*batch, n, whole, TILE), -2, -3)
+    if left:
+        tiles[..., whole, :, :left], tiles[..., whole, :, left:] = part[..., whole * TILE :], part[..., -1:]
+    return tiles.reshape(-1, n, TILE)
 
 
-def _lengths(A, axis):
+def _both_parts(numbers):
+    """A number per vector, `(tiles, TILE)`, for real and imaginary parts of the vectors' entries."""
+    return np.repeat(numbers, 2, axis=-1)[:, None, :]
+
+
+def _norms(A, axis):
     return np.sqrt((np.abs(A) ** 2).sum(axis))
 
 
@@ -186,10 +210,6 @@ def _largest(diagonal, beside):
     steps, last = diagonal.shape[-1], (diagonal[:, -1] * beside[:, -1]) ** 2
     square, off = diagonal**2, diagonal[:, :-1] * beside[:, :-1]
     square[:, 1:] += beside[:, :-1] ** 2
-    if steps == 2:
-        half, middle, off = (square[:, 0] - square[:, 1]) / 2, (square[:, 0] + square[:, 1]) / 2, off[:, 0]
-        beyond = np.hypot(half, off)
-        return middle + beyond, last * off**2 / (off**2 + (half + beyond) ** 2)
     matrix, index = np.zeros((len(square), steps, steps)), np.arange(steps)
     matrix[:, index, index], matrix[:, index[1:], index[:-1]] = square, off
     value, vector = np.linalg.eigh(np.where(np.isfinite(matrix), matrix, 0.0))
