@@ -14,6 +14,7 @@ from wavesweep.diagram.assembly import assembled
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted.periodic import closed_frame, ticks_of
 from wavesweep.spec import load
 from wavesweep.sweep import grid as grids
 from wavesweep.sweep.drawn_loops import drift_of, frames, radius_of
@@ -175,3 +176,18 @@ def test_every_slow_block_runs_in_the_ticks_of_its_steps():
     assert drawn.ticks == 50
     assert when["avatar"] == when["sample u_s"] == [0, 16, 33]
     assert (when["kept v_1"], when["shown v_1"]) == ([15, 32, 49], [0, 16, 33])
+
+
+@pytest.mark.parametrize(("path", "shared"), [("environment.K_VE", True), ("device.mass", False)])
+def test_points_of_several_loops_give_the_bits_of_all_pairs(path, shared):
+    """Ticks in which nothing reads the wall are connected once for all points of a loop."""
+    values, drawing = spec_of("pmw-lm", rates={"slow_hz": 60.0}).values, Uneven("pmw-lm")
+    b, drift = np.linspace(5, 60, 7), drift_of(drawing, values, values)
+    points = np.geomspace(0.1, 3, 28).reshape(7, 4) * values[path]
+    of_points, of_pairs = (
+        drawing.placed(values | {"controller.b": b, path: p})
+        for b, p in ((b[:, None], points), (np.repeat(b, 4), points.ravel()))
+    )
+    found, expected = (closed_frame(drawn, drift) for drawn in (of_points, of_pairs))
+    assert np.array_equal(found.reshape(expected.shape), expected)
+    assert ((7, 1) in {each.E.shape[:-2] for each in ticks_of(of_points).maps}) == shared

@@ -232,15 +232,15 @@ def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
     return float(below), float(above)
 
 
-def guards_at(drawing: Drawing | Uneven, values: Mapping[str, object], path: str, size: int) -> np.ndarray:
-    """What must not vanish for the loops to be analytic in a number, at values of it, real or complex: `(size, guards)`."""
+def guards_at(drawing: Drawing | Uneven, values: Mapping[str, object], path: str, shape: tuple[int, ...]) -> np.ndarray:
+    """What must not vanish for the loops to be analytic in a number, at values of it, real or complex: `(*shape, guards)`."""
     found, name = [], path.removeprefix("numbers.")
     if not isinstance(drawing, Uneven):
         known = scalars(values)
         for _, guard in _guards(drawing):
             if any(read == name for read, _ in names_in(guard)):
-                found.append(np.broadcast_to(_at(guard, known), (size,)))
-    return np.stack(found, axis=-1) if found else np.ones((size, 0))
+                found.append(np.broadcast_to(_at(guard, known), shape))
+    return np.stack(found, axis=-1) if found else np.ones((*shape, 0))
 
 
 def _keeps_sign(guard, known, name, points):

@@ -99,10 +99,11 @@ class _Net:
         return replace(self, **parts, into=into, out=out, kind=np.dtype(float))
 
     def order(self) -> tuple[list[int], list[int]]:
-        """The ports, each after those that its direct terms need, but for those that are torn; and these."""
+        """Ports that something reads, each after those that its direct terms need, but for those that are torn; and these."""
+        read = {port for row in (*self.B, *self.D) for port in row} | {port for port in self.shown if port is not None}
         needs = [list(dict.fromkeys(port for output in outputs for port in self.D[output])) for outputs, _ in self.into]
         order, torn, begun, ended = [], [], set(), set()
-        for first in range(len(needs)):
+        for first in sorted(read):
             path = [] if first in begun else [(first, iter(needs[first]))]
             begun.add(first)
             while path:
@@ -121,10 +122,11 @@ class _Net:
         return order, torn
 
     def followed(self, order, torn, states=True) -> list[Row]:
-        """Every port as a sum over columns; a torn port as the sum that it has to be. states: whether to add up states."""
+        """Every port of `order` as a sum over columns; a torn port as the sum that it has to be. states: whether to add up
+        states."""
         first = len(self.E) + self.inputs
         unknown = {port: {first + at: 1.0} for at, port in enumerate(torn)}
-        rows, known = [{} for _ in order], {}
+        rows, known = [{} for _ in self.into], {}
         for port in order:
             outputs, outside = self.into[port]
             row = {len(self.E) + column: gain for column, gain in outside.items()}
@@ -235,7 +237,9 @@ def _part(row, first, end=np.inf) -> Row:
 
 
 def _stacked(rows, width, batch, kind):
-    """Rows as an array `(..., len(rows), width)`."""
+    """Rows as an array `(..., len(rows), width)`; of several axes of a batch, each along which nothing varies has length 1."""
+    if len(batch) > 1:
+        batch = np.broadcast_shapes((1,) * len(batch), *{np.shape(value) for row in rows for value in row.values()})
     out = np.zeros((*batch, len(rows), width), kind)
     for at, row in enumerate(rows):
         for column, value in row.items():

@@ -32,28 +32,29 @@ class Ticks:
         return replace(self, kind=np.roll(self.kind, -first))
 
 
-def ticks_of(drawn: Drawn, outputs=()) -> Ticks:
-    """Connect the blocks that run in each tick; outputs: signals that are wanted in every tick.
+def ticks_of(drawn: Drawn, outputs=(), alone: bool = False) -> Ticks:
+    """Connect the blocks that run in each tick; outputs: signals that are wanted in every tick. alone: without the inputs.
 
     Errors: IllPosedLoopError for an algebraic loop without a solution.
     """
     sets, kind = drawn.schedule()
     held = drawn.held(outputs)
-    return Ticks(tuple(_connected(drawn, set(running), held, outputs) for running in sets), kind)
+    sums = {f"{each.block.name}.{port}": {} for each in drawn.placed for port in each.block.inputs} | dict(drawn.sums)
+    inputs, sums = ((), sums | {name: {} for name in drawn.inputs}) if alone else (drawn.inputs, sums)
+    return Ticks(tuple(_connected(drawn, set(running), held, sums, inputs, outputs) for running in sets), kind)
 
 
-def _connected(drawn, running, held, outputs):
+def _connected(drawn, running, held, sums, inputs, outputs):
     blocks = [_in_tick(each.block, index in running, held[each.block.name]) for index, each in enumerate(drawn.placed)]
-    unfed = {f"{block.name}.{port}": {} for block in blocks for port in block.inputs}
-    return connect("tick", blocks, unfed | dict(drawn.sums), drawn.inputs, tuple(outputs))
+    return connect("tick", blocks, sums, inputs, tuple(outputs))
 
 
 def _in_tick(block, runs, held):
     """The block with states for the outputs that it holds; if it does not run, nothing changes and these are shown."""
-    if not held:
-        return block if runs else replace(block, E=0 * block.E, B=0 * block.B, C=0 * block.C, D=0 * block.D)
+    if runs and not held:
+        return block
     n, h, rows = len(block.states), len(held), [block.outputs.index(port) for port in held]
-    batch, kind = block.batch, np.result_type(block.E, block.B, block.C, block.D)
+    batch, kind = (block.batch, np.result_type(block.E, block.B, block.C, block.D)) if runs else ((), float)
     E, B = np.zeros((*batch, n + h, n + h), kind), np.zeros((*batch, n + h, len(block.inputs)), kind)
     C, D = np.zeros((*batch, len(block.outputs), n + h), kind), np.zeros((*batch, len(block.outputs), len(block.inputs)), kind)
     if runs:
@@ -157,7 +158,7 @@ class _Change:
 
     def at(self, few) -> "_Change":
         """That of some matrices of a batch."""
-        return self if self.E.ndim == 2 else _Change(self.E[few], self.unread, self.unset)
+        return self if self.E.ndim == 2 or len(self.E) == 1 else _Change(self.E[few], self.unread, self.unset)
 
     def then(self, later) -> "_Change":
         E = self.E + later.E
@@ -204,7 +205,7 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> Drift:
 
     A shift that is the same in both is constant. One that differs is folded away with numbers (see `without_drift`).
     """
-    ticks = ticks_of(tame, watched)
+    ticks = ticks_of(tame, watched, alone=True)
     at, (first, second) = {name: i for i, name in enumerate(ticks.states)}, (shifts(tame), shifts(other))
     moved, folded = [], []
     for one, two in zip(first, second, strict=True):
@@ -259,7 +260,7 @@ def without_drift(E: np.ndarray, drift: Drift) -> np.ndarray:
 def closed_frame(drawn: Drawn, drift: Drift) -> np.ndarray:
     """The frame-to-frame matrix less identity, without drift, `(..., k, k)`; loops of less than two states are filled up with
     eigenvalues at 0 of the frame."""
-    return closed(ticks_of(drawn), drift)
+    return closed(ticks_of(drawn, alone=True), drift)
 
 
 def closed(ticks: Ticks, drift: Drift) -> np.ndarray:

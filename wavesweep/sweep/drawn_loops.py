@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache, reduce
+from math import prod
 
 import numpy as np
 
@@ -32,7 +33,7 @@ from wavesweep.lifted.number import cut_at_number
 from wavesweep.lifted.periodic import Drift, closed, closed_frame, drift_of_drawn, ticks_of
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.grid import groups, selected
-from wavesweep.sweep.tasks import TINY, different, records_of, with_batch, with_felt
+from wavesweep.sweep.tasks import TINY, records_of, with_batch, with_felt
 
 Groups = tuple[tuple[np.ndarray, Mapping[str, object]], ...]
 FACTS = "pivot", "condition"  # of connected ticks; those of a frame are products
@@ -88,7 +89,7 @@ def _closed(drawing, values, drift):
     """The same, and the connected ticks."""
     drawn = assembled(drawing, values)
     with named_loops(drawn), np.errstate(all="ignore"):
-        ticks = ticks_of(drawn)
+        ticks = ticks_of(drawn, alone=True)
         return closed(ticks, drift), ticks
 
 
@@ -146,11 +147,10 @@ class DrawnTask:
         drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
 
         def evaluate(number, p):
-            first, back = different(number, p)
-            varied = selected(values, number[first]) | {self.along: np.where(p[first] == 0, TINY, p[first])}
-            found = _where_solvable(self.drawing, varied, drift, first.size)
-            divisors = guards_at(self.drawing, varied, self.along, first.size)
-            return replace(found, pivots=np.concatenate([found.pivots, divisors], axis=-1)).take(back)
+            varied, shape = selected(values, number) | {self.along: np.where(p == 0, TINY, p)}, p.shape
+            found = _where_solvable(self.drawing, varied, drift, shape)
+            divisors = guards_at(self.drawing, varied, self.along, shape)
+            return replace(found, pivots=np.concatenate([found.pivots, divisors.reshape(p.size, -1)], axis=-1))
 
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
@@ -158,20 +158,23 @@ class DrawnTask:
         return stable_along_any(evaluate, self.span, size, period, self.bounds, bent)
 
 
-def _where_solvable(drawing, values, drift, size):
-    """The frames of a batch; NaN for loops of direct terms without a solution, which a search may come across."""
+def _where_solvable(drawing, values, drift, shape):
+    """The frames of a batch of that shape, which the values broadcast to, one after the other; NaN for loops of direct terms
+    without a solution, which a search may come across."""
+    size = prod(shape)
     try:
         E, ticks = _closed(drawing, values, drift)
         with np.errstate(all="ignore"):
             pivot, condition = (reduce(np.multiply, (getattr(each, part) for each in ticks.maps)) for part in FACTS)
         whole = zip((E, np.asarray(pivot)[..., None], condition), (E.shape[-2:], (1,), ()), strict=True)
-        return Frames(*(np.broadcast_to(part, (size, *tail)) for part, tail in whole))
+        return Frames(*(np.broadcast_to(part, (*shape, *tail)).reshape(size, *tail) for part, tail in whole))
     except IllPosedLoopError:
         if size == 1:
             order = max(2, len(drift.kept))
             return Frames(np.full((1, order, order), np.nan), np.zeros((1, 1)), np.full(1, np.inf))
+    values = {path: np.broadcast_to(v, shape).ravel() if np.ndim(v) else v for path, v in values.items()}
     parts = [slice(size // 2), slice(size // 2, size)]
-    return Frames.join([_where_solvable(drawing, selected(values, part), drift, len(range(size)[part])) for part in parts])
+    return Frames.join([_where_solvable(drawing, selected(values, part), drift, (len(range(size)[part]),)) for part in parts])
 
 
 def radii(grid) -> np.ndarray:

@@ -212,6 +212,7 @@ def _along_any_parameter(task, values, own):
     size, walls = own[WALL[0]].shape
 
     def evaluate(number, p):
+        number, p = (each.ravel() for each in np.broadcast_arrays(number, p))
         loop, wall = np.divmod(number, walls)
         first, back = different(loop, p)
         at, p = loop[first], np.where(p[first] == 0, TINY, p[first])

@@ -123,8 +123,8 @@ def test_a_pair_of_real_eigenvalues_with_product_one_is_no_end():
     """diag(p, 1/2) crosses at p = 1; at p = 2 the two are reciprocal, which changes nothing."""
 
     def evaluate(_, p):
-        E = np.zeros((p.size, 2, 2), p.dtype)
-        E[:, 0, 0], E[:, 1, 1] = p - 1, -0.5
+        E = np.zeros((*p.shape, 2, 2), p.dtype)
+        E[..., 0, 0], E[..., 1, 1] = p - 1, -0.5
         return E
 
     found = stable_along_any(evaluate, (0.1, 5.0), 1, np.ones(1))
@@ -140,9 +140,9 @@ def test_two_close_crossings_are_both_found():
     def evaluate(_, p):
         size = 1 + 1e-4 * (1e-12 - (p - 0.37) ** 2)
         angle = 0.5
-        E = np.zeros((p.size, 2, 2), p.dtype)
-        E[:, 0, 0] = E[:, 1, 1] = size * np.cos(angle) - 1
-        E[:, 0, 1], E[:, 1, 0] = size * np.sin(angle), -size * np.sin(angle)
+        E = np.zeros((*p.shape, 2, 2), p.dtype)
+        E[..., 0, 0] = E[..., 1, 1] = size * np.cos(angle) - 1
+        E[..., 0, 1], E[..., 1, 0] = size * np.sin(angle), -size * np.sin(angle)
         return E
 
     found = stable_along_any(evaluate, (0.0, 1.0), 1, np.ones(1))
@@ -223,10 +223,10 @@ def test_states_that_only_some_values_have_are_no_crossings():
 
     def evaluate(_, p):
         order = 2 if np.any(np.real(p) < 0) else 1
-        E = np.zeros((len(p), order, order), p.dtype)
-        E[:, 0, 0] = p - 1.5
+        E = np.zeros((*p.shape, order, order), p.dtype)
+        E[..., 0, 0] = p - 1.5
         if order == 2:
-            E[:, 1, 1] = -0.7
+            E[..., 1, 1] = -0.7
         return E
 
     found = stable_along_any(evaluate, (0.0, 3.0), 1, np.ones(1))

@@ -89,7 +89,7 @@ def test_the_rim_of_a_piece_is_what_was_computed_there():
 def test_what_vanishes_at_every_sample_is_not_followed():
     def evaluate(_, p):
         x = (p - 0.5) / 0.535  # the samples reach 3.5 % into the neighbours
-        return (-0.5 + 1e-6 * chebyshev(x, DEGREES[-1])[1])[:, None, None] * np.ones((1, 1))
+        return (-0.5 + 1e-6 * chebyshev(x, DEGREES[-1])[1])[..., None, None] * np.ones((1, 1))
 
     loop = follow(evaluate, (0.0, 1.0), 1, EVERYWHERE)
     assert loop.pieces.low.size > 1  # the piece that sees nothing was cut
@@ -116,7 +116,7 @@ def test_an_interpolant_goes_through_its_points_and_the_other_polynomial_vanishe
 def test_what_overflows_or_has_a_pole_is_computed_at_every_point():
     def evaluate(_, p):
         with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
-            return (1 / (p - 0.3))[:, None, None] * np.ones((2, 2))
+            return (1 / (p - 0.3))[..., None, None] * np.ones((2, 2))
 
     loop = follow(evaluate, (0.0, 1.0), 1, EVERYWHERE)
     degree = loop.pieces.degree[loop.piece(np.zeros(3, int), np.array([[0.29], [0.31], [0.9]]))]
@@ -128,8 +128,8 @@ def test_no_point_beyond_the_bounds_is_asked_for():
     seen = []
 
     def evaluate(_, p):
-        seen.append(p)
-        return np.exp(p)[:, None, None] * np.eye(3)
+        seen.append(p.ravel())
+        return np.exp(p)[..., None, None] * np.eye(3)
 
     follow(evaluate, (1.0, 5.0), 1, (0.9, 8.0))
     asked = np.concatenate(seen)

@@ -54,10 +54,10 @@ def test_ends_are_those_that_were_put_there(seed):
     angles, T = random.uniform(0.3, 2.8, 2), np.linalg.qr(random.normal(size=(5, 5)))[0]
 
     def evaluate(_, p):
-        E = np.zeros((p.size, 5, 5), p.dtype)
+        E = np.zeros((*p.shape, 5, 5), p.dtype)
         for i in range(2):
-            E[:, 2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = turning(np.exp(steep[i] * (p - at[i])), angles[i] + 0.02 * p)
-        E[:, 4, 4] = np.exp(steep[2] * (p - at[2])) * (1 if seed % 2 else -1) - 1
+            E[..., 2 * i : 2 * i + 2, 2 * i : 2 * i + 2] = turning(np.exp(steep[i] * (p - at[i])), angles[i] + 0.02 * p)
+        E[..., 4, 4] = np.exp(steep[2] * (p - at[2])) * (1 if seed % 2 else -1) - 1
         return T.T @ E @ T
 
     found = stable_along_any(evaluate, (0.5, 9.5), 1, np.ones(1))

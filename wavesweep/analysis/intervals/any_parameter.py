@@ -84,9 +84,10 @@ def _of(evaluate, names, column, p):
 def _alike(evaluate, span, columns, period, bounds, slack, sizes, kept) -> Intervals:
     """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.
 
-    evaluate(column, p): `Frames` of these columns at these values, real or complex; or matrices `(n, order, order)` without
-    poles, analytic in p. period: of the frame, s, `(columns,)`. bounds: p beyond them has no loop. slack(p): by how much
-    rounding may move an end. sizes, kept: see `followed`.
+    evaluate(column, p): `Frames` of these columns at these values, real or complex, one after the other; or matrices `(...,
+    order, order)` without poles, analytic in p. p: `(n,)` as column, or `(m, k)` if column is `(m, 1)`. period: of the frame,
+    in s, `(columns,)`. bounds: p beyond them has no loop. slack(p): by how much rounding may move an end. sizes, kept: see
+    `followed`.
 
     With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are real analytic
     functions of p that vanish where a complex pair, z = 1 or z = -1 is on the unit circle (the first also where two real

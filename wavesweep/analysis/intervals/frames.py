@@ -25,8 +25,11 @@ class Frames(Rows):
 
     @staticmethod
     def of(found) -> "Frames":
-        """The same, or matrices that are analytic everywhere."""
-        return found if isinstance(found, Frames) else Frames(found, np.ones((len(found), 1)), np.ones(len(found)))
+        """The same, or matrices that are analytic everywhere, `(..., order, order)`, one after the other."""
+        if isinstance(found, Frames):
+            return found
+        E = found.reshape(-1, *found.shape[-2:])
+        return Frames(E, np.ones((len(E), 1)), np.ones(len(E)))
 
 
 def level(pivots, weights=None) -> np.ndarray:

@@ -133,7 +133,7 @@ class Followed:
 
     def computed(self, column, p):
         """Frames less identity at `p`, `(panels, points)`, of these columns, `(panels, points, n, n)`, and pivots."""
-        found = self.evaluate(np.repeat(column, p.shape[-1]), p.ravel())
+        found = self.evaluate(column[:, None], p)
         return found.E.reshape(*p.shape, *found.E.shape[1:]), found.pivots.reshape(*p.shape, -1)
 
 
@@ -157,7 +157,7 @@ def typical(evaluate, span, columns: int) -> tuple[np.ndarray, np.ndarray]:
     """Largest sizes of the entries of each column's frames at a few points, with and less the identity, `(columns, n, n)`; 0
     where they overflow. Each column is looked at by itself: what is done with it must not depend on the others."""
     points = span[0] + (span[1] - span[0]) * np.array(TYPICAL)
-    E = Frames.of(evaluate(np.repeat(np.arange(columns), points.size), np.tile(points, columns))).E
+    E = Frames.of(evaluate(np.arange(columns)[:, None], np.tile(points, (columns, 1)))).E
     E = np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)
     return tuple(np.abs(part).reshape(columns, points.size, *E.shape[1:]).max(1) for part in (E + np.eye(E.shape[-1]), E))
 
@@ -225,6 +225,7 @@ def _of_order(evaluate, order, kept, column, p):
             raise RecalledError(np.unique(column))
         with np.errstate(all="ignore"):
             A = np.abs(E + np.eye(kept.size))
+        column = np.repeat(column.ravel(), len(E) // column.size)
         if (living(A.max(0)[None])[0] & ~kept).any():  # of all columns at once, which says little of each
             numbers = np.unique(column)
             recalled = (living(np.stack([A[column == number].max(0) for number in numbers])) & ~kept).any(1)
@@ -253,8 +254,7 @@ class _Samples:
     def at(self, which, x):
         """Coefficients (complex if x is) and their errors at places x of the pieces `which`, `(pieces, points, n)`; pivots."""
         some = self.pieces.take(which)
-        p = some.at(x).ravel()
-        found = self.evaluate(np.repeat(some.column, x.size), p)
+        found = self.evaluate(some.column[:, None], some.at(x))
         n = found.E.shape[-1]
         E = found.E.reshape(which.size, x.size, n, n) * self.ratio[which]
         known = (np.abs(E) < LARGEST).all((1, 2, 3))
