@@ -130,7 +130,7 @@ def _png(canvas: Any, about: Mapping[str, str]) -> bytes:
     texts, file = PngImagePlugin.PngInfo(), BytesIO()
     for name, text in about.items():
         texts.add_text(name, text)
-    palette.save(file, format="png", dpi=(DOTS_PER_INCH, DOTS_PER_INCH), optimize=True, pnginfo=texts)
+    palette.save(file, format="png", dpi=(DOTS_PER_INCH, DOTS_PER_INCH), pnginfo=texts)
     return file.getvalue()
 
 
