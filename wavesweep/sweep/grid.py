@@ -218,7 +218,7 @@ def _by_structure(spec, structural, size, resolved):
 
 def _distinct(columns, size):
     """Indices of the rows that agree in all columns, in order of first appearance."""
-    if not columns:
+    if not columns or size < 2:
         return [np.arange(size)] if size else []
     _, label = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
     label = label.reshape(-1)

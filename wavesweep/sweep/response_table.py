@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING, UNSTABLE, words
-from wavesweep.analysis.response import Modal, gain_of, prepare, respond
+from wavesweep.analysis.response import Modal, circle, gain_of, prepare, respond
 from wavesweep.analysis.response.drawn import frame_of_port, respond_port
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw, identity
@@ -266,7 +266,8 @@ def _block(values, frequency):
     ratio = values["rates.ratio"]
     one = ratio <= KEPT and all(np.size(value) == 1 for value in values.values())
     loop, modal, gain_at, radius = _prepared_one(*identity(values)) if one else _prepared(values)
-    found, (gain, gain_error) = respond(loop, frequency, modal=modal), gain_at(frequency)
+    points = circle(loop, frequency)
+    found, (gain, gain_error) = respond(loop, frequency, modal=modal, points=points), gain_at(frequency, points)
     omega = 2 * np.pi * frequency * (ratio * np.reshape(1 / np.asarray(values["rates.fast_hz"], float), (-1, 1)))
     columns = {"omega_Ts": omega} | parts_of("admittance", found.admittance) | parts_of("impedance", found.impedance)
     errors = {"admittance": found.admittance_error, "impedance": found.impedance_error, "worst_gain": gain_error}

@@ -1,5 +1,6 @@
 """What the hand feels: transmitted admittance and impedance, and the worst case over the aliases."""
 
+from wavesweep.analysis.response.circle import circle
 from wavesweep.analysis.response.frame import Loop, prepare
 from wavesweep.analysis.response.gain import gain_of, worst_gain
 from wavesweep.analysis.response.static import displacements, fast_at_rest, felt, felt_map, static_response
@@ -9,6 +10,7 @@ __all__ = [
     "Loop",
     "Modal",
     "Response",
+    "circle",
     "displacements",
     "fast_at_rest",
     "felt",

@@ -23,7 +23,9 @@ class Circle:
         self.rest = ((frequency - product) - error) / rate
 
     def at(self, index) -> "Circle":
-        """Some of the frequencies."""
+        """Some of the frequencies; itself for a slice that has all of them."""
+        if isinstance(index, slice) and index.start == 0 and index.stop >= self.frequency.size:
+            return self
         return Circle(self.frequency[index], self.rate, self.ratio)
 
     def angle(self, count: int):

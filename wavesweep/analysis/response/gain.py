@@ -35,8 +35,9 @@ def worst_gain(loop: Loop, frequency_hz, ratio: int) -> tuple[np.ndarray, np.nda
     return gain_of(loop, ratio)(frequency_hz)
 
 
-def gain_of(loop: Loop, ratio: int) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
-    """`worst_gain` of one loop as a function of the frequencies, prepared once for any number of calls."""
+def gain_of(loop: Loop, ratio: int) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
+    """`worst_gain` of one loop as a function of the frequencies, prepared once for any number of calls; it takes their `points`
+    too, see `respond`."""
     if loop.diagram.ratio == 1:
         return partial(_over_aliases, loop, ratio)
     with np.errstate(all="ignore"):
@@ -45,13 +46,14 @@ def gain_of(loop: Loop, ratio: int) -> Callable[[np.ndarray], tuple[np.ndarray, 
 
 
 @np.errstate(all="ignore")
-def _through_modes(whole, drifts, modes, ratio, frequency_hz):
-    """The gain at these frequencies; `whole`, `drifts`: see `with_scene`."""
+def _through_modes(whole, drifts, modes, ratio, frequency_hz, points=None):
+    """The gain at these frequencies; `whole`, `drifts`: see `with_scene`. points: `circle(whole, frequency_hz)`, if known."""
     frequency, width = np.atleast_1d(np.asarray(frequency_hz, float)), max(1, POINTS // ratio)
-    parts = [modes.gain(circle(whole, frequency[at : at + width])) for at in range(0, frequency.size, width)]
+    points = circle(whole, frequency) if points is None else points
+    parts = [modes.gain(points.at(slice(at, at + width))) for at in range(0, frequency.size, width)]
     gain, error = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
     _improve(whole, frequency, gain, error)
-    gain = np.where((circle(whole, frequency).frame == 0) & drifts[..., None], np.inf, gain)
+    gain = np.where((points.frame == 0) & drifts[..., None], np.inf, gain)
     relative = np.where(gain == np.inf, 0.0, error / gain + len(whole.states) * ROUNDING)
     unknown = ~(relative < LOST) | whole.lost[..., None]
     return np.where(unknown | (gain == np.inf), np.nan, gain), np.where(unknown, np.nan, relative)
@@ -86,9 +88,9 @@ def _improve(loop, frequency, gain, error):
 
 
 @np.errstate(all="ignore")
-def _over_aliases(loop, ratio, frequency_hz):
+def _over_aliases(loop, ratio, frequency_hz, points=None):
     """A loop that is the same in every tick keeps every alias to itself."""
-    points = circle(loop, np.atleast_1d(np.asarray(frequency_hz, float)))
+    points = circle(loop, np.atleast_1d(np.asarray(frequency_hz, float))) if points is None else points
     rate, near = points.rate, (points.angle(ratio) / (2 * np.pi))[:, None]  # from the nearest multiple of the slow rate
     aliases = np.abs(np.arange(ratio) - (ratio - 1) // 2 + near) * (rate / ratio)
     constant = aliases == 0

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.analysis.response.bordered import CLOSE, at_rest, bordered
-from wavesweep.analysis.response.circle import circle
+from wavesweep.analysis.response.circle import Circle, circle
 from wavesweep.analysis.response.frame import Loop
 from wavesweep.analysis.response.static import static_response
 from wavesweep.analysis.response.ticks import ROUNDING
@@ -35,10 +35,13 @@ def steady_state(loop: Loop, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
     return found.admittance, found.impedance
 
 
-def respond(loop: Loop, frequency_hz, good: float = GOOD, modal: "Modal | None" = None) -> Response:
+def respond(
+    loop: Loop, frequency_hz, good: float = GOOD, modal: "Modal | None" = None, points: Circle | None = None
+) -> Response:
     """Transmitted admittance and impedance with bounds on their errors; frequency_hz: `(points,)`, Hz; 0: the static limit.
 
     good: relative error up to which a number is not computed again on a slower way. modal: of this loop, if it is known.
+    points: `circle(loop, frequency_hz)`, if it is known.
 
     The hand's force `exp(j w k T)` gives a sum over `w + 2 pi m/T_s`; both are its components at w itself. The state at
     the start of a frame solves `(w - E) X = g` with the loop closed, so nothing is taken through a pole of an open loop,
@@ -50,7 +53,9 @@ def respond(loop: Loop, frequency_hz, good: float = GOOD, modal: "Modal | None" 
     with np.errstate(all="ignore"):
         modal, still = modal or Modal(loop), frequency == 0
         moving = frequency[~still]
-        parts = [_responses(loop, modal, circle(loop, moving[at : at + width]), good) for at in range(0, moving.size, width)]
+        cuts = (slice(at, at + width) for at in range(0, moving.size, width))
+        whole = points if points is not None and moving.size == frequency.size else circle(loop, moving)
+        parts = [_responses(loop, modal, whole.at(cut), good) for cut in cuts]
         found = [np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)]
         if not still.any():
             return Response(*found)
@@ -144,12 +149,12 @@ class Modal:
     def solve(self, w, b, db):
         """X `(..., n, points)` of `(w - E) X = b`; what its equations are not sure of; sizes of the modes' factors; and by
         how much the inverse may be off. db: error of b."""
-        factor = 1 / (w - self.poles[..., None])
+        factor, E = 1 / (w - self.poles[..., None]), self.E + 0j
         X = self.vectors @ (factor * (self.into @ b))
         for _ in range(2):
-            left = b - w * X + self.E @ X
+            left = b - w * X + E @ X
             X = X + self.vectors @ (factor * (self.into @ left))
-        left, size, gain = b - w * X + self.E @ X, np.abs(X), np.abs(factor)
+        left, size, gain = b - w * X + E @ X, np.abs(X), np.abs(factor)
         unsure = np.abs(left) + ROUNDING * (np.abs(w) * size + np.abs(self.E) @ size + np.abs(b)) + self.error @ size + db
         return X, unsure, gain, (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0)
 
