@@ -1,7 +1,7 @@
 """Frequency responses over specs and axes, as a table."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import ClassVar
@@ -11,8 +11,11 @@ import numpy as np
 from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING, UNSTABLE, words
 from wavesweep.analysis.response import Modal, circle, gain_of, prepare, respond
 from wavesweep.analysis.response.drawn import frame_of_port, respond_port
+from wavesweep.analysis.response.drawn_gain import MOST_TICKS, worst_gain_of_port
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw, identity
+from wavesweep.diagram.assembly import assembled
+from wavesweep.diagram.uneven import RATIO, Uneven, steps_of
 from wavesweep.errors import UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of, ports_of_groups, radius_of
@@ -90,7 +93,7 @@ def responses(
     counts = {"computed": computed, "skipped": sum(grid.size for grid in grids) - computed, "certified": 0}
     notices = [notice for grid in grids for notice in grid.notices]
     swept = [axis.path for spec in specs for axis in spec.bode]
-    methods = METHODS | ({"worst_gain": "not computed for loops that are assembled tick by tick"} if drawn else {})
+    methods = METHODS | ({"worst_gain": f"{METHODS['worst_gain']}, of up to {MOST_TICKS} ticks"} if drawn else {})
     facts = facts_of(list(specs), methods, counts, found.timings, notices, swept) | {"warnings": found.warnings}
     return Table("bode", partial(_blocks, found), facts, forget=found.forget)
 
@@ -124,9 +127,10 @@ def response_job(spec, axes, frequency_hz, names: tuple[str, ...], read=None) ->
     _refuse_aliases(grid, frequency)
     resolved = resolve_all(grid, "bode")
     points = frequency.size
+    ticks = max(int(values.get(RATIO, 1)) for values in resolved.values())
     if grid.drawing:
         ports_of(spec, grid.drawing)
-    ticks = max(int(values.get("rates.ratio", 1)) for values in resolved.values())
+        ticks = min(assembled(grid.drawing, spec.values).ticks, MOST_TICKS)
     curves = TICKS // ticks // points if 0 < points <= WIDE else 1
     chunks = Chunks(grid.slices, points, max(1, curves), min(points, WIDE))
     return ResponseJob(grid, chunks, resolved, frequency, names, read)
@@ -215,27 +219,32 @@ class ResponseTask:
         return records
 
     def _fill(self, records):
-        """Loops that are assembled tick by tick, one after the other; they have no worst-case gain."""
-        stable = np.empty(len(records), bool)
+        """Loops that are assembled tick by tick, one after the other."""
         for members, values in self.groups:
-            stable[members] = radius_of(frames(self.drawing, values, drift_of(self.drawing, values, self.own))) < 1
-        for number, port in ports_of_groups(self.drawing, self.groups, self.own):
-            for name, array in _seen(port, self.frequency, stable[number]).items():
-                records[name][number] = array
+            radius = radius_of(frames(self.drawing, values, drift_of(self.drawing, values, self.own)))
+            ticks = steps_of(values[RATIO])[0] if isinstance(self.drawing, Uneven) else 1
+            for number, port in ports_of_groups(self.drawing, ((members, values),), self.own):
+                stable = np.broadcast_to(radius, members.shape)[np.searchsorted(members, number)] < 1
+                for name, array in _seen(port, ticks, self.frequency, stable).items():
+                    records[name][number] = array
 
 
-def _seen(port, frequency, stable):
-    """The columns of one loop at its port."""
+def _seen(port, ticks, frequency, stable):
+    """The columns of one loop at its port; ticks: least length of the frame that has the worst-case gain, which direct coupling
+    needs, as its own frame is a tick."""
+    whole = replace(port, kind=np.tile(port.kind, max(1, ticks // port.kind.size)))
     found, lost = respond_port(port, frequency), not np.isfinite(frame_of_port(port)).all()
+    gain, gain_error = worst_gain_of_port(whole, frequency)
     parts = {"admittance": found.admittance, "impedance": found.impedance}
     known = {name: np.where(np.isfinite(part), part, complex(np.nan, np.nan)) for name, part in parts.items()}
     errors = {"admittance": found.admittance_error, "impedance": found.impedance_error}
     errors = {name: np.where(np.isnan(known[name]), np.nan, error) for name, error in errors.items()}
     columns = {"omega_Ts": 2 * np.pi * frequency * port.period * port.kind.size}
     columns |= parts_of("admittance", known["admittance"]) | parts_of("impedance", known["impedance"])
-    columns |= {"worst_gain": np.nan, "worst_gain_error": np.nan, "stable": stable}
+    columns |= {"worst_gain": gain, "worst_gain_error": np.where(np.isnan(gain), np.nan, gain_error), "stable": stable}
     columns |= {f"{name}_error": error for name, error in errors.items()}
-    return columns | {"doubt": _doubts(errors.values(), np.full(frequency.shape, stable), lost)}
+    known = [*errors.values(), *([gain_error] if whole.kind.size <= MOST_TICKS else [])]
+    return columns | {"doubt": _doubts(known, np.full(frequency.shape, stable), lost)}
 
 
 def own_value(spec, name, read):

@@ -7,7 +7,7 @@ from support.specs import KINDS, random_values, values_of
 
 from wavesweep.analysis.response import prepare, worst_gain
 from wavesweep.analysis.response.circle import circle
-from wavesweep.analysis.response.dominant import Dominant
+from wavesweep.analysis.response.dominant import Dominant, Lifted
 from wavesweep.analysis.response.gain import with_scene
 from wavesweep.diagram import draw
 from wavesweep.lifted.frame import lifted_system
@@ -79,7 +79,7 @@ def test_a_few_steps_prove_most_gains(kind, changes):
     loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"], outputs=("device.x",))
     frequency = np.geomspace(0.01, 499, 67)
     with np.errstate(all="ignore"):
-        found, error = Dominant(with_scene(loop)[0]).gain(circle(loop, frequency))
+        found, error = Dominant(Lifted.of(with_scene(loop)[0])).gain(circle(loop, frequency))
     known = error <= 1e-6 * found
     assert known.mean() > 0.6
     assert (np.abs(found - dense(values, frequency)) <= error + 1e-11 * found)[known].all()

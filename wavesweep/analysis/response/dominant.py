@@ -17,31 +17,54 @@ LOOKED = 3, 5, 7, STEPS  # steps after which values are looked at; few are settl
 NEAR = 0.1  # by how much the modes' inverse may be off for its error to be bounded with it
 
 
-class Dominant:
-    """The lifted map `T + sum_i p_i q_i/(w - z_i)` over the modes of E, with what bounds its errors.
+@dataclass(frozen=True, slots=True, eq=False)
+class Lifted:
+    """The map `T + O (w - E)^-1 G` from the forces of a frame to its positions, pairs with bounds on the errors of the entries.
 
-    T `(..., ticks, ticks)` is what a force does within its own frame, p_i what a mode shows in a frame, q_i what a frame's
-    forces leave in it. A combination of states that the loop conserves is a mode at z = 1 of its own.
+    E `(..., n, n)`; O `(..., ticks, n)`: what a state at the frame's start shows; G `(..., n, ticks)`: what forces leave. T:
+    what a force does in its own frame, `(..., ticks, ticks)`, or `(..., ticks)`, the first column of a Toeplitz matrix. law,
+    still: of a combination of states that the loop conserves, which is a mode at z = 1 (see `Shown` and `Loop`).
     """
 
-    def __init__(self, loop: Loop):
-        self.loop, ratio = loop, loop.diagram.ratio
-        O, dO = taken(loop.shown.seen, (..., 0, slice(None), slice(None)))
-        (G, dG), law, (own, down) = loop.shown.left, loop.shown.law, taken(loop.shown.impulse, (..., 0, slice(None)))
-        self.poles, V = np.linalg.eig(loop.E)
+    E: tuple
+    O: tuple
+    G: tuple
+    T: tuple
+    law: tuple | None = None
+    still: np.ndarray | None = None
+
+    @staticmethod
+    def of(loop: Loop) -> "Lifted":
+        """That of a loop whose first output is the position."""
+        seen, impulse = (
+            taken(part, (..., 0, *[slice(None)] * axes)) for part, axes in ((loop.shown.seen, 2), (loop.shown.impulse, 1))
+        )
+        return Lifted((loop.E, loop.dE), seen, loop.shown.left, impulse, loop.shown.law, loop.still)
+
+
+class Dominant:
+    """The lifted map as `T + sum_i p_i q_i/(w - z_i)` over the modes of E, with what bounds its errors.
+
+    p_i is what a mode shows in a frame, q_i what a frame's forces leave in it.
+    """
+
+    def __init__(self, lifted: Lifted):
+        (E, dE), (O, dO), (G, dG), law, (own, down) = lifted.E, lifted.O, lifted.G, lifted.law, lifted.T
+        ratio, toeplitz = O.shape[-2], own.ndim < O.ndim
+        self.poles, V = np.linalg.eig(E)
         V, eye = V.astype(complex), np.broadcast_to(np.eye(V.shape[-1]), V.shape)
         into = solve(V, eye)
         wide, back, rough = np.abs(V), np.abs(into), long_sum(V.shape[-1])
-        defect = loop.E @ V - V * self.poles[..., None, :]
-        of_defect = loop.dE @ wide + rough * (np.abs(loop.E) @ wide + wide * np.abs(self.poles[..., None, :]))
+        defect = E @ V - V * self.poles[..., None, :]
+        of_defect = dE @ wide + rough * (np.abs(E) @ wide + wide * np.abs(self.poles[..., None, :]))
         self.slope = np.abs(into @ defect) + back @ of_defect
         self.offset = np.abs(into @ V - eye) + rough * (back @ wide)
         shows, takes = _norms(np.abs(O) @ wide, -2), _norms(back @ np.abs(G), -1)
         vague = _norms(dO @ wide, -2) * takes + shows * _norms(back @ dG, -1)
         self.P, self.Q = O @ V, into @ G
         if law is not None:
-            self._append(law, loop.still, ratio)
-            length = ratio**0.5 * np.abs(loop.still[..., 0])
+            self._append(law, lifted.still, ratio)
+            length = ratio**0.5 * np.abs(lifted.still[..., 0])
             unsure = length * _norms(law[1] + 8 * ROUNDING * np.abs(law[0]), -1)[..., 0]
             shows, takes, vague = (
                 np.concatenate([part, more[..., None]], -1)
@@ -49,10 +72,10 @@ class Dominant:
             )
         self.shows, self.takes, self.vague = (part[..., None] for part in (shows, takes, vague))
         lag = np.subtract.outer(np.arange(ratio), np.arange(ratio))
-        self.T = np.where(lag >= 0, own[..., lag], 0.0)
-        self.spectrum = np.fft.fft(own, 2 * ratio) if ratio > LONG else None
+        self.T = np.where(lag >= 0, own[..., lag], 0.0) if toeplitz else own
+        self.spectrum = np.fft.fft(own, 2 * ratio) if toeplitz and ratio > LONG else None
         self.size = _norms(self.T, (-2, -1))[..., None]
-        self.impulse = np.sqrt(ratio * (down**2).sum(-1))[..., None]
+        self.unsure = (np.sqrt(ratio * (down**2).sum(-1)) if toeplitz else _norms(down, (-2, -1)))[..., None]
         self.square = (self.T**2).sum((-2, -1))[..., None]
         self.mixed = (np.swapaxes(self.T, -1, -2) @ self.P * np.swapaxes(self.Q, -1, -2)).sum(-2)[..., None]
         P, Q = (np.swapaxes(self.P.conj(), -1, -2) @ self.P, self.Q.conj() @ np.swapaxes(self.Q, -1, -2))
@@ -135,7 +158,7 @@ class Dominant:
         shown, most = size * self.shows, self.takes + FLOOR * self.takes.max(-2, keepdims=True, initial=0)
         changed = self.offset @ most + self.slope @ (size * most) + ROUNDING * np.abs(w) * size * most
         near = (changed / most).max(-2, initial=0)
-        error = (shown * changed).sum(-2) / (1 - near) + (size * self.vague).sum(-2) + self.impulse
+        error = (shown * changed).sum(-2) / (1 - near) + (size * self.vague).sum(-2) + self.unsure
         return (shown * self.takes).sum(-2), np.where(near <= NEAR, error, np.inf)
 
 

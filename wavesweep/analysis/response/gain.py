@@ -8,7 +8,7 @@ import numpy as np
 
 from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.response.circle import circle
-from wavesweep.analysis.response.dominant import Dominant
+from wavesweep.analysis.response.dominant import Dominant, Lifted
 from wavesweep.analysis.response.frame import Loop, prepare
 from wavesweep.analysis.response.steady import GOOD, LOST, respond
 from wavesweep.analysis.response.ticks import ROUNDING, taken
@@ -42,7 +42,7 @@ def gain_of(loop: Loop, ratio: int) -> Callable[..., tuple[np.ndarray, np.ndarra
         return partial(_over_aliases, loop, ratio)
     with np.errstate(all="ignore"):
         whole, drifts = with_scene(prepare(loop.diagram, *loop.wall, outputs=(loop.diagram.hand.position,)))
-        return partial(_through_modes, whole, drifts, Dominant(whole), ratio)
+        return partial(_through_modes, whole, drifts, Dominant(Lifted.of(whole)), ratio)
 
 
 @np.errstate(all="ignore")

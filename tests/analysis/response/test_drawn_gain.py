@@ -1,0 +1,83 @@
+"""Worst-case gain of loops that are assembled tick by tick: against impulses in time, and the lifting where rates divide."""
+
+import numpy as np
+import pytest
+from support.specs import KINDS
+
+import wavesweep
+from wavesweep.analysis.response import drawn_gain, prepare, worst_gain
+from wavesweep.analysis.response.circle import Circle
+from wavesweep.diagram import draw
+from wavesweep.diagram.uneven import Uneven
+from wavesweep.spec import load
+from wavesweep.sweep.drawn_loops import ports_of_loop
+
+LOOP = {  # a frame of 12 ticks
+    "rates": {"tick_hz": 1000},
+    "numbers": {"k": 40.0},
+    "block": {
+        "device": {"type": "mass", "mass": 0.1, "damping": 5.0},
+        "scene": {"type": "hold", "every": 4, "phase": 2},
+        "net": {"type": "delay", "every": 6},
+    },
+    "wire": {"scene.u": "device.x", "net.u": "device.v", "device.f": "hand - k*scene.y - net.y"},
+    "ports": {"hand": {"force": "hand", "displacement": "device.x"}},
+}
+FREQUENCY = np.array([0.0, 0.3, 5.0, 41.0, 125.0, 126.0, 300.0, 499.0])
+
+
+def over_impulses(tables, frequency, ticks, frames):
+    """Largest singular values of the map from a frame's forces to its positions, summed up from runs after one impulse each."""
+    loop, runs = wavesweep.compile(tables), []
+    for at in range(ticks):
+        force = np.zeros(ticks * frames)
+        force[at] = 1.0
+        runs.append(loop.simulate(force)["x"].to_numpy().reshape(frames, ticks))
+    shift = np.exp(-2j * np.pi * frequency[:, None] * ticks / tables["rates"]["tick_hz"] * np.arange(frames))
+    return np.linalg.svd(np.einsum("pk,jki->pij", shift, np.array(runs)), compute_uv=False)[:, 0]
+
+
+def test_a_held_loop_has_the_gain_of_its_impulses_in_time():
+    table = wavesweep.compile(LOOP).response(FREQUENCY)
+    np.testing.assert_allclose(table.worst_gain, over_impulses(LOOP, FREQUENCY, 12, 300), rtol=1e-11)
+    assert table.worst_gain_error.max() < 1e-10
+    assert (table.doubt == "").all()
+
+
+def lifted(kind, tables):
+    spec = load({"controller": {"kind": kind}, **tables})
+    loop = prepare(draw(spec.values), spec.values["environment.K_VE"], spec.values["environment.B_VE"])
+    return worst_gain(loop, FREQUENCY, spec.values["rates.ratio"]), ports_of_loop(spec, Uneven(kind))
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 300.0])
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "dc"])
+def test_rates_that_divide_give_the_gain_of_the_lifting(kind, stiffness):
+    """A position that drifts, and one that the wall holds; multiples of the slow rate are unbounded where it drifts."""
+    tables = {"environment": {"K_VE": stiffness, "delay": 7}, "rates": {"slow_hz": 125.0}}
+    (expected, _), port = lifted(kind, tables)
+    found, error = drawn_gain.worst_gain_of_port(port, FREQUENCY)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    assert np.nanmax(error) < 1e-8
+
+
+def test_direct_coupling_has_a_frame_as_long_as_that_of_the_others():
+    tables = {"controller": {"kind": "dc"}, "environment": {"K_VE": 300.0}}
+    uneven, even = (wavesweep.compile(tables | {"rates": {"slow_hz": hz}}).response(FREQUENCY) for hz in (60.0, 20.0))
+    np.testing.assert_allclose(uneven.worst_gain, even.worst_gain, rtol=1e-10)
+
+
+def test_equations_at_every_point_give_what_modes_give():
+    port = ports_of_loop(load(LOOP), load(LOOP).drawing)
+    lifted = drawn_gain.lifted_map(port)
+    points = Circle(FREQUENCY, 1000.0, 12)
+    value, error = drawn_gain._dense(lifted, points.frame[:, None, None])
+    np.testing.assert_allclose(value, drawn_gain._gain(lifted, points)[0], rtol=1e-11)
+    assert (error < 1e-9 * value).all()
+
+
+def test_a_frame_of_many_ticks_has_none_and_no_doubt():
+    tables = LOOP | {"block": LOOP["block"] | {"net": {"type": "delay", "every": 6 * 101}}}
+    table = wavesweep.compile(tables).response([5.0])
+    assert np.isnan(table.worst_gain[0])
+    assert table.doubt[0] == ""

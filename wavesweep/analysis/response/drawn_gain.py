@@ -1,0 +1,87 @@
+"""Worst-case gain of a drawn loop: the largest singular value of the map from the hand's forces of a frame to its positions."""
+
+import numpy as np
+
+from wavesweep.analysis.response.bordered import solved
+from wavesweep.analysis.response.circle import Circle
+from wavesweep.analysis.response.dominant import Dominant, Lifted
+from wavesweep.analysis.response.drawn import LOST, Port, frame_of_port
+from wavesweep.analysis.response.steady import GOOD
+from wavesweep.analysis.response.ticks import ROUNDING, long_sum
+
+MOST_TICKS = 500  # of a frame; the map's memory grows with their square
+BLOCK = 2_000_000  # entries of one batch of matrices
+
+
+def worst_gain_of_port(port: Port, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
+    """Worst-case gain (m/N) of a port and a bound on its relative error, `(points,)` each; see `worst_gain`.
+
+    A frame that begins at another tick gives a map with the same singular values: the difference of the two is added to the
+    bound. Both NaN where it is not known, and for frames of more than MOST_TICKS.
+    """
+    frequency = np.atleast_1d(np.asarray(frequency_hz, float))
+    ticks = port.kind.size
+    if ticks > MOST_TICKS:
+        return np.full(frequency.size, np.nan), np.full(frequency.size, np.nan)
+    points = Circle(frequency, 1 / port.period, ticks)
+    with np.errstate(all="ignore"):
+        (gain, error), (other, _) = (_gain(lifted_map(each), points) for each in (port, port.turned(max(1, ticks // 2))))
+        unbounded = (points.frame == 0) & (port.position is None)
+        relative = np.where(unbounded, 0.0, (error + np.abs(gain - other)) / gain)
+    unknown = ~(relative < LOST)
+    return np.where(unknown | unbounded, np.nan, gain), np.where(unknown, np.nan, relative)
+
+
+def lifted_map(port: Port) -> Lifted:
+    """The map from the forces of a frame to the positions at the beginning of its ticks.
+
+    A position that drifts is no state of the port: it is one more state here, which sums the displacements up.
+    """
+    n, ticks, rough = port.maps[0][0].shape[-1], port.kind.size, long_sum(port.kind.size)
+    state, size = np.zeros((2, n, n + ticks))
+    state[:, :n], size[:, :n] = np.eye(n), np.eye(n)
+    rows, sizes = np.zeros((2, ticks, n + ticks))
+    for tick, kind in enumerate(port.kind.tolist()):
+        E, B, C, D = port.maps[kind]
+        reads = C[:1] if port.position is None else port.position
+        rows[tick], sizes[tick] = (reads @ state)[0], (np.abs(reads) @ size)[0]
+        if port.position is None:
+            rows[tick, n + tick], sizes[tick, n + tick] = D[0, 0], abs(D[0, 0])
+        state, size = state + E @ state, np.abs(np.eye(n) + E) @ size
+        state[:, n + tick], size[:, n + tick] = B[:, 0], np.abs(B[:, 0])
+    frame = frame_of_port(port)
+    if port.position is None:
+        summed, of_sum = (np.cumsum(part, axis=0) for part in (rows, sizes))
+        rows, sizes = (np.concatenate([np.zeros((1, n + ticks)), part[:-1]]) for part in (summed, of_sum))
+        frame, own = np.pad(frame, (0, 1)), (summed[-1], of_sum[-1])
+        frame[n, :n] = own[0][:n]
+        state, size = np.vstack([state, own[0]]), np.vstack([size, own[1]])
+    O, T = rows[:, :n], rows[:, n:]
+    dE, dO = rough * np.abs(frame), rough * sizes[:, :n]
+    if port.position is None:
+        O, dO = np.hstack([O, np.ones((ticks, 1))]), np.pad(dO, ((0, 0), (0, 1)))
+    return Lifted((frame, dE), (O, dO), (state[:, n:], rough * size[:, n:]), (T, rough * sizes[:, n:]))
+
+
+def _gain(lifted, points):
+    """The largest singular value and a bound on its error, `(points,)` each; through modes, and from the whole matrix where
+    these do not prove it."""
+    gain, error = Dominant(lifted).gain(points)
+    doubtful = np.flatnonzero(~(error <= GOOD * gain))
+    ticks = lifted.O[0].shape[0]
+    for at in np.array_split(doubtful, -(-doubtful.size * ticks**2 // BLOCK)) if doubtful.size else ():
+        gain[at], error[at] = _dense(lifted, points.frame[at][:, None, None])
+    return gain, error
+
+
+def _dense(lifted, w):
+    """The same by LAPACK, from equations that are solved at every point."""
+    (E, dE), (O, dO), (G, dG), (T, dT) = lifted.E, lifted.O, lifted.G, lifted.T
+    none = 0 * w.real
+    X, dX = solved(w * np.eye(len(E)) - E, dE + none, G + 0 * w, dG + none)
+    whole, size = O @ X + T, np.abs(O) @ np.abs(X) + np.abs(T)
+    off = np.abs(O) @ dX + dO @ np.abs(X) + dT + ROUNDING * size
+    error = np.sqrt((off**2).sum((-1, -2)))
+    finite = np.isfinite(whole).all((-1, -2)) & np.isfinite(error)
+    value = np.linalg.svd(np.where(finite[:, None, None], whole, 0.0), compute_uv=False)[:, 0]
+    return np.where(finite, value, np.nan), np.where(finite, error + len(T) * ROUNDING * value, np.inf)
