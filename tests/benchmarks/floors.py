@@ -1,0 +1,112 @@
+"""What is left of a comparison if everything of this tool were free but what it cannot do without.
+
+    OPENBLAS_NUM_THREADS=1 python tests/benchmarks/floors.py [--study]
+
+For 200 columns of each problem of `wavesweep bench`, in turn, medians of 15: D-decomposition on 180 angles, a refined batched
+grid, this tool, and of that compiling the loops, which every method begins with, and the DataFrame. Then slices along numbers:
+the time in which frames are made, which a search without them cannot be below. --study: the sweep of two million slices with
+two workers as well, and what two processors need at least for the processor seconds that it used.
+"""
+
+import argparse
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from panel_speed import CASES
+
+import wavesweep
+from wavesweep.bench import rivals, this_tool
+from wavesweep.bench.problems import PROBLEMS, bundles
+from wavesweep.library import frame
+from wavesweep.sweep import drawn_loops, tasks
+
+STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
+
+
+def seconds(work):
+    """Wall time of one call."""
+    started = time.perf_counter()
+    work()
+    return time.perf_counter() - started
+
+
+def main():
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--study", action="store_true", help="the sweep of two million slices as well")
+    study = parser.parse_args().study
+    comparisons()
+    frames()
+    if study:
+        two_millions()
+
+
+def comparisons():
+    """Ratios to other methods, and the largest that compiling and the DataFrame leave."""
+    print("| problem | D-decomposition, refined grid (ms) | this tool (ms) | compile, DataFrame (ms) | ratios | at most |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    for problem in PROBLEMS:
+        spec = problem.ask(200)
+        table = this_tool.library(spec)
+        columns = {name: table[name].to_numpy() for name in table}
+        works = (
+            partial(rivals.decomposed, spec, 180),
+            partial(rivals.refined, spec, (25, 1e-9)),
+            partial(this_tool.library, spec),
+            lambda spec=spec: list(bundles(spec)),
+            lambda columns=columns: frame("zwidth", columns),
+        )
+        times = np.median([[seconds(work) for work in works] for _ in range(16)][1:], axis=0) * 1e3
+        (angles, refined, ours, *free), left = times, sum(times[3:])
+        print(
+            f"| {problem.name} | {angles:.2f}, {refined:.1f} | {ours:.2f} | {free[0]:.2f}, {free[1]:.2f} | "
+            f"{angles / ours:.2f}, {refined / ours:.1f} | {angles / left:.1f}, {refined / left:.0f} |",
+            flush=True,
+        )
+
+
+def frames():
+    """Slices along numbers, and the share of making frames: drawing, connecting, lifting and closing loops."""
+    spent = [0.0, 0]
+
+    def timed(find, evaluate, *given, **options):
+        def counted(column, p):
+            started = time.perf_counter()
+            found = evaluate(column, p)
+            spent[0], spent[1] = spent[0] + time.perf_counter() - started, spent[1] + p.size
+            return found
+
+        return find(counted, *given, **options)
+
+    for module in (tasks, drawn_loops):
+        module.stable_along_any = partial(timed, module.stable_along_any)
+    print("| loop | along | over | ms a slice | frames a slice | their time (ms) |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    for name, source, along, span, axes in CASES:
+        loop, rows = wavesweep.compile(source), []
+        for _ in range(4):
+            spent[:] = 0.0, 0
+            rows.append((seconds(partial(loop.stable_intervals, along, span, **axes)), *spent))
+        whole, made, count = np.median(rows[1:], axis=0)
+        print(f"| {name} | {along} | {', '.join(axes)} | {10 * whole:.2f} | {count / 100:.0f} | {10 * made:.2f} |", flush=True)
+
+
+def two_millions():
+    """The design study with two workers, and the seconds that two processors need for its processor seconds."""
+    with tempfile.TemporaryDirectory() as out:
+        command = [sys.executable, "-m", "wavesweep", "zwidth", str(STUDY), "--out", out, "--jobs", "2", "--quiet"]
+        wall, used = seconds(partial(subprocess.run, command, check=True)), resource.getrusage(resource.RUSAGE_CHILDREN)
+    total = used.ru_utime + used.ru_stime
+    print(
+        f"two million slices, two workers: {wall:.1f} s, {total:.1f} processor seconds, so {total / 2:.1f} s on two processors"
+    )
+
+
+if __name__ == "__main__":
+    main()
