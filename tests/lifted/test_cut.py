@@ -10,6 +10,7 @@ from wavesweep.diagram import draw
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V
 from wavesweep.lifted.frame import lifted_system
+from wavesweep.lifted.lift import frame_at_rest
 
 SPECS = [(kind, seed) for kind in KINDS for seed in (range(2) if kind == "dc" else range(5))]
 
@@ -129,3 +130,14 @@ def test_a_batch_gives_the_bits_of_its_members(kind):
         for part in "EBCD":
             found = np.broadcast_to(getattr(together, part), (3, *getattr(alone, part).shape))[i]
             assert np.array_equal(found, getattr(alone, part))
+
+
+@pytest.mark.parametrize(("kind", "seed"), SPECS)
+def test_a_cut_from_the_frame_at_rest_has_the_same_bits(kind, seed):
+    """What is felt at rest needs more inputs and outputs; one connection serves both."""
+    values = random_values(seed, kind)
+    drawing = draw(values | {"device.mass": values["device.mass"] * np.array([1.0, 1.3])})
+    alone, shared = cut_at_wall(drawing), cut_at_wall(drawing, frame_at_rest(drawing))
+    assert (alone.states, alone.integrates, set(alone.unread)) == (shared.states, shared.integrates, set(shared.unread))
+    for part in "EBCD":
+        assert np.array_equal(*np.broadcast_arrays(getattr(alone, part), getattr(shared, part)))

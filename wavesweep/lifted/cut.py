@@ -74,9 +74,9 @@ class Cut:
         )
 
 
-def cut_at_wall(diagram: Diagram, fast: Block | None = None) -> Cut:
-    """Lift the drawing and cut it at the wall; fast: see `slow_side`."""
-    block, unread = slow_side(diagram, diagram.wall, fast=fast)
+def cut_at_wall(diagram: Diagram, whole: Block | None = None) -> Cut:
+    """Lift the drawing and cut it at the wall; whole: see `slow_side`."""
+    block, unread = slow_side(diagram, diagram.wall, whole=whole)
     facts = {"period": diagram.period * diagram.ratio, "unread": unread, "condition": block.condition, "pivot": block.pivot}
     drift = drift_of(diagram)
     if drift.lead not in block.states:

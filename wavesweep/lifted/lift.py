@@ -130,31 +130,58 @@ def fast_side(diagram: Diagram, outputs, terms: bool = False) -> Block:
     return block
 
 
-def with_outputs(fast: Block, outputs) -> Block:
-    """The block with some of its outputs alone, and the states that these read."""
-    rows = [fast.outputs.index(name) for name in outputs]
-    return prune(replace(fast, outputs=tuple(outputs), C=fast.C[..., rows, :], D=fast.D[..., rows, :]))[0]
-
-
-def slow_side(diagram: Diagram, outputs, injected=False, wall=None, fast=None) -> tuple[Block, tuple[str, ...]]:
+def slow_side(diagram: Diagram, outputs, injected=False, wall=None, whole=None) -> tuple[Block, tuple[str, ...]]:
     """The frame, cut at the wall: from the wall's force to the slow signals `outputs`.
 
     injected: adds an input `inject.NAME` for every sample, which is added to what the sampler reads (the hand's force
     reaches the slow side by no other way). wall: a junction that makes that force, which closes the loop.
-    fast: the tick with the samples among its outputs, if it is known.
+    whole: what `frame_at_rest` gave, if it is known, which has this side in it.
     Returns the block and the names of the states that were left out.
     """
+    if whole is not None:
+        block, unread = prune(only(whole, (diagram.wall_force,), outputs))
+        return block, _unknown(diagram, whole) + unread
     sampled = tuple(dict.fromkeys(diagram.samples.values()))
-    fast = fast_side(diagram, sampled) if fast is None else with_outputs(fast, sampled)
-    frame = lift_held(fast, diagram.ratio, diagram.delay, tuple(diagram.holds), sampled)
+    frame = lift_held(fast_side(diagram, sampled), diagram.ratio, diagram.delay, tuple(diagram.holds), sampled)
     sums = slow_sums(diagram)
     if injected:
         sums |= {name: sums[name] | {f"inject.{name}": 1} for name in diagram.samples}
     sums |= wall or {}
     inputs = (() if wall else (diagram.wall_force,)) + (tuple(f"inject.{name}" for name in diagram.samples) if injected else ())
     block, unread = prune(connect("slow", (frame, *diagram.slow, *latches(diagram)), sums, inputs, tuple(outputs)))
-    dropped_early = tuple(f"frame.{b.name}.{s}" for b in diagram.fast for s in b.states if f"{b.name}.{s}" not in fast.states)
-    return block, dropped_early + unread
+    return block, _unknown(diagram, frame, "frame.") + unread
+
+
+def _unknown(diagram, block, prefix=""):
+    """The states of the fast side that are not among those of a block."""
+    known = {prefix + name for name in block.states}
+    return tuple(name for b in diagram.fast for s in b.states if (name := f"frame.{b.name}.{s}") not in known)
+
+
+def frame_at_rest(diagram: Diagram) -> Block:
+    """The frame, cut at the wall, with all of its states: from the wall's force, a constant force of the hand, and a force of
+    the hand that grows by 1 a tick, to what the wall reads, the hand's position and the control force."""
+    hand = diagram.hand
+    fast = fast_side(diagram, tuple(dict.fromkeys((hand.position, hand.reaction, *diagram.samples.values()))))
+    frame = lift_held(fast, diagram.ratio, diagram.delay, tuple(diagram.holds), fast.outputs)
+    constant = fast.D[..., :1] + np.zeros((*frame.D.shape[:-1], 1))
+    frame = replace(
+        frame,
+        inputs=(*frame.inputs, "force", "growing"),
+        B=np.concatenate([frame.B, *steps(fast.E, fast.B[..., :1], diagram.ratio)], -1),
+        D=np.concatenate([frame.D, constant, 0 * constant], -1),
+    )
+    sums = slow_sums(diagram) | {"frame.force": {"force": 1}, "frame.growing": {"growing": 1}}
+    outputs = (*diagram.wall, f"frame.{hand.position}", f"frame.{hand.reaction}")
+    inputs = (diagram.wall_force, "force", "growing")
+    return connect("rest", (frame, *diagram.slow, *latches(diagram)), sums, inputs, outputs)
+
+
+def only(block: Block, inputs, outputs) -> Block:
+    """The block with some of its inputs and outputs."""
+    columns, rows = ([names.index(name) for name in some] for names, some in ((block.inputs, inputs), (block.outputs, outputs)))
+    D = block.D[..., rows, :][..., columns]
+    return replace(block, inputs=tuple(inputs), outputs=tuple(outputs), B=block.B[..., columns], C=block.C[..., rows, :], D=D)
 
 
 def latches(diagram: Diagram) -> tuple[Block, ...]:

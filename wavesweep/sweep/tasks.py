@@ -15,12 +15,13 @@ import numpy as np
 
 from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
 from wavesweep.analysis.intervals.frames import Frames
-from wavesweep.analysis.response import fast_at_rest, felt, felt_map
+from wavesweep.analysis.response import felt, felt_map
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import WALL, draw, identity
 from wavesweep.kernel import using
 from wavesweep.lifted import Cut, close, cut_at_wall
 from wavesweep.lifted.cut import wall_pivot
+from wavesweep.lifted.lift import frame_at_rest
 from wavesweep.sweep.grid import groups, make_grid, selected
 
 WATCH = 0.5  # s between two looks at the parent
@@ -145,8 +146,8 @@ def with_felt(task: IntervalTask, records: np.ndarray, drawn: Mapping[int, tuple
         tied = getattr(task, "ties", ())
         if task.along in WALL and not tied:
             batch = _batch(values)
-            diagram, fast = drawn.get(number) or (None, None)
-            known = felt_map(diagram or draw(values), batch, fast) if batch else _felt_of_one(*identity(values))
+            diagram, whole = drawn.get(number) or (None, None)
+            known = felt_map(diagram or draw(values), batch, whole) if batch else _felt_of_one(*identity(values))
             known = np.broadcast_to(known.reshape(3, -1), (3, members.size))[:, at]
         for name, end in zip(FELT, ("low", "high"), strict=True):
             p = records[end][rows]
@@ -171,7 +172,7 @@ def _batch(values):
 def solve(task: IntervalTask, drawn: dict[int, tuple] | None = None) -> Intervals:
     """The intervals, sorted by slice; slices are numbered `loop * walls + wall`.
 
-    drawn: gets, for groups of several loops, the drawing and its tick, with which `with_felt` goes on.
+    drawn: gets, for groups of several loops, the drawing and its frame, with which `with_felt` goes on.
     """
     walls = task.walls[WALL[0]].shape[-1]
     exact = task.along in WALL and not task.ties
@@ -198,11 +199,11 @@ def _along_wall(task, values, walls, number, drawn):
     """Exact intervals: the wall is one scalar of the cut loop."""
     other, cut = next(path for path in WALL if path != task.along), task.cut
     if cut is None:
-        diagram, fast = draw(values), None
+        diagram, whole = draw(values), None
         if drawn is not None and _batch(values):
-            fast = fast_at_rest(diagram)
-            drawn[number] = diagram, fast
-        cut = cut_at_wall(diagram, fast)
+            whole = frame_at_rest(diagram)
+            drawn[number] = diagram, whole
+        cut = cut_at_wall(diagram, whole)
     loops = with_batch(cut, len(walls[other]))
     return stable_intervals(loops, SYMBOL[task.along], task.span, walls[other])
 

@@ -3,7 +3,7 @@
 from wavesweep.analysis.response.circle import circle
 from wavesweep.analysis.response.frame import Loop, prepare
 from wavesweep.analysis.response.gain import gain_of, worst_gain
-from wavesweep.analysis.response.static import displacements, fast_at_rest, felt, felt_map, static_response
+from wavesweep.analysis.response.static import displacements, felt, felt_map, static_response
 from wavesweep.analysis.response.steady import Modal, Response, respond, steady_state
 
 __all__ = [
@@ -12,7 +12,6 @@ __all__ = [
     "Response",
     "circle",
     "displacements",
-    "fast_at_rest",
     "felt",
     "felt_map",
     "gain_of",

@@ -1,6 +1,6 @@
 """What is left without the drift: the limit of a response towards 0 Hz, and the lifted map to displacements."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,9 +9,8 @@ from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import scene_drift
 from wavesweep.lifted.circle import solve
-from wavesweep.lifted.connect import connect
 from wavesweep.lifted.frame import unrolled
-from wavesweep.lifted.lift import fast_side, latches, lift_held, prune, slow_sums, steps
+from wavesweep.lifted.lift import frame_at_rest, only, prune
 
 STILL = 1e-9  # a displacement per tick of that share of its terms is rounding
 NOTHING = 1e-12  # of the force of the hand: a control force of rounding
@@ -52,24 +51,18 @@ def _seen(rows, X):
     return np.multiply(rows, X[..., None, :], order="C").sum(-1)
 
 
-def fast_at_rest(diagram: Diagram) -> Block:
-    """The tick of `felt_map`, which is also one for `cut_at_wall`."""
-    hand = diagram.hand
-    return fast_side(diagram, tuple(dict.fromkeys((hand.position, hand.reaction, *diagram.samples.values()))))
-
-
-def felt_map(diagram: Diagram, batch: tuple[int, ...] = (), fast: Block | None = None) -> np.ndarray:
+def felt_map(diagram: Diagram, batch: tuple[int, ...] = (), whole: Block | None = None) -> np.ndarray:
     """Coefficients (a, b, c) of the stiffness that the hand feels at rest, `(a + b K)/(1 + c K)`, `(3, ...)`; see `felt`.
 
     The wall is one scalar of the loop, so what is felt is a Moebius map of its stiffness K (N/m); its damping is not felt at
     rest. With F the wall's force, `E X + B F + g = 0` and `C X + D F = F/K` hold at rest; the solution for a rigid wall, and
     what an offset of that wall changes, give all others (Sherman and Morrison 1950). A combination of states that nothing
-    restores keeps what the start of the force has left in it: see `_laws`. batch: shape of the drawing's batch. fast: what
-    `fast_at_rest` gave, if it is known. NaN: not known.
+    restores keeps what the start of the force has left in it: see `_laws`. batch: shape of the drawing's batch. whole: what
+    `frame_at_rest` gave, if it is known. NaN: not known.
     Accuracy: 1e-9 relative against `static_response` in the tests.
     """
     with np.errstate(all="ignore"):
-        rest = _at_rest(diagram, fast)
+        rest = _at_rest(diagram, frame_at_rest(diagram) if whole is None else whole)
         y, d = rest.rigid[..., 0], rest.rigid[..., 1]
         force, turn = y[..., -1:], d[..., -1:]  # of the rigid wall, and what its offset changes of it
         rigid, offset = rest.seen(y, rest.direct), rest.seen(d, 0.0)
@@ -104,9 +97,9 @@ class _Rest:
         return _seen(np.abs(self.rows), np.abs(y))
 
 
-def _at_rest(diagram, fast) -> _Rest:
-    """Connect and lift with the hand's force as an input of the frame, and solve."""
-    block = _lifted_at_rest(diagram, fast or fast_at_rest(diagram))
+def _at_rest(diagram, whole) -> _Rest:
+    """Solve for the states at rest."""
+    block = prune(only(whole, whole.inputs, (diagram.wall[0], *whole.outputs[2:])))[0]
     drift, n = scene_drift(diagram), len(block.states)
     P = np.concatenate([np.concatenate([block.E, block.B], -1), np.concatenate([block.C, block.D], -1)], -2)
     lead = block.states.index(drift.lead) if drift.lead in block.states else None
@@ -128,24 +121,6 @@ def _at_rest(diagram, fast) -> _Rest:
     right[..., 0], right[..., -1, 1] = -P[..., kept, n + 1], 1
     rows = P[..., n + 1 :, :]
     return _Rest(solve(np.ascontiguousarray(P[..., kept[:, None], kept]), right), rows[..., kept], rows[..., n + 1], moves)
-
-
-def _lifted_at_rest(diagram, fast) -> Block:
-    """One frame from the wall's force, a constant force of the hand, and a force of the hand that grows by 1 a tick, to the
-    displacement at the wall, the position and the control force."""
-    hand = diagram.hand
-    frame = lift_held(fast, diagram.ratio, diagram.delay, tuple(diagram.holds), fast.outputs)
-    constant = fast.D[..., :1] + np.zeros((*frame.D.shape[:-1], 1))
-    frame = replace(
-        frame,
-        inputs=(*frame.inputs, "force", "growing"),
-        B=np.concatenate([frame.B, *steps(fast.E, fast.B[..., :1], diagram.ratio)], -1),
-        D=np.concatenate([frame.D, constant, 0 * constant], -1),
-    )
-    sums = slow_sums(diagram) | {"frame.force": {"force": 1}, "frame.growing": {"growing": 1}}
-    outputs = (diagram.wall[0], f"frame.{hand.position}", f"frame.{hand.reaction}")
-    inputs = (diagram.wall_force, "force", "growing")
-    return prune(connect("rest", (frame, *diagram.slow, *latches(diagram)), sums, inputs, outputs))[0]
 
 
 def _about(P, states, drift, lead, position):
