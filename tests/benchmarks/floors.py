@@ -18,7 +18,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from panel_speed import CASES
+from panel_speed import CASES, seconds
 
 import wavesweep
 from wavesweep.bench import rivals, this_tool
@@ -27,13 +27,6 @@ from wavesweep.library import frame
 from wavesweep.sweep import drawn_loops, tasks
 
 STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
-
-
-def seconds(work):
-    """Wall time of one call."""
-    started = time.perf_counter()
-    work()
-    return time.perf_counter() - started
 
 
 def main():
