@@ -3,6 +3,7 @@
 import json
 import pathlib
 import tomllib
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -447,3 +448,77 @@ steps = 2
     assert table.certified.all()
     assert table.high.tolist() == pytest.approx(alone, rel=1e-12)
     assert loop.spectral_radius(k=6.0, K=alone[1]) == pytest.approx(1, abs=1e-9)
+
+
+def arm(read, damping=0.0, lp=None):
+    """A mass whose velocity is taken from differences of what is read of its position."""
+    filtered = {"lp": {"type": "butterworth", "order": 1, "cutoff_hz": 50.0}} if lp else {}
+    return {
+        "rates": {"tick_hz": 1000.0},
+        "numbers": {"kp": 0.1} | ({"q": 2.0} if "q" in f"{read}{lp}" else {}),
+        "block": {"arm": {"type": "mass", "mass": 0.4, "damping": damping}, "df": {"type": "difference"}, **filtered},
+        "wire": {"arm.f": "push - kp*df.y", "df.u": read, **({"lp.u": lp} if lp else {})},
+        "ports": {"hand": {"force": "push", "displacement": "arm.x"}},
+    }
+
+
+@pytest.mark.parametrize(("read", "factor"), [("q*arm.x", 2.0), ("arm.x/q", 0.5), ("(1 + q)*arm.x", 3.0)])
+def test_a_drift_whose_factors_depend_on_a_number_needs_no_lead_that_is_conserved(read, factor):
+    """Without damping the position has no part in what is conserved. kp factor < 2 m/T."""
+    loop = wavesweep.compile(arm(read))
+    table = loop.stable_intervals("kp", (0.01, 2000))
+    assert table.certified.all()
+    assert ends(table) == [[0.01, pytest.approx(0.8 * 1000 / factor, rel=1e-9)]]
+
+
+@pytest.mark.parametrize(("read", "same"), [("5*q*arm.x", "10*arm.x"), ("arm.x/q", "arm.x/2"), ("(1 + q)*arm.x", "3*arm.x")])
+def test_a_factor_that_is_a_number_is_the_factor(read, same):
+    """Behind a filter, whose state has no part in what is conserved either."""
+    loops = [wavesweep.compile(arm("lp.y", damping=1.0, lp=lp)) for lp in (read, same)]
+    kp = [0.1, 1.0, 30.0]
+    np.testing.assert_allclose(*(loop.spectral_radius(kp=kp) for loop in loops), rtol=1e-12)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_position_that_drifts_with_another_state_is_not_at_rest(factor):
+    """A frame of one tick: the worst force is the force itself."""
+    table = wavesweep.compile(arm(f"{factor}*arm.x", damping=1.0)).response([0.0, 1e-3, 1.0])
+    assert np.isnan(table.admittance_abs[0])
+    np.testing.assert_allclose(table.worst_gain[1:], table.admittance_abs[1:], rtol=1e-10)
+
+
+def test_a_frame_that_is_singular_to_rounding_spoils_no_other_loop():
+    spec = {
+        "controller": {"kind": "pmw", "Kp": 0.0},
+        "rates": {"slow_hz": 70.0},
+        "device": {"mass": 0.07418236386165593, "damping": 1.766760854424386},
+        "operator": {"stiffness": 100.0},
+        "environment": {"delay": 14, "integration": "trapezoidal", "K_VE": 25.824532728222724},
+        "filters": {"lp1": {"order": 0}},
+    }
+    loop = wavesweep.compile(spec)
+    alone = loop.stable_intervals("b", (1.0, 200.0), B_VE=2.6501064701123473)
+    both = loop.stable_intervals("b", (1.0, 200.0), B_VE=[2.6501064701123473, 3.445138311146034])
+    assert alone.high[0] == pytest.approx(16.577, rel=1e-4)
+    assert both.low[0] == alone.low[0]
+    assert both.high[0] == alone.high[0]
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9])
+def test_bounds_of_responses_know_how_well_algebraic_loops_are_conditioned(gap):
+    a, b, k = 1 / 3, 3 * (1 - gap), 3 * gap
+    damping = float(Fraction(k) * Fraction(a) / (1 - Fraction(a) * Fraction(b)))
+    plant = {"type": "mass", "mass": 0.4, "damping": 1.0, "stiffness": 20.0}
+    ports = {"hand": {"force": "push", "displacement": "arm.x"}}
+    loops = [
+        {
+            "block": {"arm": plant, "g1": {"type": "gain", "k": a}, "g2": {"type": "gain", "k": b}},
+            "wire": {"g1.u": "g2.y + arm.v", "g2.u": "g1.y", "arm.f": f"push - {k!r}*g1.y"},
+        },
+        {"block": {"arm": plant}, "wire": {"arm.f": f"push - {damping!r}*arm.v"}},
+    ]
+    found, exact = (wavesweep.compile({"rates": {"tick_hz": 1000.0}, "ports": ports, **loop}).response([1.2]) for loop in loops)
+    for name, value in (("admittance", "admittance_abs"), ("worst_gain", "worst_gain")):
+        error = abs(found[value][0] / exact[value][0] - 1)
+        assert error <= found[f"{name}_error"][0] + exact[f"{name}_error"][0]
+        assert found[f"{name}_error"][0] < 1e-12 / gap * 1e4

@@ -9,6 +9,7 @@ import numpy as np
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawn import Drawn, shifts
 from wavesweep.lifted.batches import in_parts
+from wavesweep.lifted.circle import solve
 from wavesweep.lifted.connect import connect
 
 
@@ -231,8 +232,10 @@ SAME = 1e-9  # difference of two factors of a shift, up to which it does not dep
 def without_drift(E: np.ndarray, drift: Drift) -> np.ndarray:
     """The frame's matrix less identity without its drift, `(..., k, k)`: its eigenvalues are the others.
 
-    A lead moves others by constant factors: they are counted from it. A shift of other factors, which a left null vector
-    `l E = 0` belongs to, is folded away: `l = E_sR E_RR^-1`, and what is left goes by `E_RR + E_Rs l`.
+    A lead moves others by constant factors: they are counted from it. Factors V that depend on the numbers of a loop are found
+    in its frame: with the leads S and the others R, `E_R V = -E_S` by columns, as nothing changes along a shift. The others go
+    by `E_RR - V E_SR` then, which has no eigenvalue 0. All rows are kept and weighted alike, since which of them follows from
+    the others depends on the combination that the loop conserves, of which a lead need not be a part.
     """
     leads, unread = [lead for lead, _ in drift.moved], () if drift.folded else drift.unread
     index = [i for i in range(len(drift.states)) if i not in leads and i not in unread]
@@ -244,17 +247,24 @@ def without_drift(E: np.ndarray, drift: Drift) -> np.ndarray:
                     E[..., index.index(state), :] -= factor * whole[..., lead, index]
     if not drift.folded:
         return E
-    for lead in drift.folded:
-        s = index.index(lead)
-        rest = [i for i in range(len(index)) if i != s]
-        inner, into, out = E[..., rest, :][..., rest], E[..., s, rest], E[..., rest, s]
-        try:
-            along = np.linalg.solve(np.swapaxes(inner, -1, -2), into[..., None])[..., 0]
-        except np.linalg.LinAlgError:
-            along = np.full(into.shape, np.nan)
-        E, index = inner + out[..., :, None] * along[..., None, :], [index[i] for i in rest]
-    kept = [i for i, name in enumerate(index) if name not in drift.unread]
+    folded = np.array([index.index(lead) for lead in drift.folded], int)
+    rest = np.array([i for i in range(len(index)) if i not in folded], int)
+    V = _solution(E[..., rest], -E[..., folded])
+    E = E[..., rest[:, None], rest] - V @ E[..., folded[:, None], rest]
+    kept = [i for i, at in enumerate(rest.tolist()) if index[at] not in drift.unread]
     return E[..., kept, :][..., kept]
+
+
+def _solution(A, b):
+    """The solution of more equations than unknowns that do not contradict each other, each of weight 1; NaN for A that is not
+    finite."""
+    size = np.abs(A).max(-1, keepdims=True, initial=0)
+    with np.errstate(all="ignore"):
+        weight = np.where(size > 0, 1 / size, 1.0)
+        finite = np.isfinite(A).all((-1, -2), keepdims=True)
+        Q, R = np.linalg.qr(np.where(finite, A * weight, 0.0))
+        found = solve(R, np.swapaxes(Q.conj(), -1, -2) @ np.where(finite, b * weight, 0.0))
+    return np.where(finite, found, np.nan)
 
 
 def closed_frame(drawn: Drawn, drift: Drift) -> np.ndarray:

@@ -136,16 +136,16 @@ def _own_points(facts: Mapping[str, Any], layout: Layout, panels: Sequence[float
     spec = spec_of(facts)
     if spec is None or layout.x is None:
         return [], []
-    own = {
-        name: spec.values.get(spec.names.find(name).path)
-        for name in (layout.x, layout.panels, layout.family, *layout.fixed)
-        if name
-    }
+    along = facts.get("along", spec.along)
+    names = (along, layout.x, layout.panels, layout.family, *layout.fixed)
+    own = {name: spec.own(spec.names.find(name).path) for name in names if name}
+    if None in own.values():  # an edge of a filter's band, which its order and cutoff follow from
+        return [], []
     there = layout.panels is None or own[layout.panels] in panels
     there = there and (layout.family is None or own[layout.family] in layout.members)
     there = there and all(own[name] == value for name, value in layout.fixed.items())
-    x, along = own[layout.x], spec.values.get(spec.names.find(facts.get("along", spec.along)).path)
-    return ([x], [along]) if there and layout.points[0] <= x <= layout.points[-1] else ([], [])
+    x = own[layout.x]
+    return ([x], [own[along]]) if there and layout.points[0] <= x <= layout.points[-1] else ([], [])
 
 
 def _draw_panel(axes: Any, columns: Columns, facts: Mapping[str, Any], layout: Layout, inches: tuple[float, float]) -> None:
@@ -211,24 +211,18 @@ def _name_axes(canvas: Any, columns: Columns, layout: Layout, facts: Mapping[str
     bars = layout.x is None
     # The note is a further line of the label: the layout makes room for that, and for nothing that is placed by hand.
     width = int(_LETTERS_PER_INCH * canvas.get_figwidth())
-    note = [*wrap(layout.left_out, width), *wrap(_assumed(facts, columns), width)]
+    note = [*wrap(layout.left_out, width), *wrap(_assumed(facts), width)]
     canvas.supxlabel("\n".join([along if bars else label(layout.x, facts), *note]), fontsize=8)
     across = (label(layout.family, facts) if layout.family else "") if bars else along
     if across:
         canvas.supylabel(across, fontsize=8)
 
 
-def _assumed(facts: Mapping[str, Any], columns: Columns) -> str:
-    """The wall, its delay and the velocity that the figure is for, if they are the same in all of it."""
-    tables = facts.get("spec", {})
-    if not {"environment", "device", "controller"} <= set(tables):
-        return ""
-    delay = tables["environment"]["delay"]
-    words = [str(tables["controller"]["kind"]), f"{tables['environment']['integration']} wall"]
-    if "environment.delay" not in columns:
-        words.append("no delay" if delay == 0 else f"delay {delay} tick{'' if delay == 1 else 's'}")
-    kind = ["the defaults, kinder than usual engines"] if "default" in str(facts.get("assumes", "")) else []
-    return ", ".join([*words, f"{tables['device']['velocity']} velocity", *kind])
+def _assumed(facts: Mapping[str, Any]) -> str:
+    """The controller, its wall, delay and velocity, as far as the figure has a single one of each."""
+    said, _, left = str(facts.get("assumes", "")).partition(";")
+    kind = facts.get("spec", {}).get("controller", {}).get("kind")
+    return ", ".join([str(kind), said, *(["the defaults, kinder than usual engines"] if left else [])]) if said and kind else ""
 
 
 def _entries(

@@ -85,6 +85,12 @@ class Spec:
         """The rate of the ticks, the fast rate, in Hz."""
         return self.drawing.rate(self._values) if self.drawing else self._values["rates.fast_hz"]
 
+    def own(self, path: str) -> float | int | str | None:
+        """Return the own value of a key; None if others stand for it, as the order and cutoff of a filter for its band."""
+        if path == "rates.slow_hz":
+            return self._values["rates.fast_hz"] / self._values["rates.ratio"]
+        return self._values.get(path)
+
     @property
     def along(self) -> str:
         """The name of the axis whose stable intervals are wanted, as written."""
@@ -218,11 +224,11 @@ class Spec:
         return replace(self, _values=values, _given=given)
 
 
-def sweep_axes(spec: Spec, along: str | None = None) -> tuple[Axis, tuple[Axis, ...]]:
+def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tuple[Axis, tuple[Axis, ...]]:
     """Return the axis of [sweep] along which intervals are wanted (`spec.along` by default), and the other axes.
 
-    along: a symbol or a path. K_VE has a default span if the spec gives none.
-    Errors: SpecError if `along` is no numeric key or has no span, or if another axis has a span without values.
+    along: a symbol or a path. K_VE has a default span if the spec gives none. swept: whether the others are swept.
+    Errors: SpecError if `along` is no numeric key or has no span, or if another axis that is swept has a span without values.
     """
     name = _name_of(spec, along)
     fault = axis_fault(name, spec.names)
@@ -230,7 +236,7 @@ def sweep_axes(spec: Spec, along: str | None = None) -> tuple[Axis, tuple[Axis, 
         raise SpecError([Mistake("", "along", "the name of a numeric key", *fault)])
     path = spec.names.find(name).path
     others = tuple(axis for axis in spec.sweep if axis.path != path)
-    mistakes = [need_values("sweep", axis) for axis in others if not axis.values]
+    mistakes = [need_values("sweep", axis) for axis in others if swept and not axis.values]
     wanted = [axis for axis in spec.sweep if axis.path == path] or _default_axes(spec, name, path)
     if not wanted or not wanted[0].start < wanted[0].stop:
         expected = f"a span to search, `{name} = {{ start = ..., stop = ... }}` in [sweep]"

@@ -22,7 +22,9 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     parts = [_wall(values, read)]
     if DELAY in read:
         delay, ratio = values[DELAY], values["rates.ratio"]
-        parts.append("delay swept" if DELAY in swept else f"delay of {delay} of {ratio:.6g} ticks" if delay else "no delay")
+        within = "" if {"rates.fast_hz", "rates.slow_hz", "rates.ratio"} & set(swept) else f" of {ratio:.6g}"
+        ticks = "tick" if delay == 1 and not within else "ticks"
+        parts.append("delay swept" if DELAY in swept else f"delay of {delay}{within} {ticks}" if delay else "no delay")
     if VELOCITY in read:
         parts.append("exact velocity" if values[VELOCITY] == "exact" else "velocity from differences of position")
     kept = [path for path in (INTEGRATION, DELAY, VELOCITY) if path in read and path not in spec.given and path not in swept]

@@ -19,7 +19,7 @@ from wavesweep.sweep.drawn_loops import ports_of, ports_of_groups
 from wavesweep.sweep.grid import Grid, groups, loop_of, make_grid, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
 from wavesweep.sweep.running import Progress, Run, Work, run
-from wavesweep.sweep.table import Columns, Table, facts_of, joined
+from wavesweep.sweep.table import Columns, Table, facts_of, held, joined
 from wavesweep.sweep.tasks import PORT, PortTask
 
 TOLERANCE = 1e-3  # J per J sent that aliasing may add for the channel to pass for passive in a verdict
@@ -237,7 +237,7 @@ def _notices(grid) -> Iterator[str]:
     yield from grid.notices
     for axis in grid.spec.sweep:
         if not axis.values:
-            yield f"{axis.name} has a span and no values: not swept, held at the spec's {values[axis.path]:g}"
+            yield f"{axis.name} has a span and no values: not swept, {held(grid.spec, axis.path)}"
     if grid.drawing:
         yield "not computed for a loop that is assembled tick by tick: the wave channel, and damping_needed unless it is 0"
     elif draw(values).waves is None:

@@ -87,6 +87,12 @@ def facts_of(specs, methods, slices, timings, notices=(), swept=()) -> dict:
     }
 
 
+def held(spec, path: str) -> str:
+    """Words for an axis that is not swept."""
+    own = spec.own(path)
+    return "held as the spec has it" if own is None else f"held at the spec's {own:g}"
+
+
 def digest_of(specs) -> str:
     """The SHA-256 of a spec, or of the digests of several."""
     if len(specs) == 1:

@@ -21,7 +21,7 @@ from wavesweep.sweep.grid import Grid, groups, keys_of, make_grid, selected
 from wavesweep.sweep.interval_table import method
 from wavesweep.sweep.job import job_over
 from wavesweep.sweep.running import in_memory
-from wavesweep.sweep.table import Table, facts_of
+from wavesweep.sweep.table import Table, facts_of, held
 from wavesweep.sweep.tasks import TINY, with_batch
 
 METHOD = (
@@ -46,12 +46,12 @@ def why(spec: Spec, along: str | None = None) -> Table:
     Errors: as for `intervals`.
     """
     started = time.perf_counter()
-    axis, others = sweep_axes(spec, along)
+    axis, others = sweep_axes(spec, along, swept=False)
     job = job_over(make_grid(spec, (), axis.path), axis)
     found = in_memory(job)
     columns = _table(job.grid, axis, found)
     certified = int(found["certified"].all())
-    notices = [f"{other.name} is not swept here, held at the spec's {spec.values[other.path]:g}" for other in others]
+    notices = [f"{other.name} is not swept here, {held(spec, other.path)}" for other in others]
     if left_out := _left_out(spec):
         notices.append(
             f"without derivatives, since they are whole numbers or decide how the loop is built: {', '.join(left_out)}"

@@ -6,13 +6,14 @@ import numpy as np
 
 from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.response.steady import Response
-from wavesweep.analysis.response.ticks import ROUNDING
+from wavesweep.analysis.response.ticks import long_sum
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
 from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.periodic import Drift, in_a_row, then, ticks_of
 
 POINTS = 256  # frequencies at a time
+STILL = 1e-9  # of the terms of a shift, what is rounding
 LOST = 0.1  # relative error from which on a number has no digit
 
 
@@ -34,12 +35,19 @@ class Port:
 
     From the force to the displacement in the tick and the force against it. E `(..., n, n)` less identity, B `(..., n, 1)`, C
     `(..., 2, n)`, D `(..., 2, 1)`. position: its row `(..., 1, n)`, None if it drifts: a constant force moves it without end.
+    condition: by how much closing algebraic loops may have multiplied the rounding of the entries (see `Block`).
     """
 
     maps: tuple[tuple[np.ndarray, ...], ...]
     kind: np.ndarray
     period: float
     position: np.ndarray | None = None
+    condition: float = 1.0
+
+    @property
+    def rough(self) -> float:
+        """Relative error of sums over a frame, of entries that algebraic loops may have made rough."""
+        return long_sum(self.kind.size) * self.condition
 
     def turned(self, first: int) -> "Port":
         """The same with a frame that begins with another tick."""
@@ -75,8 +83,15 @@ def port_of(drawn: Drawn, ports: Ports, drift: Drift) -> Port:
     force = drawn.inputs.index(ports.force)
     maps = tuple(_seen(each, reads, force, drift, bool(ports.reaction)) for each in ticks.maps)
     kept = _kept(drift)
-    still = not any(np.any(reads[..., lead]) for lead, _ in drift.moved)
-    return Port(maps, ticks.kind, float(np.ravel(drawn.period)[0]), reads[..., kept] if still else None)
+    still = not any(_moves(reads, lead, others) for lead, others in drift.moved)
+    condition = max(float(np.max(each.condition)) for each in ticks.maps)
+    return Port(maps, ticks.kind, float(np.ravel(drawn.period)[0]), reads[..., kept] if still else None, condition)
+
+
+def _moves(reads, lead, others):
+    """Whether a shift moves what is read: the lead by 1, others by their factors."""
+    terms = np.stack([reads[..., lead], *(factor * reads[..., state] for state, factor in others)], -1)
+    return bool((np.abs(terms.sum(-1)) > STILL * np.abs(terms).sum(-1)).any())
 
 
 def _seen(block, reads, force, drift, reacts):
@@ -140,7 +155,7 @@ def _once(port, frequency):
     z, M = np.exp(2j * np.pi * frequency * port.period), port.kind.size
     frame = _frame(port, z)
     wM = on_circle(2 * np.pi * frequency * port.period * M)
-    rough = ROUNDING * (4 + np.sqrt(M))
+    rough = port.rough
     A = wM[:, None, None] * np.eye(frame.E.shape[-1]) - frame.E
     X, dX = (each[..., 0] for each in solved(A, rough * np.abs(A), frame.g[..., None], (rough * frame.g_size)[..., None]))
     total = (frame.G @ X[..., None])[..., 0] + frame.h

@@ -7,7 +7,7 @@ from wavesweep.analysis.response.circle import Circle
 from wavesweep.analysis.response.dominant import Dominant, Lifted
 from wavesweep.analysis.response.drawn import LOST, Port, frame_of_port
 from wavesweep.analysis.response.steady import GOOD
-from wavesweep.analysis.response.ticks import ROUNDING, long_sum
+from wavesweep.analysis.response.ticks import ROUNDING
 
 MOST_TICKS = 500  # of a frame; the map's memory grows with their square
 BLOCK = 2_000_000  # entries of one batch of matrices
@@ -37,7 +37,7 @@ def lifted_map(port: Port) -> Lifted:
 
     A position that drifts is no state of the port: it is one more state here, which sums the displacements up.
     """
-    n, ticks, rough = port.maps[0][0].shape[-1], port.kind.size, long_sum(port.kind.size)
+    n, ticks, rough = port.maps[0][0].shape[-1], port.kind.size, port.rough
     state, size = np.zeros((2, n, n + ticks))
     state[:, :n], size[:, :n] = np.eye(n), np.eye(n)
     rows, sizes = np.zeros((2, ticks, n + ticks))
