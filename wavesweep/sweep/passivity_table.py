@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -73,8 +74,7 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
     port = PortJob(grid, Chunks(grid.slices, 1, CHUNK, 1), resolved)
     if grid.drawing:
         ports_of(spec, grid.drawing)
-        return {"port": port}
-    if draw(spec.values).waves is None:
+    if spec.drawing or draw(spec.values).waves is None:
         return {"port": port}
     inside = channels_of(grid)
     return {"channel": ChannelJob(inside, Chunks(inside.loops, 1, CHANNELS, 1), resolve_all(inside)), "port": port}
@@ -135,6 +135,9 @@ CHANNEL = np.dtype(
 )
 
 
+UNKNOWN = SimpleNamespace(norm=np.nan, omega=np.nan, passive=False, certified=True)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ChannelJob(Job):
     """The different wave channels of a grid, which has no other axes; they have no rows of their own."""
@@ -165,7 +168,8 @@ class ChannelJob(Job):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChannelTask:
-    """Wave channels. groups: (members, values) pairs, which number the channels from 0; see `groups`."""
+    """Wave channels; not known for rates that do not divide. groups: (members, values) pairs, which number the channels from 0;
+    see `groups`."""
 
     groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
 
@@ -174,7 +178,7 @@ class ChannelTask:
         records = np.empty(sum(members.size for members, _ in self.groups), CHANNEL)
         records["slice"] = np.arange(records.size)
         for members, values in self.groups:
-            norm = channel_norm(values)
+            norm = channel_norm(values) if isinstance(values["rates.ratio"], int) else UNKNOWN
             for name, part in zip(CHANNEL.names[1:], (norm.norm, norm.omega, norm.passive, norm.certified), strict=True):
                 records[name][members] = part
         return records
@@ -199,12 +203,18 @@ def _blocks(found: Run) -> Iterator[Columns]:
 def _channel_columns(found: Run, slices) -> dict[str, np.ndarray]:
     """The columns of the channel of each slice, and `certified`."""
     if "channel" not in found.jobs:
-        # A loop without a channel has none that adds energy.
+        # A loop without a channel has none that adds energy; of the waves that a drawing has it is not known.
         missing, true = np.full(slices.size, np.nan), np.ones(slices.size, bool)
-        return {"channel_norm": missing, "channel_omega": missing, "channel_passive": true, "certified": true}
+        passive = np.full(slices.size, not _has_waves(found.jobs["port"].grid.spec))
+        return {"channel_norm": missing, "channel_omega": missing, "channel_passive": passive, "certified": true}
     job = found.jobs["channel"]
     _, records = gather(job, found.stores["channel"], _inner(found.jobs["port"].grid, job.grid, slices))
     return {name: records[name] for name in CHANNEL.names if name != "slice"}
+
+
+def _has_waves(spec):
+    """Whether a spec draws waves."""
+    return spec.drawing is not None and any(block.type == "wave" for block in spec.drawing.blocks)
 
 
 def _certified(found: Run) -> int:
@@ -238,9 +248,12 @@ def _notices(grid) -> Iterator[str]:
     for axis in grid.spec.sweep:
         if not axis.values:
             yield f"{axis.name} has a span and no values: not swept, {held(grid.spec, axis.path)}"
+    waves = _has_waves(grid.spec) if grid.spec.drawing else draw(values).waves is not None
     if grid.drawing:
-        yield "not computed for a loop that is assembled tick by tick: the wave channel, and damping_needed unless it is 0"
-    elif draw(values).waves is None:
+        channel = "the wave channel (channel_passive 0), and " if waves else ""
+        where = "a drawn loop" if grid.spec.drawing else "rates of which one does not divide"
+        yield f"not computed for {where}: {channel}damping_needed unless it is 0"
+    if not waves and not grid.spec.drawing:
         yield f"{kind} has no wave channel: its norm is missing, and what is not there adds no energy (channel_passive 1)"
 
 
