@@ -36,3 +36,29 @@ def test_every_method_has_a_figure(name, call):
     figure = getattr(wavesweep.compile(SPEC), f"plot_{name}")(**call)
     assert isinstance(figure, Figure)
     assert figure._repr_png_()[:4] == b"\x89PNG"
+
+
+@pytest.mark.parametrize("axis", ["rates.slow_hz", "filters.lp1.passband_hz"])
+def test_an_axis_that_other_keys_follow_from_is_drawn(axis):
+    """A cross marks the spec's own design, if it has a value on that axis."""
+    edges = {"passband_hz": 5.0, "stopband_hz": 50.0, "passband_db": 3.0, "stopband_db": 20.0}
+    spec = {"controller": {"kind": "pmw"}, **({"filters": {"lp1": edges}} if "filters" in axis else {})}
+    values = [20.0, 25.0, 40.0, 50.0, 100.0, 125.0, 200.0, 250.0, 500.0] if axis == "rates.slow_hz" else np.linspace(3, 8, 11)
+    figure = wavesweep.compile(spec).plot_zwidth(span=(0, 4000), **{axis: values})
+    names = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
+    assert ("the spec's own" in names) == (axis == "rates.slow_hz")
+
+
+def test_only_the_unstable_part_of_a_curve_is_faint():
+    loop = wavesweep.compile({"controller": {"kind": "pmw"}, "environment": {"integration": "explicit", "K_VE": 1500.0}})
+    figure = loop.plot_bode([3.0], b=np.linspace(1, 60, 30).tolist())
+    lines = [line for line in figure.axes[0].lines if line.get_xdata().size == 30]
+    assert sorted(line.get_alpha() or 1.0 for line in lines) == [0.35, 1.0]
+    known = [np.isfinite(np.asarray(line.get_ydata(), float)) for line in lines]
+    assert (known[0] ^ known[1]).all()
+
+
+def test_the_caption_says_of_a_wall_what_the_loop_has():
+    figure = wavesweep.compile({"controller": {"kind": "dc-slow"}}).plot_zwidth(span=(0, 4000), B_VE=[0.0, 1.0])
+    assert "implicit" not in figure.get_supxlabel()
+    assert "without integration" in figure.get_supxlabel().replace("\n", " ")

@@ -74,8 +74,7 @@ class Loop:
         from wavesweep.sweep.running import in_memory
 
         axis = self._along(along or (self.spec.along if self.spec.drawing else "K_VE"), span)
-        others = self._axes(axes)
-        grid = make_grid(self.spec, others, axis.path, self.read)
+        grid = make_grid(self.spec, self._axes(axes, axis), axis.path, self.read)
         return self._frame("zwidth", in_memory(job_over(grid, axis, None if grid.loop_axes else self.cut)))
 
     def sensitivity(self, along: str | None = None, span=None, **axes):
@@ -90,7 +89,7 @@ class Loop:
         from wavesweep.sweep.why_table import sensitivities
 
         axis = self._along(along or (self.spec.along if self.spec.drawing else "K_VE"), span)
-        grid = make_grid(self.spec, self._axes(axes), axis.path, self.read)
+        grid = make_grid(self.spec, self._axes(axes, axis), axis.path, self.read)
         return self._frame("why", sensitivities(grid, axis, None if grid.loop_axes else self.cut))
 
     def spectral_radius(self, **axes) -> np.ndarray:
@@ -232,14 +231,23 @@ class Loop:
             if key.path != SYMBOLS["K_VE"]:
                 raise UsageError(f"along {name}: give the span to search, span=(low, high)")
             span = (0.0, 20000.0)
-        low, high = (float(end) for end in span)
+        try:
+            low, high = map(float, span)
+        except (TypeError, ValueError):
+            raise UsageError(f"span: expected (low, high), found {span!r}") from None
         if not low < high:
             raise UsageError(f"span: expected (low, high) with low < high, found ({low!r}, {high!r})")
         _accept(self.spec, key.path, high)
         return Axis(name, key.path, (), low, high, key.structural, "linear")
 
-    def _axes(self, axes: Mapping) -> tuple[Axis, ...]:
-        return tuple(self._axis(name, values) for name, values in axes.items())
+    def _axes(self, axes: Mapping, along: Axis | None = None) -> tuple[Axis, ...]:
+        found = tuple(self._axis(name, values) for name, values in axes.items())
+        for axis in found:
+            if along is not None and axis.path == along.path:
+                raise UsageError(
+                    f"{axis.name}: expected other axes than {along.name}, which the intervals are along; give a span"
+                )
+        return found
 
     def _axis(self, name, values) -> Axis:
         key = self._key(name)
@@ -254,8 +262,8 @@ class Loop:
 
     def _frequencies(self, frequency_hz):
         frequency = np.asarray(self.spec.frequency_hz if frequency_hz is None else frequency_hz, float).ravel()
-        if not np.all((frequency >= 0) & np.isfinite(frequency)):
-            raise UsageError("frequency_hz: expected finite numbers >= 0")
+        if not frequency.size or not np.all((frequency >= 0) & np.isfinite(frequency)):
+            raise UsageError("frequency_hz: expected finite numbers >= 0" + ("" if frequency.size else ", found none"))
         return frequency
 
 

@@ -136,8 +136,8 @@ def test_the_file_may_be_named_or_go_to_stdout(wavesweep, tmp_path, monkeypatch)
     assert (code, err) == (0, "")
     assert out == Path("wall.toml").read_text().replace("wall.toml", "dc.toml")
     code, _, err = wavesweep("init", "--out", "nowhere/wall.toml")
-    assert code == 1
-    assert "No such file or directory" in err
+    assert code == 2
+    assert "found no folder nowhere; make it first" in err
 
 
 @pytest.mark.parametrize(

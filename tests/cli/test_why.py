@@ -122,3 +122,12 @@ def test_a_table_without_a_certificate_is_drawn_and_says_so(wavesweep, tmp_path,
     code, _, err = wavesweep("why", "corner.toml")
     assert code == 0
     assert "k: not certified (counts), so no derivatives are given" in err
+
+
+def test_another_axis_needs_no_values_of_those_that_are_not_swept(wavesweep, tmp_path, monkeypatch):
+    """The example of the help, on the spec that `init` writes."""
+    monkeypatch.chdir(tmp_path)
+    assert wavesweep("init", "pmw", "--out", "mine.toml")[0] == 0
+    code, _, err = wavesweep("why", "mine.toml", "--along", "b", "--set", "sweep.b={start=5, stop=80}")
+    assert code == 0
+    assert "K_VE is not swept here, held at the spec's 500\n" in err

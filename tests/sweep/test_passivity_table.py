@@ -1,5 +1,7 @@
 """Passivity over the axes of a sweep: each row is the loop's own, and what repeats is computed once."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -102,3 +104,16 @@ def test_the_library_simulates_what_it_is_given():
     assert list(table.columns) == list(expected)
     assert np.array_equal(table["x"], expected["x"])
     assert len(wavesweep.compile(spec).simulate()) == 100
+
+
+def test_a_channel_that_is_not_computed_is_not_said_to_be_passive():
+    """Rates that do not divide; the others keep their norms. Of drawn waves nothing is known either."""
+    together, alone = (passivity(spec_of(**{"rates.slow_hz": rates})) for rates in ([50.0, 60.0, 100.0], [50.0, 100.0]))
+    norm = together.columns["channel_norm"]
+    assert np.isnan(norm).tolist() == [False, True, False]
+    np.testing.assert_array_equal(norm[[0, 2]], alone.columns["channel_norm"])
+    assert together.columns["channel_passive"].tolist() == [False, False, False]
+    assert any("channel_passive 0" in notice for notice in together.facts["notices"])
+    drawn = passivity(load(Path(__file__).parents[2] / "sweeps/recipes/controllers/pmw.toml"))
+    assert np.isnan(drawn.columns["channel_norm"]).all()
+    assert not drawn.columns["channel_passive"].any()

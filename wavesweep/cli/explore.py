@@ -71,8 +71,9 @@ def _has_screen() -> bool:
 def _save(spec, target: Path, force: bool) -> None:
     if target.exists() and not force:
         raise UsageError(f"{target}: the file exists; expected another name, or --force to replace it")
-    from wavesweep.cli.output import write_whole
+    from wavesweep.cli.output import refuse_no_folder, write_whole
     from wavesweep.explore.page import saved_page
 
+    refuse_no_folder(target)
     write_whole(target, saved_page(spec))
     click.echo(str(target), err=True)

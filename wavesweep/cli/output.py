@@ -216,8 +216,15 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
     return Finished(table.kind, notices, tally.numbers(table.facts), [*warnings, *tally.lines(table.facts)], paths)
 
 
+def refuse_no_folder(target: Path) -> None:
+    """Raise UsageError for a file in a folder that does not exist."""
+    if not target.parent.is_dir():
+        raise UsageError(f"{target}: expected a file in a folder that exists, found no folder {target.parent}; make it first")
+
+
 def write_whole(target: Path, text: str) -> None:
     """Write the whole file or nothing."""
+    refuse_no_folder(target)
     scratch = target.with_name(f".{target.name}.{os.getpid()}")
     try:
         scratch.write_text(text, encoding="utf-8")

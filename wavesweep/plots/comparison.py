@@ -12,7 +12,7 @@ from wavesweep.plots.style import DOUBTFUL, TWO_COLUMNS, distinct_colour, figure
 
 Columns = Mapping[str, np.ndarray]
 _WALLS = ((("high", "low"), f"ends of stable {symbol('K_VE')} (N/m)"), (("felt_high", "felt_low"), "felt there (N/m)"))
-_RESPONSES = (("admittance_abs", "admittance (m/N)"), ("impedance_abs", "impedance (N/m)"))
+_RESPONSES = (("admittance_abs", "admittance (mm/N)"), ("impedance_abs", "impedance (N/m)"))
 _MARKERS = "os^Dv<>P"
 _DASHES = ("-", (0, (5, 1.5)), (0, (3, 1, 1, 1)))
 _FEW = 25  # samples of a curve up to which each is marked
@@ -26,6 +26,8 @@ def compare(columns: Columns, facts: Mapping[str, Any], responses: Columns | Non
     not the loop ends an interval, its end is hollow. Responses of unstable loops are faint.
     """
     specs = list(dict.fromkeys(columns["spec"].tolist()))
+    if responses is not None:
+        responses = {**responses, "admittance_abs": 1e3 * responses["admittance_abs"]}
     height = 2.9 if responses is None else 5.2
     with figure(TWO_COLUMNS, height) as canvas:
         grid = canvas.subplots(1 if responses is None else 2, 2, squeeze=False)

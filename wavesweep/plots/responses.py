@@ -184,8 +184,9 @@ def _curves(columns: Columns, x: str, facts: Mapping[str, Any]) -> tuple[list[Cu
                 style |= {"marker": _MARKS[index % len(_MARKS)], "markevery": 0.12, "markersize": 3.5}
             style |= {"linewidth": 0.8} if scale is not None else {}
             shown = place if len(responses) > 1 and scale is None else ""
-            curve = _curve(rows, spec, shown, style)
-            curves.append(curve if scale is None or number == 0 else replace(curve, label=""))
+            for part in _by_stability(rows) if x != "frequency_hz" else [rows]:
+                curve = _curve(part, spec, shown, style)
+                curves.append(curve if scale is None or number == 0 else replace(curve, label=""))
     return curves, None if scale is None else (axes[0], scale)
 
 
@@ -212,6 +213,16 @@ def _responses(columns: Columns, axes: list[str], facts: Mapping[str, Any]) -> l
 
 def _chosen(columns: Columns, rows: np.ndarray) -> dict[str, np.ndarray]:
     return {name: column[rows] for name, column in columns.items()}
+
+
+def _by_stability(rows: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
+    """The rows of stable and of unstable loops, if there are both; each has gaps where the others are."""
+    stable, parts = rows["stable"], []
+    for some in (stable, ~stable) if stable.any() and not stable.all() else (np.ones(stable.size, bool),):
+        gaps = {name: np.where(some, column, np.nan) for name, column in rows.items() if column.dtype.kind == "f"}
+        same = {name: rows[name] for name in _swept(rows)}
+        parts.append({**rows, **gaps, **same, "stable": np.full(stable.size, bool(stable[some].all()))})
+    return parts
 
 
 def _curve(rows: dict[str, np.ndarray], spec: str, place: str, style: dict[str, Any]) -> Curve:

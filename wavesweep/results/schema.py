@@ -236,7 +236,10 @@ def fields_of(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any] | 
     own = {field.name for field in TABLES.get(kind, ())}.union(extra)
     along = columns.get("along", ())
     axes = [name for name in columns if name not in own]
-    return fields(kind, axes, str(along[0]) if len(along) else "K_VE", extra, facts)
+    found = fields(kind, axes, str(along[0]) if len(along) else "K_VE", extra, facts)
+    # A whole number that only some specs of a comparison have is missing in the others.
+    rough = {name for name in axes if getattr(columns[name], "dtype", np.dtype(object)) == np.float64}
+    return tuple(replace(each, kind="number") if each.name in rough and each.kind == "integer" else each for each in found)
 
 
 def numbers_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:

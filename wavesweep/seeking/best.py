@@ -32,6 +32,9 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     sweep = {"along": "K_VE", "K_VE": {"start": 0.0, "stop": stop}, "B_VE": list(damping)}
     sweep |= {axis.path: list(axis.values) for axis in design.for_all}
     sweep |= {f"operator.{part}": list(values) for part, values in design.hand.items()}
+    # What sets the worst may lie between the values that the spec lists.
+    worst = dict(part.split("=") for part in str(row.get("z_width_scenario", "")).split(", ") if "=" in part)
+    sweep |= {path: sorted({*sweep[path], float(value)}) for path, value in worst.items() if path in sweep}
     tables = {name: table for name, table in tables.items() if name not in ("sweep", "bode", "design", "simulate")}
     said = ", ".join(f"{wish.name} {row[wish.name]:.6g} {wish.kind.unit}".removesuffix(" 1") for wish in design.wishes)
     return f"{HEADER}{said}, at their worst.\n{as_toml(tables | {'sweep': sweep})}"

@@ -20,7 +20,7 @@ class Scenario:
 
     def described(self) -> str:
         """The scenario in words, as a table names it; empty if it is the spec's own."""
-        parts = [f"{path}={value:g}" for path, value in self.values.items()]
+        parts = [f"{path}={value:.12g}" for path, value in self.values.items()]
         parts += [f"{one}/{other}={ratio:g}" for one, (other, ratio) in self.ratios.items()]
         return ", ".join(parts)
 

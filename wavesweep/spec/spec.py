@@ -86,7 +86,7 @@ class Spec:
         return self.drawing.rate(self._values) if self.drawing else self._values["rates.fast_hz"]
 
     def own(self, path: str) -> float | int | str | None:
-        """Return the own value of a key; None if others stand for it, as the order and cutoff of a filter for its band."""
+        """Return the own value of the key `path`; None if others stand for it, as order and cutoff of a filter for its band."""
         if path == "rates.slow_hz":
             return self._values["rates.fast_hz"] / self._values["rates.ratio"]
         return self._values.get(path)

@@ -1,9 +1,11 @@
 """What a result is for: integration of the wall, delay and velocity, and which of them the spec left to the defaults."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from types import MappingProxyType
 
 from wavesweep.diagram import keys_read
 from wavesweep.spec import Spec
+from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.resolving import longest_delay
 
 INTEGRATION, DELAY, VELOCITY = "environment.integration", "environment.delay", "device.velocity"
@@ -31,9 +33,21 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     return "; ".join([", ".join(parts), *([_defaults(kept, longest_delay(values["rates.ratio"]))] if kept else [])])
 
 
+def over_preset(spec: Spec, options: Mapping[str, object] = MappingProxyType({})) -> Iterator[str]:
+    """Yield a sentence about the numbers of a preset device that the spec itself gives otherwise; options: other numbers."""
+    if spec.preset:
+        used, numbers = {**spec.values, **options}, DEVICES[spec.preset].numbers.items()
+        own = [(path, used[path], number.value) for path, number in numbers if path in used]
+        given = [f"{path} = {value:g} and not {other:g}" for path, value, other in own if value != other]
+        if given:
+            yield f"the spec takes precedence over the preset {spec.preset}: {', '.join(given)}"
+
+
 def assumed_by(specs: Sequence[Spec], swept: Collection[str] = ()) -> str:
-    """The sentence of one spec, or those of several with their names, one a line; swept: see `assumes`."""
-    said = [assumes(spec, swept) for spec in specs]
+    """The sentence of one spec, or those of several with their names, one a line; swept: see `assumes`, by any of them."""
+    several = len(specs) > 1
+    own = [{axis.path for axis in (*spec.sweep, *spec.bode)} if several else set(swept) for spec in specs]
+    said = [assumes(spec, mine.intersection(swept)) for spec, mine in zip(specs, own, strict=True)]
     if len(set(said)) == 1:
         return said[0]
     return "\n".join(f"{spec.name}: {sentence}" for spec, sentence in zip(specs, said, strict=True) if sentence)

@@ -12,6 +12,7 @@ import numpy as np
 from wavesweep.diagram import WALL, keys_read
 from wavesweep.errors import UsageError
 from wavesweep.spec import Axis, Spec
+from wavesweep.sweep.assumptions import over_preset
 
 if TYPE_CHECKING:
     from wavesweep.diagram.uneven import Uneven
@@ -44,9 +45,10 @@ class Grid:
 
     @property
     def notices(self) -> list[str]:
-        """A sentence for each axis that the controller does not read."""
+        """A sentence for each axis that the controller does not read, and one for numbers that a preset does not give."""
         kind = self.spec.kind
-        return [f"{axis.name} is not read by {kind}: evaluated once, its rows repeated" for axis in self.ignored]
+        ignored = [f"{axis.name} is not read by {kind}: evaluated once, its rows repeated" for axis in self.ignored]
+        return [*ignored, *over_preset(self.spec)]
 
     @property
     def size(self) -> int:

@@ -26,6 +26,7 @@ from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.drawing import Drawing
+from wavesweep.sweep.assumptions import over_preset
 from wavesweep.sweep.drawn_loops import ports_of, ports_of_loop, radii, refuse_singular
 from wavesweep.sweep.grid import loop_of, make_grid
 from wavesweep.sweep.response_table import doubt_of, parts_of
@@ -172,14 +173,10 @@ def _notices(spec: Spec) -> Iterator[str]:
     """Yield notices about values that a user may not expect."""
     options = spec.simulate
     if spec.preset:
-        own = {path: number.value for path, number in DEVICES[spec.preset].numbers.items()}
-        used = {**spec.values, **{f"simulate.{name}": value for name, value in options.items()}}
         limits = DEVICES[spec.preset].simulation().items()
         beyond = [f"{name} = {value:g}" for name, value in limits if value and options[name] == value]
         if beyond:
             yield f"the preset {spec.preset} adds to the linear loop: {', '.join(beyond)}"
-        given = [f"{path} = {used[path]:g} and not {value:g}" for path, value in own.items() if used[path] != value]
-        if given:
-            yield f"the spec takes precedence over the preset {spec.preset}: {', '.join(given)}"
+        yield from over_preset(spec, {f"simulate.{name}": value for name, value in options.items()})
     if options.get("resolution") and spec.values["device.velocity"] == "exact":
         yield 'device.velocity = "exact" does not see the encoder; "difference" takes its velocity from it'
