@@ -1,12 +1,15 @@
 """Worst-case gain of loops that are assembled tick by tick: against impulses in time, and the lifting where rates divide."""
 
+import mpmath
 import numpy as np
 import pytest
+from support.drawn import random_tables
 from support.specs import KINDS
 
 import wavesweep
 from wavesweep.analysis.response import drawn_gain, prepare, worst_gain
 from wavesweep.analysis.response.circle import Circle
+from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.diagram import draw
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.spec import load
@@ -81,3 +84,38 @@ def test_a_frame_of_many_ticks_has_none_and_no_doubt():
     table = wavesweep.compile(tables).response([5.0])
     assert np.isnan(table.worst_gain[0])
     assert table.doubt[0] == ""
+
+
+DRIFTING = {  # with a damping from differences of the velocity
+    "rates": {"tick_hz": 3000.0},
+    "block": {
+        "device": {"type": "mass", "mass": 0.32038562470984466},
+        "jerk": {"type": "difference"},
+        "scene": {"type": "hold", "every": 4},
+    },
+    "wire": {
+        "jerk.u": "device.v",
+        "scene.u": "0.105*jerk.y",
+        "device.f": "push - 0.31810297646987024*device.v - 0.31810297646987024*jerk.y",
+    },
+    "ports": {"hand": {"force": "push", "displacement": "device.x"}},
+}
+
+
+@pytest.mark.parametrize("frequency", [1e-3, 0.1, 3.0])
+@pytest.mark.parametrize("tables", [DRIFTING, LOOP, *map(random_tables, range(12))])
+def test_a_bound_covers_what_rounding_does_to_the_ticks(tables, frequency):
+    """The response of the same ticks at 60 digits."""
+    port = ports_of_loop(load(tables), load(tables).drawing)
+    with mpmath.workdps(60):
+        maps = [[mpmath.matrix(part.tolist()) for part in each] for each in port.maps]
+        n, ticks, z = port.maps[0][0].shape[0], port.kind.size, mpmath.expjpi(2 * mpmath.mpf(frequency) * port.period)
+        frame, force, shown, own = mpmath.eye(n), mpmath.zeros(n, 1), mpmath.zeros(1, n), mpmath.mpf(0)
+        for tick, kind in enumerate(port.kind.tolist()):
+            (E, B, C, D), turn = maps[kind], z**tick
+            shown, own = shown + C[0, :] * frame / turn, own + ((C[0, :] * force)[0] + D[0, 0] * turn) / turn
+            frame, force = frame + E * frame, force + E * force + B * turn
+        state = mpmath.lu_solve(z**ticks * mpmath.eye(n) - frame, force)
+        exact = ((shown * state)[0] + own) / ticks / (z - 1)
+        found = respond_port(port, [frequency])
+        assert abs(mpmath.mpc(found.admittance[0]) / exact - 1) <= found.admittance_error[0]

@@ -6,7 +6,7 @@ import numpy as np
 
 from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.response.steady import Response
-from wavesweep.analysis.response.ticks import long_sum
+from wavesweep.analysis.response.ticks import ENTRIES, both, long_sum
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
 from wavesweep.lifted.circle import on_circle
@@ -156,10 +156,11 @@ def _once(port, frequency):
     frame = _frame(port, z)
     wM = on_circle(2 * np.pi * frequency * port.period * M)
     rough = port.rough
-    A = wM[:, None, None] * np.eye(frame.E.shape[-1]) - frame.E
-    X, dX = (each[..., 0] for each in solved(A, rough * np.abs(A), frame.g[..., None], (rough * frame.g_size)[..., None]))
+    at = wM[:, None, None] * np.eye(frame.E.shape[-1])
+    unsure = frame.dE * port.condition + rough * np.abs(at)
+    X, dX = (each[..., 0] for each in solved(at - frame.E, unsure, frame.g[..., None], (rough * frame.g_size)[..., None]))
     total = (frame.G @ X[..., None])[..., 0] + frame.h
-    terms = (np.abs(frame.G) @ np.abs(X)[..., None])[..., 0] + frame.h_size
+    terms = (frame.G_size @ np.abs(X)[..., None])[..., 0] + frame.h_size
     error = (np.abs(frame.G) @ dX[..., None])[..., 0] + rough * terms
     return total.T / M, error.T / M
 
@@ -168,13 +169,15 @@ def _once(port, frequency):
 class _Frame:
     """Ticks in a row under the force z^k, of all frequencies: `X -> (I + E) X + g`; the outputs times z^-k sum up to `G X + h`.
 
-    turn: z to the number of ticks. g_size, h_size: sizes of the terms of g and h.
+    turn: z to the number of ticks. dE: bound on the error of E. g_size, G_size, h_size: sizes of the terms of g, G and h.
     """
 
     E: np.ndarray
+    dE: np.ndarray
     g: np.ndarray
     g_size: np.ndarray
     G: np.ndarray
+    G_size: np.ndarray
     h: np.ndarray
     h_size: np.ndarray
     turn: np.ndarray
@@ -186,7 +189,8 @@ def _frame(port, z):
     ticks = []
     for E, B, C, D in port.maps:
         g, h = one * B[..., 0], one * D[..., 0]
-        ticks.append(_Frame(E, g, np.abs(g), one[..., None] * C, h, np.abs(h), z))
+        G = one[..., None] * C
+        ticks.append(_Frame(E, ENTRIES * np.abs(E), g, np.abs(g), G, np.abs(G), h, np.abs(h), z))
     return in_a_row(port.kind.tolist(), ticks, _joined)
 
 
@@ -198,9 +202,11 @@ def _joined(first, second):
     g, h = first.g + moved + turn * second.g, first.h + seen[..., 0] / turn + second.h
     return _Frame(
         then(first.E, second.E),
+        both((first.E, first.dE), (second.E, second.dE))[1],
         g,
         np.abs(first.g) + np.abs(first.g) @ np.abs(second.E.T) + second.g_size,
         first.G + later,
+        first.G_size + np.abs(second.G) + np.abs(second.G) @ np.abs(first.E),
         h,
         first.h_size + (np.abs(second.G) @ np.abs(first.g)[..., None])[..., 0] + second.h_size,
         first.turn * second.turn,

@@ -5,9 +5,10 @@ import numpy as np
 from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.response.circle import Circle
 from wavesweep.analysis.response.dominant import Dominant, Lifted
-from wavesweep.analysis.response.drawn import LOST, Port, frame_of_port
+from wavesweep.analysis.response.drawn import LOST, Port
 from wavesweep.analysis.response.steady import GOOD
-from wavesweep.analysis.response.ticks import ROUNDING
+from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, both
+from wavesweep.lifted.periodic import in_a_row, then
 
 MOST_TICKS = 500  # of a frame; the map's memory grows with their square
 BLOCK = 2_000_000  # entries of one batch of matrices
@@ -49,18 +50,24 @@ def lifted_map(port: Port) -> Lifted:
             rows[tick, n + tick], sizes[tick, n + tick] = D[0, 0], abs(D[0, 0])
         state, size = state + E @ state, np.abs(np.eye(n) + E) @ size
         state[:, n + tick], size[:, n + tick] = B[:, 0], np.abs(B[:, 0])
-    frame = frame_of_port(port)
+    frame, dE = _frame(port)
     if port.position is None:
         summed, of_sum = (np.cumsum(part, axis=0) for part in (rows, sizes))
         rows, sizes = (np.concatenate([np.zeros((1, n + ticks)), part[:-1]]) for part in (summed, of_sum))
-        frame, own = np.pad(frame, (0, 1)), (summed[-1], of_sum[-1])
-        frame[n, :n] = own[0][:n]
+        frame, dE, own = np.pad(frame, (0, 1)), np.pad(dE, (0, 1)), (summed[-1], of_sum[-1])
+        frame[n, :n], dE[n, :n] = own[0][:n], rough * own[1][:n]
         state, size = np.vstack([state, own[0]]), np.vstack([size, own[1]])
     O, T = rows[:, :n], rows[:, n:]
-    dE, dO = rough * np.abs(frame), rough * sizes[:, :n]
+    dO = rough * sizes[:, :n]
     if port.position is None:
         O, dO = np.hstack([O, np.ones((ticks, 1))]), np.pad(dO, ((0, 0), (0, 1)))
     return Lifted((frame, dE), (O, dO), (state[:, n:], rough * size[:, n:]), (T, rough * sizes[:, n:]))
+
+
+def _frame(port):
+    """The frame less identity, and a bound on the error of its entries."""
+    ticks = [(E, ENTRIES * port.condition * np.abs(E)) for E, _, _, _ in port.maps]
+    return in_a_row(port.kind.tolist(), ticks, lambda first, second: (then(first[0], second[0]), both(first, second)[1]))
 
 
 def _gain(lifted, points):
