@@ -63,7 +63,7 @@ def _logarithmic(axes: Any) -> None:
         axis.set_minor_formatter(NullFormatter())
     low, high = axes.get_ylim()
     # At least two decades, so that at least two of them are named.
-    axes.set_ylim(min(low, high / 200), high)
+    axes.set_ylim(min(low, high / 200), 1.5 * high)  # with room for the marks at the upper edge
 
 
 def _look(method: str, methods: list[str]) -> dict[str, Any]:
