@@ -217,12 +217,18 @@ def _chosen(columns: Columns, rows: np.ndarray) -> dict[str, np.ndarray]:
 
 def _by_stability(rows: dict[str, np.ndarray]) -> list[dict[str, np.ndarray]]:
     """The rows of stable and of unstable loops, if there are both; each has gaps where the others are."""
-    stable, parts = rows["stable"], []
-    for some in (stable, ~stable) if stable.any() and not stable.all() else (np.ones(stable.size, bool),):
-        gaps = {name: np.where(some, column, np.nan) for name, column in rows.items() if column.dtype.kind == "f"}
-        same = {name: rows[name] for name in _swept(rows)}
-        parts.append({**rows, **gaps, **same, "stable": np.full(stable.size, bool(stable[some].all()))})
-    return parts
+    stable, places = rows["stable"], _swept(rows)
+    if stable.all() or not stable.any():
+        return [rows]
+    numbers = [name for name, column in rows.items() if column.dtype.kind == "f" and name not in places]
+    return [
+        {
+            **rows,
+            **{name: np.where(stable == kind, rows[name], np.nan) for name in numbers},
+            "stable": np.full(stable.size, kind),
+        }
+        for kind in (True, False)
+    ]
 
 
 def _curve(rows: dict[str, np.ndarray], spec: str, place: str, style: dict[str, Any]) -> Curve:

@@ -249,14 +249,11 @@ def _seen(port, ticks, frequency, stable):
 
 def own_value(spec, name, read):
     """The spec's own value of a key, named as an axis is; NaN if its controller reads other keys (`read`)."""
-    key, values = spec.names.find(name), spec.values
-    if key is None:
-        return np.nan
-    if key.path == "rates.slow_hz":
-        return values["rates.fast_hz"] / values["rates.ratio"] if "rates.ratio" in read else np.nan
-    if key.type == "integer":
-        return values[key.path]
-    return values.get(key.path, np.nan) if key.path in read else np.nan
+    key = spec.names.find(name)
+    own = None if key is None else spec.own(key.path)
+    if own is None or key.type == "integer":
+        return np.nan if own is None else own
+    return own if ("rates.ratio" if key.path == "rates.slow_hz" else key.path) in read else np.nan
 
 
 def _refuse_aliases(grid, frequency):
