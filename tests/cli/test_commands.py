@@ -160,6 +160,14 @@ def test_json_and_the_table_cannot_both_go_to_stdout(name, wavesweep, sweep, spe
     assert "--json and --out - would both write to stdout" in err
 
 
+@pytest.mark.parametrize("words", [("--no-plot",), ("--out", "-")])
+@pytest.mark.parametrize("name", SWEEPS)
+def test_a_format_for_no_figure_is_refused(name, words, wavesweep, sweep, spec):
+    code, out, err = wavesweep(name, spec, *words, "--format", "svg")
+    assert (code, out, sweep.seen) == (2, "", [])
+    assert f"--format is of the figure, and {' '.join(words)} writes none" in err
+
+
 def test_an_edited_spec_replaces_its_own_results_and_says_the_changes(wavesweep, sweep, spec, tmp_path):
     def run(*more):
         return wavesweep("zwidth", spec, "--no-plot", *more)

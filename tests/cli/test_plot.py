@@ -113,6 +113,13 @@ def spoilt(made, case):
     return made / "table.txt", "expected .csv or .parquet"
 
 
+def test_a_figure_does_not_go_to_stdout(wavesweep, tmp_path):
+    code, out, err = wavesweep("plot", "zwidth.parquet", "--out", "-")
+    assert (code, out) == (2, "")
+    assert "--out -: expected a folder" in err
+    assert not (tmp_path / "-").exists()
+
+
 @pytest.mark.parametrize("case", ["missing", "alone", "torn", "torn parquet", "other program", "other suffix"])
 def test_bad_tables_get_one_line(wavesweep, spec, tmp_path, case):
     wavesweep("zwidth", spec, "--no-plot", "--out", tmp_path / "made")

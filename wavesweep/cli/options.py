@@ -10,6 +10,7 @@ from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 if TYPE_CHECKING:
     from wavesweep.sweep.hands import Hands
@@ -110,6 +111,10 @@ def common(body: Callable[..., None]) -> Callable[..., None]:
     @wraps(body)
     def gathered(**given: Any) -> None:
         options = Options(**{field.name: given.pop(field.name) for field in fields(Options) if field.name in given})
+        drawn, asked = options.plot and not options.to_stdout, click.get_current_context().get_parameter_source("formats")
+        if not drawn and asked is ParameterSource.COMMANDLINE:
+            why = "--out -" if options.plot else "--no-plot"
+            raise click.UsageError(f"--format is of the figure, and {why} writes none; leave one of them out")
         options = options if options.plot else replace(options, formats=())
         if options.scheduler is not None and options.backend != "dask":
             raise click.UsageError(f"--scheduler needs --backend dask, found --backend {options.backend or 'missing'}")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from wavesweep.cli.options import debug, formats, quiet
+from wavesweep.cli.options import STDOUT, debug, formats, quiet
 
 
 @click.command("plot")
@@ -25,6 +25,8 @@ def command(table: str, formats: tuple[str, ...], out: str | None, **switches: b
     from wavesweep.cli.output import say
     from wavesweep.plots.style import about_figure, save_all
 
+    if out == STDOUT:
+        raise click.UsageError("--out -: expected a folder, since a figure is a file; leave it out for the folder of the table")
     path = Path(table)
     directory = path.parent if out is None else Path(out)
     results.refuse_unusable(directory)
