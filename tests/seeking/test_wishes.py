@@ -80,6 +80,24 @@ def test_transparency_is_the_distance_from_direct_coupling():
     assert np.isfinite(found.value).any()
 
 
+def test_transparency_sees_a_resonance_between_its_nodes_or_says_that_it_is_not_certified():
+    designs = {"controller.b": np.array([25.0])}
+    for damping, walls, known in ((0.12, [100], True), (0.05, [100], False)):  # with 0.05 direct coupling is not damped at all
+        device = {"device": {"damping": damping}, "environment": {"B_VE": 0.0}}
+        wish = {"transparency": {"band_hz": [0.1, 10], "walls": walls}}
+        tables = {"controller": {"kind": "pmw-lm", "Kp": 20.0}} | device
+        spec = load(tables | {"design": {"vary": {"b": {"start": 5, "stop": 60}}, "wish": wish}})
+        found = evaluate(spec, spec.design.wishes, scenarios_of(spec.design), designs, 2000.0)["transparency"]
+        frequency, H = np.geomspace(0.1, 10, 100_001), []
+        for kind in ("pmw-lm", "dc"):
+            table = wavesweep.compile(spec.with_values({"controller.kind": kind, "K_VE": walls[0]})).response(frequency)
+            H.append(table.admittance_re.to_numpy() + 1j * table.admittance_im.to_numpy())
+        square = np.abs(np.log(H[0] / H[1])) ** 2
+        mean = np.sqrt((square.sum() - square[[0, -1]].sum() / 2) / (frequency.size - 1))
+        assert found.certified[0] == known
+        assert found.value[0] == pytest.approx(mean, rel=1e-6 if known else 2e-3)
+
+
 @pytest.mark.slow
 def test_margins_of_port_damping_and_delay_are_those_of_each_loop():
     spec = wishes(port={}, damping_ratio={"walls": [100]}, delay_margin={"at_least": 1, "walls": [100]})

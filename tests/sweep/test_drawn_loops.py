@@ -522,3 +522,32 @@ def test_bounds_of_responses_know_how_well_algebraic_loops_are_conditioned(gap):
         error = abs(found[value][0] / exact[value][0] - 1)
         assert error <= found[f"{name}_error"][0] + exact[f"{name}_error"][0]
         assert found[f"{name}_error"][0] < 1e-12 / gap * 1e4
+
+
+FREE = {"type": "mass", "mass": 1.0, "damping": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("blocks", "wire", "reaction", "stiffness"),
+    [
+        ({"a": FREE}, {"a.f": "p"}, "5*a.x", 5.0),
+        ({"a": FREE, "h": {"type": "hold", "every": 5}}, {"a.f": "p", "h.u": "a.x"}, "5*h.y", 5.0),
+        ({"a": FREE, "c": FREE}, {"a.f": "p - 40*(a.x - c.x)", "c.f": "40*(a.x - c.x)"}, "40*c.x", 40.0),
+        ({"a": FREE, "c": FREE}, {"a.f": "p - 40*(a.x - c.x)", "c.f": "40*(a.x - c.x)"}, "40*(a.x - c.x)", 0.0),
+        ({"a": FREE | {"stiffness": 100.0}, "i": {"type": "integrator"}}, {"a.f": "p", "i.u": "a.v"}, "100*i.y", None),
+    ],
+)
+def test_a_force_that_moves_with_a_drift_is_that_of_a_simulation(blocks, wire, reaction, stiffness):
+    """The impedance of random sines in a simulation, which knows no drift, and its limit towards 0 Hz."""
+    hand = {"force": "p", "displacement": "a.x", "reaction": reaction}
+    ports = {"hand": hand}
+    loop = wavesweep.compile({"rates": {"tick_hz": 1000}, "block": blocks, "wire": wire, "ports": ports})
+    ticks, hz = np.arange(20000), 5.0
+    run = loop.simulate(np.sin(2 * np.pi * hz / 1000 * ticks))
+    last = slice(-2000, None)
+    turn = np.exp(-2j * np.pi * hz / 1000 * ticks[last])
+    position, force = ((run[name].to_numpy()[last] - run[name].to_numpy()[last].mean()) @ turn for name in ("x", "f_m"))
+    found = loop.response([0.0, hz])
+    assert found.impedance_re[1] + 1j * found.impedance_im[1] == pytest.approx(force / position, rel=1e-6)
+    if stiffness is not None:
+        assert found.impedance_re[0] == pytest.approx(stiffness, abs=1e-9)

@@ -1,5 +1,7 @@
 """The stiffness felt at the ends of intervals, against the static response of the loop there."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from support.specs import nested, values_of
@@ -49,3 +51,48 @@ def test_a_wave_line_is_ranked_otherwise_than_its_walls():
     assert np.argsort(columns["high"][first]).tolist() == [2, 1, 0]
     assert np.argsort(columns["felt_high"][first]).tolist() == [0, 1, 2]
     assert (columns["felt_high"][first] < columns["high"][first]).all()
+
+
+@pytest.mark.parametrize(("kind", "along", "stop"), [("pmw", "Kp", 50), ("pmw-lm", "Kp", 50), ("pmw-lm", "K_LM", 5000)])
+@pytest.mark.parametrize("rates", [{}, {"slow_hz": 60.0}], ids=["even", "uneven"])
+def test_at_an_end_of_0_a_branch_is_out_of_the_loop(kind, along, stop, rates):
+    tables = {"controller": {"kind": kind}, "rates": rates}
+    table = wavesweep.compile(tables).stable_intervals(along, (0, stop), K_VE=[100.0, 500.0])
+    spec = wavesweep.load(tables)
+    for _, row in table.iterrows():
+        rest = wavesweep.compile(spec.with_values({along: 0.0, "K_VE": row.K_VE})).response([0.0])
+        assert row.low == 0
+        assert row.felt_low == pytest.approx(rest.impedance_re[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("K", [100.0, 500.0, 3000.0])
+def test_where_a_tick_alternates_the_stiffness_goes_on_smoothly(K):
+    """The device's mode reaches -1 a tick at b = 200.00375, and the frame of 20 ticks has an eigenvalue 1 for it."""
+    loop = wavesweep.compile({"controller": {"kind": "pmw"}})
+    row = loop.stable_intervals("b", (5, 1000), K_VE=[K]).iloc[0]
+    assert row.high_omega == 0
+    beside = [felt_at(values_of("pmw"), K_VE=K, B_VE=1.0, b=row.high * (1 + share)) for share in (-3e-3, 3e-3)]
+    assert row.felt_high == pytest.approx(np.mean(beside), rel=1e-5)
+
+
+@pytest.mark.parametrize("slow_hz", [60.0, 150.0, 400.0, 48.0])
+def test_of_rates_that_do_not_divide_it_is_the_impedance_towards_0_hz(slow_hz):
+    tables = {"controller": {"kind": "pmw"}, "rates": {"slow_hz": slow_hz}, "environment": {"K_VE": 500.0}}
+    loop = wavesweep.compile(tables)
+    row = loop.stable_intervals("K_VE", (0, 500), B_VE=[1.0]).iloc[0]
+    responses = loop.response([0.0, 1e-4])
+    assert row.felt_low == 0
+    assert row.felt_high == pytest.approx(responses.impedance_re[1], rel=1e-8)
+    assert responses.impedance_re[0] == pytest.approx(row.felt_high, rel=1e-12)
+    assert list(responses.doubt) == ["", ""]
+
+
+def test_a_drawn_controller_feels_what_the_built_in_one_feels():
+    drawn = wavesweep.compile(Path(__file__).parents[2] / "sweeps" / "recipes" / "controllers" / "pmw-lm.toml")
+    built_in = wavesweep.compile({"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "implicit"}})
+    for changes in ({}, {"b": [10.0, 40.0]}, {"K_LM": [0.0, 900.0]}, {"Kp": [0.0]}):
+        tables = drawn.stable_intervals("K", (0, 20000), **changes), built_in.stable_intervals("K_VE", (0, 20000), **changes)
+        for name in ("low", "high", "felt_low", "felt_high"):
+            one, other = (table[name].to_numpy() for table in tables)
+            assert one == pytest.approx(other, rel=1e-9, nan_ok=True)
+        assert (tables[0].felt_high > 0).all()

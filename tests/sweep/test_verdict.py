@@ -69,6 +69,16 @@ def test_a_late_wall_is_felt_with_less_damping():
     assert felt["damping"] == pytest.approx(3.0 - 50.0 * 0.0095, rel=2e-2)
 
 
+@pytest.mark.parametrize(("Kp", "ratio", "damping"), [(0.5, 2, -1151.175), (1.0, 2, -570.985), (0.5, 20, -1794.691)])
+def test_a_mode_slower_than_the_first_frequencies_is_waited_for(Kp, ratio, damping):
+    tables = {"controller": {"kind": "pmw", "Kp": Kp}, "rates": {"ratio": ratio}}
+    felt = wavesweep.verdict(tables)["felt"]
+    hz = 1e-5
+    impedance = wavesweep.compile(tables).response([hz]).impedance_im[0]
+    assert felt["damping"] == pytest.approx(impedance / (2 * np.pi * hz), rel=1e-5)
+    assert felt["damping"] == pytest.approx(damping, abs=1e-3)
+
+
 def test_the_slowest_mode_decays_as_a_simulation_does():
     found = verdict(WAVES)["slowest"]
     assert 0 < found["damping_ratio"] < 1

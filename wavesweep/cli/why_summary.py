@@ -80,7 +80,7 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
     limit, felt = end["limit"], end["felt"]
     corner = f", crossing {end['crossing'] + 1} of a corner" if end["corner"] else ""
     frequency = f"{end['omega']:.5g} rad/s ({end['omega'] / (2 * pi):.4g} Hz)" if end["omega"] else ""
-    mode = f"an oscillation of {frequency}" if end["omega"] else "a mode without oscillation"
+    mode = f"an oscillation of {frequency}" if end["omega"] else "a mode without oscillation from frame to frame"
     mode = "a mode that is not known" if end["omega"] is None else mode
     damped = "" if end["damping_ratio"] is None else f", damping ratio {end['damping_ratio']:.3g} beside it"
     yield f"{end['end']} end, {name} = {limit['value']:.6g}{_unit(limit['unit'])}{corner}: set by {mode}{damped}", False

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -16,7 +17,9 @@ from wavesweep.spec.resolving import longest_delay
 from wavesweep.sweep.grid import groups, selected
 from wavesweep.sweep.interval_table import at_points
 
-NODES = 24  # Gauss-Legendre nodes of a band in the logarithm of the frequency
+NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
+PIECES = (1, 4, 16, 64)  # of a band, tried in turn
+HIGH, UNSEEN = 4, 1e-4  # coefficients of a piece that have to be small, and how small beside the mean; the error is far less
 BAND_HZ = (0.1, 10.0)
 BATCH = 512  # points at a time: more leave the processor's cache
 ERROR = 1e-6  # relative, up to which a response is believed
@@ -77,12 +80,12 @@ def _stiffest(spec, points: Points, stop, wished) -> dict[str, Worst]:
     return {name: Worst(*points.worst(each, more=True), every) for name, each in (("z_width", value), ("felt", felt))}
 
 
-def _batches(spec, points: Points):
-    """Yield indices of points of one structure, at most BATCH, and their values."""
+def _batches(spec, points: Points, most: int = BATCH):
+    """Yield indices of points of one structure, at most so many, and their values."""
     resolved = {}
     for members, values in groups(spec, points.changes, points.size, resolved):
-        for start in range(0, members.size, BATCH):
-            part = slice(start, start + BATCH)
+        for start in range(0, members.size, most):
+            part = slice(start, start + most)
             yield members[part], {path: each[part] if np.ndim(each) else each for path, each in values.items()}
 
 
@@ -96,28 +99,50 @@ def _transparency(spec, wish, points):
     A design with an unstable loop has no value, and its other loops are left out.
     """
     ends = np.log(wish.options.get("band_hz", BAND_HZ))
-    node, weight = np.polynomial.legendre.leggauss(NODES)
-    frequency = np.exp(ends.mean() + node * np.ptp(ends) / 2)
     stable = np.empty(points.size, bool)
     for members, values in _batches(spec, points):
         stable[members] = spectral_radius(cut_at_wall(draw(values)), *_walls(values, members.size)) < 1
-    wanted = np.flatnonzero(np.repeat(points.all_of(stable), points.size // points.shape[0]))
+    open_ = np.flatnonzero(np.repeat(points.all_of(stable), points.size // points.shape[0]))
     value, certified = np.full(points.size, np.nan), np.ones(points.size, bool)
-    if not wanted.size:
-        return value, certified
-    points = points.some(wanted)
+    for pieces in PIECES:
+        if not open_.size:
+            break
+        edges = ends[0] + np.ptp(ends) * np.arange(pieces + 1) / pieces
+        node, weight, high = _rule()
+        frequency = np.exp((edges[:-1, None] + edges[1:, None] + node * np.diff(edges)[:, None]) / 2).ravel()
+        square, sure = _distances(spec, points.some(open_), frequency)
+        square = square.reshape(open_.size, pieces, NODES)
+        value[open_] = np.sqrt((square * weight).sum((-1, -2)) / (2 * pieces))
+        unseen = np.abs((square[..., None] * high).sum(-2)).max(-1).mean(-1)
+        settled = unseen <= UNSEEN * value[open_] ** 2
+        certified[open_] = sure & settled
+        open_ = open_[~settled & np.isfinite(value[open_])]
+    return value, certified
+
+
+@cache
+def _rule():
+    """Nodes and weights, and what takes values there to the highest Legendre coefficients, `(nodes, HIGH)`: these are small
+    where an integrand has no narrower features than the nodes see."""
+    node, weight = np.polynomial.legendre.leggauss(NODES)
+    degree = np.arange(NODES - HIGH, NODES)
+    return node, weight, np.polynomial.legendre.legvander(node, NODES - 1)[:, degree] * weight[:, None] * (degree + 0.5)
+
+
+def _distances(spec, points, frequency):
+    """|ln(H/H_dc)|^2, `(points, frequencies)`, and whether both are known well enough."""
+    square, sure = np.empty((points.size, frequency.size)), np.empty(points.size, bool)
     ideal, ideal_error = _ideal(spec, points, frequency)
-    for members, values in _batches(spec, points):
+    for members, values in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
         # Through the modes; the few that this is too rough for are computed again, slowly, by themselves.
         found, error = _admittance(values, members.size, frequency, np.inf)
         again = np.flatnonzero(~(error <= ERROR / 2).all(-1))
         if again.size:
             found[again], error[again] = _admittance(selected(values, again), again.size, frequency, ERROR / 2)
         with np.errstate(all="ignore"):
-            square = np.abs(np.log(found / ideal[members])) ** 2
-        value[wanted[members]] = np.sqrt((square * weight).sum(-1) / 2)
-        certified[wanted[members]] = ((error <= ERROR) & (ideal_error[members] <= ERROR)).all(-1)
-    return value, certified
+            square[members] = np.abs(np.log(found / ideal[members])) ** 2
+        sure[members] = ((error <= ERROR) & (ideal_error[members] <= ERROR)).all(-1)
+    return square, sure
 
 
 def _admittance(values, size, frequency, good):

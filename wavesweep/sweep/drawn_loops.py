@@ -10,7 +10,7 @@ import numpy as np
 
 from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
 from wavesweep.analysis.intervals.frames import Frames
-from wavesweep.analysis.response.drawn import Port, Ports, port_of
+from wavesweep.analysis.response.drawn import Port, Ports, at_rest, port_of
 from wavesweep.analysis.spectrum import eigenvalues
 from wavesweep.diagram import WALL
 from wavesweep.diagram.assembly import (
@@ -33,10 +33,11 @@ from wavesweep.lifted.number import cut_at_number
 from wavesweep.lifted.periodic import Drift, closed, closed_frame, drift_of_drawn, ticks_of
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.grid import groups, selected
-from wavesweep.sweep.tasks import TINY, records_of, with_batch, with_felt
+from wavesweep.sweep.tasks import TINY, felt_at_ends, records_of, with_batch
 
 Groups = tuple[tuple[np.ndarray, Mapping[str, object]], ...]
 FACTS = "pivot", "condition"  # of connected ticks; those of a frame are products
+SURE = 1e-6  # relative error up to which a stiffness counts as known
 EXACT = "one scalar gain of a frame: crossings of the unit circle from one real polynomial, proved, polished in state space"
 PANELS = "roots of the eigenvalues' critical functions on Chebyshev panels, proved by Smith's discs, polished"
 
@@ -125,7 +126,7 @@ class DrawnTask:
     own: Mapping[str, float]
 
     def records(self) -> np.ndarray:
-        """The intervals as records; without a wall and a hand nothing is felt."""
+        """The intervals as records, with the stiffness that a hand feels."""
         parts, slices = [], []
         for members, values in self.groups:
             parts.append(self._intervals(values, members.size))
@@ -134,9 +135,15 @@ class DrawnTask:
         order = np.argsort(slices, kind="stable")
         whole = {f.name: np.concatenate([getattr(part, f.name) for part in parts])[order] for f in fields(Intervals)}
         records = records_of(Intervals(**(whole | {"column": slices[order]})))
-        if isinstance(self.drawing, Uneven):
-            return with_felt(self, records)
         records["felt_low"] = records["felt_high"] = np.nan
+        for members, values in self.groups if feels(self.drawing) else ():
+            rows = np.flatnonzero(np.isin(records["slice"], members) & (records["intervals"] > 0))
+            at = np.searchsorted(members, records["slice"][rows])
+
+            def stiffness(some, p, values=values, at=at):
+                return felt_of(self.drawing, selected(values, at[some]) | {self.along: p}, self.own, p.size)
+
+            felt_at_ends(records, rows, stiffness)
         return records
 
     def _intervals(self, values, size):
@@ -204,6 +211,30 @@ def _ports(drawing):
     if isinstance(drawing, Uneven):
         return Ports(*drawing.hand)
     return Ports(drawing.hand[0], POSITION, REACTION if drawing.hand[2] is not None else "")
+
+
+def feels(drawing: Drawing | Uneven) -> bool:
+    """Whether a loop has a hand that may feel a wall."""
+    return isinstance(drawing, Uneven) or bool(drawing.hand and drawing.wall)
+
+
+def felt_of(drawing: Drawing | Uneven, values: Mapping[str, object], own: Mapping[str, object], size: int) -> np.ndarray:
+    """The stiffness (N/m) that the hand feels at rest in each of `size` loops, `(size,)`; NaN where it is not known."""
+    ports = _ports(drawing)
+    shape = {path: max(np.ravel(v), key=abs) if np.ndim(v) else v for path, v in values.items()}
+    try:
+        drawn = assembled(drawing, values)
+        with named_loops(drawn):
+            watched = (ports.position, *((ports.reaction,) if ports.reaction else ()))
+            _, stiffness, _, unsure = at_rest(port_of(drawn, ports, drift_of(drawing, shape, own, watched=watched)))
+    except UsageError:  # the port is none of a plant
+        return np.full(size, np.nan)
+    except IllPosedLoopError:
+        if size == 1:
+            return np.full(1, np.nan)
+        values = {path: np.broadcast_to(v, (size,)) if np.ndim(v) else v for path, v in values.items()}
+        return np.concatenate([felt_of(drawing, selected(values, [at]), own, 1) for at in range(size)])
+    return np.broadcast_to(np.where(unsure <= SURE, stiffness.real, np.nan), (size,))
 
 
 def ports_of_groups(drawing: Drawing | Uneven, parts: Groups, own: Mapping[str, object]) -> Iterator[tuple[int, Port]]:

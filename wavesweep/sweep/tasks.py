@@ -5,7 +5,7 @@ import signal
 import threading
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -128,34 +128,55 @@ class IntervalTask:
 def with_felt(task: IntervalTask, records: np.ndarray, drawn: Mapping[int, tuple] = MappingProxyType({})) -> np.ndarray:
     """The records with the static stiffness that the hand feels at both ends of each interval (N/m; NaN: none); drawn: see
     `solve`."""
-    walls = getattr(task, "walls", None)  # a loop that is assembled tick by tick has its own
-    loop, wall = np.divmod(records["slice"], walls[WALL[0]].shape[-1] if walls else 1)
-    K = np.atleast_2d(walls[WALL[0]])[loop if walls[WALL[0]].ndim > 1 else 0, wall] if walls else np.empty(loop.size)
+    walls = task.walls[WALL[0]]
+    loop, wall = np.divmod(records["slice"], walls.shape[-1])
+    K = np.atleast_2d(walls)[loop if walls.ndim > 1 else 0, wall]
     for name in FELT:
         records[name] = np.nan
-    for number, (members, own) in enumerate(task.groups if getattr(task, "felt", True) else ()):
-        # The rates have no part in what is static.
-        values = own | {"rates.ratio": max(1, int(own["rates.ratio"]))}
+    for number, (members, values) in enumerate(task.groups if task.felt else ()):
         mine = np.isin(loop, members) if len(task.groups) > 1 else True
         rows = np.flatnonzero(mine & (records["intervals"] > 0))
         at = np.searchsorted(members, loop[rows])
         if not rows.size:
             continue
-        if not walls:
-            K[rows] = np.broadcast_to(values[WALL[0]], members.shape)[at]
-        tied = getattr(task, "ties", ())
-        if task.along in WALL and not tied:
+        if task.along in WALL and not task.ties:
             batch = _batch(values)
             diagram, whole = drawn.get(number) or (None, None)
             known = felt_map(diagram or draw(values), batch, whole) if batch else _felt_of_one(*identity(values))
             known = np.broadcast_to(known.reshape(3, -1), (3, members.size))[:, at]
-        for name, end in zip(FELT, ("low", "high"), strict=True):
-            p = records[end][rows]
-            if task.along not in WALL or tied:
-                varied = _varied(task, values, at, np.where(p == 0, TINY, p))
-                known = felt_map(draw(varied), p.shape)
-            records[name][rows] = felt(known, p if task.along == WALL[0] else K[rows])
+            for name, end in zip(FELT, ("low", "high"), strict=True):
+                records[name][rows] = felt(known, records[end][rows] if task.along == WALL[0] else K[rows])
+            continue
+
+        def stiffness(some, p, values=values, at=at, rows=rows):
+            return felt(felt_map(draw(_varied(task, values, at[some], p)), p.shape), K[rows[some]])
+
+        felt_at_ends(records, rows, stiffness)
     return records
+
+
+BESIDE = 1e-4  # of an end, how far from it is looked where a mode has the frame's own period there
+AGREED = 1e-3  # relative difference of two such looks, beyond which nothing is felt that is the same on both sides
+
+
+def felt_at_ends(records: np.ndarray, rows: np.ndarray, stiffness: Callable) -> None:
+    """Fill in the stiffness felt at both ends of these rows, along a number that is no wall.
+
+    stiffness(some, p): that of the loops of the rows `some`, at these values of the number. A 0 takes a branch out of the loop,
+    so ends at 0 are computed apart. At a crossing of z = 1 a frame does not determine the state at rest, since a mode that
+    alternates from tick to tick repeats in it; the stiffness is smooth there, and follows from both sides.
+    """
+    for name, end in zip(FELT, ("low", "high"), strict=True):
+        p, found = records[end][rows], np.empty(rows.size)
+        with np.errstate(all="ignore"):
+            for some in (np.flatnonzero(p == 0), np.flatnonzero(p != 0)):
+                if some.size:
+                    found[some] = stiffness(some, p[some])
+            at = np.flatnonzero((records[f"{end}_omega"][rows] == 0) & (p != 0))
+            if at.size:
+                near, far = (stiffness(at, p[at] * (1 - h)) + stiffness(at, p[at] * (1 + h)) for h in (BESIDE, 2 * BESIDE))
+                found[at] = np.where(np.abs(near - far) <= AGREED * np.abs(near), (4 * near - far) / 6, np.nan)
+        records[name][rows] = found
 
 
 @lru_cache(maxsize=64)  # a compiled loop is asked again and again

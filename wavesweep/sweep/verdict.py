@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from wavesweep.analysis.response import felt, felt_map, prepare, respond
-from wavesweep.analysis.response.drawn import respond_port
+from wavesweep.analysis.response.drawn import at_rest, respond_port
 from wavesweep.analysis.spectrum import eigenvalues
 from wavesweep.diagram import WALL, draw
 from wavesweep.diagram.assembly import assembled
@@ -24,7 +24,9 @@ FAR = 10.0  # factor up to which a number is followed
 USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}  # followed up to FAR times that, from 0
 DELAYS = 200  # ticks of delay that are tried
 CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on, see `channel_norm`
-SLOW_SHARE = 1e-4  # of the slow rate: a frequency so low that the impedance is that of a spring and a damper
+SLOW_SHARE = 1e-4  # of the slow rate: a frequency so low that the impedance is that of a spring and a damper, as a rule
+FALL, FALLS = 8.0, 7  # a mode may be slower: then it is looked at so many times lower frequencies
+SAME, ROUGHLY = 1e-7, 1e-3  # relative differences of two such looks: the same; and still worth a number
 
 
 def verdict(spec: Spec) -> dict:
@@ -142,22 +144,22 @@ def _felt(spec, loop):
 
 def _felt_at(spec):
     """Stiffness and damping at the hand's port of a drawn loop."""
-
     port = ports_of_loop(spec, loop_of(spec))
-    low = SLOW_SHARE / _frame_of(spec)[1]
-
-    def impedance(frequency):
-        return respond_port(port, frequency).impedance
-
-    stiffness = impedance(np.array([low, low / 2])).real
-    return {"stiffness": _number((4 * stiffness[1] - stiffness[0]) / 3), "damping": _number(_damping(impedance, low))}
+    stiffness = float(at_rest(port)[1].real[0])
+    damping = _damping(lambda frequency: respond_port(port, frequency).impedance, SLOW_SHARE / _frame_of(spec)[1])
+    return {"stiffness": _number(stiffness), "damping": _number(damping)}
 
 
 def _damping(impedance, low):
-    """Imaginary part over frequency towards 0 Hz, extrapolated from two low frequencies (Hz)."""
-    frequency = np.array([low, low / 2])
-    parts = impedance(frequency).imag / (2 * np.pi * frequency)
-    return (4 * parts[1] - parts[0]) / 3
+    """Imaginary part over frequency towards 0 Hz, extrapolated from pairs of ever lower frequencies (from `low` Hz on), until a
+    pair says the same as the one before; NaN if none does."""
+    frequency = low * np.array([1, 0.5]) / FALL ** np.arange(FALLS)[:, None]
+    parts = impedance(frequency.ravel()).imag.reshape(frequency.shape) / (2 * np.pi * frequency)
+    found = (4 * parts[:, 1] - parts[:, 0]) / 3
+    off = np.abs(np.diff(found)) / np.abs(found[1:])
+    settled = np.flatnonzero(off <= SAME)
+    best = settled[0] if settled.size else np.argmin(np.where(np.isnan(off), np.inf, off))
+    return found[1 + best] if off[best] <= ROUGHLY else np.nan
 
 
 def _slowest(delta, period):

@@ -29,6 +29,7 @@ METHOD = (
     "rates.fast_hz or rates.tick_hz all rates change"
 )
 BATCH = 2048  # frames at once
+MOVED = 1e-3  # of a number, where a real step takes the place of a complex one
 STEPS = 96  # in which a mode is followed into the interval
 INSIDE = 0.1  # of the end: at this distance from it the damping of the mode is given
 NAMED, LEAST = 4, 0.05  # states of a mode that are named, and the least participation of one
@@ -164,13 +165,29 @@ class _Loops:
     def _tame(self):
         return {**self.values, self.axis.path: 1.0}
 
+    @property
+    def walls(self) -> tuple[str, ...]:
+        """Paths of the wall's numbers."""
+        return tuple(f"numbers.{name}" for name in self.drawing.wall or ()) if self.spec.drawing else WALL
+
     def felt(self, varied, count):
-        """Stiffness that the hand feels at rest, `(count,)`; None for a loop without a wall and a hand of the package."""
-        if self.spec.drawing:
+        """Stiffness that the hand feels at rest, `(count,)`; None for a loop without a wall and a hand."""
+        if self.drawing is None:
+            return np.broadcast_to(felt(felt_map(draw(varied), (count,)), varied[WALL[0]]), (count,))
+        from wavesweep.sweep.drawn_loops import feels, felt_of
+
+        if not feels(self.drawing):
             return None
-        static = varied | {"rates.ratio": max(1, int(varied["rates.ratio"]))}  # the rates have no part in it
-        known = felt_map(draw(static), (count,))
-        return np.broadcast_to(felt(known, varied[WALL[0]]), (count,))
+        # What is felt of a loop tick by tick takes a complex step itself: here the steps are real, of fourth order.
+        found = []
+        for share in (0, 1, -1, 2, -2):
+            moved = {
+                path: np.real(value) + np.imag(value) * (share * MOVED / STEP) if np.iscomplexobj(value) else value
+                for path, value in varied.items()
+            }
+            found.append(felt_of(self.drawing, moved, self.spec.values, count))
+        own, up, down, far_up, far_down = found
+        return own + 1j * STEP * (8 * (up - down) - (far_up - far_down)) / (12 * MOVED)
 
     def about(self, p) -> tuple[np.ndarray, list[str]]:
         """The frame's period in s, and a readable label of each state. p: values of the axis, `(loops,)`."""
@@ -247,7 +264,12 @@ def _rows(loops, found, ends, members) -> dict:
     stiffness = loops.felt(varied, p.size * each)
     if stiffness is not None:
         felt_there = np.where(upper, found["felt_high"][row], found["felt_low"][row])[at]
-        quantities["felt"] = (felt_there, *_felt(stiffness.reshape(p.size, each)[at], felt_there, size[at], crossings))
+        slope, error = _felt(stiffness.reshape(p.size, each)[at], felt_there, size[at], crossings)
+        if loops.axis.path not in loops.walls:  # another number's 0 takes a branch out of the loop, see also `felt_at_ends`
+            error[(p[at] == 0) | (ends.omega[members][at] == 0)] = np.inf
+        elif loops.drawing is not None:  # nothing holds what feels no wall, and real steps lead there
+            error[p[at] == 0] = np.inf
+        quantities["felt"] = (felt_there, slope, error)
     value = np.stack([np.broadcast_to(loops.values[path], p.shape)[at] for path in loops.numbers], -1)
     parts = [_quantity(loops, known, value, doubt, name, *quantity) for name, quantity in quantities.items()]
     parts = [{name: column[~np.isnan(part["limit"])] for name, column in part.items()} for part in parts]

@@ -1,6 +1,7 @@
 """Responses of drawn loops at the hand's port: admittance, and the impedance of what answers the hand."""
 
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
@@ -33,16 +34,17 @@ class Ports:
 class Port:
     """A drawn loop seen from its port, a map per kind of tick, every position counted from those that drift.
 
-    From the force to the displacement in the tick and the force against it. E `(..., n, n)` less identity, B `(..., n, 1)`, C
-    `(..., 2, n)`, D `(..., 2, 1)`. position: its row `(..., 1, n)`, None if it drifts: a constant force moves it without end.
-    condition: by how much closing algebraic loops may have multiplied the rounding of the entries (see `Block`).
+    From the force to the displacement in the tick, the force against it, and if the latter moves with a drift, the change of
+    that share of it in the tick. E `(..., n, n)` less identity, B `(..., n, 1)`, C `(..., outputs, n)`, D `(..., outputs, 1)`.
+    position: its row `(..., 1, n)`, None if it drifts. condition: by how much closing algebraic loops may have multiplied the
+    rounding of the entries (see `Block`).
     """
 
     maps: tuple[tuple[np.ndarray, ...], ...]
     kind: np.ndarray
     period: float
     position: np.ndarray | None = None
-    condition: float = 1.0
+    condition: float | np.ndarray = 1.0
 
     @property
     def rough(self) -> float:
@@ -52,19 +54,6 @@ class Port:
     def turned(self, first: int) -> "Port":
         """The same with a frame that begins with another tick."""
         return replace(self, kind=np.roll(self.kind, -first))
-
-    def at_rest(self) -> "Port":
-        """The same with the position in place of the displacement in the tick."""
-        still = [
-            (
-                E,
-                B,
-                np.concatenate([self.position, C[..., 1:, :]], axis=-2),
-                np.concatenate([0 * D[..., :1, :], D[..., 1:, :]], axis=-2),
-            )
-            for E, B, C, D in self.maps
-        ]
-        return replace(self, maps=tuple(still))
 
 
 def port_of(drawn: Drawn, ports: Ports, drift: Drift) -> Port:
@@ -81,23 +70,41 @@ def port_of(drawn: Drawn, ports: Ports, drift: Drift) -> Port:
             f"[ports] hand: expected a position that a plant has in every tick, such as a mass's x, found {ports.position}"
         )
     force = drawn.inputs.index(ports.force)
-    maps = tuple(_seen(each, reads, force, drift, bool(ports.reaction)) for each in ticks.maps)
+    answers = ticks.maps[0].C[..., 1:2, :]
+    moved = [(lead, _along(answers, lead, others)[0]) for lead, others in drift.moved if _moves(answers, lead, others)]
+    maps = tuple(_seen(each, reads, force, drift, bool(ports.reaction), moved) for each in ticks.maps)
     kept = _kept(drift)
     still = not any(_moves(reads, lead, others) for lead, others in drift.moved)
-    condition = max(float(np.max(each.condition)) for each in ticks.maps)
+    condition = reduce(np.maximum, (each.condition for each in ticks.maps))
     return Port(maps, ticks.kind, float(np.ravel(drawn.period)[0]), reads[..., kept] if still else None, condition)
 
 
-def _moves(reads, lead, others):
-    """Whether a shift moves what is read: the lead by 1, others by their factors."""
+def _along(reads, lead, others):
+    """How much of what is read a shift moves, the lead by 1, others by their factors, and the sizes of its terms."""
     terms = np.stack([reads[..., lead], *(factor * reads[..., state] for state, factor in others)], -1)
-    return bool((np.abs(terms.sum(-1)) > STILL * np.abs(terms).sum(-1)).any())
+    return terms.sum(-1), np.abs(terms).sum(-1)
 
 
-def _seen(block, reads, force, drift, reacts):
+def _moves(reads, lead, others):
+    moved, size = _along(reads, lead, others)
+    return bool((np.abs(moved) > STILL * size).any())
+
+
+def _seen(block, reads, force, drift, reacts, moved):
+    """The maps of a tick; moved: drifts that move the force against the hand, as pairs of a lead and that force for a 1 of it.
+
+    A state that drifts is counted from the lead. The lead itself is the sum of its changes, which go by the other states.
+    """
     E, B = block.E.copy(), block.B[..., force : force + 1].copy()
-    C, D = (reads @ E, reads @ B)
-    rows = [(C, D)] + ([(block.C[..., 1:2, :], block.D[..., 1:2, force : force + 1])] if reacts else [])
+    rows = [(reads @ E, reads @ B)]
+    if reacts:
+        rows.append((block.C[..., 1:2, :], block.D[..., 1:2, force : force + 1]))
+    if moved:
+        change = [
+            (share[..., None] * E[..., lead : lead + 1, :], share[..., None] * B[..., lead : lead + 1, :])
+            for lead, share in moved
+        ]
+        rows.append(tuple(sum(part) for part in zip(*change, strict=True)))
     for lead, others in drift.moved:
         for index, factor in others:
             E[..., index, :] -= factor * E[..., lead, :]
@@ -106,7 +113,8 @@ def _seen(block, reads, force, drift, reacts):
     C, D = (
         np.concatenate(np.broadcast_arrays(*part) if part[0].ndim > 2 else part, axis=-2) for part in zip(*rows, strict=True)
     )
-    return E[..., kept, :][..., kept], B[..., kept, :], C[..., kept], D
+    # Contiguous, since the order of sums follows the memory, and with it the bits of a loop the batch that it is in.
+    return tuple(map(np.ascontiguousarray, (E[..., kept, :][..., kept], B[..., kept, :], C[..., kept], D)))
 
 
 def _kept(drift):
@@ -133,21 +141,82 @@ def respond_port(port: Port, frequency_hz) -> Response:
 
 
 def _both(port, frequency, still):
-    """still: at 0 Hz, where the displacement in a tick says nothing of the position."""
-    if still and port.position is None:
-        nothing = np.full(frequency.size, np.nan)
-        return nothing, nothing, nothing, nothing
-    port = port.at_rest() if still else port
+    """still: at 0 Hz."""
+    if still:
+        return tuple(np.broadcast_to(part, frequency.size) for part in at_rest(port))
     with np.errstate(all="ignore"):
         (one, error), (two, _) = (_once(each, frequency) for each in (port, port.turned(max(1, port.kind.size // 2))))
-        error = error + np.abs(one - two)
-        w = 1.0 if still else on_circle(2 * np.pi * frequency * port.period)
-        relative = np.where(error == 0, 0.0, error / np.abs(one)) + 4 * np.finfo(float).eps
+        w = on_circle(2 * np.pi * frequency * port.period)
+        return _response(*_of_drift(one, error + np.abs(one - two), w))
+
+
+def _of_drift(found, error, w):
+    """Position and force against the hand, `(2 or 1, ...)`, from what the port shows, and errors; w: `z - 1` of the tick."""
+    shown = [found[0] / w, *found[1:2]]
+    off = [error[0] / np.abs(w), *error[1:2]]
+    if len(found) > 2:
+        shown[1], off[1] = shown[1] + found[2] / w, off[1] + error[2] / np.abs(w)
+    return np.stack(shown), np.stack(off)
+
+
+def _response(found, error):
+    """Admittance, impedance and their relative errors, from position and force and errors of these."""
+    with np.errstate(all="ignore"):
+        relative = np.where(error == 0, 0.0, error / np.abs(found)) + 4 * np.finfo(float).eps
         relative = np.where(relative < LOST, relative, np.nan)
-        admittance = np.where(np.isnan(relative[0]), np.nan, one[0] / w)
-        if len(one) == 1:
+        admittance = np.where(np.isnan(relative[0]), np.nan, found[0])
+        if len(found) == 1:
             return admittance, 1 / admittance, relative[0], relative[0]
-        return admittance, np.where(np.isnan(relative[1]), np.nan, one[1] / admittance), relative[0], relative.sum(0)
+        return admittance, np.where(np.isnan(relative[1]), np.nan, found[1] / admittance), relative[0], relative.sum(0)
+
+
+def at_rest(port: Port) -> tuple[np.ndarray, ...]:
+    """Admittance (m/N) and impedance (N/m) of a port, or of each of a batch, towards 0 Hz, `(...)`, and bounds on their
+    relative errors. A position that a constant force moves without end has no admittance; NaN: none, or not known.
+
+    With w = z - 1 of the tick and M ticks in a frame, both sides of `(z^M - 1 - E) X = g` and of what a frame shows of X are
+    expanded to first order: `E X_0 = -g_0`, `E X_1 = M X_0 - g_1`. What changes in a tick vanishes with w, and its slope is
+    what has been changed. Slopes are those of a complex step (W. Squire, G. Trapp, SIAM Rev. 40, 1998). The error is that of
+    both solutions, and the difference of two frames that begin with different ticks.
+    """
+    with np.errstate(all="ignore"):
+        (value, slope, errors, size), (value_2, slope_2, *_) = (
+            _still(each) for each in (port, port.turned(port.kind.size // 2))
+        )
+        off, off_slope = (error + np.abs(a - b) for error, a, b in zip(errors, (value, slope), (value_2, slope_2), strict=True))
+        going = np.abs(value) > off + STILL * size  # of what changes in a tick: it changes for ever
+        found, error = [slope[:1], value[1:2]], [off_slope[:1], off[1:2]]
+        forces = np.zeros(value[0].shape), np.zeros(value[0].shape)
+        if len(value) > 2:
+            found[1], error[1] = found[1] + slope[2:], np.where(going[2:], np.nan, error[1] + off_slope[2:])
+            forces = value[2], off[2] / np.abs(value[2])
+        error[0] = np.where(going[:1], np.nan, error[0])
+        admittance, impedance, *relative = _response(np.concatenate(found), np.concatenate(error))
+        stiffness = np.where(forces[0] == 0, 0.0, forces[0] / value[0])
+        unsure = np.where(forces[0] == 0, 0.0, forces[1] + off[0] / np.abs(value[0]))
+    impedance, unsure = (np.where(going[0], *pair) for pair in ((stiffness, impedance), (unsure, relative[1])))
+    return admittance + 0j, impedance + 0j, relative[0], unsure
+
+
+STEP = 1e-30  # of z, for slopes
+
+
+def _still(port):
+    """What a frame shows under a constant force, and its slope, `(outputs, ...)`; bounds on the errors of both; and the size of
+    the first one's terms."""
+    frame, M, rough = _frame(port, np.array([1 + 1j * STEP])), port.kind.size, np.asarray(port.rough)[..., None]
+    parts = (part for each in (frame.g, frame.G, frame.h) for part in (each.real, each.imag / STEP))
+    E, unsure, (g, g_1, G, G_1, h, h_1) = -frame.E, frame.dE * np.asarray(port.condition)[..., None, None], parts
+    X, dX = (each[..., 0] for each in solved(E, unsure, g[..., None], (rough * frame.g_size)[..., None]))
+    more = rough * M * frame.g_size + M * dX
+    X_1, dX_1 = (each[..., 0] for each in solved(E, unsure, (g_1 - M * X)[..., None], more[..., None]))
+    size = _times(frame.G_size, np.abs(X)) + frame.h_size
+    value, slope = _times(G, X) + h, _times(G_1, X) + _times(G, X_1) + h_1
+    error = _times(np.abs(G), dX) + rough * size
+    of_slope = rough * (M * size + _times(frame.G_size, np.abs(X_1)))
+    of_slope = of_slope + _times(np.abs(G_1), dX) + _times(np.abs(G), dX_1)
+    value, slope, error, of_slope, size = (np.moveaxis(part, -1, 0) / M for part in (value, slope, error, of_slope, size))
+    return value, slope, (error, of_slope), size
 
 
 def _once(port, frequency):
@@ -197,20 +266,26 @@ def _frame(port, z):
 def _joined(first, second):
     """The second stretch begins when the force and the weights have turned by the first one's ticks."""
     turn = first.turn[:, None]
-    moved, seen = first.g @ second.E.T, second.G @ first.g[..., None]
+    moved, seen = _times(second.E, first.g), second.G @ first.g[..., None]
     later = (second.G + second.G @ first.E) / turn[..., None]
     g, h = first.g + moved + turn * second.g, first.h + seen[..., 0] / turn + second.h
     return _Frame(
         then(first.E, second.E),
         both((first.E, first.dE), (second.E, second.dE))[1],
         g,
-        np.abs(first.g) + np.abs(first.g) @ np.abs(second.E.T) + second.g_size,
+        np.abs(first.g) + _times(np.abs(second.E), np.abs(first.g)) + second.g_size,
         first.G + later,
         first.G_size + np.abs(second.G) + np.abs(second.G) @ np.abs(first.E),
         h,
         first.h_size + (np.abs(second.G) @ np.abs(first.g)[..., None])[..., 0] + second.h_size,
         first.turn * second.turn,
     )
+
+
+def _times(E, g):
+    """`E g` of every frequency, or of every loop of a batch; g: `(points, n)`. A product of matrices would have bits that depend
+    on the batch."""
+    return np.multiply(E, g[..., None, :], order="C").sum(-1)
 
 
 def frame_of_port(port: Port) -> np.ndarray:
