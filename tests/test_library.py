@@ -1,6 +1,7 @@
 """The calls that do what the commands do."""
 
 import pickle
+import re
 
 import pandas
 import pytest
@@ -66,3 +67,26 @@ def test_errors_can_be_caught_by_name():
     with pytest.raises(wavesweep.SpecError):
         wavesweep.zwidth({"controller": {"kind": "nothing"}})
     assert issubclass(wavesweep.SpecError, wavesweep.UsageError)
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda spec: wavesweep.zwidth(spec, jobs=0), "jobs: expected a whole number >= 1, found 0"),
+        (lambda spec: wavesweep.zwidth(spec, jobs=1.5), "found 1.5"),
+        (lambda spec: wavesweep.zwidth(spec, scheduler="tcp://there:8786"), "backend"),
+        (lambda spec: wavesweep.zwidth(spec, hand="nope"), "expected one of free, passive, box, found 'nope'"),
+        (lambda spec: wavesweep.zwidth(spec, hand="passive", hand_box={"mass": (0, 1)}), "hand_box"),
+        (lambda spec: wavesweep.zwidth(spec, hand="box", hand_box={"x": (0, 1)}), "mass, damping, stiffness, found x"),
+        (lambda _: wavesweep.bode(), "at least one spec"),
+    ],
+)
+def test_arguments_that_mean_nothing_are_refused(call, says):
+    spec = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 100}, "b": [20, 30]}}
+    with pytest.raises(wavesweep.UsageError, match=re.escape(says)):
+        call(spec)
+
+
+def test_a_checkpoint_may_be_named_by_a_text(tmp_path):
+    spec = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 100}, "b": [20, 30]}}
+    assert len(wavesweep.zwidth(spec, checkpoint=str(tmp_path / "parts"))) == 2

@@ -100,8 +100,9 @@ class Loop:
         """
         from wavesweep.sweep.tasks import radius_over
 
-        shape = tuple(np.size(values) for values in axes.values() if np.ndim(values))
-        return radius_over(self.spec, self._axes(axes), self.cut).reshape(shape)
+        asked = self._axes(axes)
+        shape = tuple(len(axis.values) for axis, values in zip(asked, axes.values(), strict=True) if np.ndim(values))
+        return radius_over(self.spec, asked, self.cut).reshape(shape)
 
     def response(self, frequency_hz=None, **axes):
         """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.
@@ -235,14 +236,17 @@ class Loop:
             low, high = map(float, span)
         except (TypeError, ValueError):
             raise UsageError(f"span: expected (low, high), found {span!r}") from None
-        if not low < high:
-            raise UsageError(f"span: expected (low, high) with low < high, found ({low!r}, {high!r})")
-        _accept(self.spec, key.path, high)
+        if not -np.inf < low < high:
+            raise UsageError(f"span: expected finite (low, high) with low < high, found ({low!r}, {high!r})")
+        for end in (low, high):
+            _accept(self.spec, key.path, end)
         return Axis(name, key.path, (), low, high, key.structural, "linear")
 
     def _axes(self, axes: Mapping, along: Axis | None = None) -> tuple[Axis, ...]:
         found = tuple(self._axis(name, values) for name, values in axes.items())
-        for axis in found:
+        for number, axis in enumerate(found):
+            if axis.path in [other.path for other in found[:number]]:
+                raise UsageError(f"{axis.name}: expected each number once, found it under two names; leave one of them out")
             if along is not None and axis.path == along.path:
                 raise UsageError(
                     f"{axis.name}: expected other axes than {along.name}, which the intervals are along; give a span"
@@ -251,9 +255,14 @@ class Loop:
 
     def _axis(self, name, values) -> Axis:
         key = self._key(name)
-        numbers = np.atleast_1d(np.asarray(values)).ravel()
+        try:
+            numbers = np.atleast_1d(np.asarray(values)).ravel()
+        except ValueError:  # lists of unlike lengths
+            numbers = np.array([None])
         if not numbers.size:
             raise UsageError(f"{name}: expected at least one value, found none")
+        if numbers.dtype.kind not in "iufb":
+            raise UsageError(f"{name}: expected a number or a list of numbers, found {values!r:.60}")
         plain = tuple(numbers.tolist())
         for extreme in (min(plain), max(plain), *filter(isnan, plain)):
             _accept(self.spec, key.path, extreme)

@@ -551,3 +551,20 @@ def test_a_force_that_moves_with_a_drift_is_that_of_a_simulation(blocks, wire, r
     assert found.impedance_re[1] + 1j * found.impedance_im[1] == pytest.approx(force / position, rel=1e-6)
     if stiffness is not None:
         assert found.impedance_re[0] == pytest.approx(stiffness, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("integration", "key", "value"), [("implicit", "K", -3000), ("trapezoidal", "K", -6000), ("explicit", "B", -3)]
+)
+def test_a_local_model_that_divides_by_nothing_is_refused_at_its_key(integration, key, value):
+    model = {"type": "local_model", "b": 3.0, "K": 10.0, "B": 0.0, "integration": integration}
+    wire = {"a.f": "-a.x - a.v + 0.1*z.out", "z.in": "a.v"}
+    tables = {"rates": {"tick_hz": 1000}, "block": {"a": FREE, "z": model | {key: value}}, "wire": wire}
+    with pytest.raises(SpecError, match=f"block.z.{key}: expected a number with which b"):
+        load(tables)
+    loop = wavesweep.compile(tables | {"numbers": {"k": 10.0}, "block": {"a": FREE, "z": model | {key: "k"}}})
+    with pytest.raises(SpecError, match=f"block.z.{key}"):
+        loop.spectral_radius(k=[10.0, float(value)])
+    with pytest.raises(UsageError, match="a value without a loop"):
+        loop.stable_intervals("k", (1.1 * value, 10.0))
+    assert loop.stable_intervals("k", (0.9 * value, 10.0)).certified.all()

@@ -277,6 +277,8 @@ def _guards(drawing):
             yield f"block.{block.name}.cutoff_hz", ("-", drawing.tick_hz, twice, 0)
         if block.type == "tf":
             yield f"block.{block.name}.den", keys["den"][0]
+        if block.type == "local_model":
+            yield f"block.{block.name}.K", block.divisor(drawing.tick_hz)
 
 
 def first_of(drawn: Drawn, index: int = 0) -> Drawn:

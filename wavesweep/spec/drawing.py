@@ -20,6 +20,9 @@ STRUCTURE = ("every", "phase", "steps", "order")  # keys that decide how a loop 
 Path = tuple[str, ...]
 Leaves = Mapping[str, Leaf]
 
+AHEAD = {"explicit": 0.0, "implicit": 1.0, "trapezoidal": 0.5}  # of its period, that a local model's spring reads ahead
+NOTHING = 1e-12  # of b, by which a local model does not divide
+
 
 @dataclass(frozen=True, slots=True)
 class DrawnBlock:
@@ -40,6 +43,14 @@ class DrawnBlock:
     def ports(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Its input and output ports."""
         return TYPES[self.type].ports_of(dict(self.keys))
+
+    def divisor(self, tick_hz: Tree) -> Tree | None:
+        """What a local model divides by, `b + B + K h`, h the time that its spring reads ahead; None for others."""
+        if self.type != "local_model":
+            return None
+        keys = dict(self.keys)
+        ahead = ("*", ("number", AHEAD[keys["integration"]], 0), ("/", self.every, tick_hz, 0), 0)
+        return ("+", ("+", keys["b"], keys["B"], 0), ("*", keys["K"], ahead, 0), 0)
 
     def trees(self) -> Iterator[tuple[str, Tree]]:
         """Yield the name of the key and the tree for each number in the keys."""
@@ -128,6 +139,8 @@ class Drawing:
                 yield f"block.{block.name}.{name}", expected, f"{known[name]:g}"
                 every[block.name] = None if name == "every" else every.get(block.name, known["every"])
             every.setdefault(block.name, known["every"])
+            if tick_hz and block.type == "local_model" and None not in known.values():
+                yield from _undivided(block, known, _value(block.divisor(self.tick_hz), numbers))
         runs = {name: int(ticks) for name, ticks in every.items() if ticks}
         frame = math.lcm(*runs.values())
         if frame > LONGEST_FRAME:
@@ -173,6 +186,16 @@ def _unsuitable(block: DrawnBlock, known: Mapping[str, float | None], tick_hz: f
         yield "cutoff_hz", f"a number < {half:g} (half the block's own rate)"
     if block.type == "tf" and known["den"] == 0:
         yield "den", "a first coefficient other than 0"
+
+
+def _undivided(block, known, total):
+    """The same of a local model that would divide by this total, for the key that it falls to."""
+    if total is not None and abs(total) <= NOTHING * abs(known["b"]):
+        explicit = dict(block.keys)["integration"] == "explicit"
+        name, expected = (
+            ("B", "b + B is not 0") if explicit else ("K", "b + B + K h is not 0, h the time that its spring reads ahead")
+        )
+        yield f"block.{block.name}.{name}", f"a number with which {expected}", f"{known[name]:g}"
 
 
 def decides(path: str) -> bool:

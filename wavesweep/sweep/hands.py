@@ -24,6 +24,7 @@ from wavesweep.sweep.grid import selected
 from wavesweep.sweep.job import IntervalJob
 from wavesweep.sweep.tasks import END_HANDS, HAND_RECORD, IntervalTask, with_felt
 
+HANDS = ("free", "passive", "box")
 METHODS = {
     "passive": "damping that every passive hand asks for against the device's own; each value looked at is proved",
     "box": "exact intervals of the hands found to matter, intersected; where settled, a cover of the box by pieces, each "
@@ -162,8 +163,14 @@ def hands_of(hand: str, box: dict[str, tuple[float, float]] | None, port: bool) 
     """Hands from the options of a command.
 
     hand: "free", "passive" or "box". box: ranges in place of those of the literature. port: also the intervals in which the
-    hand's port is passive. Raises UsageError if a range is empty.
+    hand's port is passive. Raises UsageError for another hand, ranges without a box, or a range that is empty or unknown.
     """
+    if hand not in HANDS:
+        raise UsageError(f"hand: expected one of {', '.join(HANDS)}, found {hand!r}")
+    unknown = sorted(set(box or {}) - {field.name for field in fields(HandBox)})
+    if unknown or (box and hand != "box"):
+        expected = f"{', '.join(field.name for field in fields(HandBox))}" if hand == "box" else 'hand = "box" beside it'
+        raise UsageError(f"hand_box: expected {expected}, found {', '.join(unknown) or repr(hand)}")
     if hand != "box":
         return Hands(hand, None, port)
     try:

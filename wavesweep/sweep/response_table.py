@@ -83,6 +83,8 @@ def responses(
     jobs, backend, scheduler, progress, checkpoint, force: see `Work`. Raises UsageError for a frequency beyond half the fast
     rate, and the errors of `run`.
     """
+    if not specs:
+        raise UsageError("responses: expected at least one spec, found none")
     names = tuple(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
     several = [response_job(spec, spec.bode, spec.frequency_hz, names) for spec in specs]
     asked = {f"spec-{number}" if len(several) > 1 else "": job for number, job in enumerate(several)}

@@ -5,8 +5,10 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from numbers import Integral
 from pathlib import Path
 
+from wavesweep.errors import UsageError
 from wavesweep.sweep.checkpoint import DamagedError, MemoryCheckpoint, blocks, checkpoint_of
 from wavesweep.sweep.job import Job, expected_seconds, refuse_full_disk
 from wavesweep.sweep.table import Columns, joined
@@ -22,15 +24,22 @@ class Work:
     jobs: number of worker processes if the work is worth them. backend: one of `BACKENDS`, which is then used in any case.
     scheduler: address of the dask scheduler. progress: is called with the number of slices done, of all slices, and of
     certified ones, None if no slice can be. checkpoint: folder for finished chunks, from which a run of the same spec goes
-    on; by default they stay in memory. force: start again if the folder cannot be used.
+    on; by default they stay in memory. force: start again if the folder cannot be used. Errors: UsageError.
     """
 
     jobs: int | None = None
     backend: str | None = None
     scheduler: str | None = None
     progress: Progress | None = None
-    checkpoint: Path | None = None
+    checkpoint: Path | str | None = None
     force: bool = False
+
+    def __post_init__(self):
+        if self.jobs is not None and not (isinstance(self.jobs, Integral) and self.jobs >= 1):
+            raise UsageError(f"jobs: expected a whole number >= 1, found {self.jobs!r}")
+        if self.scheduler is not None and self.backend != "dask":
+            raise UsageError(f'scheduler: expected backend = "dask" beside it, found {self.backend!r}')
+        object.__setattr__(self, "checkpoint", self.checkpoint and Path(self.checkpoint))
 
 
 class Tally:

@@ -283,7 +283,7 @@ def _joined(first, second):
 
 
 def _times(E, g):
-    """`E g` of every frequency, or of every loop of a batch; g: `(points, n)`. A product of matrices would have bits that depend
+    """`E g` of every frequency, or of every loop of a batch; g: `(points, n)`. The bits of a product of matrices would depend
     on the batch."""
     return np.multiply(E, g[..., None, :], order="C").sum(-1)
 
