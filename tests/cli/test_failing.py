@@ -1,9 +1,11 @@
 """Each kind of failing has its exit code and a line for its user; a traceback comes with --debug only."""
 
+import errno
 import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -158,3 +160,53 @@ def test_a_second_run_in_a_folder_is_refused_before_the_work_and_another_command
         assert sweep.seen == []
         assert wavesweep("bode", spec, "--no-plot", "--out", "here")[0] == 0
     assert wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--wait")[0] == 0
+
+
+@pytest.mark.parametrize(
+    "words", [("check", "wall.toml", "--plot"), ("export", "wall.toml", "--to", "c"), ("plot", "zwidth.csv")]
+)
+@pytest.mark.parametrize(("out", "says"), [("-", "writes no table to stdout"), ("", "found an empty text")])
+def test_files_need_a_folder(words, out, says, wavesweep, tmp_path):
+    before = sorted(tmp_path.iterdir())
+    code, _, err = wavesweep(*words, "--out", out)
+    assert code == 2
+    assert says in err
+    assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("words", [("zwidth",), ("bode",), ("check", "--plot")])
+def test_settings_of_matplotlib_that_are_no_text_are_named_before_the_work(words, wavesweep, spec, tmp_path):
+    (tmp_path / "matplotlibrc").write_bytes(b"\xff\xfe")
+    code, out, err = wavesweep(words[0], spec, *words[1:])
+    assert (code, out) == (2, "")
+    assert err.startswith("Error: matplotlibrc: expected text in UTF-8")
+    assert not (tmp_path / "results").exists()
+
+
+def test_an_override_is_one_line(wavesweep, spec):
+    code, _, err = wavesweep("check", spec, "--set", "[device]\nmass=2")
+    assert code == 2
+    assert "found an unknown key" in err
+
+
+@pytest.mark.parametrize("words", [("export", "--to", "c"), ("check", "--plot")])
+def test_a_full_disk_leaves_no_part_of_the_files(words, wavesweep, spec, tmp_path, monkeypatch):
+    write = Path.write_text
+
+    def full(path, text, *rest, **more):
+        if "example.c" in path.name:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write(path, text, *rest, **more)
+
+    def full_bytes(path, content):
+        with path.open("wb") as file:
+            file.write(content[:10])
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(Path, "write_bytes", full_bytes)
+    code, _, err = wavesweep(words[0], spec, *words[1:], "--out", "there")
+    assert code == 1
+    assert err.startswith("Error: there/")
+    assert "No space left on device" in err
+    assert list((tmp_path / "there").iterdir()) == []

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from wavesweep.cli.options import as_json, debug, formats, override, quiet
+from wavesweep.cli.options import as_json, debug, folder, formats, override, quiet
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
@@ -26,7 +26,7 @@ Facts = Mapping[str, Any]
 )
 @click.option("--plot", is_flag=True, help="Draw the loop as well: blocks with type and rate, sums, ports, wires with gains.")
 @formats
-@click.option("--out", metavar="DIR", help="Folder for the picture of --plot [default: results/<spec's name>].")
+@folder("Folder for the picture of --plot [default: results/<spec's name>].")
 @override
 @as_json
 @quiet
@@ -96,6 +96,7 @@ def _picture(spec: Spec, out: str | None, formats: tuple[str, ...]) -> list[Path
 
     directory = Path(out or Path("results", spec.name))
     results.refuse_unusable(directory)
+    plots.refuse_settings()
     facts = {"tool_version": __version__, "spec_name": spec.name, "spec_sha256": spec.sha256}
     return save_all(plots.diagram(spec), directory, "diagram", formats, about_figure("diagram", facts))
 

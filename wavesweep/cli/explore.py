@@ -75,5 +75,5 @@ def _save(spec, target: Path, force: bool) -> None:
     from wavesweep.explore.page import saved_page
 
     refuse_no_folder(target)
-    write_whole(target, saved_page(spec))
+    write_whole((target, saved_page(spec)))
     click.echo(str(target), err=True)

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import click
 
-from wavesweep.cli.options import as_json, debug, override, quiet
+from wavesweep.cli.options import as_json, debug, folder, override, quiet
 from wavesweep.errors import UsageError
 
 
 @click.command("export")
 @click.argument("spec")
 @click.option("--to", type=click.Choice(["c"]), default="c", show_default=True, help="Language: c is C99.")
-@click.option("--out", metavar="DIR", help="Folder for the files [default: results/<spec's name>/c].")
+@folder("Folder for the files [default: results/<spec's name>/c].")
 @click.option("--force", is_flag=True, help="Replace existing files.")
 @override
 @as_json
@@ -46,8 +46,7 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
     paths = [folder / name for name in found]
     _refuse_existing(paths, force)
     folder.mkdir(parents=True, exist_ok=True)
-    for path, text in zip(paths, found.values(), strict=True):
-        write_whole(path, text)
+    write_whole(*zip(paths, found.values(), strict=True))
     seconds, ticks = time.perf_counter() - started, found["vectors.csv"].count("\n") - 1
     if switches["as_json"]:
         facts = {"specs": [loaded.name], "spec_sha256": loaded.as_simulated().sha256, "assumes": assumes(loaded)}

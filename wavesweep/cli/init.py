@@ -64,7 +64,7 @@ def command(kind: str, device: str | None, out: str | None, force: bool, **_: bo
         return
     if target.exists() and not force:
         raise UsageError(f"{target}: the file exists; expected another --out FILE, or --force to replace it")
-    write_whole(target, text)
+    write_whole((target, text))
     click.echo(str(target), err=True)
 
 

@@ -43,6 +43,25 @@ class Options:
         return self.out == STDOUT
 
 
+def folder(text: str) -> Callable[..., Any]:
+    """The option --out of a command whose files cannot go to stdout; text: its help."""
+    return click.option("--out", metavar="DIR", callback=_refuse_stdout, help=text)
+
+
+def _refuse_stdout(context: click.Context, option: click.Parameter, out: str | None) -> str | None:
+    del context, option
+    if out == STDOUT:
+        raise click.UsageError("--out -: expected a folder, since this command writes no table to stdout")
+    return _refuse_nothing(None, None, out)
+
+
+def _refuse_nothing(context: click.Context | None, option: click.Parameter | None, out: str | None) -> str | None:
+    del context, option
+    if out is not None and not out.strip():
+        raise click.UsageError("--out: expected a folder, found an empty text; leave the option out for the default")
+    return out
+
+
 override = click.option(
     "--set",
     "overrides",
@@ -75,6 +94,7 @@ _COMMON = (
     click.option(
         "--out",
         metavar="DIR",
+        callback=_refuse_nothing,
         help="Folder for the results [default: results/<spec's name>]. With - the CSV is written to stdout, and no file.",
     ),
     override,

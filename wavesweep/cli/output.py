@@ -52,6 +52,10 @@ def produce(
     specs = [asked(spec.load(source, options.overrides)) for source in sources]
     directory = folder_of(specs, options)
     place = results.place_of(sources, directory)
+    if options.plot and not options.to_stdout:
+        from wavesweep import plots
+
+        plots.refuse_settings()
     with ExitStack() as opened:
         if not options.to_stdout:
             opened.enter_context(results.at_work(kinds, directory, options.wait, partial(say, warning=True)))
@@ -222,15 +226,21 @@ def refuse_no_folder(target: Path) -> None:
         raise UsageError(f"{target}: expected a file in a folder that exists, found no folder {target.parent}; make it first")
 
 
-def write_whole(target: Path, text: str) -> None:
-    """Write the whole file or nothing."""
-    refuse_no_folder(target)
-    scratch = target.with_name(f".{target.name}.{os.getpid()}")
+def write_whole(*files: tuple[Path, str]) -> None:
+    """Write files whole, each given by its path and text, or none of them."""
+    for target, _ in files:
+        refuse_no_folder(target)
+    scratch = [target.with_name(f".{target.name}.{os.getpid()}") for target, _ in files]
     try:
-        scratch.write_text(text, encoding="utf-8")
-        scratch.replace(target)
+        for each, (target, text) in zip(scratch, files, strict=True):  # noqa: B007 - the error names it
+            each.write_text(text, encoding="utf-8")
+        for each, (target, _) in zip(scratch, files, strict=True):
+            each.replace(target)
+    except OSError as error:  # which names the scratch file, or none if the disk is full
+        raise OSError(error.errno, error.strerror or str(error), str(target)) from error
     finally:
-        scratch.unlink(missing_ok=True)
+        for each in scratch:
+            each.unlink(missing_ok=True)
 
 
 def say(text: str, warning: bool = False) -> None:

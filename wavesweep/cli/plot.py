@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from wavesweep.cli.options import STDOUT, debug, formats, quiet
+from wavesweep.cli.options import debug, folder, formats, quiet
 
 
 @click.command("plot")
 @click.argument("table")
 @formats
-@click.option("--out", metavar="DIR", help="Folder for the figure [default: that of the table].")
+@folder("Folder for the figure [default: that of the table].")
 @quiet
 @debug
 def command(table: str, formats: tuple[str, ...], out: str | None, **switches: bool) -> None:
@@ -25,8 +25,7 @@ def command(table: str, formats: tuple[str, ...], out: str | None, **switches: b
     from wavesweep.cli.output import say
     from wavesweep.plots.style import about_figure, save_all
 
-    if out == STDOUT:
-        raise click.UsageError("--out -: expected a folder, since a figure is a file; leave it out for the folder of the table")
+    plots.refuse_settings()
     path = Path(table)
     directory = path.parent if out is None else Path(out)
     results.refuse_unusable(directory)

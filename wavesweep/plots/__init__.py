@@ -13,6 +13,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from wavesweep.errors import UsageError
+
 if TYPE_CHECKING:
     from wavesweep.sweep import Table
 
@@ -36,6 +38,19 @@ def figure_of(kind: str) -> Callable[[Mapping[str, Any], Mapping[str, Any]], Any
     """The function that draws the tables of a kind from columns and facts; None if they have no figure."""
     name = kind.replace("-", "_")
     return import_module(f"{__name__}.{_HOMES[name]}").__dict__[name] if name in _HOMES else None
+
+
+def refuse_settings() -> None:
+    """Raise UsageError for settings in the current folder that matplotlib, which reads them at its import, cannot read."""
+    try:
+        Path("matplotlibrc").read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise UsageError(
+            f"matplotlibrc: expected text in UTF-8, found bytes that are none ({error.reason}); matplotlib reads it from the "
+            "current folder, so remove it, or leave the figure out (--no-plot)"
+        ) from error
+    except OSError:
+        return
 
 
 def drawn(table: Table, say: Callable[[str], None] = lambda _: None) -> Table:

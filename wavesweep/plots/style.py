@@ -106,8 +106,13 @@ def save_all(canvas: Any, directory: Path, stem: str, formats: Sequence[str], ab
     written = [directory / f"{stem}.{form}" for form in dict.fromkeys(formats)]
     for each in written:
         temporary = each.with_name(f".{each.name}.new{each.suffix}")
-        save(canvas, temporary, about)
-        temporary.replace(each)
+        try:
+            save(canvas, temporary, about)
+            temporary.replace(each)
+        except OSError as error:
+            raise OSError(error.errno, error.strerror or str(error), str(each)) from error
+        finally:
+            temporary.unlink(missing_ok=True)
     return written
 
 

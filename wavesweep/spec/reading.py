@@ -207,7 +207,7 @@ def read_override(typed: str, symbols: Mapping[str, str] = SYMBOLS) -> tuple[tup
 
 
 def _override_path(name: str, symbols: Mapping[str, str]) -> tuple[str, ...]:
-    path, table = [], _loads_or_none(f"{name} = 0")
+    path, table = [], None if "\n" in name else _loads_or_none(f"{name} = 0")
     while isinstance(table, dict) and len(table) == 1:
         segment, table = table.popitem()
         path.append(segment)

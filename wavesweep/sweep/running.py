@@ -143,7 +143,7 @@ def compute(job: Job, store, workers: Workers, progress: Progress | None = None)
             if progress:
                 progress(tally.done, job.slices, tally.certified if job.proves else None)
     except BaseException as error:
-        if store.place:
+        if store.place and store.place.is_dir():
             kept = f"{tally.done} of {job.slices} {job.noun} are kept in {store.place}"
             error.add_note(f"{kept}; the same command goes on from there.")
         raise
