@@ -170,7 +170,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
         (
             [("[sweep]", "[sweep]\nq = [1]")],
             "28:1: sweep.q",
-            "along, one of kp, kd, c or the path of a numeric key",
+            "along, one of kp, kd, c",
             "an unknown axis",
         ),
         ([('along = "c"', 'along = "arm"')], "28:9: sweep.along", "the name of a numeric key", '"arm"'),
@@ -277,3 +277,12 @@ def test_a_simulation_fits_the_tick_and_needs_a_hand(write):
 def test_a_spec_with_a_controller_is_no_drawing():
     spec = load(nested({"controller.kind": "pmw"}))
     assert (spec.drawing, spec.kind) == (None, "pmw")
+
+
+def test_an_unknown_axis_is_one_mistake_and_its_numbers_are_offered():
+    tables = tomllib.loads(PD) | {"sweep": {"kq": {"start": 0, "stop": 200}}}
+    with pytest.raises(SpecError) as refused:
+        load(tables)
+    (mistake,) = refused.value.mistakes
+    assert mistake.expected.startswith("along, one of ")
+    assert "path" not in mistake.expected

@@ -169,7 +169,8 @@ def _syntax_mistake(message: str, text: str, name: str) -> Mistake:
         return Mistake(f"{name}:1:1", "", "a TOML file", _lower(message))
     end = (text.count("\n") + 1, len(text) - text.rfind("\n"))
     line, column = (match["line"], match["column"]) if match["line"] else end
-    return Mistake(f"{name}:{line}:{column}", "", "a TOML file", _lower(match["what"]))
+    what = _lower(match["what"]).removeprefix("found ")
+    return Mistake(f"{name}:{line}:{column}", "", "a TOML file", f"none: {what}" if what.startswith("expected") else what)
 
 
 def _lower(sentence: str) -> str:

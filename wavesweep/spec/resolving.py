@@ -194,7 +194,8 @@ LIMITS["environment.delay"] = ("rates.ratio", "rates.slow_hz", "rates.fast_hz")
 def exceeds_limit(path: str, number: float, values: Mapping) -> str:
     """Return the expected range if `number` is beyond the limit that other keys set for `path`, otherwise an empty text."""
     if path == "environment.delay" and number > (most := longest_delay(values["rates.ratio"])):
-        return f"a whole number <= {most} (rates.ratio)"
+        few = " ticks: rates that do not divide leave none below 3 ticks in a frame" if not most else ""
+        return f"a whole number <= {most} (rates.ratio{few})"
     if path.endswith(".cutoff_hz") and not number < values["rates.fast_hz"] / 2:
         return f"a number < {values['rates.fast_hz'] / 2!r} (half of rates.fast_hz)"
     return ""

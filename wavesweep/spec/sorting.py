@@ -147,8 +147,11 @@ def _sort_part(axis: str, rest: Path, leaf: Leaf, parts: dict[str, Leaf], result
 
 def _refuse_axis(study: str, name: str, leaf: Leaf, result: Sorted, names: Names) -> None:
     own = ("frequency_hz",) if study == "bode" else ("along",)
-    expected = f"{own[0]}, one of {', '.join(names.symbols) or 'no number'} or the path of a numeric key"
+    paths = " or the path of a numeric key" if names is BUILT_IN else ""
+    expected = f"{own[0]}, one of {', '.join(names.symbols) or 'no number'}{paths}"
     suggestion = nearest(name, (*own, *names.symbols)) or nearest(name, names.numeric)
+    if any(known == f"{study}.{name}" for known, _ in result.mistakes):
+        return  # start and stop are of one axis
     result.refuse(leaf, f"{study}.{name}", expected, "an unknown axis", suggestion)
 
 

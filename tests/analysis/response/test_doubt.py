@@ -116,3 +116,10 @@ def test_the_bits_of_a_row_do_not_depend_on_what_else_is_in_the_table(kind, rati
         alone = loop.response(frequency, K_VE=[K]).drop(columns="K_VE")
         rows = together.iloc[index * len(frequency) : (index + 1) * len(frequency)].reset_index(drop=True)
         pandas.testing.assert_frame_equal(alone, rows, check_exact=True)
+
+
+def test_an_admittance_without_an_inverse_in_double_precision_has_no_impedance():
+    spec = {"controller": {"kind": "dc-slow"}, "device": {"damping": 1e200}}
+    table = wavesweep.compile(spec).response([1.0, 10.0])
+    assert not np.isinf(table[["admittance_re", "impedance_re", "impedance_im", "impedance_abs"]]).any(axis=None)
+    assert (table.doubt != "").all()

@@ -115,7 +115,7 @@ def polish(cut: Cut, along: str, fixed, theta, scale):
         size = np.abs(step)
         small = size <= 1e-9 * np.minimum(theta[active], np.pi - theta[active])
         theta[active] = np.clip(theta[active] + step, 1e-3 * theta[active], np.pi - 1e-3 * (np.pi - theta[active]))
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):
             estimate = now.real + step * slope.real  # the step's error is its square: exact at 1e-9
             value[active] = np.where(far, 1 / estimate, estimate)
         done[active] = small & (slope.imag != 0)

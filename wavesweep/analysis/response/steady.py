@@ -106,7 +106,9 @@ def _read(loop, points, found, error):
     relative = np.where(lost[..., None, :] | ~(relative < LOST), np.nan, relative)
     admittance = np.where(np.isnan(relative[..., 0, :]), np.nan, found[..., 0, :] / points.tick)
     impedance = np.where(np.isnan(relative[..., 1, :]), np.nan, found[..., 1, :] / admittance)
-    return admittance, impedance, relative[..., 0, :], relative[..., 0, :] + relative[..., 1, :]
+    known = np.isfinite(impedance)  # an admittance may be so small that it has no inverse in double precision
+    whole = np.where(known, relative[..., 0, :] + relative[..., 1, :], np.nan)
+    return admittance, np.where(known, impedance, np.nan), relative[..., 0, :], whole
 
 
 def _by_modes(loop, points, modal):
