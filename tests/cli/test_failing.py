@@ -11,6 +11,7 @@ import pytest
 
 import wavesweep.sweep as wavesweep_sweep
 from wavesweep import results
+from wavesweep.cli import main
 from wavesweep.errors import IllPosedLoopError, UsageError
 
 
@@ -210,3 +211,28 @@ def test_a_full_disk_leaves_no_part_of_the_files(words, wavesweep, spec, tmp_pat
     assert err.startswith("Error: there/")
     assert "No space left on device" in err
     assert list((tmp_path / "there").iterdir()) == []
+
+
+def test_a_disk_that_is_full_at_the_end_keeps_the_work(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    spec = '[controller]\nkind = "pmw"\n[sweep]\nK_VE = { start = 0, stop = 2000 }\n'
+    spec += "B_VE = { start = 0, stop = 15, num = 9000 }\n"
+    (tmp_path / "wall.toml").write_text(spec)
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    words = ["zwidth", "wall.toml", "--no-plot", "--out", "there"]
+    with monkeypatch.context() as patched:
+        patched.setattr("wavesweep.results.writing.package_text", full)
+        assert main(words) == 1
+    said = capsys.readouterr().err
+    (kept,) = (tmp_path / "there").glob(".zwidth-*.parts")
+    assert said.startswith("Error: there: No space left on device")
+    assert f"is kept in there/{kept.name}; the same command goes on from there." in said
+    assert main(words) == 0
+    assert sorted(path.name for path in (tmp_path / "there").iterdir()) == [
+        "zwidth.csv",
+        "zwidth.datapackage.json",
+        "zwidth.parquet",
+    ]

@@ -77,9 +77,20 @@ def test_a_figure_that_cannot_be_drawn_leaves_nothing(columns, facts, tmp_path):
         path.write_bytes(b"half")
         raise OSError(28, "No space left on device")
 
-    with pytest.raises(OSError, match="No space left"):
+    with pytest.raises(OSError, match="No space left") as caught:
         publish(Table.of("zwidth", columns, facts, figure=fail), tmp_path)
+    assert (caught.value.errno, caught.value.filename) == (28, str(tmp_path))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_is_full_for_arrow_is_named_by_its_folder(columns, facts, tmp_path):
+    def fail(_):
+        raise OSError("Error writing bytes to file. Detail: [errno 28] No space left on device")
+
+    with pytest.raises(OSError, match="No space left") as caught:
+        publish(Table.of("zwidth", columns, facts, figure=fail), tmp_path)
+    assert (caught.value.errno, caught.value.strerror) == (28, "No space left on device")
+    assert caught.value.filename == str(tmp_path)
 
 
 def test_a_run_that_fails_half_way_keeps_the_old_results(columns, facts, tmp_path):

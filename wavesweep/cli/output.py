@@ -69,7 +69,12 @@ def produce(
             tables = compute(specs, **work, progress=report, checkpoint=kept)
         before = None if options.to_stdout else results.existing_facts(kinds[0], directory)
         tables = [replace(table, facts={**table.facts, "spec_place": place}) for table in tables]
-        finished = [_finish(table, directory, options, main=table is tables[0]) for table in tables]
+        try:
+            finished = [_finish(table, directory, options, main=table is tables[0]) for table in tables]
+        except BaseException as error:
+            if kept is not None and kept.is_dir():
+                error.add_note(f"All that was computed is kept in {kept}; the same command goes on from there.")
+            raise
         for kind in set() if options.to_stdout else set(kinds) - {table.kind for table in tables}:
             results.discard(kind, directory)  # another spec's, which would pass for one of this run
     changed = results.changes(before, tables[0].facts) if before and before.get("spec_place") == place else []

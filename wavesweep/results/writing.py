@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, nullcontext
 from itertools import chain
@@ -56,8 +57,17 @@ def publish(
             package = package_text(table.kind, fields, facts, stem, _figures(stem, directory, facts["spec_sha256"]))
             stem.with_suffix(".datapackage.json").write_text(package, encoding="utf-8")
             return put_in_place(table.kind, folder, directory, facts["spec_sha256"])
+        except OSError as error:
+            raise _of_folder(error, directory) from error
         finally:
             abandon(table.kind, folder)
+
+
+def _of_folder(error: OSError, directory: Path) -> OSError:
+    """The error with the folder in place of a temporary file's name, or of none; Arrow has the number in its text alone."""
+    found = re.search(r"\[errno (\d+)\] ([^\n]+)", str(error))
+    number, text = (int(found[1]), found[2]) if found else (error.errno, error.strerror or str(error))
+    return OSError(number, text, str(directory))
 
 
 def _write_all(stem: Path, table: Table, fields: tuple[Field, ...], blocks, formats, partition: int | None) -> None:
