@@ -226,7 +226,9 @@ def felt_of(drawing: Drawing | Uneven, values: Mapping[str, object], own: Mappin
         drawn = assembled(drawing, values)
         with named_loops(drawn):
             watched = (ports.position, *((ports.reaction,) if ports.reaction else ()))
-            _, stiffness, _, unsure = at_rest(port_of(drawn, ports, drift_of(drawing, shape, own, watched=watched)))
+            _, stiffness, _, unsure = at_rest(
+                port_of(drawn, ports, drift_of(drawing, shape, own, watched=watched)), twice=False
+            )
     except UsageError:  # the port is none of a plant
         return np.full(size, np.nan)
     except IllPosedLoopError:

@@ -170,19 +170,18 @@ def _response(found, error):
         return admittance, np.where(np.isnan(relative[1]), np.nan, found[1] / admittance), relative[0], relative.sum(0)
 
 
-def at_rest(port: Port) -> tuple[np.ndarray, ...]:
+def at_rest(port: Port, *, twice: bool = True) -> tuple[np.ndarray, ...]:
     """Admittance (m/N) and impedance (N/m) of a port, or of each of a batch, towards 0 Hz, `(...)`, and bounds on their
     relative errors. A position that a constant force moves without end has no admittance; NaN: none, or not known.
 
     With w = z - 1 of the tick and M ticks in a frame, both sides of `(z^M - 1 - E) X = g` and of what a frame shows of X are
     expanded to first order: `E X_0 = -g_0`, `E X_1 = M X_0 - g_1`. What changes in a tick vanishes with w, and its slope is
     what has been changed. Slopes are those of a complex step (W. Squire, G. Trapp, SIAM Rev. 40, 1998). The error is that of
-    both solutions, and the difference of two frames that begin with different ticks.
+    both solutions, and the difference of two frames that begin with different ticks; twice: whether the second is computed.
     """
     with np.errstate(all="ignore"):
-        (value, slope, errors, size), (value_2, slope_2, *_) = (
-            _still(each) for each in (port, port.turned(port.kind.size // 2))
-        )
+        value, slope, errors, size = _still(port)
+        value_2, slope_2, *_ = _still(port.turned(port.kind.size // 2)) if twice else (value, slope)
         off, off_slope = (error + np.abs(a - b) for error, a, b in zip(errors, (value, slope), (value_2, slope_2), strict=True))
         going = np.abs(value) > off + STILL * size  # of what changes in a tick: it changes for ever
         found, error = [slope[:1], value[1:2]], [off_slope[:1], off[1:2]]
