@@ -236,3 +236,25 @@ def test_a_disk_that_is_full_at_the_end_keeps_the_work(tmp_path, monkeypatch, ca
         "zwidth.datapackage.json",
         "zwidth.parquet",
     ]
+
+
+def test_a_folder_that_cannot_be_used_is_refused_before_the_work(wavesweep, spec, monkeypatch):
+    code, _, err = wavesweep("zwidth", spec, "--out", "a" * 300)
+    assert code == 2
+    assert "expected a name of at most 255 bytes" in err
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    for words in (("init", "pmw"), ("export", spec, "--to", "c"), ("zwidth", spec)):
+        code, _, err = wavesweep(*words)
+        assert code == 2
+        assert "may not be written to" in err
+
+
+def test_a_second_table_that_stdout_does_not_take_is_named(wavesweep, tmp_path, monkeypatch):
+    spec = '[controller]\nkind = "pmw"\n[simulate]\ninput = "stepped-sine"\nfrequency_hz = [1, 2]\n'
+    (tmp_path / "own.toml").write_text(spec)
+    monkeypatch.chdir(tmp_path)
+    code, out, err = wavesweep("simulate", "own.toml", "--out", "-")
+    assert code == 0
+    assert out.startswith("tick,")
+    assert "the table simulate-response is left out, since stdout takes one" in err
+    assert "left out" not in wavesweep("simulate", "own.toml", "--out", "-", "--quiet")[2]

@@ -34,6 +34,7 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
     Example:
       wavesweep export sweeps/paper/fig4.toml --to c --out controller
     """
+    from wavesweep import results
     from wavesweep import spec as specs
     from wavesweep.cli.output import say, show_json, write_whole
     from wavesweep.export import exported
@@ -42,6 +43,7 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
     started = time.perf_counter()
     loaded = specs.load(spec, overrides)
     folder = Path(out or Path("results", loaded.name, to))
+    results.refuse_unusable(folder)
     found = exported(loaded)
     paths = [folder / name for name in found]
     _refuse_existing(paths, force)

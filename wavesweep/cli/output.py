@@ -77,6 +77,9 @@ def produce(
             raise
         for kind in set() if options.to_stdout else set(kinds) - {table.kind for table in tables}:
             results.discard(kind, directory)  # another spec's, which would pass for one of this run
+    if options.to_stdout and not options.quiet:
+        for table in tables[1:]:
+            say(f"the table {table.kind} is left out, since stdout takes one; --out DIR writes it")
     changed = results.changes(before, tables[0].facts) if before and before.get("spec_place") == place else []
     _report(kinds[0], specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
 
@@ -226,7 +229,9 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
 
 
 def refuse_no_folder(target: Path) -> None:
-    """Raise UsageError for a file in a folder that does not exist."""
+    """Raise UsageError for a file in a folder that does not exist, or that may not be written to."""
+    if target.parent.is_dir() and not os.access(target.parent, os.W_OK | os.X_OK):
+        raise UsageError(f"{target}: the folder may not be written to; name a file in another one")
     if not target.parent.is_dir():
         raise UsageError(f"{target}: expected a file in a folder that exists, found no folder {target.parent}; make it first")
 

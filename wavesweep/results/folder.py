@@ -128,9 +128,16 @@ def are_parts(folder: Path) -> bool:
     return paths != [] and all(PARTS.fullmatch(path.name) and path.is_file() and not path.is_symlink() for path in paths)
 
 
+LONGEST_NAME = 255  # bytes, of a file or folder on the usual file systems
+
+
 def refuse_unusable(directory: str | Path) -> None:
     """Raise UsageError if `directory`, the folder for the results, is a file, or cannot be made or written to."""
     place = Path(directory).absolute()
+    if long := [part for part in place.parts if len(os.fsencode(part)) > LONGEST_NAME]:
+        raise UsageError(
+            f"the folder {long[0][:40]}...: expected a name of at most {LONGEST_NAME} bytes; name another with --out"
+        )
     while not place.exists() and place != place.parent:
         place = place.parent
     if not place.is_dir():
