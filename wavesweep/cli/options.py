@@ -49,13 +49,12 @@ def folder(text: str) -> Callable[..., Any]:
 
 
 def _refuse_stdout(context: click.Context, option: click.Parameter, out: str | None) -> str | None:
-    del context, option
     if out == STDOUT:
         raise click.UsageError("--out -: expected a folder, since this command writes no table to stdout")
-    return _refuse_nothing(None, None, out)
+    return _refuse_nothing(context, option, out)
 
 
-def _refuse_nothing(context: click.Context | None, option: click.Parameter | None, out: str | None) -> str | None:
+def _refuse_nothing(context: click.Context, option: click.Parameter, out: str | None) -> str | None:
     del context, option
     if out is not None and not out.strip():
         raise click.UsageError("--out: expected a folder, found an empty text; leave the option out for the default")

@@ -10,6 +10,7 @@ from wavesweep.diagram.device import impulse_and_step
 from wavesweep.diagram.filters import butterworth as sections
 from wavesweep.diagram.wave import avatar as cut_avatar
 from wavesweep.diagram.wave import local_model as closed_model
+from wavesweep.spec.keys import AHEAD
 
 TERMS = 20  # of a Taylor series of a matrix whose size is at most 1/2: rounding remains
 SIZE = 0.5
@@ -72,12 +73,9 @@ def difference(name, period) -> Block:
     return _block(name, ("u",), ("y",), ("u1",), [[-1]], [[1]], [[-1 / numbers(period)]], [[1 / numbers(period)]])
 
 
-INTEGRATIONS = {"explicit": 0.0, "implicit": 1.0, "trapezoidal": 0.5}
-
-
 def integrator(name, period, method="explicit") -> Block:
     """Integral of `u`: rectangles from the left, from the right, or trapezia."""
-    share = INTEGRATIONS[method] * numbers(period)
+    share = AHEAD[method] * numbers(period)
     return _block(name, ("u",), ("y",), ("s",), [[0]], [[period]], [[1]], [[share]])
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from wavesweep.diagram.block import Block, matrix, numbers
+from wavesweep.spec.keys import AHEAD
 
 # (share of the new step in the spring's displacement, share of it in the position that is sent back)
 _STEP = {"explicit": (0.0, 1.0), "implicit": (1.0, 1.0), "trapezoidal": (0.5, 0.5)}
@@ -40,7 +41,7 @@ def local_model(b, stiffness, damping, period, integration: str) -> Block:
 
     `x_dot = (sqrt(2b) u - F)/b`, `F = K_LM x_tilde + B_LM x_dot`, `v = u - sqrt(2/b) F`, solved for the step.
     """
-    read = _STEP[integration][0] * period
+    read = AHEAD[integration] * period
     along = np.sqrt(2 * numbers(b))
     total = b + damping + stiffness * read
     # x_dot = (along u - K s)/total, and F = along u - b x_dot turns v into along x_dot - u.

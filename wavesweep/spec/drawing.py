@@ -10,7 +10,7 @@ from wavesweep.errors import Mistake
 from wavesweep.spec.block_types import EVERY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.checking import Rejected, check, expectation
 from wavesweep.spec.expressions import Terms, Tree, evaluate, names_in
-from wavesweep.spec.keys import LONGEST_FRAME, Key, Names
+from wavesweep.spec.keys import AHEAD, LONGEST_FRAME, Key, Names
 from wavesweep.spec.reading import Leaf
 
 MARKS = ("numbers", "block", "wire", "ports")  # a spec that has one of these draws its loop
@@ -20,7 +20,6 @@ STRUCTURE = ("every", "phase", "steps", "order")  # keys that decide how a loop 
 Path = tuple[str, ...]
 Leaves = Mapping[str, Leaf]
 
-AHEAD = {"explicit": 0.0, "implicit": 1.0, "trapezoidal": 0.5}  # of its period, that a local model's spring reads ahead
 NOTHING = 1e-12  # of b, by which a local model does not divide
 
 
@@ -44,10 +43,8 @@ class DrawnBlock:
         """Its input and output ports."""
         return TYPES[self.type].ports_of(dict(self.keys))
 
-    def divisor(self, tick_hz: Tree) -> Tree | None:
-        """What a local model divides by, `b + B + K h`, h the time that its spring reads ahead; None for others."""
-        if self.type != "local_model":
-            return None
+    def divisor(self, tick_hz: Tree) -> Tree:
+        """What a local model divides by, `b + B + K h`, h the time that its spring reads ahead."""
         keys = dict(self.keys)
         ahead = ("*", ("number", AHEAD[keys["integration"]], 0), ("/", self.every, tick_hz, 0), 0)
         return ("+", ("+", keys["b"], keys["B"], 0), ("*", keys["K"], ahead, 0), 0)

@@ -17,6 +17,7 @@ INTEGRATIONS = {
     "implicit": "the spring reads the position after the step; usually the most stable wall",
     "trapezoidal": "the spring reads the position after a step with the mean of both velocities",
 }
+AHEAD = {"explicit": 0.0, "implicit": 1.0, "trapezoidal": 0.5}  # of a step, the share of the new velocity that is read in it
 VELOCITIES = {
     "exact": "the velocity itself, as an ideal sensor measures it",
     "difference": "the last step of the position over the tick, as an encoder gives it",
