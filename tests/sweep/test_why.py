@@ -221,3 +221,14 @@ def test_requests_that_cannot_be_met_say_why():
         loop.sensitivity("kd", (0.01, 2000), value=[1.0, 2.0])
     with pytest.raises(SpecError, match="a span to search"):
         wavesweep.why({"controller": {"kind": "pmw"}}, "b")
+
+
+@pytest.mark.parametrize(("along", "span", "end"), [("b", (5, 1000), "high"), ("Kp", (0, 50), "low")])
+def test_where_a_frame_does_not_say_what_is_felt_there_are_no_derivatives_of_it(along, span, end):
+    """The device alternates from tick to tick at the high end; at 0 a branch is out of the loop."""
+    table = wavesweep.compile({"controller": {"kind": "pmw"}}).sensitivity(along, span)
+    rows = table[(table.end == end) & (table.quantity == "felt") & (table.value != 0)]
+    assert len(rows) > 3
+    assert (rows.doubt == "rounding").all()
+    assert rows.elasticity.isna().all()
+    assert (rows.limit > 300).all()
