@@ -2,10 +2,12 @@
 
     OPENBLAS_NUM_THREADS=1 python tests/benchmarks/drawn_speed.py
 
-The call of the library over wave impedances, certificate and DataFrame included, in turn; minima of 9.
+The call of the library over wave impedances, certificate and DataFrame included, in turn; minima of 9. Then a single slice of
+PD on a mass over a network whose delay has some hundred ticks, along a gain, and along the mass; minima of 3.
 """
 
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +18,7 @@ DRAWN = Path(__file__).parents[2] / "sweeps" / "recipes" / "controllers"
 KINDS = {"pmw-lm": {"b": 25.0, "Kp": 20.0}, "pmw": {"b": 25.0}}
 COUNTS = (100, 1000)
 SPAN = (0, 20000)
+DELAYS = (20, 50, 100, 200)
 
 
 def seconds(work):
@@ -43,6 +46,26 @@ def main():
             assert all(table.certified.all() for table in tables)
             apart = np.abs(tables[0].high / tables[1].high - 1).max()
             print(f"| {kind} | {count:,} | {ours:.3f} | {theirs:.3f} | {ours / theirs:.2f} | {apart:.1e} |", flush=True)
+    print("| ticks of delay | along K (s) | along B (s) | along m (s) |\n| --- | --- | --- | --- |")
+    for ticks in DELAYS:
+        loop, times = wavesweep.compile(over_a_network(ticks)), []
+        for along, span in (("K", (0, 200)), ("B", (0, 50)), ("m", (0.05, 5))):
+            assert loop.stable_intervals(along, span).certified.all()
+            times.append(min(seconds(partial(loop.stable_intervals, along, span)) for _ in range(3)))
+        print(f"| {ticks} | {' | '.join(f'{time:.2f}' for time in times)} |", flush=True)
+
+
+def over_a_network(ticks):
+    """A mass under PD whose force arrives late."""
+    return {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 10.0, "B": 1.0, "m": 0.5},
+        "block": {
+            "arm": {"type": "mass", "mass": "m", "damping": 0.2},
+            "net": {"type": "delay", "steps": ticks},
+        },
+        "wire": {"net.u": "K*arm.x + B*arm.v", "arm.f": "-net.y"},
+    }
 
 
 if __name__ == "__main__":

@@ -59,7 +59,7 @@ def test_a_joint_of_a_physics_engine():
     assert table.certified.all()
 
 
-@pytest.mark.parametrize(("ticks", "t"), [(0, 0.51), (1, 0.51), (3, 0.25), (7, 0.1)])
+@pytest.mark.parametrize(("ticks", "t"), [(0, 0.51), (1, 0.51), (3, 0.25), (7, 0.1), (150, 0.005)])
 def test_an_undamped_mass_with_a_delay_of_any_length(ticks, t):
     """`B T/m = R sin((n+1/2)t)/sin t`, `K T^2/m = R cos((n+1/2)t) - (B T/m)(1 - cos t)`, `R = 4 sin^2(t/2)/cos(t/2)`."""
     R = 4 * np.sin(t / 2) ** 2 / np.cos(t / 2)
@@ -67,6 +67,25 @@ def test_an_undamped_mass_with_a_delay_of_any_length(ticks, t):
     K = R * np.cos((ticks + 0.5) * t) - B * (1 - np.cos(t))
     table = compiled(WALL).stable_intervals("K", (0, 3 * K * 0.1 / T**2), B=[B * 0.1 / T], n=[ticks])
     np.testing.assert_allclose(ends(table), [[0, K * 0.1 / T**2]], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("order", "cutoff"), [(2, 60), (4, 30), (6, 120)])
+def test_a_long_delay_behind_a_filter_that_lets_nothing_through_at_half_the_rate(order, cutoff):
+    """There the boundary equation vanishes to a high order, and what rounding leaves of it proves nothing; no wall is near."""
+    changes = (
+        ("[wire]", f'[block.lp]\ntype = "butterworth"\norder = {order}\ncutoff_hz = {cutoff}\n[wire]'),
+        ('"late.u" = "K*m.x', '"lp.u" = "m.x"\n"late.u" = "K*lp.y'),
+        ("mass = 0.1", "mass = 0.1\nstiffness = 20\ndamping = 0.5"),
+    )
+    loop, span = compiled(WALL, *changes), (0.0, 80.0)
+    table = loop.stable_intervals("K", span, n=[90], B=[0.05])
+    (low, high), *more = ends(table)
+    assert not more
+    assert low == 0
+    beside = {"n": 90, "B": 0.05}
+    radius = loop.spectral_radius(K=[*np.linspace(0.1, high - 1e-5, 20), *np.linspace(high + 1e-5, 80, 20)], **beside)
+    assert np.all(radius[:20] < 1)
+    assert np.all(radius[20:] > 1)
 
 
 @pytest.mark.parametrize("k", [1, 3, 10, 15])

@@ -70,10 +70,8 @@ def _one_by_one(spec, points, prepare):
 
 def _plant(part, row):
     """`(A, B, C, D)` from the wall's force to the displacement and the velocity that it reads, the position a state."""
-    E, B, x = open_in(part.cut.at(row), "K_VE", np.asarray(0.0))
-    _, _, v = open_in(part.cut.at(row), "B_VE", np.asarray(0.0))
-    D = part.cut.at(row).D
-    return E + np.eye(len(E)), B, np.vstack([x, v]), np.vstack([D[2], D[0]])
+    (E, B, x, through_x), (*_, v, through_v) = (open_in(part.cut.at(row), along, np.asarray(0.0)) for along in ("K_VE", "B_VE"))
+    return E + np.eye(len(E)), B, np.vstack([x, v]), np.vstack([through_x, through_v])
 
 
 def _numpy_test(part, row):
@@ -105,7 +103,7 @@ def _interconnect_test(part, row):
     import control
 
     one = part.cut.at(row)
-    E, B, x = open_in(one, "K_VE", part.B_VE[row])
+    E, B, x, _ = open_in(one, "K_VE", part.B_VE[row])
     period = float(one.period)
     plant = control.ss(E + np.eye(len(E)), B, x, 0, period, inputs=["F"], outputs=["x"], name="plant")
 

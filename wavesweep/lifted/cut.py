@@ -118,11 +118,10 @@ def _integrated(E, advance):
     return solve(np.swapaxes(E, -1, -2), advance[..., None])[..., 0]
 
 
-def open_in(cut: Cut, along: str, fixed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The loop with one wall parameter closed and the other open: (E, B, C) from the open part's force to what it reads.
+def open_in(cut: Cut, along: str, fixed) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """The loop with one wall parameter closed and the other open: (E, B, C, D) from the open part's force to what it reads.
 
     along: the open parameter, "K_VE" or "B_VE"; fixed: value of the other one, an array that broadcasts with the batch.
-    The direct term is left out: it is real, and on the circle only imaginary parts decide.
     """
     at_rest = along == "B_VE"
     B = np.concatenate([cut.B, cut.D[..., ADVANCE : ADVANCE + 1, :]], axis=-2) if cut.integrates else cut.B
@@ -137,9 +136,9 @@ def open_in(cut: Cut, along: str, fixed) -> tuple[np.ndarray, np.ndarray, np.nda
         A = np.concatenate([A, np.zeros((*A.shape[:-1], 1))], axis=-1)
     (closed, through), open_ = ((x, cut.D[..., OFFSET, 0]), v) if at_rest else ((v, cut.D[..., V, 0]), x)
     direct = cut.D[..., V, 0] if at_rest else cut.D[..., OFFSET, 0]
-    gain = (fixed / (1 - fixed * through))[..., None, None]
-    B_closed = B / (1 - fixed * through)[..., None, None]
-    return A + B * gain * closed, B_closed, open_ + direct[..., None, None] * gain * closed
+    direct, left = direct[..., None, None], (1 - fixed * through)[..., None, None]
+    gain = fixed[..., None, None] / left
+    return A + B * gain * closed, B / left, open_ + direct * gain * closed, direct / left
 
 
 def close(cut: Cut, K_VE, B_VE) -> np.ndarray:

@@ -12,7 +12,7 @@ from wavesweep.analysis.intervals.interpolated import MOST_ORDER, MoreStatesErro
 from wavesweep.analysis.intervals.panels import RIM, ROUGH, panel_roots
 from wavesweep.analysis.intervals.polishing import ATTACHED, polished
 from wavesweep.analysis.intervals.regions import NEAR_ZERO, count_where_clear, cut_span
-from wavesweep.analysis.intervals.stable import Intervals, doubts_of, intervals_of
+from wavesweep.analysis.intervals.stable import LARGEST, Intervals, doubts_of, intervals_of
 
 NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing is given up
 MANY = 512  # so many open panels of one column are, too
@@ -224,7 +224,7 @@ def _of_frames(E, units, most):
     """The same from frames, `(panels, points, n, n)`; most: error of the functions that is let pass."""
     panels, points, n, _ = E.shape
     E, units = E.reshape(-1, n, n), np.repeat(units, points, axis=0)
-    if n > MOST_ORDER and not np.iscomplexobj(E):
+    if n > (LARGEST if np.iscomplexobj(E) else MOST_ORDER):
         return [part.reshape(4, panels, points) for part in from_eigenvalues(E, units)]
     found = [part.reshape(4, panels, points) for part in from_coefficients(E, units)]
     again = np.flatnonzero(_too_rough(found, most))

@@ -5,8 +5,9 @@ import numpy as np
 from wavesweep.analysis.intervals.boundary import polish
 from wavesweep.analysis.intervals.crossings import Crossings, at_both_ends, open_inside
 from wavesweep.analysis.intervals.panels import panel_roots
-from wavesweep.lifted.circle import on_circle, solve
+from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.cut import Cut, open_in
+from wavesweep.lifted.shifts import Shifts
 
 SMALLEST = 1e-9  # rad; an arc this small that proves nothing is given up
 END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not told from one at the end itself
@@ -20,47 +21,57 @@ def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
     """Crossings of a few columns (loops `cut`, one per column), from Chebyshev interpolants on arcs of the circle.
 
     On each arc the boundary equation, freed of its poles and of its zeros at z = +-1, is interpolated at points of state
-    space; see `panel_roots` for the proof.
+    space; see `panel_roots` for the proof. Arcs on which the wall parameter is proved to be beyond the span are left out: where
+    a filter lets nothing through, the equation vanishes to a high order.
     """
     opened = open_in(cut, along, fixed)
+    shifts = Shifts.of(*opened[:2])
     poles = np.linalg.eigvals(opened[0]).astype(complex)
     edges = np.linspace(0, np.pi, 5)
     column = np.repeat(np.arange(fixed.size), 4)
 
     def sample(column, theta):
-        value, size = _boundary([part[column][:, None] for part in opened], theta)
+        value, size, beyond, unsure = _boundary([part[column][:, None] for part in opened], shifts, theta, max(map(abs, span)))
         # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle and analytic beside it.
         distance = [
             on_circle(sign * theta)[..., None] - some
             for sign, some in ((1, poles[column][:, None, :]), (-1, poles[column].conj()[:, None, :]))
         ]
-        magnitude, far = np.maximum(np.abs(value), TINY), [np.maximum(np.abs(some), TINY) for some in distance]
-        phase = value / magnitude * (distance[0] / far[0] * (distance[1] / far[1])).prod(-1)
-        log = np.log(magnitude) + sum(np.log(some).sum(-1) for some in far)
+        magnitude, far = np.maximum(np.abs([value, beyond]), TINY), [np.maximum(np.abs(some), TINY) for some in distance]
+        phase, log = np.array([value, beyond], complex) / magnitude, np.log(magnitude)
+        phase *= (distance[0] / far[0] * (distance[1] / far[1])).prod(-1)
+        log += sum(np.log(some).sum(-1) for some in far)
         with np.errstate(over="ignore"):
-            error = np.minimum(size / magnitude, MOST_ERROR)
-        return phase[None], log[None], error[None]
+            error = np.minimum([size, unsure] / magnitude, MOST_ERROR)
+        return phase, log, error
 
     low, high = np.tile(edges[:-1], fixed.size), np.tile(edges[1:], fixed.size)
-    found = panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT)
-    return _collect(cut, along, fixed, span, opened, found)
+    found = panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT, settling=1)
+    return _collect(cut, along, fixed, span, lambda theta: _boundary(opened, shifts, theta)[0], found)
 
 
-def _boundary(opened, theta):
-    """`Im K / sin(theta)` times |H|^2, H = 1/K, and the size of what was added up for it.
+def _boundary(opened, shifts, theta, largest=0.0):
+    """`Im K / sin(theta)` times |H|^2, H = 1/K, and the size of what was added up for it; and `1 - largest^2 |H|^2`, which is
+    positive where |K| is larger than that, and the size of what was added up for that.
 
     `Im H(z) = -sin(theta) C (w(1/z) I - E)^-1 (w(z) I - E)^-1 B`, `w(z) = z - 1`, by the resolvent identity: nothing cancels,
     not even where the circle meets the real axis. theta may be complex.
     """
-    E, B, C = opened
-    A, across = (on_circle(sign * theta)[..., None, None] * np.eye(E.shape[-1]) - E for sign in (1, -1))
-    right = solve(A, B + 0 * A[..., :1])[..., 0]
-    left = solve(np.swapaxes(across, -1, -2), np.swapaxes(C, -1, -2) + 0 * A[..., :1])[..., 0]
-    value = (left * right).sum(-1)
-    return value if np.iscomplexobj(theta) else value.real, CAUTION * np.abs(left * right).sum(-1)
+    E, B, C, D = opened
+    left, right = (np.moveaxis(part, 0, -1) for part in (shifts.read(E, C, -theta), shifts.reached(E, B, theta)))
+    parts = left * right, C[..., 0, :] * right, left * B[..., 0]
+    parts = [np.ascontiguousarray(part) for part in parts]  # numpy adds up what lies scattered in another order
+    value, there, back = (part.sum(-1) for part in parts)
+    size, *sizes = (np.abs(part).sum(-1) for part in parts)
+    D, roundings = D[..., 0, 0], CAUTION + shifts.frames.max(initial=0)
+    beyond = 1 - (largest * (there + D)) * (largest * (back + D))
+    unsure = 1 + 2 * (largest * (sizes[0] + np.abs(D))) * (largest * (sizes[1] + np.abs(D)))
+    if not np.iscomplexobj(theta):
+        value, beyond = value.real, beyond.real
+    return value, roundings * size, beyond, roundings * unsure
 
 
-def _collect(cut, along, fixed, span, opened, found):
+def _collect(cut, along, fixed, span, boundary, found):
     """Polish, drop what overlapping arcs found twice, and add z = 1 and -1."""
     inside, complete = (found.x > 0) & (found.x < np.pi), np.ones(fixed.size, bool)
     for lost in (found.lost, found.overflown):
@@ -78,7 +89,10 @@ def _collect(cut, along, fixed, span, opened, found):
     first, last = np.full(fixed.size, np.pi), np.zeros(fixed.size)
     np.minimum.at(first, column, theta)
     np.maximum.at(last, column, theta)
-    at_one, at_minus_one = (np.sign(_boundary(opened, a)[0]) for a in (first / 2, (np.pi + last) / 2))
+    of, low, high = found.settled  # what lies there is not known
+    np.minimum.at(first, of[low > 0], low[low > 0])
+    np.maximum.at(last, of[high < np.pi], high[high < np.pi])
+    at_one, at_minus_one = (np.sign(boundary(a)) for a in (first / 2, (np.pi + last) / 2))
     ends, more = at_both_ends(cut, np.arange(fixed.size), along, fixed, at_one, at_minus_one)
     bit = np.full(fixed.size, END_BIT)
     hiding = ((found.open_low, bit), (found.open_high, bit))

@@ -13,6 +13,8 @@ from wavesweep.analysis.rows import Rows
 from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
+LARGEST = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
+
 
 @dataclass(frozen=True, slots=True)
 class Intervals(Rows):
@@ -77,7 +79,7 @@ def _by_numpy(cut, owner, along, fixed, span) -> Intervals:
     """The intervals of the columns with the loops `cut.at(owner)`, each by the first method that proves it."""
     pending, done = np.arange(fixed.size), []
     cut, overflown = _finite(cut)
-    for method in (_by_trace, _by_polynomial, _by_arcs):
+    for method in (_by_trace, _by_polynomial, _by_arcs) if cut.order <= LARGEST else (_by_trace, _by_arcs):
         parts, doubt = method(cut, owner[pending], along, fixed[pending], span)
         lost = overflown[owner[pending]]
         parts = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable))
