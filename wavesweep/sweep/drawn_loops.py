@@ -1,7 +1,7 @@
 """Loops that a spec draws: their frames, their stable intervals along any number, and their ports, a batch at a time."""
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache, reduce
 from math import prod
@@ -11,6 +11,7 @@ import numpy as np
 from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
 from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.response.drawn import Port, Ports, at_rest, port_of
+from wavesweep.analysis.response.resting import Resting, resting
 from wavesweep.analysis.spectrum import eigenvalues
 from wavesweep.diagram import WALL
 from wavesweep.diagram.assembly import (
@@ -33,7 +34,7 @@ from wavesweep.lifted.number import cut_at_number
 from wavesweep.lifted.periodic import Drift, closed, closed_frame, drift_of_drawn, ticks_of
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.grid import groups, selected
-from wavesweep.sweep.tasks import TINY, felt_at_ends, records_of, with_batch
+from wavesweep.sweep.tasks import FELT, TINY, felt_at_ends, records_of, with_batch
 
 Groups = tuple[tuple[np.ndarray, Mapping[str, object]], ...]
 FACTS = "pivot", "condition"  # of connected ticks; those of a frame are products
@@ -139,12 +140,30 @@ class DrawnTask:
         for members, values in self.groups if feels(self.drawing) else ():
             rows = np.flatnonzero(np.isin(records["slice"], members) & (records["intervals"] > 0))
             at = np.searchsorted(members, records["slice"][rows])
+            known = self._resting(values)
+            if known is not None:
+                for name, end in zip(FELT, ("low", "high"), strict=True):
+                    records[name][rows] = known.stiffness(at, records[end][rows])
+                unknown = np.flatnonzero(np.isnan([records[name][rows] for name in FELT]).any(0))
+                rows, at = rows[unknown], at[unknown]
 
             def stiffness(some, p, values=values, at=at):
                 return felt_of(self.drawing, selected(values, at[some]) | {self.along: p}, self.own, p.size)
 
             felt_at_ends(records, rows, stiffness)
         return records
+
+    def _resting(self, values) -> Resting | None:
+        """The loops at rest, if the number is one scalar gain of them."""
+        number = self.along.removeprefix("numbers.")
+        if isinstance(self.drawing, Uneven) or not scalar_place(self.drawing, number):
+            return None
+        values = {**values, self.along: 1.0}
+        with suppress(IllPosedLoopError):
+            drift = _watched_drift(self.drawing, values, self.own)
+            if not (drift.moved or drift.folded):
+                return resting(assembled(self.drawing, values, number), _ports(self.drawing), PRODUCT, FACTOR)
+        return None
 
     def _intervals(self, values, size):
         refuse_unsuitable(self.drawing, values)
@@ -220,23 +239,32 @@ def feels(drawing: Drawing | Uneven) -> bool:
 
 def felt_of(drawing: Drawing | Uneven, values: Mapping[str, object], own: Mapping[str, object], size: int) -> np.ndarray:
     """The stiffness (N/m) that the hand feels at rest in each of `size` loops, `(size,)`; NaN where it is not known."""
+    ports, found = _ports(drawing), np.full(size, np.nan)
+    try:
+        drawn, drift = assembled(drawing, values), _watched_drift(drawing, values, own)
+        if not (drift.moved or drift.folded):
+            with suppress(IllPosedLoopError):  # of direct terms through blocks that need not run together
+                found = resting(drawn, ports).stiffness(np.arange(size), np.zeros(size))
+        unknown = np.flatnonzero(np.isnan(found))
+        if unknown.size:
+            some = drawn if unknown.size == size else assembled(drawing, selected(values, unknown))
+            with named_loops(drawn):
+                _, stiffness, _, unsure = at_rest(port_of(some, ports, drift), twice=False)
+            found[unknown] = np.where(unsure <= SURE, stiffness.real, np.nan)
+    except UsageError:  # the port is none of a plant
+        pass
+    except IllPosedLoopError:
+        if size > 1:
+            values = {path: np.broadcast_to(v, (size,)) if np.ndim(v) else v for path, v in values.items()}
+            return np.concatenate([felt_of(drawing, selected(values, [at]), own, 1) for at in range(size)])
+    return found
+
+
+def _watched_drift(drawing, values, own):
+    """The drift as the hand's port sees it."""
     ports = _ports(drawing)
     shape = {path: max(np.ravel(v), key=abs) if np.ndim(v) else v for path, v in values.items()}
-    try:
-        drawn = assembled(drawing, values)
-        with named_loops(drawn):
-            watched = (ports.position, *((ports.reaction,) if ports.reaction else ()))
-            _, stiffness, _, unsure = at_rest(
-                port_of(drawn, ports, drift_of(drawing, shape, own, watched=watched)), twice=False
-            )
-    except UsageError:  # the port is none of a plant
-        return np.full(size, np.nan)
-    except IllPosedLoopError:
-        if size == 1:
-            return np.full(1, np.nan)
-        values = {path: np.broadcast_to(v, (size,)) if np.ndim(v) else v for path, v in values.items()}
-        return np.concatenate([felt_of(drawing, selected(values, [at]), own, 1) for at in range(size)])
-    return np.broadcast_to(np.where(unsure <= SURE, stiffness.real, np.nan), (size,))
+    return drift_of(drawing, shape, own, watched=(ports.position, *((ports.reaction,) if ports.reaction else ())))
 
 
 def ports_of_groups(drawing: Drawing | Uneven, parts: Groups, own: Mapping[str, object]) -> Iterator[tuple[int, Port]]:

@@ -1,0 +1,91 @@
+"""What the hand feels of a drawn loop at rest, from a single tick in which every block runs.
+
+Where nothing changes, every block holds what it would show if it ran: a state at rest is the same in all ticks, whatever runs
+in them. So the schedule has no part in it, and no frame is needed. A loop that drifts, or that conserves a combination of its
+states, has no such state alone; then nothing is known here, and `drawn.at_rest` has the answer.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from wavesweep.analysis.response.bordered import solved
+from wavesweep.analysis.response.drawn import Ports
+from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING
+from wavesweep.diagram.drawn import Drawn
+from wavesweep.lifted.connect import connect
+
+SURE = 1e-9  # relative error up to which a stiffness is known; of that of a rigid wall, up to which nothing is felt
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Resting:
+    """Loops at rest under a unit force of the hand, and a number p of them that is one scalar gain.
+
+    shown: `(loops, 3, 2)`, position (m), force against the hand (N) and the number's product, where the number leaves nothing
+    of what it multiplies, and what one of that adds to them; error: bounds on the errors. free: whether there is such a number.
+    """
+
+    shown: np.ndarray
+    error: np.ndarray
+    free: bool
+
+    def stiffness(self, at, p) -> np.ndarray:
+        """The stiffness (N/m) that the hand feels of the loops `at` if the number is p, `(n,)` all; NaN: not known to SURE.
+        Where nothing is swept, one loop stands for all.
+
+        The product of the number is p times what it multiplies, which is `F_0/(p - F_1)` (Sherman and Morrison 1950).
+        """
+        at = at if len(self.shown) > 1 else 0 * at
+        (still, more), (unsure, of_more) = (np.moveaxis(part[at], (-1, -2), (0, 1)) for part in (self.shown, self.error))
+        with np.errstate(all="ignore"):
+            if self.free:
+                left = p - more[2]
+                of_left = of_more[2] + ROUNDING * (np.abs(p) + np.abs(more[2]))
+                sizes = np.abs(still[:2] * left), np.abs(still[2] * more[:2])
+                error = unsure[:2] * np.abs(left) + np.abs(still[:2]) * of_left + ROUNDING * sum(sizes)
+                error = error + unsure[2] * np.abs(more[:2]) + np.abs(still[2]) * of_more[:2]
+                found, rigid = still[:2] * left + still[2] * more[:2], np.abs(still[1] / still[0])
+            else:
+                found, error, rigid = still[:2], unsure[:2], 0.0
+            felt, off = found[1] / found[0], error / np.abs(found)
+            felt = np.where((off[1] >= 1) & (error[1] <= SURE * rigid * np.abs(found[0])), 0.0, felt)
+            return np.where((off[0] <= SURE) & ((off[1] <= SURE) | (felt == 0)), felt, np.nan)
+
+
+def resting(drawn: Drawn, ports: Ports, product: str = "", factor: str = "") -> Resting:
+    """Bring the loops to rest.
+
+    product, factor: the number's product is that input of the drawing, and it would multiply the signal `factor`; empty: the
+    drawing is the whole loop. Errors: IllPosedLoopError where the loop of direct terms through all blocks is singular.
+
+    With the number's product F, `E X + B F + g = 0` and `C X + D F + d = r` hold at rest, r what the number multiplies.
+    """
+    signals = (ports.position, *((ports.reaction,) if ports.reaction else ()), *((factor,) if factor else ()))
+    sums = {f"{each.block.name}.{port}": {} for each in drawn.placed for port in each.block.inputs} | dict(drawn.sums)
+    block = connect("rest", [each.block for each in drawn.placed], sums, drawn.inputs, signals)
+    n, hand = len(block.states), drawn.inputs.index(ports.force)
+    A, right = np.zeros((*block.batch, n + bool(factor), n + bool(factor))), np.zeros((*block.batch, n + bool(factor), 2))
+    rows, direct = np.zeros((*block.batch, 3, n + bool(factor))), np.zeros((*block.batch, 3))
+    A[..., :n, :n], right[..., :n, 0] = block.E, -block.B[..., hand]
+    for row in range(2) if ports.reaction else (0,):
+        rows[..., row, :n], direct[..., row] = block.C[..., row, :], block.D[..., row, hand]
+    if not ports.reaction:
+        direct[..., 1] = 1
+    if factor:
+        F = drawn.inputs.index(product)
+        A[..., :n, n], A[..., n, :n], A[..., n, n] = block.B[..., F], block.C[..., -1, :], block.D[..., -1, F]
+        right[..., n, 0], right[..., n, 1] = -block.D[..., -1, hand], 1
+        rows[..., : len(signals) - 1, n], rows[..., 2, n] = block.D[..., :-1, F], 1
+    unsure = ENTRIES * np.asarray(block.condition)[..., None, None]
+    with np.errstate(all="ignore"):
+        X, dX = solved(A, unsure * np.abs(A), right, unsure * np.abs(right))
+        direct = direct[..., None] * np.array([1.0, 0.0])
+        shown, size = _times(rows, X) + direct, _times(np.abs(rows), np.abs(X)) + np.abs(direct)
+        error = _times(np.abs(rows), dX) + (unsure + (n + 1) * ROUNDING) * size
+    return Resting(*(part.reshape(-1, 3, 2) for part in (shown, error)), bool(factor))
+
+
+def _times(rows, X):
+    """`rows X`, added up so that the bits of a loop do not depend on the batch."""
+    return np.multiply(rows[..., :, None, :], np.swapaxes(X, -1, -2)[..., None, :, :], order="C").sum(-1)
