@@ -160,9 +160,10 @@ def cost_of(spec: Spec, drawing, axis: Axis, values: dict | None = None) -> tupl
         return expected_cost(cut_at_wall(draw(values)).order, axis.path in WALL), axis.path in WALL
     from wavesweep.sweep.drawn_loops import drift_of, exact_cut, frames
 
-    exact = exact_cut(drawing, values, spec.values, axis.path.removeprefix("numbers.")) is not None
-    order = frames(drawing, values, drift_of(drawing, values, spec.values)).shape[-1]
-    return expected_cost(order, exact), exact
+    cut = exact_cut(drawing, values, spec.values, axis.path.removeprefix("numbers."))
+    if cut is not None:
+        return expected_cost(cut.order, True), True
+    return expected_cost(frames(drawing, values, drift_of(drawing, values, spec.values)).shape[-1], False), False
 
 
 @dataclass(frozen=True, slots=True, eq=False)
