@@ -10,11 +10,12 @@ from scipy.signal import butter, tf2ss
 import wavesweep
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import CONTROLLERS, WALL, draw
-from wavesweep.diagram.assembly import assembled
+from wavesweep.diagram.assembly import FACTOR, PRODUCT, assembled
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
-from wavesweep.lifted.periodic import closed_frame, ticks_of
+from wavesweep.lifted.number import OpenTicks
+from wavesweep.lifted.periodic import closed, closed_frame, ticks_of
 from wavesweep.spec import load
 from wavesweep.sweep import grid as grids
 from wavesweep.sweep.drawn_loops import drift_of, frames, radius_of
@@ -191,3 +192,35 @@ def test_points_of_several_loops_give_the_bits_of_all_pairs(path, shared):
     found, expected = (closed_frame(drawn, drift) for drawn in (of_points, of_pairs))
     assert np.array_equal(found.reshape(expected.shape), expected)
     assert ((7, 1) in {each.E.shape[:-2] for each in ticks_of(of_points).maps}) == shared
+
+
+@pytest.mark.parametrize("path", WALL)
+@pytest.mark.parametrize("kind", CONTROLLERS)
+@pytest.mark.parametrize("delay", [0, 7])
+def test_ticks_cut_at_the_wall_and_closed_again_are_those_with_the_wall(kind, delay, path):
+    """Of three loops at three walls each, which a batch would connect one by one."""
+    values = dict(spec_of(kind, environment={"delay": delay}, rates={"slow_hz": 60.0}).values)
+    drawing, mass, p = Uneven(kind), np.array([0.1, 0.3, 0.7]), np.array([[0.5, 80.0, 3000.0]])
+    some = values | {"device.mass": mass, path: 1.0}
+    ticks = OpenTicks.of(assembled(drawing, some, path), assembled(drawing, some), PRODUCT, FACTOR)
+    drift = drift_of(drawing, values | {path: 1.0}, values)
+    found = closed(ticks.closed(np.arange(3)[:, None], p), drift)
+    whole = frames(drawing, values | {"device.mass": mass[:, None], path: p}, drift)
+    np.testing.assert_allclose(found, whole, rtol=0, atol=1e-12 * np.abs(whole).max())
+
+
+def test_a_number_without_a_solution_of_direct_terms_makes_no_frame():
+    """`u = c u + v` has none at c = 1."""
+    spec = load({
+        "rates": {"tick_hz": 1000},
+        "numbers": {"c": 0.1},
+        "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.5}, "g": {"type": "gain"}, "s": {"type": "hold", "every": 2}},
+        "wire": {"g.u": "c*g.y + m.v", "s.u": "m.x", "m.f": "-g.y - 5*s.y"},
+    })  # fmt: skip
+    some = dict(spec.values) | {"numbers.c": 1.0}
+    with np.errstate(all="ignore"):
+        ticks = OpenTicks.of(assembled(spec.drawing, some, "c"), assembled(spec.drawing, some), PRODUCT, FACTOR)
+        one, other = ticks.closed(0, np.array([1.0])), ticks.closed(0, np.array([0.5]))
+    assert not any(np.isfinite(each.E).all() for each in one.maps)
+    assert all(np.isfinite(each.E).all() for each in other.maps)
+    assert one.maps[0].pivot == 0

@@ -7,7 +7,7 @@ from zlib import crc32
 
 import numpy as np
 
-from wavesweep.diagram import blocks
+from wavesweep.diagram import WALL, blocks
 from wavesweep.diagram.block import numbers
 from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.diagram.uneven import RATIO, Uneven
@@ -29,7 +29,7 @@ def assembled(drawing: Drawing | Uneven, values: Mapping[str, object], out: str 
     """
     if isinstance(drawing, Uneven):
         with np.errstate(all="ignore"):
-            return drawing.placed(values)
+            return drawing.placed(values, out, (PRODUCT, FACTOR))
     known = {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}
     with np.errstate(all="ignore"):
         tick = 1 / numbers(_at(drawing.tick_hz, known))
@@ -94,8 +94,10 @@ def _parts(gain, known, out):
     return constant, total - constant
 
 
-def scalar_place(drawing: Drawing, number: str) -> str:
+def scalar_place(drawing: Drawing | Uneven, number: str) -> str:
     """The path of the only wire, or of the factor of the only gain, that reads a number, if it is linear in it; else empty."""
+    if isinstance(drawing, Uneven):
+        return "wall" if number in WALL else ""
     readers = {path for path, tree in drawing.trees() if any(name == number for name, _ in names_in(tree))}
     if len(readers) != 1:
         return ""

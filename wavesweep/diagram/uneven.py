@@ -13,6 +13,7 @@ from zlib import crc32
 import numpy as np
 
 from wavesweep.controllers import drawing_of
+from wavesweep.diagram import WALL
 from wavesweep.diagram.block import Block, numbers
 from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.spec.keys import MOST_STEPS
@@ -43,15 +44,22 @@ class Uneven:
         """The rate of the tick in Hz."""
         return values["rates.fast_hz"]
 
-    def placed(self, values: Mapping[str, object]) -> Drawn:
-        """The drawn loop of `values`: flat keys, with numbers or arrays over a batch."""
+    def placed(self, values: Mapping[str, object], out: str = "", signals: tuple[str, str] = ("", "")) -> Drawn:
+        """The drawn loop of `values`: flat keys, with numbers or arrays over a batch.
+
+        out: a number of the wall to take out of its place. Its product is then the input `signals[0]`, and it would multiply
+        the signal `signals[1]`.
+        """
         diagram = drawing_of(self.kind)(values)
         q, p = (1, 1) if diagram.ratio == 1 else steps_of(values[RATIO])
         reads, shown = [k * q // p for k in range(p)], [-(-k * q // p) for k in range(p)]
         placed = [Placed(block) for block in diagram.fast]
         placed += [Placed(block, q, tuple(reads)) for block in diagram.slow]
-        K, B = (numbers(values[path]) for path in ("environment.K_VE", "environment.B_VE"))
-        sums = dict(diagram.sums) | {diagram.wall_force: dict(zip(diagram.wall, (K, B), strict=True))}
+        wall = {signal: numbers(values[path]) for path, signal in zip(WALL, diagram.wall, strict=True) if path != out}
+        sums = dict(diagram.sums) | {diagram.wall_force: wall}
+        if out:
+            wall |= {signals[0]: 1.0}
+            sums |= {signals[1]: {diagram.wall[WALL.index(out)]: 1.0}}
         for slow, fast in diagram.samples.items():
             placed.append(Placed(_copy(f"sample {slow}"), q, tuple(reads)))
             sums |= {f"sample {slow}.u": {fast: 1.0}, slow: {f"sample {slow}.y": 1.0}}
@@ -67,7 +75,7 @@ class Uneven:
                 source = f"kept {fast}.y"
             placed.append(Placed(_copy(f"shown {fast}"), q, tuple(sorted(wait % q for wait in waits))))
             sums |= {f"shown {fast}.u": {source: 1.0}, fast: {f"shown {fast}.y": 1.0}}
-        return Drawn(diagram.period, tuple(placed), sums, ("f_h",))
+        return Drawn(diagram.period, tuple(placed), sums, ("f_h", *signals[: bool(out)]))
 
     def tame_pair(self, values: Mapping[str, object]) -> tuple[Drawn, Drawn]:
         """Two drawings of the same structure with different moderate numbers; a number is zero if it is zero in all loops."""

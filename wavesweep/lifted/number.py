@@ -1,10 +1,13 @@
-"""The frame of a drawn loop cut at a number that is one scalar gain of it."""
+"""A drawn loop cut at a number that is one scalar gain of it: its frame, if that has it once, or else each of its ticks."""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wavesweep.diagram.drawn import Drawn
+from wavesweep.lifted.connect import WORST_CONDITION
 from wavesweep.lifted.cut import Cut
-from wavesweep.lifted.periodic import Drift, in_a_row, then, ticks_of
+from wavesweep.lifted.periodic import Drift, Ticks, in_a_row, then, ticks_of
 
 
 def cut_at_number(drawn: Drawn, drift: Drift, force: str, read: str, damped: str = "") -> Cut | None:
@@ -120,3 +123,37 @@ def _read_after(E, C):
     while idle := [i for i in kept if over[i] and not shown[:, i].any() and not any(moves[j, i] for j in kept if j != i)]:
         kept = [i for i in kept if i not in idle]
     return kept
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OpenTicks:
+    """The ticks of loops cut at a number that may be read several times in a frame.
+
+    ticks: without inputs, but in those that the number reaches: from its product to what it multiplies.
+    """
+
+    ticks: Ticks
+
+    @staticmethod
+    def of(drawn: Drawn, whole: Drawn, product: str, factor: str) -> "OpenTicks":
+        """Connect them. drawn: with the number's product as an input; whole: with the number in its place, which says what is
+        held. Errors: IllPosedLoopError for an algebraic loop without a solution.
+        """
+        return OpenTicks(ticks_of(drawn, (factor,), alone=True, through=product, held=whole.held()))
+
+    def closed(self, at, p) -> Ticks:
+        """Those of the loops `at` of the batch at values p of the number, indices and numbers that broadcast together."""
+        return replace(self.ticks, maps=tuple(_closed(each, at, p) for each in self.ticks.maps))
+
+
+def _closed(block, at, p):
+    E, B, C, D = (part[at] if part.ndim > 2 else part for part in (block.E, block.B, block.C, block.D))
+    condition, pivot = (np.asarray(part)[at] if np.ndim(part) else part for part in (block.condition, block.pivot))
+    if block.inputs:
+        with np.errstate(all="ignore"):
+            through = p * D[..., 0, 0]
+            condition, pivot = condition * (1 + np.abs(through)) / np.abs(1 - through), pivot * (1 - through)
+            gain = np.where(condition <= WORST_CONDITION, p / (1 - through), np.nan)
+            E = E + B * gain[..., None, None] * C
+    nothing = {"inputs": (), "outputs": (), "B": E[..., :0], "C": E[..., :0, :], "D": E[..., :0, :0]}
+    return replace(block, E=E, condition=condition, pivot=pivot, **nothing)

@@ -33,16 +33,32 @@ class Ticks:
         return replace(self, kind=np.roll(self.kind, -first))
 
 
-def ticks_of(drawn: Drawn, outputs=(), alone: bool = False) -> Ticks:
+def ticks_of(drawn: Drawn, outputs=(), alone: bool = False, through: str = "", held=None) -> Ticks:
     """Connect the blocks that run in each tick; outputs: signals that are wanted in every tick. alone: without the inputs.
 
-    Errors: IllPosedLoopError for an algebraic loop without a solution.
+    through: an input that remains, in the ticks that it reaches, and only these have outputs; held: which ports each block
+    holds, if not those that are read in the drawing and the outputs. Errors: IllPosedLoopError for an algebraic loop without a
+    solution.
     """
     sets, kind = drawn.schedule()
-    held = drawn.held(outputs)
+    held = drawn.held(outputs) if held is None else held
     sums = {f"{each.block.name}.{port}": {} for each in drawn.placed for port in each.block.inputs} | dict(drawn.sums)
-    inputs, sums = ((), sums | {name: {} for name in drawn.inputs}) if alone else (drawn.inputs, sums)
-    return Ticks(tuple(_connected(drawn, set(running), held, sums, inputs, outputs) for running in sets), kind)
+    silent = sums | {name: {} for name in drawn.inputs}
+    maps = []
+    for running in sets:
+        inputs, shown, wires = ((), outputs, silent) if alone else (drawn.inputs, outputs, sums)
+        if through and _reaches(drawn, running, through):
+            inputs, wires = (through,), {name: terms for name, terms in silent.items() if name != through}
+        elif through:
+            shown = ()
+        maps.append(_connected(drawn, set(running), held, wires, inputs, shown))
+    return Ticks(tuple(maps), kind)
+
+
+def _reaches(drawn, running, signal):
+    """Whether a block that runs reads the signal."""
+    ports = (f"{drawn.placed[index].block.name}.{port}" for index in running for port in drawn.placed[index].block.inputs)
+    return any(signal in drawn.sources(port) for port in ports)
 
 
 def _connected(drawn, running, held, sums, inputs, outputs):

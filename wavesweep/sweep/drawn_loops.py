@@ -30,7 +30,7 @@ from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.lifted import Cut
-from wavesweep.lifted.number import cut_at_number
+from wavesweep.lifted.number import OpenTicks, cut_at_number
 from wavesweep.lifted.periodic import Drift, closed, closed_frame, drift_of_drawn, ticks_of
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.grid import groups, selected
@@ -155,14 +155,22 @@ class DrawnTask:
 
     def _resting(self, values) -> Resting | None:
         """The loops at rest, if the number is one scalar gain of them."""
-        number = self.along.removeprefix("numbers.")
-        if isinstance(self.drawing, Uneven) or not scalar_place(self.drawing, number):
+        number, values = self.along.removeprefix("numbers."), {**values, self.along: 1.0}
+        if not scalar_place(self.drawing, number):
             return None
-        values = {**values, self.along: 1.0}
         with suppress(IllPosedLoopError):
             drift = _watched_drift(self.drawing, values, self.own)
             if not (drift.moved or drift.folded):
                 return resting(assembled(self.drawing, values, number), _ports(self.drawing), PRODUCT, FACTOR)
+        return None
+
+    def _open_ticks(self, values) -> OpenTicks | None:
+        """The loops without the number in their ticks, if it is one scalar gain of them."""
+        number, values = self.along.removeprefix("numbers."), {**values, self.along: 1.0}
+        if scalar_place(self.drawing, number):
+            with suppress(IllPosedLoopError), np.errstate(all="ignore"):
+                whole, cut_open = assembled(self.drawing, values), assembled(self.drawing, values, number)
+                return OpenTicks.of(cut_open, whole, PRODUCT, FACTOR)
         return None
 
     def _intervals(self, values, size):
@@ -170,11 +178,17 @@ class DrawnTask:
         cut = exact_cut(self.drawing, values, self.own, self.along.removeprefix("numbers."))
         if cut is not None:
             return stable_intervals(with_batch(cut, size), "K_VE", self.span, np.zeros((size, 1)))
-        drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
+        drift, ticks = drift_of(self.drawing, values | {self.along: 1.0}, self.own), self._open_ticks(values)
 
         def evaluate(number, p):
-            varied, shape = selected(values, number) | {self.along: np.where(p == 0, TINY, p)}, p.shape
-            found = _where_solvable(self.drawing, varied, drift, shape)
+            p = np.where(p == 0, TINY, p)
+            varied, shape = selected(values, number) | {self.along: p}, p.shape
+            if ticks is None:
+                found = _where_solvable(self.drawing, varied, drift, shape)
+            else:
+                with np.errstate(all="ignore"):
+                    some = ticks.closed(number, p)
+                    found = _as_frames(closed(some, drift), some, shape)
             divisors = guards_at(self.drawing, varied, self.along, shape)
             return replace(found, pivots=np.concatenate([found.pivots, divisors.reshape(p.size, -1)], axis=-1))
 
@@ -184,16 +198,21 @@ class DrawnTask:
         return stable_along_any(evaluate, self.span, size, period, self.bounds, bent)
 
 
+def _as_frames(E, ticks, shape):
+    """Frames of a batch of that shape, which E broadcasts to, one after the other."""
+    size = prod(shape)
+    with np.errstate(all="ignore"):
+        pivot, condition = (reduce(np.multiply, (getattr(each, part) for each in ticks.maps)) for part in FACTS)
+    whole = zip((E, np.asarray(pivot)[..., None], condition), (E.shape[-2:], (1,), ()), strict=True)
+    return Frames(*(np.broadcast_to(part, (*shape, *tail)).reshape(size, *tail) for part, tail in whole))
+
+
 def _where_solvable(drawing, values, drift, shape):
     """The frames of a batch of that shape, which the values broadcast to, one after the other; NaN for loops of direct terms
     without a solution, which a search may come across."""
     size = prod(shape)
     try:
-        E, ticks = _closed(drawing, values, drift)
-        with np.errstate(all="ignore"):
-            pivot, condition = (reduce(np.multiply, (getattr(each, part) for each in ticks.maps)) for part in FACTS)
-        whole = zip((E, np.asarray(pivot)[..., None], condition), (E.shape[-2:], (1,), ()), strict=True)
-        return Frames(*(np.broadcast_to(part, (*shape, *tail)).reshape(size, *tail) for part, tail in whole))
+        return _as_frames(*_closed(drawing, values, drift), shape)
     except IllPosedLoopError:
         if size == 1:
             order = max(2, len(drift.kept))
