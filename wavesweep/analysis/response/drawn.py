@@ -15,6 +15,7 @@ from wavesweep.lifted.periodic import Drift, in_a_row, then, ticks_of
 
 POINTS = 256  # frequencies at a time
 STILL = 1e-9  # of the terms of a shift, what is rounding
+NOTHING = 1e-9  # of the hand's force, up to which what rounding may leave of a force is none
 LOST = 0.1  # relative error from which on a number has no digit
 
 
@@ -190,6 +191,8 @@ def at_rest(port: Port, *, twice: bool = True) -> tuple[np.ndarray, ...]:
             found[1], error[1] = found[1] + slope[2:], np.where(going[2:], np.nan, error[1] + off_slope[2:])
             forces = value[2], off[2] / np.abs(value[2])
         error[0] = np.where(going[:1], np.nan, error[0])
+        none = (np.abs(found[-1]) <= error[-1]) & (error[-1] <= NOTHING) & (len(value) > 1)  # of 1 N: nothing but rounding
+        found[-1], error[-1] = np.where(none, 0.0, found[-1]), np.where(none, 0.0, error[-1])
         admittance, impedance, *relative = _response(np.concatenate(found), np.concatenate(error))
         stiffness = np.where(forces[0] == 0, 0.0, forces[0] / value[0])
         unsure = np.where(forces[0] == 0, 0.0, forces[1] + off[0] / np.abs(value[0]))
