@@ -18,7 +18,7 @@ from wavesweep.lifted.number import OpenTicks
 from wavesweep.lifted.periodic import closed, closed_frame, ticks_of
 from wavesweep.spec import load
 from wavesweep.sweep import grid as grids
-from wavesweep.sweep.drawn_loops import drift_of, frames, radius_of
+from wavesweep.sweep.drawn_loops import drift_of, felt_of, frames, radius_of
 
 BASE = {"controller": {"Kp": 20.0}, "environment": {"K_VE": 700.0, "B_VE": 3.0}}
 
@@ -224,3 +224,19 @@ def test_a_number_without_a_solution_of_direct_terms_makes_no_frame():
     assert not any(np.isfinite(each.E).all() for each in one.maps)
     assert all(np.isfinite(each.E).all() for each in other.maps)
     assert one.maps[0].pivot == 0
+
+
+@pytest.mark.parametrize("delay", [0, 7, 20])
+@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
+def test_waves_between_two_springs_keep_what_the_start_of_a_force_leaves_in_them(kind, delay):
+    """Without Kp nothing changes a combination of the states; at rates that divide the lifting knows the limit otherwise."""
+    several = {"b": [12.0, 40.0], "K_VE": [60.0, 900.0]}
+    spec = spec_of(kind, controller={"Kp": 0.0}, operator={"stiffness": 45.0}, environment={"delay": delay})
+    known = wavesweep.compile(spec).response([0.0], **several).impedance_re.to_numpy()
+    some = dict(spec.values) | {"controller.b": np.repeat([12.0, 40.0], 2), "environment.K_VE": np.tile([60.0, 900.0], 2)}
+    np.testing.assert_allclose(felt_of(Uneven(kind), some, spec.values, 4), known, rtol=1e-7)
+    loop = wavesweep.compile(
+        {"controller": {"kind": kind, "Kp": 0.0}, "operator": {"stiffness": 45.0}, "rates": {"slow_hz": 60.0}}
+    )
+    rest, slowly = loop.response([0.0, 1e-3]).impedance_re
+    assert rest == pytest.approx(slowly, rel=1e-6)

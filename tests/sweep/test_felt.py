@@ -150,7 +150,9 @@ def test_ends_of_random_loops_feel_what_a_response_at_0_hz_feels(name):
             for value, omega, stiffness in ((row.low, row.low_omega, row.felt_low), (row.high, row.high_omega, row.felt_high)):
                 if omega == 0 and value != 0:
                     continue
-                rest = loop.response([0.0], **{name: value}).impedance_re[0]
+                rest, error = loop.response([0.0], **{name: value})[["impedance_re", "impedance_error"]].to_numpy()[0]
+                if error > 1e-6:  # then it is missing
+                    rest = np.nan
                 assert stiffness == pytest.approx(rest, rel=1e-7, abs=1e-12, nan_ok=True)
                 compared += 1
     assert compared > 3

@@ -38,7 +38,7 @@ class Port:
     From the force to the displacement in the tick, the force against it, and if the latter moves with a drift, the change of
     that share of it in the tick. E `(..., n, n)` less identity, B `(..., n, 1)`, C `(..., outputs, n)`, D `(..., outputs, 1)`.
     position: its row `(..., 1, n)`, None if it drifts. condition: by how much closing algebraic loops may have multiplied the
-    rounding of the entries (see `Block`).
+    rounding of the entries (see `Block`). laws: how many combinations of the states nothing in the loop changes.
     """
 
     maps: tuple[tuple[np.ndarray, ...], ...]
@@ -46,6 +46,7 @@ class Port:
     period: float
     position: np.ndarray | None = None
     condition: float | np.ndarray = 1.0
+    laws: int = 0
 
     @property
     def rough(self) -> float:
@@ -77,7 +78,8 @@ def port_of(drawn: Drawn, ports: Ports, drift: Drift) -> Port:
     kept = _kept(drift)
     still = not any(_moves(reads, lead, others) for lead, others in drift.moved)
     condition = reduce(np.maximum, (each.condition for each in ticks.maps))
-    return Port(maps, ticks.kind, float(np.ravel(drawn.period)[0]), reads[..., kept] if still else None, condition)
+    period = float(np.ravel(drawn.period)[0])
+    return Port(maps, ticks.kind, period, reads[..., kept] if still else None, condition, len(drift.folded))
 
 
 def _along(reads, lead, others):
@@ -209,8 +211,11 @@ def _still(port):
     frame, M, rough = _frame(port, np.array([1 + 1j * STEP])), port.kind.size, np.asarray(port.rough)[..., None]
     parts = (part for each in (frame.g, frame.G, frame.h) for part in (each.real, each.imag / STEP))
     E, unsure, (g, g_1, G, G_1, h, h_1) = -frame.E, frame.dE * np.asarray(port.condition)[..., None, None], parts
-    X, dX = (each[..., 0] for each in solved(E, unsure, g[..., None], (rough * frame.g_size)[..., None]))
-    more = rough * M * frame.g_size + M * dX
+    right, missed = (g, rough * frame.g_size), rough * M * frame.g_size
+    if port.laws:
+        E, unsure, right = _with_law(E, unsure, right, (g_1 / M, missed / M))
+    X, dX = (each[..., 0] for each in solved(E, unsure, *(part[..., None] for part in right)))
+    more = missed + M * dX
     X_1, dX_1 = (each[..., 0] for each in solved(E, unsure, (g_1 - M * X)[..., None], more[..., None]))
     size = _times(frame.G_size, np.abs(X)) + frame.h_size
     value, slope = _times(G, X) + h, _times(G_1, X) + _times(G, X_1) + h_1
@@ -219,6 +224,30 @@ def _still(port):
     of_slope = of_slope + _times(np.abs(G_1), dX) + _times(np.abs(G), dX_1)
     value, slope, error, of_slope, size = (np.moveaxis(part, -1, 0) / M for part in (value, slope, error, of_slope, size))
     return value, slope, (error, of_slope), size
+
+
+def _with_law(E, unsure, right, later):
+    """The equations `E X = g` with the combination of the states that nothing changes determined by what the start of the force
+    leaves in it; right: g and its error. NaN if the force's mean moves it for ever.
+
+    With `l E = 0`, the expansion of `(M w + E) X = g + g_1 w` gives `l g = 0` and `l X = l g_1/M` (later: `g_1/M`, and its
+    error). That is added along l, where E has nothing, and a state that it keeps shows no displacement, whatever it is.
+    """
+    left, values, _ = np.linalg.svd(np.where(np.isfinite(E), E, 0.0))
+    law, scale = left[..., -1], values[..., :1, None]
+    whole = E + scale * law[..., :, None] * law[..., None, :]
+    off = np.abs(np.linalg.pinv(np.where(np.isfinite(whole), whole, 0.0)))
+    vague = _times(np.swapaxes(off, -1, -2), _times(np.swapaxes(unsure, -1, -2), np.abs(law)))  # of the law
+    (g, dg), (g_1, dg_1) = right, later
+    mean, size = (
+        (law * g).sum(-1, keepdims=True),
+        (np.abs(law) * (dg + STILL * np.abs(g)) + vague * np.abs(g)).sum(-1, keepdims=True),
+    )
+    left_in, error = (law * g_1).sum(-1, keepdims=True), (np.abs(law) * dg_1 + vague * np.abs(g_1)).sum(-1, keepdims=True)
+    g = np.where(np.abs(mean) <= size, g + scale[..., 0] * law * left_in, np.nan)
+    dg = dg + scale[..., 0] * (np.abs(law) * error + vague * np.abs(left_in))
+    twist = vague[..., :, None] * np.abs(law)[..., None, :]
+    return whole, unsure + scale * (twist + np.swapaxes(twist, -1, -2)), (g, dg)
 
 
 def _once(port, frequency):
