@@ -103,9 +103,9 @@ def _cut(E, B, c, d, drift, period, condition):
     C = np.concatenate(np.broadcast_arrays(v, advance, c[..., :1, :]), axis=-2)
     D = np.concatenate(np.broadcast_arrays(dv, step, d[..., :1, :]), axis=-2)
     read = _read_after(E, C)
+    left = (*leads, *(kept[i] for i in range(len(kept)) if i not in read))
     E, B, C, kept = E[..., read, :][..., read], B[..., read, :], C[..., read], [kept[i] for i in read]
-    names = tuple(drift.states[i] for i in kept)
-    left = tuple(drift.states[i] for i in leads)
+    names, left = (tuple(drift.states[i] for i in some) for some in (kept, left))
     return Cut(E, B, C, D, integrates, period=period, states=names, unread=left, condition=condition)
 
 
@@ -116,11 +116,13 @@ def _shown_of_leads(c, drift):
 
 
 def _read_after(E, C):
-    """Indices of the states without those that every frame overwrites, as held outputs, and that nothing reads."""
+    """Indices of the states without those that nothing reads, if every frame overwrites them, as held outputs, or if they do
+    nothing but add up, and drift."""
     moves, shown = (np.any(part != 0, axis=tuple(range(part.ndim - 2))) for part in (E, C))
-    over = np.all(E.diagonal(axis1=-2, axis2=-1) == -1, axis=tuple(range(E.ndim - 2)))
-    kept = list(range(len(over)))
-    while idle := [i for i in kept if over[i] and not shown[:, i].any() and not any(moves[j, i] for j in kept if j != i)]:
+    own = E.diagonal(axis1=-2, axis2=-1).reshape(-1, E.shape[-1])
+    plain = (own == -1).all(0) | (own == 0).all(0)
+    kept = list(range(len(plain)))
+    while idle := [i for i in kept if plain[i] and not shown[:, i].any() and not any(moves[j, i] for j in kept if j != i)]:
         kept = [i for i in kept if i not in idle]
     return kept
 

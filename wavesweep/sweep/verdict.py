@@ -26,6 +26,7 @@ DELAYS = 200  # ticks of delay that are tried
 CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on, see `channel_norm`
 SLOW_SHARE = 1e-4  # of the slow rate: a frequency so low that the impedance is that of a spring and a damper, as a rule
 FALL, FALLS = 8.0, 7  # a mode may be slower: then it is looked at so many times lower frequencies
+NOTHING = 1e-10  # of the impedance over the frequency, what is no damping but rounding
 SAME, ROUGHLY = 1e-7, 1e-3  # relative differences of two such looks: the same; and still worth a number
 
 
@@ -152,11 +153,13 @@ def _felt_at(spec):
 
 def _damping(impedance, low):
     """Imaginary part over frequency towards 0 Hz, extrapolated from pairs of ever lower frequencies (from `low` Hz on), until a
-    pair says the same as the one before; NaN if none does."""
+    pair says the same as the one before, or both say nothing but rounding; NaN if none does."""
     frequency = low * np.array([1, 0.5]) / FALL ** np.arange(FALLS)[:, None]
-    parts = impedance(frequency.ravel()).imag.reshape(frequency.shape) / (2 * np.pi * frequency)
-    found = (4 * parts[:, 1] - parts[:, 0]) / 3
-    off = np.abs(np.diff(found)) / np.abs(found[1:])
+    values = impedance(frequency.ravel()).reshape(frequency.shape) / (2 * np.pi * frequency)
+    found, size = (4 * values[:, 1] - values[:, 0]).imag / 3, np.abs(values).max(-1)
+    found = np.where(np.abs(found) <= NOTHING * size, 0.0, found)
+    with np.errstate(all="ignore"):
+        off = np.where(found[1:] == found[:-1], 0.0, np.abs(np.diff(found)) / np.abs(found[1:]))
     settled = np.flatnonzero(off <= SAME)
     best = settled[0] if settled.size else np.argmin(np.where(np.isnan(off), np.inf, off))
     return found[1 + best] if off[best] <= ROUGHLY else np.nan

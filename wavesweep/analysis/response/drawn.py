@@ -65,6 +65,8 @@ def port_of(drawn: Drawn, ports: Ports, drift: Drift) -> Port:
     Errors: UsageError if it is not.
     """
     signals = (ports.position, *((ports.reaction,) if ports.reaction else ()))
+    if not drift.folded:  # what nothing but a drift reads drifts itself
+        drift = replace(drift, moved=(*drift.moved, *((state, ()) for state in drift.unread)))
     ticks = ticks_of(drawn, signals)
     reads = ticks.maps[0].C[..., :1, :]
     if any(np.any(each.D[..., 0, :]) or np.any(each.C[..., :1, :] != reads) for each in ticks.maps):
