@@ -88,6 +88,25 @@ def test_a_long_delay_behind_a_filter_that_lets_nothing_through_at_half_the_rate
     assert np.all(radius[20:] > 1)
 
 
+@pytest.mark.parametrize("beside", [0.0, 1e-15, 1e-12, -1e-12, 1e-10])
+def test_a_span_that_ends_at_a_limit_keeps_its_interval(beside):
+    """Along a number in two wires, which is no single gain of a frame."""
+    loop = compiled(WALL, ('"m.f" = "hand - late.y"', '"m.f" = "hand - late.y - 0.1*K*m.x"'))
+    limit = ends(loop.stable_intervals("K", (0, 20000), B=[5.0]))[0][1]
+    assert 100 < limit < 20000
+    np.testing.assert_allclose(ends(loop.stable_intervals("K", (0, limit * (1 + beside)), B=[5.0])), [[0, limit]], rtol=1e-9)
+
+
+def test_an_integrator_that_nothing_reads_takes_no_interval_away():
+    """It integrates a position that itself drifts, and that nothing else reads: both are drift."""
+    spec = as_blocks({**load({"controller": {"kind": "pmw"}}).values})
+    plain = wavesweep.compile(spec).stable_intervals("K_VE", (10, 200))
+    beside = spec | {"block": {**spec["block"], "sum": {"type": "integrator"}}, "wire": {**spec["wire"], "sum.u": "m.x"}}
+    table = wavesweep.compile(beside).stable_intervals("K_VE", (10, 200))
+    np.testing.assert_allclose(ends(table), ends(plain), rtol=1e-12)
+    np.testing.assert_allclose(table[["felt_low", "felt_high"]], plain[["felt_low", "felt_high"]], rtol=1e-9)
+
+
 @pytest.mark.parametrize("k", [1, 3, 10, 15])
 def test_an_integrator_behind_a_network(k):
     """`K h/d < min(1/r, 1/(1/2 - r))`, r the delay over the period, the second for r < 1/2 (Zhang, Branicky, Phillips 2001)."""

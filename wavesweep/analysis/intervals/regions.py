@@ -78,12 +78,13 @@ class Parts:
 
 
 def cut_span(span, columns: int, column, value, theta, jump, slack=0.0) -> Parts:
-    """Cut the span of every column at its crossings; slack: how near to the low end a crossing counts as there."""
+    """Cut the span of every column at its crossings; slack: how near to an end of the span a crossing counts as there."""
     low, high = span
     near = np.abs(value - low) <= np.maximum(slack, 4 * np.spacing(np.maximum(abs(low), np.abs(value))))
-    at_low = np.full(columns, np.nan)
-    at_low[column[near]] = theta[near]
-    inside = np.flatnonzero((value > low) & (value < high) & ~near)
+    beside = np.abs(value - high) <= slack
+    at_low, at_high = np.full((2, columns), np.nan)
+    at_low[column[near]], at_high[column[beside]] = theta[near], theta[beside]
+    inside = np.flatnonzero((value > low) & (value < high) & ~near & ~beside)
     order = inside[np.lexsort((value[inside], column[inside]))]
     everyone = np.arange(columns)
     start = np.searchsorted(column[order], everyone) + everyone  # where each column's first region stands
@@ -95,6 +96,7 @@ def cut_span(span, columns: int, column, value, theta, jump, slack=0.0) -> Parts
     lows[later], low_theta[later], gain[later] = value[order], theta[order], jump[order]
     highs, high_theta = np.full(region.size, float(high)), np.full(region.size, np.nan)
     earlier = np.append(later[1:], False)
+    high_theta[~earlier] = at_high
     highs[earlier], high_theta[earlier] = value[order], theta[order]
     return Parts(region, lows, highs, low_theta, high_theta, gain, later, earlier, order)
 
