@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from wavesweep.errors import UsageError
 from wavesweep.spec import Spec, load
 
 if TYPE_CHECKING:
@@ -63,7 +64,9 @@ def zwidth(
     """
     from wavesweep import sweep
 
-    hands = None if hand == "free" and not passive else sweep.hands_of(hand, dict(hand_box or {}), passive)
+    if hand_box is not None and not (isinstance(hand, str) and hand == "box"):
+        raise UsageError(f'hand_box: expected hand="box" beside it, found hand={hand!r}')
+    hands = None if hand == "free" and not passive else sweep.hands_of(hand, hand_box or {}, passive)
     return _framed(sweep.intervals(_spec(source), along, hands, **work))
 
 

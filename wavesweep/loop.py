@@ -1,22 +1,22 @@
 """The library: a compiled loop with vectorised methods that return DataFrames and arrays."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
 from math import isnan
 
 import numpy as np
 
-from wavesweep.analysis.response.drawn import Ports, port_of, respond_port
 from wavesweep.diagram import draw
 from wavesweep.diagram.assembly import first_of
 from wavesweep.diagram.drawn import Drawn
+from wavesweep.drawn_loop import DrawnLoop
 from wavesweep.errors import UsageError
 from wavesweep.lifted import Cut, cut_at_wall
-from wavesweep.lifted.periodic import Drift, closed_frame, drift_of_drawn
+from wavesweep.lifted.periodic import drift_of_drawn
 from wavesweep.spec import SYMBOLS, Axis, Spec, load
 from wavesweep.spec.checking import nearest
-from wavesweep.sweep.drawn_loops import named_loops, radius_of, refuse_singular
+from wavesweep.sweep.drawn_loops import refuse_singular
 from wavesweep.sweep.grid import keys_of, loop_of
 
 
@@ -274,63 +274,6 @@ class Loop:
         if not frequency.size or not np.all((frequency >= 0) & np.isfinite(frequency)):
             raise UsageError("frequency_hz: expected finite numbers >= 0" + ("" if frequency.size else ", found none"))
         return frequency
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class DrawnLoop:
-    """A loop drawn in Python as a `Drawn`, which has no numbers to sweep; its arrays may be a batch of loops."""
-
-    drawn: Drawn
-    drift: Drift
-
-    def spectral_radius(self) -> np.ndarray:
-        """Largest eigenvalue modulus per frame, without drift, over the batch; infinite after overflow."""
-        with named_loops(self.drawn):
-            return radius_of(closed_frame(self.drawn, self.drift))
-
-    def response(self, frequency_hz, force: str, position: str, reaction: str = ""):
-        """Admittance and impedance at a port: a DataFrame with a row per frequency.
-
-        frequency_hz: Hz, above 0 and up to half the tick's rate. force: the input of the drawing (N). position: a plant's
-        position (m). reaction: the signal of the force against the hand (N), if there is one; by default the impedance is force
-        over position. Errors: UsageError for a batch of loops, or a signal that does not fit.
-        """
-        from pandas import DataFrame
-
-        if force not in self.drawn.inputs or any(each.block.batch for each in self.drawn.placed):
-            raise UsageError(f"response: expected a single loop with the input {force!r}, found inputs {self.drawn.inputs}")
-        ports = Ports(force, position, reaction)
-        watched = (position, reaction) if reaction else (position,)
-        found = respond_port(port_of(self.drawn, ports, drift_of_drawn(self.drawn, self.drawn, watched)), frequency_hz)
-        return DataFrame(
-            {"frequency_hz": np.atleast_1d(frequency_hz), **{f.name: getattr(found, f.name) for f in fields(found)}}
-        )
-
-    def simulate(self, inputs: Mapping, signals):
-        """The blocks run tick by tick from rest: a DataFrame with `time_s` and the signals, a row per tick.
-
-        inputs: for each input of the drawing its value in every tick, `(ticks,)`. signals: names of ports or junctions. The
-        rows end before a signal that is not finite. Errors: UsageError for a batch of loops, or for other inputs or signals.
-        """
-        from pandas import DataFrame
-
-        from wavesweep.analysis.simulation.drawn import run_drawn
-
-        drawn, rows = self.drawn, {name: np.asarray(values, float) for name, values in inputs.items()}
-        ports = {f"{each.block.name}.{port}" for each in drawn.placed for port in (*each.block.inputs, *each.block.outputs)}
-        unknown = [name for name in signals if name not in {*ports, *drawn.sums, *drawn.inputs}]
-        if any(each.block.batch for each in drawn.placed) or any(np.ndim(g) for s in drawn.sums.values() for g in s.values()):
-            raise UsageError("simulate: expected a single loop, found a batch")
-        if unknown or sorted(rows) != sorted(drawn.inputs):
-            found = ", ".join(unknown or rows) or "none"
-            raise UsageError(f"simulate: expected the inputs {', '.join(drawn.inputs)}, and ports or junctions, found {found}")
-        if any(row.ndim != 1 for row in rows.values()) or len({row.size for row in rows.values()}) > 1:
-            raise UsageError("simulate: expected as many numbers for each input, one per tick, found other shapes")
-        with named_loops(drawn):
-            closed_frame(drawn, self.drift)
-        seen = run_drawn(drawn, rows, tuple(signals))
-        count = len(next(iter(seen.values()), ()))
-        return DataFrame({"time_s": np.arange(count) * float(drawn.period)} | seen)
 
 
 @lru_cache(maxsize=256, typed=True)  # a compiled loop is asked about the same ranges again and again

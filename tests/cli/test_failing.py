@@ -1,6 +1,7 @@
 """Each kind of failing has its exit code and a line for its user; a traceback comes with --debug only."""
 
 import errno
+import json
 import os
 import signal
 import subprocess
@@ -258,3 +259,67 @@ def test_a_second_table_that_stdout_does_not_take_is_named(wavesweep, tmp_path, 
     assert out.startswith("tick,")
     assert "the table simulate-response is left out, since stdout takes one" in err
     assert "left out" not in wavesweep("simulate", "own.toml", "--out", "-", "--quiet")[2]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["zwidth", "wall.toml", "--hand", "box", "--hand-box", "mass=1..2,mass=3..4"], "one range of mass, found two"),
+        (["init", "--out", " "], "--out: expected the name of a file, found an empty text"),
+        (["explore", "wall.toml", "--save", ""], "--save: expected the name of a file, found an empty text"),
+        (["check", "wall.toml", "--format", "svg"], "--format: expected --plot"),
+        (["bench", "--quick", "--out", "wall.toml"], "wall.toml is a file; name another folder"),
+        (["plot", "."], "expected the CSV or Parquet file of a table, found a folder"),
+        (["passivity", "wall.toml", "--tolerance", "nan"], "tolerance: expected a finite number >= 0"),
+        (["passivity", "wall.toml", "--tolerance", "inf", "--filters"], "tolerance: expected a finite number >= 0"),
+        (
+            ["simulate", "wall.toml", "--set", "simulate={input='stepped-sine', frequency_hz=[]}"],
+            "simulate.frequency_hz: expected",
+        ),
+        (["zwidth", "wall.toml", "--out", "nothing"], "is a link to nothing"),
+        (["export", "wall.toml", "--to", "c", "--out", "there", "--force"], "vectors.csv: expected a file, found a folder"),
+    ],
+)
+def test_what_would_fail_later_or_be_ignored_is_refused_first(arguments, message, wavesweep, spec, tmp_path):
+    assert spec == "wall.toml"
+    (tmp_path / "nothing").symlink_to("nowhere")
+    (tmp_path / "there" / "vectors.csv").mkdir(parents=True)
+    before = sorted(tmp_path.rglob("*"))
+    code, out, err = wavesweep(*arguments)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize("damage", ['"spec": null, "x": {', '"spec": [1], "x": {'])
+def test_a_package_that_somebody_has_changed_costs_no_finished_run(damage, wavesweep, spec, tmp_path):
+    again = ("zwidth", spec, "--no-plot", "--out", "here", "--set", "sweep.B_VE=[1]")
+    wavesweep(*again)
+    package = tmp_path / "here" / "zwidth.datapackage.json"
+    package.write_text(package.read_text().replace('"spec": {', damage, 1))
+    code, _, err = wavesweep(*again)
+    assert (code, "fault of wavesweep" in err) == (0, False)
+
+
+@pytest.mark.parametrize("resources", ["null", "3", '"x"', "[]", "{}", "[1]", '[{"schema": null}]', '[{"schema": []}]'])
+def test_a_figure_of_a_table_with_a_damaged_package_is_refused_in_a_line(resources, wavesweep, spec, tmp_path):
+    wavesweep("zwidth", spec, "--no-plot", "--out", "here", "--set", "sweep.B_VE=[1]")
+    package = tmp_path / "here" / "zwidth.datapackage.json"
+    facts = json.loads(package.read_text()) | {"resources": json.loads(resources)}
+    package.write_text(json.dumps(facts))
+    code, out, err = wavesweep("plot", "here/zwidth.csv")
+    assert (code, out) == (2, "")
+    assert err.startswith("Error: here/zwidth")
+    assert "fault of wavesweep" not in err
+
+
+def test_numbers_next_to_the_largest_double_are_judged(wavesweep, spec):
+    code, out, _ = wavesweep("check", spec, "--set", "K_VE=1e308", "--json")
+    assert code == 0
+    assert json.loads(out)["verdict"]["limits"][0]["to"] < float("inf")
+
+
+def test_a_response_beyond_double_precision_is_missing(wavesweep, spec, tmp_path):
+    code, _, err = wavesweep("simulate", spec, "--set", "device.mass=1e308", "--no-plot", "--out", "here")
+    assert (code, "fault of wavesweep" in err) == (0, False)
+    assert (tmp_path / "here" / "simulate-response.csv").exists()

@@ -189,3 +189,48 @@ def test_a_state_that_a_tick_forgets_is_forgotten_exactly():
     np.testing.assert_allclose(found, (np.eye(4) + second) @ (np.eye(4) + first), atol=1e-14)
     second[3, 2, 0] = 0.1  # which one of the matrices does not forget
     assert (np.eye(4) + then(first, second))[3, 2].any()
+
+
+def placed_hold(**place):
+    return Drawn(
+        1e-3,
+        (Placed(blocks.mass("arm", 1e-3, 0.1), 1), Placed(blocks.hold("h", 5e-3), **place)),
+        {"h.u": {"arm.x": 1.0}, "arm.f": {"h.y": -20.0}},
+    )
+
+
+@pytest.mark.parametrize(
+    "place",
+    [{"every": 5, "phase": 7}, {"every": 5, "phase": -1}, {"every": 5, "phase": 2.5}, {"every": 0}, {"every": 5, "phase": ()}],
+)
+def test_a_block_that_would_never_run_is_refused(place):
+    with pytest.raises(UsageError, match="block h: expected every >= 1"):
+        placed_hold(**place)
+
+
+@pytest.mark.parametrize(
+    ("sums", "found"),
+    [
+        ({"h.uu": {"arm.x": 1.0}}, "h.uu"),
+        ({"h.u": {"leg.x": 1.0}}, "leg.x"),
+        ({"h.u": {"arm.x": 1.0}, "arm.f": {"arm.f": 1.0}}, "arm.f"),
+        ({"h.u": {"a": 1.0}, "a": {"c": 1.0}, "c": {"a": 1.0}}, "a, c"),
+    ],
+)
+def test_junctions_of_unknown_names_and_rings_of_them_are_refused(sums, found):
+    arm, hold = Placed(blocks.mass("arm", 1e-3, 0.1)), Placed(blocks.hold("h", 5e-3), 5)
+    with pytest.raises(UsageError, match=rf"a drawn loop: expected .*, found .*{found}"):
+        Drawn(1e-3, (arm, hold), sums)
+    with pytest.raises(UsageError, match="different names, found arm"):
+        Drawn(1e-3, (arm, arm), {})
+    with pytest.raises(UsageError, match="period > 0"):
+        Drawn(None, (arm, hold), {})
+
+
+@pytest.mark.parametrize("frequency", [[-1.0], [600.0], [float("nan")], "x", []])
+def test_a_response_is_between_0_and_half_the_ticks_rate(frequency):
+    arm = Placed(blocks.mass("arm", 1e-3, 0.1, damping=1.0))
+    loop = wavesweep.compile(Drawn(1e-3, (arm,), {"arm.f": {"hand": 1.0}}, ("hand",)))
+    assert len(loop.response([1.0, 500.0], "hand", "arm.x")) == 2
+    with pytest.raises(UsageError, match="frequency_hz: expected numbers from 0 to 500 Hz"):
+        loop.response(frequency, "hand", "arm.x")

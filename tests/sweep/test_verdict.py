@@ -90,5 +90,9 @@ def test_the_slowest_mode_decays_as_a_simulation_does():
 def test_no_damping_is_felt_as_none(kind):
     """Without a wall, and with the wall of an immediate coupling that has no damping, the impedance is real."""
     for K in (0.0, 500.0)[: 1 + (kind == "dc")]:
-        spec = {"controller": {"kind": kind}, "environment": {"K_VE": K, "B_VE": 0.0}, "local_model": {"K_LM": 0.0, "B_LM": 0.0}}
+        spec = {
+            "controller": {"kind": kind},
+            "environment": {"K_VE": K, "B_VE": 0.0},
+            "local_model": {"K_LM": 0.0, "B_LM": 0.0},
+        }
         assert wavesweep.verdict(spec)["felt"] == {"stiffness": K, "damping": 0.0}

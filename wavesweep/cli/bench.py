@@ -12,6 +12,8 @@ import click
 from wavesweep.cli.entry import ONE_THREAD
 from wavesweep.cli.options import Options, common
 
+FOLDER = Path("results", "bench")
+
 
 @click.command("bench")
 @click.option(
@@ -35,8 +37,10 @@ def command(quick: bool, options: Options) -> None:
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     from wavesweep import bench
     from wavesweep.cli.output import progress, say, show_json, where
-    from wavesweep.results import stream
+    from wavesweep.results import refuse_unusable, stream
 
+    if not options.to_stdout:
+        refuse_unusable(options.out or FOLDER)
     started = time.perf_counter()
     with progress(options.quiet) as report:
         run = bench.measure(quick=quick, progress=report)
@@ -58,4 +62,4 @@ def _write(run, options: Options) -> list[Path]:
     from wavesweep.plots import drawn
     from wavesweep.results import publish
 
-    return publish(drawn(run), Path(options.out or Path("results", "bench")), options.force, options.formats)
+    return publish(drawn(run), Path(options.out or FOLDER), options.force, options.formats)

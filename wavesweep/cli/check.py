@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from wavesweep.cli.options import as_json, debug, folder, formats, override, quiet
 
@@ -63,6 +64,8 @@ def command(
         raise click.UsageError("--plot: expected a SPEC, whose loop is drawn, found --verify")
     if out is not None and not plot:
         raise click.UsageError("--out: expected --plot, since nothing else is written, found none")
+    if not plot and click.get_current_context().get_parameter_source("formats") is not ParameterSource.DEFAULT:
+        raise click.UsageError("--format: expected --plot, since no other figure is drawn, found none")
     if verify is not None:
         from wavesweep.cli.output import verified
 

@@ -42,6 +42,8 @@ def command(spec: str, overrides: tuple[str, ...], save: str | None, force: bool
     """
     from wavesweep.spec import load
 
+    if save is not None and not save.strip():
+        raise click.UsageError("--save: expected the name of a file, found an empty text")
     loaded = load(spec, overrides)
     if save is not None:
         _save(loaded, Path(save), force)

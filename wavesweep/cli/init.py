@@ -57,6 +57,8 @@ def command(kind: str, device: str | None, out: str | None, force: bool, **_: bo
     _known(kind, CONTROLLERS, "controller")
     if device is not None:
         _known(device, DEVICES, "device")
+    if out is not None and not out.strip():
+        raise click.UsageError("--out: expected the name of a file, found an empty text; leave the option out for the default")
     target = Path(out or f"{kind}.toml")
     text = starter(kind, device, out if out not in (None, "-") else f"{kind}.toml")
     if out == "-":

@@ -229,6 +229,8 @@ def _ranges(text: str) -> dict[str, tuple[float, float]]:
         matched = _RANGE.fullmatch(part)
         try:
             name, low, high = matched.groups() if matched else ("", "", "")
+            if name in found:
+                raise click.BadParameter(f"expected one range of {name}, found two", param_hint="--hand-box")
             found[name] = (float(low), float(high))
         except ValueError:
             raise click.BadParameter(

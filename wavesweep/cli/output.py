@@ -56,9 +56,10 @@ def produce(
         from wavesweep import plots
 
         plots.refuse_settings()
+    busy = (lambda _: None) if options.quiet else partial(say, warning=True)
     with ExitStack() as opened:
         if not options.to_stdout:
-            opened.enter_context(results.at_work(kinds, directory, options.wait, partial(say, warning=True)))
+            opened.enter_context(results.at_work(kinds, directory, options.wait, busy))
             # Before the work as well as after it: a refusal should not cost a long run.
             for kind in kinds if not options.force else ():
                 results.refuse_other_spec(kind, directory, digest_of(specs), place)
@@ -230,6 +231,8 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
 
 def refuse_no_folder(target: Path) -> None:
     """Raise UsageError for a file in a folder that does not exist, or that may not be written to."""
+    if target.is_dir():
+        raise UsageError(f"{target}: expected a file, found a folder of that name; move it away")
     if target.parent.is_dir() and not os.access(target.parent, os.W_OK | os.X_OK):
         raise UsageError(f"{target}: the folder may not be written to; name a file in another one")
     if not target.parent.is_dir():

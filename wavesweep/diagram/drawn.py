@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import lcm
+from numbers import Integral
 
 import numpy as np
 
@@ -22,6 +23,16 @@ class Placed:
     block: Block
     every: int = 1
     phase: int | tuple[int, ...] = 0
+
+    def __post_init__(self):
+        """Refuse a block that would never run, or between two ticks. Errors: UsageError."""
+        phases = self.phase if isinstance(self.phase, tuple) else (self.phase,)
+        whole = [isinstance(each, Integral) for each in (self.every, *phases)]
+        if not all(whole) or self.every < 1 or not phases or not all(0 <= each < self.every for each in phases):
+            raise UsageError(
+                f"block {self.block.name}: expected every >= 1 and phases from 0 on and below it, whole numbers, found every = "
+                f"{self.every!r}, phase = {self.phase!r}"
+            )
 
     def runs(self, ticks: int) -> np.ndarray:
         """Whether it runs in each of the first ticks, `(ticks,)`."""
@@ -44,6 +55,7 @@ class Drawn:
     ticks: int = field(init=False)
 
     def __post_init__(self):
+        self._refuse_wrong_names()
         ticks = lcm(*(each.every for each in self.placed))
         if ticks > LONGEST_FRAME:
             raise UsageError(
@@ -51,6 +63,26 @@ class Drawn:
                 "choose rates with a larger common divisor"
             )
         object.__setattr__(self, "ticks", ticks)
+
+    def _refuse_wrong_names(self):
+        blocks = [each.block for each in self.placed]
+        names, ports = [block.name for block in blocks], {f"{block.name}.{port}" for block in blocks for port in block.inputs}
+        made = {f"{block.name}.{port}" for block in blocks for port in block.outputs} | {*self.inputs, *self.sums}
+        twice = [name for name in names if names.count(name) > 1]
+        unknown = sorted({source for terms in self.sums.values() for source in terms} - made)
+        wrong = [name for name in self.sums if name not in ports and name.rpartition(".")[0] in names]
+        rings = [name for name in self.sums if _comes_back(name, self.sums)]
+        for found, expected in (
+            (twice, "blocks of different names"),
+            (unknown, "sources that are outputs of blocks, junctions or inputs"),
+            (wrong, "the block's own inputs as ports"),
+            (rings, "junctions that are not made of themselves"),
+        ):
+            if found:
+                raise UsageError(f"a drawn loop: expected {expected}, found {', '.join(dict.fromkeys(found))}")
+        period = np.asarray(self.period)
+        if period.dtype.kind not in "iufc" or not np.all(period.real > 0):
+            raise UsageError(f"a drawn loop: expected a period > 0 in s, found {self.period!r}")
 
     def sources(self, signal: str) -> set[str]:
         """The block outputs and inputs from outside that a signal is made of."""
@@ -87,6 +119,19 @@ class Drawn:
             each.block.name: [port for port in each.block.outputs if port in found.get(each.block.name, {})]
             for each in self.placed
         }
+
+
+def _comes_back(name, sums):
+    """Whether a junction is a part of itself, through junctions alone."""
+    seen, open_ = set(), list(sums[name])
+    while open_:
+        source = open_.pop()
+        if source == name:
+            return True
+        if source in sums and source not in seen:
+            seen.add(source)
+            open_ += sums[source]
+    return False
 
 
 def shifts(drawn: Drawn) -> list[dict[str, float]]:

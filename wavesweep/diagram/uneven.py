@@ -47,8 +47,8 @@ class Uneven:
     def placed(self, values: Mapping[str, object], out: str = "", signals: tuple[str, str] = ("", "")) -> Drawn:
         """The drawn loop of `values`: flat keys, with numbers or arrays over a batch.
 
-        out: a number of the wall to take out of its place. Its product is then the input `signals[0]`, and it would multiply
-        the signal `signals[1]`.
+        out: a number of the wall to take out of its place. Its product is then the input `signals[0]`, and its factor is the
+        signal `signals[1]`.
         """
         diagram = drawing_of(self.kind)(values)
         q, p = (1, 1) if diagram.ratio == 1 else steps_of(values[RATIO])

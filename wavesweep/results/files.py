@@ -116,20 +116,30 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
     Raises UsageError for a file that is torn or changed, or no table of this program; OSError if it cannot be read.
     """
     path = Path(path)
+    if not path.name:
+        raise UsageError(f"{path}: expected the CSV or Parquet file of a table, found a folder")
     package = path.with_suffix(".datapackage.json")
     if not path.is_file() and not (path.suffix == ".parquet" and path.is_dir()):
         raise UsageError(f"{path}: expected the CSV or Parquet file of a table, found no such file")
-    if path.suffix == ".csv":
-        fault = packaged_fault(path, package)
+    try:
+        fault = packaged_fault(path, package) if path.suffix == ".csv" else ""
         if fault:
             raise UsageError(f"{path}: {fault}")
-    try:
         columns = read(path)
         facts = packaged_facts(package) if path.suffix == ".csv" else _schema_facts(path)
-    except ValueError as error:  # Arrow's errors are ValueErrors as well
+    except (AttributeError, KeyError, IndexError, TypeError) as error:
+        raise UsageError(
+            f"{package}: expected the data package of {path.name}, found one of another form ({type(error).__name__}: {error})"
+        ) from error
+    except (ValueError, OSError) as error:  # Arrow's errors are ValueErrors as well, or OSErrors without a number
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
         raise UsageError(
             f"{path}: expected a whole table, found a file that cannot be read as one ({_short(error)})"
         ) from error
+    known = [facts.get(name, {}) for name in ("spec", "linear_loop", "ticks")] if facts else []
+    if not all(isinstance(each, Mapping) for each in known):
+        raise UsageError(f"{path}: expected the facts of a run, found damaged ones; compute the table again")
     if not facts:
         raise UsageError(f"{path}: expected a table of wavesweep, found no facts of a run in the file")
     try:

@@ -86,7 +86,10 @@ def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
 def _numbers(facts: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield the keys of the specs of a run, the short ones if there are some, and their values."""
     short = {path: symbol for symbol, path in SYMBOLS.items()}
-    for name, tables in (facts.get("specs") or {"": facts.get("spec", {})}).items():
+    several = facts.get("specs")
+    for name, tables in (several if several and isinstance(several, Mapping) else {"": facts.get("spec")}).items():
+        if not isinstance(tables, Mapping):  # a package that somebody has changed
+            continue
         for path, value in _flat(tables):
             yield f"{name}: {short.get(path, path)}" if name else short.get(path, path), value
 
@@ -134,11 +137,20 @@ LONGEST_NAME = 255  # bytes, of a file or folder on the usual file systems
 def refuse_unusable(directory: str | Path) -> None:
     """Raise UsageError if `directory`, the folder for the results, is a file, or cannot be made or written to."""
     place = Path(directory).absolute()
+    try:
+        _refuse_unusable(directory, place)
+    except OSError as error:
+        raise UsageError(f"{directory}: {error.strerror}; name another folder for the results with --out") from error
+
+
+def _refuse_unusable(directory, place):
     if long := [part for part in place.parts if len(os.fsencode(part)) > LONGEST_NAME]:
         raise UsageError(
             f"the folder {long[0][:40]}...: expected a name of at most {LONGEST_NAME} bytes; name another with --out"
         )
     while not place.exists() and place != place.parent:
+        if place.is_symlink():
+            raise UsageError(f"{directory}: {place} is a link to nothing; remove it, or name another folder for the results")
         place = place.parent
     if not place.is_dir():
         raise UsageError(f"{directory}: {place} is a file; name another folder for the results")

@@ -76,7 +76,7 @@ class Experiment:
         values = self.values
         if values["duration_s"] is not None or values["input"] != "stepped-sine":
             return values["duration_s"] or 0.0
-        return sum(step_seconds(f, values["settle_s"], values["periods"]) for f in values["frequency_hz"])
+        return sum(step_seconds(f, values["settle_s"], values["periods"]) for f in values["frequency_hz"] or ())
 
 
 def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:

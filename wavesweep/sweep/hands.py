@@ -167,6 +167,8 @@ def hands_of(hand: str, box: dict[str, tuple[float, float]] | None, port: bool) 
     """
     if hand not in HANDS:
         raise UsageError(f"hand: expected one of {', '.join(HANDS)}, found {hand!r}")
+    if box is not None and not isinstance(box, Mapping):
+        raise UsageError(f'hand_box: expected ranges such as {{"mass": (0.1, 0.5)}}, found {box!r}')
     unknown = sorted(set(box or {}) - {field.name for field in fields(HandBox)})
     if unknown or (box and hand != "box"):
         expected = f"{', '.join(field.name for field in fields(HandBox))}" if hand == "box" else 'hand = "box" beside it'

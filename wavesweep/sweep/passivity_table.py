@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from numbers import Real
 from pathlib import Path
 from types import SimpleNamespace
 from typing import ClassVar
@@ -51,6 +52,7 @@ def passivity(
     margin on the keys that the controller reads. tolerance: J per J sent that aliasing may add, for the verdicts of the
     summary. jobs, backend, scheduler, progress, checkpoint, force: see `Work`. Raises UsageError, and the errors of `run`.
     """
+    _refuse_tolerance(tolerance)
     axes = tuple(axis for axis in spec.sweep if axis.values)
     found = run(jobs_of(spec, axes), Work(jobs, backend, scheduler, progress, checkpoint, force))
     grid = found.jobs["port"].grid
@@ -257,6 +259,11 @@ def _notices(grid) -> Iterator[str]:
         yield f"{kind} has no wave channel: its norm is missing, and what is not there adds no energy (channel_passive 1)"
 
 
+def _refuse_tolerance(tolerance):
+    if not (isinstance(tolerance, Real) and 0 <= tolerance < np.inf):
+        raise UsageError(f"tolerance: expected a finite number >= 0 (J per J sent), found {tolerance!r}")
+
+
 def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
     """How far from passive the channel is for every order of LP1, at cutoffs that suit the spec's slow rate.
 
@@ -265,6 +272,7 @@ def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
     """
     if loop_of(spec):
         raise UsageError("filters: expected a [controller] whose rates divide, found a loop that is assembled tick by tick")
+    _refuse_tolerance(tolerance)
     started = time.perf_counter()
     fast, ratio = spec.values["rates.fast_hz"], spec.values["rates.ratio"]
     # Rounded, so that tables of rates such as 1000/30 Hz can be read.

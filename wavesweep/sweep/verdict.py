@@ -26,6 +26,7 @@ DELAYS = 200  # ticks of delay that are tried
 CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on, see `channel_norm`
 SLOW_SHARE = 1e-4  # of the slow rate: a frequency so low that the impedance is that of a spring and a damper, as a rule
 FALL, FALLS = 8.0, 7  # a mode may be slower: then it is looked at so many times lower frequencies
+LARGEST = np.finfo(float).max
 NOTHING = 1e-10  # of the impedance over the frequency, what is no damping but rounding
 SAME, ROUGHLY = 1e-7, 1e-3  # relative differences of two such looks: the same; and still worth a number
 
@@ -87,7 +88,8 @@ def _limit(spec, name, path, cut, lowest=-np.inf):
     wall = [f"numbers.{number}" for number in spec.drawing.wall or ()] if spec.drawing else WALL
     usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
     start = 0.0 if path in wall or not (value or spec.drawing) else value / FAR or -FAR * usual
-    span = tuple(sorted((max(start, lowest), FAR * (value or usual))))
+    far = np.clip(FAR * (value or usual), -LARGEST, LARGEST)
+    span = tuple(sorted((max(start, lowest), float(far))))
     axis = Axis(name, path, (), *span, False, "linear")
     found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
     try:

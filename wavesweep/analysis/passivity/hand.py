@@ -21,7 +21,11 @@ class HandBox:
 
     def __post_init__(self):
         for name in ("mass", "damping", "stiffness"):
-            low, high = getattr(self, name)
+            given = getattr(self, name)
+            try:
+                low, high = map(float, () if isinstance(given, str) else given)
+            except (TypeError, ValueError):
+                raise ValueError(f"hand box: {name} expected (low, high), found {given!r}") from None
             if not 0 <= low <= high < np.inf:
                 raise ValueError(f"hand box: {name} expected 0 <= low <= high, found ({low!r}, {high!r})")
 

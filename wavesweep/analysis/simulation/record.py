@@ -167,7 +167,7 @@ def estimate(
     f_h, x, f_device = found.T
     frequency = np.array([tone.frequency_hz for tone in tones])
     columns = {"frequency_hz": frequency, "omega_Ts": 2 * np.pi * frequency * ratio / fast_hz}
-    with np.errstate(divide="ignore", invalid="ignore"):  # nothing moved, or nothing pushed: NaN says so
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # nothing moved, or nothing pushed: NaN says so
         responses = {"admittance": x / f_h, "impedance": f_device / x}
     for name, response in responses.items():
         columns[f"{name}_re"], columns[f"{name}_im"] = response.real, response.imag

@@ -1,0 +1,87 @@
+"""The library: a loop drawn in Python, whose methods return DataFrames and arrays."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from wavesweep.analysis.response.drawn import Ports, port_of, respond_port
+from wavesweep.diagram.drawn import Drawn
+from wavesweep.errors import UsageError
+from wavesweep.lifted.periodic import Drift, closed_frame, drift_of_drawn
+from wavesweep.sweep.drawn_loops import named_loops, radius_of
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnLoop:
+    """A loop drawn in Python as a `Drawn`, which has no numbers to sweep; its arrays may be a batch of loops."""
+
+    drawn: Drawn
+    drift: Drift
+
+    def spectral_radius(self) -> np.ndarray:
+        """Largest eigenvalue modulus per frame, without drift, over the batch; infinite after overflow."""
+        with named_loops(self.drawn):
+            return radius_of(closed_frame(self.drawn, self.drift))
+
+    def response(self, frequency_hz, force: str, position: str, reaction: str = ""):
+        """Admittance and impedance at a port: a DataFrame with a row per frequency.
+
+        frequency_hz: Hz, from 0 (the static limit) up to half the tick's rate. force: the input of the drawing (N). position: a
+        plant's position (m). reaction: the signal of the force against the hand (N), if any; without it the impedance is
+        force over position. Errors: UsageError for a batch of loops, other frequencies, or a signal that does not fit.
+        """
+        from pandas import DataFrame
+
+        drawn = self.drawn
+        if force not in drawn.inputs or _is_batch(drawn):
+            raise UsageError(
+                f"response: expected a single loop with the input {force!r}, found inputs {drawn.inputs}, or a batch"
+            )
+        try:
+            frequency = np.asarray(frequency_hz, float).ravel()
+        except (TypeError, ValueError):
+            frequency = np.array([np.nan])
+        half = 0.5 / float(np.ravel(drawn.period)[0])
+        if not frequency.size or not np.all((frequency >= 0) & (frequency <= half)):
+            raise UsageError(
+                f"frequency_hz: expected numbers from 0 to {half:g} Hz, half the tick's rate, found {frequency_hz!r:.60}"
+            )
+        known = {f"{each.block.name}.{port}" for each in drawn.placed for port in each.block.outputs} | {*drawn.sums}
+        if unknown := [name for name in (position, *([reaction] if reaction else [])) if name not in known]:
+            raise UsageError(f"response: expected outputs of blocks or junctions, found {', '.join(unknown)}")
+        ports = Ports(force, position, reaction)
+        watched = (position, reaction) if reaction else (position,)
+        found = respond_port(port_of(drawn, ports, drift_of_drawn(drawn, drawn, watched)), frequency)
+        return DataFrame({"frequency_hz": frequency, **{f.name: getattr(found, f.name) for f in fields(found)}})
+
+    def simulate(self, inputs: Mapping, signals):
+        """The blocks run tick by tick from rest: a DataFrame with `time_s` and the signals, a row per tick.
+
+        inputs: for each input of the drawing its value in every tick, `(ticks,)`. signals: names of ports or junctions. The
+        rows end before a signal that is not finite. Errors: UsageError for a batch of loops, or for other inputs or signals.
+        """
+        from pandas import DataFrame
+
+        from wavesweep.analysis.simulation.drawn import run_drawn
+
+        drawn, rows = self.drawn, {name: np.asarray(values, float) for name, values in inputs.items()}
+        ports = {f"{each.block.name}.{port}" for each in drawn.placed for port in (*each.block.inputs, *each.block.outputs)}
+        unknown = [name for name in signals if name not in {*ports, *drawn.sums, *drawn.inputs}]
+        if _is_batch(drawn):
+            raise UsageError("simulate: expected a single loop, found a batch")
+        if unknown or sorted(rows) != sorted(drawn.inputs):
+            found = ", ".join(unknown or rows) or "none"
+            raise UsageError(f"simulate: expected the inputs {', '.join(drawn.inputs)}, and ports or junctions, found {found}")
+        if any(row.ndim != 1 for row in rows.values()) or len({row.size for row in rows.values()}) > 1:
+            raise UsageError("simulate: expected as many numbers for each input, one per tick, found other shapes")
+        with named_loops(drawn):
+            closed_frame(drawn, self.drift)
+        seen = run_drawn(drawn, rows, tuple(signals))
+        count = len(next(iter(seen.values()), ()))
+        return DataFrame({"time_s": np.arange(count) * float(drawn.period)} | seen)
+
+
+def _is_batch(drawn):
+    gains = (gain for terms in drawn.sums.values() for gain in terms.values())
+    return any(each.block.batch for each in drawn.placed) or any(np.ndim(gain) for gain in gains)
