@@ -3,10 +3,12 @@
 import pickle
 import re
 
+import numpy as np
 import pandas
 import pytest
 
 import wavesweep
+from wavesweep.errors import UsageError
 
 SPEC = {
     "controller": {"kind": "pmw"},
@@ -90,3 +92,52 @@ def test_arguments_that_mean_nothing_are_refused(call, says):
 def test_a_checkpoint_may_be_named_by_a_text(tmp_path):
     spec = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 100}, "b": [20, 30]}}
     assert len(wavesweep.zwidth(spec, checkpoint=str(tmp_path / "parts"))) == 2
+
+
+@pytest.mark.parametrize("source", [None, 1, [], np.zeros(2), "nowhere.toml"])
+def test_a_source_that_is_none_is_refused(source):
+    with pytest.raises(UsageError):
+        wavesweep.load(source)
+
+
+def test_tables_that_contain_themselves_are_refused():
+    tables = {"controller": {"kind": "pmw"}}
+    tables["controller"]["more"] = tables
+    with pytest.raises(UsageError, match="contains itself"):
+        wavesweep.load(tables)
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda loop: loop.stable_intervals(1.5),
+        lambda loop: loop.stable_intervals(["K_VE"]),
+        lambda loop: loop.stable_intervals(span=(0, 10**400)),
+        lambda loop: loop.stable_intervals(span=(0, 5e-324)),
+        lambda loop: loop.stable_intervals(B_VE=[[1.0, 2.0], [3.0, 4.0]]),
+        lambda loop: loop.spectral_radius(b=np.ones((2, 2))),
+        lambda loop: loop.response("x"),
+        lambda loop: loop.response([[1.0], [1.0, 2.0]]),
+        lambda loop: loop.response(1j),
+        lambda loop: loop.simulate("x"),
+        lambda loop: wavesweep.zwidth(loop.spec, along=3.0),
+        lambda loop: wavesweep.zwidth(loop.spec, hand_box={"mass": (1, 2)}),
+        lambda loop: wavesweep.zwidth(loop.spec, hand="box", hand_box={"mass": 1}),
+        lambda loop: wavesweep.zwidth(loop.spec, hand="box", hand_box={"mass": "12"}),
+        lambda loop: wavesweep.zwidth(loop.spec, hand="box", hand_box=[1]),
+        lambda loop: wavesweep.passivity(loop.spec, tolerance="x"),
+        lambda loop: wavesweep.filter_choices(loop.spec, tolerance=-1.0),
+    ],
+)
+def test_arguments_of_other_kinds_are_refused(call):
+    with pytest.raises(UsageError):
+        call(wavesweep.compile({"controller": {"kind": "pmw"}}))
+
+
+@pytest.mark.parametrize("text", ["", "a,b\n1,2,3\n", "a,a\n1,2\n"])
+def test_a_file_that_is_no_table_is_refused(text, tmp_path):
+    for name in ("zwidth.csv", "zwidth.parquet"):
+        (tmp_path / name).write_text(text)
+    for name in ("zwidth.csv", "zwidth.parquet")[text.startswith("a,a") :]:
+        with pytest.raises(UsageError, match="expected a whole table"):
+            wavesweep.results.read(tmp_path / name)

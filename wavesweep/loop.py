@@ -15,6 +15,7 @@ from wavesweep.errors import UsageError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.lifted.periodic import drift_of_drawn
 from wavesweep.spec import SYMBOLS, Axis, Spec, load
+from wavesweep.spec.axes import NARROWEST_SPAN
 from wavesweep.spec.checking import nearest
 from wavesweep.sweep.drawn_loops import refuse_singular
 from wavesweep.sweep.grid import keys_of, loop_of
@@ -218,6 +219,8 @@ class Loop:
 
     def _key(self, name):
         names = self.spec.names
+        if not isinstance(name, str):
+            raise UsageError(f"expected the name of a numeric key, found {name!r:.60}")
         key = names.find(name)
         if key is None or not key.numeric:
             hint = nearest(name, (*names.symbols, *names.keys))
@@ -234,10 +237,12 @@ class Loop:
             span = (0.0, 20000.0)
         try:
             low, high = map(float, span)
-        except (TypeError, ValueError):
-            raise UsageError(f"span: expected (low, high), found {span!r}") from None
-        if not -np.inf < low < high:
-            raise UsageError(f"span: expected finite (low, high) with low < high, found ({low!r}, {high!r})")
+        except (TypeError, ValueError, OverflowError):
+            raise UsageError(f"span: expected (low, high), found {span!r:.60}") from None
+        if not -np.inf < low < high or high - low < NARROWEST_SPAN:
+            raise UsageError(
+                f"span: expected finite (low, high), low < high, at least {NARROWEST_SPAN:g} apart, found ({low!r}, {high!r})"
+            )
         for end in (low, high):
             _accept(self.spec, key.path, end)
         return Axis(name, key.path, (), low, high, key.structural, "linear")
@@ -261,7 +266,7 @@ class Loop:
             numbers = np.array([None])
         if not numbers.size:
             raise UsageError(f"{name}: expected at least one value, found none")
-        if numbers.dtype.kind not in "iufb":
+        if numbers.dtype.kind not in "iufb" or np.ndim(values) > 1:
             raise UsageError(f"{name}: expected a number or a list of numbers, found {values!r:.60}")
         plain = tuple(numbers.tolist())
         for extreme in (min(plain), max(plain), *filter(isnan, plain)):
@@ -270,7 +275,10 @@ class Loop:
         return Axis(name, key.path, plain, min(plain), max(plain), key.structural)
 
     def _frequencies(self, frequency_hz):
-        frequency = np.asarray(self.spec.frequency_hz if frequency_hz is None else frequency_hz, float).ravel()
+        try:
+            frequency = np.asarray(self.spec.frequency_hz if frequency_hz is None else frequency_hz, float).ravel()
+        except (TypeError, ValueError):
+            raise UsageError(f"frequency_hz: expected a number or a list of numbers, found {frequency_hz!r:.60}") from None
         if not frequency.size or not np.all((frequency >= 0) & np.isfinite(frequency)):
             raise UsageError("frequency_hz: expected finite numbers >= 0" + ("" if frequency.size else ", found none"))
         return frequency

@@ -95,17 +95,19 @@ def read(path: str | Path) -> dict[str, np.ndarray]:
 
     Numbers are float64 with NaN if missing, whole numbers int64, booleans bool, names object arrays of str. The kind of
     a column of a CSV follows from its name, or from the data package beside it.
-    Raises UsageError for a file of another kind, OSError if it cannot be read.
+    Raises UsageError for a file of another kind, or one that is no table; OSError if it cannot be read.
     """
     path = Path(path)
-    if path.suffix == ".csv":
-        table = _read_csv(path)
-    elif path.suffix == ".parquet":
-        import pyarrow.parquet
-
-        table = pyarrow.concat_tables([pyarrow.parquet.read_table(part) for part in parts_of(path)])
-    else:
+    if path.suffix not in (".csv", ".parquet"):
         raise UsageError(f"{path}: found the suffix {path.suffix!r}, expected .csv or .parquet")
+    try:
+        table = _read_csv(path) if path.suffix == ".csv" else _read_parquet(path)
+    except (ValueError, OSError) as error:  # Arrow's errors are ValueErrors as well, or OSErrors without a number
+        if isinstance(error, OSError) and error.errno is not None:
+            raise
+        raise UsageError(
+            f"{path}: expected a whole table, found a file that cannot be read as one ({_short(error)})"
+        ) from error
     return {name: _numpy(table.column(name)) for name in table.column_names}
 
 
@@ -130,12 +132,6 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
     except (AttributeError, KeyError, IndexError, TypeError) as error:
         raise UsageError(
             f"{package}: expected the data package of {path.name}, found one of another form ({type(error).__name__}: {error})"
-        ) from error
-    except (ValueError, OSError) as error:  # Arrow's errors are ValueErrors as well, or OSErrors without a number
-        if isinstance(error, OSError) and error.errno is not None:
-            raise
-        raise UsageError(
-            f"{path}: expected a whole table, found a file that cannot be read as one ({_short(error)})"
         ) from error
     known = [facts.get(name, {}) for name in ("spec", "linear_loop", "ticks")] if facts else []
     if not all(isinstance(each, Mapping) for each in known):
@@ -208,6 +204,12 @@ def parts_of(path: Path) -> list[Path]:
     if not names or names != [part_name(number) for number in range(max(expected, len(names)))]:
         raise UsageError(f"{path}: expected {expected or 'some'} parts from {part_name(0)} on, found {len(names)} or others")
     return [path / name for name in names]
+
+
+def _read_parquet(path: Path) -> Any:
+    import pyarrow.parquet
+
+    return pyarrow.concat_tables([pyarrow.parquet.read_table(part) for part in parts_of(path)])
 
 
 def _read_csv(path: Path) -> Any:

@@ -49,6 +49,9 @@ def _power_of_ten(exponent: float, lowest: float, highest: float) -> float:
 SPACINGS = {"linear": linear, "log": logarithmic}
 
 
+NARROWEST_SPAN = 1e-290  # from start to stop
+
+
 @dataclass(frozen=True, slots=True)
 class Axis:
     """One axis: `values` in order (empty if only the span is given), `start` and `stop` the span or the extremes.
@@ -152,6 +155,8 @@ def _span_fault(start: float, stop: float, num: int | None, scale: str) -> tuple
     """Return the part of a span that contradicts the others, and the expected value."""
     if start > stop or (start == stop and num != 1):
         return "stop", f"a number > start = {start!r}"
+    if num is None and stop - start < NARROWEST_SPAN:  # steps of it would have no digits
+        return "stop", f"a number at least {NARROWEST_SPAN:g} above start"
     if num == 1 and start < stop:
         return "num", "a whole number >= 2, start and stop being two values"
     if scale == "log" and not start > 0:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import islice
 
-from wavesweep.errors import Mistake, SpecError
+from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.drawing import MARKS, RATE, names_of
 from wavesweep.spec.drawing_tables import read_drawing
 from wavesweep.spec.keys import SYMBOLS
@@ -31,9 +31,15 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
     Errors: UsageError if a file cannot be read, and SpecError with all mistakes of source and overrides at once.
     """
     if isinstance(source, Mapping):
-        name, path, tables, place = "spec", None, read_dict(source), Place()
+        try:
+            name, path, tables, place = "spec", None, read_dict(source), Place()
+        except RecursionError:
+            raise UsageError("a spec: expected nested tables, found one that contains itself") from None
     else:
-        path = os.fspath(source)
+        try:
+            path = os.fspath(source)
+        except TypeError:
+            raise UsageError(f"a spec: expected a path, or nested tables as a dict, found {source!r:.60}") from None
         tables, place = read_file(path)
         name = file_stem(path)
     leaves, mistakes = _collect(tables, place, overrides)

@@ -249,6 +249,8 @@ def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tupl
 
 def _name_of(spec: Spec, along: str | None) -> str:
     """The axis that is wanted; K_VE is the stiffness that the [ports] of a drawn loop name."""
+    if along is not None and not isinstance(along, str):
+        raise UsageError(f"along: expected the name of a number, found {along!r:.60}")
     name = spec.along if along is None else along
     if spec.drawing is None or spec.names.find(name):
         return name
