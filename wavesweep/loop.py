@@ -24,6 +24,7 @@ from wavesweep.sweep.grid import keys_of, loop_of
 def compile(source) -> "Loop | DrawnLoop":  # noqa: A001 - the name that the interface gives it
     """Compile `source` (a `Spec`, a path, nested tables as a dict, or a `Drawn`) once, for any number of calls."""
     if isinstance(source, Drawn):
+        source.refuse_wrong_names()
         return DrawnLoop(source, drift_of_drawn(first_of(source), first_of(source, -1)))
     spec = source if isinstance(source, Spec) else load(source)
     if drawing := loop_of(spec):

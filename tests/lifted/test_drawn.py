@@ -220,11 +220,11 @@ def test_a_block_that_would_never_run_is_refused(place):
 def test_junctions_of_unknown_names_and_rings_of_them_are_refused(sums, found):
     arm, hold = Placed(blocks.mass("arm", 1e-3, 0.1)), Placed(blocks.hold("h", 5e-3), 5)
     with pytest.raises(UsageError, match=rf"a drawn loop: expected .*, found .*{found}"):
-        Drawn(1e-3, (arm, hold), sums)
+        wavesweep.compile(Drawn(1e-3, (arm, hold), sums))
     with pytest.raises(UsageError, match="different names, found arm"):
-        Drawn(1e-3, (arm, arm), {})
+        wavesweep.compile(Drawn(1e-3, (arm, arm), {}))
     with pytest.raises(UsageError, match="period > 0"):
-        Drawn(None, (arm, hold), {})
+        wavesweep.compile(Drawn(None, (arm, hold), {}))
 
 
 @pytest.mark.parametrize("frequency", [[-1.0], [600.0], [float("nan")], "x", []])

@@ -55,7 +55,6 @@ class Drawn:
     ticks: int = field(init=False)
 
     def __post_init__(self):
-        self._refuse_wrong_names()
         ticks = lcm(*(each.every for each in self.placed))
         if ticks > LONGEST_FRAME:
             raise UsageError(
@@ -64,7 +63,8 @@ class Drawn:
             )
         object.__setattr__(self, "ticks", ticks)
 
-    def _refuse_wrong_names(self):
+    def refuse_wrong_names(self) -> None:
+        """Raise UsageError for names or junctions that make no loop, or another one than was meant."""
         blocks = [each.block for each in self.placed]
         names, ports = [block.name for block in blocks], {f"{block.name}.{port}" for block in blocks for port in block.inputs}
         made = {f"{block.name}.{port}" for block in blocks for port in block.outputs} | {*self.inputs, *self.sums}
