@@ -95,6 +95,9 @@ def test_a_span_that_ends_at_a_limit_keeps_its_interval(beside):
     limit = ends(loop.stable_intervals("K", (0, 20000), B=[5.0]))[0][1]
     assert 100 < limit < 20000
     np.testing.assert_allclose(ends(loop.stable_intervals("K", (0, limit * (1 + beside)), B=[5.0])), [[0, limit]], rtol=1e-9)
+    # Of a range that is much wider than its high end is large, too.
+    wide = loop.stable_intervals("K", (-1e5 * limit, limit + 1e-5 * limit), B=[5.0])
+    assert wide.high.max() == pytest.approx(limit, rel=2e-9)
 
 
 def test_an_integrator_that_nothing_reads_takes_no_interval_away():

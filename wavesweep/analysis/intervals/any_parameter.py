@@ -98,7 +98,8 @@ def _alike(evaluate, span, columns, period, bounds, slack, sizes, kept) -> Inter
     the sums of the eigenvalues and of their products prove that one lies outside all over a panel, its crossings are not
     looked for.
     A part of the span that could not be proved has no label; its column is in doubt, what is known of the rest is given.
-    Accuracy: ends to 1e-9 relative, usually 1e-13; those within 1e-9 of the span of one of its ends are given as that end.
+    Accuracy: ends to 1e-9 relative, usually 1e-13; those within 1e-9 of the span of its low end are given as that end, and as
+    its high end those that are as near to it as ends are exact.
     """
     low, high = span
     width = high - low
@@ -133,7 +134,7 @@ def _alike(evaluate, span, columns, period, bounds, slack, sizes, kept) -> Inter
         np.concatenate([ends.value, edges[1]]),
         np.concatenate([ends.theta, nowhere]),
         jump,
-        slack=ATTACHED * width,
+        slack=(ATTACHED * width, slack(high)),
     )
     label, doubt = _given(parts, labelled)
     counted = np.flatnonzero(label == 0)

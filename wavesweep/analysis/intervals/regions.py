@@ -77,11 +77,11 @@ class Parts:
         return Regions(self.column, self.low, self.high, self.low_theta, self.high_theta, unstable, doubt, residual)
 
 
-def cut_span(span, columns: int, column, value, theta, jump, slack=0.0) -> Parts:
-    """Cut the span of every column at its crossings; slack: how near to an end of the span a crossing counts as there."""
+def cut_span(span, columns: int, column, value, theta, jump, slack=(0.0, 0.0)) -> Parts:
+    """Cut the span of every column at its crossings; slack: how near to each end of the span a crossing counts as there."""
     low, high = span
-    near = np.abs(value - low) <= np.maximum(slack, 4 * np.spacing(np.maximum(abs(low), np.abs(value))))
-    beside = np.abs(value - high) <= slack
+    near = np.abs(value - low) <= np.maximum(slack[0], 4 * np.spacing(np.maximum(abs(low), np.abs(value))))
+    beside = np.abs(value - high) <= slack[1]
     at_low, at_high = np.full((2, columns), np.nan)
     at_low[column[near]], at_high[column[beside]] = theta[near], theta[beside]
     inside = np.flatnonzero((value > low) & (value < high) & ~near & ~beside)
