@@ -323,3 +323,17 @@ def test_a_response_beyond_double_precision_is_missing(wavesweep, spec, tmp_path
     code, _, err = wavesweep("simulate", spec, "--set", "device.mass=1e308", "--no-plot", "--out", "here")
     assert (code, "fault of wavesweep" in err) == (0, False)
     assert (tmp_path / "here" / "simulate-response.csv").exists()
+
+
+@pytest.mark.parametrize(("quiet", "said"), [([], 1), (["--quiet"], 0)])
+def test_a_quiet_run_waits_for_another_one_without_a_word(quiet, said, wavesweep, sweep, spec, monkeypatch):
+    at_work = results.at_work
+
+    def busy(kinds, directory, wait, say):
+        say("another run is at work")
+        return at_work(kinds, directory, wait, say)
+
+    monkeypatch.setattr(results, "at_work", busy)
+    code, _, err = wavesweep("zwidth", spec, "--no-plot", "--wait", *quiet)
+    assert (code, len(sweep.seen)) == (0, 1)
+    assert err.count("another run is at work") == said
