@@ -11,7 +11,7 @@ from wavesweep.controllers import CONTROLLERS, drawing_of
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import drift_of, latch
 
-__all__ = ["CONTROLLERS", "WALL", "Diagram", "draw", "drift_of", "identity", "keys_read", "state_labels"]
+__all__ = ["CONTROLLERS", "WALL", "Diagram", "draw", "drift_of", "identity", "items_of", "keys_read", "state_labels"]
 
 WALL = ("environment.K_VE", "environment.B_VE")
 
@@ -27,9 +27,13 @@ def draw(values) -> Diagram:
 
 
 def identity(values) -> tuple:
-    """What a single loop of these values is remembered by: its drawing, and pairs of key and value; arrays of one as tuples."""
-    items = ((path, tuple(value.tolist()) if np.ndim(value) else value) for path, value in values.items())
-    return drawing_of(values["controller.kind"]), tuple(items)
+    """What a single loop of these values is remembered by: its drawing, and `items_of`."""
+    return drawing_of(values["controller.kind"]), items_of(values)
+
+
+def items_of(values) -> tuple:
+    """Pairs of key and value; arrays of one as tuples."""
+    return tuple((path, tuple(value.tolist()) if np.ndim(value) else value) for path, value in values.items())
 
 
 @lru_cache(maxsize=1024)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from math import lcm
 from numbers import Integral
 
@@ -35,8 +36,15 @@ class Placed:
             )
 
     def runs(self, ticks: int) -> np.ndarray:
-        """Whether it runs in each of the first ticks, `(ticks,)`."""
-        return np.isin(np.arange(ticks) % self.every, self.phase)
+        """Whether it runs in each of the first ticks, `(ticks,)`, read-only."""
+        return _runs(self.every, self.phase, ticks)
+
+
+@lru_cache(maxsize=256)
+def _runs(every, phase, ticks):
+    runs = np.isin(np.arange(ticks) % every, phase)
+    runs.flags.writeable = False
+    return runs
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -97,9 +105,8 @@ class Drawn:
 
     def schedule(self) -> tuple[list[tuple[int, ...]], np.ndarray]:
         """The different sets of blocks (indices) that run in a tick, and the number of the set of each tick of the frame."""
-        masks = np.stack([each.runs(self.ticks) for each in self.placed], axis=1)
-        sets, which = np.unique(masks, axis=0, return_inverse=True)
-        return [tuple(np.flatnonzero(row).tolist()) for row in sets], which.reshape(-1)
+        sets, which = _schedule(tuple((each.every, each.phase) for each in self.placed), self.ticks)
+        return list(sets), which
 
     def held(self, watched=()) -> dict[str, list[str]]:
         """Block -> its output ports that something reads in a tick in which the block does not run.
@@ -119,6 +126,15 @@ class Drawn:
             each.block.name: [port for port in each.block.outputs if port in found.get(each.block.name, {})]
             for each in self.placed
         }
+
+
+@lru_cache(maxsize=64)
+def _schedule(rhythms, ticks):
+    masks = np.stack([_runs(*each, ticks) for each in rhythms], axis=1)
+    sets, which = np.unique(masks, axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    which.flags.writeable = False
+    return tuple(tuple(np.flatnonzero(row).tolist()) for row in sets), which
 
 
 def _comes_back(name, sums):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.block_types import EVERY, PHASE, TICK_HZ, TYPES
@@ -99,20 +100,12 @@ class Drawing:
     @property
     def shaping(self) -> frozenset[str]:
         """Names of the numbers on which the structure of the loop depends."""
-        keys = [tree for path, tree in self.trees() if path == RATE or decides(path)]
-        return frozenset(name for tree in keys for name, _ in names_in(tree))
+        return _shaping(self)
 
     @property
     def names(self) -> Names:
         """The keys that may be axes, and the short names of numbers."""
-        shaping, keys = self.shaping, {}
-        if self.tick_hz == ("name", RATE, 0):
-            keys[RATE] = Key(RATE, "number", None, "Hz", TICK_HZ.description, low=0.0, above_low=True, shaping=True)
-        for name, unit, description in self.numbers:
-            kind = "integer" if name in self.whole else "number"
-            path = f"numbers.{name}"
-            keys[path] = Key(path, kind, None, unit, description, shaping=name in shaping)
-        return Names(keys, {name: f"numbers.{name}" for name, _, _ in self.numbers})
+        return _names(self)
 
     def faults(self, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
         """Yield path, expected and found text for each key that these values do not suit; keys without values are left out."""
@@ -144,6 +137,24 @@ class Drawing:
             slowest = max(runs, key=runs.get)
             expected = f"ticks of a frame, after which all blocks are in step again, <= {LONGEST_FRAME}"
             yield f"block.{slowest}.every", expected, f"{frame} (the least common multiple of {_listed(set(runs.values()))})"
+
+
+@lru_cache(maxsize=64)  # a compiled loop is asked again and again
+def _shaping(drawing: Drawing) -> frozenset[str]:
+    keys = [tree for path, tree in drawing.trees() if path == RATE or decides(path)]
+    return frozenset(name for tree in keys for name, _ in names_in(tree))
+
+
+@lru_cache(maxsize=64)
+def _names(drawing: Drawing) -> Names:
+    keys = {}
+    if drawing.tick_hz == ("name", RATE, 0):
+        keys[RATE] = Key(RATE, "number", None, "Hz", TICK_HZ.description, low=0.0, above_low=True, shaping=True)
+    for name, unit, description in drawing.numbers:
+        kind = "integer" if name in drawing.whole else "number"
+        path = f"numbers.{name}"
+        keys[path] = Key(path, kind, None, unit, description, shaping=name in drawing.shaping)
+    return Names(keys, {name: f"numbers.{name}" for name, _, _ in drawing.numbers})
 
 
 def scalars(values: Mapping[str, object]) -> dict[str, object]:

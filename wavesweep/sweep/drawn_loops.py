@@ -13,7 +13,7 @@ from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.response.drawn import Port, Ports, at_rest, port_of
 from wavesweep.analysis.response.resting import Resting, resting
 from wavesweep.analysis.spectrum import eigenvalues
-from wavesweep.diagram import WALL
+from wavesweep.diagram import WALL, items_of
 from wavesweep.diagram.assembly import (
     FACTOR,
     POSITION,
@@ -58,15 +58,24 @@ def named_loops(drawn: Drawn) -> Iterator[None]:
 
 def refuse_singular(spec, drawing: Drawing | Uneven) -> None:
     """Raise SpecError if a loop of direct terms has no solution with the spec's own numbers; drawing: see `loop_of`."""
-    drawn = assembled(drawing, spec.values)
-    try:
-        with named_loops(drawn):
-            closed_frame(drawn, drift_of(drawing, spec.values, spec.values))
-    except IllPosedLoopError as error:
-        blocks = direct_loops(drawn)
+    blocks = _unsolvable(drawing, items_of(spec.values))
+    if blocks is not None:
         path = f"block.{blocks[0]}" if blocks else "wire"
         found = f"one without, through {', '.join(blocks)}"
-        raise SpecError([spec.mistake(path, "loops of direct terms that have a solution", found)]) from error
+        raise SpecError([spec.mistake(path, "loops of direct terms that have a solution", found)])
+
+
+@lru_cache(maxsize=64)  # a compiled loop is asked again and again
+def _unsolvable(drawing, items):
+    """Names of the blocks on a loop of direct terms that has no solution with these numbers; None if all have one."""
+    values = dict(items)
+    drawn = assembled(drawing, values)
+    try:
+        with named_loops(drawn):
+            closed_frame(drawn, drift_of(drawing, values, values))
+    except IllPosedLoopError:
+        return direct_loops(drawn)
+    return None
 
 
 def drift_of(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from wavesweep.analysis.doubt import words
-from wavesweep.diagram import WALL, draw, identity
+from wavesweep.diagram import WALL, draw, identity, items_of
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.spec import KEYS, Axis, Spec, sweep_axes
@@ -157,13 +157,9 @@ def cost_of(spec: Spec, drawing, axis: Axis, values: dict | None = None) -> tupl
     """
     values = dict(spec.values) if values is None else values
     if drawing is None:
-        return expected_cost(cut_at_wall(draw(values)).order, axis.path in WALL), axis.path in WALL
-    from wavesweep.sweep.drawn_loops import drift_of, exact_cut, frames
-
-    cut = exact_cut(drawing, values, spec.values, axis.path.removeprefix("numbers."))
-    if cut is not None:
-        return expected_cost(cut.order, True), True
-    return expected_cost(frames(drawing, values, drift_of(drawing, values, spec.values)).shape[-1], False), False
+        return expected_cost(_order(*identity(values)), axis.path in WALL), axis.path in WALL
+    order, exact = _order_of_drawing(drawing, axis.path, items_of(values), items_of(spec.values))
+    return expected_cost(order, exact), exact
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -251,6 +247,18 @@ def job_over(grid: Grid, axis: Axis, cut: Cut | None = None) -> IntervalJob:
 def _order(_, items):
     """States of a loop, see `identity`."""
     return cut_at_wall(draw(dict(items))).order
+
+
+@lru_cache(maxsize=64)
+def _order_of_drawing(drawing, path, items, own):
+    """States of a loop, and whether the number is one scalar gain of its frame."""
+    from wavesweep.sweep.drawn_loops import drift_of, exact_cut, frames
+
+    values, own = ({path: np.array(v) if isinstance(v, tuple) else v for path, v in some} for some in (items, own))
+    cut = exact_cut(drawing, values, own, path.removeprefix("numbers."))
+    if cut is not None:
+        return cut.order, True
+    return frames(drawing, values, drift_of(drawing, values, own)).shape[-1], False
 
 
 CHECKED = 100_000  # loops whose numbers are checked before anything is computed; those of more are checked chunk by chunk

@@ -166,17 +166,26 @@ def felt_at_ends(records: np.ndarray, rows: np.ndarray, stiffness: Callable) -> 
     so ends at 0 are computed apart. At a crossing of z = 1 a frame does not determine the state at rest, since a mode that
     alternates from tick to tick repeats in it; the stiffness is smooth there, and follows from both sides.
     """
-    for name, end in zip(FELT, ("low", "high"), strict=True):
-        p, found = records[end][rows], np.empty(rows.size)
-        with np.errstate(all="ignore"):
-            for some in (np.flatnonzero(p == 0), np.flatnonzero(p != 0)):
-                if some.size:
-                    found[some] = stiffness(some, p[some])
-            at = np.flatnonzero((records[f"{end}_omega"][rows] == 0) & (p != 0))
-            if at.size:
-                near, far = (stiffness(at, p[at] * (1 - h)) + stiffness(at, p[at] * (1 + h)) for h in (BESIDE, 2 * BESIDE))
-                found[at] = np.where(np.abs(near - far) <= AGREED * np.abs(near), (4 * near - far) / 6, np.nan)
-        records[name][rows] = found
+    ends = ("low", "high")
+    p, omega, own = (
+        np.concatenate(part)
+        for part in zip(
+            *((records[end][rows], records[f"{end}_omega"][rows], np.arange(rows.size)) for end in ends), strict=True
+        )
+    )
+    found = np.empty(p.size)
+    with np.errstate(all="ignore"):
+        for some in (np.flatnonzero(p == 0), np.flatnonzero(p != 0)):
+            if some.size:
+                found[some] = stiffness(own[some], p[some])
+        at = np.flatnonzero((omega == 0) & (p != 0))
+        if at.size:
+            sides = np.multiply.outer([1 - BESIDE, 1 + BESIDE, 1 - 2 * BESIDE, 1 + 2 * BESIDE], p[at])
+            beside = stiffness(np.tile(own[at], 4), sides.ravel()).reshape(4, -1)
+            near, far = beside[0] + beside[1], beside[2] + beside[3]
+            found[at] = np.where(np.abs(near - far) <= AGREED * np.abs(near), (4 * near - far) / 6, np.nan)
+    for name, part in zip(FELT, np.split(found, 2), strict=True):
+        records[name][rows] = part
 
 
 @lru_cache(maxsize=64)  # a compiled loop is asked again and again
