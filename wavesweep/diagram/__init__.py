@@ -32,7 +32,7 @@ def identity(values) -> tuple:
 
 
 def items_of(values) -> tuple:
-    """Pairs of key and value; arrays of one as tuples."""
+    """The pairs of flat `values`; arrays of one as tuples."""
     return tuple((path, tuple(value.tolist()) if np.ndim(value) else value) for path, value in values.items())
 
 

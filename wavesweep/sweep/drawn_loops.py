@@ -40,7 +40,7 @@ Groups = tuple[tuple[np.ndarray, Mapping[str, object]], ...]
 FACTS = "pivot", "condition"  # of connected ticks; those of a frame are products
 SURE = 1e-6  # relative error up to which a stiffness counts as known
 EXACT = "one scalar gain of a frame: crossings of the unit circle from one real polynomial, proved, polished in state space"
-PANELS = "roots of the eigenvalues' critical functions on Chebyshev panels, proved by Smith's discs, polished"
+PANELS = "roots of the eigenvalues' critical functions on Chebyshev panels, proved by discs or signs, polished"
 
 
 @contextmanager

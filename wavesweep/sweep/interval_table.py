@@ -205,4 +205,4 @@ def method(job: IntervalJob) -> str:
     """How the intervals of a job are found, in a line."""
     if job.exact:
         return "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
-    return "roots of the eigenvalues' critical functions on Chebyshev panels, proved by Smith's discs, polished"
+    return "roots of the eigenvalues' critical functions on Chebyshev panels, proved by discs or signs, polished"

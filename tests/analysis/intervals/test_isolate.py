@@ -1,5 +1,6 @@
 """Real roots of a polynomial in (-1, 1): what is called proved must be so, exactly."""
 
+from importlib.util import find_spec
 from itertools import pairwise
 from math import comb
 
@@ -9,7 +10,10 @@ from support import sturm
 
 from wavesweep.analysis.intervals import bernstein
 from wavesweep.analysis.intervals.bernstein import change_of_basis, largest_bernstein, roots_by_sign
-from wavesweep.analysis.intervals.isolate import EDGE, by_discs, isolate
+from wavesweep.analysis.intervals.isolate import EDGE, by_discs, by_signs, isolate
+
+WITHOUT = pytest.mark.skipif(not find_spec("numba"), reason="numba is not installed")
+METHODS = [isolate, by_discs, pytest.param(by_signs, marks=WITHOUT)]
 
 
 def random_roots(r, degree):
@@ -50,7 +54,7 @@ HARD = [nothing, close_pair, near_real, near_one, at_both_ends, multiple]
 
 
 def check(coefficients, noise, method=isolate):
-    """Compare one row with Sturm's count, for the polynomial itself and two within its noise; whether it was proved.
+    """Compare one row with Sturm's count, for the polynomial itself and some within its noise; whether it was proved.
 
     Where an end is left open, a root within EDGE of it is not asked about.
     """
@@ -61,9 +65,11 @@ def check(coefficients, noise, method=isolate):
     roots, slopes = (part[0][found.inside[0]][order] for part in (found.value, found.slope_sign))
     low, high = EDGE * found.open_at_minus_one[0] - 1, 1 - EDGE * found.open_at_one[0]
     r, n = np.random.default_rng(0), coefficients.size
-    for size in (0.0, 0.5, 1.0):
-        change = r.standard_normal(n)
-        moved = coefficients + size * noise * change / (np.abs(change) @ np.arange(1, n + 1))
+    steepest = np.eye(n)[n - 1] / 2 - (np.eye(n)[n - 3] / 2 if n > 2 else 0)  # the Chebyshev polynomial of that degree
+    changes = [r.standard_normal(n) for _ in range(2)]
+    changes = [0 * steepest, *(change / (np.abs(change) @ np.arange(1, n + 1)) for change in changes), steepest, -steepest]
+    for change in changes:
+        moved = coefficients + 0.999 * noise * change
         links = sturm.chain(sturm.powers(moved.tolist()))
         assert sturm.count(links, low, high) == roots.size
         edges = [low, *((roots[1:] + roots[:-1]) / 2), high]
@@ -74,7 +80,7 @@ def check(coefficients, noise, method=isolate):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", [isolate, by_discs])
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("hard", HARD)
 def test_what_is_proved_is_so(hard, method):
     """Gaps from 1e-12 to 0.1, exact coefficients and noisy ones: the count of roots is exact, each in its place."""
@@ -86,6 +92,28 @@ def test_what_is_proved_is_so(hard, method):
     assert proved >= (36 if hard in (nothing, multiple) else 8)
 
 
+@WITHOUT
+@pytest.mark.parametrize("noise", [1e-5, 1e-4, 1e-3, 1e-2])
+def test_slopes_decide_where_noise_hides_the_signs_of_coefficients(noise):
+    """Random rows of degree 13: the roots are those of every polynomial within the noise, and many are told by slopes alone."""
+    r, proved, by_coefficients = np.random.default_rng(5), 0, 0
+    for _ in range(30):
+        c = r.standard_normal(14) * 0.4 ** np.arange(14)
+        c /= np.abs(c).max()
+        proved += check(c, noise, by_signs)
+        by_coefficients += int(roots_by_sign(c[None], np.array([noise]))[1][0])
+    assert proved > by_coefficients
+    assert proved > 12
+
+
+@WITHOUT
+@pytest.mark.parametrize("steep", [2.0, 10.0, 20.0, 40.0, 400.0])
+def test_a_slope_that_noise_may_turn_proves_nothing(steep):
+    """A line of that slope, in units of its noise: a Chebyshev polynomial of degree 13 turns it back where it is steeper."""
+    for root in np.linspace(-0.95, 0.95, 39):
+        assert check(np.array([-root, 0.5, *np.zeros(12)]), 1 / steep, by_signs) == (steep == 400.0)
+
+
 @pytest.mark.parametrize("gap", [1e-1, 1e-2, 1e-3, 1e-4])
 def test_a_pair_of_roots_is_found_down_to_small_gaps(gap):
     """Two roots 1e-4 apart beside six others: still told apart, and proved."""
@@ -95,7 +123,7 @@ def test_a_pair_of_roots_is_found_down_to_small_gaps(gap):
 
 
 @pytest.mark.parametrize("gap", [1e-9, 1e-12, 0.0])
-@pytest.mark.parametrize("method", [isolate, by_discs])
+@pytest.mark.parametrize("method", METHODS)
 def test_a_pair_within_the_noise_is_not_proved(gap, method):
     """Two roots or none: coefficients known to 1e-13 cannot say, and neither does the proof."""
     for pair in ([0.3, 0.3 + gap], [complex(0.3, gap)]):

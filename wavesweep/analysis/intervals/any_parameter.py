@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 
 from wavesweep.analysis.doubt import COUNTS, NONE, OVERFLOW, SEARCH
-from wavesweep.analysis.intervals.critical import BEYOND, PAIR, from_coefficients, from_eigenvalues, from_polynomials
+from wavesweep.analysis.intervals.critical import BEYOND, PAIR, from_coefficients, from_eigenvalues
 from wavesweep.analysis.intervals.frames import NODES, Frames, level, pole_inside
 from wavesweep.analysis.intervals.interpolated import MOST_ORDER, MoreStatesError, RecalledError, followed, living, typical
 from wavesweep.analysis.intervals.panels import RIM, ROUGH, panel_roots
@@ -201,7 +201,7 @@ def _sampler(loop):
         known = loop.pieces.degree[piece] > 0
         some, rest = np.flatnonzero(known), np.flatnonzero(~known)
         if some.size:
-            parts = [part.reshape(4, some.size, -1) for part in from_polynomials(*loop.polynomials(piece[some], p[some]))]
+            parts = loop.functions(piece[some], p[some])
             for whole, part in zip(found, parts, strict=True):
                 whole[:, some] = part
             rest = np.sort(np.append(rest, some[_too_rough(parts, most)]))

@@ -5,11 +5,12 @@ from functools import cache, partial
 
 import numpy as np
 
-from wavesweep.analysis.intervals.critical import EPS, LARGEST, characteristic
+from wavesweep.analysis.intervals.critical import EPS, LARGEST, characteristic, from_polynomials
 from wavesweep.analysis.intervals.frames import Frames, level, pole_inside
 from wavesweep.analysis.intervals.panels import EXTENT, LEBESGUE, OVERLAP, RIM
 from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import balance
+from wavesweep.kernel import NUMPY, chosen
 
 DEGREES = (14, 28, 56)  # of an interpolant; its points are kept when it is raised
 TYPICAL = (0.53, 0.37, 0.71)  # of the span, where the units of the states are found; not the middle, which may be 0
@@ -53,6 +54,12 @@ def _rim(degree):
     """The same on the rim of the ellipse, and the least size of the polynomial that vanishes."""
     basis, vanishing = chebyshev(RIM, degree)
     return basis, np.abs(vanishing).min()
+
+
+@cache
+def least_on_rim():
+    """That size by the degree; 1 for all that are none of DEGREES."""
+    return np.array([_rim(degree)[1] if degree in DEGREES else 1.0 for degree in range(DEGREES[-1] + 1)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,11 +132,38 @@ class Followed:
             noise = 2 * np.abs(basis[..., -1:]) if np.iscomplexobj(p) else np.ones((1, 1, 1))
             missed = np.abs(vanishing[..., None]) / _rim(degree)[1]
             reach[at, :, :n] = pieces.reach[mine, None] * np.maximum(noise, 1) + pieces.beside[mine, None] * missed
-        if count == RIM.size and np.iscomplexobj(p):  # a panel may be a piece, whose rim was computed
-            at = np.flatnonzero((p == middle[:, None] + half[:, None] * RIM).all(-1))
+        at = np.flatnonzero(self._rims(piece, p))
+        if at.size:
             c[at, :, :n], reach[at, :, :n] = pieces.rim[piece[at]], pieces.vague[piece[at]]
         c, reach = (np.moveaxis(part, -1, 0).reshape(n + 1, -1) for part in (c, reach))
         return c, reach, np.repeat(pieces.size[piece], count)
+
+    def functions(self, piece, p):
+        """The critical functions at `p`, `(panels, points)`, in these pieces, which are followed: phase, logarithm of the size
+        and error, `(4, panels, points)` each, see `critical.from_polynomials`."""
+        at = np.flatnonzero(~self._rims(piece, p))
+        if chosen() == NUMPY or not at.size:
+            return [part.reshape(4, *p.shape) for part in from_polynomials(*self.polynomials(piece, p))]
+        from wavesweep.analysis.intervals.compiled import functions
+
+        x = (p - self.pieces.middle[piece, None]) / self.pieces.half[piece, None]
+        if at.size == piece.size:
+            return functions.followed(self.pieces, piece, x)
+        found = [np.empty((4, *p.shape), kind) for kind in (complex, float, float)]
+        rims = np.setdiff1d(np.arange(piece.size), at)
+        for some, parts in (
+            (at, functions.followed(self.pieces, piece[at], x[at])),
+            (rims, self.functions(piece[rims], p[rims])),
+        ):
+            for whole, part in zip(found, parts, strict=True):
+                whole[:, some] = part
+        return found
+
+    def _rims(self, piece, p):
+        """Which panels are pieces themselves, whose rim was computed."""
+        if p.shape[1] != RIM.size or not np.iscomplexobj(p):
+            return np.zeros(piece.size, bool)
+        return (p == self.pieces.middle[piece, None] + self.pieces.half[piece, None] * RIM).all(-1)
 
     def computed(self, column, p):
         """Frames less identity at `p`, `(panels, points)`, of these columns, `(panels, points, n, n)`, and pivots."""

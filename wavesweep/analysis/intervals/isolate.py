@@ -52,6 +52,19 @@ def isolate(coefficients, noise) -> Roots:
     return found
 
 
+def by_signs(coefficients, noise) -> Roots:
+    """The same where the signs decide, by the kernel."""
+    from wavesweep.analysis.intervals.compiled.isolating import rows_by_sign
+
+    coefficients, noise = _of_size_one(coefficients, noise)
+    value, within, slope, count = rows_by_sign(coefficients, noise)
+    inside = np.arange(value.shape[1] - 1) < count[:, None]
+    found = _none(coefficients)
+    return replace(
+        found, value=value[:, :-1], radius=within[:, :-1], inside=inside, slope_sign=slope[:, :-1], proved=count >= 0
+    )
+
+
 def by_discs(coefficients, noise) -> Roots:
     """The same. The n-1 complex roots are the eigenvalues of the colleague matrix (Specht 1957; Good 1961).
 
@@ -72,7 +85,7 @@ def by_discs(coefficients, noise) -> Roots:
     inside = (roots.imag == 0) & (np.abs(roots.real) < 1) & ~edge & (np.abs(coefficients).max(-1) > 0)[:, None]
     open_ = [
         (edge & (side * roots.real > 0)).any(-1) | (np.abs(end) <= 2 * noise)
-        for side, end in zip((1, -1), _at_ends(coefficients), strict=True)
+        for side, end in zip((1, -1), at_ends(coefficients), strict=True)
     ]
     slope_sign = _slope_sign(coefficients, roots)
     return Roots(roots.real, radius, inside, slope_sign, found.at_one, found.at_minus_one, proved, *open_)
@@ -89,11 +102,11 @@ def _none(coefficients) -> Roots:
     """No roots, nothing proved."""
     rows, n = coefficients.shape
     empty, closed = np.zeros((rows, max(n - 1, 0))), np.zeros(rows, bool)
-    signs = map(np.sign, _at_ends(coefficients))
+    signs = map(np.sign, at_ends(coefficients))
     return Roots(empty, empty.copy(), empty > 0, empty.copy(), *signs, closed, closed.copy(), closed.copy())
 
 
-def _at_ends(coefficients):
+def at_ends(coefficients):
     """The polynomial at 1 and at -1."""
     weight = np.arange(1, coefficients.shape[1] + 1)
     return (coefficients * weight).sum(-1), (coefficients * (weight * (-1.0) ** (weight - 1))).sum(-1)

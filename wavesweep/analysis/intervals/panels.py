@@ -4,13 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.intervals.isolate import by_discs
+from wavesweep.analysis.intervals.isolate import at_ends, by_discs, by_signs
 from wavesweep.analysis.rows import Rows
+from wavesweep.kernel import NUMPY, chosen
 
 NODES, KEPT = 20, 14  # samples per panel; the Chebyshev coefficients from KEPT on must have decayed and bound the error
 DECAYED = 1e-5  # of the largest, above which a panel is split at once and no proof is tried
 OVERLAP = 0.035  # of its width a panel reaches into each neighbour, so that no root stays on an edge for ever
 DEGREES = (1, 2, 4, 7, 10, KEPT)  # an interpolant is cut to each of these in turn, what is cut away added to its error
+SIGNED = (7, KEPT)  # degrees at which the kernel looks at signs first
 NODE = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
 TRANSFORM = np.cos(np.outer(np.arccos(NODE), np.arange(NODES))) * (2 / NODES)
 ELLIPSE, OUTER = 2.5, 8  # sum of the semi-axes of the ellipse about a panel; points on its upper half
@@ -219,12 +221,16 @@ def _proved_roots(coefficients, noise):
     High coefficients that have decayed to rounding would leave the discs without a leading coefficient to stand on.
     """
     weight = np.arange(1, KEPT + 1) * np.abs(coefficients)
-    rows = np.arange(noise.size)
-    for degree in DEGREES:
-        roots = by_discs(coefficients[rows, :degree], noise[rows] + weight[rows, degree:].sum(-1))
-        proved = roots.proved & ~roots.open_at_one & ~roots.open_at_minus_one
-        yield rows[proved], roots.take(proved)
-        rows = rows[~proved]
+    # A value at an end that may be zero leaves that end open at every degree.
+    rows = np.flatnonzero(np.min(np.abs(at_ends(coefficients)), axis=0) > noise)
+    for method, degrees in ((by_signs, SIGNED), (by_discs, DEGREES)) if chosen() != NUMPY else ((by_discs, DEGREES),):
+        for degree in degrees:
+            if not rows.size:
+                return
+            roots = method(coefficients[rows, :degree], noise[rows] + weight[rows, degree:].sum(-1))
+            proved = roots.proved & ~roots.open_at_one & ~roots.open_at_minus_one
+            yield rows[proved], roots.take(proved)
+            rows = rows[~proved]
 
 
 def _share(size):

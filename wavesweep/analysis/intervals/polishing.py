@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.analysis.intervals.boundary import ORDINARY
-from wavesweep.analysis.intervals.critical import CAUTION, ONE, PAIR, from_eigenvalues, from_polynomials
+from wavesweep.analysis.intervals.critical import CAUTION, ONE, PAIR, from_eigenvalues
 from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.intervals.panels import bracketed_roots
 from wavesweep.analysis.rows import Rows
@@ -51,7 +51,7 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
     if known.size:  # the interpolant has the root to most digits, for next to nothing
 
         def followed_value(x):
-            return sign(from_polynomials(*loop.polynomials(piece[known], x[:, None])), known, FEW)
+            return sign([part[..., 0] for part in loop.functions(piece[known], x[:, None])], known, FEW)
 
         x[known] = _by_secants(followed_value, x[known], reach[known])
 

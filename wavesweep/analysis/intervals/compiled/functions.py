@@ -3,6 +3,8 @@
 import numpy as np
 
 from wavesweep.analysis.intervals.compiled.solving import _largest, _swapped, _taxicab, compiled
+from wavesweep.analysis.intervals.critical import MOST_ERROR, _powers
+from wavesweep.analysis.intervals.interpolated import least_on_rim
 
 
 @compiled
@@ -67,47 +69,57 @@ def _characteristic(H, leading):
 @compiled
 def _functions(c, reach, size, change, phase, log, error):
     """`critical._functions` into phase (complex), log and error, `(4, matrices)`; change: see `critical._powers`."""
-    n, count = len(c) - 1, c.shape[1]
-    half = n // 2
-    q, missed = np.empty(n + 1, c.dtype), np.empty(n + 1)
-    matrix, unsure_of = np.empty((half, half), c.dtype), np.empty((half, half))
-    pairs = max(n * (n - 1) / 2, 1.0)
-    for at in range(count):
-        largest, weight, least = 0.0, 1.0, 2 / size[at] ** 2
-        q[:], missed[:] = 0.0, 0.0
-        for k in range(n + 1):
-            for i in range(k, n + 1):
-                q[i] += change[i, k] * (c[k, at] * weight)
-                missed[i] += abs(change[i, k]) * (reach[k, at] * weight)
-            weight /= size[at]
-        for k in range(n + 1):
-            largest = max(largest, abs(q[k])) if not np.isnan(abs(q[k])) else np.nan
-        grown = n * np.log(size[at])
-        _part(c[0, at], reach[0, at], grown, 1, at, phase, log, error)
-        _part(q[n], missed[n], grown, 2, at, phase, log, error)
-        total, off = n / size[at] - c[n - 1, at], n / size[at] + reach[n - 1, at]
-        second = -(n - 1) / size[at] * c[n - 1, at]
-        unsure = (n - 1) / size[at] * reach[n - 1, at]
-        if n > 1:
-            second, unsure = second + pairs / size[at] ** 2 + c[n - 2, at], unsure + pairs / size[at] ** 2 + reach[n - 2, at]
-        value = total**2 / n**2 + second / pairs - least
-        whole = (2 * abs(total) * off + abs(total) ** 2) / n**2 + (unsure + abs(second)) / pairs + least
-        _part(value, 4 * whole, 2 * np.log(size[at]), 3, at, phase, log, error)
-        scale = 1 / largest  # numba raises an error where a complex number is divided by zero
-        for k in range(n + 1):
-            q[k], missed[k] = q[k] * scale, missed[k] * scale
-        found, size_of, error[0, at] = _last_but_one(q, missed, matrix, unsure_of)
-        phase[0, at] = found
-        log[0, at] = size_of + (n - 1) * (grown + np.log(largest) - n / 2 * np.log(2))
+    room = _room(c[:, 0])
+    for at in range(c.shape[1]):
+        _at_one(c[:, at], reach[:, at], size[at], change, room, phase[:, at], log[:, at], error[:, at])
 
 
 @compiled
-def _part(value, reach, factor, row, at, phase, log, error):
+def _room(c):
+    """Memory for `_at_one`."""
+    half = (len(c) - 1) // 2
+    matrix, unsure = np.empty((half, half), c.dtype), np.empty((half, half))
+    return np.empty(len(c), c.dtype), np.empty(len(c)), matrix, unsure
+
+
+@compiled
+def _at_one(c, reach, size, change, room, phase, log, error):
+    """The same of one polynomial, `(4,)` each."""
+    (q, missed, matrix, unsure_of), n = room, len(c) - 1
+    pairs, largest, weight, least = max(n * (n - 1) / 2, 1.0), 0.0, 1.0, 2 / size**2
+    q[:], missed[:] = 0.0, 0.0
+    for k in range(n + 1):
+        for i in range(k, n + 1):
+            q[i] += change[i, k] * (c[k] * weight)
+            missed[i] += abs(change[i, k]) * (reach[k] * weight)
+        weight /= size
+    for k in range(n + 1):
+        largest = max(largest, abs(q[k])) if not np.isnan(abs(q[k])) else np.nan
+    grown = n * np.log(size)
+    _part(c[0], reach[0], grown, 1, phase, log, error)
+    _part(q[n], missed[n], grown, 2, phase, log, error)
+    total, off = n / size - c[n - 1], n / size + reach[n - 1]
+    second = -(n - 1) / size * c[n - 1]
+    unsure = (n - 1) / size * reach[n - 1]
+    if n > 1:
+        second, unsure = second + pairs / size**2 + c[n - 2], unsure + pairs / size**2 + reach[n - 2]
+    value = total**2 / n**2 + second / pairs - least
+    whole = (2 * abs(total) * off + abs(total) ** 2) / n**2 + (unsure + abs(second)) / pairs + least
+    _part(value, 4 * whole, 2 * np.log(size), 3, phase, log, error)
+    scale = 1 / largest  # numba raises an error where a complex number is divided by zero
+    for k in range(n + 1):
+        q[k], missed[k] = q[k] * scale, missed[k] * scale
+    phase[0], size_of, error[0] = _last_but_one(q, missed, matrix, unsure_of)
+    log[0] = size_of + (n - 1) * (grown + np.log(largest) - n / 2 * np.log(2))
+
+
+@compiled
+def _part(value, reach, factor, row, phase, log, error):
     """Phase, logarithm of the size and relative error of a number times exp(factor)."""
     size = abs(value)
     magnitude = max(size, 1e-300) if not np.isnan(size) else size
-    phase[row, at], log[row, at] = value / magnitude, np.log(magnitude) + factor
-    error[row, at] = reach / magnitude if size > 1e-290 else 1e300
+    phase[row], log[row] = value / magnitude, np.log(magnitude) + factor
+    error[row] = reach / magnitude if size > 1e-290 else 1e300
 
 
 @compiled
@@ -130,6 +142,49 @@ def _last_but_one(q, missed, matrix, error):
         for i in range(half):
             matrix[i, half - 1], error[i, half - 1] = q[2 * i + 1], missed[2 * i + 1]
     return _determinant(matrix, error)
+
+
+@compiled
+def _followed(piece, x, degree, coefficients, reach, beside, size, least, noisy, change, most, phase, log, error):
+    """`critical.from_polynomials` of interpolants into phase, log and error, `(4, panels, points)`; see `Followed.polynomials`.
+
+    piece: of each panel; x: `(panels, points)`, where in it. least: by the degree, see `least_on_rim`. noisy: whether noise of
+    the nodes grows (x is complex). most: error of what is not known.
+    """
+    panels, points = x.shape
+    n = coefficients.shape[2]
+    c, off = np.empty(n + 1, x.dtype), np.empty(n + 1)
+    room = _room(c)
+    for panel in range(panels):
+        own, top = piece[panel], degree[piece[panel]]
+        for point in range(points):
+            at = x[panel, point]
+            before, now = at * 0 + 1, at
+            for j in range(n):
+                c[j] = coefficients[own, 0, j] + at * coefficients[own, 1, j]
+            for k in range(2, top + 1):
+                before, now = now, 2 * at * now - before
+                for j in range(n):
+                    c[j] += now * coefficients[own, k, j]
+            noise = max(2 * abs(now), 1.0) if noisy else 1.0
+            missed = abs(at * now - before) / least[top]
+            for j in range(n):
+                off[j] = reach[own, j] * noise + beside[own, j] * missed
+            c[n], off[n] = 1.0, 1.0
+            _at_one(c, off, size[own], change, room, phase[:, panel, point], log[:, panel, point], error[:, panel, point])
+            _known(np.isfinite(c).all(), most, phase[:, panel, point], log[:, panel, point], error[:, panel, point])
+
+
+@compiled
+def _known(finite, most, phase, log, error):
+    """What `critical._given` does."""
+    for row in range(len(log)):
+        known = finite and np.isfinite(log[row]) and np.isfinite(error[row])
+        error[row] = min(error[row], most) if known else most
+        if not finite:
+            phase[row], log[row] = np.nan, np.inf
+        elif not known:
+            log[row] = -np.inf
 
 
 @compiled
@@ -182,4 +237,13 @@ def functions(c, reach, size, change):
     """What `critical._functions` gives; change: see `critical._powers`."""
     phase, (log, error) = np.empty((4, size.size), c.dtype), np.empty((2, 4, size.size))
     _functions(*map(np.ascontiguousarray, (c, reach, size)), change, phase, log, error)
+    return phase, log, error
+
+
+def followed(pieces, piece, x):
+    """What `Followed.functions` gives at x, `(panels, points)`, of these pieces, but for rims."""
+    phase, (log, error) = np.empty((4, *x.shape), complex), np.empty((2, 4, *x.shape))
+    arrays = pieces.degree, pieces.coefficients, pieces.reach, pieces.beside, pieces.size
+    change = _powers(pieces.reach.shape[-1])
+    _followed(piece, x, *arrays, least_on_rim(), np.iscomplexobj(x), change, MOST_ERROR, phase, log, error)
     return phase, log, error

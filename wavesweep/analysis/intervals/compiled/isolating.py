@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from wavesweep.analysis.intervals.bernstein import CLOSE, HALVINGS, SHARE, STEPS
+from wavesweep.analysis.intervals.bernstein import CLOSE, HALVINGS, SHARE, STEPS, change_of_basis, largest_bernstein
 from wavesweep.analysis.intervals.compiled.solving import compiled
 
+HALF = 0.5  # of the distance to the next root
 EPS = float(np.finfo(float).eps)
 
 
@@ -42,6 +43,20 @@ def _once(b, threshold):
         before = sign
     ends = ((b[0] > threshold) - (b[0] < -threshold)) * before
     return ends == -1 and unknown <= 1 and changes == 1 + unknown
+
+
+@compiled
+def _monotone(b, width, noise, rounding):
+    """Whether the polynomial on a piece of that width has different signs at its ends and a slope of one sign.
+
+    Noise of at most that on [-1, 1] has a slope of at most its degree squared times that there (V. A. Markov 1892), which is
+    less than what it can do to Bernstein coefficients.
+    """
+    n = len(b)
+    if not (min(abs(b[0]), abs(b[n - 1])) > noise + rounding and b[0] * b[n - 1] < 0):
+        return False
+    least, turn = (n - 1) * width * noise + 2 * rounding, np.sign(b[n - 1])
+    return bool((turn * (b[1:] - b[:-1]) > least).all())
 
 
 @compiled
@@ -90,7 +105,9 @@ def _roots(c, noise, change, farthest, pieces, values, slopes):
         least, most = piece.min(), piece.max()
         if least > noise + rounding or most < -noise - rounding:
             open_ -= 1
-        elif _once(piece, farthest * noise + rounding) and found < len(values):
+        elif found < len(values) and (
+            _once(piece, farthest * noise + rounding) or _monotone(piece, right - left, noise, rounding)
+        ):
             values[found], slopes[found] = left + (right - left) * _root(piece), np.sign(piece[n - 1])
             found, open_ = found + 1, open_ - 1
         elif depth[at] == HALVINGS - 1 or max(-least, most) <= noise + rounding:
@@ -101,3 +118,31 @@ def _roots(c, noise, change, farthest, pieces, values, slopes):
             low[at], low[at + 1], high[at + 1], unsure[at], unsure[at + 1] = middle, left, middle, rounding, rounding
             depth[at], depth[at + 1], open_ = depth[at] + 1, depth[at] + 1, open_ + 1
     return found
+
+
+@compiled
+def _of_rows(c, noise, change, farthest, values, within, slopes, counts):
+    """The roots of every row, how far from each no other one is, and their number; -1 where signs do not decide."""
+    n = c.shape[1]
+    pieces = np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64), np.empty((64, n))
+    found, slope = np.empty((2, n))
+    for row in range(len(c)):
+        counts[row] = _roots(c[row], noise[row], change, farthest, pieces, found, slope)
+        order = np.argsort(found[: max(counts[row], 0)])
+        for at in range(len(order)):
+            value = found[order[at]]
+            before = found[order[at - 1]] if at else -1.0
+            after = found[order[at + 1]] if at + 1 < len(order) else 1.0
+            values[row, at], slopes[row, at] = value, slope[order[at]]
+            within[row, at] = HALF * min(value - before, after - value)
+
+
+def rows_by_sign(coefficients, noise):
+    """`bernstein.roots_by_sign`, but the roots of a row in rows: values, within what of each no other is, slopes, `(rows, n)`
+    each, and their number; -1 for rows that are not decided."""
+    rows, n = coefficients.shape
+    (values, within, slopes), counts = np.zeros((3, rows, n)), np.empty(rows, np.int64)
+    if rows:
+        arrays = np.ascontiguousarray(coefficients), np.ascontiguousarray(noise), change_of_basis(n)
+        _of_rows(*arrays, float(largest_bernstein(n - 1)), values, within, slopes, counts)
+    return values, within, slopes, counts
