@@ -5,7 +5,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from wavesweep.analysis.response.drawn import Ports, port_of, respond_port
+from wavesweep.analysis.response.drawn import respond_port
+from wavesweep.analysis.response.port import Ports, port_of
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
 from wavesweep.lifted.periodic import Drift, closed_frame, drift_of_drawn

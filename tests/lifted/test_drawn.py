@@ -8,7 +8,8 @@ from support.specs import nested, values_of
 import wavesweep
 from wavesweep.analysis.intervals import stable_along_any, stable_intervals
 from wavesweep.analysis.passivity.drawn import drawn_port_margin
-from wavesweep.analysis.response.drawn import Ports, port_of, respond_port
+from wavesweep.analysis.response.drawn import respond_port
+from wavesweep.analysis.response.port import Ports, port_of
 from wavesweep.diagram import blocks
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawn import Drawn, Placed

@@ -10,7 +10,8 @@ import numpy as np
 
 from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
 from wavesweep.analysis.intervals.frames import Frames
-from wavesweep.analysis.response.drawn import Port, Ports, at_rest, port_of
+from wavesweep.analysis.response.drawn import at_rest
+from wavesweep.analysis.response.port import Port, Ports, port_of
 from wavesweep.analysis.response.resting import Resting, resting
 from wavesweep.analysis.spectrum import eigenvalues
 from wavesweep.diagram import WALL, items_of

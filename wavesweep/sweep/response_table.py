@@ -10,8 +10,9 @@ import numpy as np
 
 from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING, UNSTABLE, words
 from wavesweep.analysis.response import Modal, circle, gain_of, prepare, respond
-from wavesweep.analysis.response.drawn import frame_of_port, respond_port
+from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.drawn_gain import MOST_TICKS, worst_gain_of_port
+from wavesweep.analysis.response.port import frame_of_port
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw, identity
 from wavesweep.diagram.assembly import assembled

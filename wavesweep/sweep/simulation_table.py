@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from wavesweep.analysis.response import prepare, respond
-from wavesweep.analysis.response.drawn import frame_of_port, respond_port
+from wavesweep.analysis.response.drawn import respond_port
+from wavesweep.analysis.response.port import frame_of_port
 from wavesweep.analysis.simulation import Simulation, Tone, estimate, hand_force, record_path, simulated, table
 from wavesweep.analysis.simulation.both_loops import FARTHEST, STRONGEST
 from wavesweep.analysis.simulation.drawn import components, own_image, simulate_drawn

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from support.drawings import pmw, random_drawing
 
-from wavesweep.analysis.response.drawn import Ports, port_of, respond_port
+from wavesweep.analysis.response.drawn import respond_port
+from wavesweep.analysis.response.port import Ports, port_of
 from wavesweep.analysis.simulation import Tone
 from wavesweep.analysis.simulation.drawn import components, run_drawn, simulate_drawn
 from wavesweep.diagram import blocks

@@ -4,7 +4,7 @@ import numpy as np
 
 from wavesweep.analysis.passivity.hinf import Element, angles, peak_by_levels, then, tick
 from wavesweep.analysis.passivity.port import SLACK, PortMargin
-from wavesweep.analysis.response.drawn import Port, frame_of_port
+from wavesweep.analysis.response.port import Port, frame_of_port
 from wavesweep.analysis.spectrum import is_stable
 from wavesweep.errors import UsageError
 from wavesweep.lifted.circle import on_circle, solve

@@ -5,7 +5,8 @@ import numpy as np
 from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.response.circle import Circle
 from wavesweep.analysis.response.dominant import Dominant, Lifted
-from wavesweep.analysis.response.drawn import LOST, Port
+from wavesweep.analysis.response.drawn import LOST
+from wavesweep.analysis.response.port import Port
 from wavesweep.analysis.response.steady import GOOD
 from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, both
 from wavesweep.lifted.periodic import in_a_row, then

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.analysis.response.bordered import solved
-from wavesweep.analysis.response.drawn import Ports
+from wavesweep.analysis.response.port import Ports
 from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.lifted.connect import connect

@@ -1,0 +1,181 @@
+"""A drawn loop seen from the hand's port: a map per kind of tick, and its frame under a force of one frequency."""
+
+from dataclasses import dataclass, replace
+from functools import reduce
+
+import numpy as np
+
+from wavesweep.analysis.response.ticks import ENTRIES, both, long_sum
+from wavesweep.diagram.drawn import Drawn
+from wavesweep.errors import UsageError
+from wavesweep.lifted.periodic import Drift, in_a_row, then, ticks_of
+
+STILL = 1e-9  # of the terms of a shift, what is rounding
+
+
+@dataclass(frozen=True, slots=True)
+class Ports:
+    """The hand's port of a drawn loop: the input `force` (N), and the signals of its position (m) and of the force against it.
+
+    reaction: empty if none is known; then the impedance is that of the whole port, force over position.
+    """
+
+    force: str
+    position: str
+    reaction: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Port:
+    """A drawn loop seen from its port, a map per kind of tick, every position counted from those that drift.
+
+    From the force to the displacement in the tick, the force against it, and if the latter moves with a drift, the change of
+    that share of it in the tick. E `(..., n, n)` less identity, B `(..., n, 1)`, C `(..., outputs, n)`, D `(..., outputs, 1)`.
+    position: its row `(..., 1, n)`, None if it drifts. condition: by how much closing algebraic loops may have multiplied the
+    rounding of the entries (see `Block`). laws: how many combinations of the states nothing in the loop changes.
+    """
+
+    maps: tuple[tuple[np.ndarray, ...], ...]
+    kind: np.ndarray
+    period: float
+    position: np.ndarray | None = None
+    condition: float | np.ndarray = 1.0
+    laws: int = 0
+
+    @property
+    def rough(self) -> float:
+        """Relative error of sums over a frame, of entries that algebraic loops may have made rough."""
+        return long_sum(self.kind.size) * self.condition
+
+    def turned(self, first: int) -> "Port":
+        """The same with a frame that begins with another tick."""
+        return replace(self, kind=np.roll(self.kind, -first))
+
+
+def port_of(drawn: Drawn, ports: Ports, drift: Drift) -> Port:
+    """See the loop from its port.
+
+    The displacement of a tick is the difference of two positions, so the position has to be a state alone: that of a plant.
+    Errors: UsageError if it is not.
+    """
+    signals = (ports.position, *((ports.reaction,) if ports.reaction else ()))
+    if not drift.folded:  # what nothing but a drift reads drifts itself
+        drift = replace(drift, moved=(*drift.moved, *((state, ()) for state in drift.unread)))
+    ticks = ticks_of(drawn, signals)
+    reads = ticks.maps[0].C[..., :1, :]
+    if any(np.any(each.D[..., 0, :]) or np.any(each.C[..., :1, :] != reads) for each in ticks.maps):
+        raise UsageError(
+            f"[ports] hand: expected a position that a plant has in every tick, such as a mass's x, found {ports.position}"
+        )
+    force = drawn.inputs.index(ports.force)
+    answers = ticks.maps[0].C[..., 1:2, :]
+    moved = [(lead, _along(answers, lead, others)[0]) for lead, others in drift.moved if _moves(answers, lead, others)]
+    maps = tuple(_seen(each, reads, force, drift, bool(ports.reaction), moved) for each in ticks.maps)
+    kept = _kept(drift)
+    still = not any(_moves(reads, lead, others) for lead, others in drift.moved)
+    condition = reduce(np.maximum, (each.condition for each in ticks.maps))
+    period = float(np.ravel(drawn.period)[0])
+    return Port(maps, ticks.kind, period, reads[..., kept] if still else None, condition, len(drift.folded))
+
+
+def _along(reads, lead, others):
+    """How much of what is read a shift moves, the lead by 1, others by their factors, and the sizes of its terms."""
+    terms = np.stack([reads[..., lead], *(factor * reads[..., state] for state, factor in others)], -1)
+    return terms.sum(-1), np.abs(terms).sum(-1)
+
+
+def _moves(reads, lead, others):
+    moved, size = _along(reads, lead, others)
+    return bool((np.abs(moved) > STILL * size).any())
+
+
+def _seen(block, reads, force, drift, reacts, moved):
+    """The maps of a tick; moved: drifts that move the force against the hand, as pairs of a lead and that force for a 1 of it.
+
+    A state that drifts is counted from the lead. The lead itself is the sum of its changes, which go by the other states.
+    """
+    E, B = block.E.copy(), block.B[..., force : force + 1].copy()
+    rows = [(reads @ E, reads @ B)]
+    if reacts:
+        rows.append((block.C[..., 1:2, :], block.D[..., 1:2, force : force + 1]))
+    if moved:
+        change = [
+            (share[..., None] * E[..., lead : lead + 1, :], share[..., None] * B[..., lead : lead + 1, :])
+            for lead, share in moved
+        ]
+        rows.append(tuple(sum(part) for part in zip(*change, strict=True)))
+    for lead, others in drift.moved:
+        for index, factor in others:
+            E[..., index, :] -= factor * E[..., lead, :]
+            B[..., index, :] -= factor * B[..., lead, :]
+    kept = _kept(drift)
+    C, D = (
+        np.concatenate(np.broadcast_arrays(*part) if part[0].ndim > 2 else part, axis=-2) for part in zip(*rows, strict=True)
+    )
+    # Contiguous, since the order of sums follows the memory, and with it the bits of a loop the batch that it is in.
+    return tuple(map(np.ascontiguousarray, (E[..., kept, :][..., kept], B[..., kept, :], C[..., kept], D)))
+
+
+def _kept(drift):
+    leads = {lead for lead, _ in drift.moved}
+    return [index for index in range(len(drift.states)) if index not in leads]
+
+
+def frame_of_port(port: Port) -> np.ndarray:
+    """The frame-to-frame matrix less identity of a port's loop."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return in_a_row(port.kind.tolist(), [each[0] for each in port.maps], then)
+
+
+@dataclass(frozen=True, slots=True)
+class Driven:
+    """Ticks in a row under the force z^k, of all frequencies: `X -> (I + E) X + g`; the outputs times z^-k sum up to `G X + h`.
+
+    turn: z to the number of ticks. dE: bound on the error of E. g_size, G_size, h_size: sizes of the terms of g, G and h.
+    """
+
+    E: np.ndarray
+    dE: np.ndarray
+    g: np.ndarray
+    g_size: np.ndarray
+    G: np.ndarray
+    G_size: np.ndarray
+    h: np.ndarray
+    h_size: np.ndarray
+    turn: np.ndarray
+
+
+def driven(port: Port, z) -> Driven:
+    """The whole frame from its ticks, repeated stretches once."""
+    one = np.ones((z.size, 1))
+    ticks = []
+    for E, B, C, D in port.maps:
+        g, h = one * B[..., 0], one * D[..., 0]
+        G = one[..., None] * C
+        ticks.append(Driven(E, ENTRIES * np.abs(E), g, np.abs(g), G, np.abs(G), h, np.abs(h), z))
+    return in_a_row(port.kind.tolist(), ticks, _joined)
+
+
+def _joined(first, second):
+    """The second stretch begins when the force and the weights have turned by the first one's ticks."""
+    turn = first.turn[:, None]
+    moved, seen = applied(second.E, first.g), second.G @ first.g[..., None]
+    later = (second.G + second.G @ first.E) / turn[..., None]
+    g, h = first.g + moved + turn * second.g, first.h + seen[..., 0] / turn + second.h
+    return Driven(
+        then(first.E, second.E),
+        both((first.E, first.dE), (second.E, second.dE))[1],
+        g,
+        np.abs(first.g) + applied(np.abs(second.E), np.abs(first.g)) + second.g_size,
+        first.G + later,
+        first.G_size + np.abs(second.G) + np.abs(second.G) @ np.abs(first.E),
+        h,
+        first.h_size + (np.abs(second.G) @ np.abs(first.g)[..., None])[..., 0] + second.h_size,
+        first.turn * second.turn,
+    )
+
+
+def applied(E, g):
+    """`E g` of every frequency, or of every loop of a batch; g: `(points, n)`. The bits of a product of matrices would depend
+    on the batch."""
+    return np.multiply(E, g[..., None, :], order="C").sum(-1)
