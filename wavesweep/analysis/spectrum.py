@@ -84,9 +84,7 @@ def balance(E):
             with np.errstate(all="ignore"):
                 factor = np.exp2(np.round(np.log2(row / column) / 2))
             factor = np.where(np.isfinite(factor) & (factor > 0), factor, 1.0)[:, None]
-            size[:, :, k], size[:, k, :] = size[:, :, k] * factor, size[:, k, :] / factor
-            E = E.copy()
-            E[:, :, k] *= factor
-            E[:, k, :] /= factor  # the diagonal is as it was
+            size[:, :, k] *= factor
+            size[:, k, :] /= factor
             units[:, k] *= factor[:, 0]
-    return E, units
+    return E * (units[:, None, :] / units[:, :, None]), units

@@ -291,10 +291,12 @@ class _Samples:
         found = self.evaluate(some.column[:, None], some.at(x))
         n = found.E.shape[-1]
         E = found.E.reshape(which.size, x.size, n, n) * self.ratio[which]
-        known = (np.abs(E) < LARGEST).all((1, 2, 3))
-        E = np.where(known[:, None, None, None], E, 0.0)
+        largest = np.abs(E).max((1, 2, 3), initial=1)
+        known = largest < LARGEST
+        if not known.all():
+            E[~known], largest = 0.0, np.where(known, largest, 1)
         if self.size is None:
-            self.size = np.exp2(np.ceil(np.log2(np.abs(E).max((1, 2, 3), initial=1))))
+            self.size = np.exp2(np.ceil(np.log2(largest)))
         E /= self.size[which, None, None, None]
         c, reach, more = characteristic(E.reshape(-1, n, n))
         power = more ** np.arange(n, 0, -1)[:, None]
