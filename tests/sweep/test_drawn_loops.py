@@ -11,6 +11,7 @@ from support.drawn import ARM, JOINT, NETWORK, PD, WALL, as_blocks, random_table
 from support.specs import KINDS, nested
 
 import wavesweep
+from wavesweep.analysis.intervals import regions
 from wavesweep.diagram import blocks
 from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.errors import SpecError, UsageError
@@ -609,3 +610,40 @@ def test_a_local_model_that_divides_by_nothing_is_refused_at_its_key(integration
     with pytest.raises(UsageError, match="a value without a loop"):
         loop.stable_intervals("k", (1.1 * value, 10.0))
     assert loop.stable_intervals("k", (0.9 * value, 10.0)).certified.all()
+
+
+def behind(filter_):
+    """A wall whose force passes a filter before a hold."""
+    return {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 20.0, "B": 1.0, "m": 0.1},
+        "block": {"arm": {"type": "mass", "mass": "m", "damping": 0.5}, "slow": {"type": "hold", "every": 5}, "g": filter_},
+        "wire": {"arm.f": "-slow.y", "g.u": "K*arm.x + B*arm.v", "slow.u": "g.y"},
+    }
+
+
+@pytest.mark.parametrize("along", ["K", "m"])
+@pytest.mark.parametrize(("order", "low", "high"), [(4, 2000, 9000), (5, 100, 500), (8, 100, 500), (12, 100, 500)])
+def test_a_transfer_function_of_high_order_is_certified_as_its_poles_in_a_row_are(order, low, high, along):
+    """Its states are derivatives of each other, so entries are powers of poles: 1e14 for four of 2,000 to 9,000 rad/s."""
+    poles, span = np.linspace(low, high, order), {"K": (0, 2000), "m": (0.01, 1.0)}[along]
+    den = np.poly(-poles).tolist()
+    row = np.diag(-poles) + np.diag(poles[1:], -1)
+    first, last = np.eye(order)[:, :1] * poles[0], np.eye(order)[-1:]
+    filters = (
+        {"type": "tf", "num": [den[-1]], "den": den},
+        {"type": "ss", "A": row.tolist(), "B": first.tolist(), "C": last.tolist()},
+    )
+    one, many = (wavesweep.compile(behind(each)).stable_intervals(along, span, B=[0.5, 1.0]) for each in filters)
+    assert one.certified.all()
+    assert many.certified.all()
+    np.testing.assert_array_equal(one.intervals, many.intervals)
+    np.testing.assert_allclose(one[["low", "high"]], many[["low", "high"]], rtol=1e-9)
+
+
+def test_no_unstable_stretch_is_given_as_stable_where_a_first_count_is_not_known(monkeypatch):
+    """Above 400 an eigenvalue crosses at z = -1: one more than "not known" is not none."""
+    monkeypatch.setattr(regions, "count_where_clear", lambda _, which, __: np.full(which.size, -1))
+    found = compiled(PD).stable_intervals("kd", (0, 2000), kp=[0.0])
+    assert found.doubt.tolist() == ["counts"]
+    np.testing.assert_allclose(found[["low", "high"]], [[0, 400]], rtol=1e-9)

@@ -3,7 +3,7 @@
 DOUBTS = {
     "": "the row is certified",
     "rounding": "rounding of the loop's own entries could move a number beyond its tolerance, or change stable to unstable",
-    "counts": "the counts of unstable eigenvalues do not fit the crossings that were found",
+    "counts": "the counts of unstable eigenvalues do not fit the crossings that were found, or are not known everywhere",
     "crowded": "crossings or poles lie too close together to prove that none is missed",
     "search": "part of the range could not be searched with proof",
     "overflow": "the frame's matrix overflows, so part of the range, or the response, is not known",

@@ -69,16 +69,17 @@ def _from_circle(E, theta):
     return np.linalg.svd(A, compute_uv=False)[..., -1].min(-1)
 
 
-def balance(E):
+def balance(E, sweeps: int = BALANCING):
     """E in states of such units that its rows and columns are of like size, by powers of two (Osborne 1960), and these units.
 
-    E: `(matrices, n, n)`. In units u `(matrices, n)` the entry (i, j) of any matrix is multiplied by u_j/u_i.
+    E: `(matrices, n, n)`. In units u `(matrices, n)` the entry (i, j) of any matrix is multiplied by u_j/u_i. sweeps: how often
+    all states are looked at.
     """
     size = np.abs(E)
     units = np.ones(E.shape[:-1])
     index = np.arange(E.shape[-1])
     size[:, index, index] = 0
-    for _ in range(BALANCING):
+    for _ in range(sweeps):
         for k in index:
             row, column = size[:, k, :].sum(-1), size[:, :, k].sum(-1)
             with np.errstate(all="ignore"):

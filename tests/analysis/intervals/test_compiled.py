@@ -218,8 +218,8 @@ def test_signs_decide_as_they_do_in_numpy(n):
     pieces = np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64), np.empty((64, n))
     for i in range(400):
         values, slopes = np.empty(n), np.empty(n)
-        count = _roots(rows[i].copy(), noise[i], change_of_basis(n), largest_bernstein(n - 1), pieces, values, slopes)
-        assert count >= 0 or not complete[i]  # slopes decide some rows that signs leave
+        count = _roots(rows[i].copy(), noise[i], change_of_basis(n), largest_bernstein(n - 1), 0.0, pieces, values, slopes)
+        assert (count >= 0) == complete[i]
         if complete[i]:
             np.testing.assert_allclose(values[:count], value[row == i], rtol=1e-12, atol=1e-15)
             np.testing.assert_array_equal(slopes[:count], slope[row == i])

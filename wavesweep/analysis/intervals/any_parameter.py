@@ -12,7 +12,8 @@ from wavesweep.analysis.intervals.interpolated import MOST_ORDER, MoreStatesErro
 from wavesweep.analysis.intervals.panels import RIM, ROUGH, panel_roots
 from wavesweep.analysis.intervals.polishing import ATTACHED, polished
 from wavesweep.analysis.intervals.regions import NEAR_ZERO, count_where_clear, cut_span
-from wavesweep.analysis.intervals.stable import LARGEST, Intervals, doubts_of, intervals_of
+from wavesweep.analysis.intervals.stable import LARGEST, SWEEPS, UNEVEN, Intervals, doubts_of, intervals_of
+from wavesweep.analysis.spectrum import balance
 
 NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing is given up
 MANY = 512  # so many open panels of one column are, too
@@ -57,6 +58,11 @@ def _same(p):
 def _stable(evaluate, span, columns, period, bounds, slack) -> Intervals:
     """The same, the columns whose frames forget the same states together; see `_alike`."""
     recurring, sizes = typical(evaluate, span, columns)
+    uneven = sizes.max((1, 2), initial=0.0) > UNEVEN
+    if uneven.any():
+        units = np.where(uneven[:, None], balance(sizes, SWEEPS)[1], 1.0)
+        evaluate, ratio = partial(_in_units, evaluate, units), units[:, None, :] / units[:, :, None]
+        recurring, sizes = recurring * ratio, sizes * ratio
     kept, done = living(recurring), []
     pending = np.arange(columns)
     while pending.size:
@@ -75,6 +81,15 @@ def _stable(evaluate, span, columns, period, bounds, slack) -> Intervals:
 
 def _through(evaluate, out, column, t):
     return evaluate(column, out(t))
+
+
+def _in_units(evaluate, units, column, p):
+    """Frames in other units of the states; those of other states than the typical ones are left as they are."""
+    found = Frames.of(evaluate(column, p))
+    if found.E.shape[-1] != units.shape[-1]:
+        return found
+    own = units[np.broadcast_to(column, p.shape).ravel()]
+    return replace(found, E=found.E * (own[:, None, :] / own[:, :, None]))
 
 
 def _of(evaluate, names, column, p):

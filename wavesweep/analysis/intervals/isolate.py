@@ -52,12 +52,12 @@ def isolate(coefficients, noise) -> Roots:
     return found
 
 
-def by_signs(coefficients, noise) -> Roots:
-    """The same where the signs decide, by the kernel."""
+def by_signs(coefficients, noise, steep) -> Roots:
+    """The same where signs and slopes decide, by the kernel, for noise of any kind with a slope of `steep` times its size."""
     from wavesweep.analysis.intervals.compiled.isolating import rows_by_sign
 
     coefficients, noise = _of_size_one(coefficients, noise)
-    value, within, slope, count = rows_by_sign(coefficients, noise)
+    value, within, slope, count = rows_by_sign(coefficients, noise, steep)
     inside = np.arange(value.shape[1] - 1) < count[:, None]
     found = _none(coefficients)
     return replace(

@@ -108,7 +108,8 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
     from the directions of all crossings between (`_first_counts`); the counts of the other regions from the directions of the
     crossings before them. Where eigenvalues were counted in a column's first region, they are counted as well in every region
     whose count comes to 0, which makes an interval stable, and in narrow ones of all columns. Columns whose crossings are not
-    all proved have every region counted at many points, and a region has no label where these disagree.
+    all proved, or one of whose counts is not clear, have every region counted at many points, and a region has no label where
+    these disagree.
     """
     parts = cut_span(span, fixed.size, found.column, found.value, found.theta, found.jump)
     doubt, rise = np.zeros(parts.column.size, int), np.cumsum(parts.gain)
@@ -125,12 +126,12 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
         owner, found.above, followed, least, lambda columns: count_where_clear(parts, first[columns], matrices)
     )
     unstable = (rise + begins[parts.column]).astype(int)
-    unstable[first] = begins
-    doubt[(begins < 0)[parts.column]] = ROUNDING
-    claimed = parts.has_previous & (unstable <= 0) & found.complete[parts.column] & (narrow | counted[parts.column])
+    unknown = (begins < 0)[parts.column]  # nothing follows from a count that is not known
+    unstable[unknown], doubt[unknown] = -1, COUNTS
+    claimed = parts.has_previous & ~unknown & (unstable <= 0) & found.complete[parts.column] & (narrow | counted[parts.column])
     claimed = np.flatnonzero(claimed)
     seen = count_where_clear(parts, claimed, matrices)
-    doubt[claimed] = np.maximum(doubt[claimed], np.where(seen < 0, ROUNDING, np.where(seen == unstable[claimed], NONE, COUNTS)))
+    doubt[claimed] = np.maximum(doubt[claimed], np.where(seen == unstable[claimed], NONE, COUNTS))
     error, end_doubt = _judged_ends(cut, owner, along, fixed, span, found, parts, unstable)
     whole = parts.labelled(unstable, doubt, end_doubt, error)
     worst = np.where(found.complete, NONE, COUNTS)

@@ -4,16 +4,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.analysis.doubt import CROWDED, NONE, OVERFLOW, ROUNDING
+from wavesweep.analysis.doubt import COUNTS, CROWDED, NONE, OVERFLOW
 from wavesweep.analysis.intervals.arcs import arc_crossings
 from wavesweep.analysis.intervals.boundary import K_VE
 from wavesweep.analysis.intervals.crossings import crossings, sampled_polynomial, warp_scale
 from wavesweep.analysis.intervals.regions import Regions, cut_span, regions
 from wavesweep.analysis.rows import Rows
+from wavesweep.analysis.spectrum import balance
 from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 LARGEST = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
+UNEVEN, SWEEPS = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +65,7 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     if along != K_VE and cut.integrates and np.any(fixed == 0):
         return _joined(cut, along, span, fixed)
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
+    cut = _in_own_units(cut)
     if chosen() == NUMPY:
         return _by_numpy(cut, owner, along, flat, span)
     from wavesweep.analysis.intervals import compiled
@@ -73,6 +76,26 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     rest = _by_numpy(cut, owner[left], along, flat[left], span)
     whole = Intervals.join([found, replace(rest, column=left[rest.column])])
     return whole.take(np.argsort(whole.column, kind="stable"))
+
+
+def _in_own_units(cut: Cut) -> Cut:
+    """The loops in states of such units that none of their entries is large, if any is UNEVEN.
+
+    States of a transfer function are derivatives of each other, whose sizes differ by powers of its poles.
+    """
+    E, B, C = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (cut.E, cut.B, cut.C))
+    with np.errstate(invalid="ignore"):
+        some = np.flatnonzero((np.abs(E).max((-1, -2), initial=0.0) > UNEVEN) & np.isfinite(E).all((-1, -2)))
+    if not some.size:
+        return cut
+    n, (E, B, C) = cut.order, (part.copy() for part in (E, B, C))
+    whole = np.zeros((some.size, n + 1, n + 1))
+    whole[:, :n, :n], whole[:, :n, n], whole[:, n, :n] = E[some], B[some, :, 0], np.abs(C[some]).max(-2)
+    _, units = balance(whole, SWEEPS)
+    units = (units[:, :n] / units[:, n:])[:, None, :]
+    back = np.swapaxes(units, -1, -2)
+    E[some], B[some], C[some] = E[some] * (units / back), B[some] / back, C[some] * units
+    return replace(cut, E=E, B=B, C=C)
 
 
 def _by_numpy(cut, owner, along, fixed, span) -> Intervals:
@@ -126,9 +149,9 @@ def _judged(cut, owner, along, fixed, span, found) -> tuple[Regions, np.ndarray]
 
 
 def doubts_of(parts: Regions, doubt) -> np.ndarray:
-    """The gravest doubt of each column: its own, and those of its regions; a region without a label leaves at least one."""
+    """The gravest doubt of each column: its own, and those of its regions; a region without a label leaves at least COUNTS."""
     doubt = np.array(doubt)
-    np.maximum.at(doubt, parts.column, np.where(parts.unstable < 0, np.maximum(parts.doubt, ROUNDING), parts.doubt))
+    np.maximum.at(doubt, parts.column, np.where(parts.unstable < 0, np.maximum(parts.doubt, COUNTS), parts.doubt))
     return doubt
 
 

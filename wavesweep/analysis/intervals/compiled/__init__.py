@@ -145,7 +145,7 @@ def _of_loop(own, condition, scale, low, high, tables, state, fixed, ends, above
         ends[1, 0, column], ends[1, 1, column] = np.sign(at_one), -np.sign(at_minus_one)
         if len(change) == n:
             roots = _roots(
-                c, (noise[0] + abs(y) * noise[1]) * (n * (n + 1) / 2) / size, change, farthest, pieces, values, slopes
+                c, (noise[0] + abs(y) * noise[1]) * (n * (n + 1) / 2) / size, change, farthest, 0.0, pieces, values, slopes
             )
         if roots < 0 or np.isnan(ends[0, :, column]).any():
             state[column] = LEFT

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavesweep.analysis.intervals.bernstein import CLOSE, HALVINGS, SHARE, STEPS, change_of_basis, largest_bernstein
+from wavesweep.analysis.intervals.bernstein import CLOSE, HALVINGS, SHARE, STEPS, change_of_basis
 from wavesweep.analysis.intervals.compiled.solving import compiled
 
 HALF = 0.5  # of the distance to the next root
@@ -46,16 +46,13 @@ def _once(b, threshold):
 
 
 @compiled
-def _monotone(b, width, noise, rounding):
-    """Whether the polynomial on a piece of that width has different signs at its ends and a slope of one sign.
-
-    Noise of at most that on [-1, 1] has a slope of at most its degree squared times that there (V. A. Markov 1892), which is
-    less than what it can do to Bernstein coefficients.
-    """
+def _monotone(b, width, noise, rounding, steep):
+    """Whether the polynomial on a piece of that width has different signs at its ends, and a slope of one sign that noise with
+    `steep` times its size as slope does not turn."""
     n = len(b)
     if not (min(abs(b[0]), abs(b[n - 1])) > noise + rounding and b[0] * b[n - 1] < 0):
         return False
-    least, turn = (n - 1) * width * noise + 2 * rounding, np.sign(b[n - 1])
+    least, turn = steep * width * noise / (n - 1) + 2 * rounding, np.sign(b[n - 1])
     return bool((turn * (b[1:] - b[:-1]) > least).all())
 
 
@@ -92,8 +89,12 @@ def _root(b):
 
 
 @compiled
-def _roots(c, noise, change, farthest, pieces, values, slopes):
-    """The roots in (-1, 1) of a column's polynomial in `values`, and their number; -1 if signs do not decide."""
+def _roots(c, noise, change, farthest, steep, pieces, values, slopes):
+    """The roots in (-1, 1) of a column's polynomial in `values`, and their number; -1 if signs do not decide.
+
+    farthest: what noise, which is a polynomial of that degree, may do to Bernstein coefficients, over its size; or steep: what
+    its slope may be, if that is all that is known of it. The other is 0.
+    """
     n, found, open_ = len(c), 0, 1
     low, high, depth, unsure, b = pieces
     low[0], high[0], depth[0], unsure[0] = -1.0, 1.0, 0, _whole(c, change, b[0])
@@ -106,7 +107,7 @@ def _roots(c, noise, change, farthest, pieces, values, slopes):
         if least > noise + rounding or most < -noise - rounding:
             open_ -= 1
         elif found < len(values) and (
-            _once(piece, farthest * noise + rounding) or _monotone(piece, right - left, noise, rounding)
+            _monotone(piece, right - left, noise, rounding, steep) if steep else _once(piece, farthest * noise + rounding)
         ):
             values[found], slopes[found] = left + (right - left) * _root(piece), np.sign(piece[n - 1])
             found, open_ = found + 1, open_ - 1
@@ -121,13 +122,13 @@ def _roots(c, noise, change, farthest, pieces, values, slopes):
 
 
 @compiled
-def _of_rows(c, noise, change, farthest, values, within, slopes, counts):
+def _of_rows(c, noise, change, steep, values, within, slopes, counts):
     """The roots of every row, how far from each no other one is, and their number; -1 where signs do not decide."""
     n = c.shape[1]
     pieces = np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64), np.empty((64, n))
     found, slope = np.empty((2, n))
     for row in range(len(c)):
-        counts[row] = _roots(c[row], noise[row], change, farthest, pieces, found, slope)
+        counts[row] = _roots(c[row], noise[row], change, 0.0, steep, pieces, found, slope)
         order = np.argsort(found[: max(counts[row], 0)])
         for at in range(len(order)):
             value = found[order[at]]
@@ -137,12 +138,12 @@ def _of_rows(c, noise, change, farthest, values, within, slopes, counts):
             within[row, at] = HALF * min(value - before, after - value)
 
 
-def rows_by_sign(coefficients, noise):
+def rows_by_sign(coefficients, noise, steep):
     """`bernstein.roots_by_sign`, but the roots of a row in rows: values, within what of each no other is, slopes, `(rows, n)`
-    each, and their number; -1 for rows that are not decided."""
+    each, and their number; -1 for rows that are not decided. steep: what the slope of noise may be, over its size."""
     rows, n = coefficients.shape
     (values, within, slopes), counts = np.zeros((3, rows, n)), np.empty(rows, np.int64)
     if rows:
         arrays = np.ascontiguousarray(coefficients), np.ascontiguousarray(noise), change_of_basis(n)
-        _of_rows(*arrays, float(largest_bernstein(n - 1)), values, within, slopes, counts)
+        _of_rows(*arrays, float(steep), values, within, slopes, counts)
     return values, within, slopes, counts
