@@ -132,6 +132,21 @@ def test_a_batch_gives_the_bits_of_its_members(kind):
             assert np.array_equal(found, getattr(alone, part))
 
 
+@pytest.mark.parametrize("lp2", [0, 2])
+def test_a_frame_at_rest_that_forgets_states_has_the_same_bits_alone(lp2):
+    """With K_LM = 0 the local model's states leave the tick, and what stays must not lie otherwise in a batch's memory."""
+    values, masses = (
+        values_of("pmw-lm", Kp=20.0, K_LM=0.0, lp2_order=lp2, **{"local_model.delay": 0}),
+        np.array([0.1, 0.137, 0.2741]),
+    )
+    together = frame_at_rest(draw(values | {"device.mass": masses}))
+    for i in range(3):
+        alone = frame_at_rest(draw(values | {"device.mass": masses[i : i + 1]}))
+        for part in "EBCD":
+            found = np.broadcast_to(getattr(together, part), (3, *getattr(alone, part).shape[1:]))[i]
+            assert np.array_equal(found, getattr(alone, part)[0])
+
+
 @pytest.mark.parametrize(("kind", "seed"), SPECS)
 def test_a_cut_from_the_frame_at_rest_has_the_same_bits(kind, seed):
     """What is felt at rest needs more inputs and outputs; one connection serves both."""

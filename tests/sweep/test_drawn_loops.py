@@ -18,6 +18,7 @@ from wavesweep.errors import SpecError, UsageError
 from wavesweep.spec import load, sweep_axes
 from wavesweep.sweep.checkpoint import blocks as rows_of
 from wavesweep.sweep.checkpoint import checkpoint_of
+from wavesweep.sweep.drawn_loops import exact_cut
 from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.job import cut_otherwise, job_of, job_over
 from wavesweep.sweep.planning import plan
@@ -647,3 +648,16 @@ def test_no_unstable_stretch_is_given_as_stable_where_a_first_count_is_not_known
     found = compiled(PD).stable_intervals("kd", (0, 2000), kp=[0.0])
     assert found.doubt.tolist() == ["counts"]
     np.testing.assert_allclose(found[["low", "high"]], [[0, 400]], rtol=1e-9)
+
+
+@pytest.mark.parametrize("value", [1.0, 1.25])
+def test_numbers_that_are_one_are_not_taken_for_numbers_that_are_not_zero(value):
+    """The factors of the drift are those of these numbers, so g is one scalar gain of the frame."""
+    tables = {
+        "rates": {"tick_hz": 10},
+        "numbers": {"a": value, "c": value, "g": 1.0, "h": value},
+        "block": {"i": {"type": "integrator"}, "j": {"type": "integrator"}, "d": {"type": "delay"}},
+        "wire": {"i.u": "-a*i.y + c*j.y - g*d.y", "j.u": "h*i.y*a - h*c*j.y", "d.u": "i.y + j.y"},
+    }
+    loop = wavesweep.compile(tables)
+    assert exact_cut(loop.spec.drawing, dict(loop.spec.values), dict(loop.spec.values), "g") is not None

@@ -138,7 +138,8 @@ def tame_pair(
         return _uneven_pair(drawing, tuple((shape | {RATIO: values[RATIO]}).items()))
     kept = {"rates.tick_hz", *(f"numbers.{name}" for name in drawing.shaping)}
     kept |= {path for path, value in values.items() if actual and np.ndim(value) == 0}
-    fixed = tuple((path, value if path in kept else bool(np.any(value))) for path, value in values.items())
+    # As keys True and 1.0 are the same, and a number of its own is another thing than one that is not zero.
+    fixed = tuple((path, path in kept, value if path in kept else bool(np.any(value))) for path, value in values.items())
     return _tame_pair(drawing, fixed, tuple(own.items()), out)
 
 
@@ -150,7 +151,10 @@ def _uneven_pair(drawing, shape):
 @lru_cache(maxsize=256)
 def _tame_pair(drawing, fixed, own, out):
     for scale in (*SCALES, None):
-        pair = [{path: _tamed(path, value, dict(own)[path], salt, scale) for path, value in fixed} for salt in SALTS]
+        pair = [
+            {path: value if kept else _tamed(path, value, dict(own)[path], salt, scale) for path, kept, value in fixed}
+            for salt in SALTS
+        ]
         if not any(list(drawing.faults(values)) for values in pair):
             break
     return tuple(assembled(drawing, values, out) for values in pair)
@@ -162,8 +166,6 @@ SCALES = (0.3, 3.0, 30.0, 300.0, 0.003)
 
 
 def _tamed(path, value, own, salt, scale):
-    if not isinstance(value, bool):
-        return value
     factor = crc32((salt + path).encode()) % 997 / 997
     return value * (own * (1 + 0.01 * factor) if scale is None and own else (scale or 1.0) * (1 + factor))
 

@@ -101,9 +101,10 @@ def prune(block: Block) -> tuple[Block, tuple[str, ...]]:
         block.inputs,
         block.outputs,
         names,
-        E=block.E[..., index[:, None], index],
-        B=block.B[..., index, :],
-        C=block.C[..., index],
+        # Contiguous, since the bits of a product depend on the memory, and with it on the batch.
+        E=np.ascontiguousarray(block.E[..., index[:, None], index]),
+        B=np.ascontiguousarray(block.B[..., index, :]),
+        C=np.ascontiguousarray(block.C[..., index]),
         D=block.D,
         condition=block.condition,
         pivot=block.pivot,
