@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import wavesweep
 from wavesweep.analysis.intervals import panels, stable_along_any
 from wavesweep.analysis.intervals.critical import ONE, PAIR
 from wavesweep.analysis.intervals.polishing import _nearest, polished
@@ -94,3 +95,24 @@ def test_a_batch_in_parts_has_the_same_bits(kind):
     whole = growth(E, 20)
     assert np.array_equal(whole[::991], np.stack([growth(one, 20) for one in E[::991]]))
     assert np.array_equal(in_parts(lambda part: E[part], E.shape[:1], 5, kind), E)
+
+
+@pytest.mark.parametrize("form", ["(p-0.3)**2/(p+0.1)", "(p-0.3)**2*(1+3*p)"])
+def test_ends_next_to_each_other_keep_their_digits(form):
+    """A hole of a millionth: det A = s (1 - form), so its ends solve `form = 1 - 1/s`; a slope over its width is wrong."""
+    A = [["0.4", "0.9"], [f"(0.4*1.1-s*(1-{form}))/0.9", "1.1"]]
+    block = {"type": "ss", "discrete": True, "A": A, "B": [[0], [0]], "C": [[1, 0]], "outputs": ["y"]}
+    tables = {"rates": {"tick_hz": 1000}, "numbers": {"p": 0.5, "s": 1.0}, "block": {"a": block}, "wire": {"a.u": 0}}
+    s = 1 + np.geomspace(1e-6, 1e-4, 160) ** 2
+    found = wavesweep.compile(tables).stable_intervals("p", (0, 1), s=s)
+    known = found[found.certified]
+    assert known.s.nunique() > 100
+    for value, rows in known.groupby("s"):
+        level = (value - 1) / value
+        for side in (-1, 1):
+            end = 0.3
+            for _ in range(50):  # (p - 0.3)^2 is the level over the other factor, which varies slowly
+                factor = 1 / (end + 0.1) if "/" in form else 1 + 3 * end
+                end = 0.3 + side * np.sqrt(level / factor)
+            ends = rows[["low", "high"]].to_numpy().ravel()
+            assert np.abs(ends - end).min() <= 1e-9 * (end + 1e-5)

@@ -14,7 +14,9 @@ from wavesweep.lifted.circle import inverse
 
 ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
 STEP = 1e3  # times what rounding may move an end by: how far a correction may go, and where its slope is taken from
+SHORT, LEAST = 0.05, 10.0  # of a disc, if that is nearer; and times that again at least
 ROUNDED = 4  # roundings of every entry that an end has to withstand
+LAST = 4.0  # times the last correction: what an end may be off by
 BESIDE = 1e-10  # of an eigenvalue, how far from it its vectors are looked for
 SECANT, SECANTS = 1e-3, 3  # of a disc, the first step from its middle; how many follow
 TRIES = 4  # steps of Newton from where a root was found
@@ -58,12 +60,18 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
     def end(at):
         return _end(evaluate, column[at], kind[at], x[at], slack, reach[at])
 
-    ends, rest = np.zeros((3, x.size)), np.arange(x.size)
+    ends, rest = np.zeros((4, x.size)), np.arange(x.size)
     for _ in range(TRIES):
         if rest.size:
             x[rest], *ends[:, rest] = end(rest)
-            # A root of this eigenvalue in the disc, which has one root only.
-            met = (np.abs(ends[0]) <= CLEAR) & (np.abs(x - found.x) <= reach) & np.isfinite(ends[2])
+            # A root of this eigenvalue in the disc, which has one root only, from which the last correction was small
+            # beside what an end may be off by: what is left is a share of it.
+            met = (
+                (np.abs(ends[0]) <= CLEAR)
+                & (np.abs(x - found.x) <= reach)
+                & np.isfinite(ends[2])
+                & (LAST * ends[3] <= slack(x))
+            )
             rest = np.flatnonzero(~met)
     if rest.size:  # Newton's method does not get there
 
@@ -74,9 +82,11 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
         low, high, least = found.x - reach, found.x + reach, span[0] + ATTACHED / 4 * width
         x[rest], met[rest] = bracketed_roots(value, low[rest], high[rest], found.x[rest], least)
         x[rest], *ends[:, rest] = end(rest)
-    miss, theta, moved = ends
+    miss, theta, moved, by = ends
     # A reciprocal pair of real eigenvalues crosses nothing, wherever it is.
-    firm = (moved <= slack(x)) | ((kind == PAIR) & (theta == 0)) | (np.abs(x - span[0]) <= ATTACHED * width)
+    firm = (
+        (np.maximum(moved, LAST * by) <= slack(x)) | ((kind == PAIR) & (theta == 0)) | (np.abs(x - span[0]) <= ATTACHED * width)
+    )
     ends = Ends(column, kind, x, theta, miss, met & (np.abs(miss) <= CLEAR) & firm)
     ends = ends.take(np.lexsort((x, kind, column)))
     new = np.ones(x.size, bool)
@@ -101,8 +111,11 @@ def _by_secants(value, x, reach):
 
 def _end(evaluate, column, kind, x, slack, reach):
     """Better values of the roots x, no farther than `reach`; by how much the eigenvalue misses its place at x itself, and its
-    angle there; and by how much rounding moves the root, which is infinite if x is not next to it."""
-    step = STEP * slack(x)
+    angle there; by how much rounding moves the root, which is infinite if x is not next to it; and how far it was to go.
+
+    The slope is taken over a step that is short beside the way to the next root, where two of them nearly merge.
+    """
+    step = np.clip(SHORT * reach, LEAST * slack(x), STEP * slack(x))
     found = Frames.of(evaluate(np.tile(column, 2), np.concatenate([x, x + step])))
     E = found.E
     w, miss, theta = _nearest(E[: x.size], kind)
@@ -113,7 +126,8 @@ def _end(evaluate, column, kind, x, slack, reach):
         _, later, _ = _nearest(E[x.size + pairs], kind[pairs])
         with np.errstate(all="ignore"):
             by[pairs], moved[pairs] = -miss[pairs] * step[pairs] / (later - miss[pairs]), 0.0
-    return np.where(np.abs(by) <= np.maximum(step, reach), x + by, x), miss, theta, np.where(np.abs(by) <= step, moved, np.inf)
+    moved = np.where(np.abs(by) <= STEP * slack(x), moved, np.inf)
+    return np.where(np.abs(by) <= np.maximum(step, reach), x + by, x), miss, theta, moved, np.abs(by)
 
 
 def _nearest(E, kind):
