@@ -1,8 +1,11 @@
 """The library's figures: those of the commands, drawn for a compiled loop."""
 
+import tomllib
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from support.drawn import ARM
 
 import wavesweep
 from wavesweep import plots
@@ -62,3 +65,8 @@ def test_the_caption_says_of_a_wall_what_the_loop_has():
     figure = wavesweep.compile({"controller": {"kind": "dc-slow"}}).plot_zwidth(span=(0, 4000), B_VE=[0.0, 1.0])
     assert "implicit" not in figure.get_supxlabel()
     assert "without integration" in figure.get_supxlabel().replace("\n", " ")
+
+
+def test_the_figure_of_a_drawn_loop_lies_along_its_own_axis():
+    loop = wavesweep.compile(tomllib.loads(ARM))
+    assert loop.plot_zwidth(kp=[60.0, 120.0, 240.0]).axes

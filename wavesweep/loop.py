@@ -61,6 +61,11 @@ class Loop:
         frame = f"frame of {round(float(ticks))} ticks, {1e3 * float(self.cut.period):.6g} ms"
         return f"<Loop {self.spec.name}: {values['controller.kind']}, {self.cut.order} states, {frame}; {numbers}>"
 
+    @property
+    def _usual(self) -> str | None:
+        """The axis of intervals if none is given."""
+        return self.spec.along if self.spec.drawing else "K_VE"
+
     def stable_intervals(self, along: str | None = None, span=None, **axes):
         """All stable intervals along an axis, for the product of the other axes given: a DataFrame, a row per interval.
 
@@ -75,7 +80,7 @@ class Loop:
         from wavesweep.sweep.job import job_over
         from wavesweep.sweep.running import in_memory
 
-        axis = self._along(along or (self.spec.along if self.spec.drawing else "K_VE"), span)
+        axis = self._along(along or self._usual, span)
         grid = make_grid(self.spec, self._axes(axes, axis), axis.path, self.read)
         return self._frame("zwidth", in_memory(job_over(grid, axis, None if grid.loop_axes else self.cut)))
 
@@ -90,7 +95,7 @@ class Loop:
         from wavesweep.sweep.grid import make_grid
         from wavesweep.sweep.why_table import sensitivities
 
-        axis = self._along(along or (self.spec.along if self.spec.drawing else "K_VE"), span)
+        axis = self._along(along or self._usual, span)
         grid = make_grid(self.spec, self._axes(axes, axis), axis.path, self.read)
         return self._frame("why", sensitivities(grid, axis, None if grid.loop_axes else self.cut))
 
@@ -138,11 +143,12 @@ class Loop:
 
         return self._frame("simulate", table(simulation_of(self.spec, force, **options)))
 
-    def plot_zwidth(self, along: str = "K_VE", span=None, **axes):
+    def plot_zwidth(self, along: str | None = None, span=None, **axes):
         """The figure of stable intervals, as `wavesweep zwidth` draws it: a matplotlib `Figure`, which a notebook shows.
 
         along, span, axes: as for `stable_intervals`. Intervals between the values given are computed for the figure.
         """
+        along = along or self._usual
         columns = self.stable_intervals(along, span, **axes)
         axis = self._along(along, span)
         swept = {"along": along, **{name: np.atleast_1d(values).tolist() for name, values in axes.items()}}

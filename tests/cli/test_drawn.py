@@ -1,13 +1,15 @@
 """The commands on a spec that draws its loop: tables with the units of its numbers, and refusals in a sentence."""
 
 import json
+import tomllib
 
 import numpy as np
 import pytest
 from support.drawn import ARM, WALL
 
-from wavesweep.cli import main
+from wavesweep.cli import check, main
 from wavesweep.results import read
+from wavesweep.spec import load
 
 
 @pytest.fixture
@@ -124,3 +126,35 @@ def test_the_figure_names_the_number_with_its_unit(run):
     code, _, results = run("stability-region", "arm.toml", "--plot")
     assert code == 0
     assert (results / "arm" / "stability-region.png").stat().st_size > 5000
+
+
+def test_a_drawn_loop_is_refused_by_design_whatever_tables_it_has(run):
+    code, text, _ = run("design", "arm.toml")
+    assert (code, text) == (2, "Error: arm: expected a spec with a [controller] to design, found a drawn loop\n")
+
+
+def test_what_is_not_known_is_not_called_unstable():
+    limit = {"name": "c", "value": 5.0, "stable": False, "certified": False, "doubt": "counts"}
+    limit |= {"intervals": [], "from": 0, "to": 50}
+    spec = load(tomllib.loads(ARM))
+    assert check._limit(spec, limit).endswith(": no stable value known in 0 to 50 N*s/m (counts)")
+    assert check._limit(spec, limit | {"certified": True, "doubt": ""}).endswith(": nowhere stable in 0 to 50 N*s/m")
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "text"),
+    [
+        (None, None, "not known"),
+        (None, 0.5, "stiffness not known and 0.5 N*s/m"),
+        (-200.0, -1.1, "-200 N/m and -1.1 N*s/m"),
+        (200.0, -1.1, "200 N/m and -1.1 N*s/m; negative, as the wall answers late"),
+    ],
+)
+def test_what_is_felt_is_said_as_far_as_it_is_known(stiffness, damping, text):
+    assert check._felt({"stiffness": stiffness, "damping": damping}, "N/m", "N*s/m") == text
+
+
+def test_a_folder_that_begins_with_a_tilde_is_taken_as_it_is(run, tmp_path):
+    code, _, _ = run("stability-region", "arm.toml", "--out", "~/zz")
+    assert code == 0
+    assert sorted(each.suffix for each in (tmp_path / "~" / "zz").iterdir()) == [".csv", ".json", ".parquet"]

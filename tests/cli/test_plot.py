@@ -129,3 +129,13 @@ def test_bad_tables_get_one_line(wavesweep, spec, tmp_path, case):
     assert message in err
     assert len(err.strip().splitlines()) == 1
     assert not table.with_suffix(".png").exists()
+
+
+def test_another_file_in_place_of_the_data_package_is_left_as_it_is(wavesweep, spec, tmp_path):
+    made = tmp_path / "made"
+    assert wavesweep("zwidth", spec, "--no-plot", "--out", made)[0] == 0
+    package = made / "zwidth.datapackage.json"
+    package.write_text("{")
+    assert wavesweep("plot", made / "zwidth.parquet")[0] == 0
+    assert package.read_text() == "{"
+    assert (made / "zwidth.png").exists()

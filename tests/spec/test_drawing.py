@@ -7,6 +7,7 @@ import pytest
 from support.drawn import ARM, NETWORK, PD, WALL
 from support.specs import nested
 
+import wavesweep
 from wavesweep.errors import SpecError
 from wavesweep.results.schema import TABLES
 from wavesweep.spec import load, sweep_axes
@@ -105,6 +106,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
         ([('type = "delay"\n', "")], "15:2: block.net.type", TYPES, "nothing (it has no default)"),
         ([("mass = 0.2\n", "")], "10:2: block.arm.mass", "a number > 0", "nothing (it has no default)"),
         ([("mass = 0.2", "mass = -1")], "12:8: block.arm.mass", "a number, or an expression, > 0", "-1"),
+        ([("damping = 0.063", "damping = true")], "13:11: block.arm.damping", "a number, or an expression", "true"),
         ([("mass = 0.2", "mass = []")], "12:8: block.arm.mass", "a number, or an expression, > 0", "an empty list"),
         ([("mass = 0.2", 'mass = "kd - 3"')], "12:8: block.arm.mass", "a number > 0", '"kd - 3": 0'),
         (
@@ -286,3 +288,12 @@ def test_an_unknown_axis_is_one_mistake_and_its_numbers_are_offered():
     (mistake,) = refused.value.mistakes
     assert mistake.expected.startswith("along, one of ")
     assert "path" not in mistake.expected
+
+
+def test_a_rate_in_quotes_is_an_expression_that_no_axis_changes():
+    tables = tomllib.loads(ARM)
+    tables["rates"]["tick_hz"] = "10000"
+    spec = load(tables)
+    assert spec.tick_hz == 10000.0
+    assert spec.names.find("rates.tick_hz") is None
+    assert wavesweep.compile(tables).stable_intervals(span=(0, 20), kp=[60.0]).certified.all()

@@ -120,8 +120,7 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
         yield f"  {_delay(found['delay'])}"
     if found["stable"] and found["felt"]:
         stiffness, damping = _units_felt(spec)
-        felt = f"{_text(found['felt']['stiffness'])} {stiffness} and {_damping(found['felt']['damping'], damping)}"
-        yield f"  felt at low frequency: {felt}"
+        yield f"  felt at low frequency: {_felt(found['felt'], stiffness, damping)}"
     if found["stable"]:
         yield f"  slowest mode: {_slowest(found['slowest'])}"
     if found["channel_norm"] is not None:
@@ -146,7 +145,9 @@ def _limit(spec: Spec, limit: Facts) -> str:
     if not limit["stable"]:
         spans = " and ".join(_span(limit, low, high) + unit for low, high in limit["intervals"])
         searched = f"{limit['from']:g} to {limit['to']:g}{unit}"
-        return f"{here}: stable in {spans}{proved}" if spans else f"{here}: nowhere stable in {searched}{proved}"
+        if not (spans or limit["certified"]):
+            return f"{here}: no stable value known in {searched} ({limit['doubt']})"
+        return f"{here}: stable in {spans}{proved}" if spans else f"{here}: nowhere stable in {searched}"
     low, high = limit["low"], limit["high"]
     start = f"from {low:.6g}" if low is not None else f"from {'at most ' if limit['from'] else ''}{limit['from']:g}"
     end = f"to {high:.6g}{unit}" if high is not None else f"to at least {limit['to']:g}{unit}"
@@ -190,9 +191,16 @@ def _units_felt(spec: Spec) -> list[str]:
     return [unit or usual for unit, usual in zip((*units, ""), ("N/m", "N*s/m"), strict=False)]
 
 
-def _damping(damping: float | None, unit: str) -> str:
-    late = "; negative, as the wall answers late" if damping is not None and damping < 0 else ""
-    return f"{_text(damping, 4)} {unit}{late}"
+def _felt(felt: Facts, *units: str) -> str:
+    stiffness, damping = felt["stiffness"], felt["damping"]
+    if stiffness is None and damping is None:
+        return "not known"
+    late = damping is not None and damping < 0 and stiffness is not None and stiffness > 0
+    known = (
+        f"{name} not known" if value is None else f"{value:.{digits}g} {unit}"
+        for name, value, unit, digits in zip(("stiffness", "damping"), (stiffness, damping), units, (6, 4), strict=True)
+    )
+    return " and ".join(known) + ("; negative, as the wall answers late" if late else "")
 
 
 def _slowest(mode: Facts | None) -> str:

@@ -93,7 +93,8 @@ def _differ(one: np.ndarray, other: np.ndarray) -> np.ndarray:
 def bode_lines(found: Numbers) -> Iterator[Line]:
     """Yield the lines, each with a flag that is true for a warning."""
     each = "different " if found["rows"] != found["curves"] * found["frequencies"] else ""
-    yield f"{count(found['curves'], 'curve')} of {found['frequencies']} {each}frequencies", False
+    frequencies = f"{each}frequencies" if found["frequencies"] != 1 else f"{each}frequency"
+    yield f"{count(found['curves'], 'curve')} of {found['frequencies']} {frequencies}", False
     if found["unstable_specs"]:
         yield f"some loops are unstable and have no steady response: curves of {', '.join(found['unstable_specs'])}", True
     if found["doubted_rows"]:

@@ -30,7 +30,7 @@ class ParquetFile:
         ]
         text = json.dumps(facts, sort_keys=True, allow_nan=False)
         self._schema = pyarrow.schema(columns, metadata={"wavesweep": text})
-        self._writer = pyarrow.parquet.ParquetWriter(path, self._schema, compression="zstd")
+        self._writer = pyarrow.parquet.ParquetWriter(path.absolute(), self._schema, compression="zstd")  # it expands ~
 
     def append(self, columns: Mapping[str, np.ndarray]) -> None:
         """Write checked columns as one row group."""

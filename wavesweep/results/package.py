@@ -109,10 +109,12 @@ def packaged_fault(csv: Path, package: Path) -> str:
 
 
 def add_figures(package: Path, kind: str, figures: Sequence[Path]) -> None:
-    """Enter figures in an existing data package, in place of older ones of the same format.
+    """Enter figures in an existing data package, in place of older ones of the same format; another file is left as it is.
 
     package: its path. kind: of the table. figures: paths of the files, beside the package.
     """
+    if not packaged_facts(package):
+        return
     known = json.loads(package.read_text(encoding="utf-8"))
     new = [figure_resource(kind, known["wavesweep"], figure) for figure in figures]
     names = {each["name"] for each in new}

@@ -22,6 +22,7 @@ Path = tuple[str, ...]
 Leaves = Mapping[str, Leaf]
 
 NOTHING = 1e-12  # of b, by which a local model does not divide
+LEAST = 1e-300  # size of a number that others are divided by
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +193,7 @@ def _unsuitable(block: DrawnBlock, known: Mapping[str, float | None], tick_hz: f
     half = (tick_hz or math.inf) / every / 2
     if cutoff is not None and "cutoff_hz" not in wrong and cutoff >= half and known["order"] != 0:  # 0 is no filter
         yield "cutoff_hz", f"a number < {half:g} (half the block's own rate)"
-    if block.type == "tf" and known["den"] == 0:
+    if block.type == "tf" and known["den"] is not None and abs(known["den"]) < LEAST:
         yield "den", "a first coefficient other than 0"
 
 

@@ -54,7 +54,7 @@ class KeyReader:
             return ("number", float(check(key, leaf.value)), 0)
         except Rejected as error:
             self.mistakes.append(
-                leaf.mistake(path, error.expected.replace("number", "number, or an expression,", 1), error.found)
+                leaf.mistake(path, error.expected.replace("number", "number, or an expression,", 1).rstrip(","), error.found)
             )
             return None
 

@@ -143,7 +143,7 @@ class _TableReader(KeyReader):
             self.refuse(self.leaf(RATE), RATE, expectation(TICK_HZ), "nothing (it has no default)")
             return None
         tree = self.read_number(RATE, TICK_HZ, leaf)
-        if tree is not None and tree[0] == "number":
+        if tree is not None and tree[0] == "number" and not isinstance(leaf.value, str):
             values[RATE] = tree[1]
             return ("name", RATE, 0)
         return tree

@@ -91,7 +91,8 @@ def _in_units(evaluate, units, column, p):
     if found.E.shape[-1] != units.shape[-1]:
         return found
     own = units[np.broadcast_to(column, p.shape).ravel()]
-    return replace(found, E=found.E * (own[:, None, :] / own[:, :, None]))
+    with np.errstate(all="ignore"):  # a loop may overflow beside the real axis
+        return replace(found, E=found.E * (own[:, None, :] / own[:, :, None]))
 
 
 def _of(evaluate, names, column, p):

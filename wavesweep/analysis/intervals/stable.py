@@ -88,7 +88,7 @@ def _in_own_units(cut: Cut) -> Cut:
         some = np.flatnonzero((np.abs(E).max((-1, -2), initial=0.0) > UNEVEN) & np.isfinite(E).all((-1, -2)))
     if not some.size:
         return cut
-    n, (E, B, C) = cut.order, (part.copy() for part in (E, B, C))
+    n, (E, B, C) = E.shape[-1], (part.copy() for part in (E, B, C))
     whole = np.zeros((some.size, n + 1, n + 1))
     whole[:, :n, :n], whole[:, :n, n], whole[:, n, :n] = E[some], B[some, :, 0], np.abs(C[some]).max(-2)
     _, units = balance(whole, SWEEPS)
