@@ -58,3 +58,19 @@ def test_a_wrong_growth_is_noticed_and_every_column_is_counted(monkeypatch):
     assert counted[0].all()
     assert found.certified.all()
     np.testing.assert_array_equal(found.high, right.high)
+
+
+@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
+@pytest.mark.parametrize("along", ["K_VE", "B_VE"])
+def test_units_of_the_states_do_not_matter(kind, along):
+    """States counted in units that differ by 2^60, as those of a transfer function do; the same intervals, certified."""
+    cut = cut_of(random_values(3, kind))
+    units = 2.0 ** np.linspace(-30, 30, cut.E.shape[-1]).round()
+    other = replace(cut, E=cut.E * (units / units[:, None]), B=cut.B / units[:, None], C=cut.C * units)
+    assert np.abs(other.E).max() > stable.UNEVEN
+    found, same = (stable_intervals(each, along, (0, 2e4), np.array([[0.5, 5.0]])) for each in (other, cut))
+    assert same.certified.all()
+    assert found.certified.all()
+    np.testing.assert_array_equal(found.count, same.count)
+    for name in ("low", "high", "low_omega", "high_omega"):
+        np.testing.assert_allclose(getattr(found, name), getattr(same, name), rtol=1e-10)
