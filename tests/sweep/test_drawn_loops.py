@@ -661,3 +661,25 @@ def test_numbers_that_are_one_are_not_taken_for_numbers_that_are_not_zero(value)
     }
     loop = wavesweep.compile(tables)
     assert exact_cut(loop.spec.drawing, dict(loop.spec.values), dict(loop.spec.values), "g") is not None
+
+
+@pytest.mark.parametrize(
+    "watcher",
+    [
+        {"type": "integrator"},
+        {"type": "mass", "mass": 1.0, "damping": 0.1},
+        {"type": "ss", "A": [[0]], "B": [[1]], "C": [[1]]},
+        {"type": "butterworth", "order": 2, "cutoff_hz": 50.0},
+    ],
+)
+def test_what_only_watches_the_position_changes_nothing(watcher):
+    """At K = 0 the position drifts, and what sums it up never rests; but nothing reads that."""
+    tables = tomllib.loads(WALL)
+    found = wavesweep.compile(tables).stable_intervals("K", (0, 2000), B=[0.5, 1.0, 2.0])
+    tables["block"]["g"] = watcher
+    tables["wire"]["g.f" if watcher["type"] == "mass" else "g.u"] = "m.x"
+    watched = wavesweep.compile(tables).stable_intervals("K", (0, 2000), B=[0.5, 1.0, 2.0])
+    assert found.certified.all()
+    assert watched.certified.all()
+    for name in ("low", "high", "low_omega", "high_omega", "felt_low", "felt_high"):
+        np.testing.assert_allclose(watched[name], found[name], rtol=1e-9)

@@ -1,7 +1,7 @@
 """A loop of several rates: blocks that run every so many ticks, and the junctions between them."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import lcm
 from numbers import Integral
@@ -102,6 +102,17 @@ class Drawn:
             else:
                 found.add(name)
         return found
+
+    def living(self, watched=()) -> "Drawn":
+        """The same without the blocks of which nothing is read, by a block that remains or as one of the signals `watched`."""
+        placed = list(self.placed)
+        while True:
+            ports = (f"{each.block.name}.{port}" for each in placed for port in each.block.inputs)
+            read = {source.rpartition(".")[0] for signal in (*ports, *watched) for source in self.sources(signal)}
+            kept = [each for each in placed if each.block.name in read]
+            if len(kept) == len(placed):
+                return self if len(kept) == len(self.placed) else replace(self, placed=tuple(kept))
+            placed = kept
 
     def schedule(self) -> tuple[list[tuple[int, ...]], np.ndarray]:
         """The different sets of blocks (indices) that run in a tick, and the number of the set of each tick of the frame."""

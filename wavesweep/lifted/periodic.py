@@ -223,7 +223,7 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> Drift:
     A shift that is the same in both is constant. One that differs is folded away with numbers (see `without_drift`).
     """
     ticks = ticks_of(tame, watched, alone=True)
-    at, (first, second) = {name: i for i, name in enumerate(ticks.states)}, (shifts(tame), shifts(other))
+    at, (first, second) = {name: i for i, name in enumerate(ticks.states)}, (_shifts(each, watched) for each in (tame, other))
     moved, folded = [], []
     for one, two in zip(first, second, strict=True):
         lead, *rest = one
@@ -240,6 +240,16 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> Drift:
         unread += [kept[i] for i in idle]
         kept = [index for i, index in enumerate(kept) if i not in idle]
         E = without_drift(frame_of(ticks), replace(drift, unread=tuple(unread)))
+
+
+def _shifts(drawn, watched):
+    """The shifts that nothing opposes which something reads: what only watches a position that drifts need not rest."""
+    living = drawn.living(watched)
+    if living is drawn:
+        return shifts(drawn)
+    known = {each.block.name for each in living.placed}
+    alone = [shift for shift in shifts(drawn) if not any(name.partition(".")[0] in known for name in shift)]
+    return (shifts(living) if living.placed else []) + alone
 
 
 SAME = 1e-9  # difference of two factors of a shift, up to which it does not depend on the numbers

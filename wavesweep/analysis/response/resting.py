@@ -62,6 +62,7 @@ def resting(drawn: Drawn, ports: Ports, product: str = "", factor: str = "") -> 
     With the number's product F, `E X + B F + g = 0` and `C X + D F + d = r` hold at rest, r what the number multiplies.
     """
     signals = (ports.position, *((ports.reaction,) if ports.reaction else ()), *((factor,) if factor else ()))
+    drawn = drawn.living(signals)
     sums = {f"{each.block.name}.{port}": {} for each in drawn.placed for port in each.block.inputs} | dict(drawn.sums)
     block = connect("rest", [each.block for each in drawn.placed], sums, drawn.inputs, signals)
     n, hand = len(block.states), drawn.inputs.index(ports.force)
