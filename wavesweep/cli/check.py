@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -75,7 +76,8 @@ def command(
     from wavesweep.sweep.verdict import verdict
 
     loaded = specs.load(spec, overrides)
-    found, lines = verdict(loaded), sweep.plan(loaded)
+    with _patience(loaded.name, switches["quiet"]):
+        found, lines = verdict(loaded), sweep.plan(loaded)
     pictures = _picture(loaded, out, formats) if plot else []
     if switches["as_json"]:
         from wavesweep.cli.output import show_json
@@ -90,6 +92,27 @@ def command(
 
             say(f"Wrote {', '.join(map(str, pictures))}")
     return 0
+
+
+FIRST_WORD = 10.0  # s after which it says that it is still at work
+
+
+@contextmanager
+def _patience(name: str, quiet: bool) -> Iterator[None]:
+    """Say once that the work goes on, if it takes long."""
+    from threading import Timer
+
+    from wavesweep.cli.output import say
+
+    words = f"{name}: still at work; the ranges of loops with hundreds of states, such as long delays, take minutes"
+    timer = Timer(FIRST_WORD, say, [words])
+    timer.daemon = True
+    if not quiet:
+        timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def _picture(spec: Spec, out: str | None, formats: tuple[str, ...]) -> list[Path]:
