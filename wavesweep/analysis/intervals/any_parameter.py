@@ -12,8 +12,7 @@ from wavesweep.analysis.intervals.interpolated import MOST_ORDER, MoreStatesErro
 from wavesweep.analysis.intervals.panels import RIM, ROUGH, panel_roots
 from wavesweep.analysis.intervals.polishing import ATTACHED, polished
 from wavesweep.analysis.intervals.regions import NEAR_ZERO, count_where_clear, cut_span
-from wavesweep.analysis.intervals.stable import LARGEST, SWEEPS, UNEVEN, Intervals, doubts_of, intervals_of
-from wavesweep.analysis.spectrum import balance
+from wavesweep.analysis.intervals.stable import LARGEST, Intervals, doubts_of, intervals_of, uneven_units
 
 NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing is given up
 MANY = 512  # so many open panels of one column are, too
@@ -21,7 +20,6 @@ BENT = 10.0  # of a span, where a bent variable turns from one that is even to i
 WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
 FINE = 1e-6  # error of a value over the largest of its panel, up to which its roots can be told
 EXACT = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
-HUGE = 1e60  # size of an entry, from which on a frame is next to overflow, and its units are left alone
 UNSTABLE, UNKNOWN = 1, -1  # labels of parts of the span that are not counted
 
 
@@ -59,10 +57,8 @@ def _same(p):
 def _stable(evaluate, span, columns, period, bounds, slack) -> Intervals:
     """The same, the columns whose frames forget the same states together; see `_alike`."""
     recurring, sizes = typical(evaluate, span, columns)
-    largest = sizes.max((1, 2), initial=0.0)
-    uneven = (largest > UNEVEN) & (largest < HUGE)
-    if uneven.any():
-        units = np.where(uneven[:, None], balance(sizes, SWEEPS)[1], 1.0)
+    units = uneven_units(sizes)
+    if (units != 1).any():
         evaluate, ratio = partial(_in_units, evaluate, units), units[:, None, :] / units[:, :, None]
         recurring, sizes = recurring * ratio, sizes * ratio
     kept, done = living(recurring), []

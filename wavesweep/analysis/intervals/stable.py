@@ -16,6 +16,7 @@ from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 LARGEST = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
 UNEVEN, SWEEPS = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that
+HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,11 +79,23 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     return whole.take(np.argsort(whole.column, kind="stable"))
 
 
-def _in_own_units(cut: Cut) -> Cut:
-    """The loops in states of such units that none of their entries is large, if any is UNEVEN.
+def uneven_units(sizes):
+    """Units of the states, `(matrices, n)`, in which no entry is large; 1 where they are not UNEVEN, or no units help.
 
-    States of a transfer function are derivatives of each other, whose sizes differ by powers of its poles.
+    sizes: of the entries, `(matrices, n, n)`. States of a transfer function are derivatives of each other, whose sizes differ
+    by powers of its poles; entries of a frame that grows are large in any units.
     """
+    units, largest = np.ones(sizes.shape[:-1]), np.abs(sizes).max((1, 2), initial=0.0)
+    some = np.flatnonzero(largest > UNEVEN)
+    if some.size:
+        better, found = balance(sizes[some], SWEEPS)
+        helps = np.abs(better).max((1, 2)) < HELPFUL * largest[some]
+        units[some[helps]] = found[helps]
+    return units
+
+
+def _in_own_units(cut: Cut) -> Cut:
+    """The loops in states of such units that none of their entries is large, see `uneven_units`."""
     E, B, C = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (cut.E, cut.B, cut.C))
     with np.errstate(invalid="ignore"):
         some = np.flatnonzero((np.abs(E).max((-1, -2), initial=0.0) > UNEVEN) & np.isfinite(E).all((-1, -2)))
@@ -91,7 +104,7 @@ def _in_own_units(cut: Cut) -> Cut:
     n, (E, B, C) = E.shape[-1], (part.copy() for part in (E, B, C))
     whole = np.zeros((some.size, n + 1, n + 1))
     whole[:, :n, :n], whole[:, :n, n], whole[:, n, :n] = E[some], B[some, :, 0], np.abs(C[some]).max(-2)
-    _, units = balance(whole, SWEEPS)
+    units = uneven_units(whole)
     units = (units[:, :n] / units[:, n:])[:, None, :]
     back = np.swapaxes(units, -1, -2)
     E[some], B[some], C[some] = E[some] * (units / back), B[some] / back, C[some] * units
