@@ -166,14 +166,10 @@ def felt_at_ends(records: np.ndarray, rows: np.ndarray, stiffness: Callable) -> 
     so ends at 0 are computed apart. At a crossing of z = 1 a frame does not determine the state at rest, since a mode that
     alternates from tick to tick repeats in it; the stiffness is smooth there, and follows from both sides.
     """
-    ends = ("low", "high")
-    p, omega, own = (
-        np.concatenate(part)
-        for part in zip(
-            *((records[end][rows], records[f"{end}_omega"][rows], np.arange(rows.size)) for end in ends), strict=True
-        )
+    p, omega = (
+        np.concatenate([records[name][rows] for name in names]) for names in (("low", "high"), ("low_omega", "high_omega"))
     )
-    found = np.empty(p.size)
+    own, found = np.tile(np.arange(rows.size), 2), np.empty(p.size)
     with np.errstate(all="ignore"):
         for some in (np.flatnonzero(p == 0), np.flatnonzero(p != 0)):
             if some.size:

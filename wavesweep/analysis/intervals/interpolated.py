@@ -141,8 +141,8 @@ class Followed:
     def functions(self, piece, p):
         """The critical functions at `p`, `(panels, points)`, in these pieces, which are followed: phase, logarithm of the size
         and error, `(4, panels, points)` each, see `critical.from_polynomials`."""
-        at = np.flatnonzero(~self._rims(piece, p))
-        if chosen() == NUMPY or not at.size:
+        at = np.flatnonzero(~self._rims(piece, p)) if chosen() != NUMPY else np.zeros(0, int)
+        if not at.size:
             return [part.reshape(4, *p.shape) for part in from_polynomials(*self.polynomials(piece, p))]
         from wavesweep.analysis.intervals.compiled import functions
 

@@ -74,13 +74,13 @@ def panel_roots(
     panel at an end of the interval that is narrower than this and proves nothing is left open. settling: number of a function
     that settles a panel on which it is proved to be positive, whatever the others do; its own roots do not count.
 
-    On each panel the interpolant at NODES points must have decayed, and `by_discs` must prove its roots for every function
-    within the error bound; else the panel is split. The bound has what rounding and the coefficients that are cut away can
-    do, and what can hide between the nodes: the interpolant of a function that is analytic and at most G inside an ellipse
-    about the panel with semi-axes of sum r is off by at most `4 G r^-n/(r - 1)`, n its degree (L. N. Trefethen,
-    Approximation Theory and Approximation Practice, Theorem 8.2). By the maximum principle G is that on the ellipse's rim,
-    where the functions are sampled at complex x; a mode of the tick that leaves no trace at the nodes, since it enters a
-    frame as a high power, is large there if it is large anywhere on the panel.
+    On each panel the interpolant at NODES points must have decayed, and `by_signs` or `by_discs` must prove its roots for every
+    function within the error bound; else the panel is split. The bound has what rounding and the coefficients that are cut away
+    can do, and what can hide between the nodes: the interpolant of a function that is analytic and at most G inside an ellipse
+    about the panel with semi-axes of sum r is off by at most `4 G r^-n/(r - 1)`, n its degree (L. N. Trefethen, Approximation
+    Theory and Approximation Practice, Theorem 8.2). By the maximum principle G is that on the ellipse's rim, where the
+    functions are sampled at complex x; a mode of the tick that leaves no trace at the nodes, since it enters a frame as a high
+    power, is large there if it is large anywhere on the panel.
     """
     found, ends = [], (low.min(initial=np.inf), high.max(initial=-np.inf))
     given_up = {"lost": [], "overflown": [], "settled": []}
