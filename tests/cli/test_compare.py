@@ -166,3 +166,31 @@ def test_a_whole_number_that_only_one_spec_has_is_missing_in_the_others(waveswee
     table = results.read(tmp_path / "both/compare.csv")
     assert np.isnan(table["n"][table["spec"] == "plain"]).all()
     assert np.isfinite(table["n"][table["spec"] != "plain"]).all()
+
+
+@pytest.mark.parametrize(
+    ("axis", "built_in", "places"),
+    [
+        ("B = [1, 2]", 'kind = "pmw"\nb = 25\n[sweep]\nB_VE = [1, 2]', [1, 2]),
+        ("B = [0.5, 2]", 'kind = "pmw"\nb = 25', [1]),
+        ("", 'kind = "pmw"\nb = 25\n[sweep]\nB_VE = [0.5, 2]', [0.5, 2]),
+        ("b = [5, 40]", 'kind = "dc-slow"', [5, 40]),
+    ],
+)
+def test_a_drawn_loop_is_shown_over_the_same_axis(compare, monkeypatch, axis, built_in, places):
+    """Its wall's damping has a name of its own; a spec without the axis is a line from side to side."""
+    from wavesweep.plots import comparison
+
+    seen = []
+    walls = comparison._walls
+    monkeypatch.setattr(comparison, "_walls", lambda axes, *more: (walls(axes, *more), seen.append(axes)))
+    drawing = Path(library.__file__).parents[1] / "sweeps" / "recipes" / "controllers" / "pmw.toml"
+    Path("drawn.toml").write_text(f"{drawing.read_text().split('[sweep]')[0]}[sweep]\n{axis}\n")
+    Path("built-in.toml").write_text(f"[controller]\n{built_in}\n")
+    assert compare("--quiet", specs=("drawn.toml", "built-in.toml"))[0] == 0
+    rows = results.read("results/drawn+built-in/compare.csv")
+    for axes, end in zip(seen, ("high", "felt_high"), strict=True):
+        points = [tuple(point) for line in axes.get_lines() for point in line.get_xydata().tolist()]
+        for spec, own in (("drawn", json.loads(axis.partition(" = ")[2] or "[1]")), ("built-in", places)):
+            for place, value in zip(own, np.broadcast_to(rows[end][rows["spec"] == spec], len(own)), strict=True):
+                assert (place, value) in points

@@ -21,9 +21,10 @@ _FEW = 25  # samples of a curve up to which each is marked
 def compare(columns: Columns, facts: Mapping[str, Any], responses: Columns | None = None) -> Any:
     """Draw a `compare` table; responses: the columns of its `compare-bode`, drawn below if they are given.
 
-    Above are the ends of all stable intervals of K_VE, and the static stiffness that the hand feels there, over the first
-    axis that has several values. Samples are joined by a line if they have equally many intervals. If the swept range and
-    not the loop ends an interval, its end is hollow. Responses of unstable loops are faint.
+    Above are the ends of all stable intervals of K_VE, and the static stiffness that the hand feels there, over the damping of
+    the wall, or else the first axis that has several values; those of a spec without that axis are lines from side to side.
+    Samples are joined by a line if they have equally many intervals. If the swept range and not the loop ends an interval, its
+    end is hollow. Responses of unstable loops are faint.
     """
     specs = list(dict.fromkeys(columns["spec"].tolist()))
     if responses is not None:
@@ -31,9 +32,9 @@ def compare(columns: Columns, facts: Mapping[str, Any], responses: Columns | Non
     height = 2.9 if responses is None else 5.2
     with figure(TWO_COLUMNS, height) as canvas:
         grid = canvas.subplots(1 if responses is None else 2, 2, squeeze=False)
-        x = _abscissa(columns)
+        x, places = _abscissa(columns, facts, specs)
         for axes, (names, title) in zip(grid[0], _WALLS, strict=True):
-            _walls(axes, columns, specs, x, names)
+            _walls(axes, columns, places, names)
             if x is not None:
                 axes.set_xlabel(label(x, facts))
             axes.set_ylabel(title)
@@ -75,22 +76,50 @@ def _axes_of(columns: Columns) -> list[str]:
     return names[1 : names.index("along")]
 
 
-def _abscissa(columns: Columns) -> str | None:
-    """The axis to draw over: B_VE, or the first one with several values; None if there is none."""
+def _abscissa(columns: Columns, facts: Mapping[str, Any], specs: list[str]) -> tuple[str | None, dict[str, np.ndarray]]:
+    """The axis to draw over, None if none has several values, and where it puts the rows of each spec; NaN: it has no such axis.
+
+    It is the damping of the wall, which a drawn loop calls by the name in its [ports], or else the first with several values.
+    """
     several = [name for name in _axes_of(columns) if len(np.unique(columns[name][~np.isnan(columns[name])])) > 1]
-    return "B_VE" if "B_VE" in several else next(iter(several), None)
+    dampings = {spec: _damping(facts.get("specs", {}).get(spec, {})) for spec in specs}
+    x = next((name for name in ("B_VE", *(name for name, _ in dampings.values())) if name in several), None)
+    names = dampings if x else dict.fromkeys(specs, (next(iter(several), None), np.nan))
+    places = {}
+    for spec, (name, value) in names.items():
+        rows = columns["spec"] == spec
+        found = columns[name][rows] if name in columns else np.full(rows.sum(), np.nan)
+        places[spec] = np.where(np.isnan(found), value, found)
+    return x or next(iter(several), None), places
 
 
-def _walls(axes: Any, columns: Columns, specs: list[str], x: str | None, names: tuple[str, str]) -> None:
-    for number, spec in enumerate(specs):
-        rows = {key: column[columns["spec"] == spec] for key, column in columns.items()}
-        style = _look(number)
-        for curve in _split(rows, [each for each in _axes_of(columns) if each != x]):
-            across = np.full(len(curve["high"]), float(number)) if x is None else curve[x]
-            _ends(axes, across, curve, names, style)
+def _damping(spec: Mapping[str, Any]) -> tuple[str, float]:
+    """The number of a spec that is the damping of its wall, and its own value; NaN if there is none."""
+    name = spec.get("ports", {}).get("wall", {}).get("damping")
+    if name is None:
+        return "B_VE", spec.get("environment", {}).get("B_VE", np.nan)
+    value = spec["numbers"][name]
+    return name, value["value"] if isinstance(value, Mapping) else value
+
+
+def _walls(axes: Any, columns: Columns, places: Mapping[str, np.ndarray], names: tuple[str, str]) -> None:
+    """places: of the rows of each spec, see `_abscissa`."""
+    everywhere = np.concatenate(list(places.values()))
+    known = everywhere[~np.isnan(everywhere)]
+    for number, (spec, place) in enumerate(places.items()):
+        rows = {key: column[columns["spec"] == spec] for key, column in columns.items()} | {"": place}
+        others = [name for name in _axes_of(columns) if not np.array_equal(rows[name], place, equal_nan=True)]
+        for curve in _split(rows, others):
+            across, count = curve.pop(""), len(curve["high"])
+            if not known.size:
+                across = np.full(count, float(number))
+            elif np.isnan(across).any():
+                across = np.repeat([known.min(), known.max()], count)
+                curve = {key: np.tile(column, 2) for key, column in curve.items()}
+            _ends(axes, across, curve, names, _look(number))
     axes.set_ylim(0, 1.06 * max(np.nanmax(columns[names[0]], initial=0.0), 1e-3))
-    if x is None:
-        axes.set_xticks(range(len(specs)), specs)
+    if not known.size:
+        axes.set_xticks(range(len(places)), list(places))
 
 
 def _split(rows: Columns, others: list[str]) -> Iterator[Columns]:
