@@ -270,6 +270,7 @@ def test_a_second_table_that_stdout_does_not_take_is_named(wavesweep, tmp_path, 
         (["check", "wall.toml", "--format", "svg"], "--format: expected --plot"),
         (["bench", "--quick", "--out", "wall.toml"], "wall.toml is a file; name another folder"),
         (["plot", "."], "expected the CSV or Parquet file of a table, found a folder"),
+        (["plot", "there"], "there: expected the CSV or Parquet file of a table, found a folder"),
         (["passivity", "wall.toml", "--tolerance", "nan"], "tolerance: expected a finite number >= 0"),
         (["passivity", "wall.toml", "--tolerance", "inf", "--filters"], "tolerance: expected a finite number >= 0"),
         (

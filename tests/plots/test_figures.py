@@ -8,7 +8,7 @@ import pytest
 from wavesweep import plots
 from wavesweep.plots import chosen
 from wavesweep.plots.layout import lay_out
-from wavesweep.plots.style import about_figure, save
+from wavesweep.plots.style import about_figure, save, symbol
 
 pytestmark = pytest.mark.slow
 
@@ -42,6 +42,21 @@ def test_a_table_without_anything_stable_is_drawn(plane):
     one = {name: column[:1] for name, column in plane.items()}
     nothing = {**one, "intervals": np.zeros(1, int), "low": np.full(1, np.nan), "high": np.full(1, np.nan)}
     assert plots.zwidth(nothing, {}).axes
+
+
+@pytest.mark.parametrize(("along", "shown"), [("K_VE", False), ("spring_k", True)])
+def test_a_range_that_begins_at_0_is_dotted_below_where_the_number_goes_on(along, shown, plane):
+    """The wall's stiffness ends at 0, but a number of a drawn loop does not."""
+    facts = {"spec": {"numbers": {"spring_k": {"value": 1.0, "unit": "N/m", "description": ""}}}}
+    (axes,) = plots.zwidth(plane | {"along": np.full(plane["low"].size, along, object)}, facts).axes
+    dotted = [patch.get_extents() for patch in axes.patches if patch.get_hatch()]
+    assert bool(dotted) == shown == (axes.get_ylim()[0] < 0)
+    legend = axes.figure.legends
+    assert any(text.get_text() == "beyond the swept range" for each in legend for text in each.get_texts()) == shown
+
+
+def test_a_number_of_a_drawn_loop_is_written_as_in_its_spec():
+    assert [symbol(name) for name in ("tau_d", "rates.tick_hz", "device.mass")] == ["tau_d", "rate of the ticks", "device mass"]
 
 
 def png(figure):

@@ -89,7 +89,8 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
     yield _moves(limit)
     if felt is not None:
         line, warning = _moves(felt)
-        yield f"  felt there: {felt['value']:.6g}{_unit(felt['unit'])};{line.removeprefix(' ')}", warning
+        said = felt["value"] == limit["value"] == 0 and not felt["doubts"]
+        yield f"  felt there: {felt['value']:.6g}{_unit(felt['unit'])}{'' if said else ';' + line.removeprefix(' ')}", warning
 
 
 def _moves(limit: Numbers) -> Line:

@@ -77,7 +77,7 @@ def _axes_of(columns: Columns) -> list[str]:
 
 
 def _abscissa(columns: Columns, facts: Mapping[str, Any], specs: list[str]) -> tuple[str | None, dict[str, np.ndarray]]:
-    """The axis to draw over, None if none has several values, and where it puts the rows of each spec; NaN: it has no such axis.
+    """The axis to draw over, None if none has several values, and where it puts the rows of each spec; NaN: it has no place.
 
     It is the damping of the wall, which a drawn loop calls by the name in its [ports], or else the first with several values.
     """
@@ -98,8 +98,7 @@ def _damping(spec: Mapping[str, Any]) -> tuple[str, float]:
     name = spec.get("ports", {}).get("wall", {}).get("damping")
     if name is None:
         return "B_VE", spec.get("environment", {}).get("B_VE", np.nan)
-    value = spec["numbers"][name]
-    return name, value["value"] if isinstance(value, Mapping) else value
+    return name, spec["numbers"][name]["value"]
 
 
 def _walls(axes: Any, columns: Columns, places: Mapping[str, np.ndarray], names: tuple[str, str]) -> None:
@@ -113,10 +112,10 @@ def _walls(axes: Any, columns: Columns, places: Mapping[str, np.ndarray], names:
             across, count = curve.pop(""), len(curve["high"])
             if not known.size:
                 across = np.full(count, float(number))
-            elif np.isnan(across).any():
+            both = known.size and np.isnan(across).any()  # a line from side to side
+            if both:
                 across = np.repeat([known.min(), known.max()], count)
-                curve = {key: np.tile(column, 2) for key, column in curve.items()}
-            _ends(axes, across, curve, names, _look(number))
+            _ends(axes, across, {key: np.tile(each, 2) if both else each for key, each in curve.items()}, names, _look(number))
     axes.set_ylim(0, 1.06 * max(np.nanmax(columns[names[0]], initial=0.0), 1e-3))
     if not known.size:
         axes.set_xticks(range(len(places)), list(places))

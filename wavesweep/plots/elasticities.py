@@ -14,6 +14,7 @@ Columns = Mapping[str, np.ndarray]
 
 MOST = 12  # numbers of a panel that have bars
 PANELS = 8
+ROUNDED = 1e-9  # an elasticity up to which a number has no effect but that of rounding
 _BAR = 0.17  # inches of the figure's height for a number
 _ROOM = 0.95  # and for the title and the axis of a panel
 _LINE = 0.14  # and for a line of notes
@@ -67,7 +68,7 @@ def _sorted(rows: Columns) -> tuple[Columns, list[str], str]:
     for number, elasticity in zip(rows["number"].tolist(), rows["elasticity"].tolist(), strict=True):
         if not np.isnan(elasticity):
             largest[number] = max(largest.get(number, 0.0), abs(elasticity))
-    order = sorted((number for number, size in largest.items() if size > 0), key=lambda number: -largest[number])
+    order = sorted((number for number, size in largest.items() if size > ROUNDED), key=lambda number: -largest[number])
     shown, rest = order[:MOST], order[MOST:]
     missing = len(set(rows["number"].tolist())) - len(largest)
     notes = [f"{len(rest)} more, each at most {max(largest[number] for number in rest):.2g}"] if rest else []

@@ -196,7 +196,7 @@ def _limit(axes: Any, columns: Columns, bars: bool) -> None:
     room = 0.06 * (top - bottom)
     lowest = range_end(columns, "low")
     if lowest is not None:
-        bottom = max(min(bottom, lowest - room), min(bottom - room, 0.0) if bottom < 0 else 0.0)
+        bottom = min(bottom, lowest - room if lowest <= 0 else max(lowest - room, 0.0))
     limits = (float(bottom), float(top + room) if top > bottom else 1.0)
     (axes.set_xlim if bars else axes.set_ylim)(limits)
 

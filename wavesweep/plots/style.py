@@ -34,6 +34,7 @@ _SYMBOLS = {
 _NAMES = {
     "rates.fast_hz": "fast rate",
     "rates.slow_hz": "slow rate",
+    "rates.tick_hz": "rate of the ticks",
     "rates.ratio": "ratio of the rates",
     "environment.delay": "delay",
     "local_model.delay": "delay of the local model",
@@ -228,8 +229,8 @@ def fitting(texts: Sequence[str], width: float) -> int:
 
 
 def symbol(name: str) -> str:
-    """The name of an axis as a paper prints it."""
-    return _SYMBOLS.get(name) or _NAMES.get(name) or name.replace(".", " ").replace("_", " ")
+    """The name of an axis as a paper prints it; that of a number of a drawn loop as its spec has it."""
+    return _SYMBOLS.get(name) or _NAMES.get(name) or (name.replace(".", " ").replace("_", " ") if "." in name else name)
 
 
 def unit(name: str, facts: Mapping[str, Any] | None = None) -> str:

@@ -118,11 +118,10 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
     Raises UsageError for a file that is torn or changed, or no table of this program; OSError if it cannot be read.
     """
     path = Path(path)
-    if not path.name:
-        raise UsageError(f"{path}: expected the CSV or Parquet file of a table, found a folder")
-    package = path.with_suffix(".datapackage.json")
     if not path.is_file() and not (path.suffix == ".parquet" and path.is_dir()):
-        raise UsageError(f"{path}: expected the CSV or Parquet file of a table, found no such file")
+        found = "a folder" if path.is_dir() else "no such file"
+        raise UsageError(f"{path}: expected the CSV or Parquet file of a table, found {found}")
+    package = path.with_suffix(".datapackage.json")
     try:
         fault = packaged_fault(path, package) if path.suffix == ".csv" else ""
         if fault:
