@@ -320,6 +320,13 @@ def test_numbers_next_to_the_largest_double_are_judged(wavesweep, spec):
     assert json.loads(out)["verdict"]["limits"][0]["to"] < float("inf")
 
 
+def test_a_loop_whose_numbers_overflow_is_not_called_unstable(wavesweep, spec):
+    code, out, _ = wavesweep("check", spec, "--set", "controller.Kp=1e308")
+    assert (code, "not known whether it is stable (numbers overflow)" in out, "unstable" in out.lower()) == (0, True, False)
+    verdict = json.loads(wavesweep("check", spec, "--set", "controller.Kp=1e308", "--json")[1])["verdict"]
+    assert (verdict["stable"], verdict["spectral_radius"]) == (False, None)
+
+
 def test_a_response_beyond_double_precision_is_missing(wavesweep, spec, tmp_path):
     code, _, err = wavesweep("simulate", spec, "--set", "device.mass=1e308", "--no-plot", "--out", "here")
     assert (code, "fault of wavesweep" in err) == (0, False)

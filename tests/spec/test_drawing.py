@@ -272,7 +272,7 @@ def test_what_needs_a_device_is_refused_with_its_key(key, write):
 def test_a_simulation_fits_the_tick_and_needs_a_hand(write):
     (line,) = mistakes(write(ARM + "[simulate]\nfrequency_hz = 5000\n"))
     assert line == "a.toml:32:16: simulate.frequency_hz: expected numbers < 5000.0 (half of rates.tick_hz), found 5000.0"
-    with pytest.raises(SpecError, match=r"ports: expected hand = .* where the simulated force acts, found no hand"):
+    with pytest.raises(SpecError, match=r"ports: expected hand = .* where the hand's force acts, found no hand"):
         load(write(NETWORK)).as_simulated()
 
 

@@ -363,7 +363,7 @@ def test_what_needs_a_controller_is_refused_in_a_sentence():
         loop.simulate(friction=0.1, wall=0.0)
     with pytest.raises(UsageError, match="assembled tick by tick"):
         wavesweep.filter_choices(tomllib.loads(ARM))
-    with pytest.raises(UsageError, match="assembled tick by tick"):
+    with pytest.raises(UsageError, match="found a drawn loop; draw the hand"):
         wavesweep.zwidth(tomllib.loads(WALL), hand="passive")
 
 

@@ -130,8 +130,10 @@ def _picture(spec: Spec, out: str | None, formats: tuple[str, ...]) -> list[Path
 def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
     """Yield the verdict on the spec's own design, in about eight lines."""
     frame = 1e3 * found["period_s"]
-    radius = f"spectral radius {_text(found['spectral_radius'])} per frame of {frame:.6g} ms"
-    yield f"{spec.name}, {spec.kind}: {'stable' if found['stable'] else 'UNSTABLE'} ({radius})"
+    radius = found["spectral_radius"]
+    said = "stable" if found["stable"] else "UNSTABLE" if radius is not None else "not known whether it is stable"
+    why = "numbers overflow" if radius is None else f"spectral radius {_text(radius)} per frame of {frame:.6g} ms"
+    yield f"{spec.name}, {spec.kind}: {said} ({why})"
     bounded = [each for each in found["limits"] if _bounded(each)]
     yield from (f"  {_limit(spec, each)}" for each in bounded)
     others = [each for each in found["limits"] if each not in bounded]
@@ -139,7 +141,7 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
         state = "stable" if found["stable"] else "unstable"
         spans = ", ".join(f"{each['name']} {each['from']:g} to {each['to']:g}{_unit(spec, each['name'])}" for each in others)
         yield f"  {state} at every value searched: {spans}"
-    if found["delay"]:
+    if found["delay"] and radius is not None:
         yield f"  {_delay(found['delay'])}"
     if found["stable"] and found["felt"]:
         stiffness, damping = _units_felt(spec)

@@ -61,6 +61,12 @@ class Spec:
         own = {*self._given.leaves, *self._studies.experiment.given}
         return frozenset(path for path, number in numbers if number.assumed and path not in own)
 
+    def without_hand(self) -> list[Mistake]:
+        """The mistake of a drawn loop whose [ports] name no hand; none of any other spec."""
+        if self.drawing is None or self.drawing.hand:
+            return []
+        return [self.mistake("ports", "hand = { force = ..., displacement = ... }, where the hand's force acts", "no hand")]
+
     def mistake(self, path: str, expected: str, found: str) -> Mistake:
         """Return a mistake about the key at `path`, at its place. expected, found: the two texts of it."""
         return self._given.leaf(path).mistake(path, expected, found)
@@ -129,10 +135,7 @@ class Spec:
         if isinstance(self._values.get("rates.ratio"), float):
             self._refuse_effects()
         rate = RATE if self.drawing else "rates.fast_hz"
-        mistakes = list(self._studies.experiment.beyond_limits(self.tick_hz, rate))
-        if self.drawing and self.drawing.hand is None:
-            expected = "hand = { force = ..., displacement = ... }, where the simulated force acts"
-            mistakes.append(self.mistake("ports", expected, "no hand"))
+        mistakes = [*self._studies.experiment.beyond_limits(self.tick_hz, rate), *self.without_hand()]
         if mistakes:
             raise SpecError(mistakes)
         return replace(self, for_simulation=True)

@@ -248,9 +248,10 @@ def radius_of(E) -> np.ndarray:
 
 
 def ports_of(spec, drawing: Drawing | Uneven) -> Ports:
-    """The hand's port. Errors: UsageError if the spec names none, or no position that a plant has in every tick."""
-    if drawing.hand is None:
-        raise UsageError(f"{spec.name}: expected [ports] hand = {{ force = ..., displacement = ... }}, found no hand")
+    """The hand's port. Errors: SpecError if the spec names none; UsageError if its position is none that a plant has in every
+    tick."""
+    if missing := spec.without_hand():
+        raise SpecError(missing)
     ports_of_loop(spec, drawing)
     return _ports(drawing)
 

@@ -73,10 +73,12 @@ def stages_of(spec: Spec, along: str | None, hands: "Hands | None") -> list[Stag
     if hands is None:
         return [Stage("", own, how)]
     if own.grid.drawing:
-        raise UsageError(
-            "hands and ports: expected a [controller] whose rates divide, found a loop that is assembled tick by tick; give "
-            "the hand's mass, damping and stiffness in [operator], or draw it as a block"
+        found, advice = (
+            ("a drawn loop", "draw the hand as a block, with its mass, damping and stiffness")
+            if spec.drawing
+            else ("rates that do not divide", "give the hand's mass, damping and stiffness in [operator]")
         )
+        raise UsageError(f"hands and ports: expected a [controller] whose rates divide, found {found}; {advice}")
     hands.refuse(own)
     free = hands.without_operator(spec)
     stages = [Stage("free" if free is None else "operator", own, how)]

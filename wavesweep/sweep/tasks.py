@@ -263,7 +263,7 @@ def _varied(task, values, at, p):
 def different(loop, p):
     """Indices of the different pairs of loop and value, and for each pair the place of its equal among these."""
     order = np.lexsort((p.imag, p.real, loop))
-    new = np.append(True, (np.diff(loop[order]) != 0) | (np.diff(p[order]) != 0))[: p.size]
+    new = np.append(True, (loop[order[1:]] != loop[order[:-1]]) | (p[order[1:]] != p[order[:-1]]))[: p.size]
     back = np.empty(p.size, int)
     back[order] = np.cumsum(new) - 1
     return order[new], back

@@ -78,7 +78,9 @@ def _stable(evaluate, span, columns, period, bounds, slack) -> Intervals:
 
 
 def _through(evaluate, out, column, t):
-    return evaluate(column, out(t))
+    with np.errstate(over="ignore"):  # beside the largest doubles
+        p = out(t)
+    return evaluate(column, p)
 
 
 def _in_units(evaluate, units, column, p):
