@@ -101,3 +101,9 @@ def test_a_missing_number_is_null_in_parquet(columns, facts, tmp_path):
 def test_a_file_of_another_kind_is_refused(tmp_path):
     with pytest.raises(UsageError, match=r"found the suffix '\.txt', expected \.csv or \.parquet"):
         results.read(tmp_path / "zwidth.txt")
+
+
+def test_a_table_in_another_encoding_is_refused_in_a_sentence(tmp_path):
+    (tmp_path / "zwidth.csv").write_bytes("größe,B_VE\n1,2\n".encode("latin-1"))
+    with pytest.raises(UsageError, match=r"zwidth\.csv: expected a whole table, found a file .* can't decode byte"):
+        results.read(tmp_path / "zwidth.csv")

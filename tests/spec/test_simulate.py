@@ -144,6 +144,11 @@ def test_mistakes_come_at_once_with_place_and_nearest_name(tmp_path):
             {"input": "stepped-sine", "settle_s": 20},
             f"simulate.frequency_hz: expected at most 1000 s ({MOST_TICKS} ticks at rates.fast_hz), found 1064.02 s",
         ),
+        (
+            {"input": "pulse", "at_s": 3, "duration_s": 1},
+            "simulate.at_s: expected a number < 1.0 (simulate.duration_s), found 3.0",
+        ),
+        ({"input": "step", "at_s": 10}, "simulate.at_s: expected a number < 10.0 (simulate.duration_s), found 10.0"),
     ],
 )
 def test_what_does_not_fit_together_is_said(given, line):

@@ -102,13 +102,13 @@ def read(path: str | Path) -> dict[str, np.ndarray]:
         raise UsageError(f"{path}: found the suffix {path.suffix!r}, expected .csv or .parquet")
     try:
         table = _read_csv(path) if path.suffix == ".csv" else _read_parquet(path)
+        return {name: _numpy(table.column(name)) for name in table.column_names}
     except (ValueError, OSError) as error:  # Arrow's errors are ValueErrors as well, or OSErrors without a number
         if isinstance(error, OSError) and error.errno is not None:
             raise
         raise UsageError(
             f"{path}: expected a whole table, found a file that cannot be read as one ({_short(error)})"
         ) from error
-    return {name: _numpy(table.column(name)) for name in table.column_names}
 
 
 def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, Any]]:

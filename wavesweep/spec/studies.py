@@ -56,7 +56,7 @@ class Experiment:
         return replace(self, values=self.values | known)
 
     def beyond_limits(self, fast_hz: float, rate: str = "rates.fast_hz") -> Iterator[Mistake]:
-        """Yield the mistakes that depend on the fast rate (Hz). rate: the path of its key."""
+        """Yield the mistakes that only a simulation has to be without. fast_hz, rate: the fast rate and the path of its key."""
         half, most = fast_hz / 2, MOST_TICKS / fast_hz
         if self.frequencies and self.values["frequency_hz"] and not self.frequencies.stop < half:
             expected, found = f"numbers < {half!r} (half of {rate})", show(self.frequencies.stop)
@@ -66,6 +66,9 @@ class Experiment:
             name = "frequency_hz" if self.values["duration_s"] is None else "duration_s"
             expected = f"at most {most:g} s ({MOST_TICKS} ticks at {rate})"
             yield self._leaf(name).mistake(f"simulate.{name}", expected, f"{seconds:g} s")
+        sets_in = self.values["at_s"]
+        if self.values["input"] in ("step", "pulse") and sets_in >= seconds:
+            yield self._leaf("at_s").mistake("simulate.at_s", f"a number < {seconds!r} (simulate.duration_s)", show(sets_in))
 
     def _leaf(self, name: str) -> Leaf:
         """Return the given leaf of a key, or an empty one at the place of its table."""
