@@ -116,6 +116,7 @@ def test_displacements_have_no_pole_of_a_drift(kind, changes):
         (lambda loop: loop.stable_intervals(b=[20.0], **{"controller.b": [40.0]}), "under two names"),
         (lambda loop: loop.spectral_radius(b="x"), "expected a number or a list of numbers, found 'x'"),
         (lambda loop: loop.spectral_radius(b=[[1.0], [2.0, 3.0]]), "list of numbers"),
+        (lambda loop: loop.spectral_radius(b=np.ma.array([1.0, 2.0], mask=[False, True])), "list of numbers"),
         (lambda loop: loop.response([-1.0]), ">= 0"),
         (lambda loop: loop.response([]), "found none"),
         (lambda loop: loop.response([501.0]), "at most half"),
@@ -125,3 +126,9 @@ def test_displacements_have_no_pole_of_a_drift(kind, changes):
 def test_what_a_spec_would_refuse_is_refused(hole, call, says):
     with pytest.raises((UsageError, SpecError), match=says):
         call(hole)
+
+
+def test_values_of_any_kind_of_float_are_taken(hole):
+    expected = hole.spectral_radius(b=[10.0, 20.0])
+    for kind in (np.longdouble, np.float32, np.int8):
+        np.testing.assert_array_equal(hole.spectral_radius(b=kind([10, 20])), expected)

@@ -273,9 +273,9 @@ class Loop:
             numbers = np.array([None])
         if not numbers.size:
             raise UsageError(f"{name}: expected at least one value, found none")
-        if numbers.dtype.kind not in "iufb" or np.ndim(values) > 1:
+        if numbers.dtype.kind not in "iufb" or np.ndim(values) > 1 or np.ma.is_masked(values):
             raise UsageError(f"{name}: expected a number or a list of numbers, found {values!r:.60}")
-        plain = tuple(numbers.tolist())
+        plain = tuple(numbers.tolist() if numbers.dtype.kind != "f" else numbers.astype(float).tolist())
         for extreme in (min(plain), max(plain), *filter(isnan, plain)):
             _accept(self.spec, key.path, extreme)
         plain = plain if key.type == "integer" else tuple(map(float, plain))
