@@ -1,6 +1,7 @@
 """The order of the layers, and what an import may cost."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -23,10 +24,12 @@ LAYERS = (
     "sweep",
     "export",
     "results",
+    "seeking",
     "plots",
     "paper",
 )
 TOP = len(LAYERS)
+MODULE = re.compile(r"wavesweep(\.[a-z_]+)+")
 HEAVY = ("numba", "numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
 
 
@@ -37,7 +40,7 @@ def layer_of(module):
 
 
 def imports_of(source):
-    """Dotted names of what a file imports of ours, wherever in the file it does so."""
+    """Dotted names of what a file imports of ours, wherever in the file it does so; a text may be the name of a module too."""
     found = set()
     for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
@@ -48,6 +51,8 @@ def imports_of(source):
             found |= {f"{node.module}.{alias.name}" if below else node.module for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             found.add(f"relative import in {source.name}")
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and MODULE.fullmatch(node.value):
+            found.add(node.value)
     return {name for name in found if name.split(".")[0] == "wavesweep" or name.startswith("relative")}
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -42,16 +41,14 @@ def command(spec: str, hand: str, options: Options) -> None:
     Example:
       wavesweep design sweeps/design/front.toml
     """
-    from wavesweep import sweep
-    from wavesweep.cli.output import folder_of, produce
+    from wavesweep.cli.output import produce
     from wavesweep.spec import Spec
 
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
-        from wavesweep.seeking.best import written
+        from wavesweep.seeking.best import with_best
+        from wavesweep.seeking.study import design
 
-        table = sweep.design(*specs, hand=hand, **work)
-        if options.to_stdout:
-            return [table]
-        return [written(table, specs[0], Path(folder_of(specs, options)))]
+        table = design(*specs, hand=hand, **work)
+        return [table if options.to_stdout else with_best(table, specs[0])]
 
     produce(["design"], [spec], options, compute, asked=Spec.as_designed)

@@ -40,14 +40,14 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     return f"{HEADER}{said}, at their worst.\n{as_toml(tables | {'sweep': sweep})}"
 
 
-def written(table: Table, spec: Spec, directory: Path) -> Table:
-    """The table, for whose publication the specs are written beside it, in the folder `best`."""
+def with_best(table: Table, spec: Spec) -> Table:
+    """The table with the specs of some of its designs beside it, in the folder `best`."""
     columns = table.columns
     rows = chosen(len(columns["certified"]))
     names = [f"best/design-{number + 1:02d}.toml" for number in rows]
     stop = table.facts["stop"]
 
-    def write():
+    def write(directory: Path) -> None:
         make_folders(directory / "best")
         for name, number in zip(names, rows, strict=True):
             row = {key: np.asarray(column[number]).item() for key, column in columns.items()}
@@ -55,6 +55,5 @@ def written(table: Table, spec: Spec, directory: Path) -> Table:
         for old in (directory / "best").glob("design-*.toml"):
             if f"best/{old.name}" not in names and old.read_text(encoding="utf-8", errors="replace").startswith(HEADER):
                 old.unlink()
-        table.forget()
 
-    return replace(table, facts=table.facts | {"best": names}, forget=write)
+    return replace(table, facts=table.facts | {"best": names}, beside=write)

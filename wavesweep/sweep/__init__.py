@@ -5,7 +5,6 @@ from wavesweep.sweep.table import Table
 __all__ = [
     "Table",
     "compare",
-    "design",
     "filter_choices",
     "hands_of",
     "intervals",
@@ -18,7 +17,6 @@ __all__ = [
 
 _HOMES = {
     "compare": "wavesweep.sweep.comparison",
-    "design": "wavesweep.seeking.study",
     "hands_of": "wavesweep.sweep.hands",
     "intervals": "wavesweep.sweep.interval_table",
     "responses": "wavesweep.sweep.response_table",
