@@ -77,7 +77,7 @@ class Loop:
         Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md; see `analysis.intervals`.
         """
         from wavesweep.sweep.grid import make_grid
-        from wavesweep.sweep.job import job_over
+        from wavesweep.sweep.interval_job import job_over
         from wavesweep.sweep.running import in_memory
 
         axis = self._along(along or self._usual, span)

@@ -24,7 +24,7 @@ import numpy as np
 from wavesweep.diagram import draw
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.spec import load
-from wavesweep.sweep.job import job_of
+from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.tasks import records_of, solve, with_batch
 
 STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"

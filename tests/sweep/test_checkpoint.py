@@ -10,7 +10,7 @@ import pytest
 from wavesweep import sweep
 from wavesweep.errors import CheckpointError
 from wavesweep.sweep import checkpoint
-from wavesweep.sweep.job import job_of
+from wavesweep.sweep.interval_job import job_of
 
 
 class Stopped(BaseException):

@@ -20,7 +20,8 @@ from wavesweep.sweep.checkpoint import blocks as rows_of
 from wavesweep.sweep.checkpoint import checkpoint_of
 from wavesweep.sweep.drawn_loops import exact_cut
 from wavesweep.sweep.grid import make_grid
-from wavesweep.sweep.job import cut_otherwise, job_of, job_over
+from wavesweep.sweep.interval_job import job_of, job_over
+from wavesweep.sweep.job import cut_otherwise
 from wavesweep.sweep.planning import plan
 from wavesweep.sweep.running import compute, in_memory
 from wavesweep.sweep.table import joined

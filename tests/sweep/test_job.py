@@ -6,9 +6,9 @@ import wavesweep
 from wavesweep import sweep
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
-from wavesweep.sweep import grid, workers
-from wavesweep.sweep import job as job_module
-from wavesweep.sweep.job import expected_bytes, expected_seconds, job_of, refuse_full_disk
+from wavesweep.sweep import estimates, grid, workers
+from wavesweep.sweep.estimates import expected_bytes, expected_seconds, refuse_full_disk
+from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.workers import choose
 
 
@@ -87,7 +87,7 @@ def test_a_disk_that_is_too_small_is_refused_before_the_work(long, tmp_path, mon
         if kept:
             folder.mkdir(parents=True)
             (folder / "part").write_bytes(bytes(kept))
-        monkeypatch.setattr(job_module, "free_bytes", lambda _, free=free: free)
+        monkeypatch.setattr(estimates, "free_bytes", lambda _, free=free: free)
         if refused:
             with pytest.raises(UsageError, match="GB free on this disk"):
                 refuse_full_disk(folder, [job])

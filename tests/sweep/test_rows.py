@@ -9,7 +9,8 @@ from wavesweep import sweep
 from wavesweep.spec import load
 from wavesweep.sweep import checkpoint
 from wavesweep.sweep.checkpoint import MemoryCheckpoint
-from wavesweep.sweep.job import Chunks, cut_otherwise, cut_up, job_of
+from wavesweep.sweep.interval_job import job_of
+from wavesweep.sweep.job import Chunks, cut_otherwise, cut_up
 from wavesweep.sweep.running import compute, in_memory
 from wavesweep.sweep.table import joined
 from wavesweep.sweep.workers import Workers

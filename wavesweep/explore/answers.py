@@ -20,7 +20,7 @@ from wavesweep.plots.refine import KNOWN, Curve, View, curves_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.sweep.drawn_loops import ports_of_loop
 from wavesweep.sweep.grid import loop_of, make_grid
-from wavesweep.sweep.job import cost_of, job_over
+from wavesweep.sweep.interval_job import cost_of, job_over
 from wavesweep.sweep.response_table import doubt_of, parts_of
 from wavesweep.sweep.running import in_memory
 from wavesweep.sweep.tasks import radius_over

@@ -232,7 +232,7 @@ def _question(members, x, facts) -> _Question | None:
         return None
     from wavesweep.spec import sweep_axes
     from wavesweep.sweep.grid import is_plain, make_grid
-    from wavesweep.sweep.job import cost_of
+    from wavesweep.sweep.interval_job import cost_of
 
     path = spec.names.find(x).path
     if not is_plain(spec, path):

@@ -21,7 +21,7 @@ from wavesweep.diagram import WALL, draw, drift_of
 from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
 from wavesweep.sweep.grid import selected
-from wavesweep.sweep.job import IntervalJob
+from wavesweep.sweep.interval_job import IntervalJob
 from wavesweep.sweep.tasks import END_HANDS, HAND_RECORD, IntervalTask, with_felt
 
 HANDS = ("free", "passive", "box")

@@ -13,7 +13,8 @@ from wavesweep.diagram import WALL
 from wavesweep.errors import UsageError
 from wavesweep.spec import Axis, Spec
 from wavesweep.sweep.grid import groups, loop_of
-from wavesweep.sweep.job import IntervalJob, bounds_within, cut_otherwise, job_of, task_over
+from wavesweep.sweep.interval_job import IntervalJob, bounds_within, job_of, task_over
+from wavesweep.sweep.job import cut_otherwise
 from wavesweep.sweep.running import Progress, Work, run
 from wavesweep.sweep.table import Columns, Table, facts_of
 from wavesweep.sweep.tasks import END_HANDS, FELT, RECORD

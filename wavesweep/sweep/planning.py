@@ -10,9 +10,10 @@ from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.sweep.drawn_loops import drift_of, exact_cut, refuse_singular
+from wavesweep.sweep.estimates import expected_bytes, expected_seconds
 from wavesweep.sweep.grid import loop_of, make_grid
+from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.interval_table import method
-from wavesweep.sweep.job import expected_bytes, expected_seconds, job_of
 from wavesweep.sweep.passivity_table import jobs_of
 from wavesweep.sweep.response_table import response_job
 from wavesweep.sweep.workers import choose

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from wavesweep.errors import UsageError
 from wavesweep.sweep.checkpoint import DamagedError, MemoryCheckpoint, blocks, checkpoint_of
-from wavesweep.sweep.job import Job, expected_seconds, refuse_full_disk
+from wavesweep.sweep.estimates import expected_seconds, refuse_full_disk
+from wavesweep.sweep.job import Job
 from wavesweep.sweep.table import Columns, joined
 from wavesweep.sweep.workers import Workers, choose, results
 

@@ -17,7 +17,7 @@ from wavesweep.spec.resolving import longest_delay
 from wavesweep.sweep.assumptions import assumes
 from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of_loop, refuse_singular
 from wavesweep.sweep.grid import keys_of, loop_of, make_grid
-from wavesweep.sweep.job import job_over
+from wavesweep.sweep.interval_job import job_over
 from wavesweep.sweep.running import in_memory
 
 FAR = 10.0  # factor up to which a number is followed

@@ -18,8 +18,8 @@ from wavesweep.spec import Axis, Spec, sweep_axes
 from wavesweep.spec.drawing import decides
 from wavesweep.spec.expressions import names_in
 from wavesweep.sweep.grid import Grid, groups, keys_of, make_grid, selected
+from wavesweep.sweep.interval_job import job_over
 from wavesweep.sweep.interval_table import method
-from wavesweep.sweep.job import job_over
 from wavesweep.sweep.running import in_memory
 from wavesweep.sweep.table import Table, facts_of, held
 from wavesweep.sweep.tasks import TINY, with_batch

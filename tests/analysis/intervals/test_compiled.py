@@ -25,7 +25,7 @@ from wavesweep.lifted import close, cut_at_wall
 from wavesweep.results.verify import verify
 from wavesweep.spec import load
 from wavesweep.sweep.checkpoint import identity_of
-from wavesweep.sweep.job import job_of
+from wavesweep.sweep.interval_job import job_of
 
 pytest.importorskip("numba")
 

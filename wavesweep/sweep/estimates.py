@@ -1,0 +1,69 @@
+"""Estimates of a run: bytes of disk, and seconds of work."""
+
+import time
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+from wavesweep.sweep.disk import free_bytes
+from wavesweep.sweep.job import Job, cut_otherwise
+
+AXIS_BYTES = 12  # of an axis in a row of CSV and Parquet file together
+
+
+def expected_bytes(job: Job) -> int:
+    """Bytes of disk that the run needs at its end, before the finished chunks are removed, roughly."""
+    row = job.row_bytes + AXIS_BYTES * len(job.grid.axes)
+    return int(job.rows * (job.slices * job.dtype.itemsize + job.size * row))
+
+
+def refuse_full_disk(folder: Path | None, jobs: Iterable[Job]) -> None:
+    """Raise UsageError if the disk of `folder`, in which the jobs keep their chunks, cannot hold their results.
+
+    Chunks of a run that was stopped are counted as part of the results.
+    """
+    if folder is None:
+        return
+    place = next(each for each in (folder, *folder.absolute().parents) if each.is_dir())
+    kept = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) if place == folder else 0
+    need, free = sum(map(expected_bytes, jobs)) - kept, free_bytes(place)
+    if need > free:
+        raise UsageError(
+            f"{folder.parent}: the run needs about {need / 1e9:.3g} GB, found {free / 1e9:.3g} GB free on this disk; name "
+            "another folder for the results, or sweep fewer values"
+        )
+
+
+PROBES = 6  # samples of the sweep
+SHARE = 10  # a sample is so many times smaller than a chunk: large enough that the overhead of a batch does not decide
+FEW_DRAWN = 8  # loops of a sample that share no drawing
+LONGEST = 0.3  # s; no further sample after that
+
+
+def expected_seconds(job: Job) -> float:
+    """Seconds of work in one process for the whole job, estimated from a small part of it."""
+    samples = _samples(job)
+    samples[0][0].records()  # the first call of everything costs more than it will later
+    started, seconds, slices = time.perf_counter(), 0.0, 0
+    for sample, size in samples:
+        sample.records()
+        seconds, slices = time.perf_counter() - started, slices + size
+        if seconds > LONGEST:
+            break
+    return seconds / slices * job.slices
+
+
+def _samples(job):
+    """Small tasks of the job and the numbers of their slices, alternately from its ends and its middle."""
+    chunks = job.chunks
+    enough = max(1, chunks.deep * chunks.wide // SHARE)
+    wide = min(chunks.walls, enough)
+    deep = max(1, enough // wide)
+    if 2 * len(job.resolved) > chunks.loops:  # nearly every loop is drawn for itself, and few of them show the time
+        deep = min(deep, FEW_DRAWN)
+    small = cut_otherwise(job, deep=deep, wide=wide)
+    shares = np.linspace(0, 1, PROBES)[[0, 3, 5, 1, 4, 2]]
+    numbers = dict.fromkeys(np.rint(shares * (len(small.chunks) - 1)).astype(int).tolist())
+    return [(small.task(small.chunks[number]), small.chunks[number].slices) for number in numbers]
