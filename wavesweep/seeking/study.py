@@ -21,13 +21,13 @@ from wavesweep.seeking.wishes import evaluate
 from wavesweep.spec import Spec
 from wavesweep.spec.design import HAND
 from wavesweep.spec.spec import K_VE_SPAN
-from wavesweep.sweep.checkpoint import DamagedError, checkpoint_of
-from wavesweep.sweep.grid import loop_of, make_grid
+from wavesweep.sweep.checkpoint import checkpoint_of
+from wavesweep.sweep.grid import keys_of, loop_of, make_grid
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.job import Chunk, Chunks, Job
-from wavesweep.sweep.running import Progress
+from wavesweep.sweep.running import Progress, Tally, compute
 from wavesweep.sweep.table import Table, facts_of
-from wavesweep.sweep.workers import choose, results
+from wavesweep.sweep.workers import choose
 
 CHUNK = 48  # designs of a task at most: those of one structure are the faster, the more they are
 FRONT = 48  # designs of the table at most
@@ -51,6 +51,7 @@ class DesignJob(Job):
     stop: float
     box: HandBox | None = None
     noun: ClassVar[str] = "designs"
+    proves: ClassVar[bool] = False  # the certificates of a search are those of its result
 
     @property
     def dtype(self) -> np.dtype:
@@ -59,6 +60,11 @@ class DesignJob(Job):
         parts = [((wish.name, "<f8"), (f"{wish.name}_scenario", "<i4"), (f"{wish.name}_certified", "?")) for wish in wishes]
         hands = [(BOX, "<f8"), (SETTLED, "?")] if self.box else []
         return np.dtype([("slice", "<i4"), *(field for each in parts for field in each), *hands])
+
+    @property
+    def slices(self) -> int:
+        """Number of designs of the search; those of the front come on top."""
+        return (self.chunks.loops - 1) * self.grid.spec.design.settings["population"]
 
     @property
     def size(self) -> int:
@@ -77,12 +83,18 @@ class DesignJob(Job):
 
     def task(self, chunk: Chunk) -> "DesignTask":
         """The task of a worker for that chunk."""
-        generation, spec = chunk.loops.start, self.grid.spec
-        numbers = self.chunks_of(generation)
-        genes = np.array_split(self.genes[generation], len(numbers))[chunk.number - numbers.start]
-        last = generation == self.chunks.loops - 1
+        spec, genes, last = self.grid.spec, self._genes_of(chunk), chunk.loops.start == self.chunks.loops - 1
         designs, scenarios = designs_of(spec.design.vary, genes), self.finer if last else tuple(self.scenarios)
         return DesignTask(spec, scenarios, designs, len(genes), self.stop, self.dtype, self.box if last else None)
+
+    def slices_of(self, chunk: Chunk) -> int:
+        """Number of designs of a chunk."""
+        return len(self._genes_of(chunk))
+
+    def _genes_of(self, chunk):
+        """The designs of a generation are divided evenly."""
+        numbers = self.chunks_of(chunk.loops.start)
+        return np.array_split(self.genes[chunk.loops.start], len(numbers))[chunk.number - numbers.start]
 
     def certified(self, records: np.ndarray) -> int:
         """Number of designs all of whose wishes are certified."""
@@ -174,8 +186,8 @@ def design(
     # With more to hold for, a design may be worth less than another one.
     still = undominated(Judged(front.genes, *judged(asked, records)))
     columns, kept = _columns(spec, job, front.genes[still], records[still])
-    counts = {"computed": run.done, "skipped": 0, "certified": int(kept["certified"].sum())}
-    timings = {"compute_s": time.perf_counter() - started, "kernel_s": run.seconds, "workers": run.workers.count}
+    counts = {"computed": run.tally.done, "skipped": 0, "certified": int(kept["certified"].sum())}
+    timings = {"compute_s": time.perf_counter() - started, "kernel_s": run.tally.seconds, "workers": run.workers.count}
     facts = facts_of(spec, METHODS, counts, timings, _notices(job)) | {"warnings": warnings}
     facts |= {"own": own_design(spec, job), "stop": job.stop}
     facts |= {"scenarios": len(job.scenarios), "checked_scenarios": len(job.finer)}
@@ -223,8 +235,7 @@ class _Run:
 
     def __init__(self, job, store, progress):
         self.job, self.store, self.progress = job, store, progress
-        self.workers, self.seconds, self.done, self.forget = None, 0.0, 0, store.remove
-        self.total = (job.chunks.loops - 1) * job.grid.spec.design.settings["population"]
+        self.workers, self.tally, self.forget = None, Tally(), store.remove
 
     def judge(self, generation: int, genes: np.ndarray) -> Judged:
         """The designs of a generation, judged; those of one structure are computed together."""
@@ -253,30 +264,9 @@ class _Run:
 
     def records(self, generation: int) -> np.ndarray:
         """The records of a generation, from the checkpoint as far as it has them."""
-        job, found, known = self.job, {}, set(self.store.finished())
-        for number in job.chunks_of(generation):
-            if number in known:
-                try:
-                    found[number] = self.store.load(number)
-                except DamagedError as error:
-                    self.store.set_aside(number, error)
-        missing = [number for number in job.chunks_of(generation) if number not in found]
-        finished = results(self.workers, missing, lambda number: job.task(job.chunks[number]))
-        try:
-            for number, records, seconds in finished:
-                self.store.save(number, records)
-                found[number], self.seconds = records, self.seconds + seconds
-        except BaseException as error:
-            if self.store.place:
-                error.add_note(f"{self.done} designs are kept in {self.store.place}; the same command goes on from there.")
-            raise
-        finally:
-            finished.close()
-        records = np.concatenate([found[number] for number in sorted(found)])
-        self.done += records.size
-        if self.progress:
-            self.progress(min(self.done, self.total), self.total, None)
-        return records
+        numbers = self.job.chunks_of(generation)
+        compute(self.job, self.store, self.workers, self.progress, numbers, self.tally)
+        return np.concatenate([self.store.load(number) for number in numbers])
 
     def everything(self) -> np.ndarray:
         """The records of all generations of the search."""
@@ -340,12 +330,6 @@ def _notices(job):
     ends = len(scenarios_of(job.grid.spec.design))
     more = f" and {len(job.scenarios) - ends} between that were worse" if len(job.scenarios) > ends else ""
     yield f"each design holds for {ends} combinations{more}; those of the front were checked over {len(job.finer)}"
-    unread = [axis.name for axis in job.grid.spec.design.vary if axis.path not in _read(job.grid.spec)]
+    unread = [axis.name for axis in job.grid.spec.design.vary if axis.path not in keys_of(job.grid.spec)]
     if unread:
         yield f"{', '.join(unread)}: not read by {job.grid.spec.kind}, varied for nothing"
-
-
-def _read(spec):
-    from wavesweep.sweep.grid import keys_of
-
-    return keys_of(spec)

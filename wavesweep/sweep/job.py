@@ -109,6 +109,10 @@ class Job:
         """The table's columns for records of these combinations, one for each record."""
         raise NotImplementedError
 
+    def slices_of(self, chunk: Chunk) -> int:
+        """Number of slices of a chunk."""
+        return chunk.slices
+
     def certified(self, records: np.ndarray) -> int:
         """How many slices of these records are certified."""
         return certified_slices(records)

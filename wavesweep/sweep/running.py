@@ -126,26 +126,39 @@ def _continued(progress, total, before):
     return lambda now, _, proved: progress(done + now, total, None if proved is None else certified + proved)
 
 
-def compute(job: Job, store, workers: Workers, progress: Progress | None = None) -> Tally:
-    """Compute every chunk that the checkpoint `store` does not have yet, and save it there."""
-    tally, chunks = Tally(), job.chunks
-    for number in store.finished():
+def compute(
+    job: Job,
+    store,
+    workers: Workers,
+    progress: Progress | None = None,
+    numbers: range | None = None,
+    tally: Tally | None = None,
+) -> Tally:
+    """Compute every chunk that the checkpoint `store` does not have yet, and save it there; give the tally of the job.
+
+    numbers: of the chunks, by default all. tally: that of other chunks of the job, which these are added to.
+    """
+    numbers, tally = range(len(job.chunks)) if numbers is None else numbers, tally or Tally()
+    for number in (each for each in store.finished() if each in numbers):
         try:
-            tally.add(chunks[number].slices, job.certified(store.load(number)))
+            records = store.load(number)
         except DamagedError as error:
             store.set_aside(number, error)
-    tally.kept, known = tally.done, set(store.finished())
-    missing = (number for number in range(len(chunks)) if number not in known)
-    finished = results(workers, missing, lambda number: job.task(chunks[number]))
+        else:
+            tally.add(job.slices_of(job.chunks[number]), job.certified(records))
+            tally.kept += job.slices_of(job.chunks[number])
+    known = set(store.finished())
+    missing = (number for number in numbers if number not in known)
+    finished = results(workers, missing, lambda number: job.task(job.chunks[number]))
     try:
         for number, records, seconds in finished:
             store.save(number, records)
-            tally.add(chunks[number].slices, job.certified(records), seconds)
+            tally.add(job.slices_of(job.chunks[number]), job.certified(records), seconds)
             if progress:
-                progress(tally.done, job.slices, tally.certified if job.proves else None)
+                progress(min(tally.done, job.slices), job.slices, tally.certified if job.proves else None)
     except BaseException as error:
         if store.place and store.place.is_dir():
-            kept = f"{tally.done} of {job.slices} {job.noun} are kept in {store.place}"
+            kept = f"{min(tally.done, job.slices)} of {job.slices} {job.noun} are kept in {store.place}"
             error.add_note(f"{kept}; the same command goes on from there.")
         raise
     finally:
