@@ -131,7 +131,8 @@ def test_quiet_says_nothing(wavesweep, sweep, spec):
 def test_the_summary_names_intervals_holes_and_the_largest_stiffness(wavesweep, sweep, spec):
     _, _, err = wavesweep("zwidth", spec, "--no-plot")
     assert "2 slices: 3 stable intervals, 1 slice with a hole" in err
-    assert "largest stable K_VE: 4448.82 N/m at B_VE = 1 N*s/m (the edge of that axis)\n" in err
+    assert "largest stable K_VE: 4448.82 N/m (stable from 2523.34 on) at B_VE = 1 N*s/m (the edge of that axis)\n" in err
+    assert "\nevery K_VE from 0 on stable up to 799.713 N/m at B_VE = 1 N*s/m (the edge of that axis)\n" in err
     felt = "stiffest wall as the hand feels it: 90 N/m with K_VE = 700 N/m at B_VE = 0.5 N*s/m (the edge of that axis)\n"
     assert felt in err
     assert "all 3 rows certified" in err
@@ -147,7 +148,8 @@ def test_the_summary_can_be_one_json_object_on_stdout(wavesweep, sweep, spec):
     assert (found["files"], found["changed"], len(sweep.seen)) == (files, [], 1)
     table = found["tables"]["zwidth"]
     assert table["largest"] == {
-        "value": 4448.819, "ended_by": "stability", "at": {"B_VE": 1.0}, "at_the_edge_of": ["B_VE"], "equal_rows": 1,
+        "value": 4448.819, "from": 2523.335, "ended_by": "stability",
+        "at": {"B_VE": 1.0}, "at_the_edge_of": ["B_VE"], "equal_rows": 1,
     }  # fmt: skip
     assert (table["stiffest_felt"]["value"], table["stiffest_felt"]["with"]) == (90.0, 700.0)
     assert (table["rows"], table["certified_rows"], table["doubts"], table["slices_with_a_hole"]) == (3, 3, {}, 1)

@@ -66,7 +66,7 @@ class IntervalTally:
         self._rows = self._intervals = self._split = 0
         self._doubts: Counter[str] = Counter()
         self._along = "?"
-        self._largest, self._felt = Extreme(), Extreme()
+        self._largest, self._without_gap, self._felt = Extreme(), Extreme(), Extreme()
 
     def add(self, columns: Columns) -> None:
         """Count a block of rows."""
@@ -80,6 +80,8 @@ class IntervalTally:
         self._split += int(((columns["intervals"] > 1) & (columns["interval"] == 0)).sum())
         self._doubts.update(columns["doubt"][~columns["certified"]].tolist())
         self._largest.add(columns["high"], columns)
+        begins = columns["low"] == self._range[0]
+        self._without_gap.add(np.where(begins, columns["high"], np.nan), columns)
         for end in ("low", "high"):
             self._felt.add(columns[f"felt_{end}"], {**columns, "value": columns[end]})
 
@@ -94,18 +96,27 @@ class IntervalTally:
             "certified_rows": self._rows - self._doubts.total(),
             "doubts": {word: self._doubts[word] for word in DOUBTS if self._doubts[word]},
             "largest": self._largest_numbers(),
+            "largest_without_gap": self._without_gap_numbers(),
             "stiffest_felt": self._felt_numbers(),
         }
 
     def _largest_numbers(self) -> dict[str, Any] | None:
-        row, ended = self._largest.row, "stability"
+        # Of rows with the same value, one without a gap below it is named.
+        first = self._without_gap if self._without_gap.value == self._largest.value else self._largest
+        row, ended = first.row, "stability"
         if not row:
             return None
         if self._hand in SEARCHED:
-            ended = "range" if row["high"] == _stop(self._facts, self._along) else "stability"
+            ended = "range" if row["high"] == self._range[1] else "stability"
         elif np.isnan(row["high_omega"]):
             ended = "unknown" if row["doubt"] in INCOMPLETE else "range"
-        return {"value": row["high"], "ended_by": ended, **self._where(self._largest)}
+        place = self._where(first) | {"equal_rows": self._largest.ties}
+        return {"value": row["high"], "from": row["low"], "ended_by": ended, **place}
+
+    def _without_gap_numbers(self) -> dict[str, Any] | None:
+        if not self._without_gap.row:
+            return None
+        return {"value": self._without_gap.value, **self._where(self._without_gap)}
 
     def _felt_numbers(self) -> dict[str, Any] | None:
         if not self._felt.row:
@@ -144,19 +155,39 @@ class IntervalTally:
             known = f"no {adjective} {self._along} found, but part of the swept range could not be decided"
             return known if undecided else none.format(along=self._along)
         value = f"largest {adjective} {self._along}: {found['value']:.6g}{self._unit(self._along)}"
-        return f"{value}{self._place(found)}{ENDS[found['ended_by']]}{_ended_by(self._largest.row)}"
+        return f"{value}{self._gap(found['from'])}{self._place(found)}{ENDS[found['ended_by']]}{_ended_by(self._largest.row)}"
+
+    def without_gap(self) -> str:
+        """Text: the largest value up to which all are stable, and its place; empty if that is the largest stable one."""
+        found, (_, adjective, _) = self._without_gap_numbers(), HANDS[self._hand]
+        if found is None or found["value"] == self._largest.value:
+            return ""
+        first = f"every {self._along} from {self._range[0]:.6g} on {adjective} up to"
+        return f"{first} {found['value']:.6g}{self._unit(self._along)}{self._place(found)}"
 
     def stiffest_felt(self) -> str:
         """Text: the largest static stiffness that the hand feels within the stable intervals, and its place; may be empty."""
         found = self._felt_numbers()
         if found is None:
             return ""
-        wall = f" with {self._along} = {found['with']:.6g}{self._unit(self._along)}"
+        wall = f" with {self._along} = {found['with']:.6g}{self._unit(self._along)}{self._gap(self._felt.row['low'])}"
         return f"stiffest wall as the hand feels it: {found['value']:.6g} N/m{wall}{self._place(found)}"
 
     def feels_the_wall(self) -> bool:
         """Whether the stiffest wall and the stiffest felt are the same, as with direct coupling."""
         return bool(self._largest.row) and np.isclose(self._felt.value, self._largest.value, rtol=1e-9)
+
+    def _gap(self, low: float) -> str:
+        """Text: where an interval begins, if that is not at the start of the range."""
+        return f" ({HANDS[self._hand][1]} from {low:.6g} on)" if low > self._range[0] else ""
+
+    @property
+    def _range(self) -> tuple[float, float]:
+        """Both ends of the swept range; infinite if they are not known."""
+        own = K_VE_SPAN if self._along == "K_VE" else (-np.inf, np.inf)
+        axis = self._facts.get("spec", {}).get("sweep", {}).get(self._along, dict(zip(("start", "stop"), own, strict=True)))
+        ends = (axis["start"], axis["stop"]) if isinstance(axis, Mapping) else (np.min(axis), np.max(axis))
+        return float(ends[0]), float(ends[1])
 
     def _unit(self, name: str) -> str:
         """The unit of an axis with a space before it; empty if it has none."""
@@ -183,12 +214,6 @@ def _ended_by(row: Mapping[str, Any]) -> str:
     """Text: the hand that ends the interval, if one is known."""
     hand = [row.get(f"high_hand_{part}", np.nan) for part in ("mass", "damping", "stiffness")]
     return "" if np.isnan(hand[0]) else ", ended by a hand of {:.4g} kg, {:.4g} N*s/m, {:.4g} N/m".format(*hand)
-
-
-def _stop(facts: Mapping[str, Any], along: str) -> float:
-    """The end of the swept range of an axis; infinite if it is not known."""
-    axis = facts.get("spec", {}).get("sweep", {}).get(along, {"stop": K_VE_SPAN[1] if along == "K_VE" else np.inf})
-    return float(axis["stop"] if isinstance(axis, Mapping) else np.max(axis))
 
 
 def count(number: int, noun: str) -> str:
@@ -236,12 +261,12 @@ class HandTally:
         if not self._tallies:
             yield self._plain.counts(facts["slices"]), False
             yield self._plain.largest(), False
-            if felt := self._plain.stiffest_felt():
-                yield felt, False
+            yield from ((text, False) for text in (self._plain.without_gap(), self._plain.stiffest_felt()) if text)
             yield self._plain.certified()
             yield from self._plain.meanings()
         for hand, tally in self._tallies.items():
-            parts = [tally.largest(), "" if tally.feels_the_wall() else tally.stiffest_felt(), tally.certified()[0]]
+            felt = "" if tally.feels_the_wall() else tally.stiffest_felt()
+            parts = [tally.largest(), tally.without_gap(), felt, tally.certified()[0]]
             yield f"{HANDS[hand][0]} ({hand}): {'; '.join(part for part in parts if part)}", False
         if self._unsettled:
             rows = count(self._unsettled, "row")
@@ -272,5 +297,5 @@ class SpecTally:
         """Yield the lines, each with a flag that is true for a warning."""
         for spec, tally in self._tallies.items():
             certified, warning = tally.certified()
-            parts = [tally.largest(), tally.stiffest_felt(), certified]
+            parts = [tally.largest(), tally.without_gap(), tally.stiffest_felt(), certified]
             yield f"{spec}: {'; '.join(part for part in parts if part)}", warning
