@@ -11,12 +11,13 @@ from wavesweep import results, sweep
 from wavesweep.spec import load
 
 PAGE = (pathlib.Path(__file__).parents[1] / "wavesweep" / "TABLES.md").read_text(encoding="utf-8")
-# Two slices with an interval, one without: the third is what the traps are about.
+# Two slices with an interval, whose ends have different numbers of digits, one without: that is what the traps are about.
 SPEC = {
     "controller": {"kind": "dc-slow"},
-    "sweep": {"K_VE": {"start": 0, "stop": 20000}, "B_VE": [0.0, 1.0, 20.0]},
+    "environment": {"delay": 10},
+    "sweep": {"K_VE": {"start": 0, "stop": 20000}, "B_VE": [1.0, 12.0, 20.0]},
 }
-EXPECTED = [263.137165165871, 210.509732132697, 2]
+EXPECTED = [124.0499027569, 80.78186538087, 1]
 
 
 def blocks(title, language):
