@@ -92,3 +92,34 @@ def test_a_single_frequency_has_few_places_along_its_curve_and_few_curves():
     rows, said = curves.chosen()
     assert (len(rows["b"]), np.unique(rows["b"]).size, np.unique(rows["Kp"]).size) == (6000, 2000, 3)
     assert said == "Shown: 2000 of 5000 values of b."
+
+
+def test_a_spec_without_an_axis_of_the_others_is_one_curve(responses):
+    """Its values of that axis are missing, and a missing one is unequal to itself."""
+    rows = {name: column[responses["spec"] == responses["spec"][0]] for name, column in responses.items()}
+    other = {**rows, "spec": np.full(rows["spec"].size, "other", object), "b": np.full(rows["b"].size, np.nan)}
+    first = rows["b"] == rows["b"][0]
+    both = {name: np.concatenate([column, other[name][first]]) for name, column in rows.items()}
+    figure = plots.bode(both, {})
+    curves = [line for line in figure.axes[0].lines if len(line.get_xdata()) > 2]
+    assert len(curves) == len(np.unique(rows["b"])) + 1
+    assert [text.get_text() for text in figure.legends[0].get_texts()].count("other") == 1
+
+
+def test_stable_and_unstable_curves_are_named_apart_beside_a_scale_of_colours():
+    """Of 14 curves only the second is stable."""
+    _, figure = figure_of(
+        bode={"frequency_hz": [0.1, 1.0, 30.0], "b": {"start": 5, "stop": 200, "num": 14}},
+        environment={"integration": "explicit", "K_VE": 500.0},
+    )
+    axes = figure.axes[0]
+    assert len({line.get_alpha() for line in axes.lines if len(line.get_xdata()) > 2}) == 2
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert [name.endswith("unstable") for name in names].count(True) == 1
+    assert len(names) == 3
+
+
+def test_the_slow_nyquist_frequency_is_that_of_the_slow_rate_where_rates_do_not_divide():
+    columns, figure = figure_of(bode={"frequency_hz": [1.0, 40.0]}, rates={"slow_hz": 60.0})
+    np.testing.assert_allclose(columns["omega_Ts"], 2 * np.pi * columns["frequency_hz"] / 60, rtol=1e-12)
+    assert "slow Nyquist frequency, 30 Hz" in [text.get_text() for text in figure.legends[0].get_texts()]

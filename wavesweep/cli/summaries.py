@@ -48,7 +48,7 @@ class BodeTally:
     """Counts the rows of a table of responses: curves, frequencies, unstable loops, and rows with other doubts."""
 
     def __init__(self, _: Mapping[str, Any]) -> None:
-        self._rows = self._curves = self._doubted = 0
+        self._rows = self._curves = self._diverging = self._doubted = 0
         self._frequencies, self._last = np.empty(0), None
         self._unstable: set[str] = set()
         self._doubts: set[str] = set()
@@ -64,6 +64,7 @@ class BodeTally:
         self._last = [column[-1:] for column in leading]
         doubted = np.isin(columns["doubt"].astype(str), ["", "unstable"], invert=True)
         self._rows, self._curves = self._rows + new.size, self._curves + int(new.sum())
+        self._diverging += int((new & ~columns["stable"]).sum())
         self._doubted += int(doubted.sum())
         self._frequencies = np.union1d(self._frequencies, columns["frequency_hz"])
         self._unstable.update(columns["spec"][~columns["stable"]].tolist())
@@ -75,6 +76,7 @@ class BodeTally:
             "rows": self._rows,
             "frequencies": self._frequencies.size,
             "curves": self._curves,
+            "unstable_curves": self._diverging,
             "unstable_specs": sorted(self._unstable),
             "doubted_rows": self._doubted,
             "doubts": sorted(self._doubts),
@@ -96,7 +98,8 @@ def bode_lines(found: Numbers) -> Iterator[Line]:
     frequencies = f"{each}frequencies" if found["frequencies"] != 1 else f"{each}frequency"
     yield f"{count(found['curves'], 'curve')} of {found['frequencies']} {frequencies}", False
     if found["unstable_specs"]:
-        yield f"some loops are unstable and have no steady response: curves of {', '.join(found['unstable_specs'])}", True
+        share = f"{found['unstable_curves']} of {count(found['curves'], 'loop')}"
+        yield f"{share} unstable, without a steady response (of {', '.join(found['unstable_specs'])})", True
     if found["doubted_rows"]:
         words = ", ".join(found["doubts"])
         yield f"{count(found['doubted_rows'], 'row')} without a reliable value ({words}), see the column doubt", True

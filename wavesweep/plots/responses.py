@@ -177,7 +177,8 @@ def _curves(columns: Columns, x: str, facts: Mapping[str, Any]) -> tuple[list[Cu
         looks = (
             family_looks(len(responses)) if len(responses) > 1 else [Look(distinct_colour(index), LINES[index % len(LINES)])]
         )
-        for number, ((place, rows), look) in enumerate(zip(responses, looks, strict=True)):
+        named: set[str] = set()
+        for (place, rows), look in zip(responses, looks, strict=True):
             colour = scale.to_rgba(rows[axes[0]][0]) if scale is not None and len(responses) > 1 else look.colour
             style = {"color": colour, "linestyle": look.line if scale is None else LINES[index % len(LINES)]}
             if len(specs) > 1 and len(responses) > 1 and scale is None:
@@ -186,7 +187,8 @@ def _curves(columns: Columns, x: str, facts: Mapping[str, Any]) -> tuple[list[Cu
             shown = place if len(responses) > 1 and scale is None else ""
             for part in _by_stability(rows) if x != "frequency_hz" else [rows]:
                 curve = _curve(part, spec, shown, style)
-                curves.append(curve if scale is None or number == 0 else replace(curve, label=""))
+                curves.append(replace(curve, label="") if curve.label in named else curve)
+                named.add(curve.label)
     return curves, None if scale is None else (axes[0], scale)
 
 
@@ -202,11 +204,13 @@ def _scale(values: np.ndarray) -> Any:
 def _responses(columns: Columns, axes: list[str], facts: Mapping[str, Any]) -> list[tuple[str, dict[str, np.ndarray]]]:
     """Return the rows of each combination of the axes, with its name; rows that an ignored axis repeats count once."""
     values = np.stack([columns[name].astype(float) for name in axes] or [np.zeros(len(columns["spec"]))], axis=1)
+    values = np.where(np.isnan(values), np.inf, values)  # an axis of other specs; NaN would not be equal to itself
     different, which = np.unique(values, axis=0, return_inverse=True)
     found: dict[bytes, tuple[str, dict[str, np.ndarray]]] = {}
     for number, combination in enumerate(different):
         rows = _chosen(columns, which.reshape(-1) == number)
-        place = ", ".join(valued(name, value, facts) for name, value in zip(axes, combination, strict=False))
+        known = [(name, value) for name, value in zip(axes, combination, strict=False) if np.isfinite(value)]
+        place = ", ".join(valued(name, value, facts) for name, value in known)
         found.setdefault(rows["admittance_re"].tobytes() + rows["impedance_re"].tobytes(), (place, rows))
     return list(found.values())
 

@@ -71,7 +71,7 @@ _BODE = (
     Field("spec", "string", "", "file stem of the spec"),
     Field("controller", "string", "", "controller kind"),
     Field("frequency_hz", "number", "Hz", "frequency of the hand force"),
-    Field("omega_Ts", "number", "rad", "normalised frequency, radians per sample of the slow rate"),
+    Field("omega_Ts", "number", "rad", "normalised frequency, radians per sample of the slow rate, or of the slowest block"),
     Field("admittance_re", "number", "m/N", "transmitted admittance, real part"),
     Field("admittance_im", "number", "m/N", "transmitted admittance, imaginary part"),
     Field("admittance_abs", "number", "m/N", "transmitted admittance, magnitude"),

@@ -225,24 +225,24 @@ class ResponseTask:
         """Loops that are assembled tick by tick, one after the other."""
         for members, values in self.groups:
             radius = radius_of(frames(self.drawing, values, drift_of(self.drawing, values, self.own)))
-            ticks = steps_of(values[RATIO])[0] if isinstance(self.drawing, Uneven) else 1
+            ticks, slow = (steps_of(values[RATIO])[0], values[RATIO]) if isinstance(self.drawing, Uneven) else (1, None)
             for number, port in ports_of_groups(self.drawing, ((members, values),), self.own):
                 stable = np.broadcast_to(radius, members.shape)[np.searchsorted(members, number)] < 1
-                for name, array in _seen(port, ticks, self.frequency, stable).items():
+                for name, array in _seen(port, (ticks, slow or port.slowest), self.frequency, stable).items():
                     records[name][number] = array
 
 
 def _seen(port, ticks, frequency, stable):
     """The columns of one loop at its port; ticks: least length of the frame that has the worst-case gain, which direct coupling
-    needs, as its own frame is a tick."""
-    whole = replace(port, kind=np.tile(port.kind, max(1, ticks // port.kind.size)))
+    needs, as its own frame is a tick; and ticks of a sample of the slow rate."""
+    whole = replace(port, kind=np.tile(port.kind, max(1, ticks[0] // port.kind.size)))
     found, lost = respond_port(port, frequency), not np.isfinite(frame_of_port(port)).all()
     gain, gain_error = worst_gain_of_port(whole, frequency)
     parts = {"admittance": found.admittance, "impedance": found.impedance}
     known = {name: np.where(np.isfinite(part), part, complex(np.nan, np.nan)) for name, part in parts.items()}
     errors = {"admittance": found.admittance_error, "impedance": found.impedance_error}
     errors = {name: np.where(np.isnan(known[name]), np.nan, error) for name, error in errors.items()}
-    columns = {"omega_Ts": 2 * np.pi * frequency * port.period * port.kind.size}
+    columns = {"omega_Ts": 2 * np.pi * frequency * port.period * ticks[1]}
     columns |= parts_of("admittance", known["admittance"]) | parts_of("impedance", known["impedance"])
     columns |= {"worst_gain": gain, "worst_gain_error": np.where(np.isnan(gain), np.nan, gain_error), "stable": stable}
     columns |= {f"{name}_error": error for name, error in errors.items()}

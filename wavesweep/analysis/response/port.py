@@ -32,7 +32,8 @@ class Port:
     From the force to the displacement in the tick, the force against it, and if the latter moves with a drift, the change of
     that share of it in the tick. E `(..., n, n)` less identity, B `(..., n, 1)`, C `(..., outputs, n)`, D `(..., outputs, 1)`.
     position: its row `(..., 1, n)`, None if it drifts. condition: by how much closing algebraic loops may have multiplied the
-    rounding of the entries (see `Block`). laws: how many combinations of the states nothing in the loop changes.
+    rounding of the entries (see `Block`). laws: how many combinations of the states nothing in the loop changes. slowest: ticks
+    between two runs of the slowest block.
     """
 
     maps: tuple[tuple[np.ndarray, ...], ...]
@@ -41,6 +42,7 @@ class Port:
     position: np.ndarray | None = None
     condition: float | np.ndarray = 1.0
     laws: int = 0
+    slowest: int = 1
 
     @property
     def rough(self) -> float:
@@ -75,7 +77,8 @@ def port_of(drawn: Drawn, ports: Ports, drift: Drift) -> Port:
     still = not any(_moves(reads, lead, others) for lead, others in drift.moved)
     condition = reduce(np.maximum, (each.condition for each in ticks.maps))
     period = float(np.ravel(drawn.period)[0])
-    return Port(maps, ticks.kind, period, reads[..., kept] if still else None, condition, len(drift.folded))
+    slowest = max(each.every for each in drawn.placed)
+    return Port(maps, ticks.kind, period, reads[..., kept] if still else None, condition, len(drift.folded), slowest)
 
 
 def _along(reads, lead, others):
