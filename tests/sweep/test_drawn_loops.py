@@ -643,6 +643,66 @@ def test_a_transfer_function_of_high_order_is_certified_as_its_poles_in_a_row_ar
     np.testing.assert_allclose(one[["low", "high"]], many[["low", "high"]], rtol=1e-9)
 
 
+def held_by_a_filter(filter_, reads):
+    """A free mass whose position reaches the control through a filter."""
+    return {
+        "rates": {"tick_hz": 5000},
+        "numbers": {"K": 300.0, "m": 1.0},
+        "block": {"arm": {"type": "mass", "mass": "m", "damping": 4.0}, "slow": {"type": "hold", "every": 25}, "g": filter_},
+        "wire": {"arm.f": "hand - slow.y", "g.u": "arm.x", "slow.u": reads},
+        "ports": {"hand": {"force": "hand", "displacement": "arm.x"}},
+    }
+
+
+def as_one_and_in_a_row(order, cutoff_hz, derivative):
+    """Equal poles as one transfer function, and as states in a row: loops that read the output or its derivative."""
+    pole = 2 * np.pi * cutoff_hz
+    den = np.poly(np.full(order, -pole)).tolist()
+    row = np.diag(np.full(order, -pole)) + np.diag(np.full(order - 1, pole), -1)
+    first, last = np.eye(order)[:, :1] * pole, np.eye(order)[-1:]
+    filters = (
+        {"type": "tf", "num": [den[-1], 0.0] if derivative else [den[-1]], "den": den},
+        {"type": "ss", "A": row.tolist(), "B": first.tolist(), "C": (last @ row if derivative else last).tolist()},
+    )
+    return [wavesweep.compile(held_by_a_filter(each, "K*g.y")) for each in filters]
+
+
+@pytest.mark.parametrize(
+    ("order", "cutoff_hz", "derivative"),
+    [
+        *((2, 20000, False), (3, 400, False), (3, 5000, False), (4, 60, False), (4, 200, False), (4, 800, False)),
+        *((5, 20, False), (5, 5000, False), (3, 800, True), (4, 800, True)),
+    ],
+)
+def test_a_shift_has_displacements_of_any_size(order, cutoff_hz, derivative):
+    """Along with the mass a state of a transfer function moves by one over the last coefficient: 1e-11 to 1e-22 of it.
+
+    In a row of poles each moves as far as the mass does. If the derivative is read, the position drifts for every gain.
+    """
+    one, other = as_one_and_in_a_row(order, cutoff_hz, derivative)
+    for along, span in (("K", (0, 20000)), ("m", (0.1, 10.0))):
+        found, expected = (loop.stable_intervals(along, span) for loop in (one, other))
+        assert found.certified.all()
+        np.testing.assert_array_equal(found.intervals, expected.intervals)
+        np.testing.assert_allclose(found[["low", "high"]], expected[["low", "high"]], rtol=1e-9)
+    np.testing.assert_allclose(one.spectral_radius(K=[10, 300, 900]), other.spectral_radius(K=[10, 300, 900]), rtol=1e-9)
+    found, expected = (loop.response([1.0, 10.0, 100.0], K=5.0) for loop in (one, other))
+    for name in ("admittance_re", "admittance_im"):
+        np.testing.assert_allclose(found[name], expected[name], rtol=1e-7)
+
+
+@pytest.mark.parametrize("pole", [0.1, 0.7, 0.9, 0.95])
+def test_control_by_a_filtered_difference_is_certified(pole):
+    """What the filter shows of the position cancels to rounding, which is no reading of it."""
+    filter_ = {"type": "tf", "num": [40, -40], "den": [1, -pole], "discrete": True, "every": 25}
+    loop = wavesweep.compile(held_by_a_filter(filter_, "K*g.y"))
+    found = loop.stable_intervals("K", (0, 20000))
+    assert found.certified.all()
+    ends = found.high[found.high < 20000].to_numpy()
+    assert (loop.spectral_radius(K=0.999 * ends) < 1).all()
+    assert (loop.spectral_radius(K=1.001 * ends) > 1).all()
+
+
 def test_no_unstable_stretch_is_given_as_stable_where_a_first_count_is_not_known(monkeypatch):
     """Above 400 an eigenvalue crosses at z = -1: one more than "not known" is not none."""
     monkeypatch.setattr(regions, "count_where_clear", lambda _, which, __: np.full(which.size, -1))

@@ -9,7 +9,7 @@ from numbers import Integral
 import numpy as np
 
 from wavesweep.diagram.block import Block
-from wavesweep.diagram.drift import ROUNDING, _eliminated, _first, _simple, _sum
+from wavesweep.diagram.elimination import ROUNDING, first_of_batch, reduced_echelon, sum_or_zero, without_rounding
 from wavesweep.errors import UsageError
 from wavesweep.spec.keys import LONGEST_FRAME
 
@@ -182,7 +182,7 @@ def shifts(drawn: Drawn) -> list[dict[str, float]]:
 
     at = {name: index for index, name in enumerate(unknowns)}
     A = np.array([_gathered(row, at) for row in _equations(blocks, traced)]).reshape(-1, len(unknowns))
-    reduced, pivots = _eliminated(A)
+    reduced, pivots = reduced_echelon(A)
     states = [at[f"{block.name}.{state}"] for block in blocks for state in block.states]
     free = [column for column in range(len(unknowns)) if column not in pivots]
     N = np.zeros((len(unknowns), len(free)))
@@ -192,7 +192,7 @@ def shifts(drawn: Drawn) -> list[dict[str, float]]:
             N[pivot, k] = -reduced[row, column]
     held = {}
     for name, terms in outputs.items():
-        held[f"{name} held"] = sum((value * N[at[source]] for source, value in terms), np.zeros(len(free)))
+        held[f"{name} held"] = [sum_or_zero(value * N[at[source], k] for source, value in terms) for k in range(len(free))]
     values = {unknowns[i]: N[i] for i in states} | held
     return _with_leads(values, [unknowns[i] for i in states])
 
@@ -213,27 +213,32 @@ def _gathered(row, at):
         terms.setdefault(name, []).append(value)
     found = np.zeros(len(at))
     for name, parts in terms.items():
-        found[at[name]] = _sum(parts)
+        found[at[name]] = sum_or_zero(parts)
     return found
 
 
 def _with_leads(values, states):
-    """The shifts as dicts, combined so that each has a state of its own."""
+    """The shifts as dicts, combined so that each has a state of its own.
+
+    Displacements are as different as the units of the states, so nothing counts as zero but a sum that cancels to rounding.
+    """
     names, N = list(values), np.array([values[name] for name in values]).reshape(len(values), -1)
-    leads = []
+    leads, size = [], np.abs(N)
     for k in range(N.shape[1]):
         open_ = [i for i, name in enumerate(names) if name in states and i not in leads]
         at = max(open_, key=lambda i: abs(N[i, k]), default=None)
-        if at is None or abs(N[at, k]) < ROUNDING:
+        if at is None or not N[at, k]:
             continue
-        N[:, k] /= N[at, k]
+        N[:, k], size[:, k] = N[:, k] / N[at, k], size[:, k] / abs(N[at, k])
         for other in range(N.shape[1]):
             if other != k:
+                size[:, other] += abs(N[at, other]) * size[:, k]
                 N[:, other] -= N[at, other] * N[:, k]
+                N[np.abs(N[:, other]) <= ROUNDING * size[:, other], other] = 0.0
         leads.append(at)
-    kept = [k for k in range(N.shape[1]) if np.abs(N[:, k]).max(initial=0) > ROUNDING]
+    kept = [k for k in range(N.shape[1]) if N[:, k].any()]
     return [
-        {names[at]: 1.0} | {names[i]: _simple(N[i, k]) for i in range(len(names)) if i != at and abs(N[i, k]) > ROUNDING}
+        {names[at]: 1.0} | {names[i]: without_rounding(N[i, k]) for i in range(len(names)) if i != at and N[i, k]}
         for at, k in zip(leads, kept, strict=True)
     ]
 
@@ -241,6 +246,5 @@ def _with_leads(values, states):
 def _row(block, left, right, i):
     """Row i of two matrices side by side as (unknown, value) pairs."""
     names = [f"{block.name}.{name}" for name in (*block.states, *block.inputs)]
-    return [
-        (name, float(value)) for name, value in zip(names, np.hstack([_first(left), _first(right)])[i], strict=True) if value
-    ]
+    values = np.hstack([first_of_batch(left), first_of_batch(right)])[i]
+    return [(name, float(value)) for name, value in zip(names, values, strict=True) if value]

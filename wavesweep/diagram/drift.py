@@ -11,8 +11,8 @@ from functools import lru_cache
 import numpy as np
 
 from wavesweep.diagram.drawing import Diagram
+from wavesweep.diagram.elimination import first_of_batch, reduced_echelon, sum_or_zero, without_rounding
 
-ROUNDING = 64 * np.finfo(float).eps  # of the terms of a sum, what is left of it where it is zero
 FORCE = ""  # stands for the wall's force among the unknowns
 
 
@@ -62,16 +62,16 @@ def _drift(diagram, signals):
     rows = _equations(diagram)
     names = _read_by(rows, [name for signal in (*diagram.wall, *signals) for name in _traced(diagram, signal)])
     A = np.array([[rows[name].get(other, 0.0) for other in names] for name in names]).reshape(len(names), len(names))
-    reduced, pivots = _eliminated(A)
+    reduced, pivots = reduced_echelon(A)
     ways = [_moved(names, reduced, pivots, column) for column in range(len(names)) if column not in pivots]
     shift = {name: value for way in ways for name, value in way.items()}
     if len(shift) < sum(map(len, ways)):
         raise ValueError(f"the drawing drifts in several ways that share a state: {ways}; expected shifts of different states")
     force = np.array([rows[name].get(FORCE, 0.0) for name in names])
-    driven = bool(ways) and len(_eliminated(np.column_stack([A, force]))[1]) > len(pivots)
+    driven = bool(ways) and len(reduced_echelon(np.column_stack([A, force]))[1]) > len(pivots)
     seen = {name: factor * shift[name] for name, factor in _traced(diagram, diagram.wall[0]).items() if name in shift}
-    scale = _sum(seen.values()) or 1.0
-    shift = {name: _simple(shift[name] / scale) for name in _states(diagram) if name in shift}
+    scale = sum_or_zero(seen.values()) or 1.0
+    shift = {name: without_rounding(shift[name] / scale) for name in _states(diagram) if name in shift}
     fast = tuple(f"{block.name}." for block in diagram.fast)
     lifted = {name: f"frame.{name}" if name.startswith(fast) else name for name in shift}
     lead = next((name for name in seen if name in shift), next(iter(shift), None))
@@ -94,7 +94,7 @@ def _equations(diagram):
     rows = {}
     for block in (*diagram.fast, *diagram.slow):
         columns = [f"{block.name}.{name}" for name in (*block.states, *block.inputs)]
-        change = np.hstack([_first(block.E), _first(block.B)])
+        change = np.hstack([first_of_batch(block.E), first_of_batch(block.B)])
         for i, state in enumerate(block.states):
             rows[f"{block.name}.{state}"] = _terms(zip(columns, change[i], strict=True))
         for port in block.inputs:
@@ -119,12 +119,12 @@ def _traced(diagram, signal):
         if signal in (f"{block.name}.{port}" for port in block.outputs):
             row = block.outputs.index(signal.removeprefix(f"{block.name}."))
             columns = [f"{block.name}.{name}" for name in (*block.states, *block.inputs)]
-            return _terms(zip(columns, np.hstack([_first(block.C), _first(block.D)])[row], strict=True))
+            return _terms(zip(columns, np.hstack([first_of_batch(block.C), first_of_batch(block.D)])[row], strict=True))
     total = {}
     for source, gain in diagram.sums.get(signal, {}).items():
         for name, factor in _traced(diagram, source).items():
             total.setdefault(name, []).append(float(np.ravel(gain)[0].real) * factor)
-    return _terms((name, _sum(parts)) for name, parts in total.items())
+    return _terms((name, sum_or_zero(parts)) for name, parts in total.items())
 
 
 def _read_by(rows, read):
@@ -138,39 +138,5 @@ def _read_by(rows, read):
     return [name for name in rows if name in known]
 
 
-def _eliminated(A):
-    """Reduced row echelon form with unit pivots, and column -> row of the pivots."""
-    A, size, pivots, free = A.copy(), np.abs(A), {}, list(range(A.shape[0]))
-    for _ in range(min(A.shape)):
-        relative = np.abs(A[free]) / np.maximum(size[free].max(1, keepdims=True), np.finfo(float).tiny)
-        relative[:, list(pivots)] = 0
-        if not relative.any():
-            break
-        at, column = np.unravel_index(np.argmax(relative), relative.shape)
-        row = free.pop(at)
-        A[row], size[row] = A[row] / A[row, column], size[row] / abs(A[row, column])
-        factor = np.where(np.arange(A.shape[0]) == row, 0.0, A[:, column])[:, None]
-        A, size = A - factor * A[row], size + np.abs(factor) * size[row]
-        A[np.abs(A) <= ROUNDING * size] = 0
-        pivots[int(column)] = row
-    return A, pivots
-
-
-def _sum(parts):
-    parts = list(parts)
-    total = sum(parts)
-    return total if abs(total) > ROUNDING * sum(map(abs, parts)) else 0.0
-
-
 def _terms(pairs):
     return {name: float(factor) for name, factor in pairs if factor}
-
-
-def _simple(value):
-    """The number without its rounding, if it is a small fraction."""
-    return round(value * 12) / 12 if abs(value * 12 - round(value * 12)) < 1e-9 else value
-
-
-def _first(array):
-    """The first matrix of a batch."""
-    return array[(0,) * (array.ndim - 2)].real

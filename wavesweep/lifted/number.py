@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.diagram.drawn import Drawn
+from wavesweep.diagram.elimination import ROUNDING
 from wavesweep.lifted.connect import WORST_CONDITION
 from wavesweep.lifted.cut import Cut
 from wavesweep.lifted.periodic import Drift, Ticks, in_a_row, then, ticks_of
@@ -110,8 +111,12 @@ def _cut(E, B, c, d, drift, period, condition):
 
 
 def _shown_of_leads(c, drift):
-    """What rows of outputs show of each shift, `(..., rows, shifts)`."""
-    parts = [c[..., lead] + sum(factor * c[..., index] for index, factor in others) for lead, others in drift.moved]
+    """The displacements of outputs along each shift, `(..., rows, shifts)`; 0 if the terms cancel to rounding."""
+    parts = []
+    for lead, others in drift.moved:
+        terms = np.stack([c[..., lead], *(factor * c[..., index] for index, factor in others)], axis=-1)
+        total = terms.sum(-1)
+        parts.append(np.where(np.abs(total) <= ROUNDING * np.abs(terms).sum(-1), 0.0, total))
     return np.stack(parts, axis=-1) if parts else np.zeros((*c.shape[:-1], 0))
 
 

@@ -227,7 +227,7 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> Drift:
     moved, folded = [], []
     for one, two in zip(first, second, strict=True):
         lead, *rest = one
-        if one.keys() == two.keys() and all(abs(one[name] - two[name]) < SAME for name in one):
+        if one.keys() == two.keys() and all(_alike(one[name], two[name]) for name in one):
             moved.append((at[lead], tuple((at[name], one[name]) for name in rest if name in at)))
         else:
             folded.append(at[lead])
@@ -252,7 +252,11 @@ def _shifts(drawn, watched):
     return (shifts(living) if living.placed else []) + alone
 
 
-SAME = 1e-9  # difference of two factors of a shift, up to which it does not depend on the numbers
+SAME = 1e-9  # relative difference of two factors of a shift, up to which it does not depend on the numbers
+
+
+def _alike(one, two):
+    return abs(one - two) <= SAME * max(abs(one), abs(two))
 
 
 def without_drift(E: np.ndarray, drift: Drift) -> np.ndarray:

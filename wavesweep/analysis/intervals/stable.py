@@ -98,7 +98,8 @@ def _in_own_units(cut: Cut) -> Cut:
     """The loops in states of such units that none of their entries is large, see `uneven_units`."""
     E, B, C = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (cut.E, cut.B, cut.C))
     with np.errstate(invalid="ignore"):
-        some = np.flatnonzero((np.abs(E).max((-1, -2), initial=0.0) > UNEVEN) & np.isfinite(E).all((-1, -2)))
+        own, into, out = (np.abs(part).max((-1, -2), initial=0.0) for part in (E, B, C))
+        some = np.flatnonzero((np.maximum(own, into * out) > UNEVEN) & np.isfinite(own + into * out))
     if not some.size:
         return cut
     n, (E, B, C) = E.shape[-1], (part.copy() for part in (E, B, C))
