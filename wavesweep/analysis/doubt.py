@@ -21,7 +21,7 @@ NONE, ROUNDING, COUNTS, CROWDED, SEARCH, OVERFLOW, UNSTABLE, DEFECTIVE = range(l
 
 
 def words(codes):
-    """Array of objects with the words of numeric `codes`."""
+    """Return the words of numeric `codes` as an array of objects."""
     import numpy as np
 
     return np.array(list(DOUBTS), dtype=object)[np.asarray(codes, int)]

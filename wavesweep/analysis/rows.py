@@ -11,10 +11,10 @@ class Rows:
     __slots__ = ()
 
     def take(self, index):
-        """Some of the rows, in that order; index: a mask, indices or a slice."""
+        """Return some of the rows in the given order; index: a mask, indices or a slice."""
         return type(self)(*(getattr(self, field.name)[index] for field in fields(self)))
 
     @classmethod
     def join(cls, parts):
-        """The rows of several such values, one after the other."""
+        """Return the rows of several such values, one after the other."""
         return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))

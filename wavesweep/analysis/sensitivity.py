@@ -1,4 +1,4 @@
-"""How an end of a stable interval moves with the numbers of the loop, and the mode that crosses the unit circle there.
+"""Derivatives of the ends of stable intervals by the numbers of the loop, and the mode that crosses the unit circle there.
 
 At an end p of an interval an eigenvalue z of the frame is on the unit circle: `F(p, q) = |z|^2 - 1 = 0`. By the implicit
 function theorem `dp/dq = -F_q/F_p`. With eigenvectors y, x from the left and the right, `dz = y^H dE x/(y^H x)`, and
@@ -22,11 +22,12 @@ ROUNDINGS = 8  # times the order: by so many roundings of its entries a frame ma
 
 @dataclass(frozen=True, slots=True)
 class Crossings(Rows):
-    """Eigenvalues on the unit circle at ends of intervals, the one that sets the end first.
+    """Eigenvalues on the unit circle at ends of intervals; at each end the one that sets the end comes first.
 
-    end: index of the end, `(rows,)`. number: of the crossing at its end, from 0. delta: the eigenvalue less 1. slope `(rows,
-    q)`: derivative of the end by each of the numbers, in the units of the derivatives given. error `(rows, q)`: bound on its
-    rounding. share `(rows, n)`: participation of each state, in sum 1. defective: another eigenvalue meets this one.
+    end: index of the end, `(rows,)`. number: of the crossing at its end, from 0. delta: the eigenvalue less 1. slope
+    `(rows, q)`: derivative of the end by each of the numbers, in the units of the derivatives given. error `(rows, q)`: bound
+    on its rounding. share `(rows, n)`: participation of each state; the shares add up to 1. defective: whether another
+    eigenvalue meets this one.
     """
 
     end: np.ndarray
@@ -39,12 +40,13 @@ class Crossings(Rows):
 
 
 def crossings_of(E, dE_end, dE, theta, size, rising) -> Crossings:
-    """The crossings at ends of intervals, with the derivatives of the end by each number.
+    """Return the crossings at ends of intervals, with the derivatives of the end by each number.
 
     E `(ends, n, n)`: frames less identity at the ends. dE_end `(ends, n, n)`: their derivatives by the parameter that the
     interval lies along. dE `(ends, q, n, n)`: those by the numbers. theta: angle of the eigenvalue that sets the end, rad.
-    size: of the end, of which a corner is a share. rising: whether the loop is unstable above the end, and not below.
-    Further crossings are those that the first order puts within 1e-6 of the end; of a pair one is given.
+    size: of the end; a further crossing nearer than 1e-6 times this size makes a corner. rising: whether the loop is unstable
+    above the end, and not below. Only such further crossings are given, by their first order, and one eigenvalue of each
+    complex pair.
     Accuracy: `error` bounds the first order of a backward error of E of a few roundings, in units in which E is balanced.
     """
     delta, finite = eigenvalues(E)
@@ -71,7 +73,7 @@ def crossings_of(E, dE_end, dE, theta, size, rising) -> Crossings:
 
 
 def _crossing(E, units, dE_end, dE, delta, size, rising):
-    """Fields of `Crossings` for one eigenvalue of each end, and whether it is on the circle within the share of a corner."""
+    """Fields of `Crossings` for one eigenvalue of each end, and whether it is on the circle within the distance of a corner."""
     mode = _mode(E, delta)
     scale = (units[:, None, :] / units[:, :, None])[:, None]
     with np.errstate(all="ignore"):
@@ -89,7 +91,7 @@ def _crossing(E, units, dE_end, dE, delta, size, rising):
 
 @dataclass(frozen=True, slots=True)
 class _Mode:
-    """Eigenvalues less 1 with their eigenvectors of length 1 from the left (as rows, conjugate) and the right, `(rows, n)`.
+    """Eigenvalues less 1 with their left eigenvectors (as rows, conjugate) and right eigenvectors, of length 1, `(rows, n)`.
 
     overlap: their product. off_left, off_right: bounds on the errors of their entries.
     """
@@ -103,10 +105,11 @@ class _Mode:
 
 
 def _mode(E, delta) -> _Mode:
-    """The eigenvectors are the last singular vectors of `M = delta I - E`, refined by its pseudo-inverse N without these.
+    """Return the modes of eigenvalues less 1 `delta` of E.
 
-    If E changes by `e |E|`, the vector x changes by at most `e |N| (|E| + |delta|) |x|` to the first order, and the step of
-    refinement leaves no more than that, which the singular vectors, good to `e |M| |N|` as a whole, do not do.
+    The eigenvectors are the last singular vectors of `M = delta I - E`, refined by the pseudo-inverse N of M without them. If E
+    changes by `e |E|`, the vector x changes by at most `e |N| (|E| + |delta|) |x|` to the first order. The refinement leaves an
+    error no larger than that. The singular vectors alone do not: they are accurate to `e |M| |N|` as a whole.
     """
     n = E.shape[-1]
     M = delta[:, None, None] * np.eye(n) - E
@@ -124,7 +127,7 @@ def _mode(E, delta) -> _Mode:
 
 
 def _growth(dE, mode):
-    """`2 Re(conj(z) dz)` for each derivative `(rows, q, n, n)`, and a bound on its rounding, both `(rows, q)`."""
+    """Return `2 Re(conj(z) dz)` for each derivative `(rows, q, n, n)`, and a bound on its rounding, both `(rows, q)`."""
     left, right = mode.left[:, None, None, :], mode.right[:, None, :, None]
     off_left, off_right = mode.off_left[:, None, None, :], mode.off_right[:, None, :, None]
     on_left, on_right = left @ dE, dE @ right
@@ -138,10 +141,11 @@ def _growth(dE, mode):
 
 
 def followed(path, delta) -> np.ndarray:
-    """The eigenvalue less 1 at the end of a path that `delta` at its beginning becomes; NaN if others cannot be excluded.
+    """Follow an eigenvalue less 1 from its value `delta` at the beginning of a path to the end of the path.
 
-    path: eigenvalues less 1 at equal steps, `(rows, steps, n)`; delta: `(rows,)`. The next one is the nearest to the linear
-    prediction, in all of the steps and in every second one; if both do not end at the same one, others cannot be excluded.
+    path: eigenvalues less 1 at equal steps, `(rows, steps, n)`; delta: `(rows,)`. The next value is the one nearest to the
+    linear prediction. This is done with all of the steps and with every second one. Returns NaN if the two do not end at the
+    same eigenvalue, since other eigenvalues cannot be excluded then.
     """
     ends = []
     for stride in (1, 2):
@@ -155,7 +159,7 @@ def followed(path, delta) -> np.ndarray:
 
 
 def damping_ratio(delta) -> np.ndarray:
-    """Damping ratio `-Re s/|s|` of eigenvalues `1 + delta = exp(s T)`; -1 to 1, NaN for the eigenvalue 1 and for 0."""
+    """Return the damping ratio `-Re s/|s|` of eigenvalues `1 + delta = exp(s T)`, -1 to 1; NaN for the eigenvalues 1 and 0."""
     with np.errstate(all="ignore"):
         s = np.log1p(delta)
         ratio = -s.real / np.abs(s)

@@ -1,4 +1,4 @@
-"""Eigenvalues of the closed loop beside the unit circle: spectral radius, verdict, and their number outside."""
+"""Eigenvalues of the closed loop relative to the unit circle: spectral radius, verdict, and their number outside."""
 
 import numpy as np
 
@@ -8,45 +8,46 @@ from wavesweep.lifted.circle import on_circle
 ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
 BACKWARD = 16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
 NEIGHBOURHOOD = 1e-3  # from the circle, where two eigenvalues may lose most of their digits when they nearly meet
-MEETING = 4  # how many of the nearest are looked at
+MEETING = 4  # number of the nearest ones that are examined
 BALANCING = 3  # sweeps
 
 
 def eigenvalues(E):
-    """Eigenvalues less 1 of `I + E`, complex `(..., n)`, and whether E is finite; zeros if it is not."""
+    """Return the eigenvalues less 1 of `I + E`, complex `(..., n)`, zeros if E is not finite, and whether it is."""
     finite = np.isfinite(E).all((-1, -2))
     return np.linalg.eigvals(np.where(finite[..., None, None], E, 0.0)).astype(complex), finite
 
 
 def excess(delta):
-    """`|z|^2 - 1` of `z = 1 + delta`, without cancellation for slow poles."""
+    """Return `|z|^2 - 1` of `z = 1 + delta`, without cancellation for slow poles."""
     with np.errstate(over="ignore"):
         return 2 * delta.real + delta.real**2 + delta.imag**2
 
 
 def is_stable(E) -> np.ndarray:
-    """Whether every eigenvalue of `I + E` is inside the unit circle; never if E is not finite."""
+    """Return whether every eigenvalue of `I + E` is inside the unit circle; false if E is not finite."""
     delta, finite = eigenvalues(E)
     return finite & (excess(delta) < 0).all(-1)
 
 
 def spectral_radius(cut: Cut, K_VE, B_VE) -> np.ndarray:
-    """Largest modulus among the eigenvalues of the frame-to-frame matrix, drift set aside; infinite after overflow.
+    """Return the largest modulus of the eigenvalues of the frame-to-frame matrix without its drift; infinite after overflow.
 
     cut: loops; K_VE (N/m), B_VE (N*s/m): numbers or arrays that broadcast with the batch.
-    Accuracy: that of the eigenvalue, 1e-14 relative where it is well conditioned.
+    Accuracy: that of the eigenvalue, 1e-14 relative if it is well conditioned.
     """
     delta, finite = eigenvalues(close(cut, K_VE, B_VE))
     return np.where(finite, np.abs(1 + delta).max(-1, initial=0.0), np.inf)
 
 
 def count_outside(E):
-    """Number of eigenvalues outside the unit circle of `I + E`, and whether none lies within rounding of it.
+    """Return the number of eigenvalues of `I + E` outside the unit circle, and whether none lies within rounding of it.
 
-    The count is -1 where E is not finite. An eigenvalue is within rounding of the circle where its computed distance is, and,
-    since eigenvalues that nearly meet keep only a root of the digits, also where one that is anywhere near could be moved
-    onto the circle by a rounding of E: where the smallest singular value of `z I - (I + E)` at the nearest z of the circle is
-    that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1).
+    The count is -1 if E is not finite. An eigenvalue is within rounding of the circle if its computed distance from it is that
+    small. Eigenvalues that nearly meet keep only a root of the digits. So if several are near the circle, those nearest to it
+    also count as within rounding of it if a rounding of E could move them onto the circle: if the smallest singular value of
+    `z I - (I + E)` at the nearest z of the circle is that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005,
+    Theorem 2.1).
     """
     delta, finite = eigenvalues(E)
     outside = excess(delta)
@@ -70,10 +71,10 @@ def _from_circle(E, theta):
 
 
 def balance(E, sweeps: int = BALANCING):
-    """E in states of such units that its rows and columns are of like size, by powers of two (Osborne 1960), and these units.
+    """Return E in units of the states that give its rows and columns similar sizes, and these units (Osborne 1960).
 
-    E: `(matrices, n, n)`. In units u `(matrices, n)` the entry (i, j) of any matrix is multiplied by u_j/u_i. sweeps: how often
-    all states are looked at.
+    The units are powers of two. E: `(matrices, n, n)`. In units u `(matrices, n)` the entry (i, j) of any matrix is multiplied
+    by u_j/u_i. sweeps: number of passes over all states.
     """
     size = np.abs(E)
     units = np.ones(E.shape[:-1])

@@ -1,4 +1,4 @@
-"""A multirate diagram becomes one unirate system: discretise, connect, lift, cut at the wall."""
+"""Conversion of a multirate diagram to one unirate system: discretise, connect, lift, cut at the wall."""
 
 from wavesweep.lifted.cut import Cut, close, cut_at_wall
 

@@ -1,4 +1,4 @@
-"""Parts of a batch of matrices that a processor's cache holds: fresh memory for all of it costs more than the arithmetic."""
+"""Parts of a batch of matrices that fit into a processor's cache: new memory for a batch costs more than the arithmetic."""
 
 from math import prod
 
@@ -8,9 +8,10 @@ CACHED = 2**18  # bytes of an array of matrices, of which a processor's cache ho
 
 
 def in_parts(work, batch, size: int, kind):
-    """`work(part)` for all parts of a batch, in one array `(*batch, size, size)`; part: what indexes the first axis.
+    """Return `work(part)` for all parts of a batch, in one array `(*batch, size, size)`.
 
-    work must treat each matrix by itself, so that the division changes no bit.
+    part: an index of the first axis. kind: type of the numbers. work must treat each matrix by itself, so that the division
+    changes no bit.
     """
     few = max(1, CACHED // max(size * size * np.dtype(kind).itemsize * prod(batch[1:]), 1))
     if not batch or batch[0] <= few:

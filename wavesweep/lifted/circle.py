@@ -1,16 +1,19 @@
-"""The unit circle in delta form, and solves next to it."""
+"""The unit circle in delta form, and linear systems next to it."""
 
 import numpy as np
 
 
 def on_circle(theta):
-    """`w = exp(j theta) - 1`, without cancellation at small angles."""
+    """Return `w = exp(j theta) - 1`, without cancellation at small angles."""
     half = np.sin(theta / 2)
     return -2 * half * half + 1j * np.sin(theta)
 
 
 def solve(A, b):
-    """Batched solve; a matrix that is exactly singular (a pole at this very point) gives a huge state, or NaN, not an error."""
+    """Solve a batch of linear systems.
+
+    A matrix that is exactly singular (at a pole) gives a huge state, or NaN, instead of an error.
+    """
     try:
         return np.linalg.solve(A, b)
     except np.linalg.LinAlgError:
@@ -20,7 +23,10 @@ def solve(A, b):
 
 
 def _solved_where_possible(A, b):
-    """The same where no nudge helps, as where rows differ by more decades than a double has digits: NaN there."""
+    """Solve a batch of linear systems; NaN for a matrix that stays singular after `solve` has changed its diagonal.
+
+    This happens, for example, if the sizes of rows differ by more decades than a double has digits.
+    """
     try:
         return np.linalg.solve(A, b)
     except np.linalg.LinAlgError:
@@ -29,7 +35,7 @@ def _solved_where_possible(A, b):
 
 
 def inverse(A):
-    """Batched inverse; that of an exactly singular matrix is huge, not an error (see `solve`)."""
+    """Return the inverses of a batch of matrices; that of an exactly singular matrix is huge, not an error (see `solve`)."""
     try:
         return np.linalg.inv(A)
     except np.linalg.LinAlgError:
@@ -37,10 +43,10 @@ def inverse(A):
 
 
 def refined(A, inverse_of_A, b):
-    """`A^-1 b` with one step of iterative refinement.
+    """Return `A^-1 b` with one step of iterative refinement.
 
-    One step makes the backward error small entry by entry (R. D. Skeel, Math. Comp. 35, 1980), where that of a plain solve
-    is small beside the largest entry only: states may differ in size by ten decades.
+    One step makes the backward error small entry by entry (R. D. Skeel, Math. Comp. 35, 1980). That of a plain solve is small
+    only relative to the largest entry, and states may differ in size by ten decades.
     """
     x = inverse_of_A @ b
     with np.errstate(over="ignore", invalid="ignore"):  # at a pole the state is huge, and stays so

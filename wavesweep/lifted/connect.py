@@ -1,4 +1,4 @@
-"""Connecting blocks of one rate through their summing junctions, every algebraic loop closed exactly."""
+"""Connection of blocks of one rate through their summing junctions, with every algebraic loop closed exactly."""
 
 from dataclasses import dataclass, replace
 from math import prod
@@ -16,21 +16,21 @@ ROUNDING = 8 * np.finfo(float).eps  # of the terms of a sum, what is left of it 
 Row = dict[int, object]
 """A signal as a sum over columns: states, then inputs from outside, then torn ports; column -> number or array over the batch.
 
-Loops are sparse, and what does not vary over a batch is a plain number here: dense products of small matrices cost ten times
-as much. Each sum is added up in an order that the structure alone decides, so a loop does not depend on its batch.
+Loops are sparse, and an entry that does not vary over a batch is a plain number here: dense products of small matrices cost
+ten times as much. Each sum is added up in an order that the structure alone decides, so a loop does not depend on its batch.
 """
 
 
 def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Block:
     """Close every junction among `blocks` and return one block from the signals `inputs` to the signals `outputs`.
 
-    blocks: `Block`s of one rate. sums: signal -> {source signal: gain}. inputs: external signals. outputs: any signals.
-    terms: whether the block has the sizes of the terms of its entries' sums (see `Block`).
-    Raises IllPosedLoopError where the algebraic loop through the direct terms is singular to working precision.
+    name: of the block. blocks: `Block`s of one rate. sums: signal -> {source signal: gain}. inputs: external signals. outputs:
+    any signals. terms: whether the block has the sizes of the terms of its entries' sums (see `Block`).
+    Errors: IllPosedLoopError if the algebraic loop through the direct terms is singular to working precision.
 
-    The ports are followed in the order in which their direct terms need each other. Where this comes to a port again, the
-    port is torn: it is unknown until all others are sums of states, inputs and torn ports, and then found from as many
-    equations as ports are torn (G. Kron, Diakoptics, 1963).
+    The ports are visited in the order in which their direct terms need each other. If this comes to a port again, the port is
+    torn: it is unknown until all others are sums of states, inputs and torn ports, and then found from as many equations as
+    ports are torn (G. Kron, Diakoptics, 1963).
     """
     net = _Net.of(blocks, sums, inputs, outputs)
     order, torn = net.order()
@@ -56,10 +56,10 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
 class _Net:
     """Blocks and the gains between them, entry by entry.
 
-    E, B: of each state; C, D: of each block output; a row maps states (E, C) or ports (B, D) to what is not zero. ports: a
-    name per block input. into, out: of each port, and of each signal that is wanted, the gains of block outputs and of inputs
-    from outside. shown: the port that a wanted signal is, if it is one. inputs: how many there are from outside. batch: shape.
-    kind: of the numbers.
+    E, B: of each state; C, D: of each block output; a row maps states (E, C) or ports (B, D) to the entries that are not zero.
+    ports: a name per block input. into, out: of each port, and of each output signal of the net, the gains of block outputs and
+    of external inputs. shown: the port that an output signal of the net is, if it is one. inputs: number of external inputs.
+    batch: shape. kind: type of the numbers.
     """
 
     E: list[Row]
@@ -76,7 +76,7 @@ class _Net:
 
     @staticmethod
     def of(blocks, sums, inputs, outputs) -> "_Net":
-        """The net of these blocks; see `connect`."""
+        """Return the net of these blocks; see `connect`."""
         tracer = _Tracer(blocks, sums, inputs)
         ports = [f"{block.name}.{port}" for block in blocks for port in block.inputs]
         into, out = ([tracer.gains(signal) for signal in signals] for signals in (ports, outputs))
@@ -93,13 +93,16 @@ class _Net:
         return _Net(**parts, ports=ports, into=into, out=out, shown=shown, inputs=len(inputs), batch=batch, kind=kind)
 
     def sized(self) -> "_Net":
-        """The same of the sizes of all numbers."""
+        """Return the net with every number replaced by its size."""
         parts = {part: [_sizes(row) for row in getattr(self, part)] for part in "EBCD"}
         into, out = ([tuple(map(_sizes, pair)) for pair in pairs] for pairs in (self.into, self.out))
         return replace(self, **parts, into=into, out=out, kind=np.dtype(float))
 
     def order(self) -> tuple[list[int], list[int]]:
-        """Ports that something reads, each after those that its direct terms need, but for those that are torn; and these."""
+        """Return the ports that something reads, in an order of evaluation, and those of them that are torn.
+
+        Each port comes after those that its direct terms need, except for the torn ones.
+        """
         read = {port for row in (*self.B, *self.D) for port in row} | {port for port in self.shown if port is not None}
         needs = [list(dict.fromkeys(port for output in outputs for port in self.D[output])) for outputs, _ in self.into]
         order, torn, begun, ended = [], [], set(), set()
@@ -122,8 +125,10 @@ class _Net:
         return order, torn
 
     def followed(self, order, torn, states=True) -> list[Row]:
-        """Every port of `order` as a sum over columns; a torn port as the sum that it has to be. states: whether to add up
-        states."""
+        """Return every port of `order` as a sum over columns; a torn port is given as the sum that it has to be equal to.
+
+        states: whether to add up states.
+        """
         first = len(self.E) + self.inputs
         unknown = {port: {first + at: 1.0} for at, port in enumerate(torn)}
         rows, known = [{} for _ in self.into], {}
@@ -140,12 +145,12 @@ class _Net:
         return rows
 
     def loop(self, rows, torn):
-        """The part of the torn ports that comes from torn ports, `(..., torn, torn)`."""
+        """Return the part of the torn ports that comes from torn ports, `(..., torn, torn)`."""
         first = len(self.E) + self.inputs
         return _stacked([_part(rows[port], first) for port in torn], len(torn), self.batch, self.kind)
 
     def reached(self, rows, torn):
-        """Which torn ports each of them depends on, through others too, `(torn, torn)`."""
+        """Return which torn ports each of them depends on, directly or through others, `(torn, torn)`."""
         first, found = len(self.E) + self.inputs, np.eye(len(torn), dtype=bool)
         for at, port in enumerate(torn):
             found[at, [column - first for column in rows[port] if column >= first]] = True
@@ -154,7 +159,7 @@ class _Net:
         return found
 
     def untorn(self, rows, torn, inverse) -> list[Row]:
-        """Every port as a sum over states and inputs alone; inverse: of the torn ports' return difference."""
+        """Return every port as a sum over states and inputs alone; inverse: of the torn ports' return difference."""
         first, solved = len(self.E) + self.inputs, []
         for line in _entries(inverse, 0):
             solved.append({})
@@ -171,7 +176,7 @@ class _Net:
         return found
 
     def assembled(self, rows) -> tuple[np.ndarray, ...]:
-        """E, B, C and D of the whole, from its ports."""
+        """Return E, B, C and D of the whole net from its ports."""
         n, found = len(self.E), []
         for base, ports in zip(self.E, self.B, strict=True):
             found.append(_summed(dict(base), ports, rows, n))
@@ -192,7 +197,7 @@ class _Net:
 
 
 def _entries(matrix, first) -> list[Row]:
-    """The entries of each row that are not zero all over the batch, by their columns, the first of which is `first`."""
+    """Return the entries of each row that are not zero in the whole batch, by their columns, the first of which is `first`."""
     if matrix.ndim == 2 and matrix.dtype.kind != "c":
         return [{first + at: each for at, each in enumerate(row) if each} for row in matrix.tolist()]
     (*batch, height, width), found = matrix.shape, [{} for _ in range(matrix.shape[-2])]
@@ -209,7 +214,10 @@ def _entries(matrix, first) -> list[Row]:
 
 
 def _number(each):
-    """What is the same real number all over the batch as a plain number. Python multiplies complex ones in its own way."""
+    """Return a plain number if `each` is the same real number in the whole batch, and an array otherwise.
+
+    Complex numbers stay in arrays, since Python multiplies them differently.
+    """
     if isinstance(each, int | float):
         return float(each)
     each = numbers(each)
@@ -232,12 +240,15 @@ def _sizes(row) -> Row:
 
 
 def _part(row, first, end=np.inf) -> Row:
-    """The columns from `first` on up to `end`, counted from there."""
+    """Return the columns from `first` on up to `end`, counted from `first`."""
     return {column - first: value for column, value in row.items() if first <= column < end}
 
 
 def _stacked(rows, width, batch, kind):
-    """Rows as an array `(..., len(rows), width)`; of several axes of a batch, each along which nothing varies has length 1."""
+    """Return rows as an array `(..., len(rows), width)`.
+
+    If the batch has several axes, each axis along which nothing varies has length 1.
+    """
     if len(batch) > 1:
         batch = np.broadcast_shapes((1,) * len(batch), *{np.shape(value) for row in rows for value in row.values()})
     out = np.zeros((*batch, len(rows), width), kind)
@@ -248,8 +259,11 @@ def _stacked(rows, width, batch, kind):
 
 
 def _summed(row, ports, rows, states) -> Row:
-    """The row and the sum of these ports; in the columns of inputs 0 where nothing is left but rounding: with no filter and no
-    delay in the line the wall's force reaches the avatar twice, by +1/b and -1/b, and eps/b is much where b is small."""
+    """Return the row plus the sum of these ports; an entry of an input is 0 if it is only rounding of its terms.
+
+    With no filter and no delay in the line the wall's force reaches the avatar twice, by +1/b and -1/b. What rounding leaves of
+    that is eps/b, which is large if b is small.
+    """
     sizes = {}  # of the terms, where there are several
     for port, factor in ports.items():
         for column, value in rows[port].items():
@@ -278,14 +292,14 @@ class _Tracer:
         self.known, self.used = {}, []
 
     def gains(self, signal) -> tuple[Row, Row]:
-        """The gains of block outputs, and those of inputs from outside."""
+        """Return the gains of block outputs, and those of external inputs."""
         traced = self.trace(signal)
         return tuple(
             {at[source]: gain for source, gain in traced.items() if source in at} for at in (self.outputs, self.inputs)
         )
 
     def trace(self, signal) -> dict:
-        """Sources and their gains."""
+        """Return the sources of a signal and their gains."""
         if signal in self.inputs or signal in self.outputs:
             return {signal: 1.0}
         if signal not in self.known:
@@ -301,10 +315,10 @@ class _Tracer:
 
 
 def _loop_inverse(loop, sizes, reached, name, ports):
-    """Inverse of the return difference of torn ports, refused where its condition number says that it is ill-posed, that, and
-    the determinant.
+    """Return the inverse of the return difference of torn ports, its condition number and its determinant.
 
-    sizes: of the terms that the loop's entries are sums of. reached: where the inverse is not zero by structure.
+    sizes: of the terms that the loop's entries are sums of. reached: entries of the inverse that are not zero by structure.
+    Errors: IllPosedLoopError if the condition number shows that the loop is ill-posed.
     """
     loop = np.eye(loop.shape[-1]) - loop
     overflown = ~np.isfinite(loop).all((-1, -2))  # a frame that overflows is for the caller to see
@@ -327,8 +341,11 @@ def _loop_inverse(loop, sizes, reached, name, ports):
 
 
 def _condition(inverse, sizes):
-    """Condition number for the best choice of units, the spectral radius of |L^-1| |L| (Bauer 1963): a wave impedance of
-    1e-9 makes entries of very different sizes, and no ill-posed loop. Overestimated, by a power's norm, by a few."""
+    """Return the condition number for the best choice of units, the spectral radius of |L^-1| |L| (Bauer 1963).
+
+    With it, a wave impedance of 1e-9, which makes entries of very different sizes, is no ill-posed loop. The number is
+    overestimated by a small factor, since it is found from the norm of a power.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         power = np.abs(inverse) @ sizes
         for _ in range(3 if power.shape[-1] > 1 else 0):

@@ -1,4 +1,4 @@
-"""The lifted loop cut at the wall: one input, the wall's force; what the wall reads comes out."""
+"""The lifted loop cut at the wall: its only input is the wall's force, and its outputs are the signals that the wall reads."""
 
 from dataclasses import dataclass, replace
 
@@ -17,13 +17,13 @@ V, ADVANCE, OFFSET = 0, 1, 2  # rows of C and D
 class Cut:
     """Everything but the wall, once a frame, in delta form (`w = z - 1`).
 
-    E `(..., n, n)`, B `(..., n, 1)`, C `(..., 3, n)`, D `(..., 3, 1)`; the rows of C and D are
-    V: velocity that the wall reads, G_v (m/(N*s)); ADVANCE and OFFSET: its displacement is G_x = ADVANCE/w + OFFSET.
-    integrates: whether there is an ADVANCE. It is the exact eigenvalue 1 of the cut loop: the position of the whole scene
-    when no spring holds the hand, or the avatar's when nothing but the wall reads it. Kept out of E, it is never rounded.
-    period: of the frame, s (a number or an array over the batch). states, unread: names of what is kept and left out.
-    condition: by how much closing its algebraic loops may have multiplied the rounding of its entries; pivot: see `Block`.
-    conserved: the drift that was folded away ("" if none): a combination of states that no wall force changes.
+    E `(..., n, n)`, B `(..., n, 1)`, C `(..., 3, n)`, D `(..., 3, 1)`; the rows of C and D are V: velocity that the wall reads,
+    G_v (m/(N*s)); ADVANCE and OFFSET: its displacement is G_x = ADVANCE/w + OFFSET. integrates: whether there is an ADVANCE. It
+    is the exact eigenvalue 1 of the cut loop: the position of the whole scene if no spring holds the hand, or the avatar's if
+    only the wall reads it. It is kept out of E, so it is never rounded. period: of the frame, s (a number or an array over the
+    batch). states, unread: names of the states that are kept and left out. condition: factor by which closing its algebraic
+    loops may have multiplied the rounding of its entries; pivot: see `Block`. conserved: the drift that was eliminated ("" if
+    none): a combination of states that no wall force changes.
     """
 
     E: np.ndarray
@@ -54,7 +54,7 @@ class Cut:
         return shapes.pop() if len(shapes) == 1 else np.broadcast_shapes(*shapes)
 
     def at(self, index) -> "Cut":
-        """The loops `index` (anything that indexes the leading axes) of the batch."""
+        """Return the loops `index` (anything that indexes the leading axes) of the batch."""
         batch = self.batch
 
         def pick(array, tail):
@@ -75,7 +75,10 @@ class Cut:
 
 
 def cut_at_wall(diagram: Diagram, whole: Block | None = None) -> Cut:
-    """Lift the drawing and cut it at the wall; whole: see `slow_side`."""
+    """Lift the drawing and cut it at the wall.
+
+    diagram: the drawing. whole: see `slow_side`.
+    """
     block, unread = slow_side(diagram, diagram.wall, whole=whole)
     facts = {"period": diagram.period * diagram.ratio, "unread": unread, "condition": block.condition, "pivot": block.pivot}
     drift = drift_of(diagram)
@@ -100,7 +103,7 @@ def cut_at_wall(diagram: Diagram, whole: Block | None = None) -> Cut:
 
 
 def _about_lead(block, drift, lead):
-    """Count every state that drifts from the lead: the drift then moves the lead alone, exactly."""
+    """Count every state that drifts from the lead, so that the drift moves the lead alone, exactly."""
     E, B, C = (a.copy() for a in (block.E, block.B, block.C))
     for name, distance in drift.shift.items():
         if name != drift.lead and name in block.states:
@@ -114,12 +117,15 @@ def _about_lead(block, drift, lead):
 
 
 def _integrated(E, advance):
-    """Row l of the combination `s - l x` that stays for ever: `l = advance E^-1` (its input `step - l B` is zero then)."""
+    """Return the row l of the combination `s - l x` that stays constant: `l = advance E^-1`.
+
+    The input of the combination, `step - l B`, is zero then.
+    """
     return solve(np.swapaxes(E, -1, -2), advance[..., None])[..., 0]
 
 
 def open_in(cut: Cut, along: str, fixed) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """The loop with one wall parameter closed and the other open: (E, B, C, D) from the open part's force to what it reads.
+    """Return the loop with one wall parameter closed and the other open: (E, B, C, D) from the open part's force to its input.
 
     along: the open parameter, "K_VE" or "B_VE"; fixed: value of the other one, an array that broadcasts with the batch.
     """
@@ -142,17 +148,17 @@ def open_in(cut: Cut, along: str, fixed) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def close(cut: Cut, K_VE, B_VE) -> np.ndarray:
-    """Frame-to-frame matrix, less identity, of the loop with the wall in place: `(..., order, order)`.
+    """Return the frame-to-frame matrix, less identity, of the loop with the wall in place: `(..., order, order)`.
 
-    K_VE (N/m), B_VE (N*s/m): numbers or arrays that broadcast with the batch. With K_VE = 0 nothing reads the position of
-    the scene; its eigenvalue 1 is a drift and is replaced by 0 (a delta of -1).
+    cut: the loop without the wall. K_VE (N/m), B_VE (N*s/m): numbers or arrays that broadcast with the batch. If K_VE = 0,
+    nothing reads the position of the scene; its eigenvalue 1 is a drift and is replaced by 0 (a delta of -1).
     """
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a frame that overflows is for the caller to see
         return _closed(cut, *(numbers(a)[..., None, None] for a in (K_VE, B_VE)))
 
 
 def wall_pivot(cut: Cut, K_VE, B_VE) -> np.ndarray:
-    """What the wall's own algebraic loop adds to the pivot: see `Block`."""
+    """Return the factor of the pivot that comes from the wall's own algebraic loop; see `Block`."""
     return 1 - K_VE * cut.D[..., OFFSET, 0] - B_VE * cut.D[..., V, 0]
 
 

@@ -1,4 +1,4 @@
-"""The whole lifted system: a frame's hand forces in, the frame's positions out."""
+"""The whole lifted system: from the hand's forces of a frame to the positions of the frame."""
 
 import numpy as np
 
@@ -9,10 +9,10 @@ from wavesweep.lifted.lift import latches, slow_sums, wall_sum
 
 
 def lifted_system(diagram: Diagram, ratio: int, K_VE, B_VE, output: str | None = None) -> Block:
-    """The closed loop as one block per frame of `ratio` ticks: inputs `f_h[0..ratio-1]` (N), outputs `x[0..ratio-1]`.
+    """Return the closed loop as one block per frame of `ratio` ticks: inputs `f_h[0..ratio-1]` (N), outputs `x[0..ratio-1]`.
 
     K_VE (N/m), B_VE (N*s/m): the wall. output: a signal of the fast side, by default the position of the hand's device (m).
-    Position is a state here, its drift included. Nothing is left out, so poles are those of the tick-by-tick loop.
+    Position is a state here, its drift included. Nothing is left out, so the poles are those of the tick-by-tick loop.
     """
     output, force = output or diagram.hand.position, diagram.hand.force
     if diagram.ratio == 1 and ratio > 1:  # one tick is the loop's own frame: close it, then repeat it
@@ -30,10 +30,11 @@ def lifted_system(diagram: Diagram, ratio: int, K_VE, B_VE, output: str | None =
 
 
 def unrolled(tick: Block, picks, inputs, each, first=()) -> Block:
-    """Ticks of one block in a row, as a block named "frame".
+    """Return several ticks of one block in a row, as a block named "frame".
 
-    picks: `(ticks, inputs of the tick, inputs of the frame)`, what feeds each tick. inputs: names of the frame's inputs.
-    each: names of the tick's first output in every tick; first: names of its other outputs, taken in the first tick only.
+    picks: `(ticks, inputs of the tick, inputs of the frame)`, the map from the inputs of the frame to those of each tick.
+    inputs: names of the frame's inputs. each: names of the tick's first output in every tick; first: names of its other
+    outputs, which are taken in the first tick only.
     """
     n = len(tick.states)
     state, drive, change = np.eye(n), np.zeros((*tick.E.shape[:-1], len(inputs))), np.zeros_like(tick.E)
@@ -51,7 +52,7 @@ def unrolled(tick: Block, picks, inputs, each, first=()) -> Block:
 
 
 def _inputs_of_ticks(diagram):
-    """Names of the held inputs of a frame, and which input of it each input of each tick is."""
+    """Return the names of the held inputs of a frame, and the map from its inputs to those of each tick (see `unrolled`)."""
     M, D, names = diagram.ratio, diagram.delay, tuple(diagram.holds)
     shown = (("old",) if D > 0 else ()) + (("new",) if D < M else ())
     held = [f"{name}.{part}" for part in shown for name in names]

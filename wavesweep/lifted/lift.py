@@ -1,4 +1,4 @@
-"""Lifting: blocks of the fast rate seen once a frame, inputs held with a delay in it, and what nothing reads left out."""
+"""Lifting: blocks of the fast rate once per frame, with delayed held inputs, and without the states that nothing reads."""
 
 from dataclasses import replace
 
@@ -12,9 +12,10 @@ from wavesweep.lifted.connect import connect
 
 
 def growth(E, ticks: int):
-    """`S = sum_{i<ticks} (I+E)^i`, so that `(I+E)^ticks - I = E S`; by doubling, without losing the digits of E.
+    """Return `S = sum_{i<ticks} (I+E)^i`, so that `(I+E)^ticks - I = E S`; by doubling, which keeps the digits of E.
 
-    E: `(..., n, n)`. Overflow of a locally unstable loop gives infinities, silently: the caller looks at them.
+    E: `(..., n, n)`. If a locally unstable loop overflows, the result has infinities without a warning; the caller checks for
+    them.
     """
     return in_parts(lambda part: _growth(E[part], ticks), E.shape[:-2], E.shape[-1], E.dtype)
 
@@ -30,8 +31,10 @@ def _growth(E, ticks):
 
 
 def steps(E, B, ticks: int):
-    """State after so many ticks from rest under a constant unit input, `sum_i (I+E)^(ticks-1-i) B`, and under an input that
-    grows by 1 a tick, `sum_i i (I+E)^(ticks-1-i) B`: `(..., n, m)` each, by doubling."""
+    """Return the states after `ticks` ticks from rest under a constant unit input, and under an input that grows by 1 a tick.
+
+    They are `sum_i (I+E)^(ticks-1-i) B` and `sum_i i (I+E)^(ticks-1-i) B`, `(..., n, m)` each, computed by doubling.
+    """
     total, constant, growing, done = np.zeros_like(E), np.zeros_like(B), np.zeros_like(B), 0
     with np.errstate(over="ignore", invalid="ignore"):
         for bit in f"{ticks:b}":
@@ -47,11 +50,11 @@ def steps(E, B, ticks: int):
 
 
 def lift_held(fast: Block, ratio: int, delay: int, held, sampled) -> Block:
-    """One frame of `fast` as a block of the slow rate.
+    """Return one frame of `fast` as a block of the slow rate.
 
-    held: input signals that change once a frame, at phase `delay`; each becomes two inputs, `old` (shown before) and
-    `new` (from then on). sampled: output signals whose value at phase 0 is the output. Other inputs are left at zero.
-    The input `name` is called `name.old` or `name.new` when the corresponding part of the frame exists.
+    held: input signals that change once a frame, at phase `delay`; each becomes two inputs, `old` (its value before that phase)
+    and `new` (from then on). sampled: output signals whose value at phase 0 is the output. Other inputs are left at zero. The
+    input `name` is called `name.old` or `name.new` if the corresponding part of the frame exists.
     """
     columns = [fast.inputs.index(name) for name in held]
     rows = [fast.outputs.index(name) for name in sampled]
@@ -82,9 +85,9 @@ def lift_held(fast: Block, ratio: int, delay: int, held, sampled) -> Block:
 def prune(block: Block) -> tuple[Block, tuple[str, ...]]:
     """Return the block without the states that no output reads, directly or through other states, and their names.
 
-    An entry counts as zero only where it is zero for every element of the batch. A position with no spring and no
-    position feedback (the drift of a wave loop), the avatar of a local model with K_LM = 0 and a held value that
-    nobody looks at all leave here; what remains has the same transfer function.
+    An entry counts as zero only if it is zero for every element of the batch. States that are left out here are a position with
+    no spring and no position feedback (the drift of a wave loop), the avatar of a local model with K_LM = 0, and a held value
+    that nothing reads; the remaining block has the same transfer function.
     """
     reads = np.any(block.E != 0, axis=tuple(range(block.E.ndim - 2)))
     kept = np.any(block.C != 0, axis=tuple(range(block.C.ndim - 1)))
@@ -114,7 +117,7 @@ def prune(block: Block) -> tuple[Block, tuple[str, ...]]:
 
 
 def _kept(terms, index):
-    """The sizes of what is kept."""
+    """Return the sizes of the terms of the states that are kept."""
     if terms is None:
         return None
     E, B, C, D = terms
@@ -122,7 +125,7 @@ def _kept(terms, index):
 
 
 def fast_side(diagram: Diagram, outputs, terms: bool = False) -> Block:
-    """The tick: from the hand's force and the held signals to `outputs`; states that these do not read are left out.
+    """Return the tick, from the hand's force and the held signals to `outputs`, without the states that these do not read.
 
     terms: see `connect`.
     """
@@ -132,12 +135,11 @@ def fast_side(diagram: Diagram, outputs, terms: bool = False) -> Block:
 
 
 def slow_side(diagram: Diagram, outputs, injected=False, wall=None, whole=None) -> tuple[Block, tuple[str, ...]]:
-    """The frame, cut at the wall: from the wall's force to the slow signals `outputs`.
+    """Return the frame, cut at the wall, from the wall's force to the slow signals `outputs`, and the names of unread states.
 
-    injected: adds an input `inject.NAME` for every sample, which is added to what the sampler reads (the hand's force
-    reaches the slow side by no other way). wall: a junction that makes that force, which closes the loop.
-    whole: what `frame_at_rest` gave, if it is known, which has this side in it.
-    Returns the block and the names of the states that were left out.
+    injected: adds an input `inject.NAME` for every sample, which is added to the signal that the sampler reads (the hand's
+    force reaches the slow side by no other way). wall: a junction that makes the wall's force, which closes the loop. whole:
+    the result of `frame_at_rest`, if it is known; it contains this side.
     """
     if whole is not None:
         block, unread = prune(only(whole, (diagram.wall_force,), outputs))
@@ -154,14 +156,17 @@ def slow_side(diagram: Diagram, outputs, injected=False, wall=None, whole=None) 
 
 
 def _unknown(diagram, block, prefix=""):
-    """The states of the fast side that are not among those of a block."""
+    """Return the states of the fast side that are not among those of a block."""
     known = {prefix + name for name in block.states}
     return tuple(name for b in diagram.fast for s in b.states if (name := f"frame.{b.name}.{s}") not in known)
 
 
 def frame_at_rest(diagram: Diagram) -> Block:
-    """The frame, cut at the wall, with all of its states: from the wall's force, a constant force of the hand, and a force of
-    the hand that grows by 1 a tick, to what the wall reads, the hand's position and the control force."""
+    """Return the frame, cut at the wall, with all of its states.
+
+    Its inputs are the wall's force, a constant force of the hand, and a force of the hand that grows by 1 a tick. Its outputs
+    are the signals that the wall reads, the hand's position and the control force.
+    """
     hand = diagram.hand
     fast = fast_side(diagram, tuple(dict.fromkeys((hand.position, hand.reaction, *diagram.samples.values()))))
     frame = lift_held(fast, diagram.ratio, diagram.delay, tuple(diagram.holds), fast.outputs)
@@ -179,25 +184,25 @@ def frame_at_rest(diagram: Diagram) -> Block:
 
 
 def only(block: Block, inputs, outputs) -> Block:
-    """The block with some of its inputs and outputs."""
+    """Return the block with some of its inputs and outputs."""
     columns, rows = ([names.index(name) for name in some] for names, some in ((block.inputs, inputs), (block.outputs, outputs)))
     D = block.D[..., rows, :][..., columns]
     return replace(block, inputs=tuple(inputs), outputs=tuple(outputs), B=block.B[..., columns], C=block.C[..., rows, :], D=D)
 
 
 def latches(diagram: Diagram) -> tuple[Block, ...]:
-    """What remembers the held signals of the frame before, where they are shown with a delay."""
+    """Return the delays that keep the held signals of the frame before, if they are applied with a delay."""
     delayed = diagram.holds if diagram.delay > 0 else ()
     return tuple(unit_delay(latch(name).removesuffix(".u_before")) for name in delayed)
 
 
 def wall_sum(diagram: Diagram, K_VE, B_VE) -> dict:
-    """The junction that makes the wall's force, `K_VE` (N/m) and `B_VE` (N*s/m) being numbers or arrays."""
+    """Return the junction that makes the wall's force; `K_VE` (N/m) and `B_VE` (N*s/m): numbers or arrays."""
     return {diagram.wall_force: {diagram.wall[0]: K_VE, diagram.wall[1]: B_VE}}
 
 
 def slow_sums(diagram: Diagram) -> dict:
-    """The drawing's junctions and those that tie the lifted block "frame" to samplers and holds."""
+    """Return the drawing's junctions and those that connect the lifted block "frame" to samplers and holds."""
     sums = dict(diagram.sums)
     for name, source in diagram.holds.items():
         sums |= {f"frame.{name}.old": {f"hold_{name}.y": 1}, f"frame.{name}.new": {source: 1}, f"hold_{name}.u": {source: 1}}

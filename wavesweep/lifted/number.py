@@ -1,4 +1,4 @@
-"""A drawn loop cut at a number that is one scalar gain of it: its frame, if that has it once, or else each of its ticks."""
+"""A drawn loop cut at a number that is one scalar gain of it: in its frame, or else in each of the frame's ticks."""
 
 from dataclasses import dataclass, replace
 
@@ -14,11 +14,11 @@ from wavesweep.lifted.periodic import Drift, Ticks, in_a_row, then, ticks_of
 def cut_at_number(drawn: Drawn, drift: Drift, force: str, read: str, damped: str = "") -> Cut | None:
     """Cut the loop at a number that is one scalar gain of a frame; None if it is not one.
 
-    drawn: the loop in which the number's product is the input `force`, its last one, and the number would multiply the signal
-    `read`. damped: a second signal, which another number multiplies in the same sum: the velocity that a wall's damper reads.
-    drift: that of this open loop, with these signals watched.
-    The number is one scalar of the frame if the product reaches the loop in a single tick of a frame, or if `read` changes in a
-    single one and is held in between. Closing it is `force = p read`: the wall of a built-in loop under another name.
+    drawn: the loop whose last input `force` is the number's product; the number would multiply the signal `read`. damped: a
+    second signal, which another number multiplies in the same sum: the velocity that a wall's damper reads. drift: that of this
+    open loop, with these signals watched. The number is one scalar of the frame if the product reaches the loop in a single
+    tick of a frame, or if `read` changes in a single one and is held in between. Closing it is `force = p read`: the wall of a
+    built-in loop under another name.
     """
     ticks = ticks_of(drawn, (read, *((damped,) if damped else ())))
     if ticks.states != drift.states:
@@ -38,7 +38,7 @@ def cut_at_number(drawn: Drawn, drift: Drift, force: str, read: str, damped: str
 
 
 def _only_tick(ticks, w):
-    """The tick in which the frame begins for this input, and whether the input is held over the frame; or None."""
+    """Return the tick in which the frame begins for this input, and whether it is held over the frame; None if none."""
     reached = [np.any(each.B[..., w]) or np.any(each.D[..., w]) for each in ticks.maps]
     where = np.flatnonzero(np.array(reached)[ticks.kind])
     if where.size == 0:
@@ -51,7 +51,7 @@ def _only_tick(ticks, w):
 
 
 def _changing(ticks):
-    """The kinds of tick in which the output changes, if it is a state that is held in all others; else none."""
+    """Return the kinds of tick in which the output changes, if it is a state that is held in all others; otherwise none."""
     for still in ticks.maps:
         shown = still.C
         held = [shown @ each.E for each in ticks.maps]
@@ -66,7 +66,7 @@ def _changing(ticks):
 
 
 def _with_input(ticks, w, held):
-    """The frame with the input of its first tick, or with the same input in all of its ticks."""
+    """Return the frame with the input of its first tick, or with the same input in all of its ticks."""
     kinds = ticks.kind.tolist()
     pairs = [(each.E, each.B[..., w : w + 1]) for each in ticks.maps]
     silent = [(E, 0 * B) for E, B in pairs]
@@ -121,8 +121,11 @@ def _shown_of_leads(c, drift):
 
 
 def _read_after(E, C):
-    """Indices of the states without those that nothing reads, if every frame overwrites them, as held outputs, or if they do
-    nothing but add up, and drift."""
+    """Return the indices of the states without some that nothing reads.
+
+    A state that nothing reads is left out if every frame overwrites it, like a held output, or if it only adds up others, and
+    drifts.
+    """
     moves, shown = (np.any(part != 0, axis=tuple(range(part.ndim - 2))) for part in (E, C))
     own = E.diagonal(axis1=-2, axis2=-1).reshape(-1, E.shape[-1])
     plain = (own == -1).all(0) | (own == 0).all(0)
@@ -136,20 +139,23 @@ def _read_after(E, C):
 class OpenTicks:
     """The ticks of loops cut at a number that may be read several times in a frame.
 
-    ticks: without inputs, but in those that the number reaches: from its product to what it multiplies.
+    ticks: with no inputs, except in those that the number reaches: these go from its product to the signal that it multiplies.
     """
 
     ticks: Ticks
 
     @staticmethod
     def of(drawn: Drawn, whole: Drawn, product: str, factor: str) -> "OpenTicks":
-        """Connect them. drawn: with the number's product as an input; whole: with the number in its place, which says what is
-        held. Errors: IllPosedLoopError for an algebraic loop without a solution.
+        """Connect the ticks.
+
+        drawn: with the number's product as an input; whole: with the number in its place, which determines the signals that are
+        held.
+        Errors: IllPosedLoopError for an algebraic loop without a solution.
         """
         return OpenTicks(ticks_of(drawn, (factor,), alone=True, through=product, held=whole.held()))
 
     def closed(self, at, p) -> Ticks:
-        """Those of the loops `at` of the batch at values p of the number, indices and numbers that broadcast together."""
+        """Return the ticks of the loops `at` of the batch at values p of the number; at and p broadcast together."""
         return replace(self.ticks, maps=tuple(_closed(each, at, p) for each in self.ticks.maps))
 
 

@@ -29,16 +29,16 @@ class Ticks:
         return self.maps[0].states
 
     def from_tick(self, first: int) -> "Ticks":
-        """The frame that begins with that tick."""
+        """Return the frame that begins with that tick."""
         return replace(self, kind=np.roll(self.kind, -first))
 
 
 def ticks_of(drawn: Drawn, outputs=(), alone: bool = False, through: str = "", held=None) -> Ticks:
-    """Connect the blocks that run in each tick; outputs: signals that are wanted in every tick. alone: without the inputs.
+    """Connect the blocks that run in each tick.
 
-    through: an input that remains, in the ticks that it reaches, and only these have outputs; held: which ports each block
-    holds, if not those that are read in the drawing and the outputs. Errors: IllPosedLoopError for an algebraic loop without a
-    solution.
+    outputs: signals that every tick gives. alone: without the inputs. through: an input that remains, in the ticks that it
+    reaches, and only these have outputs then. held: the ports that each block holds, if they are not those that are read in the
+    drawing and the outputs. Errors: IllPosedLoopError for an algebraic loop without a solution.
     """
     sets, kind = drawn.schedule()
     held = drawn.held(outputs) if held is None else held
@@ -56,7 +56,7 @@ def ticks_of(drawn: Drawn, outputs=(), alone: bool = False, through: str = "", h
 
 
 def _reaches(drawn, running, signal):
-    """Whether a block that runs reads the signal."""
+    """Return whether a block that runs reads the signal."""
     ports = (f"{drawn.placed[index].block.name}.{port}" for index in running for port in drawn.placed[index].block.inputs)
     return any(signal in drawn.sources(port) for port in ports)
 
@@ -67,7 +67,10 @@ def _connected(drawn, running, held, sums, inputs, outputs):
 
 
 def _in_tick(block, runs, held):
-    """The block with states for the outputs that it holds; if it does not run, nothing changes and these are shown."""
+    """Return the block with states for the outputs that it holds.
+
+    If it does not run, none of its states changes, and its outputs are the held ones.
+    """
     if runs and not held:
         return block
     n, h, rows = len(block.states), len(held), [block.outputs.index(port) for port in held]
@@ -83,9 +86,9 @@ def _in_tick(block, runs, held):
 
 
 def frame_of(ticks: Ticks, skipped: int = 0) -> np.ndarray:
-    """`(I + E)` of all ticks but the first `skipped` in a row, less the identity, `(..., n, n)`.
+    """Return `(I + E)` of all ticks but the first `skipped` in a row, less the identity, `(..., n, n)`.
 
-    Delta form keeps the digits of slow poles. Overflow gives infinities or NaN, silently.
+    Delta form keeps the digits of slow poles. Overflow gives infinities or NaN without a warning.
     """
     n, kinds = len(ticks.states), ticks.kind[skipped:].tolist()
     if not kinds:
@@ -97,7 +100,7 @@ def frame_of(ticks: Ticks, skipped: int = 0) -> np.ndarray:
 
 
 def in_a_row(kinds, maps, joined):
-    """The maps of a sequence of kinds joined in a row; repeated stretches are joined once.
+    """Return the maps of a sequence of kinds joined in a row; repeated stretches are joined once.
 
     joined(first, second): one map after the other.
     """
@@ -113,7 +116,7 @@ def in_a_row(kinds, maps, joined):
 
 @lru_cache(maxsize=64)
 def _plan(kinds: bytes):
-    """Names for pairs of neighbours that occur more than once, and the sequence written with them.
+    """Return names for pairs of neighbours that occur more than once, and the sequence written with them.
 
     The most frequent pair is replaced again and again (N. J. Larsson, A. Moffat, Proc. IEEE 88, 2000); a run of equal ticks
     becomes its powers of two, and a pattern that recurs is joined once.
@@ -131,7 +134,7 @@ def _plan(kinds: bytes):
 
 
 def _most_frequent(sequence):
-    """The pair of neighbours that occurs most often without overlap, the first of these."""
+    """Return the pair of neighbours that occurs most often without overlap, the first of several, and its count."""
     counts, last = {}, {}
     for at, pair in enumerate(pairwise(sequence)):
         if last.get(pair) == at - 1 and pair[0] == pair[1]:
@@ -156,14 +159,20 @@ def _replaced(sequence, pair, name):
 
 
 def then(first, second):
-    """`(I + second)(I + first) - I`; a state that either forgets is forgotten exactly, where a sum would leave a rounding."""
+    """Return `(I + second)(I + first) - I`; a state that either of them forgets is forgotten exactly.
+
+    A plain sum would leave a rounding error in place of such a state.
+    """
     return _Change.of(first).then(_Change.of(second)).E
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Change:
-    """What ticks do, less the identity, and the states that they forget: no other one keeps anything of the first kind, and the
-    second kind keeps nothing of any."""
+    """The change of states over some ticks, less the identity, and the states that the ticks forget.
+
+    unread: states on whose values before these ticks no state depends after them. unset: states whose values after these ticks
+    are zero.
+    """
 
     E: np.ndarray
     unread: list[int]
@@ -174,7 +183,7 @@ class _Change:
         return _Change(E, _forgotten(E), _forgotten(np.swapaxes(E, -1, -2)))
 
     def at(self, few) -> "_Change":
-        """That of some matrices of a batch."""
+        """Return the change of some matrices of a batch."""
         return self if self.E.ndim == 2 or len(self.E) == 1 else _Change(self.E[few], self.unread, self.unset)
 
     def then(self, later) -> "_Change":
@@ -186,7 +195,7 @@ class _Change:
 
 
 def _forgotten(E):
-    """Indices of the columns of `I + E` that are zero in all matrices."""
+    """Return the indices of the columns of `I + E` that are zero in all matrices."""
     if not E.size:
         return []
     less, one = -np.eye(E.shape[-1]), E[(0,) * (E.ndim - 2)]
@@ -198,9 +207,9 @@ def _forgotten(E):
 class Drift:
     """The drift of a drawn loop, by structure.
 
-    states: those of the frame. moved: pairs of a lead and the states that move with it by constant factors, `(lead, ((state,
-    factor), ...))`. folded: leads whose shift depends on the numbers of the loop. unread: states that nothing reads once the
-    leads are gone, in the order of their removal. Names are indices into `states`.
+    states: those of the frame. moved: pairs of a lead and the states that move with it by constant factors,
+    `(lead, ((state, factor), ...))`. folded: leads whose shift depends on the numbers of the loop. unread: states that nothing
+    reads once the leads are gone, in the order of their removal. All are indices into `states`.
     """
 
     states: tuple[str, ...]
@@ -216,11 +225,11 @@ class Drift:
 
 
 def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> Drift:
-    """Find the drift in two drawings of the loop from different tame numbers; see `shifts`.
+    """Find the drift from two drawings of the loop with different tame numbers; see `shifts`.
 
-    watched: the outputs with which `ticks_of` will be called, since these decide which outputs are states that hold.
+    watched: the outputs with which `ticks_of` will be called, since these determine which outputs are states that hold.
 
-    A shift that is the same in both is constant. One that differs is folded away with numbers (see `without_drift`).
+    A shift that is the same in both is constant. If it differs, it is eliminated numerically (see `without_drift`).
     """
     ticks = ticks_of(tame, watched, alone=True)
     at, (first, second) = {name: i for i, name in enumerate(ticks.states)}, (_shifts(each, watched) for each in (tame, other))
@@ -243,7 +252,10 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> Drift:
 
 
 def _shifts(drawn, watched):
-    """The shifts that nothing opposes which something reads: what only watches a position that drifts need not rest."""
+    """Return the shifts that nothing opposes and that something reads.
+
+    A part of the loop that only watches a drifting position need not be at rest.
+    """
     living = drawn.living(watched)
     if living is drawn:
         return shifts(drawn)
@@ -260,12 +272,12 @@ def _alike(one, two):
 
 
 def without_drift(E: np.ndarray, drift: Drift) -> np.ndarray:
-    """The frame's matrix less identity without its drift, `(..., k, k)`: its eigenvalues are the others.
+    """Return the frame's matrix less identity without its drift, `(..., k, k)`: its eigenvalues are the others.
 
-    A lead moves others by constant factors: they are counted from it. Factors V that depend on the numbers of a loop are found
-    in its frame: with the leads S and the others R, `E_R V = -E_S` by columns, as nothing changes along a shift. The others go
-    by `E_RR - V E_SR` then, which has no eigenvalue 0. All rows are kept and weighted alike, since which of them follows from
-    the others depends on the combination that the loop conserves, of which a lead need not be a part.
+    States that a lead moves by constant factors are counted from it. Factors V that depend on the numbers of a loop are found
+    in its frame: with the leads S and the others R, `E_R V = -E_S` by columns, since nothing changes along a shift. The others
+    then follow `E_RR - V E_SR`, which has no eigenvalue 0. All rows are kept and weighted alike, since which of them follows
+    from the others depends on the combination that the loop conserves, and a lead need not be a part of it.
     """
     leads, unread = [lead for lead, _ in drift.moved], () if drift.folded else drift.unread
     index = [i for i in range(len(drift.states)) if i not in leads and i not in unread]
@@ -286,8 +298,10 @@ def without_drift(E: np.ndarray, drift: Drift) -> np.ndarray:
 
 
 def _solution(A, b):
-    """The solution of more equations than unknowns that do not contradict each other, each of weight 1; NaN for A that is not
-    finite."""
+    """Return the solution of more equations than unknowns that do not contradict each other, each of weight 1.
+
+    NaN if A is not finite.
+    """
     size = np.abs(A).max(-1, keepdims=True, initial=0)
     with np.errstate(all="ignore"):
         weight = np.where(size > 0, 1 / size, 1.0)
@@ -298,13 +312,15 @@ def _solution(A, b):
 
 
 def closed_frame(drawn: Drawn, drift: Drift) -> np.ndarray:
-    """The frame-to-frame matrix less identity, without drift, `(..., k, k)`; loops of less than two states are filled up with
-    eigenvalues at 0 of the frame."""
+    """Return the frame-to-frame matrix less identity, without drift, `(..., k, k)`.
+
+    Loops of fewer than two states are filled up with eigenvalues at 0 of the frame.
+    """
     return closed(ticks_of(drawn, alone=True), drift)
 
 
 def closed(ticks: Ticks, drift: Drift) -> np.ndarray:
-    """The same of connected ticks."""
+    """`closed_frame` for ticks that are connected already."""
     E = without_drift(frame_of(ticks), drift)
     missing = 2 - E.shape[-1]
     if missing <= 0:

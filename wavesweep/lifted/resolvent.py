@@ -15,16 +15,16 @@ CHUNK = 100_000  # matrices of one batch of solves
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Response:
-    """A block of `(loops,)` batch, ready at any point of any of its loops.
+    """A block of `(loops,)` batch, ready for evaluation at any point of any of its loops.
 
-    modes: (poles, vectors, inverse of the vectors), `(loops, ...)`; None where they are no good.
+    modes: (poles, vectors, inverse of the vectors), `(loops, ...)`; None if they are not accurate enough.
     """
 
     block: Block
     modes: tuple[np.ndarray, np.ndarray, np.ndarray] | None
 
     def at(self, owner, theta):
-        """`C (w I - E)^-1 B + D` of the loops `owner` at angles `theta` (rad per tick): `(points, more, p, m)`.
+        """Return `C (w I - E)^-1 B + D` of the loops `owner` at angles `theta` (rad per tick): `(points, more, p, m)`.
 
         owner `(points,)`, theta `(points, more)`.
         """
@@ -45,7 +45,7 @@ def response_of(block: Block, loops: int) -> Response:
 
 
 def flattened(block: Block, batch) -> Block:
-    """The block with its batch, broadcast to `batch`, in one axis."""
+    """Return the block with its batch, broadcast to `batch`, in one axis."""
     parts = {}
     for name in "EBCD":
         tail = getattr(block, name).shape[-2:]
@@ -54,13 +54,13 @@ def flattened(block: Block, batch) -> Block:
 
 
 def alias_angles(theta, ratio: int):
-    """`(theta + 2 pi m)/ratio` for every alias m, in (-pi, pi]: `(points, ratio)`."""
+    """Return `(theta + 2 pi m)/ratio` for every alias m, in (-pi, pi]: `(points, ratio)`."""
     shift = np.arange(ratio) - (ratio - 1) // 2
     return (np.asarray(theta)[..., None] + 2 * np.pi * shift) / ratio
 
 
 def _good_modes(block, loops):
-    """Modes that agree with a solve at the probes in every loop; crowded poles and pure delays have none."""
+    """Return the modes if they agree with a solve at the probes in every loop; None for crowded poles and pure delays."""
     poles, vectors = np.linalg.eig(block.E)
     vectors = vectors.astype(complex)
     modes = poles, vectors, solve(vectors, np.broadcast_to(np.eye(vectors.shape[-1]), vectors.shape) + 0j)
@@ -72,7 +72,10 @@ def _good_modes(block, loops):
 
 
 def _refined_state(block, modes, owner, w):
-    """`(w I - E)^-1 B` through the modes, once more for the residual: as exact as a solve, at a part of its cost."""
+    """Return `(w I - E)^-1 B` through the modes, with one correction for the residual.
+
+    It is as exact as a solve, and cheaper.
+    """
     B = block.B[owner][:, None]
     state = _modal_state(B, modes, owner, w)
     residual = B - w[..., None, None] * state + block.E[owner][:, None] @ state
@@ -92,7 +95,7 @@ def _solved_state(block, owner, w):
 
 
 def solved_response(block: Block, w):
-    """`C (w I - E)^-1 B + D` at `w = z - 1`, `(..., points, p, m)`, backward stable."""
+    """Return `C (w I - E)^-1 B + D` at `w = z - 1`, `(..., points, p, m)`, backward stable."""
     E, B, C, D = (part[..., None, :, :] for part in (block.E, block.B, block.C, block.D))
     A = w[..., None, None] * np.eye(E.shape[-1]) - E
     return C @ solve(A, B + 0 * A[..., :1]) + D

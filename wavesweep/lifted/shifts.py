@@ -1,4 +1,4 @@
-"""Loops with long delays, most of whose states only hand on what another state was a frame ago."""
+"""Loops with long delays, in which most states only take over the value that another state had a frame ago."""
 
 from dataclasses import dataclass
 
@@ -9,11 +9,12 @@ from wavesweep.lifted.circle import on_circle, solve
 
 @dataclass(frozen=True, slots=True)
 class Shifts:
-    """States with `z x_i = x_j` and nothing else, of all loops of a batch.
+    """States with `z x_i = x_j` and nothing else, in all loops of a batch.
 
-    kept: all other states. delayed: these, each after the one that it hands on, which is `before` it. source: the place in
-    `kept` of the state at which its chain begins; frames: how many frames ago it was what this state is now.
-    On the unit circle `x_i = z^-frames x_source`, so that a solve is one with the states that are kept, and nothing cancels.
+    kept: all other states. delayed: the states with this property, each after the one whose value it takes over, which is its
+    entry in `before`. source: place in `kept` of the state at which its chain begins. frames: number of frames ago at which the
+    source had the value that this state has now. On the unit circle `x_i = z^-frames x_source`, so only the states that are
+    kept have to be solved for, and nothing cancels.
     """
 
     kept: np.ndarray
@@ -24,7 +25,7 @@ class Shifts:
 
     @staticmethod
     def of(E, B) -> "Shifts":
-        """The shifts of `x' - x = E x + B u`; E: `(..., n, n)`, B: `(..., n, 1)`."""
+        """Return the shifts of `x' - x = E x + B u`; E: `(..., n, n)`, B: `(..., n, 1)`."""
         n = E.shape[-1]
         rows = np.concatenate([E + np.eye(n), B], axis=-1).reshape(-1, n, n + 1)
         used = (rows != 0).any(0)
@@ -47,7 +48,7 @@ class Shifts:
         return Shifts(kept, delayed, hands_on[delayed], np.searchsorted(kept, source[delayed]), frames[delayed])
 
     def reached(self, E, B, theta):
-        """`(w I - E)^-1 B` at `w = exp(j theta) - 1`, the states first: `(n, ...)`.
+        """Return `(w I - E)^-1 B` at `w = exp(j theta) - 1`, with the states in the first axis: `(n, ...)`.
 
         E: `(..., n, n)`, B: `(..., n, 1)`, theta: `(...)`, complex or not.
         """
@@ -59,7 +60,10 @@ class Shifts:
         return found
 
     def read(self, E, C, theta):
-        """`C (w I - E)^-1` in the same way; C: `(..., 1, n)`."""
+        """Return `C (w I - E)^-1` at `w = exp(j theta) - 1`, with the states in the first axis: `(n, ...)`.
+
+        E: `(..., n, n)`, C: `(..., 1, n)`, theta: `(...)`, complex or not.
+        """
         turn, z = np.exp(-1j * theta[..., None] * self.frames), 1 + on_circle(theta)
         read = C[..., 0, self.kept] + 0j * theta[..., None]
         for place, some in self._chains():
@@ -77,7 +81,7 @@ class Shifts:
         return found
 
     def _closed(self, E, turn, w):
-        """`w I - E` of the states that are kept, with what the others hand on."""
+        """Return `w I - E` of the states that are kept, with the effect of the delayed states on them."""
         whole = w[..., None, None] * np.eye(self.kept.size) - E[..., self.kept[:, None], self.kept]
         into = E[..., self.kept[:, None], self.delayed]
         for place, some in self._chains():
@@ -85,5 +89,5 @@ class Shifts:
         return whole
 
     def _chains(self):
-        """Which of the states that are kept are handed on, and by which of `delayed`."""
+        """Return the states that are kept and begin a chain, each with the indices of its states in `delayed`."""
         return [(place, np.flatnonzero(self.source == place)) for place in np.unique(self.source)]

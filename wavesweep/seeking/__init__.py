@@ -1,1 +1,1 @@
-"""Designs that meet a wish: evaluated in batches over all that they have to hold for, and searched for."""
+"""Search for designs that meet a wish; each design is evaluated over everything that it has to hold for, in batches."""

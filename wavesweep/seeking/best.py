@@ -1,4 +1,4 @@
-"""Some designs of a front as specs, which every other command takes."""
+"""Write some designs of a front as specs, which every other command accepts."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -15,17 +15,20 @@ HEADER = "# A design that wavesweep found: "
 
 
 def chosen(rows: int) -> list[int]:
-    """Rows of the table that are written, equally far from each other, the first and the last among them."""
+    """Return the rows of the table that are written: equally spaced, the first and the last among them."""
     return sorted({round(each) for each in np.linspace(0, rows - 1, min(rows, MOST)).tolist()})
 
 
 def spec_of(spec: Spec, row: dict[str, object]) -> Spec:
-    """The spec with the numbers of a row of the table."""
+    """Return the spec with the numbers of a row of the table."""
     return spec.with_values({axis.name: row[axis.name] for axis in spec.design.vary})
 
 
 def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
-    """A spec of a design: its [sweep] is over all that it holds for, so that the worst row of `zwidth` has its value."""
+    """Return the spec of a design as text.
+
+    Its [sweep] is over everything that the design holds for, so that the worst row of `zwidth` has the value of the table.
+    """
     design, tables = spec.design, spec_of(spec, row).tables()
     own = (spec.values["environment.B_VE"],)
     damping = next((wish.options["B_VE"] for wish in design.wishes if "B_VE" in wish.options), own)
@@ -41,7 +44,7 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
 
 
 def with_best(table: Table, spec: Spec) -> Table:
-    """The table with the specs of some of its designs beside it, in the folder `best`."""
+    """Return the table with the specs of some of its designs beside it, in the folder `best`."""
     columns = table.columns
     rows = chosen(len(columns["certified"]))
     names = [f"best/design-{number + 1:02d}.toml" for number in rows]

@@ -1,4 +1,4 @@
-"""All that a design has to hold for: combinations of devices, hands, timings and ratios, and the walls of a wish."""
+"""Everything that a design has to hold for: combinations of devices, hands, timings and ratios, and the walls of a wish."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,14 +19,17 @@ class Scenario:
     ratios: Mapping[str, tuple[str, float]]
 
     def described(self) -> str:
-        """The scenario in words, as a table names it; empty if it is the spec's own."""
+        """Return the scenario in the words of a table; empty if it is the spec's own."""
         parts = [f"{path}={value:.12g}" for path, value in self.values.items()]
         parts += [f"{one}/{other}={ratio:g}" for one, (other, ratio) in self.ratios.items()]
         return ", ".join(parts)
 
 
 def scenarios_of(design: Design, between: int = 0) -> list[Scenario]:
-    """Every combination of what a design has to hold for; between: further values between the ends of each range."""
+    """Return every combination of values that a design has to hold for.
+
+    between: number of further values between two neighbouring values of each range.
+    """
     choices = [[(axis.path, value) for value in _filled(axis.values, between, axis.structural)] for axis in design.for_all]
     for part in HAND:
         if part in design.hand:
@@ -42,7 +45,7 @@ def scenarios_of(design: Design, between: int = 0) -> list[Scenario]:
 
 
 def _filled(values, between, structural):
-    """The values, and as many more between two of them."""
+    """Return the values, with `between` further ones between each two neighbours."""
     ordered = sorted(set(values))
     if structural or not between or len(ordered) < 2:
         return ordered
@@ -52,9 +55,9 @@ def _filled(values, between, structural):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Points:
-    """Designs x scenarios x walls as points, the designs slowest.
+    """Designs x scenarios x walls as points; the index of the design changes most slowly.
 
-    changes: path -> value of each point. ties: paths whose value is the factor of the wall's stiffness. shape: (designs,
+    changes: path -> value of each point. ties: paths whose value is a factor of the wall's stiffness. shape: (designs,
     scenarios, walls).
     """
 
@@ -68,18 +71,21 @@ class Points:
         return int(np.prod(self.shape))
 
     def some(self, index) -> "Points":
-        """Some of the points, each as a design of its own."""
+        """Return some of the points, each as a design of its own."""
         return Points({path: column[index] for path, column in self.changes.items()}, self.ties, (len(index), 1, 1))
 
     def worst(self, values, more: bool) -> tuple[np.ndarray, np.ndarray]:
-        """The worst value of each design, `(designs,)`, and the scenario that has it; a missing value is the worst there is."""
+        """Return the worst value of each design, `(designs,)`, and the scenario that has it.
+
+        more: whether larger values are better. A missing value counts as the worst.
+        """
         flat = np.reshape(values, (self.shape[0], -1))
         order = np.where(np.isnan(flat), -np.inf, flat if more else -flat)
         at = np.argmin(order, axis=1)
         return flat[np.arange(len(flat)), at], at // self.shape[2]
 
     def all_of(self, flags) -> np.ndarray:
-        """Whether a flag is set at all points of a design."""
+        """Return whether a flag is set at all points of each design."""
         return np.reshape(flags, (self.shape[0], -1)).all(axis=1)
 
 
@@ -89,7 +95,7 @@ def points_of(
     scenarios: Sequence[Scenario],
     walls: Mapping[str, Sequence[float]],
 ) -> Points:
-    """The product of designs, scenarios and walls.
+    """Return the product of designs, scenarios and walls.
 
     own: the spec's values. designs: path -> value of each design. walls: path of the wall -> its values, all combined.
     """

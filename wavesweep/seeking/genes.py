@@ -1,4 +1,4 @@
-"""Designs as numbers from 0 to 1, which a search moves in, and back."""
+"""Designs as numbers from 0 to 1, in which a search moves, and the conversion in both directions."""
 
 from collections.abc import Mapping, Sequence
 
@@ -8,7 +8,10 @@ from wavesweep.spec import Axis
 
 
 def designs_of(vary: Sequence[Axis], genes: np.ndarray) -> dict[str, np.ndarray]:
-    """Path -> value of each design; genes: `(designs, axes)` in [0, 1]. Choices divide the unit interval into equal parts."""
+    """Return path -> value of each design from its genes, `(designs, axes)` in [0, 1].
+
+    Choices divide the unit interval into equal parts.
+    """
     found = {}
     for axis, gene in zip(vary, genes.T, strict=True):
         if axis.values:
@@ -23,7 +26,7 @@ def designs_of(vary: Sequence[Axis], genes: np.ndarray) -> dict[str, np.ndarray]
 
 
 def genes_of(vary: Sequence[Axis], values: Mapping[str, object]) -> np.ndarray:
-    """The genes of one design, `(axes,)`; a value beyond its range is taken to the end of it."""
+    """Return the genes of one design, `(axes,)`; a value beyond its range is moved to the end of the range."""
     genes = []
     for axis in vary:
         value = values[axis.path]

@@ -2,10 +2,10 @@
 
 Q. Zhang, H. Li, MOEA/D: A multiobjective evolutionary algorithm based on decomposition, IEEE Trans. Evolutionary Computation
 11, 2007, with the differential evolution of H. Li, Q. Zhang, IEEE Trans. Evolutionary Computation 13, 2009: every place of the
-population seeks the least of its own weighted largest objective, and takes over what is found for its neighbours. Places that
-share what they find follow a front across kinds of design that a search by rank and crowding (NSGA-II) leaves behind. A
-feasible design beats an infeasible one, and of two infeasible ones the one that violates less wins (K. Deb, Computer Methods
-in Applied Mechanics and Engineering 186, 2000). Everything follows from the seed and the values of the designs.
+population minimises its own weighted largest objective, and takes over good designs that are found for its neighbours. Places
+that share designs follow a front across kinds of design that a search by rank and crowding (NSGA-II) loses. A feasible design
+beats an infeasible one, and of two infeasible ones the one that violates less wins (K. Deb, Computer Methods in Applied
+Mechanics and Engineering 186, 2000). The result is determined by the seed and the values of the designs.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +18,7 @@ import numpy as np
 NEIGHBOURS = 20  # of a place, itself included, and at most half of its kind
 LEAST = 6  # places of a kind; with fewer a population is not divided by kinds
 APART = 0.45  # of the generations, each kind of design by itself
-LOOKS = (APART, 0.7, 0.85)  # of the generations, where the best are looked at
+LOOKS = (APART, 0.7, 0.85)  # of the generations, after which the best are examined
 LOCAL = 0.8  # of the children, by differences of neighbours alone, and given to these alone
 SHARES = (0.3, 1.0)  # of the genes that a child takes from a difference
 FACTORS = (0.2, 1.0)  # least and largest share of a difference
@@ -31,27 +31,33 @@ BAD = 1e9  # more than any objective is, measured across the front
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Judged:
-    """Designs as genes in [0, 1], `(designs, genes)`; objectives to be made small, `(designs, objectives)`; and violation,
-    `(designs,)`, 0 if every constraint holds."""
+    """Designs with their objectives and violations.
+
+    genes: in [0, 1], `(designs, genes)`. objectives: to be made small, `(designs, objectives)`. violation: `(designs,)`, 0 if
+    every constraint holds.
+    """
 
     genes: np.ndarray
     objectives: np.ndarray
     violation: np.ndarray
 
     def take(self, index) -> "Judged":
-        """Some of the designs."""
+        """Return some of the designs."""
         return Judged(self.genes[index], self.objectives[index], self.violation[index])
 
     def joined(self, other: "Judged") -> "Judged":
-        """These designs and others."""
+        """Return these designs and others."""
         pairs = ((self.genes, other.genes), (self.objectives, other.objectives), (self.violation, other.violation))
         return Judged(*(np.concatenate(pair) for pair in pairs))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Places:
-    """Places of a population, in blocks of one kind of design. weights: `(places, 2)`, of the objectives that each seeks the
-    least of; near: `(places, neighbours)`; block: places of a kind; chosen, fixed: genes that make a kind, and their values."""
+    """Places of a population, in blocks of one kind of design.
+
+    weights: `(places, 2)`, of the objectives whose largest weighted value each place minimises; near: `(places, neighbours)`;
+    block: places of a kind; chosen, fixed: genes that make a kind, and their values.
+    """
 
     weights: np.ndarray
     near: np.ndarray
@@ -61,14 +67,14 @@ class _Places:
 
     @staticmethod
     def of(kinds, block, chosen) -> "_Places":
-        """Places for each of the kinds, `(kinds, chosen genes)`."""
+        """Return places for each of the kinds, `(kinds, chosen genes)`."""
         along, kind = np.tile((np.arange(block) + 0.5) / block, len(kinds)), np.repeat(np.arange(len(kinds)), block)
         away = np.abs(along[:, None] - along) + (kind[:, None] != kind)
         near = np.argsort(away, axis=1, kind="stable")[:, : min(NEIGHBOURS, max(block // 2, 2), block)]
         return _Places(np.stack([along, 1 - along], 1), near, block, chosen, kinds[kind])
 
     def partners(self, local, rng):
-        """For every place another one: a neighbour, or any of its kind."""
+        """Return another place for every place: a neighbour if `local` says so, otherwise any place of its kind."""
         every = np.arange(len(self.near))
         any_ = every // self.block * self.block + rng.integers(self.block, size=every.size)
         return np.where(local, self.near[every, rng.integers(self.near.shape[1], size=every.size)], any_)
@@ -84,14 +90,15 @@ def generations(
     choices: Sequence[int] = (),
     look: Callable[[Judged], bool] | None = None,
 ) -> Iterator[Judged]:
-    """Yield the best designs of all after each generation, none of which another one dominates.
+    """Yield the best designs of all after each generation; no other design dominates them.
 
-    judge(number, x): the designs x `(designs, genes)` of that generation, judged. first: designs of the first generation
+    judge(number, x): returns the designs x `(designs, genes)` of that generation, judged. genes: number of genes. population:
+    designs of a generation. count: number of generations. seed: of the random numbers. first: designs of the first generation
     besides random ones, `(designs, genes)`. choices: for every gene the number of its values if these are few, or 0. Every
-    combination of them is a kind of design, which has a share of the population to itself at first: a kind that is good only
-    when it is finely tuned would be lost among others. look(best): called at some generations, with the designs that would be
-    yielded last; True if designs are judged otherwise from there on. Then one generation judges the population again, and the
-    best are those of it.
+    combination of them is a kind of design, which has a share of the population to itself at first: a kind that is good only if
+    it is finely tuned would be lost among others. look(best): called at some generations, with the designs that would be
+    yielded last; it returns True if designs are judged differently from then on. Then one generation judges the population
+    again, and the best designs are taken from that generation.
     """
     rng = np.random.default_rng(seed)
     places = together = _Places.of(np.zeros((1, 0)), population, np.zeros(0, int))
@@ -125,7 +132,7 @@ def generations(
 
 
 def _children(parents, places, rng):
-    """A child for every place, and which of them are for the neighbours of their places alone."""
+    """Return a child for every place, and which of them are offered to the neighbours of their places alone."""
     count, genes = parents.shape
     every, local = np.arange(count), rng.random(count) < LOCAL
     one, other, third = (places.partners(local, rng) for _ in range(3))
@@ -144,8 +151,11 @@ def _children(parents, places, rng):
 
 
 def _settled(alive, children, best, places, local, rng):
-    """The designs in every place once the children have been offered: to the neighbours of their own place, or, of those that
-    came from far, of the place of their kind that they are best for."""
+    """Return the designs in every place after the children have been offered.
+
+    A child of neighbours is offered to the neighbours of its own place. Any other child is offered to the neighbours of the
+    place of its kind that it improves most.
+    """
     worth = _worth(best)
     now, new = worth(alive, places.weights), worth(children, places.weights[:, None])  # `(places,)`; `(places, children)`
     genes, objectives, violation = alive.genes.copy(), alive.objectives.copy(), alive.violation.copy()
@@ -160,8 +170,10 @@ def _settled(alive, children, best, places, local, rng):
 
 
 def _worth(best):
-    """A function of designs and weights: their largest weighted objective, as a share of the known front; for designs that
-    violate constraints, by how much, beyond all others."""
+    """Return a function of designs and weights that gives their largest weighted objective, as a share of the known front.
+
+    For designs that violate constraints it gives a number that grows with the violation and is larger than all others.
+    """
     known = best.objectives[(best.violation == 0) & np.isfinite(best.objectives).all(1)]
     known = known if len(known) else np.zeros((1, best.objectives.shape[1]))
     least, across = known.min(0), np.ptp(known, axis=0)
@@ -177,7 +189,7 @@ def _worth(best):
 
 
 def spread(designs: Judged, count: int) -> Judged:
-    """So many of the designs, far from each other: those whose neighbours are nearest are left out one by one."""
+    """Return `count` of the designs, far from each other: those whose neighbours are nearest are left out one by one."""
     scale = np.where(np.ptp(designs.objectives, axis=0) > 0, np.ptp(designs.objectives, axis=0), 1.0)
     order = np.lexsort(designs.objectives.T[::-1])
     place = designs.objectives[order] / scale
@@ -189,7 +201,7 @@ def spread(designs: Judged, count: int) -> Judged:
 
 
 def undominated(designs: Judged) -> np.ndarray:
-    """Indices of the designs that no other dominates; of equal designs the first."""
+    """Return the indices of the designs that no other dominates; of equal designs only the first is kept."""
     violation, f = designs.violation, designs.objectives
     better = (f[:, None] <= f[None]).all(-1) & (f[:, None] < f[None]).any(-1)
     earlier = (f[:, None] == f[None]).all(-1) & np.triu(np.ones((len(f), len(f)), bool), 1)
@@ -200,7 +212,7 @@ def undominated(designs: Judged) -> np.ndarray:
 
 
 def hypervolume(objectives: np.ndarray, reference: np.ndarray) -> float:
-    """Area that two objectives, to be made small, dominate up to a reference point."""
+    """Return the area that two objectives, to be made small, dominate up to a reference point."""
     kept = objectives[(objectives < reference).all(axis=1)]
     if not len(kept):
         return 0.0

@@ -1,4 +1,4 @@
-"""A design study: a search in chunks on workers that goes on where it was stopped, and the front as a table."""
+"""A design study: a search in chunks on workers that can be resumed after an interruption, and the front as a table."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -38,11 +38,12 @@ FINER = 1000  # combinations that a design of the front is checked over at most
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DesignJob(Job):
-    """Generations of designs, as chunks; the last one is the front, over a finer choice of what it has to hold for.
+    """Generations of designs, as chunks; the last one is the front, checked over a finer choice of scenarios.
 
-    genes: number of a generation -> `(designs, axes)`, known once the one before it is judged. scenarios, finer: what designs
-    have to hold for in the search, which more are added to, and at its end. box: of hands, all of which the front is checked
-    for, if it is.
+    genes: number of a generation -> `(designs, axes)`, known once the one before it is judged. scenarios: combinations that
+    designs have to hold for in the search; more are added during it. finer: those that the front is checked over. stop: the
+    largest stiffness of a wall that is searched, N/m. box: of hands, for all of which the front is checked; None for no such
+    check.
     """
 
     genes: dict[int, np.ndarray]
@@ -55,7 +56,10 @@ class DesignJob(Job):
 
     @property
     def dtype(self) -> np.dtype:
-        """A value, a scenario and a certificate for each wish, and what a box of hands leaves of the stiffest wall."""
+        """A value, a scenario and a certificate for each wish.
+
+        With a box of hands, there are also its stiffest wall and whether that is settled.
+        """
         wishes = self.grid.spec.design.wishes
         parts = [((wish.name, "<f8"), (f"{wish.name}_scenario", "<i4"), (f"{wish.name}_certified", "?")) for wish in wishes]
         hands = [(BOX, "<f8"), (SETTLED, "?")] if self.box else []
@@ -68,7 +72,7 @@ class DesignJob(Job):
 
     @property
     def size(self) -> int:
-        """None: the table has rows of the front alone."""
+        """Zero: the table has rows of the front alone."""
         return 0
 
     @property
@@ -77,7 +81,7 @@ class DesignJob(Job):
         return {"records": "designs", "stop": self.stop} | ({"box": repr(self.box)} if self.box else {})
 
     def chunks_of(self, generation: int) -> range:
-        """Numbers of the chunks of a generation."""
+        """Return the numbers of the chunks of a generation."""
         across = len(self.chunks) // self.chunks.loops
         return range(generation * across, (generation + 1) * across)
 
@@ -97,15 +101,17 @@ class DesignJob(Job):
         return np.array_split(self.genes[chunk.loops.start], len(numbers))[chunk.number - numbers.start]
 
     def certified(self, records: np.ndarray) -> int:
-        """Number of designs all of whose wishes are certified."""
+        """Return the number of designs of which all wishes are certified."""
         flags = [records[name] for name in records.dtype.names if name.endswith("_certified")]
         return int(np.logical_and.reduce(flags).sum())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DesignTask:
-    """The wishes of some designs, at their worst over the scenarios. count: of the designs, of which there may be none. box: of
-    hands to check them for."""
+    """The wishes of some designs, at their worst over the scenarios.
+
+    count: number of designs, which may be 0. box: of hands to check them for.
+    """
 
     spec: Spec
     scenarios: Sequence[Scenario]
@@ -116,7 +122,7 @@ class DesignTask:
     box: HandBox | None = None
 
     def records(self) -> np.ndarray:
-        """A record per design."""
+        """Return a record per design."""
         records = np.zeros(self.count, self.dtype)
         records["slice"] = np.arange(self.count)
         if self.count:
@@ -129,8 +135,10 @@ class DesignTask:
         return records
 
     def _hold(self, records):
-        """Fill in the stiffest wall, up to that of the vertices, that is stable with every hand of the box, and whether that is
-        settled; see `Guarantee`."""
+        """Fill in the stiffest wall that is stable with every hand of the box, and whether that is settled; see `Guarantee`.
+
+        Walls are checked up to `z_width`, the stiffest one of the scenarios.
+        """
         spec = self.spec
         wish = next(wish for wish in spec.design.wishes if wish.name == "z_width")
         devices = list(
@@ -159,11 +167,13 @@ def design(
     force: bool = False,
     hand: str = "vertices",
 ) -> Table:
-    """Search for the designs that meet the wishes of a spec's [design]: the front if some have no bound, otherwise the best.
+    """Search for the designs that meet the wishes of a spec's [design].
 
-    hand: "box" to check the front for every hand between the ends of the ranges as well, "vertices" for finer values alone.
-    jobs, backend, scheduler, progress, checkpoint, force: see `Work`. The result depends on the seed and not on the workers.
-    Raises UsageError for a loop that cannot be designed, WavesweepError if no design meets all bounds, and the errors of a run.
+    Returns the front if some wishes have no bound, otherwise the best design, as a table. hand: "box" to check the front for
+    every hand between the ends of the ranges as well, "vertices" for finer values alone. jobs, backend, scheduler, progress,
+    checkpoint, force: see `Work`. The result depends on the seed and not on the workers.
+    Errors: UsageError for a loop that cannot be designed, WavesweepError if no design meets all bounds, and the errors of a
+    run.
     """
     started = time.perf_counter()
     job = job_of(spec, hand)
@@ -202,7 +212,7 @@ METHODS = {
 
 
 def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
-    """The job of a spec's [design]; hand: see `design`. Raises UsageError if it cannot be done."""
+    """Return the job of a spec's [design]; hand: see `design`. Errors: UsageError if it cannot be done."""
     asked = spec.as_designed().design
     if loop_of(spec, {axis.path: axis.values for axis in asked.for_all}):
         raise UsageError("design: expected a [controller] whose rates divide, found a loop that is assembled tick by tick")
@@ -218,7 +228,10 @@ def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
 
 
 def box_of(spec: Spec) -> HandBox:
-    """All hands between the ends of the ranges of [design.for_all]. Raises UsageError if these or the wishes leave no box."""
+    """Return all hands between the ends of the ranges of [design.for_all].
+
+    Errors: UsageError if these or the wishes do not define a box.
+    """
     asked = spec.as_designed().design
     if not asked.hand:
         raise UsageError("hand box: expected [design.for_all] hand = { stiffness = [...], ... }, found none")
@@ -238,7 +251,7 @@ class _Run:
         self.workers, self.tally, self.forget = None, Tally(), store.remove
 
     def judge(self, generation: int, genes: np.ndarray) -> Judged:
-        """The designs of a generation, judged; those of one structure are computed together."""
+        """Return the designs of a generation, judged; those of one structure are computed together."""
         asked = self.job.grid.spec.design
         values = designs_of(asked.vary, genes)
         choices = [values[axis.path] for axis in asked.vary if axis.values]
@@ -249,8 +262,10 @@ class _Run:
         return Judged(genes, *judged(asked, records))
 
     def look(self, best: Judged) -> bool:
-        """Look at designs of the front over the finer choice, and add what is worst for some of them to what the search holds
-        for: the worst of a range need not be at its ends. Whether anything was added."""
+        """Check designs of the front over the finer choice, and add the worst scenarios to those that the search holds for.
+
+        The worst of a range need not be at its ends. Returns whether anything was added.
+        """
         job, asked = self.job, self.job.grid.spec.design
         if (best.violation > 0).any():  # nothing is feasible yet
             return False
@@ -269,14 +284,14 @@ class _Run:
         return np.concatenate([self.store.load(number) for number in numbers])
 
     def everything(self) -> np.ndarray:
-        """The records of all generations of the search."""
+        """Return the records of all generations of the search."""
         last = self.job.chunks.loops - 1
         numbers = [number for number in self.store.finished() if number < self.job.chunks_of(last).start]
         return np.concatenate([self.store.load(number) for number in numbers])
 
 
 def _seconds(job):
-    """Of the whole study in one process, from two designs."""
+    """Estimate the seconds of the whole study in one process, from two designs."""
     spec = job.grid.spec
     genes = np.tile(genes_of(spec.design.vary, spec.values), (2, 1)) * np.array([[1.0], [0.9]])
     task = DesignTask(spec, job.scenarios, designs_of(spec.design.vary, genes), 2, job.stop, job.dtype)
@@ -287,14 +302,14 @@ def _seconds(job):
 
 
 def own_design(spec: Spec, job: DesignJob) -> dict[str, float | None]:
-    """The wishes of the spec's own design, at their worst; None if there is no value."""
+    """Return the wishes of the spec's own design, at their worst; None if there is no value."""
     own = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
     found = evaluate(spec, spec.design.wishes, job.finer, own, job.stop)
     return {name: float(worst.value[0]) if np.isfinite(worst.value[0]) else None for name, worst in found.items()}
 
 
 def _columns(spec, job, genes, records):
-    """The columns of the table, and the records."""
+    """Return the columns of the table, and the records."""
     values, columns = designs_of(spec.design.vary, genes), {}
     for axis in spec.design.vary:
         columns[axis.name] = values[axis.path]

@@ -1,4 +1,4 @@
-"""What designs are worth: objectives, violations of bounds, and the nearest miss if no design meets them all."""
+"""The value of designs: objectives, violations of bounds, and the nearest miss if no design meets them all."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,13 +14,17 @@ BY_RATIO = ("z_width", "felt")  # quantities that count by their ratios
 
 
 def margin(wish: Wish, value: np.ndarray) -> np.ndarray:
-    """By how much a bound is kept, as a share of it (of 1e-6 if it is 0); negative if it is not."""
+    """Return the margin to a bound, as a share of it (of 1e-6 if it is 0); negative if the bound is violated."""
     share = (value - wish.bound) / (abs(wish.bound) or 1e-6)
     return share if wish.kind.more else -share
 
 
 def judged(design: Design, records: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Objectives to be made small, `(designs, objectives)`, and violations, `(designs,)`, 0 if all is kept and certified."""
+    """Return objectives to be made small, `(designs, objectives)`, and violations, `(designs,)`.
+
+    A violation is 0 if all bounds are kept and all values are certified. Without a free wish the objective is the smallest
+    margin with its sign reversed.
+    """
     free = [wish for wish in design.wishes if wish.bound is None]
     bounded = [wish for wish in design.wishes if wish.bound is not None]
     objectives, violation = (
@@ -48,7 +52,7 @@ def _objective(wish, value):
 
 
 def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario]) -> str:
-    """Text: the nearest miss, and which wishes stand against each other."""
+    """Return a text on the nearest miss and on the wishes that conflict with each other."""
     design = spec.design
     _, violation = judged(design, records)
     at = int(np.argmin(violation))
@@ -65,7 +69,10 @@ def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario]) -> str:
 
 
 def _against(design, records):
-    """The pair of bounds that no design met both of, though each was met."""
+    """Return a text on the first pair of bounds that each were met by some designs but never by the same one.
+
+    If there is no such pair, the text names the bounds that no design met; it is empty if there are none.
+    """
     kept = {wish.name: margin(wish, records[wish.name]) >= 0 for wish in design.wishes if wish.bound is not None}
     names = list(kept)
     for i, one in enumerate(names):

@@ -28,24 +28,25 @@ DELAY = "environment.delay"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Worst:
-    """The worst value of each design, `(designs,)`, NaN if there is none; the scenario of it; whether all is certified."""
+    """The worst value of each design, `(designs,)`, NaN if there is none; its scenario; whether all values are certified."""
 
     value: np.ndarray
     scenario: np.ndarray
     certified: np.ndarray
 
     def at(self, index) -> "Worst":
-        """Some of the designs."""
+        """Return some of the designs."""
         return Worst(self.value[index], self.scenario[index], self.certified[index])
 
 
 def evaluate(
     spec: Spec, wishes: Sequence[Wish], scenarios: Sequence[Scenario], designs: Mapping[str, np.ndarray], stop: float
 ) -> dict[str, Worst]:
-    """The worst values of designs that are no product: wish -> `Worst`.
+    """Return the worst values of designs: wish -> `Worst`. The designs need not be the product of some axes.
 
-    designs: path -> value of each design, `(designs,)`. stop: the largest stiffness of a wall that is looked for, N/m.
-    Accuracy: that of stable intervals, responses and norms; a value that rests on anything not certified says so.
+    spec: gives all values that do not vary. wishes, scenarios: to be evaluated. designs: path -> value of each design,
+    `(designs,)`. stop: the largest stiffness of a wall that is searched, N/m.
+    Accuracy: that of stable intervals, responses and norms; a value is certified only if everything that it depends on is.
     """
     found, known = {}, {}
     for wish in wishes:
@@ -65,7 +66,10 @@ def evaluate(
 
 
 def _stiffest(spec, points: Points, stop, wished) -> dict[str, Worst]:
-    """The stiffest wall up to which every wall is stable, and the stiffness that is felt of it, if wished for."""
+    """Return the stiffest wall up to which every wall is stable, and the stiffness that is felt of it.
+
+    wished: whether the felt stiffness is needed.
+    """
     axis = Axis("K_VE", WALL[0], (), 0.0, stop, False)
     once, back = _distinct(points.changes, points.size)
     some = points.some(once)
@@ -81,7 +85,7 @@ def _stiffest(spec, points: Points, stop, wished) -> dict[str, Worst]:
 
 
 def _batches(spec, points: Points, most: int = BATCH):
-    """Yield indices of points of one structure, at most so many, and their values."""
+    """Yield the indices of at most `most` points of one structure at a time, and their values."""
     resolved = {}
     for members, values in groups(spec, points.changes, points.size, resolved):
         for start in range(0, members.size, most):
@@ -94,7 +98,7 @@ def _walls(values, size):
 
 
 def _transparency(spec, wish, points):
-    """Root mean square of |ln(H/H_dc)| over the logarithm of the frequency; missing where a loop is unstable.
+    """Root mean square of |ln(H/H_dc)| over the logarithm of the frequency; missing if a loop is unstable.
 
     A design with an unstable loop has no value, and its other loops are left out.
     """
@@ -122,15 +126,17 @@ def _transparency(spec, wish, points):
 
 @cache
 def _rule():
-    """Nodes and weights, and what takes values there to the highest Legendre coefficients, `(nodes, HIGH)`: these are small
-    where an integrand has no narrower features than the nodes see."""
+    """Return nodes and weights of a piece, and the map from values at the nodes to the highest Legendre coefficients.
+
+    The map is `(nodes, HIGH)`. These coefficients are small if the integrand has no features narrower than the nodes resolve.
+    """
     node, weight = np.polynomial.legendre.leggauss(NODES)
     degree = np.arange(NODES - HIGH, NODES)
     return node, weight, np.polynomial.legendre.legvander(node, NODES - 1)[:, degree] * weight[:, None] * (degree + 0.5)
 
 
 def _distances(spec, points, frequency):
-    """|ln(H/H_dc)|^2, `(points, frequencies)`, and whether both are known well enough."""
+    """Return |ln(H/H_dc)|^2, `(points, frequencies)`, and whether both responses are known well enough."""
     square, sure = np.empty((points.size, frequency.size)), np.empty(points.size, bool)
     ideal, ideal_error = _ideal(spec, points, frequency)
     for members, values in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
@@ -146,13 +152,16 @@ def _distances(spec, points, frequency):
 
 
 def _admittance(values, size, frequency, good):
-    """The admittance of some loops and its relative error, `(size, frequencies)`; good: see `respond`."""
+    """Return the admittance of some loops and its relative error, `(size, frequencies)`; good: see `respond`."""
     found = respond(prepare(draw(values), *_walls(values, size)), frequency, good)
     return found.admittance, found.admittance_error
 
 
 def _ideal(spec, points, frequency):
-    """The admittance of direct coupling at the fast rate and its error, `(points, frequencies)`; each different loop once."""
+    """Return the admittance of direct coupling at the fast rate and its error, `(points, frequencies)`.
+
+    Each different loop is computed once.
+    """
     kind = {"controller.kind": "dc"}
     ideal = spec.with_values(kind)
     read = keys_read(ideal.values)
@@ -167,7 +176,10 @@ def _ideal(spec, points, frequency):
 
 
 def _channel(spec, wish, points):
-    """Norm of the wave channel; 0 without waves. Only filters and rates decide, and what repeats is computed once."""
+    """Norm of the wave channel; 0 without waves.
+
+    It depends on filters and rates alone; repeated values are computed once.
+    """
     from wavesweep.analysis.passivity import channel_norm
 
     del wish
@@ -204,7 +216,7 @@ def _port(spec, wish, points):
 
 
 def _damping_ratio(spec, wish, points):
-    """Of the mode that decays most slowly; 0 and less if the loop is unstable."""
+    """Damping ratio of the mode that decays most slowly; 0 or negative if the loop is unstable."""
     del wish
     value, certified = np.full(points.size, np.nan), np.ones(points.size, bool)
     for members, values in _batches(spec, points):
@@ -219,7 +231,7 @@ def _damping_ratio(spec, wish, points):
 
 
 def _delay_margin(spec, wish, points):
-    """Ticks of further delay of the slow result up to which every delay is stable; -1 if the loop is unstable as it is."""
+    """Ticks of further delay of the slow result up to which every delay is stable; -1 if the loop is unstable without any."""
     del wish
     delay = np.broadcast_to(points.changes.get(DELAY, spec.values[DELAY]), (points.size,)).astype(int)
     value, open_ = np.full(points.size, -1.0), np.arange(points.size)

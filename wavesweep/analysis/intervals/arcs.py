@@ -1,4 +1,4 @@
-"""Crossings by adaptive arcs: slower than one polynomial, and good where the poles crowd at several scales."""
+"""Crossings by adaptive arcs: slower than one polynomial, and reliable even if the poles crowd at several scales."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from wavesweep.lifted.cut import Cut, open_in
 from wavesweep.lifted.shifts import Shifts
 
 SMALLEST = 1e-9  # rad; an arc this small that proves nothing is given up
-END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not told from one at the end itself
+END_BIT = 1e-7  # rad; so near to z = +-1 a crossing is not distinguished from one at the end itself
 MANY = 256  # so many open arcs of one column, and the column is given up
 TINY = 1e-300
 MOST_ERROR = 1e300  # of a value, in roundings of itself
@@ -18,11 +18,11 @@ CAUTION = 20  # roundings of what is added up that two solves may cost
 
 
 def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
-    """Crossings of a few columns (loops `cut`, one per column), from Chebyshev interpolants on arcs of the circle.
+    """Return the crossings of a few columns (loops `cut`, one per column), from Chebyshev interpolants on arcs of the circle.
 
-    On each arc the boundary equation, freed of its poles and of its zeros at z = +-1, is interpolated at points of state
-    space; see `panel_roots` for the proof. Arcs on which the wall parameter is proved to be beyond the span are left out: where
-    a filter lets nothing through, the equation vanishes to a high order.
+    On each arc the boundary equation, without its poles and its zeros at z = +-1, is interpolated at points of state space; see
+    `panel_roots` for the proof. An arc is left out if the wall parameter is proved to be beyond the span on it: if a filter
+    transmits nothing there, the equation vanishes to a high order.
     """
     opened = open_in(cut, along, fixed)
     shifts = Shifts.of(*opened[:2])
@@ -51,11 +51,13 @@ def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
 
 
 def _boundary(opened, shifts, theta, largest=0.0):
-    """`Im K / sin(theta)` times |H|^2, H = 1/K, and the size of what was added up for it; and `1 - largest^2 |H|^2`, which is
-    positive where |K| is larger than that, and the size of what was added up for that.
+    """Return the two functions of the boundary at angles theta, and the sizes of their terms.
+
+    The first is `Im K / sin(theta)` times |H|^2, H = 1/K, followed by the size of its terms. The second is
+    `1 - largest^2 |H|^2`, which is positive if |K| is larger than `largest`, followed by the size of its terms.
 
     `Im H(z) = -sin(theta) C (w(1/z) I - E)^-1 (w(z) I - E)^-1 B`, `w(z) = z - 1`, by the resolvent identity: nothing cancels,
-    not even where the circle meets the real axis. theta may be complex.
+    not even at the points of the circle on the real axis. theta may be complex.
     """
     E, B, C, D = opened
     left, right = (np.moveaxis(part, 0, -1) for part in (shifts.read(E, C, -theta), shifts.reached(E, B, theta)))
@@ -72,7 +74,7 @@ def _boundary(opened, shifts, theta, largest=0.0):
 
 
 def _collect(cut, along, fixed, span, boundary, found):
-    """Polish, drop what overlapping arcs found twice, and add z = 1 and -1."""
+    """Polish the crossings, drop those that overlapping arcs found twice, and add those at z = 1 and -1."""
     inside, complete = (found.x > 0) & (found.x < np.pi), np.ones(fixed.size, bool)
     for lost in (found.lost, found.overflown):
         complete[lost[0]] = False

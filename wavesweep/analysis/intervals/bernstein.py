@@ -13,15 +13,15 @@ CLOSE = 1e-9  # of a piece, a step of Newton that is the last: its error is the 
 
 
 def roots_by_sign(coefficients, noise):
-    """Real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within `noise`, row by row.
+    """Return the real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within `noise`, row by row.
 
-    coefficients: `(rows, n)`, none much larger than 1; noise: `(rows,)`. Returns the roots as (row, value, within what of it
-    no other is, sign of the slope), sorted by row and value; and `(rows,)`, of which rows these are all, whatever the
-    polynomial is within the noise. A row is cut in two until every piece shows by the signs of its Bernstein
-    coefficients that it has no root, since they all have one sign, or exactly one, since they change it once (Descartes'
-    rule; J. M. Lane, R. F. Riesenfeld, BIT 21, 1981). Signs count beyond what noise and rounding can do: noise moves the
-    polynomial by itself, and its coefficients on any piece by as much as it can move those of a Chebyshev polynomial, whose
-    are the largest of all that keep to [-1, 1] (T. Lyche, K. Scherer, J. Comput. Appl. Math. 119, 2000).
+    coefficients: `(rows, n)`, none much larger than 1; noise: `(rows,)`. Returns the roots as (row, value, distance within
+    which no other root is, sign of the slope), sorted by row and value; and `(rows,)`, whether these are all roots of the row,
+    for any polynomial within the noise. A row is cut in two until every piece shows by the signs of its Bernstein coefficients
+    that it has no root, since they all have one sign, or exactly one, since they change it once (Descartes' rule; J. M. Lane,
+    R. F. Riesenfeld, BIT 21, 1981). A sign counts if noise and rounding cannot change it. Noise changes the polynomial by at
+    most its own size, and the coefficients on any piece by at most that size times the coefficients of a Chebyshev polynomial,
+    which are the largest of all polynomials that keep to [-1, 1] (T. Lyche, K. Scherer, J. Comput. Appl. Math. 119, 2000).
     """
     rows, n = coefficients.shape
     complete = np.zeros(rows, bool)
@@ -38,7 +38,7 @@ def roots_by_sign(coefficients, noise):
 
 
 def _whole(coefficients):
-    """Bernstein coefficients on [-1, 1], `(n, rows)`, and a bound on their rounding."""
+    """Return the Bernstein coefficients on [-1, 1], `(n, rows)`, and a bound on their rounding."""
     c, change = np.ascontiguousarray(coefficients.T), change_of_basis(coefficients.shape[1])
     # Sums and not a matrix product, which BLAS may round differently in another batch.
     b, size = change[:, :1] * c[0], np.abs(change[:, :1] * c[0])
@@ -49,7 +49,7 @@ def _whole(coefficients):
 
 
 def _isolated(b, rounding, noise):
-    """Pieces with a single root, (row, low, high, Bernstein coefficients), and which rows are decided all over."""
+    """Return pieces with a single root, (row, low, high, Bernstein coefficients), and which rows are completely decided."""
     n, rows = b.shape
     row, low, high = np.arange(rows), np.full(rows, -1.0), np.full(rows, 1.0)
     farthest, found = largest_bernstein(n - 1), []
@@ -80,14 +80,14 @@ def _isolated(b, rounding, noise):
 
 
 def _changes_once(b, threshold):
-    """Whether the coefficients' signs change exactly once; one that is not known may stand where they change."""
+    """Return whether the coefficients' signs change exactly once; one sign may be unknown if it is between the two signs."""
     sign = (b > threshold).astype(np.int8) - (b < -threshold)
     changes, unknown = (sign[1:] != sign[:-1]).sum(0), (sign == 0).sum(0)
     return (sign[0] * sign[-1] == -1) & (unknown <= 1) & (changes == 1 + unknown)
 
 
 def _halves(b):
-    """Coefficients on either side of the cut (de Casteljau)."""
+    """Return the coefficients on either side of the cut (de Casteljau)."""
     work, left = b.copy(), np.empty_like(b)
     left[0] = work[0]
     for k in range(1, len(b)):
@@ -97,8 +97,10 @@ def _halves(b):
 
 
 def _single_root(b):
-    """The root in (0, 1) of every column of Bernstein coefficients that change their sign once: Newton, kept between
-    bounds."""
+    """Return the root in (0, 1) of every column of Bernstein coefficients that change their sign once.
+
+    It is found by Newton's method between bounds.
+    """
     n, count = b.shape
     b = b * np.sign(b[-1])
     after = (b <= 0).sum(0)  # the control polygon, which rises through zero before this coefficient, starts it
@@ -122,7 +124,7 @@ def _single_root(b):
 
 
 def _value_and_slope(b, t):
-    """The polynomial with these Bernstein coefficients, and its derivative, at t in [0, 1] (Horner's rule)."""
+    """Return the polynomial with these Bernstein coefficients, and its derivative, at t in [0, 1] (Horner's rule)."""
     n, s = len(b), 1 - t
     power, value, slope = np.ones_like(t), b[0], b[1] - b[0]
     for k in range(1, n):
@@ -135,7 +137,7 @@ def _value_and_slope(b, t):
 
 @cache
 def change_of_basis(n):
-    """Bernstein coefficients on [-1, 1], of degree n - 1, of U_0 .. U_{n-1}: `(n, n)`, every entry rounded once."""
+    """Return the Bernstein coefficients on [-1, 1], of degree n - 1, of U_0 .. U_{n-1}: `(n, n)`, every entry rounded once."""
     top = n - 1
     change = np.array(
         [
@@ -153,5 +155,5 @@ def change_of_basis(n):
 
 @cache
 def largest_bernstein(degree):
-    """The largest Bernstein coefficient of the Chebyshev polynomial of that degree."""
+    """Return the largest Bernstein coefficient of the Chebyshev polynomial of that degree."""
     return max(comb(2 * degree, 2 * i) / comb(degree, i) for i in range(degree + 1))

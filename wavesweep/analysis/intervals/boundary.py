@@ -1,7 +1,7 @@
-"""The stability boundary as a curve on the unit circle: point by point, polished to rounding, and what rounding can do to it.
+"""The stability boundary as a curve on the unit circle: point by point, polished to rounding, with its rounding errors.
 
-The wall's characteristic equation is `one = K_VE x + B_VE v` at each point: `1 = K_VE G_x + B_VE G_v`, times w where the loop
-integrates.
+The wall's characteristic equation is `one = K_VE x + B_VE v` at each point: `1 = K_VE G_x + B_VE G_v`, multiplied by w if the
+loop integrates.
 """
 
 from dataclasses import dataclass
@@ -19,56 +19,58 @@ ORDINARY = 16.0  # condition of the algebraic loops up to which entries are good
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """`one = K_VE*x + B_VE*v` at points of the circle, scaled alike; each an array over the points."""
+    """The terms of `one = K_VE*x + B_VE*v` at points of the circle, scaled alike; each an array over the points."""
 
     one: np.ndarray
     x: np.ndarray
     v: np.ndarray
 
     def along(self, name: str):
-        """(term of the parameter that is solved for, term of the one that is fixed)."""
+        """Return (term of the parameter that is solved for, term of the one that is fixed)."""
         return (self.x, self.v) if name == K_VE else (self.v, self.x)
 
 
 def terms_of(cut: Cut, w, G) -> Terms:
-    """The terms from the rows V, ADVANCE, OFFSET of G at `w = z - 1`; arrays of sizes give the sizes of terms."""
+    """Return the terms from the rows V, ADVANCE, OFFSET of G at `w = z - 1`; arrays of sizes give the sizes of terms."""
     if not cut.integrates:
         return Terms(np.ones_like(G[..., V]), G[..., OFFSET], G[..., V])
     return Terms(w + 0 * G[..., V], G[..., ADVANCE] + w * G[..., OFFSET], w * G[..., V])
 
 
 def _slopes_of(cut, w, G, dG) -> Terms:
-    """Their derivatives by w."""
+    """Return the derivatives of the terms by w."""
     if not cut.integrates:
         return Terms(0.0, dG[..., OFFSET], dG[..., V])
     return Terms(1.0, dG[..., ADVANCE] + w * dG[..., OFFSET] + G[..., OFFSET], w * dG[..., V] + G[..., V])
 
 
 def terms(cut: Cut, w) -> Terms:
-    """Characteristic equation at `w = z - 1`; cut: one loop per point (leading axes as `w`).
+    """Return the terms of the characteristic equation at `w = z - 1`; cut: one loop per point (leading axes as `w`).
 
-    Accuracy: a refined solve in delta form, so relative to the distance of the nearest pole, however many poles crowd at z = 1.
+    Accuracy: a refined solve in delta form, so relative to the distance of the nearest pole, even if many poles crowd at z = 1.
     """
     return terms_and_inverse(cut, w)[0]
 
 
 def terms_and_inverse(cut: Cut, w) -> tuple[Terms, np.ndarray]:
-    """The same, and the inverse of `w I - E`, which serves `ends` there."""
+    """Return the terms of the characteristic equation (see `terms`) and the inverse of `w I - E`, which `ends` can use."""
     w = np.asarray(w)
     _, back, state = _states(cut, w)
     return terms_of(cut, w, read(cut.C, state) + cut.D[..., 0]), back
 
 
 def _states(cut, w, back=None):
-    """`w I - E`, its inverse (or `back`, that of a point so near that one refinement makes up for it), and the states for a
-    unit force."""
+    """Return `w I - E`, its inverse, and the states for a unit force.
+
+    back: the inverse at a point so near that one refinement corrects for the distance; it is returned in place of the inverse.
+    """
     A = _shifted(cut, w)
     back = inverse(A) if back is None else back
     return A, back, refined(A, back, cut.B + 0 * A[..., :1])
 
 
 def _shifted(cut, w):
-    """`w I - E`."""
+    """Return `w I - E`."""
     w, n = np.asarray(w), cut.E.shape[-1]
     A = np.empty((*np.broadcast_shapes(w.shape, cut.E.shape[:-2]), n, n), np.result_type(w, cut.E))
     np.negative(cut.E, out=A)
@@ -77,8 +79,10 @@ def _shifted(cut, w):
 
 
 def read(C, state):
-    """`C state`, `(..., 3)`, added up state by state: BLAS, and numpy's own sums, round differently in a batch of another
-    size, and a sweep's bytes must not depend on its chunks."""
+    """Return `C state`, `(..., 3)`, added up state by state.
+
+    BLAS, and numpy's own sums, round differently in a batch of another size, and a sweep's bytes must not depend on its chunks.
+    """
     total = C[..., :, 0] * state[..., 0, :]
     for k in range(1, C.shape[-1]):
         total = total + C[..., :, k] * state[..., k, :]
@@ -86,19 +90,19 @@ def read(C, state):
 
 
 def residual(t: Terms, K, B):
-    """Relative residual of the characteristic equation: 0 exact, 1 meaningless."""
+    """Return the relative residual of the characteristic equation: 0 exact, 1 meaningless."""
     parts = np.abs(t.one) + np.abs(K * t.x) + np.abs(B * t.v)
     return np.abs(t.one - K * t.x - B * t.v) / parts
 
 
 def polish(cut: Cut, along: str, fixed, theta, scale):
-    """Newton on `Im K(theta) = 0`, `K = (one - fixed*other)/solved`, from the seeds theta.
+    """Solve `Im K(theta) = 0`, `K = (one - fixed*other)/solved`, by Newton's method from the seeds theta.
 
-    cut: one loop per seed. fixed: the other wall parameter, per seed. scale: the largest value of interest; where K is
-    beyond it, Newton runs on 1/K, since a crossing at a very large K lies next to a pole of K.
-    Returns (theta, value, converged, inverse): the angle (rad per frame), the wall parameter there, whether Newton's last
-    step is at rounding, and the inverse of `w I - E` there or next to it, `(seeds, n, n)`.
-    Accuracy: value good to about 1e-13 relative, less where the curve crosses the real axis at a grazing angle.
+    cut: one loop per seed. fixed: the other wall parameter, per seed. scale: the largest value of interest; if K is beyond it,
+    Newton's method is applied to 1/K, since a crossing at a very large K lies next to a pole of K. Returns (theta, value,
+    converged, inverse): the angle (rad per frame), the wall parameter there, whether Newton's last step is at rounding, and the
+    inverse of `w I - E` there or next to it, `(seeds, n, n)`.
+    Accuracy: value good to about 1e-13 relative, less if the curve crosses the real axis at a grazing angle.
     """
     theta, value, inverses = theta.astype(float), np.full(theta.shape, np.nan), None
     (done, far_off), active = np.zeros((2, *theta.shape), bool), np.arange(theta.size)
@@ -132,7 +136,7 @@ def polish(cut: Cut, along: str, fixed, theta, scale):
 
 
 def _value_and_slope(cut, along, fixed, theta):
-    """K(theta) and dK/dtheta, complex; the inverse there; and how fast the states change, relatively, per angle."""
+    """Return K(theta) and dK/dtheta, complex; the inverse there; and the relative change of the states per angle."""
     w = on_circle(theta)
     _, back, state = _states(cut, w)
     turn = back @ state
@@ -143,7 +147,7 @@ def _value_and_slope(cut, along, fixed, theta):
 
 
 def _solved(t, slopes, along, fixed, w):
-    """The wall parameter that solves the equation, and its derivative by theta, complex."""
+    """Return the wall parameter that solves the equation, and its derivative by theta, complex."""
     (solved, other), (d_solved, d_other) = t.along(along), slopes.along(along)
     with np.errstate(divide="ignore", invalid="ignore"):
         value = (t.one - fixed * other) / solved
@@ -151,14 +155,16 @@ def _solved(t, slopes, along, fixed, w):
 
 
 def ends(cut: Cut, along: str, fixed, value, w, on_axis, back=None):
-    """What is left of the characteristic equation at a crossing, relative to its terms; by how much the wall parameter moves
-    there when every entry of the loop moves by a rounding, and by more where the algebraic loops behind these entries are
-    ill-conditioned; and what that leaves of the equation.
+    """Return the residuals of the characteristic equation at crossings, and two effects of rounding.
 
-    cut: one loop per crossing. value: the wall parameter. w: `exp(j theta) - 1` there. on_axis: whether the crossing is held
-    at z = 1 or -1. back: inverses of `w I - E` there or next to it. To first order an entry's change reaches `G` as
-    `C R dE R B`, R the resolvent, and `K = (one - fixed*other)/solved` with it; where K grazes the real axis, the angle gives
-    way by `Im dK/Im K'`, which moves K by `Re K'` times as much.
+    The residual is relative to the equation's terms. The second number is the change of the wall parameter if every entry of
+    the loop changes by a rounding; it is larger if the algebraic loops behind these entries are ill-conditioned. The third is
+    the residual that such changes leave.
+
+    cut: one loop per crossing. value: the wall parameter. w: `exp(j theta) - 1` there. on_axis: whether the crossing is held at
+    z = 1 or -1. back: inverses of `w I - E` there or next to it. To first order an entry's change reaches `G` as `C R dE R B`,
+    R the resolvent, and `K = (one - fixed*other)/solved` with it; if K grazes the real axis, the angle changes by
+    `Im dK/Im K'`, which moves K by `Re K'` times as much.
     """
     G, error, dG = _with_errors(cut, w, back)
     t, slopes, errors = terms_of(cut, w, G), _slopes_of(cut, w, G, dG), terms_of(cut, np.abs(w), error)
@@ -174,8 +180,10 @@ def ends(cut: Cut, along: str, fixed, value, w, on_axis, back=None):
 
 
 def _with_errors(cut, w, back):
-    """Rows V, ADVANCE, OFFSET of G at w, how far a rounding of every entry and the solve's own error move them, and their
-    derivative by w."""
+    """Return rows V, ADVANCE, OFFSET of G at w, their errors, and their derivative by w.
+
+    The errors are those of a rounding of every entry and of the solve itself.
+    """
     A, back, state = _states(cut, w, back)
     left = cut.C @ back
     left = left + (cut.C - left @ A) @ back

@@ -1,4 +1,4 @@
-"""Critical functions of a frame: they vanish where its eigenvalues cross the unit circle. From coefficients or eigenvalues."""
+"""Critical functions of a frame, from coefficients or eigenvalues: they vanish if eigenvalues are on the unit circle."""
 
 from functools import cache
 from math import comb
@@ -18,17 +18,17 @@ EPS = np.finfo(float).eps
 
 
 def from_coefficients(E, units=1.0):
-    """Phase and logarithm of the size of four functions, `(4, matrices)` each, and how far rounding can reach, in roundings.
+    """Return phase and logarithm of the size of four functions, `(4, matrices)` each, and their errors, in roundings.
 
     E: `(matrices, n, n)`, real or complex, frames less identity, whose eigenvalues are `w_i = z_i - 1`; units: `(matrices, n)`,
     of the states, see `balance`. PAIR is `prod_{i<j} (1 - z_i z_j)`, ONE `prod (-w_i)`, MINUS_ONE `prod (2 + w_i)`. BEYOND is
-    `(t/n)^2 + e/m - 2`, t the sum of the n eigenvalues z, e that of the m products of two of them: where it is positive |t|
-    exceeds n or |e| exceeds m, so an eigenvalue exceeds 1 (where a complex pair dominates, t may vanish, but e is its squared
+    `(t/n)^2 + e/m - 2`, t the sum of the n eigenvalues z, e that of the m products of two of them: if it is positive |t|
+    exceeds n or |e| exceeds m, so an eigenvalue exceeds 1 (if a complex pair dominates, t may vanish, but e is its squared
     size). No eigenvalue is needed: all are symmetric functions, so they follow from the characteristic polynomial, which
     elimination to Hessenberg form gives (J. H. Wilkinson, The Algebraic Eigenvalue Problem, 1965, chapters 6 and 7). With
     `s = w/(2 + w)`, which maps the circle to the imaginary axis, PAIR is the last Hurwitz determinant but one of the polynomial
     in s (L. Orlando, Math. Ann. 71, 1911), the resultant of its even and its odd part, which is the determinant of their Bezout
-    matrix. Its error is what errors of the coefficients can do to that determinant, to first order.
+    matrix. Its error is the effect of errors of the coefficients on that determinant, to first order.
     """
     E, finite = _finite(E, units)
     with np.errstate(all="ignore"):
@@ -38,7 +38,7 @@ def from_coefficients(E, units=1.0):
 
 
 def from_polynomials(c, reach, size):
-    """The same of characteristic polynomials, see `characteristic`."""
+    """`from_coefficients` for characteristic polynomials that are already known; c, reach, size: see `characteristic`."""
     finite = np.isfinite(c).all(0)
     if finite.size == 1:  # as in `_finite`
         c, reach, size = (np.repeat(part, 2, axis=-1) for part in (c, reach, size))
@@ -49,7 +49,10 @@ def from_polynomials(c, reach, size):
 
 
 def from_eigenvalues(E, units=1.0):
-    """The same from the eigenvalues: slower, and good for more states, since coefficients of crowded poles lose digits."""
+    """`from_coefficients` by way of the eigenvalues.
+
+    This is slower, but accurate for more states, since coefficients of crowded poles lose digits.
+    """
     E, finite = _finite(E, units)
     w, n = np.linalg.eigvals(E).astype(complex), E.shape[-1]
     i, j = np.triu_indices(n, 1)
@@ -70,9 +73,9 @@ def from_eigenvalues(E, units=1.0):
 
 
 def _finite(E, units):
-    """E in these units, with zeros for what overflows, and which do not.
+    """Return E in these units, with zeros in place of matrices that overflow, and which matrices do not overflow.
 
-    A matrix alone is doubled: numpy adds up one row in another order than several, and a result must not depend on the batch.
+    A single matrix is doubled: numpy adds up one row in another order than several, and a result must not depend on the batch.
     """
     finite, units = (np.abs(E) < LARGEST).all((-1, -2)), np.broadcast_to(units, E.shape[:-1])
     E = np.where(finite[:, None, None], E, 0.0) * (units[:, None, :] / units[:, :, None])
@@ -80,8 +83,11 @@ def _finite(E, units):
 
 
 def characteristic(E):
-    """Coefficients of `det(w I - E)` in powers of `w/size`, that of the lowest first, `(n + 1, matrices)`; their errors, in
-    roundings; and size, a power of two for every matrix. E: `(matrices, n, n)`."""
+    """Return the coefficients of `det(w I - E)` in powers of `w/size`, their errors, in roundings, and size.
+
+    E: `(matrices, n, n)`. The coefficients are `(n + 1, matrices)`, that of the lowest power first; size is a power of two for
+    every matrix.
+    """
     if chosen() != NUMPY and E.size:
         from wavesweep.analysis.intervals.compiled import functions
 
@@ -96,7 +102,7 @@ def characteristic(E):
 
 
 def _functions(c, reach, size):
-    """Phases, logarithms and errors, `(4, matrices)` each; the matrices are in the last axis from here on."""
+    """Return phases, logarithms and errors, `(4, matrices)` each; the matrices are in the last axis from here on."""
     n = len(c) - 1
     if chosen() != NUMPY and n:
         from wavesweep.analysis.intervals.compiled import functions
@@ -115,7 +121,7 @@ def _functions(c, reach, size):
 
 
 def _beyond(c, reach, size):
-    """BEYOND: two coefficients are the sum of the w and the sum of their products, less their signs."""
+    """Return BEYOND; two coefficients are the sum of the w and the sum of their products, except for their signs."""
     n, least = len(c) - 1, 2 * size**-2.0
     if not n:
         return _split(-least, least, 0 * size)
@@ -131,7 +137,10 @@ def _beyond(c, reach, size):
 
 
 def _given(parts, finite, most=MOST_ERROR):
-    """Phases, logarithms and errors of as many matrices as were asked about, NaN, inf and the largest where E is not finite."""
+    """Return phases, logarithms and errors of the given number of matrices.
+
+    They are NaN, inf and the largest error if E is not finite.
+    """
     phase, log, error = (part[:, : finite.size] for part in parts)
     known = finite & np.isfinite(log) & np.isfinite(error)
     log = np.where(finite & ~known, -np.inf, log)
@@ -140,14 +149,14 @@ def _given(parts, finite, most=MOST_ERROR):
 
 
 def _split(value, reach, factor):
-    """Phase, logarithm of the size and relative error of a number times exp(factor)."""
+    """Return phase, logarithm of the size and relative error of a number times exp(factor)."""
     size = np.abs(value)
     magnitude = np.maximum(size, 1e-300)
     return value / magnitude, np.log(magnitude) + factor, np.where(size > 1e-290, reach / magnitude, 1e300)
 
 
 def _hessenberg(A):
-    """A, `(n, n, matrices)`, in place to Hessenberg form by elimination with row exchanges."""
+    """Reduce A, `(n, n, matrices)`, in place to Hessenberg form by elimination with row exchanges."""
     for k in range(1, len(A) - 1):
         pivot = np.argmax(np.abs(A[k:, k - 1]), axis=0) + k
         moved = np.flatnonzero(pivot != k)
@@ -166,7 +175,7 @@ def _hessenberg(A):
 
 
 def _characteristic(H):
-    """Coefficients of `det(w I - H)`, that of the lowest power first, `(n + 1, matrices)`; H in Hessenberg form."""
+    """Return the coefficients of `det(w I - H)`, that of the lowest power first, `(n + 1, matrices)`; H in Hessenberg form."""
     leading = [np.ones((1, H.shape[-1]), H.dtype)]  # those of the leading parts of H
     for j in range(len(H)):
         now, product = np.zeros((j + 2, H.shape[-1]), H.dtype), np.ones(H.shape[-1], H.dtype)
@@ -181,7 +190,7 @@ def _characteristic(H):
 
 @cache
 def _powers(order):
-    """Coefficients of `(2 s)^k (1 - s)^(order - k)`, by columns."""
+    """Return the coefficients of `(2 s)^k (1 - s)^(order - k)`, by columns."""
     out = np.zeros((order + 1, order + 1))
     for k in range(order + 1):
         for i in range(order - k + 1):
@@ -191,7 +200,7 @@ def _powers(order):
 
 
 def _mapped(c, rounding, size):
-    """Coefficients in s of the polynomial whose coefficients in `w/size` are c, over `size^order`, and their errors."""
+    """Return coefficients in s, over `size^order`, and their errors, of the polynomial whose coefficients in `w/size` are c."""
     change = _powers(len(c) - 1)
     q, reach = np.zeros_like(c), np.zeros_like(rounding)
     weight = np.ones_like(size)
@@ -204,7 +213,7 @@ def _mapped(c, rounding, size):
 
 
 def _last_but_one(q, reach):
-    """Phase, logarithm and relative error of the last Hurwitz determinant but one; reach: errors of the coefficients q."""
+    """Return phase, logarithm and relative error of the last Hurwitz determinant but one; reach: errors of coefficients q."""
     half = (len(q) - 1) // 2
     if not half:
         return np.ones_like(q[0]), np.zeros(q.shape[-1]), np.zeros(q.shape[-1])

@@ -1,6 +1,6 @@
-"""Every crossing of every column: where eigenvalues meet the unit circle as the wall changes.
+"""Every crossing of every column: the values of the wall parameter at which eigenvalues meet the unit circle.
 
-The crossings of a column are the real roots of one polynomial, which is had from samples on the circle.
+The crossings of a column are the real roots of one polynomial, which is computed from samples on the circle.
 """
 
 from dataclasses import dataclass
@@ -19,12 +19,11 @@ NEAREST, FARTHEST = 1e-3, 0.6  # scales r of the warp; r = 1 would leave roots a
 
 @dataclass(frozen=True, slots=True)
 class Polynomial:
-    """`sum_k (base_k + y slope_k) U_{k-1}(cos phi)`, y the wall parameter that is fixed; roots in (-1, 1) are crossings.
+    """The polynomial `sum_k (base_k + y slope_k) U_{k-1}(cos phi)`, y the fixed wall parameter; roots in (-1, 1) are crossings.
 
-    base, slope: `(..., n)`. noise: `(..., 2)`, bounds on the error of each coefficient of either.
-    value: `(..., 3, n + 1)`, in the same basis; of the first less y times the second, over the third, the wall parameter at a
-    root is the quotient. value_noise: `(..., 3)`, bounds on the error of each of these coefficients.
-    scale: r of the warp `tan(theta/2) = r tan(phi/2)`, `(...)`.
+    base, slope: `(..., n)`. noise: `(..., 2)`, bounds on the error of each coefficient of either. value: `(..., 3, n + 1)`, in
+    the same basis; the wall parameter at a root is the first less y times the second, over the third. value_noise: `(..., 3)`,
+    bounds on the error of each of these coefficients. scale: r of the warp `tan(theta/2) = r tan(phi/2)`, `(...)`.
     """
 
     base: np.ndarray
@@ -36,7 +35,7 @@ class Polynomial:
 
 
 def warp_scale(cut: Cut):
-    """Geometric mean distance of the poles from z = 1: seen from there, through the warp, they crowd least."""
+    """Return the geometric mean distance of the poles from z = 1, the scale of the warp with which they crowd least."""
     n = cut.E.shape[-1]
     _, log_size = np.linalg.slogdet(cut.E)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -48,8 +47,8 @@ def sampled_polynomial(cut: Cut, along: str, scale) -> Polynomial:
     """Sample the boundary equation on the warped circle and return its polynomial.
 
     The warp is the Moebius map `zeta = (z - a)/(1 - a z)`, `a = (1 - r)/(1 + r)`, which maps the circle to itself.
-    `f(phi) = Im[(one - y fixed) conj(solved)] |d|^2`, d the pole polynomial, is a sine polynomial of degree n (the order
-    of the closed loop): n + SPARE samples give its coefficients through an orthogonal transform.
+    `f(phi) = Im[(one - y fixed) conj(solved)] |d|^2`, d the pole polynomial, is a sine polynomial of degree n (the order of the
+    closed loop): n + SPARE samples give its coefficients through an orthogonal transform.
     """
     count = cut.order + SPARE
     phi = np.pi * np.arange(1, count + 1) / (count + 1)
@@ -64,7 +63,7 @@ def sampled_polynomial(cut: Cut, along: str, scale) -> Polynomial:
 
 
 def _sines(samples, size, transform, degree):
-    """The first coefficients of sine polynomials from their samples, and bounds on the errors of each of them."""
+    """Return the first coefficients of sine polynomials from their samples, and bounds on the errors of each of them."""
     # Sums and not a matrix product: BLAS may round a row differently in another batch, and a sweep's bytes must not change.
     found = (np.stack(samples, axis=-2)[..., None] * transform).sum(-2)
     floor = 4 * len(transform) * np.finfo(float).eps
@@ -72,7 +71,7 @@ def _sines(samples, size, transform, degree):
 
 
 def _scaled(cut, zeta, scale, along):
-    """Characteristic terms times the warped pole polynomial: polynomials in zeta, `(..., count)` each."""
+    """Return the characteristic terms times the warped pole polynomial: polynomials in zeta, `(..., count)` each."""
     r = np.asarray(scale)[..., None]
     a = (1 - r) / (1 + r)
     top, bottom = (1 - a) * (zeta - 1), 1 + a * zeta  # w = top/bottom
@@ -89,11 +88,11 @@ def _scaled(cut, zeta, scale, along):
 
 
 def angle(cosine, scale):
-    """theta in (0, pi) from cos(phi)."""
+    """Return theta in (0, pi) from cos(phi)."""
     return 2 * np.arctan2(scale * np.sqrt(1 - cosine), np.sqrt(1 + cosine))
 
 
-OCTAVES = 2.0 ** -np.arange(48)  # of an angle, at which the wall parameter is looked at
+OCTAVES = 2.0 ** -np.arange(48)  # of an angle, at which the wall parameter is evaluated
 SLIVER = 1e-12  # of the span, at either end of it, in which a crossing next to z = +-1 does not matter
 
 
@@ -101,12 +100,11 @@ SLIVER = 1e-12  # of the span, at either end of it, in which a crossing next to 
 class Crossings:
     """A flat list of crossings that may be inside the span.
 
-    column: which column it belongs to. value: the wall parameter. theta: angle of the eigenvalue that crosses (rad per
-    frame, 0 and pi included). jump: by how much the number of unstable eigenvalues grows as the value grows past it.
-    inverse: of `w I - E` at the crossing or next to it, `inverses[inverse]`.
-    complete: `(columns,)`, whether the list of that column is proved complete.
-    above: `(columns,)`, by how much that number grows from the low end of the span to an infinite value, less what belongs to
-    the loop alone; NaN if that is not known.
+    column: index of the column. value: the wall parameter. theta: angle of the eigenvalue that crosses (rad per frame, 0 and pi
+    included). jump: growth of the number of unstable eigenvalues as the wall parameter grows past the value. inverse: index of
+    the inverse of `w I - E` at the crossing or next to it, `inverses[inverse]`. complete: `(columns,)`, whether the list of
+    that column is proved complete. above: `(columns,)`, growth of the number of unstable eigenvalues from the low end of the
+    span to an infinite value, less the part that belongs to the loop alone; NaN if that is not known.
     """
 
     column: np.ndarray
@@ -120,13 +118,13 @@ class Crossings:
 
 
 def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) -> Crossings:
-    """Crossings of the columns with the loops `cut.at(owner)` and the other wall parameter `fixed`.
+    """Return the crossings of the columns with the loops `cut.at(owner)` and the other wall parameter `fixed`.
 
-    polynomial: of each loop, `(loops, ...)`.
-    The eigenvalue moves outward with the sign of d Im K/d theta at an interior crossing (K analytic in z), which is the
-    sign of the polynomial's derivative turned round; at z = 1 and -1 with the sign of the polynomial. Where a root may be
-    at such an end itself (an undamped device crosses twice at z = 1, at K_VE = 0), the column is complete only if no wall
-    parameter of that bit of the circle is inside the span. Crossings that are surely outside the span are only counted.
+    polynomial: of each loop, `(loops, ...)`. The eigenvalue moves outward with the sign of d Im K/d theta at an interior
+    crossing (K analytic in z), which is the sign of the polynomial's derivative reversed; at z = 1 and -1 it moves with the
+    sign of the polynomial. If a root may be at such an end itself (an undamped device crosses twice at z = 1, at K_VE = 0), the
+    column is complete only if no wall parameter of that part of the circle is inside the span. Crossings that are surely
+    outside the span are only counted.
     """
     coefficients = polynomial.base[owner] + fixed[:, None] * polynomial.slope[owner]
     n = coefficients.shape[-1]
@@ -157,9 +155,9 @@ def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) 
 
 
 def _side(polynomial, owner, fixed, cosine, span):
-    """1 or -1 for a root whose wall parameter is surely above or below the span, 0 for others.
+    """Return 1 or -1 for a root whose wall parameter is surely above or below the span, 0 for others.
 
-    The wall parameter is a quotient of two polynomials, the lower one not negative: which side is the sign of a sum.
+    The wall parameter is a quotient of two polynomials, the lower one not negative, so the side is the sign of a sum.
     """
     over, noise = polynomial.value[owner], polynomial.value_noise[owner]
     before, now, total, weight = np.zeros_like(cosine), np.ones_like(cosine), 0.0, 0
@@ -175,9 +173,10 @@ def _side(polynomial, owner, fixed, cosine, span):
 
 
 def _growth_above(value, jump, span):
-    """What each crossing adds to the growth from the low end on; one at infinity says on which side its eigenvalue arrives.
+    """Return the part of each crossing in the growth from the low end on.
 
-    NaN where rounding decides whether a value is at one infinity or the other.
+    At an infinite value the jump tells on which side the eigenvalue arrives. NaN if rounding decides whether a value is at one
+    infinity or the other.
     """
     low, size = span[0], np.abs(value)
     near = np.abs(value - low) <= 4 * np.spacing(np.maximum(abs(low), size))
@@ -187,9 +186,9 @@ def _growth_above(value, jump, span):
 
 
 def open_inside(cut: Cut, owner, along: str, fixed, span, ends):
-    """Columns of which a crossing that may hide next to an end of the circle would be inside the span.
+    """Return columns of which a crossing that may hide next to an end of the circle would be inside the span.
 
-    ends: for z = 1 and z = -1, whether one may (`(columns,)`), and within which angle of it (rad, `(columns,)`).
+    ends: for z = 1 and z = -1, whether one may hide there (`(columns,)`), and within which angle of it (rad, `(columns,)`).
     """
     inside, slack = np.zeros(fixed.size, bool), SLIVER * (span[1] - span[0])
     for (may, bit), place in zip(ends, (0.0, np.pi), strict=True):
@@ -206,10 +205,12 @@ def open_inside(cut: Cut, owner, along: str, fixed, span, ends):
 
 
 def at_both_ends(cut: Cut, owner, along: str, fixed, sign_at_one, sign_at_minus_one):
-    """Crossings at z = 1 and z = -1 of every column: (column, value, theta, jump, inverse), and the inverses of `w I - E` that
-    the last of these numbers; the value is infinite where there is none.
+    """Return the crossings at z = 1 and z = -1 of every column, and the inverses of `w I - E` there.
 
-    sign_at_one, sign_at_minus_one: sign of the polynomial there, which says which way the eigenvalue goes.
+    A crossing is (column, value, theta, jump, inverse), the last of which is an index of its inverse. The value is infinite if
+    there is no crossing.
+
+    sign_at_one, sign_at_minus_one: sign of the polynomial there, which determines the direction of the eigenvalue.
     """
     values, inverses = [], []
     for w in (0.0, -2.0):

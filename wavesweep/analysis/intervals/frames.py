@@ -14,9 +14,11 @@ NODES.flags.writeable = False
 
 @dataclass(frozen=True, slots=True)
 class Frames(Rows):
-    """Frames at values of a parameter. E: `(n, order, order)`, less identity. pivots: `(n, k)`, functions that are analytic
-    in the parameter if none has a zero: one is zero where an algebraic loop has no solution, others are divisors. Frames are
-    analytic where none is zero. condition: `(n,)`, see `Block`.
+    """Frames at values of a parameter.
+
+    E: `(n, order, order)`, less identity. pivots: `(n, k)`, functions of the parameter that are analytic if none has a zero:
+    one is zero if an algebraic loop has no solution, others are divisors. Frames are analytic if none is zero. condition:
+    `(n,)`, see `Block`.
     """
 
     E: np.ndarray
@@ -25,7 +27,10 @@ class Frames(Rows):
 
     @staticmethod
     def of(found) -> "Frames":
-        """The same, or matrices that are analytic everywhere, `(..., order, order)`, one after the other."""
+        """Return frames as they are, and matrices `(..., order, order)` as frames, one after the other.
+
+        The matrices have to be analytic everywhere.
+        """
         if isinstance(found, Frames):
             return found
         E = found.reshape(-1, *found.shape[-2:])
@@ -33,19 +38,22 @@ class Frames(Rows):
 
 
 def level(pivots, weights=None) -> np.ndarray:
-    """Mean of the logarithm of each pivot's size, `(rims, k)`; pivots: `(rims, points, k)`."""
+    """Return the mean of the logarithm of each pivot's size, `(rims, k)`; pivots: `(rims, points, k)`."""
     with np.errstate(all="ignore"):
         return np.average(np.log(np.abs(pivots)), axis=1, weights=weights)
 
 
 def pole_inside(pivots, inner) -> np.ndarray:
-    """Whether frames may have a pole inside of a rim. pivots: `(rims, points, k)` at points of the upper half of an ellipse
-    about a segment, evenly in the angle of its Chebyshev polynomials; inner: their `level` at Chebyshev points of the segment.
+    """Return whether frames may have a pole inside of a rim.
 
-    A pole of small weight leaves no trace in samples about it, but a pivot has a zero there, and by the argument principle it
-    turns once about 0 along the rim. What lies on the lower half are the conjugates. As many zeros as points would turn it by
-    whole turns from each to the next; but the logarithm of a function without zeros is a Chebyshev series, so the mean of its
-    real part on the rim is that on the segment, and zeros between raise it (as in Jensen's formula).
+    pivots: `(rims, points, k)` at points of the upper half of an ellipse about a segment, evenly in the angle of its Chebyshev
+    polynomials; inner: their `level` at Chebyshev points of the segment.
+
+    A pole of small weight is not visible in samples about it, but a pivot has a zero there, and by the argument principle it
+    turns once about 0 along the rim. The values on the lower half are the conjugates. If there were as many zeros as points,
+    the pivot would turn by whole turns from each point to the next; but the logarithm of a function without zeros is a
+    Chebyshev series, so the mean of its real part on the rim is that on the segment, and zeros between raise it (as in Jensen's
+    formula).
     """
     around = np.concatenate([pivots, np.conj(pivots[:, ::-1]), pivots[:, :1]], axis=1)
     with np.errstate(all="ignore"):

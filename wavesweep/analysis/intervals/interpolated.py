@@ -25,8 +25,10 @@ MARGIN = 1e3  # of what a higher degree is expected to leave, since coefficients
 
 @cache
 def nodes(degree):
-    """Chebyshev points of the second kind in [-1, 1], every other of which are those of half the degree, and what takes
-    values there to Chebyshev coefficients."""
+    """Return Chebyshev points of the second kind in [-1, 1], and the map from values there to Chebyshev coefficients.
+
+    Every other point is one of half the degree.
+    """
     number = np.arange(degree + 1)
     # Whole turns, and then halves, are taken out first: the cosine of a large angle has lost digits with the angle.
     turn = np.outer(number, number) % (2 * degree)
@@ -42,7 +44,7 @@ def nodes(degree):
 
 
 def chebyshev(x, degree):
-    """The Chebyshev polynomials to that degree at x, in a last axis, and the polynomial that vanishes at the nodes."""
+    """Return the Chebyshev polynomials to that degree at x, in a last axis, and the polynomial that vanishes at the nodes."""
     parts = [np.ones_like(x), x]
     for _ in range(degree - 1):
         parts.append(2 * x * parts[-1] - parts[-2])
@@ -51,25 +53,25 @@ def chebyshev(x, degree):
 
 @cache
 def _rim(degree):
-    """The same on the rim of the ellipse, and the least size of the polynomial that vanishes."""
+    """Return `chebyshev` on the rim of the ellipse, with the least size there of the polynomial that vanishes at the nodes."""
     basis, vanishing = chebyshev(RIM, degree)
     return basis, np.abs(vanishing).min()
 
 
 @cache
 def least_on_rim():
-    """That size by the degree; 1 for all that are none of DEGREES."""
+    """Return the least size of `_rim` by the degree; 1 for degrees that are not in DEGREES."""
     return np.array([_rim(degree)[1] if degree in DEGREES else 1.0 for degree in range(DEGREES[-1] + 1)])
 
 
 @dataclass(frozen=True, slots=True)
 class Pieces(Rows):
-    """Interpolants of the coefficients of characteristic polynomials in `w/size`, but for the leading one, piece by piece.
+    """Interpolants of the coefficients of characteristic polynomials in `w/size`, without the leading one, piece by piece.
 
-    column, low, high: of each piece. middle, half: of what was sampled. degree: `(pieces,)`, 0 where it is not followed.
-    coefficients: `(pieces, DEGREES[-1] + 1, n)`. reach: `(pieces, n)`, what each is off by at the nodes and between them by
-    rounding; beside: by how much it misses the ellipse's rim; both in roundings of 1. rim: what they are there, computed at
-    RIM, `(pieces, OUTER, n)`, and vague: by how much these are off. size: `(pieces,)`.
+    column, low, high: of each piece. middle, half: of the sampled range. degree: `(pieces,)`, 0 if the piece is not followed.
+    coefficients: `(pieces, DEGREES[-1] + 1, n)`. reach: `(pieces, n)`, the error of each by rounding, at the nodes and between
+    them; beside: its error on the ellipse's rim; both in roundings of 1. rim: the coefficients on the rim, computed at RIM,
+    `(pieces, OUTER, n)`, and vague: their errors. size: `(pieces,)`.
     """
 
     column: np.ndarray
@@ -87,7 +89,7 @@ class Pieces(Rows):
 
     @staticmethod
     def none(column, low, high, bounds, order) -> "Pieces":
-        """Pieces that are not followed yet, with their overlap within the bounds."""
+        """Return pieces that are not followed yet, with their overlap within the bounds."""
         over, pieces = OVERLAP * (high - low), column.size
         left, right = np.maximum(low - over, bounds[0]), np.minimum(high + over, bounds[1])
         rim = np.zeros((pieces, RIM.size, order))
@@ -95,13 +97,16 @@ class Pieces(Rows):
         return Pieces(column, low, high, (left + right) / 2, (right - left) / 2, np.zeros(pieces, int), *empty)
 
     def at(self, place):
-        """Points of all pieces, `(pieces, points)`; place: where on [-1, 1], or beside it."""
+        """Return points of all pieces, `(pieces, points)`; place: position on [-1, 1], or beside it."""
         return self.middle[:, None] + self.half[:, None] * place
 
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """A loop over a span. pieces: sorted by column and place. units: `(columns, n)`, of the states, see `balance`."""
+    """A loop over a span.
+
+    pieces: sorted by column and place. units: `(columns, n)`, of the states, see `balance`.
+    """
 
     evaluate: object
     span: tuple[float, float]
@@ -109,15 +114,17 @@ class Followed:
     units: np.ndarray
 
     def piece(self, column, p):
-        """The piece that points `p`, `(panels, points)`, of these columns lie in, `(panels,)`."""
+        """Return the piece that points `p`, `(panels, points)`, of these columns lie in, `(panels,)`."""
         width = self.span[1] - self.span[0]
         place = np.clip((p.mean(-1).real - self.span[0]) / width, 0, 1 - 1e-9)
         start = self.pieces.column + (self.pieces.low - self.span[0]) / width
         return np.searchsorted(start, column + place, side="right") - 1
 
     def polynomials(self, piece, p):
-        """Characteristic polynomials at `p`, `(panels, points)`, in these pieces, which are followed: coefficients
-        `(n + 1, panels * points)`, their errors and sizes as `critical.from_polynomials` takes them."""
+        """Return the characteristic polynomials at `p`, `(panels, points)`, in these pieces, which are followed.
+
+        They are coefficients `(n + 1, panels * points)`, their errors and sizes, as `critical.from_polynomials` takes them.
+        """
         pieces, (panels, count), n = self.pieces, p.shape, self.units.shape[-1]
         c, reach = np.ones((panels, count, n + 1), p.dtype), np.ones((panels, count, n + 1))
         middle, half, degrees = (part[piece] for part in (pieces.middle, pieces.half, pieces.degree))
@@ -139,8 +146,10 @@ class Followed:
         return c, reach, np.repeat(pieces.size[piece], count)
 
     def functions(self, piece, p):
-        """The critical functions at `p`, `(panels, points)`, in these pieces, which are followed: phase, logarithm of the size
-        and error, `(4, panels, points)` each, see `critical.from_polynomials`."""
+        """Return the critical functions at `p`, `(panels, points)`, in these pieces, which are followed.
+
+        They are phase, logarithm of the size and error, `(4, panels, points)` each, see `critical.from_polynomials`.
+        """
         at = np.flatnonzero(~self._rims(piece, p)) if chosen() != NUMPY else np.zeros(0, int)
         if not at.size:
             return [part.reshape(4, *p.shape) for part in from_polynomials(*self.polynomials(piece, p))]
@@ -160,13 +169,13 @@ class Followed:
         return found
 
     def _rims(self, piece, p):
-        """Which panels are pieces themselves, whose rim was computed."""
+        """Return which panels are pieces themselves, whose rim was computed."""
         if p.shape[1] != RIM.size or not np.iscomplexobj(p):
             return np.zeros(piece.size, bool)
         return (p == self.pieces.middle[piece, None] + self.pieces.half[piece, None] * RIM).all(-1)
 
     def computed(self, column, p):
-        """Frames less identity at `p`, `(panels, points)`, of these columns, `(panels, points, n, n)`, and pivots."""
+        """Return frames less identity at `p`, `(panels, points)`, of these columns, `(panels, points, n, n)`, and pivots."""
         found = self.evaluate(column[:, None], p)
         return found.E.reshape(*p.shape, *found.E.shape[1:]), found.pivots.reshape(*p.shape, -1)
 
@@ -180,7 +189,7 @@ class MoreStatesError(Exception):
 
 
 class RecalledError(Exception):
-    """States that were taken to be forgotten are recalled at some values of these columns."""
+    """States that were assumed to be forgotten are used again at some values of these columns."""
 
     def __init__(self, columns: np.ndarray):
         super().__init__(f"states of {len(columns)} columns are recalled")
@@ -188,8 +197,11 @@ class RecalledError(Exception):
 
 
 def typical(evaluate, span, columns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Largest sizes of the entries of each column's frames at a few points, with and less the identity, `(columns, n, n)`; 0
-    where they overflow. Each column is looked at by itself: what is done with it must not depend on the others."""
+    """Return the largest sizes of the entries of each column's frames at a few points, `(columns, n, n)`.
+
+    The first array is with the identity, the second without it; both are 0 if the frames overflow. Each column is treated by
+    itself, so that its results do not depend on the others.
+    """
     points = span[0] + (span[1] - span[0]) * np.array(TYPICAL)
     E = Frames.of(evaluate(np.arange(columns)[:, None], np.tile(points, (columns, 1)))).E
     E = np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)
@@ -197,9 +209,10 @@ def typical(evaluate, span, columns: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def living(sizes):
-    """Which states a frame recalls and something enters, `(columns, n)`; sizes: of the entries of I + E, `(columns, n, n)`.
+    """Return which states keep a part of their value in a frame, or both affect and depend on others, `(columns, n)`.
 
-    The others, held values and delays, have z = 0, where eigenvalues would crowd, and cross nothing. One state is always kept.
+    sizes: of the entries of I + E, `(columns, n, n)`. The others, held values and delays, have z = 0, a point at which
+    eigenvalues would crowd, and cross nothing. One state is always kept.
     """
     n = sizes.shape[-1]
     kept, diagonal = np.ones(sizes.shape[:-1], bool), np.diagonal(sizes, axis1=-2, axis2=-1)
@@ -217,13 +230,14 @@ def followed(evaluate, span, columns: int, bounds, sizes, kept, order: int = 0) 
     """Follow the characteristic polynomial of every column over the span.
 
     evaluate, bounds: see `stable_along_any`. sizes: of the entries of typical frames, `(columns, n, n)`, which give the units;
-    kept: `(n,)`, the states that are not forgotten. order: of the largest frames, if it is known. Errors: MoreStatesError,
-    RecalledError.
+    kept: `(n,)`, the states that are not forgotten. order: of the largest frames, if it is known.
+    Errors: MoreStatesError, RecalledError.
 
-    Each coefficient is interpolated at the Chebyshev points of a piece. What is left of it, divided by the polynomial that
-    vanishes at these, is analytic, so on the piece it is at most what it is on the rim of an ellipse about it, where frames are
-    computed at complex values (see `panel_roots`) and no pole is inside (see `pole_inside`): that polynomial, 1 at most on the
-    piece, is 10^5 there for 15 points and 10^22 for 57. A piece that is not followed to LOOSE roundings is cut in two.
+    Each coefficient is interpolated at the Chebyshev points of a piece. The error, divided by the polynomial that vanishes at
+    these points, is analytic. So on the piece this quotient is at most as large as on the rim of an ellipse about it. Frames
+    are computed there at complex values (see `panel_roots`), and no pole is inside (see `pole_inside`). The vanishing
+    polynomial is at most 1 on the piece, and 10^5 on the rim for 15 points and 10^22 for 57. A piece that is not followed to
+    LOOSE roundings is cut in two.
     """
     width, few = span[1] - span[0], int(kept.sum())
     column, low, high = np.arange(columns), *(np.full(columns, float(end)) for end in span)
@@ -251,7 +265,7 @@ def followed(evaluate, span, columns: int, bounds, sizes, kept, order: int = 0) 
 
 
 def _of_order(evaluate, order, kept, column, p):
-    """The frames with this number of states; those that are left out for all these values stand there with z = 0."""
+    """Return the frames with this number of states; states that are left out for all these values are added with z = 0."""
     found = Frames.of(evaluate(column, p))
     E = found.E
     if not kept.all():
@@ -278,7 +292,7 @@ def _of_order(evaluate, order, kept, column, p):
 
 
 class _Samples:
-    """Characteristic polynomials of frames on some pieces. size: of each piece, set by its first samples."""
+    """Characteristic polynomials of frames on some pieces; size: of each piece, set by its first samples."""
 
     def __init__(self, evaluate, pieces, units):
         self.evaluate, self.pieces, self.size = evaluate, pieces, None
@@ -286,7 +300,10 @@ class _Samples:
         self.ratio = (units[:, None, :] / units[:, :, None])[:, None]
 
     def at(self, which, x):
-        """Coefficients (complex if x is) and their errors at places x of the pieces `which`, `(pieces, points, n)`; pivots."""
+        """Return coefficients and their errors at places x of the pieces `which`, `(pieces, points, n)`, and pivots.
+
+        The coefficients are complex if x is.
+        """
         some = self.pieces.take(which)
         found = self.evaluate(some.column[:, None], some.at(x))
         n = found.E.shape[-1]
@@ -306,7 +323,7 @@ class _Samples:
 
 
 def _follow(evaluate, pieces, index, units):
-    """Fill in the pieces `index` as far as they can be followed, and say which are hopeless."""
+    """Fill in those of the pieces `index` that can be followed, and return which are hopeless."""
     samples, n, hopeless = _Samples(evaluate, pieces.take(index), units), units.shape[-1], np.zeros(index.size, bool)
     rim, vague = np.full((index.size, RIM.size, n), np.nan, complex), np.zeros((index.size, RIM.size, n))
     open_, poles, c, unsure = np.arange(index.size), np.zeros(index.size, bool), None, None
@@ -347,7 +364,7 @@ def _follow(evaluate, pieces, index, units):
 
 
 def _between(known, new):
-    """Values at every point from those at every other one and those between, `(pieces, points, n)`."""
+    """Return values at every point from those at every other one and those between, `(pieces, points, n)`."""
     whole = np.empty((known.shape[0], known.shape[1] + new.shape[1], known.shape[2]))
     whole[:, ::2], whole[:, 1::2] = known, new
     return whole

@@ -7,17 +7,18 @@ import numpy as np
 from wavesweep.analysis.intervals.bernstein import roots_by_sign
 from wavesweep.analysis.rows import Rows
 
-EDGE = 1e-7  # so near to +-1 a root is not told from one at the end itself
+EDGE = 1e-7  # so near to +-1 a root is not distinguished from one at the end itself
 
 
 @dataclass(frozen=True, slots=True)
 class Roots(Rows):
     """Roots per row of coefficients.
 
-    value: `(rows, n-1)`, real. radius: within what of it the true root is, and no other. inside: which of them are real roots
-    in (-1, 1). slope_sign: sign of the polynomial's derivative there. at_one, at_minus_one: sign of the polynomial at 1 and
-    -1. proved: `(rows,)`, whether the list is complete and right for every polynomial within the error bound, but for the
-    ends: open_at_one, open_at_minus_one say that a root may be there, within EDGE of the end on either side.
+    value: `(rows, n-1)`, real. radius: distance from the value within which the true root is, and no other. inside: which of
+    them are real roots in (-1, 1). slope_sign: sign of the polynomial's derivative there. at_one, at_minus_one: sign of the
+    polynomial at 1 and -1. proved: `(rows,)`, whether the list is complete and right for every polynomial within the error
+    bound, except at the ends: open_at_one, open_at_minus_one are true if a root may be there, within EDGE of the end on either
+    side.
     """
 
     value: np.ndarray
@@ -32,10 +33,10 @@ class Roots(Rows):
 
 
 def isolate(coefficients, noise) -> Roots:
-    """Real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within `noise`.
+    """Return the real roots in (-1, 1) of `sum_{k=1..n} c_k U_{k-1}(x)`, known on [-1, 1] to within `noise`.
 
-    coefficients: `(rows, n)`; noise: `(rows,)`. By the signs of Bernstein coefficients (`roots_by_sign`), and by Smith's
-    discs (`by_discs`) in the rows that these leave undecided.
+    coefficients: `(rows, n)`; noise: `(rows,)`. The roots are found by the signs of Bernstein coefficients (`roots_by_sign`),
+    and by Smith's discs (`by_discs`) in the rows that these leave undecided.
     """
     coefficients, noise = _of_size_one(coefficients, noise)
     (row, value, within, slope), complete = roots_by_sign(coefficients, noise)
@@ -53,7 +54,10 @@ def isolate(coefficients, noise) -> Roots:
 
 
 def by_signs(coefficients, noise, steep) -> Roots:
-    """The same where signs and slopes decide, by the kernel, for noise of any kind with a slope of `steep` times its size."""
+    """`isolate` by the compiled kernel, for rows that signs and slopes decide; the other rows are not proved.
+
+    The noise may be of any kind with a slope of at most `steep` times its size.
+    """
     from wavesweep.analysis.intervals.compiled.isolating import rows_by_sign
 
     coefficients, noise = _of_size_one(coefficients, noise)
@@ -66,12 +70,12 @@ def by_signs(coefficients, noise, steep) -> Roots:
 
 
 def by_discs(coefficients, noise) -> Roots:
-    """The same. The n-1 complex roots are the eigenvalues of the colleague matrix (Specht 1957; Good 1961).
+    """`isolate` by Smith's discs about the eigenvalues of the colleague matrix, the n-1 complex roots (Specht 1957; Good 1961).
 
     Proof: by Smith's theorem (B. T. Smith, J. ACM 17, 1970) discs about n-1 approximations, of radius `r_i / weight_i`,
-    `r_i = |q(x_i)| / (|lead| prod |x_i - x_j|)`, weights of sum 1, hold all the roots, and an isolated disc holds exactly
-    one. |q(x_i)| is enlarged by what the noise can do there. So when each disc that touches [-1, 1] is isolated and centred
-    on the real axis, no root can hide, not even two that lie close together: these would make their discs meet.
+    `r_i = |q(x_i)| / (|lead| prod |x_i - x_j|)`, weights of sum 1, hold all the roots, and an isolated disc holds exactly one.
+    |q(x_i)| is enlarged by the effect of the noise there. So if each disc that touches [-1, 1] is isolated and centred on the
+    real axis, no root can hide, not even two that lie close together: these would make their discs meet.
     """
     coefficients, noise = _of_size_one(coefficients, noise)
     found = _none(coefficients)
@@ -92,14 +96,14 @@ def by_discs(coefficients, noise) -> Roots:
 
 
 def _of_size_one(coefficients, noise):
-    """Both divided by the largest coefficient of the row."""
+    """Return both divided by the largest coefficient of the row."""
     size = np.abs(coefficients).max(-1, initial=0)
     size = np.where(size > 0, size, 1)
     return coefficients / size[:, None], noise / size
 
 
 def _none(coefficients) -> Roots:
-    """No roots, nothing proved."""
+    """Return the value for no roots, with nothing proved."""
     rows, n = coefficients.shape
     empty, closed = np.zeros((rows, max(n - 1, 0))), np.zeros(rows, bool)
     signs = map(np.sign, at_ends(coefficients))
@@ -107,13 +111,13 @@ def _none(coefficients) -> Roots:
 
 
 def at_ends(coefficients):
-    """The polynomial at 1 and at -1."""
+    """Return the polynomial at 1 and at -1."""
     weight = np.arange(1, coefficients.shape[1] + 1)
     return (coefficients * weight).sum(-1), (coefficients * (weight * (-1.0) ** (weight - 1))).sum(-1)
 
 
 def _eigenvalues(coefficients):
-    """Complex roots `(rows, n-1)`: eigenvalues of the colleague matrix of the U basis."""
+    """Return the complex roots `(rows, n-1)`: eigenvalues of the colleague matrix of the U basis."""
     rows, n = coefficients.shape
     lead = coefficients[:, -1]
     tiny = np.finfo(float).eps ** 2  # a vanishing leading coefficient only sends roots far away
@@ -126,7 +130,7 @@ def _eigenvalues(coefficients):
 
 
 def _evaluate(coefficients, x):
-    """The polynomial at x by the three-term recurrence, and a bound on the rounding error of that."""
+    """Return the polynomial at x by the three-term recurrence, and a bound on the rounding error of that."""
     before, now = np.zeros_like(x), np.ones_like(x)
     value, size = coefficients[:, :1] * now, np.abs(coefficients[:, :1]) * np.ones(x.shape)
     twice = 2 * x
@@ -140,8 +144,10 @@ def _evaluate(coefficients, x):
 
 
 def _proof(coefficients, noise, roots):
-    """Whether the discs about `roots` show every real root in (-1, 1) but for the ends, row by row; their radii; and which
-    discs keep to an end."""
+    """Return whether the discs about `roots` prove every real root in (-1, 1) except at the ends, their radii, and edge discs.
+
+    The first result is row by row; the last tells which discs are confined to an end.
+    """
     value, rounding = _evaluate(coefficients, roots)
     radius, apart = _discs(coefficients, roots, np.abs(value) + rounding + 2 * noise[:, None])
     distance, beyond = _from_segment(roots)
@@ -154,7 +160,7 @@ def _proof(coefficients, noise, roots):
 
 
 def _from_segment(x):
-    """Distance of x from [-1, 1], and how far its real part is beyond the ends (negative inside)."""
+    """Return the distance of x from [-1, 1], and the distance of its real part beyond the ends (negative inside)."""
     beyond = np.abs(x.real) - 1
     return np.hypot(np.maximum(beyond, 0), x.imag), beyond
 
@@ -162,8 +168,8 @@ def _from_segment(x):
 def _spread(roots):
     """Move crowded roots apart that lie away from the segment.
 
-    The theorem holds for any n-1 points. Pure delays put a multiple root at one point outside [-1, 1], where computed
-    roots crowd and their discs swell; points on a small circle about it have discs of that circle's size.
+    The theorem holds for any n-1 points. Pure delays put a multiple root at one point outside [-1, 1]; the computed roots crowd
+    there and their discs grow. Points on a small circle about it have discs of that circle's size.
     """
     distance, _ = _from_segment(roots)
     apart = np.abs(roots[:, :, None] - roots[:, None, :])
@@ -174,7 +180,7 @@ def _spread(roots):
 
 
 def _discs(coefficients, roots, bound):
-    """Radii `(rows, n-1)` and the mutual distances `(rows, n-1, n-1)` (infinite on the diagonal)."""
+    """Return radii `(rows, n-1)` and the mutual distances `(rows, n-1, n-1)` (infinite on the diagonal)."""
     n = coefficients.shape[1]
     apart = np.abs(roots[:, :, None] - roots[:, None, :])
     index = np.arange(n - 1)
@@ -189,7 +195,10 @@ def _discs(coefficients, roots, bound):
 
 
 def _slope_sign(coefficients, roots):
-    """Sign of the derivative at simple real roots: that of `lead prod (x_i - x_j)`, whatever is left open elsewhere."""
+    """Return the sign of the derivative at simple real roots, even if other roots are unproved.
+
+    It is that of `lead prod (x_i - x_j)`.
+    """
     apart = roots[:, :, None] - roots[:, None, :]
     index = np.arange(roots.shape[1])
     apart[:, index, index] = 1.0

@@ -11,7 +11,7 @@ from wavesweep.kernel import NUMPY, chosen
 
 NODES, KEPT = 20, 14  # samples per panel; the Chebyshev coefficients from KEPT on must have decayed and bound the error
 DECAYED = 1e-5  # of the largest, above which a panel is split at once and no proof is tried
-OVERLAP = 0.035  # of its width a panel reaches into each neighbour, so that no root stays on an edge for ever
+OVERLAP = 0.035  # of its width a panel reaches into each neighbour, so that no root stays on an edge
 DEGREES = (1, 2, 4, 7, 10, KEPT)  # an interpolant is cut to each of these in turn, what is cut away added to its error
 SIGNED = (7, KEPT)  # degrees at which the kernel looks at signs first
 # Slope of the error of an interpolant over its size: that of a polynomial through the nodes is at most the square of its degree
@@ -33,12 +33,12 @@ for _array in (NODE, TRANSFORM, RIM):
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Roots and what is known of the panels.
+    """Roots and the state of the panels.
 
-    column, function, x, within, slope_sign: a root each: whose, of which function, where to within what, sign of the slope.
-    lost, overflown, settled: panels as (column, low, high): given up, given up since samples overflow there, and settled by
-    the function that settles. open_low, open_high: `(columns,)`, whether roots may be left in the first or the last bit of the
-    interval.
+    column, function, x, within, slope_sign: a root each: its column, its function, its place and the distance to which that is
+    known, and the sign of the slope. lost, overflown, settled: panels as (column, low, high): given up, given up since samples
+    overflow there, and settled by the function that settles. open_low, open_high: `(columns,)`, whether roots may be left in
+    the first or the last bit of the interval.
     """
 
     column: np.ndarray
@@ -68,19 +68,19 @@ def panel_roots(
     """Find all roots of several functions of each column, real analytic in x.
 
     sample(column, x): for panels (their columns, `(panels,)`, and points, `(panels, points)`, real or complex) the functions'
-    values as phase, logarithm of the size, and rounding error relative to the size, each `(functions, panels, points)`.
-    column, low, high: the first panels. columns: how many columns there are. smallest: a panel narrower than this that proves
-    nothing is given up; many: so many open panels of one column are too. bounds: no point beyond them is asked for. end_bit: a
+    values as phase, logarithm of the size, and rounding error relative to the size, each `(functions, panels, points)`. column,
+    low, high: the first panels. columns: number of columns. smallest: a panel narrower than this that proves nothing is given
+    up. many: the open panels of a column are given up if there are so many. bounds: no point beyond them is sampled. end_bit: a
     panel at an end of the interval that is narrower than this and proves nothing is left open. settling: number of a function
     that settles a panel on which it is proved to be positive, whatever the others do; its own roots do not count.
 
     On each panel the interpolant at NODES points must have decayed, and `by_signs` or `by_discs` must prove its roots for every
-    function within the error bound; else the panel is split. The bound has what rounding and the coefficients that are cut away
-    can do, and what can hide between the nodes: the interpolant of a function that is analytic and at most G inside an ellipse
-    about the panel with semi-axes of sum r is off by at most `4 G r^-n/(r - 1)`, n its degree (L. N. Trefethen, Approximation
-    Theory and Approximation Practice, Theorem 8.2). By the maximum principle G is that on the ellipse's rim, where the
-    functions are sampled at complex x; a mode of the tick that leaves no trace at the nodes, since it enters a frame as a high
-    power, is large there if it is large anywhere on the panel.
+    function within the error bound; otherwise the panel is split. The bound consists of rounding, of the coefficients that are
+    cut away, and of features that the nodes may miss: the interpolant of a function that is analytic and at most G inside an
+    ellipse about the panel with semi-axes of sum r is off by at most `4 G r^-n/(r - 1)`, n its degree (L. N. Trefethen,
+    Approximation Theory and Approximation Practice, Theorem 8.2). By the maximum principle G is that on the ellipse's rim; the
+    functions are sampled there at complex x. A mode of the tick may have no visible effect at the nodes, since it enters a
+    frame as a high power; it is large on the rim if it is large anywhere on the panel.
     """
     found, ends = [], (low.min(initial=np.inf), high.max(initial=-np.inf))
     given_up = {"lost": [], "overflown": [], "settled": []}
@@ -112,19 +112,19 @@ def panel_roots(
 
 @dataclass(frozen=True, slots=True)
 class _Panels(Rows):
-    """Panels of a generation: whose, and middle and half-width of each, the overlap with its neighbours included."""
+    """Panels of a generation: column, middle and half-width of each, the overlap with its neighbours included."""
 
     column: np.ndarray
     middle: np.ndarray
     half: np.ndarray
 
     def at(self, place):
-        """Points of all panels, `(panels, points)`; place: where on [-1, 1], or beside it."""
+        """Return points of all panels, `(panels, points)`; place: position on [-1, 1], or beside it."""
         return self.middle[:, None] + self.half[:, None] * place
 
 
 def _judged(sample, panels, bounds, settling):
-    """(proved, settled, finite, not finite anywhere) of every panel, the roots on those that are proved, and where to cut."""
+    """Return (proved, settled, finite, not finite anywhere) of every panel, the roots on proved panels, and places to cut."""
     phase, log, error = sample(panels.column, panels.at(NODE))
     functions, reached, finite = log.shape[0], np.isfinite(log).all(0).any(-1), np.isfinite(log).all((0, -1))
     sign = np.where(finite[:, None], phase.real, 0.0)
@@ -159,15 +159,18 @@ def _judged(sample, panels, bounds, settling):
 
 
 def _trend(log, finite):
-    """Exponential growth of each function over a panel, per half of its width. Taken out, it takes no roots, and may leave
-    what a polynomial follows more easily: functions of a frame are powers of those of a tick."""
+    """Return the exponential growth of each function over a panel, per half of its width.
+
+    To divide by it removes no roots, and may leave a function that a polynomial follows more easily: functions of a frame are
+    powers of those of a tick.
+    """
     ends = [log[..., side].max(-1) for side in (NODE > 0.5, NODE < -0.5)]
     with np.errstate(invalid="ignore"):
         return np.where(finite, (ends[0] - ends[1]) / 1.5, 0.0)
 
 
 def _scaled(sign, log, trend):
-    """Samples without their trend, the largest of a panel of size 1, and the logarithm of what they were divided by."""
+    """Return samples without their trend, the largest of a panel of size 1, and the logarithm of their divisor."""
     log = np.where(np.isfinite(log), log - trend[..., None] * NODE, -np.inf)
     peak = log.max(-1)
     peak = np.where(np.isfinite(peak), peak, 0.0)
@@ -175,14 +178,16 @@ def _scaled(sign, log, trend):
 
 
 def _tail(sign, log, trend):
-    """The largest of the last Chebyshev coefficients of the samples without their trend."""
+    """Return the largest of the last Chebyshev coefficients of the samples without their trend."""
     value, _ = _scaled(sign, log, trend)
     return np.abs(_transformed(value, TRANSFORM[:, KEPT:])).max(-1)
 
 
 def _transformed(value, transform):
-    """Chebyshev coefficients of the samples. Sums and not a matrix product: BLAS may round a row differently in another batch,
-    and bytes must not change."""
+    """Return the Chebyshev coefficients of the samples.
+
+    They are sums and not a matrix product: BLAS may round a row differently in another batch, and bytes must not change.
+    """
     total = value[..., :1] * transform[0]
     for node in range(1, NODES):
         total += value[..., node : node + 1] * transform[node]
@@ -190,7 +195,10 @@ def _transformed(value, transform):
 
 
 def _hidden(sample, panels, bounds, which, trend, peak):
-    """What may hide between the nodes of the panels `which`, in units of each function's largest sample; infinite elsewhere."""
+    """Return a bound on features between the nodes of the panels `which`, in units of each function's largest sample.
+
+    It is infinite for other panels, and if the ellipse of a panel is not within the bounds.
+    """
     hidden = np.full(peak.shape, np.inf)
     inside = (panels.middle - EXTENT * panels.half >= bounds[0]) & (panels.middle + EXTENT * panels.half <= bounds[1])
     which = which[inside[which]]
@@ -208,7 +216,7 @@ def _hidden(sample, panels, bounds, which, trend, peak):
 
 
 def _interpolate(value, size):
-    """Second-kind Chebyshev coefficients `(panels, KEPT)`, their error bound on the panel, and whether they decayed."""
+    """Return second-kind Chebyshev coefficients `(panels, KEPT)`, their error bound on the panel, and whether they decayed."""
     first = _transformed(value, TRANSFORM)
     first[:, 0] /= 2
     largest, tail = np.abs(first).max(-1), np.abs(first[:, KEPT:]).max(-1)
@@ -220,9 +228,9 @@ def _interpolate(value, size):
 
 
 def _proved_roots(coefficients, noise):
-    """Proved roots of the interpolants, as (rows, Roots) pairs; each row is tried at the lowest degree first.
+    """Yield proved roots of the interpolants, as (rows, Roots) pairs; each row is tried at the lowest degree first.
 
-    High coefficients that have decayed to rounding would leave the discs without a leading coefficient to stand on.
+    High coefficients that have decayed to rounding would leave the discs without a significant leading coefficient.
     """
     weight = np.arange(1, KEPT + 1) * np.abs(coefficients)
     # A value at an end that may be zero leaves that end open at every degree.
@@ -240,8 +248,11 @@ def _proved_roots(coefficients, noise):
 
 
 def _share(size):
-    """Where a panel is best cut, as a share of its width: so that its smallest sample, next to which roots may crowd, is in a
-    small part if it is near an end. Never in the middle, where symmetric loops put their roots."""
+    """Return the place at which a panel is best cut, as a share of its width.
+
+    Roots may crowd next to the smallest sample, so it is put into a small part if it is near an end. The cut is never in the
+    middle, since symmetric loops have roots there.
+    """
     place = NODE[np.argmin(size.min(0), axis=-1)]
     return np.where(np.abs(place) < CROWDED, 0.48, np.where(place > 0, 0.76, 0.24))
 
@@ -253,16 +264,17 @@ def _cut(column, low, high, share, split):
 
 
 STEPS = 80  # bisection alone needs 52; interpolation usually ends after 2
-ABOUT = (1e-2, 1e-4, 1e-7)  # of a bracket, how far from the seed it is looked at where it is not next to it
+ABOUT = (1e-2, 1e-4, 1e-7)  # of a bracket, distances from the seed that are tried if the root is not next to it
 NEXT = 1e-8  # of a bracket, how far from the seed it usually is at most
 
 
 def bracketed_roots(value, low, high, seed, least=-np.inf):
-    """Chandrupatla's method (Adv. Eng. Software 28, 1997) on every bracket; functions of any size, given by logarithms.
+    """Find the root in every bracket by Chandrupatla's method (Adv. Eng. Software 28, 1997).
 
-    value(at, x): sign (0 at a root) and log of the size of the functions `at` (indices) at x. seed: an approximate root in each
-    bracket, which is narrowed by points about it first: a call costs much, a point little. least: roots below need not be told
-    apart. Returns the roots, to rounding, and whether the signs at the bracket's ends, or next to the seed, differed.
+    The functions may be of any size; they are given by logarithms. value(at, x): sign (0 at a root) and log of the size of the
+    functions `at` (indices) at x. low, high: the brackets. seed: an approximate root in each bracket, which is narrowed by
+    points about it first: a call is expensive, a further point in it is not. least: roots below this need not be separated.
+    Returns the roots, to rounding, and whether the signs at the bracket's ends, or next to the seed, differed.
     """
     if not low.size:
         return low.copy(), np.zeros(0, bool)
@@ -302,8 +314,11 @@ def bracketed_roots(value, low, high, seed, least=-np.inf):
 
 
 def _narrowed(value, at, x):
-    """The narrowest pair of the points x, `(points, brackets)`, where the signs of the functions `at` differ, `(a, fa, b, fb)`,
-    whether they differ at the first and the last, and the logarithm of the size that the values were divided by."""
+    """Return the narrowest pair of the points x at which the signs of the functions `at` differ, (a, fa, b, fb), and two facts.
+
+    x: `(points, brackets)`. The facts are whether the signs differ at the first and the last point, and the logarithm of the
+    size that the values were divided by.
+    """
     sign, log = (part.reshape(x.shape) for part in value(np.tile(at, len(x)), x.ravel()))
     scale = np.where(np.isfinite(log), log, -np.inf).max(0)
     scale = np.where(np.isfinite(scale), scale, 0.0)
@@ -316,7 +331,7 @@ def _narrowed(value, at, x):
 
 
 def _next(a, fa, b, fb, c, fc):
-    """Inverse quadratic interpolation where it may be trusted, bisection elsewhere, as a share of the bracket."""
+    """Return the next point as a share of the bracket: inverse quadratic interpolation if it is reliable, else bisection."""
     with np.errstate(all="ignore"):
         xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
         trusted = (phi**2 < xi) & ((1 - phi) ** 2 < 1 - xi)

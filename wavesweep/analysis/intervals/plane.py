@@ -1,4 +1,4 @@
-"""The stability boundary in the plane of both wall parameters, as one explicit curve; quick, and without a proof.
+"""The stability boundary in the plane of both wall parameters, as one explicit curve; fast, and without a proof.
 
 At `z = exp(j theta)` the characteristic equation `one = K_VE x + B_VE v` (see `boundary`) is complex, and both parameters are
 real: two linear equations with the solution (Cramer)
@@ -17,7 +17,7 @@ from wavesweep.lifted.cut import Cut, close
 
 
 def plane_curve(cut: Cut, theta) -> np.ndarray:
-    """The walls (K_VE in N/m, B_VE in N*s/m) with an eigenvalue at `exp(j theta)`, `(2, points)`.
+    """Return the walls (K_VE in N/m, B_VE in N*s/m) with an eigenvalue at `exp(j theta)`, `(2, points)`.
 
     cut: one loop. theta: angles in (0, pi), rad per frame. Infinite or NaN at an angle at which no wall has one, or all on a
     line have.
@@ -30,7 +30,7 @@ def plane_curve(cut: Cut, theta) -> np.ndarray:
 
 
 def plane_lines(cut: Cut) -> np.ndarray:
-    """The straight parts of the boundary, `one = K_VE x + B_VE v` at z = 1 and at z = -1: rows (one, x, v), `(2, 3)`.
+    """Return the straight parts of the boundary, `one = K_VE x + B_VE v` at z = 1 and at z = -1: rows (one, x, v), `(2, 3)`.
 
     cut: one loop. A row with x = v = 0 is no line.
     """
@@ -46,10 +46,10 @@ def _terms(cut, theta):
 
 
 def refined_curve(cut: Cut, window, points: int = 160, rounds: int = 4) -> tuple[np.ndarray, np.ndarray]:
-    """Angles and walls along the curve, so close that its steps within a window are small: `(n,)`, `(2, n)`.
+    """Return angles and walls along the curve, with small steps inside a window: `(n,)`, `(2, n)`.
 
-    cut: one loop. window: ((lowest, highest K_VE), (lowest, highest B_VE)). points: angles to begin with. rounds: of halving
-    the steps that are longer than a hundredth of the window.
+    cut: one loop. window: ((lowest, highest K_VE), (lowest, highest B_VE)). points: number of angles at the start. rounds:
+    number of times that steps longer than a hundredth of the window are halved.
     """
     low, high = np.asarray(window, float).T[:, :, None]
     theta = np.concatenate([np.geomspace(1e-4, 0.1, points // 2), np.linspace(0.1, np.pi - 1e-6, points // 2 + 1)[1:]])
@@ -71,7 +71,7 @@ def refined_curve(cut: Cut, window, points: int = 160, rounds: int = 4) -> tuple
 def quick_columns(
     cut: Cut, theta, walls, solved: int, fixed: np.ndarray, span, rounds: int = 2
 ) -> list[list[tuple[float, float]]]:
-    """The stable intervals of one wall parameter for each value of the other, from a curve: without a proof.
+    """Return the stable intervals of one wall parameter for each value of the other, from a curve: without a proof.
 
     cut: one loop. theta, walls: along the curve, see `refined_curve`. solved: 0 for intervals of K_VE, 1 for B_VE. fixed:
     values of the other one, `(columns,)`. span: (low, high) of the intervals. rounds: of false position, by which the ends are
@@ -103,7 +103,10 @@ def quick_columns(
 
 
 def _crossings(cut, theta, walls, solved, fixed, rounds):
-    """Where the curve meets the lines on which one parameter is fixed: index of the line, and the other parameter there."""
+    """Return the points at which the curve meets the lines of a fixed parameter.
+
+    They are given by the index of the line, and the other parameter there.
+    """
     line, step = _steps_across(walls[1 - solved], fixed)
     ends = [(theta[at], walls[1 - solved][at] - fixed[line], walls[solved][at]) for at in (step, step + 1)]
     weights = np.ones((2, step.size))
@@ -115,7 +118,7 @@ def _crossings(cut, theta, walls, solved, fixed, rounds):
             at = plane_curve(cut, middle)
             new = middle, at[1 - solved] - fixed[line], at[solved]
             same = new[1] * f_one > 0
-            # Illinois: the end that stays counts half, so that it does not stay for ever.
+            # Illinois: the end that stays counts half, so that it does not stay in every round.
             weights = np.where(same, [np.ones(step.size), weights[1] / 2], [weights[0] / 2, np.ones(step.size)])
             ends = [
                 tuple(np.where(moves, *pair) for pair in zip(new, end, strict=True))
@@ -129,7 +132,7 @@ def _crossings(cut, theta, walls, solved, fixed, rounds):
 
 
 def _steps_across(across, fixed):
-    """Each pair of a line `across = fixed` and a step of a curve that crosses it: two arrays of indices."""
+    """Return each pair of a line `across = fixed` and a step of a curve that crosses it: two arrays of indices."""
     order = np.argsort(fixed)
     usable = np.isfinite(across)
     left, right = (np.searchsorted(fixed[order], np.where(usable, across, 0.0)[at]) for at in (slice(-1), slice(1, None)))

@@ -1,4 +1,4 @@
-"""Roots of critical functions to rounding: ends of stable intervals along any number, on the eigenvalues themselves."""
+"""Roots of critical functions to rounding: ends of stable intervals along any number, from the eigenvalues themselves."""
 
 from dataclasses import dataclass
 
@@ -26,8 +26,11 @@ FEW = 0.1  # of itself, the error of an interpolated function whose sign is beli
 
 @dataclass(frozen=True, slots=True)
 class Ends(Rows):
-    """Roots to rounding: column, function and value of the parameter; angle theta of the eigenvalue there, by how much it
-    misses its place, and whether all is well."""
+    """Roots to rounding.
+
+    column, function, value: of the parameter. theta: angle of the eigenvalue there. miss: its distance from its place on the
+    circle. good: whether the root is accurate enough.
+    """
 
     column: np.ndarray
     function: np.ndarray
@@ -38,12 +41,15 @@ class Ends(Rows):
 
 
 def polished(evaluate, loop, found, span, slack) -> Ends:
-    """Every root that was found, to rounding, duplicates of overlapping panels dropped."""
+    """Return every root that was found, to rounding, without duplicates from overlapping panels."""
     column, kind, width = found.column, found.function, span[1] - span[0]
     reach = np.minimum(found.within, 0.1 * width) + 1e-9 * width  # the disc, which no other root is in
 
     def sign(parts, at, most):
-        """Sign and logarithm of the functions of the roots `at`. Where the error is larger the sign means nothing: a root."""
+        """Return sign and logarithm of the functions of the roots `at`.
+
+        If the relative error is not below `most`, the sign is 0, like that of a root.
+        """
         phase, log, error = (part[kind[at], np.arange(at.size)] for part in parts)
         return np.sign(phase.real) * (error * np.finfo(float).eps < most), log
 
@@ -95,7 +101,10 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
 
 
 def _by_secants(value, x, reach):
-    """Roots from approximations by the secant method, each within `reach` of where it began; value(x): sign and logarithm."""
+    """Return roots from approximations by the secant method, each within `reach` of its start.
+
+    value(x): sign and logarithm.
+    """
     before, (sign, scale) = x, value(x)
     scale = np.where(np.isfinite(scale), scale, 0.0)
     f, step = sign, SECANT * reach
@@ -110,10 +119,12 @@ def _by_secants(value, x, reach):
 
 
 def _end(evaluate, column, kind, x, slack, reach):
-    """Better values of the roots x, no farther than `reach`; by how much the eigenvalue misses its place at x itself, and its
-    angle there; by how much rounding moves the root, which is infinite if x is not next to it; and how far it was to go.
+    """Return better values of the roots x, no farther than `reach`, and measures of their quality.
 
-    The slope is taken over a step that is short beside the way to the next root, where two of them nearly merge.
+    These are the distance of the eigenvalue from its place at x itself, its angle there, the movement of the root by rounding,
+    which is infinite if x is not next to the root, and the size of the correction that was needed.
+
+    The slope is taken over a step that is short compared to the distance to the next root, since two roots may nearly merge.
     """
     step = np.clip(SHORT * reach, LEAST * slack(x), STEP * slack(x))
     found = Frames.of(evaluate(np.tile(column, 2), np.concatenate([x, x + step])))
@@ -131,8 +142,10 @@ def _end(evaluate, column, kind, x, slack, reach):
 
 
 def _nearest(E, kind):
-    """The eigenvalue w = z - 1 of that kind that is nearest to its place on the circle, how far it is from there (1 - |z|^2, or
-    1 - z_i z_j of a reciprocal pair; |z|^2 - 1 at z = +-1), and its angle (0 for a reciprocal pair)."""
+    """Return the eigenvalue w = z - 1 of that kind that is nearest to its place on the circle, its distance, and its angle.
+
+    The distance is 1 - |z|^2, or 1 - z_i z_j of a reciprocal pair; |z|^2 - 1 at z = +-1. The angle is 0 for a reciprocal pair.
+    """
     w, known = eigenvalues(E)
     w = np.concatenate([w, np.full((len(w), 1), -1.0)], axis=-1)  # z = 0, which makes a pair for a single eigenvalue
     i, j = np.triu_indices(w.shape[-1], 1)
@@ -146,10 +159,10 @@ def _nearest(E, kind):
 
 
 def _correction(E, w, step):
-    """How far it is to where the eigenvalue next to w is on the circle, and by how much rounding of the entries moves that.
+    """Return the step that puts the eigenvalue next to w on the circle, and its change by rounding of the entries.
 
-    Eigenvalues are good to rounding of the largest entry, which is much beside those of a slow loop: a quotient of vectors is
-    good to rounding of each. E: frames, and then those a step further on.
+    Eigenvalues are accurate to a rounding of the largest entry, which is large compared to those of a slow loop. A quotient of
+    vectors is accurate to a rounding of each entry. E: frames, followed by those at a further step.
     """
     with np.errstate(all="ignore"):
         E, _ = balance(np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0))
@@ -160,8 +173,10 @@ def _correction(E, w, step):
 
 
 def _rayleigh(E, w):
-    """The eigenvalue of each matrix next to w, as the quotient of its vectors, whose error is the square of theirs; and what
-    ROUNDED roundings of every entry move it by, to first order."""
+    """Return the eigenvalue of each matrix next to w, and its change by ROUNDED roundings of every entry, to first order.
+
+    The eigenvalue is the quotient of its vectors, so its error is the square of theirs.
+    """
     # A little beside w: at an eigenvalue itself there is no inverse.
     w = w + BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2))
     back = inverse(E - w[:, None, None] * np.eye(E.shape[-1]))

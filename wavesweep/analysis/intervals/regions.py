@@ -25,11 +25,11 @@ MANY_SHARES = (*np.linspace(0, 1, 18)[1:-1], 1e-2, 1e-3, 1e-4, 1e-6)  # where it
 class Regions(Rows):
     """Consecutive parts of the swept range, sorted by column and value; no eigenvalue crosses the circle inside one.
 
-    column, low, high; low_theta, high_theta: angle of what crosses at that end, NaN where only the range ends there.
-    unstable: how many eigenvalues lie outside the unit circle; -1 where that is not known.
-    doubt: why the region is in doubt (see `wavesweep.analysis.doubt`), NONE where the label stands clear of rounding, both ends
-    satisfy the characteristic equation, and the counts change by what the crossings say. residual: the larger of the two
-    ends' relative residuals (0 at an end of the range).
+    column, low, high; low_theta, high_theta: angle of the crossing at that end, NaN if only the range ends there. unstable:
+    number of eigenvalues outside the unit circle; -1 if that is not known. doubt: reason why the region is in doubt (see
+    `wavesweep.analysis.doubt`); NONE if rounding cannot change the label, both ends satisfy the characteristic equation, and
+    the counts change in agreement with the crossings. residual: the larger of the two ends' relative residuals (0 at an end of
+    the range).
     """
 
     column: np.ndarray
@@ -46,10 +46,9 @@ class Regions(Rows):
 class Parts:
     """A span cut at its crossings: regions sorted by column and value, before they are labelled.
 
-    column, low, high, low_theta, high_theta: as in `Regions`. gain: by how much the number of unstable eigenvalues
-    should grow from the region before.
-    has_previous, has_next: whether a region has a neighbour below, or above, it in the same column.
-    order: the crossings in the order of the regions' inner ends.
+    column, low, high, low_theta, high_theta: as in `Regions`. gain: growth of the number of unstable eigenvalues from the
+    region before, as the crossings predict it. has_previous, has_next: whether a region has a neighbour below, or above, it in
+    the same column. order: the crossings in the order of the regions' inner ends.
     """
 
     column: np.ndarray
@@ -63,11 +62,11 @@ class Parts:
     order: np.ndarray
 
     def at(self, share) -> np.ndarray:
-        """A point of each region, a share of its width from its low end."""
+        """Return a point of each region, a share of its width from its low end."""
         return self.low + share * (self.high - self.low)
 
     def labelled(self, unstable, doubt, end_doubt, error) -> Regions:
-        """Regions from the counts and the doubt of each, and the doubt and the residual of each inner end."""
+        """Return regions from the counts and the doubt of each, and the doubt and the residual of each inner end."""
         doubt, residual = doubt.copy(), np.zeros(self.column.size)
         end_doubt = np.where(error <= SMALL_RESIDUAL, end_doubt, np.maximum(end_doubt, ROUNDING))
         doubt[self.has_previous] = np.maximum(doubt[self.has_previous], end_doubt)
@@ -78,7 +77,10 @@ class Parts:
 
 
 def cut_span(span, columns: int, column, value, theta, jump, slack=(0.0, 0.0)) -> Parts:
-    """Cut the span of every column at its crossings; slack: how near to each end of the span a crossing counts as there."""
+    """Cut the span of every column at its crossings.
+
+    slack: distance from each end of the span within which a crossing counts as at that end.
+    """
     low, high = span
     near = np.abs(value - low) <= np.maximum(slack[0], 4 * np.spacing(np.maximum(abs(low), np.abs(value))))
     beside = np.abs(value - high) <= slack[1]
@@ -102,14 +104,14 @@ def cut_span(span, columns: int, column, value, theta, jump, slack=(0.0, 0.0)) -
 
 
 def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regions:
-    """Cut the span at the crossings and label what lies between; loops `cut.at(owner)`, one per column.
+    """Cut the span at the crossings and label the regions between them; loops `cut.at(owner)`, one per column.
 
-    The count of the first region of each column follows from that of infinite values, which is one number of the loop, and
-    from the directions of all crossings between (`_first_counts`); the counts of the other regions from the directions of the
-    crossings before them. Where eigenvalues were counted in a column's first region, they are counted as well in every region
-    whose count comes to 0, which makes an interval stable, and in narrow ones of all columns. Columns whose crossings are not
-    all proved, or one of whose counts is not clear, have every region counted at many points, and a region has no label where
-    these disagree.
+    The count of the first region of each column follows from that of infinite values, which is one number of the loop, and from
+    the directions of all crossings between (`_first_counts`); the counts of the other regions follow from the directions of the
+    crossings before them. If eigenvalues were counted in a column's first region, they are also counted in every region whose
+    count comes to 0, which makes an interval stable; in narrow regions they are counted in all columns. If the crossings of a
+    column are not all proved, or one of its counts is not clear, every region of it is counted at many points, and a region has
+    no label if these disagree.
     """
     parts = cut_span(span, fixed.size, found.column, found.value, found.theta, found.jump)
     doubt, rise = np.zeros(parts.column.size, int), np.cumsum(parts.gain)
@@ -144,13 +146,13 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
 
 
 def _first_counts(owner, above, followed, least, count):
-    """Unstable eigenvalues in the first region of each column, -1 where not known, and where they were counted there.
+    """Return the unstable eigenvalues in the first region of each column, -1 if not known, and whether they were counted there.
 
-    above: see `Crossings`; followed: `(columns,)`, whether the count may follow from it. least: `(columns,)`, by how much the
-    count falls at most from the first region on. count(columns): eigenvalues outside.
-    At infinite values of the wall parameter as many are outside as the loop has zeros there from the wall's force to what it
-    reads, whatever the other parameter is. What the crossings leave of that must be the same in the first and the last
-    column of a loop for which all crossings are known; then it holds for those between, unless a count there is negative.
+    above: see `Crossings`; followed: `(columns,)`, whether the count may follow from it. least: `(columns,)`, the lowest count
+    relative to the first region. count(columns): eigenvalues outside. At infinite values of the wall parameter as many
+    eigenvalues are outside as the loop has zeros there from the wall's force to the signal that the wall reads, for any value
+    of the other parameter. That number less the growth at the crossings must be the same in the first and the last column of a
+    loop for which all crossings are known; then it holds for those between, unless a count there is negative.
     """
     begins, known = np.full(owner.size, -1), np.flatnonzero(followed)
     counted = np.ones(owner.size, bool)
@@ -172,7 +174,7 @@ def _first_counts(owner, above, followed, least, count):
 
 
 def _judged_ends(cut, owner, along, fixed, span, found, parts, unstable):
-    """Residual and doubt of each inner end; those of stable regions must stand clear of rounding."""
+    """Return residual and doubt of each inner end; ends of stable regions are in doubt if rounding could matter."""
     column, value, theta = (part[parts.order] for part in (found.column, found.value, found.theta))
     error, doubt = np.zeros(column.size), np.zeros(column.size, int)
     of_stable = np.flatnonzero((unstable[parts.has_previous] == 0) | (unstable[parts.has_next] == 0))
@@ -189,10 +191,10 @@ def _judged_ends(cut, owner, along, fixed, span, found, parts, unstable):
 
 
 def count_where_clear(parts: Parts, which, matrices):
-    """Count the regions `which`, at the first of SHARES where no eigenvalue is within rounding of the circle; -1 where
-    there is none.
+    """Count the regions `which` at the first of SHARES at which no eigenvalue is within rounding of the circle.
 
-    matrices(regions, value): the frame-to-frame matrices less identity of these regions at these values.
+    The count is -1 if there is none. matrices(regions, value): the frame-to-frame matrices less identity of these regions at
+    these values.
     """
     unstable = np.full(which.size, -1)
     for share in SHARES:
@@ -206,7 +208,7 @@ def count_where_clear(parts: Parts, which, matrices):
 
 
 def count_where_all_agree(parts: Parts, which, matrices):
-    """Count the regions `which` wherever among MANY_SHARES it is clear; -1 where it is clear nowhere, or differs."""
+    """Count the regions `which` at all of MANY_SHARES at which the count is clear; -1 if it is clear at none, or differs."""
     unstable, agreed = np.full(which.size, -1), np.ones(which.size, bool)
     for share in MANY_SHARES:
         count, sure = count_outside(matrices(which, parts.at(share)[which]))
@@ -220,5 +222,5 @@ def _wall(along, value, fixed):
 
 
 def _place(theta):
-    """`w = exp(j theta) - 1`, exactly at both ends of the circle."""
+    """Return `w = exp(j theta) - 1`, exactly at both ends of the circle."""
     return np.where(theta == np.pi, -2.0, np.where(theta == 0.0, 0.0, on_circle(theta)))

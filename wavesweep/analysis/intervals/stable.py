@@ -23,10 +23,11 @@ HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
 class Intervals(Rows):
     """One element per stable interval, or one with index -1 for a column that has none; sorted by column, then value.
 
-    column: index into the columns in C order, `slice * fixed.shape[-1] + position`. index: 0, 1, ... within the column.
-    count: stable intervals of the column. low, high: ends (N/m or N*s/m), NaN without interval. low_omega, high_omega:
-    rad/s of the oscillation that starts there, NaN where the range ends the interval, or what is known of it. doubt: why the
-    column is not certified, NONE where it is (codes of `wavesweep.analysis.doubt`). residual: see `stable_intervals`.
+    column: index into the columns in C order, `slice * fixed.shape[-1] + position`. index: 0, 1, ... within the column. count:
+    stable intervals of the column. low, high: ends (N/m or N*s/m), NaN without interval. low_omega, high_omega: rad/s of the
+    oscillation that starts there, NaN if the range, or the known part of it, ends the interval. doubt: reason why the column is
+    not certified, NONE if it is (codes of `wavesweep.analysis.doubt`). residual: the largest relative residual of the
+    characteristic equation at crossings of the interval, 0 if there are none.
     """
 
     column: np.ndarray
@@ -46,20 +47,20 @@ class Intervals(Rows):
 
 
 def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
-    """All stable intervals of `along` ("K_VE" or "B_VE") within `span`, for every loop and every value of the other one.
+    """Return all stable intervals of `along` ("K_VE" or "B_VE") within `span`, for every loop and every value of the other one.
 
     cut: loops, batch shape `(slices,)`. span: (low, high). fixed: `(slices, columns)`, values of the other wall parameter.
 
-    Crossings are the roots of one real polynomial per column (`crossings`), polished in state space (`boundary`).
-    Certified means: the signs of Bernstein coefficients, or Smith's discs, prove that the polynomial has no further real root,
-    whatever its coefficients are within their measured error (`isolate`), so that no pair of crossings can hide; both ends
-    satisfy the characteristic equation to rounding, and rounding of the loop's own entries cannot move them by more
-    (`boundary.ends`); and the counts of unstable eigenvalues follow by the crossings' directions, from region to
-    region and from one number per loop, which eigenvalues counted in its first and last column agree on (`regions`).
-    Columns that are unstable for every wall are certified so from their trace. Columns that fail are done again on arcs in
-    state space (`arcs`); what fails still is in doubt, and the regions whose label is not known are left out. Of a loop whose
-    frame overflows nothing is known.
-    Accuracy: ends to about 1e-12 relative, measured against 40-digit arithmetic; at the least 1e-9 of the end and a
+    Crossings are the roots of one real polynomial per column (`crossings`), polished in state space (`boundary`). A column is
+    certified if three conditions hold. The signs of Bernstein coefficients, or Smith's discs, prove that the polynomial has no
+    further real root for any coefficients within their measured error (`isolate`), so that no pair of crossings can hide. Both
+    ends satisfy the characteristic equation to rounding, and rounding of the loop's own entries cannot move them by more
+    (`boundary.ends`). The counts of unstable eigenvalues follow by the crossings' directions, from region to region and from
+    one number per loop, on which the eigenvalues counted in its first and last column agree (`regions`). Columns that are
+    unstable for every wall are certified so from their trace. Columns that fail are computed again on arcs in state space
+    (`arcs`); if they fail again, they are in doubt, and the regions whose label is not known are left out. If the frame of a
+    loop overflows, nothing is known of it.
+    Accuracy: ends to about 1e-12 relative, measured against arithmetic of 50 digits or more; at the least 1e-9 of the end and a
     hundred-thousandth of the span together.
     """
     fixed = np.asarray(fixed, float)
@@ -80,7 +81,7 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
 
 
 def uneven_units(sizes):
-    """Units of the states, `(matrices, n)`, in which no entry is large; 1 where they are not UNEVEN, or no units help.
+    """Return units of the states, `(matrices, n)`, in which no entry is large; 1 if they are not UNEVEN, or no units help.
 
     sizes: of the entries, `(matrices, n, n)`. States of a transfer function are derivatives of each other, whose sizes differ
     by powers of its poles; entries of a frame that grows are large in any units.
@@ -95,7 +96,7 @@ def uneven_units(sizes):
 
 
 def _in_own_units(cut: Cut) -> Cut:
-    """The loops in states of such units that none of their entries is large, see `uneven_units`."""
+    """Return the loops in states of such units that none of their entries is large, see `uneven_units`."""
     E, B, C = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (cut.E, cut.B, cut.C))
     with np.errstate(invalid="ignore"):
         own, into, out = (np.abs(part).max((-1, -2), initial=0.0) for part in (E, B, C))
@@ -113,7 +114,7 @@ def _in_own_units(cut: Cut) -> Cut:
 
 
 def _by_numpy(cut, owner, along, fixed, span) -> Intervals:
-    """The intervals of the columns with the loops `cut.at(owner)`, each by the first method that proves it."""
+    """Return the intervals of the columns with the loops `cut.at(owner)`, each by the first method that proves it."""
     pending, done = np.arange(fixed.size), []
     cut, overflown = _finite(cut)
     for method in (_by_trace, _by_polynomial, _by_arcs) if cut.order <= LARGEST else (_by_trace, _by_arcs):
@@ -130,7 +131,7 @@ def _by_numpy(cut, owner, along, fixed, span) -> Intervals:
 
 
 def _finite(cut) -> tuple[Cut, np.ndarray]:
-    """The loops with those that overflowed replaced by zeros, and which these are."""
+    """Return the loops with those that overflowed replaced by zeros, and which these are."""
     bad = ~np.broadcast_to(np.logical_and.reduce([np.isfinite(getattr(cut, p)).all((-1, -2)) for p in "EBCD"]), cut.batch)
     if bad.any():
         cut = replace(cut, **{p: np.where(bad[..., None, None], 0.0, getattr(cut, p)) for p in "EBCD"})
@@ -138,7 +139,7 @@ def _finite(cut) -> tuple[Cut, np.ndarray]:
 
 
 def _by_trace(cut, owner, along, fixed, span):
-    """Columns with a single region, unstable throughout; proved where that is sure."""
+    """Return columns with a single region, unstable throughout; proved if that is certain."""
     nowhere = np.zeros(0)
     whole = cut_span(span, fixed.size, nowhere.astype(int), nowhere, nowhere, nowhere)
     everywhere = np.ones(fixed.size, int)
@@ -147,7 +148,7 @@ def _by_trace(cut, owner, along, fixed, span):
 
 
 def _by_polynomial(cut, owner, along, fixed, span):
-    """One polynomial per loop, shared by all its columns."""
+    """Return regions and doubts from one polynomial per loop, shared by all its columns."""
     polynomial = sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut), cut.batch))
     return _judged(cut, owner, along, fixed, span, crossings(cut, owner, along, fixed, span, polynomial))
 
@@ -157,26 +158,32 @@ def _by_arcs(cut, owner, along, fixed, span):
 
 
 def _judged(cut, owner, along, fixed, span, found) -> tuple[Regions, np.ndarray]:
-    """The regions between the crossings, and the doubt of each column."""
+    """Return the regions between the crossings, and the doubt of each column."""
     parts = regions(cut, owner, along, fixed, span, found)
     return parts, doubts_of(parts, np.where(found.complete, NONE, CROWDED))
 
 
 def doubts_of(parts: Regions, doubt) -> np.ndarray:
-    """The gravest doubt of each column: its own, and those of its regions; a region without a label leaves at least COUNTS."""
+    """Return the gravest doubt of each column: its own, and those of its regions.
+
+    A region without a label leaves at least COUNTS.
+    """
     doubt = np.array(doubt)
     np.maximum.at(doubt, parts.column, np.where(parts.unstable < 0, np.maximum(parts.doubt, COUNTS), parts.doubt))
     return doubt
 
 
 def _select(parts, kept, names) -> Regions:
-    """The regions of the columns `kept`, the columns renamed to `names`."""
+    """Return the regions of the columns `kept`, the columns renamed to `names`."""
     taken = parts.take(kept[parts.column])
     return replace(taken, column=names[taken.column])
 
 
 def _sorted(done) -> tuple[Regions, np.ndarray]:
-    """All regions in the order of their columns, and the doubt of each column; done: (regions, columns, their doubts)."""
+    """Return all regions in the order of their columns, and the doubt of each column.
+
+    done: (regions, columns, their doubts).
+    """
     parts = [part for part, _, _ in done]
     doubt = np.concatenate([some for _, _, some in done])[np.argsort(np.concatenate([names for _, names, _ in done]))]
     if len(parts) == 1:
@@ -186,7 +193,7 @@ def _sorted(done) -> tuple[Regions, np.ndarray]:
 
 
 def intervals_of(r: Regions, doubt, period) -> Intervals:
-    """Runs of regions with no unstable eigenvalue, and an empty row for columns without any.
+    """Return runs of regions with no unstable eigenvalue, and an empty row for columns without any.
 
     doubt: `(columns,)`, codes. period: of each column's frame, s.
     """
@@ -215,7 +222,10 @@ def intervals_of(r: Regions, doubt, period) -> Intervals:
 
 
 def _joined(cut, along, span, fixed) -> Intervals:
-    """Along B_VE where some columns have K_VE = 0: there nothing reads the scene's position, and z = 1 is no pole."""
+    """Return the intervals along B_VE if some columns have K_VE = 0.
+
+    Nothing reads the scene's position in these columns, and z = 1 is no pole.
+    """
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
     parts = []
     for loop, mask in ((cut, flat != 0), (replace(cut, integrates=False), flat == 0)):
@@ -228,11 +238,11 @@ def _joined(cut, along, span, fixed) -> Intervals:
 
 
 def trace_excludes_stability(cut: Cut, owner, along: str, fixed, span):
-    """Columns whose closed loop has a trace beyond the number of its eigenvalues all over the span: one lies outside.
+    """Return columns whose closed loop has a trace beyond the number of its eigenvalues on the whole span: one lies outside.
 
     A tick that is unstable by itself grows so much within a frame that the frame's matrix keeps no digit of its small
-    eigenvalues, and nothing finer can be said of it in double precision. The trace, the sum of the eigenvalues, is a
-    quotient of linear functions of the wall parameter: without a pole in the span its extremes are at the ends.
+    eigenvalues, and double precision permits no finer statement. The trace, the sum of the eigenvalues, is a quotient of linear
+    functions of the wall parameter: without a pole in the span its extremes are at the ends.
     """
     with np.errstate(all="ignore"):
         base = cut.order + np.trace(cut.E, axis1=-2, axis2=-1)

@@ -258,7 +258,7 @@ def port_margin(values) -> PortMargin:
 
     values: flat keys, numbers or arrays. A held force does the work `f_h[k] (x[k+1] - x[k])` in a tick, so the loop is
     passive exactly when the lifted map between the two is positive real. Not a grid: the level just below the margin is
-    shown to be met at no frequency (`peak_by_levels`, on the frame's `scattering` element).
+    shown to be met at no frequency (`peak_by_levels`, on the frame's `Element`, see `hinf`).
     Accuracy: 1e-10 of the margin and of the mean eigenvalue.
     """
     diagram = draw(values)

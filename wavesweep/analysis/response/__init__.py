@@ -1,4 +1,4 @@
-"""What the hand feels: transmitted admittance and impedance, and the worst case over the aliases."""
+"""The response that the hand feels: transmitted admittance and impedance, and the worst case over the aliases."""
 
 from wavesweep.analysis.response.circle import circle
 from wavesweep.analysis.response.frame import Loop, prepare

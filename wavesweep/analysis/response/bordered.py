@@ -13,12 +13,12 @@ CLOSE = 0.1  # by how much an inverse may be off for the error of what it gives 
 
 
 def bordered(loop: Loop, points: Circle):
-    """(displacement, force) at the hand's frequency, `(..., p, points)`, and bounds on their errors.
+    """Return (displacement, force) at the hand's frequency, `(..., p, points)`, and bounds on their errors.
 
-    Unknowns: the outputs o and the fast states Y at the hand's frequency w, and the frame's state X at its start:
-    `w Y = E Y + B_h (sigma h) + B_f` (the tick's own equation), `M Y = r X + t h + s` (Y is X's component at w), and the
-    equations of the slow states, `h = H X`. Together they are as good as `(w - E) X = g`, but no mode of the fast side that
-    has an alias at w, damped by nothing or by little, takes a digit of Y, and none that has w itself does.
+    Unknowns: the outputs o and the fast states Y at the hand's frequency w, and the frame's state X at its start. The equations
+    are `w Y = E Y + B_h (sigma h) + B_f` (the tick's own equation), `M Y = r X + t h + s` (Y is X's component at w), and those
+    of the slow states, with `h = H X`. Together they are equivalent to `(w - E) X = g`. If a mode of the fast side has an alias
+    at w, it costs no digit of Y, even if it has little or no damping; neither does a mode at w itself.
     """
     A, dA, b, db, still, dstill = _system(loop, points)
     found, error = (part[..., 0] for part in solved(A, dA, b[..., None], db[..., None]))
@@ -28,7 +28,7 @@ def bordered(loop: Loop, points: Circle):
 
 
 def _system(loop, points):
-    """Matrix, errors, right side, errors; and what the drift adds to the outputs, with its error."""
+    """Return matrix, errors, right side and errors of the system, and the outputs' part from the drift, with its error."""
     fast, n, f, p, P = loop.fast, loop.E.shape[-1], len(loop.fast.states), loop.outputs, points.frequency.size
     states = holding(
         replace(
@@ -84,7 +84,7 @@ def _system(loop, points):
 
 
 def _shares(points, delay):
-    """Components at w of the old and of the new held signals, each `(points, 1, 1)`."""
+    """Return the components at w of the old and of the new held signals, each `(points, 1, 1)`."""
 
     def constant(count):  # the sum of exp(-j w i) over `count` ticks
         angle = points.steps(count)
@@ -95,7 +95,7 @@ def _shares(points, delay):
 
 
 def _with_drift(loop, points, system, places, law):
-    """Put what the drift does into the system, and give what it adds to the outputs."""
+    """Add the effect of the drift to the system, and return its part of the outputs, with its error."""
     (A, b, db), (own, slow) = system, places
     f, p = len(loop.fast.states), loop.outputs
     at_own, at_slow = points.share[:, None] * loop.shift[..., None, :f], loop.shift[..., None, f:]
@@ -117,16 +117,17 @@ def _with_drift(loop, points, system, places, law):
 
 
 def at_rest(loop, points, law):
-    """What the outputs show at the hand's frequency of the conserved combination, `(..., p, points)`, and its error."""
+    """Return the outputs' part at the hand's frequency from the conserved combination, `(..., p, points)`, and its error."""
     share = loop.still[..., None] * (points.share / points.tick)
     return share * law[0], np.abs(share) * (law[1] + 8 * ROUNDING * np.abs(law[0]))
 
 
 def solved(A, dA, b, db):
-    """`X` of `A X = b` `(..., n, k)` and a bound on its error, entry by entry; dA, db: bounds on the errors of A and b.
+    """Return `X` of `A X = b` `(..., n, k)` and a bound on its error, entry by entry; dA, db: bounds on the errors of A and b.
 
-    Rows and columns are scaled to ones, the inverse is refined and so is the solution, which leaves it a backward error
-    that is small in every entry (Skeel 1980); the bound is `|A^-1| (|residual| + dA |X| + db)`.
+    Rows and columns are scaled to a largest entry of 1. The inverse and the solution are refined, which makes the backward
+    error small in every entry (Skeel 1980); the bound is `|A^-1| (|residual| + dA |X| + db)`. The bound is infinite if the
+    inverse is not accurate enough.
     """
     column = 1 / _largest(A, -2)
     row = 1 / _largest(A * column[..., None, :], -1)

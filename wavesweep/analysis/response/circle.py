@@ -9,10 +9,10 @@ from wavesweep.lifted.circle import on_circle
 
 
 class Circle:
-    """Frequencies (Hz), and what they are in a tick and in a frame of `ratio` ticks; rate: ticks per second.
+    """Frequencies (Hz) as points on the circles of a tick and of a frame of `ratio` ticks; rate: ticks per second.
 
-    The angle per tick is kept in three parts, of which multiples are exact: a frequency next to a multiple of the slow rate
-    has an angle per frame next to 0, and all its digits count.
+    The angle per tick is kept in three parts whose multiples are exact: a frequency next to a multiple of the slow rate has an
+    angle per frame next to 0, and all its digits are needed.
     """
 
     def __init__(self, frequency, rate: float, ratio: int):
@@ -23,23 +23,23 @@ class Circle:
         self.rest = ((frequency - product) - error) / rate
 
     def at(self, index) -> "Circle":
-        """Some of the frequencies; itself for a slice that has all of them."""
+        """Return some of the frequencies; the object itself if `index` is a slice of all of them."""
         if isinstance(index, slice) and index.start == 0 and index.stop >= self.frequency.size:
             return self
         return Circle(self.frequency[index], self.rate, self.ratio)
 
     def angle(self, count: int):
-        """`w count T`, rad, less full turns."""
+        """Return `w count T`, rad, less full turns."""
         whole = np.round(self.cycles * count)
         return 2 * np.pi * (((self.high * count - whole) + self.low * count) + self.rest * count)
 
     def turn(self, count: int):
-        """`exp(j w count T)`."""
+        """Return `exp(j w count T)`."""
         angle = self.angle(count)
         return np.cos(angle) + 1j * np.sin(angle)
 
     def steps(self, count: int):
-        """`exp(j w count T) - 1`, to all digits."""
+        """Return `exp(j w count T) - 1`, to all digits."""
         return on_circle(self.angle(count))
 
     @cached_property
@@ -64,25 +64,25 @@ class Circle:
 
     @cached_property
     def share(self):
-        """The component at w of what is constant in every frame, times w of the tick over w of the frame."""
+        """The component at w of a signal that is constant in every frame, times w of the tick over w of the frame."""
         return self.turn(1) * self.turn(self.ratio).conj() / self.ratio
 
 
 def circle(loop: Loop, frequency_hz) -> Circle:
-    """The frequencies on the circles of this loop."""
+    """Return the frequencies `frequency_hz` (Hz) on the circles of this loop."""
     rate = loop.diagram.rate
     rate = 1 / np.asarray(loop.diagram.period, float) if rate is None else np.asarray(rate, float)
     return Circle(np.asarray(frequency_hz, float), rate, loop.diagram.ratio)
 
 
 def _product(a, b):
-    """Product and its rounding error (Dekker 1971)."""
+    """Return a product and its rounding error (Dekker 1971)."""
     (high_a, low_a), (high_b, low_b), product = _halves(a), _halves(b), a * b
     return product, ((high_a * high_b - product) + high_a * low_b + low_a * high_b) + low_a * low_b
 
 
 def _halves(a):
-    """Two numbers of 26 bits whose sum is a."""
+    """Return two numbers of 26 bits whose sum is a."""
     far = 134217729.0 * a
     high = far - (far - a)
     return high, a - high

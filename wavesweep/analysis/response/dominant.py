@@ -13,17 +13,18 @@ SETTLED = 1e-13  # relative width of the bounds on a singular value, at which it
 TILE = 16  # points of one product of matrices
 FLOOR = 1e-3  # of what modes take from the forces, where one takes nothing
 LONG = 64  # ticks from which on what a force does in its own frame is quicker through its Fourier transform
-LOOKED = 3, 5, 7, STEPS  # steps after which values are looked at; few are settled earlier, and a look costs as much as a step
+LOOKED = 3, 5, 7, STEPS  # steps after which values are checked; few are settled earlier, and a check costs as much as a step
 NEAR = 0.1  # by how much the modes' inverse may be off for its error to be bounded with it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lifted:
-    """The map `T + O (w - E)^-1 G` from the forces of a frame to its positions, pairs with bounds on the errors of the entries.
+    """The map `T + O (w - E)^-1 G` from the forces of a frame to its positions; pairs with bounds on the errors of the entries.
 
-    E `(..., n, n)`; O `(..., ticks, n)`: what a state at the frame's start shows; G `(..., n, ticks)`: what forces leave. T:
-    what a force does in its own frame, `(..., ticks, ticks)`, or `(..., ticks)`, the first column of a Toeplitz matrix. law,
-    still: of a combination of states that the loop conserves, which is a mode at z = 1 (see `Shown` and `Loop`).
+    E `(..., n, n)`; O `(..., ticks, n)`: the positions for each state at the frame's start; G `(..., n, ticks)`: the state that
+    the forces leave after the frame. T: the positions for the forces of the same frame, `(..., ticks, ticks)`, or
+    `(..., ticks)`, the first column of a Toeplitz matrix. law, still: of a combination of states that the loop conserves, which
+    is a mode at z = 1 (see `Shown` and `Loop`).
     """
 
     E: tuple
@@ -35,7 +36,7 @@ class Lifted:
 
     @staticmethod
     def of(loop: Loop) -> "Lifted":
-        """That of a loop whose first output is the position."""
+        """Return the map of a loop whose first output is the position."""
         seen, impulse = (
             taken(part, (..., 0, *[slice(None)] * axes)) for part, axes in ((loop.shown.seen, 2), (loop.shown.impulse, 1))
         )
@@ -43,9 +44,9 @@ class Lifted:
 
 
 class Dominant:
-    """The lifted map as `T + sum_i p_i q_i/(w - z_i)` over the modes of E, with what bounds its errors.
+    """The lifted map as `T + sum_i p_i q_i/(w - z_i)` over the modes of E, with bounds on its errors.
 
-    p_i is what a mode shows in a frame, q_i what a frame's forces leave in it.
+    p_i are the positions of a frame for a unit of a mode, q_i the parts of that mode that the frame's forces leave.
     """
 
     def __init__(self, lifted: Lifted):
@@ -82,7 +83,7 @@ class Dominant:
         self.pairs = P * Q
 
     def _append(self, law, still, ratio):
-        """The conserved combination as a mode."""
+        """Add the conserved combination as a mode."""
         self.poles = np.concatenate([self.poles, 0 * self.poles[..., :1]], -1)
         self.P = np.concatenate([self.P, np.broadcast_to(still[..., None, :1], (*self.P.shape[:-1], 1))], -1)
         self.Q = np.concatenate([self.Q, np.broadcast_to(law[0], (*self.Q.shape[:-2], 1, ratio))], -2)
@@ -90,12 +91,13 @@ class Dominant:
         self.slope, self.offset = np.pad(self.slope, corner), np.pad(self.offset, corner)
 
     def gain(self, points):
-        """The largest singular value at each point, `(..., points)`, and a bound on its error (m/N); no finite number where
-        it is not proved.
+        """Return the largest singular value at each point, `(..., points)`, and a bound on its error (m/N).
 
-        Golub and Kahan's bidiagonalisation (SIAM J. Numer. Anal. 2, 1965) gives an approximate square s of the largest and
-        the residual r of its eigenvector of A'A. The trace of A'A leaves at most `trace - s` for the other squares; if that is
-        less than s, the largest is between s and `s + r^2/(2 s - trace)` (T. Kato, J. Phys. Soc. Japan 4, 1949).
+        The bound is not a finite number if the value is not proved.
+
+        Golub and Kahan's bidiagonalisation (SIAM J. Numer. Anal. 2, 1965) gives an approximate square s of the largest singular
+        value and the residual r of its eigenvector of A'A. The trace of A'A leaves at most `trace - s` for the other squares;
+        if that is less than s, the largest is between s and `s + r^2/(2 s - trace)` (T. Kato, J. Phys. Soc. Japan 4, 1949).
         """
         factor = 1 / (points.frame - self.poles[..., None])
         size, error = self._errors(points.frame, np.abs(factor))
@@ -106,10 +108,10 @@ class Dominant:
         return value, width + error + rough * (size + self.size)
 
     def _settled(self, start, factor, trace):
-        """The largest singular value, and a bound on what the steps have missed; start: vectors `(ticks, points)`.
+        """Return the largest singular value, and a bound on the error of the iteration; start: vectors `(ticks, points)`.
 
-        Points are taken in tiles, which are left when they are settled. A product of matrices is of one tile, so that its
-        bits do not depend on the others.
+        Points are taken in tiles, which are left when they are settled. A product of matrices is of one tile, so that its bits
+        do not depend on the others.
         """
         shape, (factor, trace) = trace.shape, (_tiles(factor), _tiles(trace[..., None, :])[:, 0])
         v = _tiles(start).view(float)
@@ -141,7 +143,7 @@ class Dominant:
         return tuple(part.reshape(*shape[:-1], -1)[..., : shape[-1]] for part in (best, width))
 
     def _maps(self, factor):
-        """The map of each tile; factor: `(tiles, modes, TILE)`."""
+        """Return the map of each tile; factor: `(tiles, modes, TILE)`."""
         own = self.T if self.spectrum is None else self.spectrum[..., None]
         parts = [part.reshape(-1, *part.shape[-2:]) for part in (own, self.P, self.Q)]
         if len(parts[0]) > 1:
@@ -149,11 +151,11 @@ class Dominant:
         return _Maps(*parts, *(np.swapaxes(part.conj(), -1, -2) for part in parts[1:]), factor)
 
     def _errors(self, w, size):
-        """Sum of the sizes of the modes' parts, and a bound on the error of the map, as Frobenius norms.
+        """Return the sum of the sizes of the modes' parts, and a bound on the error of the map, as Frobenius norms.
 
         The inverse through modes is `V f V^-1`, f the factors; with S = offset + slope |f| from the defects of the modes and
-        the errors of E, the true one is `V f (1 + S + S^2 + ...) V^-1` at most. With `S t <= near t` for any t that is
-        `takes` at least, that sums up.
+        the errors of E, the true one is at most `V f (1 + S + S^2 + ...) V^-1`. If `S t <= near t` for some t that is at least
+        `takes`, this series can be summed. The bound is infinite if `near` is too large for that.
         """
         shown, most = size * self.shows, self.takes + FLOOR * self.takes.max(-2, keepdims=True, initial=0)
         changed = self.offset @ most + self.slope @ (size * most) + ROUNDING * np.abs(w) * size * most
@@ -177,15 +179,15 @@ class _Maps:
     factor: np.ndarray
 
     def take(self, index):
-        """Those of some tiles."""
+        """Return the maps of some tiles."""
         parts = (getattr(self, field.name) for field in fields(self))
         return _Maps(*(part[index] if len(part) == len(self.factor) else part for part in parts))
 
     def next(self, v, u, weight, adjoint, scratch):
         """Put each map times its vectors v, less `weight u`, in place of u, at length 1, and return the lengths.
 
-        v, u: `(tiles, ticks, 2 TILE)`, real and imaginary parts in turn. weight: `(tiles, TILE)`. adjoint: of the map. scratch:
-        arrays as large as u and factor.
+        v, u: `(tiles, ticks, 2 TILE)`, real and imaginary parts in turn. weight: `(tiles, TILE)`. adjoint: whether the adjoint
+        of the map is applied. scratch: arrays as large as u and factor.
         """
         more, inner = scratch
         np.matmul(self.Pt if adjoint else self.Q, v.view(complex), out=inner)
@@ -208,7 +210,7 @@ class _Maps:
 
 
 def _tiles(part):
-    """`(..., n, points)` as `(tiles, n, TILE)`, the last point repeated where a tile has more."""
+    """Return `(..., n, points)` as `(tiles, n, TILE)`; the last point is repeated if it does not fill its tile."""
     *batch, n, points = part.shape
     whole, left = divmod(points, TILE)
     tiles = np.empty((*batch, whole + (left > 0), n, TILE), part.dtype)
@@ -219,7 +221,7 @@ def _tiles(part):
 
 
 def _both_parts(numbers):
-    """A number per vector, `(tiles, TILE)`, for real and imaginary parts of the vectors' entries."""
+    """Repeat a number per vector, `(tiles, TILE)`, for real and imaginary parts of the vectors' entries."""
     return np.repeat(numbers, 2, axis=-1)[:, None, :]
 
 
@@ -228,8 +230,10 @@ def _norms(A, axis):
 
 
 def _largest(diagonal, beside):
-    """The largest eigenvalue of `B'B`, B bidiagonal with these entries `(points, steps)`, and the square of what the next step
-    leaves of its equation."""
+    """Return the largest eigenvalue of `B'B`, and the square of the residual of its eigenvector.
+
+    B is bidiagonal with these entries, `(points, steps)`; the residual comes from the next step of the bidiagonalisation.
+    """
     steps, last = diagonal.shape[-1], (diagonal[:, -1] * beside[:, -1]) ** 2
     square, off = diagonal**2, diagonal[:, :-1] * beside[:, :-1]
     square[:, 1:] += beside[:, :-1] ** 2

@@ -1,4 +1,4 @@
-"""Responses of drawn loops at the hand's port: admittance, and the impedance of what answers the hand."""
+"""Responses of drawn loops at the hand's port: admittance, and the impedance of the part of the loop that opposes the hand."""
 
 import numpy as np
 
@@ -13,12 +13,14 @@ LOST = 0.1  # relative error from which on a number has no digit
 
 
 def respond_port(port: Port, frequency_hz) -> Response:
-    """Admittance (m/N) and impedance (N/m) of the port, `(points,)`, with estimates of their relative errors.
+    """Return admittance (m/N) and impedance (N/m) of the port, `(points,)`, with estimates of their relative errors.
 
-    With the force z^k in tick k, the state at the start of a frame solves `(z^M - Phi) X = g`; Phi is the frame and g the trace
-    of the force in it. The answer is the displacement's component at the force's own frequency, over z - 1. The frame is begun
-    at two different ticks, and the error is the difference of the two answers and the bound of the solution.
-    Accuracy: as each number says; near multiples of the frame's rate, drifts other than a shift of positions cost digits.
+    port: the loop seen from the hand. frequency_hz: in Hz; 0 for the static limit. With the force z^k in tick k, the state at
+    the start of a frame solves `(z^M - Phi) X = g`; Phi is the frame and g the effect of the force in it. The admittance is the
+    displacement's component at the force's own frequency, over z - 1. The frame is begun at two different ticks, and the error
+    is the difference of the two results plus the bound of the solution.
+    Accuracy: as stated with each number; near multiples of the frame's rate, drifts other than a shift of positions cost
+    digits.
     """
     frequency = np.atleast_1d(np.asarray(frequency_hz, float))
     found = [np.empty(frequency.size, kind) for kind in (complex, complex, float, float)]
@@ -31,7 +33,7 @@ def respond_port(port: Port, frequency_hz) -> Response:
 
 
 def _both(port, frequency, still):
-    """still: at 0 Hz."""
+    """Return admittance, impedance and their errors; still: whether the frequency is 0 Hz."""
     if still:
         return tuple(np.broadcast_to(part, frequency.size) for part in at_rest(port))
     with np.errstate(all="ignore"):
@@ -41,7 +43,10 @@ def _both(port, frequency, still):
 
 
 def _of_drift(found, error, w):
-    """Position and force against the hand, `(2 or 1, ...)`, from what the port shows, and errors; w: `z - 1` of the tick."""
+    """Return position and force against the hand, `(2 or 1, ...)`, and errors, from the outputs of the port.
+
+    w: `z - 1` of the tick.
+    """
     shown = [found[0] / w, *found[1:2]]
     off = [error[0] / np.abs(w), *error[1:2]]
     if len(found) > 2:
@@ -50,7 +55,7 @@ def _of_drift(found, error, w):
 
 
 def _response(found, error):
-    """Admittance, impedance and their relative errors, from position and force and errors of these."""
+    """Return admittance, impedance and their relative errors, from position and force and errors of these."""
     with np.errstate(all="ignore"):
         relative = np.where(error == 0, 0.0, error / np.abs(found)) + 4 * np.finfo(float).eps
         relative = np.where(relative < LOST, relative, np.nan)
@@ -61,19 +66,21 @@ def _response(found, error):
 
 
 def at_rest(port: Port, *, twice: bool = True) -> tuple[np.ndarray, ...]:
-    """Admittance (m/N) and impedance (N/m) of a port, or of each of a batch, towards 0 Hz, `(...)`, and bounds on their
-    relative errors. A position that a constant force moves without end has no admittance; NaN: none, or not known.
+    """Return admittance (m/N) and impedance (N/m) of a port in the limit towards 0 Hz, and bounds on their relative errors.
 
-    With w = z - 1 of the tick and M ticks in a frame, both sides of `(z^M - 1 - E) X = g` and of what a frame shows of X are
-    expanded to first order: `E X_0 = -g_0`, `E X_1 = M X_0 - g_1`. What changes in a tick vanishes with w, and its slope is
-    what has been changed. Slopes are those of a complex step (W. Squire, G. Trapp, SIAM Rev. 40, 1998). The error is that of
-    both solutions, and the difference of two frames that begin with different ticks; twice: whether the second is computed.
+    All are `(...)`, one entry for each port of a batch. NaN: there is none, or it is not known. If a constant force moves the
+    position without end, there is no admittance.
+
+    With w = z - 1 of the tick and M ticks in a frame, both sides of `(z^M - 1 - E) X = g` and of the outputs of a frame are
+    expanded to first order: `E X_0 = -g_0`, `E X_1 = M X_0 - g_1`. A change within a tick vanishes with w, and its slope is the
+    quantity that has changed. Slopes are those of a complex step (W. Squire, G. Trapp, SIAM Rev. 40, 1998). The error is that
+    of both solutions, and the difference of two frames that begin with different ticks; twice: whether the second is computed.
     """
     with np.errstate(all="ignore"):
         value, slope, errors, size = _still(port)
         value_2, slope_2, *_ = _still(port.turned(port.kind.size // 2)) if twice else (value, slope)
         off, off_slope = (error + np.abs(a - b) for error, a, b in zip(errors, (value, slope), (value_2, slope_2), strict=True))
-        going = np.abs(value) > off + STILL * size  # of what changes in a tick: it changes for ever
+        going = np.abs(value) > off + STILL * size  # of the change in a tick: it changes without end
         found, error = [slope[:1], value[1:2]], [off_slope[:1], off[1:2]]
         forces = np.zeros(value[0].shape), np.zeros(value[0].shape)
         if len(value) > 2:
@@ -93,8 +100,10 @@ STEP = 1e-30  # of z, for slopes
 
 
 def _still(port):
-    """What a frame shows under a constant force, and its slope, `(outputs, ...)`; bounds on the errors of both; and the size of
-    the first one's terms."""
+    """Return the outputs of a frame under a constant force and their slopes, `(outputs, ...)`, with their errors and sizes.
+
+    The errors are bounds for both. The sizes are those of the terms of the outputs, not of the slopes.
+    """
     frame, M, rough = driven(port, np.array([1 + 1j * STEP])), port.kind.size, np.asarray(port.rough)[..., None]
     parts = (part for each in (frame.g, frame.G, frame.h) for part in (each.real, each.imag / STEP))
     E, unsure, (g, g_1, G, G_1, h, h_1) = -frame.E, frame.dE * np.asarray(port.condition)[..., None, None], parts
@@ -114,11 +123,13 @@ def _still(port):
 
 
 def _with_law(E, unsure, right, later):
-    """The equations `E X = g` with the combination of the states that nothing changes determined by what the start of the force
-    leaves in it; right: g and its error. NaN if the force's mean moves it for ever.
+    """Return the equations `E X = g` with a conserved combination of the states determined by the start of the force.
+
+    right: g and its error. NaN if the mean of the force changes the combination without end.
 
     With `l E = 0`, the expansion of `(M w + E) X = g + g_1 w` gives `l g = 0` and `l X = l g_1/M` (later: `g_1/M`, and its
-    error). That is added along l, where E has nothing, and a state that it keeps shows no displacement, whatever it is.
+    error). The second equation is added along l, a direction in which E is zero. A state that it keeps constant gives no
+    displacement, whatever its value is.
     """
     left, values, _ = np.linalg.svd(np.where(np.isfinite(E), E, 0.0))
     law, scale = left[..., -1], values[..., :1, None]
@@ -138,7 +149,7 @@ def _with_law(E, unsure, right, later):
 
 
 def _once(port, frequency):
-    """Components `(outputs, points)` at the force's frequency and bounds on their errors."""
+    """Return components `(outputs, points)` at the force's frequency and bounds on their errors."""
     z, M = np.exp(2j * np.pi * frequency * port.period), port.kind.size
     frame = driven(port, z)
     wM = on_circle(2 * np.pi * frequency * port.period * M)

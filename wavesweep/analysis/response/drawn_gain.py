@@ -16,10 +16,10 @@ BLOCK = 2_000_000  # entries of one batch of matrices
 
 
 def worst_gain_of_port(port: Port, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
-    """Worst-case gain (m/N) of a port and a bound on its relative error, `(points,)` each; see `worst_gain`.
+    """Return the worst-case gain (m/N) of a port and a bound on its relative error, `(points,)` each; see `worst_gain`.
 
     A frame that begins at another tick gives a map with the same singular values: the difference of the two is added to the
-    bound. Both NaN where it is not known, and for frames of more than MOST_TICKS.
+    bound. Both are NaN if the gain is not known, and for frames of more than MOST_TICKS.
     """
     frequency = np.atleast_1d(np.asarray(frequency_hz, float))
     ticks = port.kind.size
@@ -35,9 +35,9 @@ def worst_gain_of_port(port: Port, frequency_hz) -> tuple[np.ndarray, np.ndarray
 
 
 def lifted_map(port: Port) -> Lifted:
-    """The map from the forces of a frame to the positions at the beginning of its ticks.
+    """Return the map from the forces of a frame to the positions at the beginning of its ticks.
 
-    A position that drifts is no state of the port: it is one more state here, which sums the displacements up.
+    A position that drifts is no state of the port; it is one more state here, the sum of the displacements.
     """
     n, ticks, rough = port.maps[0][0].shape[-1], port.kind.size, port.rough
     state, size = np.zeros((2, n, n + ticks))
@@ -66,14 +66,16 @@ def lifted_map(port: Port) -> Lifted:
 
 
 def _frame(port):
-    """The frame less identity, and a bound on the error of its entries."""
+    """Return the frame less identity, and a bound on the error of its entries."""
     ticks = [(E, ENTRIES * port.condition * np.abs(E)) for E, _, _, _ in port.maps]
     return in_a_row(port.kind.tolist(), ticks, lambda first, second: (then(first[0], second[0]), both(first, second)[1]))
 
 
 def _gain(lifted, points):
-    """The largest singular value and a bound on its error, `(points,)` each; through modes, and from the whole matrix where
-    these do not prove it."""
+    """Return the largest singular value and a bound on its error, `(points,)` each.
+
+    It is computed through modes, and from the whole matrix if these do not prove it.
+    """
     gain, error = Dominant(lifted).gain(points)
     doubtful = np.flatnonzero(~(error <= GOOD * gain))
     ticks = lifted.O[0].shape[0]
@@ -83,7 +85,7 @@ def _gain(lifted, points):
 
 
 def _dense(lifted, w):
-    """The same by LAPACK, from equations that are solved at every point."""
+    """`_gain` by LAPACK, from equations that are solved at every point."""
     (E, dE), (O, dO), (G, dG), (T, dT) = lifted.E, lifted.O, lifted.G, lifted.T
     none = 0 * w.real
     X, dX = solved(w * np.eye(len(E)) - E, dE + none, G + 0 * w, dG + none)

@@ -1,4 +1,4 @@
-"""The closed loop of a frame, ready for any frequency: what recurs from frame to frame, and what a tick shows of it."""
+"""The closed loop of a frame, ready for any frequency: its frame-to-frame map, and the outputs of each tick."""
 
 from dataclasses import dataclass, replace
 
@@ -29,16 +29,17 @@ from wavesweep.lifted.lift import fast_side, latches, lift_held, slow_sums
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loop:
-    """Both rates of one loop with the wall in place: `w X = E X + g`, w = z - 1, g what the hand's force adds in a frame.
+    """Both rates of one loop with the wall in place: `w X = E X + g`, w = z - 1, g the effect of the hand's force in a frame.
 
-    fast: the tick, from `f_h` and the held signals to the first `outputs` of its outputs and the samples. Its states come
-    first in X. E, dE `(..., n, n)`: the closed frame, every position counted from the reference, and a bound on the error
-    of its entries; rows, drows: the same before the step of the reference is taken from those of the other positions. H,
-    dH `(..., held, n)`: the newest held signals; latched: which of X are those of the frame before. shift, dshift
-    `(..., n)`: the drift that is set apart, a shift of the whole scene, or the state in which a combination `law X` is seen
+    fast: the tick, from `f_h` and the held signals to the first `outputs` of its outputs and the samples. Its states come first
+    in X. E, dE `(..., n, n)`: the closed frame, with every position counted from the reference, and a bound on the error of its
+    entries; rows, drows: the same matrices before the step of the reference is subtracted from those of the other positions. H,
+    dH `(..., held, n)`: the newest held signals; latched: which of X are those of the frame before. shift, dshift `(..., n)`:
+    the drift that is treated separately. It is a shift of the whole scene, or the state that belongs to a combination `law X`
     that no wall force changes (then one state is left out of X). still: the outputs in that state. lead: the state that
-    stands for the scene; None if a spring holds it. free: nothing reads that state. before: E of the ticks until the held
-    signals change, with these as states. shown: what the ticks show and leave. lost: the frame overflowed.
+    represents the position of the scene; None if a spring holds the scene. free: whether nothing reads that state. before: E of
+    the ticks until the held signals change, with these as states. shown: the outputs and the effects of the ticks. lost:
+    whether the frame overflowed.
     """
 
     diagram: Diagram
@@ -66,17 +67,17 @@ class Loop:
 
     @property
     def counted(self) -> np.ndarray:
-        """0 for the state that others are counted from, whose place in the frame is the origin; 1 for the others, `(n,)`."""
+        """0 for the state that others are counted from, which is the origin in the frame; 1 for the others, `(n,)`."""
         return np.array([float(index != self.lead) for index in range(len(self.states))])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shown:
-    """A frame tick by tick, pairs of arrays and bounds on the errors of their entries.
+    """A frame tick by tick, as pairs of arrays and bounds on the errors of their entries.
 
-    seen: `(..., p, ticks, n)`, what the outputs show in each tick of the state at the frame's start. impulse: `(..., p,
-    ticks)`, what they show of a force that many ticks ago. left: `(..., n, ticks)`, what the force of each tick adds to the
-    state after the frame; law: `(..., 1, ticks)`, to the conserved combination.
+    seen: `(..., p, ticks, n)`, the outputs in each tick for each state at the frame's start. impulse: `(..., p, ticks)`, the
+    outputs for a force that many ticks ago. left: `(..., n, ticks)`, the part that the force of each tick adds to the state
+    after the frame; law: `(..., 1, ticks)`, the part that it adds to the conserved combination.
     """
 
     seen: tuple
@@ -85,11 +86,12 @@ class Shown:
     law: tuple | None
 
     def sums(self, z, *, alone=False):
-        """At each point the outputs' sums over the frame, each tick's times z^-i, under the force z^i; z: `(ticks, points)`.
+        """Return at each point the outputs' sums over the frame, each tick's times z^-i, under the force z^i.
 
-        Pairs of: what of them there is per state `(..., p, points, n)`, what without `(..., p, points)`, and what is added to
-        the state `(..., n, points)` and to the conserved combination `(..., 1, points)`. alone: no product of matrices is of
-        several points, so that a point's bits do not depend on which others there are.
+        z: `(ticks, points)`. The result is four pairs: the part of the sums per state `(..., p, points, n)`, the part without
+        the state `(..., p, points)`, and the parts that are added to the state `(..., n, points)` and to the conserved
+        combination `(..., 1, points)`; the last is None if there is no such combination. alone: no product of matrices is of
+        several points, so that a point's bits do not depend on the other points.
         """
         ticks, real, imag = z.shape[0], z.real.copy(), z.imag.copy()  # contiguous, as BLAS wants them
         rough, weight = long_sum(ticks), np.arange(ticks, 0, -1)
@@ -120,9 +122,10 @@ class Shown:
 
 
 def prepare(diagram: Diagram, K_VE, B_VE, outputs=None) -> Loop:
-    """Connect and lift once; `K_VE` (N/m), `B_VE` (N*s/m): numbers or arrays over the diagram's batch.
+    """Connect and lift the loop once, for any number of frequencies.
 
-    outputs: signals of the fast side; by default those of the drawing, the displacement in the tick and the control force.
+    diagram: the drawing. `K_VE` (N/m), `B_VE` (N*s/m): numbers or arrays over the diagram's batch. outputs: signals of the fast
+    side; by default those of the drawing, the displacement in the tick and the control force.
     """
     outputs = tuple(outputs or (diagram.hand.displacement, diagram.hand.reaction))
     samples = tuple(dict.fromkeys(diagram.samples.values()))
@@ -147,7 +150,7 @@ def prepare(diagram: Diagram, K_VE, B_VE, outputs=None) -> Loop:
 
 
 def shown(loop: Loop, tick: Block) -> Shown:
-    """What the outputs of a tick with held inputs as states show in a frame of this loop."""
+    """Return the outputs of a tick, with held inputs as states, in a frame of this loop."""
     n, ratio, (_, dB, _, dD) = len(loop.fast.states), loop.diagram.ratio, entries_errors(tick)
     reads, force = unrolled(tick, ratio)
     later = times(reads, tuple(part[..., None, :, :] for part in (tick.B, dB)))
@@ -165,7 +168,7 @@ def shown(loop: Loop, tick: Block) -> Shown:
 
 
 def _seen(loop, reads):
-    """What the state at the start of a frame shows: by itself, and through the held signals, old and new."""
+    """Return the outputs for the state at the start of a frame: by itself, and through the held signals, old and new."""
     n, delay, rest = len(loop.fast.states), loop.diagram.delay, loop.diagram.ratio - loop.diagram.delay
     own, held = taken(reads, (..., slice(0, n))), taken(reads, (..., slice(n, None)))
     new = old = taken(held, (..., slice(0, delay), slice(None)))
@@ -184,7 +187,7 @@ def _seen(loop, reads):
 
 
 def _closed(diagram, fast, samples, sizes, wall) -> dict:
-    """The frame with the wall closed, what drifts counted from the state that leads it."""
+    """Return the frame with the wall closed, drifting states counted from the state that leads them."""
     frame = lift_held(fast, diagram.ratio, diagram.delay, tuple(diagram.holds), samples)
     sources, fast_states = tuple(diagram.holds.values()), len(fast.states)
     outputs = (*diagram.wall, *sources)
@@ -242,7 +245,7 @@ def _closed(diagram, fast, samples, sizes, wall) -> dict:
 
 
 def _refuse_ill_posed(condition, gain):
-    """A wall that answers itself in the same instant, and cancels what it answers to, has no solution."""
+    """Raise IllPosedLoopError if the wall's force depends on itself in the same instant and has no solution."""
     worst = condition * gain[..., 0, 0]
     worst = float(np.max(np.where(np.isfinite(worst) | (gain[..., 0, 0] == np.inf), worst, 0.0)))
     if worst > WORST_CONDITION:
@@ -253,7 +256,7 @@ def _refuse_ill_posed(condition, gain):
 
 
 def _frame_error(sizes, latched, held, unsure, n):
-    """Error of the rows of the fast states: of the frame's own matrix and of what the held signals do in it."""
+    """Return the error of the rows of the fast states: of the frame's own matrix and of the effect of held signals in it."""
     before, after = sizes
     whole = both(before, after) if before and after else before or after
     none = np.zeros((n, held.shape[-2]))
@@ -284,10 +287,10 @@ def _without_unread(found, fast_states) -> dict:
 
 
 def _conserved(found, fast, ref) -> dict:
-    """Set `q = s - l x` apart, which stays for ever: s is that state, l = E_sR E_RR^-1, and (-l, 1) E = 0.
+    """Separate the conserved combination `q = s - l x`: s is that state, l = E_sR E_RR^-1, and (-l, 1) E = 0.
 
-    The state in which q is seen, (N, 1 + l N) with E (N, 1 + l N) = 0, is constant within the frame; what is left of the
-    other states goes by E_RR + E_Rs l, which has no eigenvalue 0.
+    The state that belongs to q, (N, 1 + l N) with E (N, 1 + l N) = 0, is constant within the frame; the rest of the other
+    states follows E_RR + E_Rs l, which has no eigenvalue 0.
     """
     rest = np.flatnonzero(np.arange(len(found["states"])) != ref)
     (inner, from_s, into_s), (dinner, dfrom, dinto) = (
@@ -327,7 +330,7 @@ def _conserved(found, fast, ref) -> dict:
 
 
 def _still(found, fast, outputs, hand):
-    """The outputs in the state `shift`, which is at rest: nothing is displaced, and a shift of the scene is not felt."""
+    """Return the outputs in the state `shift`, which is at rest: nothing is displaced, and a shift of the scene is not felt."""
     n, p = len(fast.states), len(outputs)
     held = found.pop("still_held", None)
     if held is None:

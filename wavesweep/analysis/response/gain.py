@@ -17,27 +17,29 @@ from wavesweep.diagram.drift import hand_drifts
 DENSE = 32  # up to this ratio LAPACK's singular values of the whole matrix are the quicker way
 STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
 SETTLED = 1e-13  # relative change of a singular value that counts as none
-STILL = 1e-13  # cycles per tick that stand for a constant force
+STILL = 1e-13  # cycles per tick that represent a constant force
 HUGE = 1e100  # entries whose squares are next to overflow
 BLOCK = 2_000_000  # entries of one batch of matrices
 POINTS = 200_000  # ticks times frequencies at a time
 
 
 def worst_gain(loop: Loop, frequency_hz, ratio: int) -> tuple[np.ndarray, np.ndarray]:
-    """Largest singular value (m/N) of the lifted map from the frame's hand forces to its positions, and a bound on its error.
+    """Return the largest singular value (m/N) of the lifted map from the frame's hand forces to its positions, and its error.
 
-    Both `(..., points)`, the bound relative. ratio: ticks in a frame. The map is `T + O (w - E)^-1 G`: T what a force does
-    within its own frame, a Toeplitz matrix, G what it leaves in the state, O what the state shows in a frame; only the closed
-    loop has poles in it. NaN, with an error of 0, where it is unbounded, at multiples of the slow rate if the position may
-    drift; both NaN where it is not known.
-    Accuracy: as bounded (see `Dominant`), but if modes fail beyond 32 ticks: then Lanczos' process ends at changes of 1e-13.
+    Both are `(..., points)`; the error is a relative bound. frequency_hz: `(points,)`, Hz. ratio: ticks in a frame. The map is
+    `T + O (w - E)^-1 G`: T gives the positions for forces of the same frame, a Toeplitz matrix, G the state that the forces
+    leave, and O the positions for that state; only the closed loop has poles in it. The value is NaN, with an error of 0, if it
+    is unbounded: at multiples of the slow rate if the position may drift. Both are NaN if the value is not known.
+    Accuracy: as bounded (see `Dominant`), except if modes fail beyond 32 ticks: then Lanczos' process ends at changes of 1e-13.
     """
     return gain_of(loop, ratio)(frequency_hz)
 
 
 def gain_of(loop: Loop, ratio: int) -> Callable[..., tuple[np.ndarray, np.ndarray]]:
-    """`worst_gain` of one loop as a function of the frequencies, prepared once for any number of calls; it takes their `points`
-    too, see `respond`."""
+    """Return `worst_gain` of one loop as a function of the frequencies, prepared once for any number of calls.
+
+    ratio: ticks in a frame. The function also accepts the frequencies' `points`, see `respond`.
+    """
     if loop.diagram.ratio == 1:
         return partial(_over_aliases, loop, ratio)
     with np.errstate(all="ignore"):
@@ -47,7 +49,10 @@ def gain_of(loop: Loop, ratio: int) -> Callable[..., tuple[np.ndarray, np.ndarra
 
 @np.errstate(all="ignore")
 def _through_modes(whole, drifts, modes, ratio, frequency_hz, points=None):
-    """The gain at these frequencies; `whole`, `drifts`: see `with_scene`. points: `circle(whole, frequency_hz)`, if known."""
+    """Return the gain at these frequencies.
+
+    `whole`, `drifts`: see `with_scene`. points: `circle(whole, frequency_hz)`, if known.
+    """
     frequency, width = np.atleast_1d(np.asarray(frequency_hz, float)), max(1, POINTS // ratio)
     points = circle(whole, frequency) if points is None else points
     parts = [modes.gain(points.at(slice(at, at + width))) for at in range(0, frequency.size, width)]
@@ -60,12 +65,12 @@ def _through_modes(whole, drifts, modes, ratio, frequency_hz, points=None):
 
 
 def with_scene(loop):
-    """The loop with the scene's position among what the ticks show, and whether the position drifts."""
+    """Return the loop with the scene's position among the outputs of the ticks, and whether the position drifts."""
     seen, dseen = loop.shown.seen
     O, E = seen.copy(), loop.E.copy()
     if loop.lead is not None:
         O[..., 0, :, loop.lead] += loop.still[0]
-        if not loop.still[0]:  # a spring holds the hand: where nothing reads the scene's position, its pole is nobody's
+        if not loop.still[0]:  # a spring holds the hand: if nothing reads the scene's position, its pole has no effect
             E[..., loop.lead, loop.lead] = np.where(loop.free, -1.0, E[..., loop.lead, loop.lead])
     # A state that nothing reads but the output, and that does not decay, drifts.
     drifts = ((E == 0).all(-2) & (O[..., 0, :, :] != 0).any(-2)).any(-1) | (loop.law is not None)
@@ -73,7 +78,7 @@ def with_scene(loop):
 
 
 def _improve(loop, frequency, gain, error):
-    """Replace what modes did not prove."""
+    """Replace the gains that the modes did not prove."""
     doubtful, ratio = ~(error <= GOOD * gain), loop.diagram.ratio
     some = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
     if not some.size:
@@ -89,7 +94,7 @@ def _improve(loop, frequency, gain, error):
 
 @np.errstate(all="ignore")
 def _over_aliases(loop, ratio, frequency_hz, points=None):
-    """A loop that is the same in every tick keeps every alias to itself."""
+    """Return the gain of a loop that is the same in every tick, so that aliases do not mix: the largest over the aliases."""
     points = circle(loop, np.atleast_1d(np.asarray(frequency_hz, float))) if points is None else points
     rate, near = points.rate, (points.angle(ratio) / (2 * np.pi))[:, None]  # from the nearest multiple of the slow rate
     aliases = np.abs(np.arange(ratio) - (ratio - 1) // 2 + near) * (rate / ratio)
@@ -104,10 +109,10 @@ def _over_aliases(loop, ratio, frequency_hz, points=None):
 
 
 class Frame:
-    """The lifted map in parts that no frequency changes: see `Shown`.
+    """The lifted map in parts that do not depend on the frequency: see `Shown`.
 
-    The way through the state, `O (w - E)^-1 G`, is that of a matrix no larger than the state between two with orthonormal
-    columns, `O = left corner` and `G = entry right'`: the force's own law and what it shows are a column of each as well.
+    The part through the state, `O (w - E)^-1 G`, is a matrix no larger than the state between two matrices with orthonormal
+    columns, `O = left corner` and `G = entry right'`; the conserved combination and its outputs are one more column of each.
     """
 
     def __init__(self, loop: Loop):
@@ -126,7 +131,7 @@ class Frame:
         self.entry = np.swapaxes(entry, -1, -2)
 
     def gain(self, frequency):
-        """The largest singular value at each frequency (Hz), and a bound on its error (m/N)."""
+        """Return the largest singular value at each frequency (Hz), and a bound on its error (m/N)."""
         loop, n, points = self.loop, self.n, circle(self.loop, frequency)
         ratio, w = loop.diagram.ratio, points.frame[:, None, None]
         factoring = 2 * n * ROUNDING  # of a column's length, what is lost by factors in place of it
@@ -150,13 +155,13 @@ class Frame:
         return value, error
 
     def _within(self, core):
-        """Where all numbers are far from overflow, the core with zeros elsewhere, and the impulse, or zeros, for all points."""
+        """Return whether all numbers of a point are far from overflow, and the core and the impulse, zero if they are not."""
         tame = (np.abs(self.impulse[0]) < HUGE).all(-1) & self.finite
         finite = tame[..., None] & (np.abs(core) < HUGE).all((-1, -2))
         return finite, np.where(finite[..., None, None], core, 0), np.where(tame[..., None], self.impulse[0], 0)[..., None, :]
 
     def _dense(self, core):
-        """By LAPACK, from the whole matrix."""
+        """Return the largest singular value by LAPACK, from the whole matrix."""
         lag = np.subtract.outer(*[np.arange(self.loop.diagram.ratio)] * 2)
         finite, core, impulse = self._within(core)
         toeplitz = np.where(lag >= 0, impulse[..., lag], 0)
@@ -165,7 +170,10 @@ class Frame:
         return np.where(finite, np.linalg.svd(matrix, compute_uv=False)[..., 0], np.nan)
 
     def _lanczos(self, core):
-        """Golub-Kahan-Lanczos with full reorthogonalisation, all points at once; T by way of its Fourier transform."""
+        """Return the largest singular value by Golub-Kahan-Lanczos with full reorthogonalisation, all points at once.
+
+        T is applied by way of its Fourier transform.
+        """
         ratio = self.loop.diagram.ratio
         finite, core, impulse = self._within(core)
         spectrum, left, right = np.fft.fft(impulse, 2 * ratio), self.left[..., None, :, :], self.right[..., None, :, :]
@@ -195,13 +203,13 @@ class Frame:
 
 
 def _by_real(A, v):
-    """`A v`, A real and v complex, without making A complex."""
+    """Return `A v`, A real and v complex, without making A complex."""
     parts = np.ascontiguousarray(v).view(float)
     return (A @ parts).view(complex)
 
 
 def _norm_of_product(A, B):
-    """Frobenius norm of `A B`, entries not negative, without forming it."""
+    """Return the Frobenius norm of `A B`, whose entries are not negative, without forming it."""
     inner = np.swapaxes(A, -1, -2) @ A
     return np.sqrt(((inner @ B) * B).sum((-1, -2)))
 

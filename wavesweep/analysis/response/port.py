@@ -29,11 +29,11 @@ class Ports:
 class Port:
     """A drawn loop seen from its port, a map per kind of tick, every position counted from those that drift.
 
-    From the force to the displacement in the tick, the force against it, and if the latter moves with a drift, the change of
-    that share of it in the tick. E `(..., n, n)` less identity, B `(..., n, 1)`, C `(..., outputs, n)`, D `(..., outputs, 1)`.
-    position: its row `(..., 1, n)`, None if it drifts. condition: by how much closing algebraic loops may have multiplied the
-    rounding of the entries (see `Block`). laws: how many combinations of the states nothing in the loop changes. slowest: ticks
-    between two runs of the slowest block.
+    Each map goes from the force to the displacement in the tick and the force against it. If the latter moves with a drift, the
+    change of that share of it in the tick is a third output. E `(..., n, n)` less identity, B `(..., n, 1)`, C
+    `(..., outputs, n)`, D `(..., outputs, 1)`. position: its row `(..., 1, n)`, None if it drifts. condition: factor by which
+    closing algebraic loops may have multiplied the rounding of the entries (see `Block`). laws: number of combinations of the
+    states that nothing in the loop changes. slowest: ticks between two runs of the slowest block.
     """
 
     maps: tuple[tuple[np.ndarray, ...], ...]
@@ -50,12 +50,12 @@ class Port:
         return long_sum(self.kind.size) * self.condition
 
     def turned(self, first: int) -> "Port":
-        """The same with a frame that begins with another tick."""
+        """Return the port with a frame that begins with the tick `first`."""
         return replace(self, kind=np.roll(self.kind, -first))
 
 
 def port_of(drawn: Drawn, ports: Ports, drift: Drift) -> Port:
-    """See the loop from its port.
+    """Return the loop as it is seen from its port.
 
     The displacement of a tick is the difference of two positions, so the position has to be a state alone: that of a plant.
     Errors: UsageError if it is not.
@@ -82,7 +82,10 @@ def port_of(drawn: Drawn, ports: Ports, drift: Drift) -> Port:
 
 
 def _along(reads, lead, others):
-    """How much of what is read a shift moves, the lead by 1, others by their factors, and the sizes of its terms."""
+    """Return by how much a shift moves the signals that are read, and the sizes of the terms of that sum.
+
+    The shift moves the lead by 1, and others by their factors.
+    """
     terms = np.stack([reads[..., lead], *(factor * reads[..., state] for state, factor in others)], -1)
     return terms.sum(-1), np.abs(terms).sum(-1)
 
@@ -93,9 +96,11 @@ def _moves(reads, lead, others):
 
 
 def _seen(block, reads, force, drift, reacts, moved):
-    """The maps of a tick; moved: drifts that move the force against the hand, as pairs of a lead and that force for a 1 of it.
+    """Return the maps of a tick.
 
-    A state that drifts is counted from the lead. The lead itself is the sum of its changes, which go by the other states.
+    moved: drifts that move the force against the hand, as pairs of a lead and the force for a shift of 1.
+
+    A state that drifts is counted from the lead. The lead itself is the sum of its changes, which depend on the other states.
     """
     E, B = block.E.copy(), block.B[..., force : force + 1].copy()
     rows = [(reads @ E, reads @ B)]
@@ -125,14 +130,14 @@ def _kept(drift):
 
 
 def frame_of_port(port: Port) -> np.ndarray:
-    """The frame-to-frame matrix less identity of a port's loop."""
+    """Return the frame-to-frame matrix less identity of a port's loop."""
     with np.errstate(over="ignore", invalid="ignore"):
         return in_a_row(port.kind.tolist(), [each[0] for each in port.maps], then)
 
 
 @dataclass(frozen=True, slots=True)
 class Driven:
-    """Ticks in a row under the force z^k, of all frequencies: `X -> (I + E) X + g`; the outputs times z^-k sum up to `G X + h`.
+    """Ticks in a row under the force z^k, at all frequencies: `X -> (I + E) X + g`; the outputs times z^-k sum up to `G X + h`.
 
     turn: z to the number of ticks. dE: bound on the error of E. g_size, G_size, h_size: sizes of the terms of g, G and h.
     """
@@ -149,7 +154,7 @@ class Driven:
 
 
 def driven(port: Port, z) -> Driven:
-    """The whole frame from its ticks, repeated stretches once."""
+    """Return the whole frame from its ticks; repeated stretches are computed once."""
     one = np.ones((z.size, 1))
     ticks = []
     for E, B, C, D in port.maps:
@@ -160,7 +165,7 @@ def driven(port: Port, z) -> Driven:
 
 
 def _joined(first, second):
-    """The second stretch begins when the force and the weights have turned by the first one's ticks."""
+    """Join two stretches of ticks; force and weights at the start of the second are turned by the ticks of the first."""
     turn = first.turn[:, None]
     moved, seen = applied(second.E, first.g), second.G @ first.g[..., None]
     later = (second.G + second.G @ first.E) / turn[..., None]
@@ -179,6 +184,8 @@ def _joined(first, second):
 
 
 def applied(E, g):
-    """`E g` of every frequency, or of every loop of a batch; g: `(points, n)`. The bits of a product of matrices would depend
-    on the batch."""
+    """Return `E g` of every frequency, or of every loop of a batch; g: `(points, n)`.
+
+    No product of matrices is used, since its bits would depend on the batch.
+    """
     return np.multiply(E, g[..., None, :], order="C").sum(-1)

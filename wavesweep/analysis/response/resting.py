@@ -1,8 +1,8 @@
-"""What the hand feels of a drawn loop at rest, from a single tick in which every block runs.
+"""The stiffness that the hand feels of a drawn loop at rest, from a single tick in which every block runs.
 
-Where nothing changes, every block holds what it would show if it ran: a state at rest is the same in all ticks, whatever runs
-in them. So the schedule has no part in it, and no frame is needed. A loop that drifts, or that conserves a combination of its
-states, has no such state alone; then nothing is known here, and `drawn.at_rest` has the answer.
+If nothing changes, every block holds the outputs that it would have if it ran: a state at rest is the same in all ticks,
+whichever blocks run in them. So the schedule does not matter, and no frame is needed. A loop that drifts, or that conserves a
+combination of its states, has no unique state at rest; then the result here is not known, and `drawn.at_rest` has it.
 """
 
 from dataclasses import dataclass
@@ -22,8 +22,9 @@ SURE = 1e-9  # relative error up to which a stiffness is known; of that of a rig
 class Resting:
     """Loops at rest under a unit force of the hand, and a number p of them that is one scalar gain.
 
-    shown: `(loops, 3, 2)`, position (m), force against the hand (N) and the number's product, where the number leaves nothing
-    of what it multiplies, and what one of that adds to them; error: bounds on the errors. free: whether there is such a number.
+    shown: `(loops, 3, 2)`; the rows are position (m), force against the hand (N) and the number's product. The first column is
+    for the case that the signal which the number multiplies is 0; the second is the change for a 1 of that signal. error:
+    bounds on the errors. free: whether there is such a number.
     """
 
     shown: np.ndarray
@@ -31,10 +32,12 @@ class Resting:
     free: bool
 
     def stiffness(self, at, p) -> np.ndarray:
-        """The stiffness (N/m) that the hand feels of the loops `at` if the number is p, `(n,)` all; NaN: not known to SURE.
-        Where nothing is swept, one loop stands for all.
+        """Return the stiffness (N/m) that the hand feels of the loops `at` if the number is p, `(n,)` all.
 
-        The product of the number is p times what it multiplies, which is `F_0/(p - F_1)` (Sherman and Morrison 1950).
+        NaN: not known to SURE. If nothing is swept, one loop represents all.
+
+        The product of the number is p times the signal that it multiplies, and that signal is `F_0/(p - F_1)` (Sherman and
+        Morrison 1950).
         """
         at = at if len(self.shown) > 1 else 0 * at
         (still, more), (unsure, of_more) = (np.moveaxis(part[at], (-1, -2), (0, 1)) for part in (self.shown, self.error))
@@ -54,12 +57,13 @@ class Resting:
 
 
 def resting(drawn: Drawn, ports: Ports, product: str = "", factor: str = "") -> Resting:
-    """Bring the loops to rest.
+    """Return the loops at rest.
 
-    product, factor: the number's product is that input of the drawing, and it would multiply the signal `factor`; empty: the
-    drawing is the whole loop. Errors: IllPosedLoopError where the loop of direct terms through all blocks is singular.
+    product, factor: the number's product is that input of the drawing, and it would multiply the signal `factor`; if they are
+    empty, the drawing is the whole loop. Errors: IllPosedLoopError if the loop of direct terms through all blocks is singular.
 
-    With the number's product F, `E X + B F + g = 0` and `C X + D F + d = r` hold at rest, r what the number multiplies.
+    With the number's product F, `E X + B F + g = 0` and `C X + D F + d = r` hold at rest; r is the signal that the number
+    multiplies.
     """
     signals = (ports.position, *((ports.reaction,) if ports.reaction else ()), *((factor,) if factor else ()))
     drawn = drawn.living(signals)
@@ -88,5 +92,5 @@ def resting(drawn: Drawn, ports: Ports, product: str = "", factor: str = "") -> 
 
 
 def _times(rows, X):
-    """`rows X`, added up so that the bits of a loop do not depend on the batch."""
+    """Return `rows X`, added up so that the bits of a loop do not depend on the batch."""
     return np.multiply(rows[..., :, None, :], np.swapaxes(X, -1, -2)[..., None, :, :], order="C").sum(-1)

@@ -1,4 +1,4 @@
-"""What is left without the drift: the limit of a response towards 0 Hz, and the lifted map to displacements."""
+"""Results that do not depend on the drift: the limit of a response towards 0 Hz, and the lifted map to displacements."""
 
 from dataclasses import dataclass
 
@@ -17,12 +17,14 @@ NOTHING = 1e-12  # of the force of the hand: a control force of rounding
 
 
 def static_response(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
-    """Admittance (m/N) and impedance (N/m) in the limit towards 0 Hz, real, `(...,)`; NaN: none, or not known.
+    """Return admittance (m/N) and impedance (N/m) of the loop in the limit towards 0 Hz, real, `(...,)`.
 
-    With w = z - 1 of the tick and M ticks in a frame, both sides of `(w_M - E) X = g` and of what the ticks show of X are
+    NaN: there is none, or it is not known.
+
+    With w = z - 1 of the tick and M ticks in a frame, both sides of `(w_M - E) X = g` and of the outputs of the ticks are
     expanded to first order: `E X_0 = -g_0`, `E X_1 = M X_0 - g_1`. The displacement in a tick vanishes with w, and its
-    derivative is the position. If nothing holds the device it does not vanish: then the admittance has no limit, and the
-    impedance is 0.
+    derivative is the position. If nothing holds the device, the displacement does not vanish: then the admittance has no limit,
+    and the impedance is 0.
     Accuracy: 1e-9 relative against low frequencies and 50 digits in the tests; an error is not bounded.
     """
     M, i = loop.diagram.ratio, np.arange(loop.diagram.ratio)
@@ -52,13 +54,13 @@ def _seen(rows, X):
 
 
 def felt_map(diagram: Diagram, batch: tuple[int, ...] = (), whole: Block | None = None) -> np.ndarray:
-    """Coefficients (a, b, c) of the stiffness that the hand feels at rest, `(a + b K)/(1 + c K)`, `(3, ...)`; see `felt`.
+    """Return coefficients (a, b, c) of the stiffness felt at rest, `(a + b K)/(1 + c K)`, `(3, ...)`; see `felt`.
 
-    The wall is one scalar of the loop, so what is felt is a Moebius map of its stiffness K (N/m); its damping is not felt at
-    rest. With F the wall's force, `E X + B F + g = 0` and `C X + D F = F/K` hold at rest; the solution for a rigid wall, and
-    what an offset of that wall changes, give all others (Sherman and Morrison 1950). A combination of states that nothing
-    restores keeps what the start of the force has left in it: see `_laws`. batch: shape of the drawing's batch. whole: what
-    `frame_at_rest` gave, if it is known. NaN: not known.
+    diagram: the drawing. batch: shape of the drawing's batch. whole: the result of `frame_at_rest`, if it is known. NaN: not
+    known. The wall is one scalar of the loop, so the felt stiffness is a Moebius map of the wall's stiffness K (N/m); the
+    wall's damping is not felt at rest. With F the wall's force, `E X + B F + g = 0` and `C X + D F = F/K` hold at rest. The
+    solution for a rigid wall, and its change with an offset of that wall, give all others (Sherman and Morrison 1950). A
+    combination of states that nothing restores keeps the value that the start of the force has left in it: see `_laws`.
     Accuracy: 1e-9 relative against `static_response` in the tests.
     """
     with np.errstate(all="ignore"):
@@ -82,7 +84,7 @@ class _Rest:
     """The loop at rest under a unit force of the hand; unknowns are the states that are restored, and the wall's force.
 
     rigid `(..., n, 2)`: solution for a rigid wall, and its change with an offset of that wall (m). rows `(..., 2, n)`, direct
-    `(..., 2)`: position (m) and control force (N) of a solution. moves: nothing holds the device.
+    `(..., 2)`: position (m) and control force (N) of a solution. moves: whether nothing holds the device.
     """
 
     rigid: np.ndarray
@@ -124,7 +126,7 @@ def _at_rest(diagram, whole) -> _Rest:
 
 
 def _about(P, states, drift, lead, position):
-    """Count every state that drifts from the lead: the lead alone then moves with the drift, which only wall and hand read."""
+    """Count every state that drifts from the lead, so that the drift moves the lead alone, which only wall and hand read."""
     P = P.copy()
     for name, distance in drift.shift.items():
         if name != drift.lead and name in states:
@@ -136,11 +138,13 @@ def _about(P, states, drift, lead, position):
 
 
 def _laws(P, kept, rows, n, ratio):
-    """What determines states that nothing restores, `law X = given`, as rows of P in place of their own; and whether the hand's
-    force moves them for ever.
+    """Return the equations `law X = given` of states that nothing restores, as rows of P in place of their own.
 
-    With `l = -e W^-1`, e such a row and W the equations kept, `l X + s` changes by what the hand's force adds alone. Its mean
-    vanishes, or the state is not held; of a force z^k, z -> 1, it keeps the first moment over the frame.
+    Also returns whether the hand's force moves these states without end.
+
+    With `l = -e W^-1`, e such a row and W the equations kept, `l X + s` is changed by the hand's force alone. If the mean of
+    that change does not vanish, the state is not held. Under a force z^k, z -> 1, the combination keeps the first moment over
+    the frame.
     """
     W, e = P[..., kept[:, None], kept], P[..., rows, :]
     left = -np.swapaxes(solve(*(np.ascontiguousarray(np.swapaxes(part, -1, -2)) for part in (W, e[..., kept]))), -1, -2)
@@ -157,7 +161,10 @@ def _laws(P, kept, rows, n, ratio):
 
 
 def felt(coefficients: np.ndarray, K_VE) -> np.ndarray:
-    """Stiffness (N/m) that the hand feels at rest of walls `K_VE` (N/m); coefficients: `(3, ...)`, see `felt_map`."""
+    """Return the stiffness (N/m) that the hand feels at rest of walls `K_VE` (N/m).
+
+    coefficients: `(3, ...)`, see `felt_map`.
+    """
     a, b, c = coefficients
     with np.errstate(all="ignore"):
         found = (a + b * K_VE) / (1 + c * K_VE)
@@ -165,10 +172,11 @@ def felt(coefficients: np.ndarray, K_VE) -> np.ndarray:
 
 
 def displacements(diagram: Diagram, ratio: int, K_VE, B_VE) -> Block:
-    """The closed loop as one block per frame of `ratio` ticks: inputs `f_h[0..ratio-1]` (N), outputs `dx[0..ratio-1]` (m).
+    """Return the closed loop as one block per frame of `ratio` ticks, from forces to displacements.
 
-    A displacement is what the position changes by in a tick. No drift is among the states: a position that everything is
-    counted from shows in no displacement, and neither does a combination of states that the loop conserves.
+    Its inputs are `f_h[0..ratio-1]` (N), its outputs `dx[0..ratio-1]` (m). diagram: the drawing. K_VE (N/m), B_VE (N*s/m): the
+    wall. A displacement is the change of the position in a tick. No drift is among the states: a position that everything is
+    counted from appears in no displacement, and neither does a combination of states that the loop conserves.
     """
     names = tuple(f"frame.dx[{i}]" for i in range(ratio)), tuple(f"{diagram.hand.force}[{i}]" for i in range(ratio))
     if diagram.ratio == 1 and ratio > 1:  # one tick is the loop's own frame: close it, then repeat it

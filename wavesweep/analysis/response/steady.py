@@ -1,4 +1,4 @@
-"""What the hand feels: steady response of the whole loop to a sinusoidal hand force, and how far it can be trusted."""
+"""Steady response of the whole loop to a sinusoidal hand force, as the hand feels it, with bounds on its errors."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ BLOCK = 200_000  # entries of one batch of matrices
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Response:
-    """admittance (m/N) and impedance (N/m), complex, `(..., points)`; bounds on their relative errors. NaN: not known."""
+    """Admittance (m/N) and impedance (N/m), complex, `(..., points)`, and bounds on their relative errors. NaN: not known."""
 
     admittance: np.ndarray
     impedance: np.ndarray
@@ -30,7 +30,10 @@ class Response:
 
 
 def steady_state(loop: Loop, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
-    """Transmitted admittance (m/N) and impedance (N/m), complex, `(..., points)`: see `respond`."""
+    """Return transmitted admittance (m/N) and impedance (N/m), complex, `(..., points)`.
+
+    loop, frequency_hz: see `respond`.
+    """
     found = respond(loop, frequency_hz)
     return found.admittance, found.impedance
 
@@ -38,16 +41,16 @@ def steady_state(loop: Loop, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
 def respond(
     loop: Loop, frequency_hz, good: float = GOOD, modal: "Modal | None" = None, points: Circle | None = None
 ) -> Response:
-    """Transmitted admittance and impedance with bounds on their errors; frequency_hz: `(points,)`, Hz; 0: the static limit.
+    """Return transmitted admittance and impedance with bounds on their errors.
 
-    good: relative error up to which a number is not computed again on a slower way. modal: of this loop, if it is known.
-    points: `circle(loop, frequency_hz)`, if it is known.
+    loop: see `prepare`. frequency_hz: `(points,)`, Hz; 0 for the static limit. good: relative error up to which a number is not
+    computed again in a slower way. modal: of this loop, if it is known. points: `circle(loop, frequency_hz)`, if it is known.
 
-    The hand's force `exp(j w k T)` gives a sum over `w + 2 pi m/T_s`; both are its components at w itself. The state at
-    the start of a frame solves `(w - E) X = g` with the loop closed, so nothing is taken through a pole of an open loop,
-    and a drift is set apart (see `Loop`). Through modes of E first; where these cancel too far, see `bordered`.
-    Accuracy: as bounded, from the residual of the solution, the errors of all entries and the size of the inverse. At 0 Hz
-    the error is the distance to an extrapolation from low frequencies, which shares no formula with the limit.
+    The hand's force `exp(j w k T)` gives a sum over `w + 2 pi m/T_s`; both results are its components at w itself. The state at
+    the start of a frame solves `(w - E) X = g` with the loop closed, so no pole of an open loop enters, and a drift is treated
+    separately (see `Loop`). The solution is found through the modes of E first; if these cancel too far, see `bordered`.
+    Accuracy: as bounded, from the residual of the solution, the errors of all entries and the size of the inverse. At 0 Hz the
+    error is the distance to an extrapolation from low frequencies, which shares no formula with the limit.
     """
     frequency, width = np.atleast_1d(np.asarray(frequency_hz, float)), max(1, TERMS // loop.diagram.ratio)
     with np.errstate(all="ignore"):
@@ -69,7 +72,10 @@ def respond(
 
 
 def _at_rest(loop, modal):
-    """The static limit, `(..., 1)` each, held against low frequencies f, f/2 and f/4, whose real parts are even in f."""
+    """Return the static limit and its errors, `(..., 1)` each.
+
+    The limit is compared with low frequencies f, f/2 and f/4, whose real parts are even in f.
+    """
     limit = [part[..., None] for part in static_response(loop)]
     slow = np.min(np.abs(modal.poles), where=np.abs(modal.poles) > 0, initial=1.0)
     rate = float(np.min(loop.diagram.rate if loop.diagram.rate is not None else 1 / np.asarray(loop.diagram.period)))
@@ -84,7 +90,7 @@ def _at_rest(loop, modal):
 
 
 def _responses(loop, modal, points, good=GOOD):
-    """The same of some frequencies, as a tuple."""
+    """`respond` for some frequencies that are not 0, as a tuple."""
     found, error, again = _by_modes(loop, points, modal)
     for improve in (again, lambda index: bordered(loop, points.at(index))):
         doubtful = ~(error <= good * np.abs(found)).all(-2)
@@ -100,7 +106,7 @@ def _responses(loop, modal, points, good=GOOD):
 
 
 def _read(loop, points, found, error):
-    """Admittance and impedance from displacement and force; what has no digit is missing."""
+    """Return admittance and impedance from displacement and force; a number without a correct digit is NaN."""
     lost = loop.lost[..., None]
     relative = np.where(error == 0, 0.0, error / np.abs(found)) + 4 * np.finfo(float).eps
     relative = np.where(lost[..., None, :] | ~(relative < LOST), np.nan, relative)
@@ -112,8 +118,10 @@ def _read(loop, points, found, error):
 
 
 def _by_modes(loop, points, modal):
-    """(displacement, force) at the hand's frequency, `(..., 2, points)`, bounds on their errors, and a function that gives
-    some of them again with a better bound."""
+    """Return (displacement, force) at the hand's frequency, `(..., 2, points)`, bounds on their errors, and a function.
+
+    The function returns some of the results again with a better bound.
+    """
     (rows, drows), (own, down), (g, dg), law = loop.shown.sums(points.ladder)
     X, unsure, gain, off = modal.solve(points.frame, g, dg)
     size, seen = np.abs(rows), np.swapaxes(X, -1, -2)[..., None, :, :]
@@ -135,11 +143,11 @@ def _by_modes(loop, points, modal):
 
 
 class Modal:
-    """`(w - E)^-1` through the modes of E, as an approximate inverse whose error is known."""
+    """The resolvent `(w - E)^-1` through the modes of E, as an approximate inverse whose error is known."""
 
     def __init__(self, loop: Loop):
         E, self.error = loop.E.copy(), loop.dE
-        if loop.lead is not None:  # where nothing reads the scene's position, its pole at 0 is nobody's
+        if loop.lead is not None:  # if nothing reads the scene's position, its pole at 0 has no effect
             E[..., loop.lead, loop.lead] = np.where(loop.free, -1.0, E[..., loop.lead, loop.lead])
         self.E = E
         self.poles, self.vectors = np.linalg.eig(E)
@@ -149,8 +157,11 @@ class Modal:
         self.defect = np.abs(self.into @ E @ self.vectors - self.poles[..., None, :] * eye).sum(-1)
 
     def solve(self, w, b, db):
-        """X `(..., n, points)` of `(w - E) X = b`; what its equations are not sure of; sizes of the modes' factors; and by
-        how much the inverse may be off. db: error of b."""
+        """Return X `(..., n, points)` of `(w - E) X = b`, and three measures of its accuracy: unsure, gain and off.
+
+        unsure: the uncertainty of its equations. gain: the sizes of the modes' factors. off: a bound on the relative error of
+        the inverse. db: error of b.
+        """
         factor, E = 1 / (w - self.poles[..., None]), self.E + 0j
         X = self.vectors @ (factor * (self.into @ b))
         for _ in range(2):
@@ -161,12 +172,15 @@ class Modal:
         return X, unsure, gain, (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0)
 
     def bound(self, unsure, gain, off):
-        """Bound on the error of X, from the sizes of the modes."""
+        """Return a bound on the error of X, from the sizes of the modes; unsure, gain, off: see `solve`."""
         bound = np.abs(self.vectors) @ (gain * (np.abs(self.into) @ unsure))
         return np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)
 
     def careful_bound(self, w, unsure, gain, off):
-        """The same from the inverse itself, in which modes cancel; every product of matrices is of one point."""
+        """Return a bound on the error of X from the inverse itself, in which modes cancel.
+
+        w, unsure, gain, off: of the points, see `solve`. Every product of matrices is of one point.
+        """
         factor = np.swapaxes(1 / (w - self.poles[..., None]), -1, -2)[..., None, :]
         unsure, gain = (np.swapaxes(part, -1, -2)[..., None] for part in (unsure, gain))
         vectors, into = self.vectors[..., None, :, :], self.into[..., None, :, :]

@@ -1,4 +1,4 @@
-"""The ticks of a frame in a row: what each shows and leaves, and what rounding can have made of it."""
+"""The ticks of a frame in a row: the outputs and the effect of each, and bounds on their rounding."""
 
 from dataclasses import replace
 
@@ -11,39 +11,42 @@ ENTRIES = 4 * np.finfo(float).eps  # of the entries of a block, relative, before
 
 
 def entries_errors(block: Block):
-    """Bounds on the errors of a block's E, B, C and D."""
+    """Return bounds on the errors of a block's E, B, C and D."""
     unsure = (ENTRIES * np.asarray(block.condition, float))[..., None, None]
     return tuple(unsure * np.abs(part) for part in block.terms or (block.E, block.B, block.C, block.D))
 
 
 def long_sum(count: int) -> float:
-    """Relative error of a sum of so many products: errors of either sign, as the root of their number."""
+    """Return the relative error of a sum of `count` products; errors of either sign grow as the root of their number."""
     return ROUNDING * (4 + count**0.5)
 
 
 def times(a, b):
-    """Product of two matrices, each a pair with a bound on the error of its entries."""
+    """Return the product of two matrices, each a pair with a bound on the error of its entries."""
     size = np.abs(b[0])
     return a[0] @ b[0], a[1] @ size + np.abs(a[0]) @ (b[1] + ROUNDING * size)
 
 
 def plus(a, b):
-    """Sum of two such pairs."""
+    """Return the sum of two matrices, each a pair with a bound on the error of its entries."""
     return a[0] + b[0], a[1] + b[1] + ROUNDING * (np.abs(a[0]) + np.abs(b[0]))
 
 
 def joined(parts, axis):
-    """Such pairs side by side."""
+    """Return pairs of an array and its error bound, joined along the axis."""
     return tuple(np.concatenate(part, axis=axis) for part in zip(*parts, strict=True))
 
 
 def taken(pair, index):
-    """The same part of both of a pair."""
+    """Return the same part of both arrays of a pair."""
     return tuple(part[index] for part in pair)
 
 
 def holding(fast: Block, outputs: int) -> Block:
-    """The tick with its held inputs as states that stay: from the hand's force, its first input, to its first outputs."""
+    """Return the tick with its held inputs as states that stay constant.
+
+    It goes from the hand's force, its first input, to its first outputs.
+    """
     parts = _holding((fast.E, fast.B, fast.C, fast.D), outputs)
     terms = fast.terms and _holding(fast.terms, outputs)
     return replace(
@@ -57,7 +60,7 @@ def holding(fast: Block, outputs: int) -> Block:
 
 
 def _holding(parts, outputs):
-    """The arrays of the same."""
+    """Return the arrays E, B, C and D of `holding`."""
     E, B, C, D = parts
     n, held, batch = E.shape[-1], B.shape[-1] - 1, np.broadcast_shapes(*(part.shape[:-2] for part in parts))
     whole = np.zeros((*batch, n + held, n + held)), np.zeros((*batch, n + held, 1)), np.zeros((*batch, outputs, n + held))
@@ -67,7 +70,10 @@ def _holding(parts, outputs):
 
 
 def both(first, second):
-    """`E` of one run of ticks after the other, each a pair of `(I + E)^ticks - I` and a bound on the error of its entries."""
+    """Return `E` of one run of ticks after the other.
+
+    Each is a pair of `(I + E)^ticks - I` and a bound on the error of its entries.
+    """
     (a, da), (b, db) = first, second
     eye, one, two = np.eye(a.shape[-1]), np.abs(a), np.abs(b)
     error = np.abs(eye + b) @ da + db @ np.abs(eye + a) + ROUNDING * (one + two + two @ one)
@@ -75,7 +81,7 @@ def both(first, second):
 
 
 def repeated(one, count: int):
-    """The same of a run of ticks `count` times, by doubling; None if that is never."""
+    """Return `E` of `count` runs of ticks, as a pair like those of `both`, by doubling; None if the count is 0."""
     total = None
     for bit in f"{count:b}" if count else "":
         total = total and both(total, total)
@@ -85,8 +91,11 @@ def repeated(one, count: int):
 
 
 def unrolled(tick: Block, count: int):
-    """Of `count` ticks of such a block, as pairs: what each output shows of the first state in each tick, `C A^i`
-    `(..., p, count, n)`, and what a force leaves in the state after i more ticks, `A^i B` `(..., n, count)`."""
+    """Return the outputs and the effects of `count` ticks of such a block, as pairs.
+
+    The outputs in each tick for the first state are `C A^i`, `(..., p, count, n)`. The parts of a force that are in the state
+    after i more ticks are `A^i B`, `(..., n, count)`.
+    """
     dE, dB, dC, _ = entries_errors(tick)
     run, reads, force = (tick.E, dE), (tick.C[..., None, :], dC[..., None, :]), (tick.B, dB)
     for _ in range((count - 1).bit_length()):

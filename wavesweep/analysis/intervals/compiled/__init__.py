@@ -1,7 +1,7 @@
 """Crossings along a wall parameter by a compiled kernel: the steps of `crossings` and `boundary`, loop by loop.
 
 This package loads numba, which is an optional extra, and nothing imports it unless the kernel is chosen (`wavesweep.kernel`).
-numpy's way is the reference: a column that this one does not prove is left to it.
+The code in numpy is the reference: a column that the kernel does not prove is left to it.
 """
 
 import numpy as np
@@ -43,10 +43,9 @@ NEAR_SEED = 1e-4  # of an angle, how far a polished one may be from its seed
 
 
 def proved(cut: Cut, owner, along: str, fixed, span) -> tuple[Intervals, np.ndarray]:
-    """The intervals of the columns with the loops `cut.at(owner)` and the other wall parameter `fixed` that the kernel proves,
-    sorted, and the columns that it leaves.
+    """Return the intervals that the kernel proves, sorted, and the columns that it leaves.
 
-    owner: not falling.
+    The columns have the loops `cut.at(owner)` and the other wall parameter `fixed`. owner: not falling.
     """
     n, loops, (low, high) = cut.order, cut.batch[0], map(float, span)
     arrays, facts = _arrays(cut), (cut.integrates, along == K_VE)
@@ -91,7 +90,7 @@ def proved(cut: Cut, owner, along: str, fixed, span) -> tuple[Intervals, np.ndar
 
 
 def _arrays(cut):
-    """E `(loops, n, n)`, B `(loops, n)`, C `(loops, 3, n)` and D `(loops, 3)`."""
+    """Return E `(loops, n, n)`, B `(loops, n)`, C `(loops, 3, n)` and D `(loops, 3)`."""
     batch, parts = cut.batch, (cut.E, cut.B[..., 0], cut.C, cut.D[..., 0])
     tails = (part.shape[len(part.shape) - axes :] for part, axes in zip(parts, (2, 1, 2, 1), strict=True))
     whole = ((part, (*batch, *tail)) for part, tail in zip(parts, tails, strict=True))
@@ -100,10 +99,10 @@ def _arrays(cut):
 
 @compiled
 def _crossings(E, B, C, D, condition, integrates, along_k, owner, fixed, low, high, change, farthest, state):
-    """The crossings of the columns that are OPEN, which are LEFT where the signs do not prove them; see `crossings`.
+    """Return the crossings of the columns that are OPEN; a column becomes LEFT if the signs do not prove them. See `crossings`.
 
-    Returns the column of each between z = 1 and -1, sorted, `(4, crossings)` of their value, angle, jump and what `_judged`
-    says of them; `(3, 2, columns)` of the value, the jump and that of those at z = 1 and -1; and what is above.
+    Returns the column of each crossing between z = 1 and -1, sorted; `(4, crossings)` of their value, angle, jump and residual
+    from `_judged`; `(3, 2, columns)` of the value, the jump and the residual of those at z = 1 and -1; and `above`.
     """
     columns, n = len(fixed), E.shape[1] + integrates
     found, inner = np.empty(columns * n, np.int64), np.empty((4, columns * n))
@@ -126,7 +125,7 @@ def _crossings(E, B, C, D, condition, integrates, along_k, owner, fixed, low, hi
 
 @compiled
 def _of_loop(own, condition, scale, low, high, tables, state, fixed, ends, above, found, inner, room):
-    """The crossings of the columns of one loop, and their number."""
+    """Store the crossings of the columns of one loop, and return their number."""
     (transform, change, farthest), n, total, integrates = tables, len(own[0]) + own[4], 0, own[4]
     curve, over, noise, at_ends = np.zeros((2, n)), np.zeros((3, n + 1)), np.zeros(5), np.empty((2, 3))
     pieces = np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64), np.empty((64, n))
@@ -207,7 +206,10 @@ def _settled_ends(own, condition, low, high, state, fixed, ends, above, room):
 
 @compiled
 def _coefficients(curve, y, c):
-    """Those of a column in c, the largest of size 1; what they were divided by, and the polynomial at 1 and at -1."""
+    """Store the coefficients of a column in c, the largest of size 1.
+
+    Returns the number that they were divided by, and the polynomial at 1 and at -1.
+    """
     size, at_one, at_minus_one = 0.0, 0.0, 0.0
     for k in range(len(c)):
         c[k] = curve[0, k] + y * curve[1, k]
@@ -222,7 +224,7 @@ def _coefficients(curve, y, c):
 
 @compiled
 def _side(over, noise, fixed, cosine, low, high):
-    """1 or -1 for a root whose wall parameter is surely above or below the span, 0 for others."""
+    """Return 1 or -1 for a root whose wall parameter is surely above or below the span, 0 for others."""
     before, now, weight = 0.0, 1.0, 0.0
     first = second = lower = 0.0
     for k in range(over.shape[1]):
@@ -236,7 +238,7 @@ def _side(over, noise, fixed, cosine, low, high):
 
 @compiled
 def _growth(value, jump, low, most):
-    """What a crossing adds to the growth from the low end on; see `crossings._growth_above`."""
+    """Return the part of a crossing in the growth from the low end on; see `crossings._growth_above`."""
     size = abs(value)
     if np.isnan(value) or FAR * most < size < np.inf:
         return np.nan

@@ -1,6 +1,7 @@
-"""The boundary of a loop for the kernel: its polynomials, points on it, and what rounding does to them; see `boundary`.
+"""The boundary of a loop for the kernel: its polynomials, points on it, and the effect of rounding; see `boundary`.
 
-own: what all functions take of a loop: (E, B, C, D, whether it integrates, whether the stiffness is swept, the order of rows).
+own: the data of a loop that all functions take: (E, B, C, D, whether it integrates, whether the stiffness is swept, the order
+of rows).
 """
 
 import numpy as np
@@ -31,7 +32,7 @@ EPS = float(np.finfo(float).eps)
 
 @compiled
 def _terms(integrates, along_k, w, G):
-    """(one, term of the parameter that is solved for, that of the other)."""
+    """Return (one, term of the parameter that is solved for, that of the other)."""
     if integrates:
         one, x, v = w, G[ADVANCE] + w * G[OFFSET], w * G[V]
     else:
@@ -41,7 +42,7 @@ def _terms(integrates, along_k, w, G):
 
 @compiled
 def _slopes(integrates, along_k, w, G, dG):
-    """Their derivatives by w."""
+    """Return the derivatives of the terms by w."""
     if integrates:
         one, x, v = 1.0, dG[ADVANCE] + w * dG[OFFSET] + G[OFFSET], w * dG[V] + G[V]
     else:
@@ -51,7 +52,7 @@ def _slopes(integrates, along_k, w, G, dG):
 
 @compiled
 def _sines(samples, size, degree, transform, found):
-    """The first coefficients of a sine polynomial in `found`, and a bound on the error of each."""
+    """Store the first coefficients of a sine polynomial in `found`, and return a bound on the error of each."""
     count, tail, whole = len(samples), 0.0, np.zeros(len(samples))
     for k in range(count):
         for d in range(count):
@@ -66,7 +67,7 @@ def _sines(samples, size, degree, transform, found):
 
 @compiled
 def _transform(count):
-    """What takes samples of a sine polynomial to its coefficients, `(count, count)`."""
+    """Return the map from samples of a sine polynomial to its coefficients, `(count, count)`."""
     transform = np.empty((count, count))
     for k in range(count):
         for d in range(count):
@@ -76,7 +77,7 @@ def _transform(count):
 
 @compiled
 def _scale(E):
-    """What `crossings.warp_scale` is, of a loop."""
+    """Return the scale of the warp for a loop, see `crossings.warp_scale`."""
     A, n, log = E.copy(), len(E), 0.0
     for k in range(n):
         _swapped(A, k, _largest(A, k, k))
@@ -91,7 +92,7 @@ def _scale(E):
 
 @compiled
 def _row_order(E, r):
-    """The order of rows that suits the middle of the warped circle, and that all points of the loop begin with."""
+    """Return the order of rows that suits the middle of the warped circle; all points of the loop begin with it."""
     w = complex(np.cos(2 * np.arctan(r)), np.sin(2 * np.arctan(r))) - 1
     A = np.empty(E.shape, np.complex128)
     for i in range(len(E)):
@@ -103,7 +104,7 @@ def _row_order(E, r):
 
 @compiled
 def _sampled(own, r, first, count, terms, weight, room):
-    """Points of the warped circle: the terms, and the squared size of the pole polynomial's inverse; see `crossings`."""
+    """Store the terms and the squared size of the pole polynomial's inverse at points of the warped circle; see `crossings`."""
     E, B, C, D, integrates, along_k, order = own
     A, rows, vectors, parts = room
     n, a, x, given, one, G = len(E), (1 - r) / (1 + r), vectors[0], vectors[1], parts[0], np.empty(3, np.complex128)
@@ -138,7 +139,7 @@ def _sampled(own, r, first, count, terms, weight, room):
 
 @compiled
 def _seen(C, x, sign, G):
-    """`sign C x` in the three vectors of G."""
+    """Store `sign C x` in the three vectors of G."""
     for row in range(3):
         put(G, row, sign * C[row, 0], x, 0)
         for i in range(1, C.shape[1]):
@@ -147,7 +148,10 @@ def _seen(C, x, sign, G):
 
 @compiled
 def _polynomial(own, r, transform, curve, over, noise, room):
-    """The polynomials of a loop: those of the curve `(2, n)` and those of the wall parameter `(3, n + 1)`, and their noise."""
+    """Store the polynomials of a loop and their noise.
+
+    curve: `(2, n)`, those of the curve. over: `(3, n + 1)`, those of the wall parameter.
+    """
     count, size = len(transform), np.zeros(3)
     terms, weight, samples = np.empty((3, count), np.complex128), np.empty(count), np.empty((5, count))
     for first in range(0, count, LANES):
@@ -169,7 +173,7 @@ def _polynomial(own, r, transform, curve, over, noise, room):
 
 @compiled
 def _placed(theta, w):
-    """The points `exp(j theta) - 1`, exactly at both ends of the circle."""
+    """Store the points `exp(j theta) - 1` in w, exactly at both ends of the circle."""
     for lane in range(LANES):
         half, at_end = np.sin(theta[lane] / 2), theta[lane] == np.pi or theta[lane] == 0.0
         w[lane], w[LANES + lane] = -2 * half * half, 0.0 if at_end else np.sin(theta[lane])
@@ -177,7 +181,7 @@ def _placed(theta, w):
 
 @compiled
 def _responses(own, room):
-    """The states at the points, what is read of them, and its derivative by w, in the third and fourth part of the room."""
+    """Store the states at the points, the outputs, and their derivatives by w, in the third and fourth part of the room."""
     E, B, C, _, _, _, order = own
     A, rows, vectors, parts = room
     _states(E, B, order, room)
@@ -188,7 +192,7 @@ def _responses(own, room):
 
 @compiled
 def _in_lane(own, room, lane, G, dG):
-    """The point of a lane, the terms there and their derivatives."""
+    """Return the point of a lane, the terms there and their derivatives."""
     _, _, _, D, integrates, along_k, _ = own
     _, _, _, parts = room
     w = complex(parts[1, lane], parts[1, LANES + lane])
@@ -201,8 +205,10 @@ def _in_lane(own, room, lane, G, dG):
 
 @compiled
 def _polished(own, y, theta, value, good, scale, room):
-    """Newton on `Im K(theta) = 0` from the seeds in theta, which it changes; value: K there; good: whether all is well. See
-    `boundary.polish`; y, theta, value, good: `(LANES,)`."""
+    """Solve `Im K(theta) = 0` by Newton's method from the seeds in theta, which it changes; see `boundary.polish`.
+
+    value: K there. good: whether the iteration has converged. y, theta, value, good: `(LANES,)`.
+    """
     G, dG = np.empty((2, 3), np.complex128)
     done = np.zeros(LANES, np.bool_)
     value[:], good[:] = np.nan, False
@@ -232,7 +238,7 @@ def _polished(own, y, theta, value, good, scale, room):
 
 @compiled
 def _at_ends(own, room, found):
-    """The terms at z = 1 and at z = -1, `(2, 3)`."""
+    """Store the terms at z = 1 and at z = -1, `(2, 3)`."""
     G, dG = np.empty((2, 3), np.complex128)
     theta = np.full(LANES, np.pi)
     theta[0] = 0.0
@@ -245,8 +251,11 @@ def _at_ends(own, room, found):
 
 @compiled
 def _judged(own, condition, y, p, theta, width, residual, room):
-    """What is left of the equation at crossings, relative to its terms, infinite where that is more than rounding or where
-    rounding of the loop's entries moves the wall parameter p by more than is allowed; all `(LANES,)`."""
+    """Store the residual of the equation at crossings, relative to its terms; all arrays are `(LANES,)`.
+
+    It is infinite if it is more than rounding, or if rounding of the loop's entries moves the wall parameter p by more than is
+    allowed.
+    """
     moved, usual = np.empty((2, LANES))
     _end(own, condition, y, p, theta, residual, moved, usual, room)
     for lane in range(LANES):
@@ -257,7 +266,7 @@ def _judged(own, condition, y, p, theta, width, residual, room):
 
 @compiled
 def _end(own, condition, y, p, theta, residual, moved, usual, room):
-    """What `boundary.ends` gives, for lanes of crossings; all `(LANES,)`.
+    """`boundary.ends` for lanes of crossings; all arrays are `(LANES,)`.
 
     An entry's change reaches the equation through one row, `exact` times that of the parameter solved for and y times that of
     the other: the bound is sharper than the sum over both.
@@ -292,7 +301,7 @@ def _end(own, condition, y, p, theta, residual, moved, usual, room):
 
 @compiled
 def _row_of_states(C, E, w, factors, A, rows, left, given, step):
-    """left to the row that `factors` make of the three of C, times the inverse of `w I - E`, refined once."""
+    """Store in left the row that `factors` make of the three of C, times the inverse of `w I - E`, refined once."""
     _combined(C, factors, given)
     _solved_transposed(len(E), A, rows, given, left)
     _combined(C, factors, given)
@@ -304,7 +313,7 @@ def _row_of_states(C, E, w, factors, A, rows, left, given, step):
 
 @compiled
 def _rounding(own, room):
-    """By how much the equation changes when every entry of the loop is rounded, `(LANES,)`; what is in the room is used up."""
+    """Return the change of the equation if every entry of the loop is rounded, `(LANES,)`; the room is used up."""
     E, B, C, D, _, _, _ = own
     _, _, vectors, parts = room
     n, one, factors, direct, unsure = len(E), parts[0], parts[5], parts[6], np.zeros(LANES)
@@ -333,7 +342,7 @@ def _rounding(own, room):
 
 @compiled
 def _combined(C, factors, row):
-    """The row of what is read that these factors make of its three."""
+    """Store in row the combination of the three rows of C with these factors."""
     for i in range(C.shape[1]):
         put(row, i, C[0, i], factors, 0)
         more(row, i, C[1, i], factors, 1)

@@ -30,7 +30,7 @@ def _characteristics(E, c, reach, size):
 
 @compiled
 def _hessenberg(A):
-    """A in place to Hessenberg form by elimination with row exchanges."""
+    """Reduce A in place to Hessenberg form by elimination with row exchanges."""
     n = len(A)
     for k in range(1, n - 1):
         at = _largest(A, k, k - 1)
@@ -50,7 +50,7 @@ def _hessenberg(A):
 
 @compiled
 def _characteristic(H, leading):
-    """Coefficients of `det(w I - H)` of the leading parts of H, that of the lowest power first, by rows."""
+    """Store the coefficients of `det(w I - H)` of the leading parts of H, that of the lowest power first, by rows."""
     leading[0, 0] = 1.0
     for j in range(len(H)):
         product = H[0, 0] * 0 + 1
@@ -76,7 +76,7 @@ def _functions(c, reach, size, change, phase, log, error):
 
 @compiled
 def _room(c):
-    """Memory for `_at_one`."""
+    """Return memory for `_at_one`."""
     half = (len(c) - 1) // 2
     matrix, unsure = np.empty((half, half), c.dtype), np.empty((half, half))
     return np.empty(len(c), c.dtype), np.empty(len(c)), matrix, unsure
@@ -84,7 +84,7 @@ def _room(c):
 
 @compiled
 def _at_one(c, reach, size, change, room, phase, log, error):
-    """The same of one polynomial, `(4,)` each."""
+    """`_functions` for one polynomial, `(4,)` each."""
     (q, missed, matrix, unsure_of), n = room, len(c) - 1
     pairs, largest, weight, least = max(n * (n - 1) / 2, 1.0), 0.0, 1.0, 2 / size**2
     q[:], missed[:] = 0.0, 0.0
@@ -115,7 +115,7 @@ def _at_one(c, reach, size, change, room, phase, log, error):
 
 @compiled
 def _part(value, reach, factor, row, phase, log, error):
-    """Phase, logarithm of the size and relative error of a number times exp(factor)."""
+    """Store phase, logarithm of the size and relative error of a number times exp(factor)."""
     size = abs(value)
     magnitude = max(size, 1e-300) if not np.isnan(size) else size
     phase[row], log[row] = value / magnitude, np.log(magnitude) + factor
@@ -124,7 +124,7 @@ def _part(value, reach, factor, row, phase, log, error):
 
 @compiled
 def _last_but_one(q, missed, matrix, error):
-    """Phase, logarithm and relative error of the last Hurwitz determinant but one; see `critical._last_but_one`."""
+    """Return phase, logarithm and relative error of the last Hurwitz determinant but one; see `critical._last_but_one`."""
     half, n = len(matrix), len(q) - 1
     one = q[0] * 0 + 1
     if not half:
@@ -148,8 +148,8 @@ def _last_but_one(q, missed, matrix, error):
 def _followed(piece, x, degree, coefficients, reach, beside, size, least, noisy, change, most, phase, log, error):
     """`critical.from_polynomials` of interpolants into phase, log and error, `(4, panels, points)`; see `Followed.polynomials`.
 
-    piece: of each panel; x: `(panels, points)`, where in it. least: by the degree, see `least_on_rim`. noisy: whether noise of
-    the nodes grows (x is complex). most: error of what is not known.
+    piece: of each panel; x: `(panels, points)`, the position in it. least: by the degree, see `least_on_rim`. noisy: whether
+    noise of the nodes grows (if x is complex). most: error of values that are not known.
     """
     panels, points = x.shape
     n = coefficients.shape[2]
@@ -177,7 +177,7 @@ def _followed(piece, x, degree, coefficients, reach, beside, size, least, noisy,
 
 @compiled
 def _known(finite, most, phase, log, error):
-    """What `critical._given` does."""
+    """`critical._given` for one matrix."""
     for row in range(len(log)):
         known = finite and np.isfinite(log[row]) and np.isfinite(error[row])
         error[row] = min(error[row], most) if known else most
@@ -189,15 +189,15 @@ def _known(finite, most, phase, log, error):
 
 @compiled
 def _coefficient(q, missed, k):
-    """That of a power, 0 beyond the degree."""
+    """Return the coefficient of a power and its error, 0 beyond the degree."""
     return (q[k], missed[k]) if k < len(q) else (q[0] * 0, 0.0)
 
 
 @compiled
 def _determinant(matrix, error):
-    """Phase and logarithm of the determinant, and the sum of `|inverse^T| error`; the matrix is used up.
+    """Return phase and logarithm of the determinant, and the sum of `|inverse^T| error`; the matrix is used up.
 
-    Gauss-Jordan elimination with row exchanges, so the rows of the inverse's transpose follow at once.
+    Gauss-Jordan elimination with row exchanges is used, since it gives the rows of the inverse's transpose at once.
     """
     n, phase, log, total = len(matrix), matrix[0, 0] * 0 + 1, 0.0, 0.0
     inverse = np.zeros_like(matrix)
@@ -226,7 +226,7 @@ def _determinant(matrix, error):
 
 
 def characteristic(E):
-    """What `critical.characteristic` gives."""
+    """`critical.characteristic` by the kernel."""
     count, n, _ = E.shape
     c, reach, size = np.empty((n + 1, count), E.dtype), np.empty((n + 1, count)), np.empty(count)
     _characteristics(np.ascontiguousarray(E), c, reach, size)
@@ -234,14 +234,14 @@ def characteristic(E):
 
 
 def functions(c, reach, size, change):
-    """What `critical._functions` gives; change: see `critical._powers`."""
+    """`critical._functions` by the kernel; change: see `critical._powers`."""
     phase, (log, error) = np.empty((4, size.size), c.dtype), np.empty((2, 4, size.size))
     _functions(*map(np.ascontiguousarray, (c, reach, size)), change, phase, log, error)
     return phase, log, error
 
 
 def followed(pieces, piece, x):
-    """What `Followed.functions` gives at x, `(panels, points)`, of these pieces, but for rims."""
+    """`Followed.functions` by the kernel, at x, `(panels, points)`, of these pieces; not for rims."""
     phase, (log, error) = np.empty((4, *x.shape), complex), np.empty((2, 4, *x.shape))
     arrays = pieces.degree, pieces.coefficients, pieces.reach, pieces.beside, pieces.size
     change = _powers(pieces.reach.shape[-1])

@@ -11,7 +11,7 @@ EPS = float(np.finfo(float).eps)
 
 @compiled
 def _whole(c, change, b):
-    """Bernstein coefficients on [-1, 1] in b, and a bound on their rounding."""
+    """Store the Bernstein coefficients on [-1, 1] in b, and return a bound on their rounding."""
     n, most = len(c), 0.0
     for i in range(n):
         total, size = 0.0, 0.0
@@ -24,7 +24,7 @@ def _whole(c, change, b):
 
 @compiled
 def _halved(b, left):
-    """Coefficients on either side of the cut, those on the right in b (de Casteljau)."""
+    """Store the coefficients on either side of the cut in left and, for the right side, in b (de Casteljau)."""
     left[0] = b[0]
     for k in range(1, len(b)):
         for i in range(len(b) - k):
@@ -34,7 +34,7 @@ def _halved(b, left):
 
 @compiled
 def _once(b, threshold):
-    """Whether the coefficients' signs change exactly once; one that is not known may stand where they change."""
+    """Return whether the coefficients' signs change exactly once; one sign may be unknown if it is between the two signs."""
     changes, unknown, before = 0, 0, 0
     for i in range(len(b)):
         sign = (b[i] > threshold) - (b[i] < -threshold)
@@ -47,8 +47,10 @@ def _once(b, threshold):
 
 @compiled
 def _monotone(b, width, noise, rounding, steep):
-    """Whether the polynomial on a piece of that width has different signs at its ends, and a slope of one sign that noise with
-    `steep` times its size as slope does not turn."""
+    """Return whether the polynomial on a piece of that width has different signs at its ends, and a slope of one sign.
+
+    The slope counts if noise whose slope is at most `steep` times its size cannot reverse it.
+    """
     n = len(b)
     if not (min(abs(b[0]), abs(b[n - 1])) > noise + rounding and b[0] * b[n - 1] < 0):
         return False
@@ -58,7 +60,7 @@ def _monotone(b, width, noise, rounding, steep):
 
 @compiled
 def _root(b):
-    """The root in (0, 1) of Bernstein coefficients that change their sign once: Newton, kept between bounds."""
+    """Return the root in (0, 1) of Bernstein coefficients that change their sign once, by Newton's method between bounds."""
     n, turn = len(b), np.sign(b[-1])
     after = 0
     for i in range(n):
@@ -90,10 +92,10 @@ def _root(b):
 
 @compiled
 def _roots(c, noise, change, farthest, steep, pieces, values, slopes):
-    """The roots in (-1, 1) of a column's polynomial in `values`, and their number; -1 if signs do not decide.
+    """Store the roots in (-1, 1) of a column's polynomial in `values`, and return their number; -1 if signs do not decide.
 
-    farthest: what noise, which is a polynomial of that degree, may do to Bernstein coefficients, over its size; or steep: what
-    its slope may be, if that is all that is known of it. The other is 0.
+    farthest: if the noise is a polynomial of the same degree, the largest change of Bernstein coefficients by it, over its
+    size. steep: if only the slope of the noise is known, the largest slope over its size. The other of the two is 0.
     """
     n, found, open_ = len(c), 0, 1
     low, high, depth, unsure, b = pieces
@@ -123,7 +125,7 @@ def _roots(c, noise, change, farthest, steep, pieces, values, slopes):
 
 @compiled
 def _of_rows(c, noise, change, steep, values, within, slopes, counts):
-    """The roots of every row, how far from each no other one is, and their number; -1 where signs do not decide."""
+    """Store the roots of every row, distances within which no other root is, and their number; -1 if signs do not decide."""
     n = c.shape[1]
     pieces = np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64), np.empty((64, n))
     found, slope = np.empty((2, n))
@@ -139,8 +141,11 @@ def _of_rows(c, noise, change, steep, values, within, slopes, counts):
 
 
 def rows_by_sign(coefficients, noise, steep):
-    """`bernstein.roots_by_sign`, but the roots of a row in rows: values, within what of each no other is, slopes, `(rows, n)`
-    each, and their number; -1 for rows that are not decided. steep: what the slope of noise may be, over its size."""
+    """`bernstein.roots_by_sign`, with the roots of a row in a row of the result.
+
+    Returns values, distances within which no other root is, slopes, `(rows, n)` each, and the number of roots; -1 for rows that
+    are not decided. steep: largest slope of the noise, over its size.
+    """
     rows, n = coefficients.shape
     (values, within, slopes), counts = np.zeros((3, rows, n)), np.empty(rows, np.int64)
     if rows:

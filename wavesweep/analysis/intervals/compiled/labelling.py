@@ -1,6 +1,6 @@
 """Regions between crossings, their counts and the stable intervals, column by column, for the kernel; see `regions`.
 
-A column that anything speaks against is left to numpy's way, so nothing here says why.
+If there is any doubt about a column, it is left to the code in numpy, so nothing here gives a reason.
 """
 
 import numpy as np
@@ -11,13 +11,13 @@ from wavesweep.analysis.spectrum import NEIGHBOURHOOD, ROUNDINGS
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V
 
 OPEN, EXCLUDED, LEFT = 0, 1, 2  # a column: to be done; unstable throughout, by its trace; left to numpy's way
-NEAR = -2  # a count that is not told from eigenvalues alone
+NEAR = -2  # a count that eigenvalues alone do not decide
 EPS = float(np.finfo(float).eps)
 
 
 @compiled
 def _screened(E, B, C, D, integrates, along_k, owner, fixed, low, high):
-    """OPEN, EXCLUDED or LEFT for each column; see `stable.trace_excludes_stability`."""
+    """Return OPEN, EXCLUDED or LEFT for each column; see `stable.trace_excludes_stability`."""
     loops, n = len(E), E.shape[1]
     order, state = n + integrates, np.zeros(len(fixed), np.int64)
     base, gain, finite = np.empty(loops), np.empty((loops, 2)), np.empty(loops, np.bool_)
@@ -54,10 +54,10 @@ def _screened(E, B, C, D, integrates, along_k, owner, fixed, low, high):
 
 @compiled
 def _cut(low, high, found, inner, ends, state):
-    """The regions of all columns that are OPEN, and where each column's begin: see `regions.cut_span`.
+    """Return the regions of all columns that are OPEN, and the first region of each column; see `regions.cut_span`.
 
-    found, inner, ends: see `_crossings`. Of a region: its ends, their angles, and what is left of the equation at both
-    `(6, regions)`, and by how much the count has risen since the first.
+    found, inner, ends: see `_crossings`. For each region the result has its ends, their angles, and the residuals of the
+    equation at both, `(6, regions)`, and the growth of the count since the first region.
     """
     columns, at, region = len(state), 0, 0
     most = len(found) + 3 * columns
@@ -87,7 +87,10 @@ def _cut(low, high, found, inner, ends, state):
 
 @compiled
 def _sorted(low, high, inner, ends, found):
-    """The crossings of a column inside the span, sorted, in `found`; their number, and the angle of one at its low end."""
+    """Store the crossings of a column inside the span, sorted, in `found`.
+
+    Returns their number, and the angle of one at the low end of the span.
+    """
     count, at_low, arcs = 0, np.nan, inner.shape[1]
     for i in range(arcs + 2):
         if i < arcs:
@@ -110,8 +113,10 @@ def _sorted(low, high, inner, ends, found):
 
 @compiled
 def _closed(E, B, C, D, integrates, along_k, owner, fixed, column, value):
-    """The loops of these columns closed with their walls, what `lifted.close` gives, `(columns, order, order)`; zeros where
-    that is not finite, and where it is."""
+    """`lifted.close` for the loops of these columns with their walls, `(columns, order, order)`.
+
+    Returns zeros for a loop whose matrix is not finite, and whether each matrix is finite.
+    """
     n, count = E.shape[1], len(column)
     A, known = np.zeros((count, n + integrates, n + integrates)), np.ones(count, np.bool_)
     for at in range(count):
@@ -133,8 +138,10 @@ def _closed(E, B, C, D, integrates, along_k, owner, fixed, column, value):
 
 @compiled
 def _outside(A, w, known):
-    """How many of the eigenvalues w lie outside the circle, see `spectrum.count_outside`: -1 where that is not known, NEAR
-    where several are so near to it that more has to be looked at."""
+    """Return the number of the eigenvalues w outside the circle, see `spectrum.count_outside`.
+
+    It is -1 if that is not known, and NEAR if several are so near to the circle that eigenvalues alone do not decide.
+    """
     count = np.full(len(A), -1)
     for at in range(len(A)):
         largest, least, near, outside = 1.0, np.inf, 0, 0
@@ -150,13 +157,13 @@ def _outside(A, w, known):
 
 @compiled
 def _alone(column, start, bounds, width, above):
-    """Whether the count of a column's first region cannot follow from that of other columns."""
+    """Return whether the count of a column's first region cannot follow from that of other columns."""
     return np.isnan(above[column]) or bounds[1, start[column]] - bounds[0, start[column]] < NARROW * width
 
 
 @compiled
 def _asked(owner, state, start, bounds, width, above):
-    """Which columns have their first region counted: the first and the last of each loop, and those that stand alone."""
+    """Return which columns have their first region counted: the first and last of each loop, and those that are `_alone`."""
     counted, last = np.zeros(len(owner), np.bool_), -1
     for column in range(len(owner)):
         if state[column] != OPEN:
@@ -176,9 +183,9 @@ def _asked(owner, state, start, bounds, width, above):
 
 @compiled
 def _followed(owner, state, start, bounds, width, counted, seen, above, rise):
-    """Unstable eigenvalues in the first region of each column, and the regions that are to be counted, in order.
+    """Return the unstable eigenvalues in the first region of each column, and the regions that are to be counted, in order.
 
-    seen: of the columns that are counted, in order. Columns of which the count is not known become LEFT.
+    seen: counts of the columns that are counted, in order. Columns whose count is not known become LEFT.
     """
     columns = len(owner)
     begins, claimed, wanted, first = np.full(columns, -1), np.empty(len(rise), np.int64), 0, 0
@@ -207,7 +214,7 @@ def _followed(owner, state, start, bounds, width, counted, seen, above, rise):
 
 @compiled
 def _agreed(first, after, start, bounds, width, counted, above, begins):
-    """The count at infinite values that the first and the last column of a loop agree on, NaN if they do not."""
+    """Return the count at infinite values if the first and the last column of a loop agree on it, NaN if they do not."""
     agreed, others = np.nan, False
     for column in range(first, after):
         if counted[column] and not _alone(column, start, bounds, width, above):
@@ -219,9 +226,9 @@ def _agreed(first, after, start, bounds, width, counted, above, begins):
 
 @compiled
 def _intervals(state, start, bounds, rise, begins):
-    """Stable intervals: column, index, count `(3, rows)`, and low, high, their angles and the residual `(5, rows)`.
+    """Return stable intervals: column, index, count `(3, rows)`, and low, high, their angles and the residual `(5, rows)`.
 
-    Columns with an end in doubt, or fewer than no unstable eigenvalues, become LEFT.
+    Columns with an end in doubt, or with a negative count of unstable eigenvalues, become LEFT.
     """
     columns, rows = len(state), 0
     whole, parts = np.empty((3, len(rise) + columns), np.int64), np.empty((5, len(rise) + columns))

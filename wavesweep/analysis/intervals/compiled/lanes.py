@@ -1,7 +1,8 @@
-"""Arithmetic on lanes: so many complex numbers at a time, one instruction for the real parts and one for the imaginary parts.
+"""Arithmetic on lanes: several complex numbers at a time, with one instruction for all real or imaginary parts.
 
 A vector of lanes is `2 LANES` numbers in a row of a one-dimensional array, real parts first; an index counts such vectors. A
-compiler makes vector instructions of a loop only where it knows that arrays do not overlap, so these are given to LLVM as such.
+compiler makes vector instructions of a loop only if it knows that arrays do not overlap, so vector instructions are given to
+LLVM directly.
 """
 
 from llvmlite import ir
@@ -15,54 +16,54 @@ _NONE = ir.Constant(_VECTOR, ir.Undefined)
 
 
 class _Builder:
-    """What an intrinsic is built of; given: its arguments, of the types `kinds`."""
+    """The parts of an intrinsic; given: its arguments, of the types `kinds`."""
 
     def __init__(self, context, builder, kinds, given):
         self.context, self.builder, self.kinds, self.given = context, builder, kinds, given
 
     def place(self, array, index, part):
-        """Where the vector of that index begins; array, index: numbers of arguments."""
+        """Return the address of the vector of that index; array, index: numbers of arguments."""
         at = self.builder.mul(self.given[index], self.given[index].type(2 * LANES))
         at = self.builder.add(at, at.type(part * LANES))
         data = self.context.make_array(self.kinds[array])(self.context, self.builder, self.given[array]).data
         return self.builder.bitcast(self.builder.gep(data, [at]), _VECTOR.as_pointer())
 
     def read(self, array, index):
-        """The real and the imaginary parts of a vector."""
+        """Return the real and the imaginary parts of a vector."""
         parts = [self.builder.load(self.place(array, index, part)) for part in range(2)]
         for part in parts:
             part.align = 8
         return parts
 
     def write(self, array, index, parts):
-        """Put them there."""
+        """Store the real and the imaginary parts in a vector."""
         for number, part in enumerate(parts):
             self.builder.store(part, self.place(array, index, number)).align = 8
         return self.context.get_dummy_value()
 
     def alike(self, number):
-        """A real number in every lane."""
+        """Return a vector with a real number in every lane."""
         one = self.builder.insert_element(_NONE, number, ir.IntType(32)(0))
         return self.builder.shuffle_vector(one, _NONE, _ZEROS)
 
     def product(self, a, b):
-        """Of complex numbers."""
+        """Return the product of complex numbers."""
         by, plus, minus = self.builder.fmul, self.builder.fadd, self.builder.fsub
         return minus(by(a[0], b[0]), by(a[1], b[1])), plus(by(a[0], b[1]), by(a[1], b[0]))
 
     def square(self, a):
-        """Of the modulus."""
+        """Return the square of the modulus."""
         return self.builder.fadd(self.builder.fmul(a[0], a[0]), self.builder.fmul(a[1], a[1]))
 
     def named(self, name, a):
-        """LLVM's own function of a vector."""
+        """Return LLVM's own function of a vector."""
         module, whole = self.builder.module, f"{name}.v{LANES}f64"
         known = module.globals.get(whole) or ir.Function(module, ir.FunctionType(_VECTOR, [_VECTOR]), whole)
         return self.builder.call(known, [a])
 
 
 def _lanes(build, *kinds):
-    """What an intrinsic returns: its signature, `kinds` being types of its arguments, and how it is built."""
+    """Return the signature of an intrinsic, `kinds` being types of its arguments, and the function that builds it."""
 
     def generated(context, builder, signature, given):
         return build(_Builder(context, builder, signature.args, given))
@@ -134,7 +135,7 @@ def sized(typing, x, i, y, j):
 
 @intrinsic
 def outgrown(typing, x, i, y, j):
-    """The real parts of x[i] to the larger of themselves and of the sum of the sizes of both parts of y[j]."""
+    """Set the real parts of x[i] to the larger of themselves and of the sum of the sizes of both parts of y[j]."""
 
     def build(b):
         largest = b.read(0, 1)

@@ -1,6 +1,6 @@
-"""Small dense systems next to the circle for the kernel: those of one loop at several points at a time, a point a lane.
+"""Small dense systems next to the circle for the kernel: those of one loop at several points at a time, one point per lane.
 
-What comes out in a lane depends on no other lane.
+The result of a lane depends on no other lane.
 """
 
 import os
@@ -19,9 +19,12 @@ PREFERRED = 0.1  # of the largest entry of a column, down to which a row stays t
 
 
 def _place() -> Path:
-    """A folder for compiled code that belongs to these very sources: numba looks at the file of a function alone, and not at
-    those that it calls or takes constants from. Beside them or, if they are in a place that nobody may write to, in the user's
-    cache. What belongs to earlier sources is removed there."""
+    """Return a folder for compiled code that belongs to exactly these sources.
+
+    The folder depends on all sources, since numba checks only the file of a function, and not those that it calls or takes
+    constants from. It is beside the sources or, if that place is not writable, in the user's cache. Beside the sources, folders
+    that belong to earlier sources are removed.
+    """
     here, digest = Path(__file__).parent, sha256()
     for source in sorted([*here.parent.rglob("*.py"), *Path(cut.__file__).parent.glob("*.py")]):
         digest.update(source.read_bytes())
@@ -42,7 +45,7 @@ PLACE = str(_place())
 
 
 def compiled(function):
-    """The function compiled at its first call, and kept on disk if there is a place."""
+    """Return the function compiled at its first call, and kept on disk if there is a place."""
     options = {"error_model": "numpy", "nogil": True}
     before, config.CACHE_DIR = config.CACHE_DIR, PLACE
     try:
@@ -55,19 +58,19 @@ def compiled(function):
 
 @compiled
 def _over(a, b):
-    """a/b of complex numbers, NaN for b = 0, for which numba raises an error."""
+    """Return a/b of complex numbers; NaN if b = 0, for which numba would raise an error."""
     return a / b if b != 0 else complex(np.nan, np.nan)
 
 
 @compiled
 def _taxicab(number):
-    """A size that costs no root."""
+    """Return the sum of the sizes of both parts of a number, a measure of its size without a square root."""
     return abs(number.real) + abs(number.imag)
 
 
 @compiled
 def _largest(A, first, column):
-    """The row, from the first on, whose entry in the column is the largest."""
+    """Return the row, from the first on, whose entry in the column is the largest."""
     best, at = _taxicab(A[first, column]), first
     for i in range(first + 1, len(A)):
         size = _taxicab(A[i, column])
@@ -78,14 +81,14 @@ def _largest(A, first, column):
 
 @compiled
 def _swapped(A, k, at):
-    """Two rows in each other's place."""
+    """Exchange two rows."""
     for j in range(len(A) if at != k else 0):
         A[k, j], A[at, j] = A[at, j], A[k, j]
 
 
 @compiled
 def _order(A):
-    """The rows of A in the order in which elimination with the largest pivots takes them; A is used up."""
+    """Return the rows of A in the order in which elimination with the largest pivots takes them; A is used up."""
     order = np.arange(len(A))
     for k in range(len(A)):
         at = _largest(A, k, k)
@@ -101,10 +104,10 @@ def _order(A):
 
 @compiled
 def _room(n):
-    """Room for systems of n equations.
+    """Return memory for systems of n equations.
 
-    Factors; which row of the loop stands where in each lane; eight vectors of states; and the ones in all lanes, the point,
-    and four vectors of three.
+    It has the factors; the row of the loop at each place in each lane; eight vectors of states; and the ones in all lanes, the
+    point, and further vectors of three.
     """
     parts = np.zeros((7, 3 * WIDE))
     parts[0, :LANES] = 1.0
@@ -113,7 +116,7 @@ def _room(n):
 
 @compiled
 def _filled(E, order, top, bottom, A, rows):
-    """`top I - bottom E` in A, its rows in that order; top, bottom: a vector of lanes each."""
+    """Store `top I - bottom E` in A, its rows in that order; top, bottom: a vector of lanes each."""
     n = len(E)
     for i in range(n):
         row = order[i]
@@ -126,7 +129,7 @@ def _filled(E, order, top, bottom, A, rows):
 
 @compiled
 def _factored(n, A, rows, most):
-    """The lanes of A in place to their factors and the inverses of their pivots, rows exchanged where a pivot is small."""
+    """Factor the lanes of A in place, with the inverses of their pivots; rows are exchanged if a pivot is small."""
     for k in range(n):
         most[:LANES] = 0.0
         for i in range(k + 1, n):
@@ -144,7 +147,7 @@ def _factored(n, A, rows, most):
 
 @compiled
 def _exchanged(n, A, rows, k, lane):
-    """Row k of a lane exchanged with the one of the largest entry in column k."""
+    """Exchange row k of a lane with the one of the largest entry in column k."""
     best, at = -1.0, k
     for i in range(k, n):
         place = (i * n + k) * WIDE + lane
@@ -160,7 +163,7 @@ def _exchanged(n, A, rows, k, lane):
 
 @compiled
 def _solved(n, A, rows, b, x):
-    """x to `A^-1 b`, A factored."""
+    """Set x to `A^-1 b`, A factored."""
     for i in range(n):
         for lane in range(LANES):
             place = rows[i, lane] * WIDE + lane
@@ -176,7 +179,7 @@ def _solved(n, A, rows, b, x):
 
 @compiled
 def _solved_transposed(n, A, rows, b, x):
-    """x to `b A^-1`, A factored; b is used up."""
+    """Set x to `b A^-1`, A factored; b is used up."""
     for k in range(n):
         times(b, k, A, k * n + k)
         for i in range(k + 1, n):
@@ -192,7 +195,7 @@ def _solved_transposed(n, A, rows, b, x):
 
 @compiled
 def _missed(E, B, w, one, x, missed):
-    """What is left of `(w I - E) x = B`."""
+    """Store the residual of `(w I - E) x = B`."""
     n = len(E)
     for i in range(n):
         put(missed, i, B[i], one, 0)
@@ -203,7 +206,7 @@ def _missed(E, B, w, one, x, missed):
 
 @compiled
 def _missed_transposed(E, w, left, c):
-    """c in place to what is left of `left (w I - E) = c`."""
+    """Replace c by the residual of `left (w I - E) = c`."""
     n = len(E)
     for j in range(n):
         less(c, j, w, 0, left, j)
@@ -213,7 +216,7 @@ def _missed_transposed(E, w, left, c):
 
 @compiled
 def _states(E, B, order, room):
-    """Factors of `w I - E` at the point, and in the first vector the states for a unit force, refined once."""
+    """Store the factors of `w I - E` at the point, and in the first vector the states for a unit force, refined once."""
     n, (A, rows, vectors, parts) = len(E), room
     x, missed, step, one, w, most = vectors[0], vectors[1], vectors[2], parts[0], parts[1], parts[2]
     _filled(E, order, w, one, A, rows)
