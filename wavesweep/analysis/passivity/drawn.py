@@ -1,15 +1,18 @@
 """Passivity at the hand's port of a drawn loop."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from wavesweep.analysis.passivity.hinf import Element, angles, peak_by_levels, then, tick
 from wavesweep.analysis.passivity.port import SLACK, PortMargin
 from wavesweep.analysis.response.port import Port, frame_of_port
-from wavesweep.analysis.spectrum import is_stable
+from wavesweep.analysis.spectrum import balance, is_stable
 from wavesweep.errors import UsageError
 from wavesweep.lifted.circle import on_circle, solve
 from wavesweep.lifted.periodic import in_a_row
 
+SWEEPS = 12  # over the states, for their units
 LONGEST = 600  # ticks; the map of a frame is a matrix of that size
 
 
@@ -21,6 +24,7 @@ def drawn_port_margin(port: Port) -> PortMargin:
     M = port.kind.size
     if M > LONGEST:
         raise UsageError(f"passivity: expected a frame of at most {LONGEST} ticks, found {M}")
+    port = _without_drift(_in_even_units(port))
     E, toeplitz, O, G = _lifted(port)
     mean = float(np.mean(np.diagonal(toeplitz)))
     n = E.shape[-1]
@@ -47,6 +51,36 @@ def drawn_port_margin(port: Port) -> PortMargin:
     period = port.period * M
     margin = np.where(np.isfinite(peak.value), -peak.value, np.nan)
     return PortMargin(margin, peak.theta / period, np.array([mean]), np.array([bool(is_stable(E))]), peak.certified)
+
+
+def _in_even_units(port):
+    """Return the port with states in units that give the entries of its ticks similar sizes.
+
+    States of a transfer function are as different as powers of its poles, and eigenvalues of a level's pencil would be off by
+    as much.
+    """
+    n = port.maps[0][0].shape[-1]
+    whole = np.zeros((1, n + 1, n + 1))
+    for E, B, C, _ in port.maps:
+        whole[0, :n, :n] += np.abs(E)
+        whole[0, :n, n:] += np.abs(B)
+        whole[0, n:, :n] += np.abs(C[:1])
+    units = balance(whole, SWEEPS)[1][0]
+    u = units[:n] / units[n]
+    return replace(port, maps=tuple((E * (u / u[:, None]), B / u[:, None], C * u, D) for E, B, C, D in port.maps))
+
+
+def _without_drift(port):
+    """Return the port without the shifts of its states that nothing in the loop opposes and no displacement shows.
+
+    Along a shift r no tick changes anything, `E r = 0` and `C r = 0`, so the coordinates across it suffice. Their frame has no
+    eigenvalue 1, with which a response towards 0 Hz would be one rounding error over another.
+    """
+    if not port.laws:
+        return port
+    rows = np.concatenate([part for E, _, C, _ in port.maps for part in (E, C[:1])])
+    across = np.linalg.svd(rows)[2][: -port.laws]
+    return replace(port, laws=0, maps=tuple((across @ E @ across.T, across @ B, C @ across.T, D) for E, B, C, D in port.maps))
 
 
 def _lifted(port):
