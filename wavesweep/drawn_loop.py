@@ -9,7 +9,7 @@ from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.port import Ports, port_of
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
-from wavesweep.lifted.periodic import Drift, closed_frame, drift_of_drawn
+from wavesweep.lifted.tick_drift import TickDrift, closed_frame, drift_of_drawn
 from wavesweep.sweep.drawn_loops import named_loops, radius_of
 
 
@@ -18,7 +18,7 @@ class DrawnLoop:
     """A loop drawn in Python as a `Drawn`, which has no numbers to sweep; its arrays may be a batch of loops."""
 
     drawn: Drawn
-    drift: Drift
+    drift: TickDrift
 
     def spectral_radius(self) -> np.ndarray:
         """Largest eigenvalue modulus per frame, without drift, over the batch; infinite after overflow."""

@@ -13,7 +13,7 @@ from wavesweep.diagram.drawn import Drawn
 from wavesweep.drawn_loop import DrawnLoop
 from wavesweep.errors import UsageError
 from wavesweep.lifted import Cut, cut_at_wall
-from wavesweep.lifted.periodic import drift_of_drawn
+from wavesweep.lifted.tick_drift import drift_of_drawn
 from wavesweep.spec import SYMBOLS, Axis, Spec, load
 from wavesweep.spec.axes import NARROWEST_SPAN
 from wavesweep.spec.checking import nearest

@@ -15,7 +15,8 @@ from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.errors import UsageError
 from wavesweep.lifted.number import cut_at_number
-from wavesweep.lifted.periodic import closed_frame, drift_of_drawn, frame_of, in_a_row, then, ticks_of
+from wavesweep.lifted.periodic import frame_of, in_a_row, then, ticks_of
+from wavesweep.lifted.tick_drift import closed_frame, drift_of_drawn
 
 
 def along_any(draw, span):

@@ -15,7 +15,8 @@ from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.lifted.number import OpenTicks
-from wavesweep.lifted.periodic import closed, closed_frame, ticks_of
+from wavesweep.lifted.periodic import ticks_of
+from wavesweep.lifted.tick_drift import closed, closed_frame
 from wavesweep.spec import load
 from wavesweep.sweep import grid as grids
 from wavesweep.sweep.drawn_loops import drift_of, felt_of, frames, radius_of

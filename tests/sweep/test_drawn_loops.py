@@ -703,6 +703,35 @@ def test_control_by_a_filtered_difference_is_certified(pole):
     assert (loop.spectral_radius(K=1.001 * ends) > 1).all()
 
 
+@pytest.mark.parametrize("method", ["explicit", "implicit", "trapezoidal"])
+@pytest.mark.parametrize("damping", ["2*d.y", "2*arm.v"])
+def test_the_gain_of_an_integrator_behind_a_free_mass_is_certified(method, damping):
+    """Without the gain both the integrator and the position may rest anywhere, the one only if the other is at 0."""
+    free = {"type": "mass", "mass": 0.5, "damping": 1.0}
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 100.0, "T": 0.5},
+        "block": {
+            "arm": free,
+            "s": {"type": "hold", "every": 5},
+            "i": {"type": "integrator", "method": method, "every": 5},
+            "d": {"type": "difference", "every": 5},
+            "late": {"type": "hold", "every": 5, "phase": 2},
+        },
+        "wire": {"s.u": "arm.x", "i.u": "s.y", "d.u": "s.y", "late.u": f"K*(s.y + i.y/T) + {damping}", "arm.f": "-late.y"},
+    }
+    if "d.y" not in damping:
+        del tables["block"]["d"], tables["wire"]["d.u"]
+    loop = wavesweep.compile(tables)
+    found = loop.stable_intervals("K", (1.0, 2000.0), T=[0.2, 0.5, 2.0])
+    assert found.certified.all()
+    assert (found.intervals == 1).all()
+    for T, high in zip(found["T"], found.high, strict=True):
+        assert loop.spectral_radius(T=T, K=0.9999 * high) < 1 < loop.spectral_radius(T=T, K=1.0001 * high)
+        assert found.certified[0] == loop.stable_intervals("K", (1.0, 2000.0), T=[T]).certified[0]
+        assert high == loop.stable_intervals("K", (1.0, 2000.0), T=[T]).high[0]  # alone, to the bit
+
+
 def test_no_unstable_stretch_is_given_as_stable_where_a_first_count_is_not_known(monkeypatch):
     """Above 400 an eigenvalue crosses at z = -1: one more than "not known" is not none."""
     monkeypatch.setattr(regions, "count_where_clear", lambda _, which, __: np.full(which.size, -1))

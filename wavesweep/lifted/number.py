@@ -8,10 +8,11 @@ from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.elimination import ROUNDING
 from wavesweep.lifted.connect import WORST_CONDITION
 from wavesweep.lifted.cut import Cut
-from wavesweep.lifted.periodic import Drift, Ticks, in_a_row, then, ticks_of
+from wavesweep.lifted.periodic import Ticks, in_a_row, then, ticks_of
+from wavesweep.lifted.tick_drift import TickDrift, along
 
 
-def cut_at_number(drawn: Drawn, drift: Drift, force: str, read: str, damped: str = "") -> Cut | None:
+def cut_at_number(drawn: Drawn, drift: TickDrift, force: str, read: str, damped: str = "") -> Cut | None:
     """Cut the loop at a number that is one scalar gain of a frame; None if it is not one.
 
     drawn: the loop whose last input `force` is the number's product; the number would multiply the signal `read`. damped: a
@@ -106,8 +107,23 @@ def _cut(E, B, c, d, drift, period, condition):
     read = _read_after(E, C)
     left = (*leads, *(kept[i] for i in range(len(kept)) if i not in read))
     E, B, C, kept = E[..., read, :][..., read], B[..., read, :], C[..., read], [kept[i] for i in read]
+    if drift.ramp in kept:
+        E, B, C = _counted_from(kept.index(drift.ramp), E, B, C)
     names, left = (tuple(drift.states[i] for i in some) for some in (kept, left))
     return Cut(E, B, C, D, integrates, period=period, states=names, unread=left, condition=condition)
+
+
+def _counted_from(ramp, E, B, C):
+    """Return the loop with the other states counted from one that may rest anywhere, whose column of E is then exactly 0."""
+    others = [i for i in range(E.shape[-1]) if i != ramp]
+    V = along(E[..., others], -E[..., ramp : ramp + 1])
+    E, B, C = (part.copy() for part in (E, B, C))
+    E[..., others, :] -= V * E[..., ramp : ramp + 1, :]
+    B[..., others, :] = B[..., others, :] - V * B[..., ramp : ramp + 1, :]
+    shown = C[..., ramp] + (C[..., others] * V[..., None, :, 0]).sum(-1)
+    C = np.array(np.broadcast_to(C, (*shown.shape, C.shape[-1])))
+    C[..., ramp], E[..., ramp] = shown, 0.0
+    return E, B, C
 
 
 def _shown_of_leads(c, drift):

@@ -7,9 +7,8 @@ from itertools import pairwise
 import numpy as np
 
 from wavesweep.diagram.block import Block
-from wavesweep.diagram.drawn import Drawn, shifts
+from wavesweep.diagram.drawn import Drawn
 from wavesweep.lifted.batches import in_parts
-from wavesweep.lifted.circle import solve
 from wavesweep.lifted.connect import connect
 
 
@@ -85,12 +84,12 @@ def _in_tick(block, runs, held):
     return replace(block, states=(*block.states, *(f"{port} held" for port in held)), E=E, B=B, C=C, D=D, labels=(), terms=None)
 
 
-def frame_of(ticks: Ticks, skipped: int = 0) -> np.ndarray:
-    """Return `(I + E)` of all ticks but the first `skipped` in a row, less the identity, `(..., n, n)`.
+def frame_of(ticks: Ticks) -> np.ndarray:
+    """Return `(I + E)` of all ticks in a row, less the identity, `(..., n, n)`.
 
     Delta form keeps the digits of slow poles. Overflow gives infinities or NaN without a warning.
     """
-    n, kinds = len(ticks.states), ticks.kind[skipped:].tolist()
+    n, kinds = len(ticks.states), ticks.kind.tolist()
     if not kinds:
         return np.zeros((n, n))
     changes = [_Change.of(each.E) for each in ticks.maps]
@@ -201,132 +200,3 @@ def _forgotten(E):
     less, one = -np.eye(E.shape[-1]), E[(0,) * (E.ndim - 2)]
     some = np.flatnonzero((one == less).all(0))
     return [column for column in some.tolist() if bool((E[..., column] == less[column]).all())]
-
-
-@dataclass(frozen=True, slots=True)
-class Drift:
-    """The drift of a drawn loop, by structure.
-
-    states: those of the frame. moved: pairs of a lead and the states that move with it by constant factors,
-    `(lead, ((state, factor), ...))`. folded: leads whose shift depends on the numbers of the loop. unread: states that nothing
-    reads once the leads are gone, in the order of their removal. All are indices into `states`.
-    """
-
-    states: tuple[str, ...]
-    moved: tuple
-    folded: tuple[int, ...]
-    unread: tuple[int, ...]
-
-    @property
-    def kept(self) -> list[int]:
-        """Indices of the states that remain."""
-        gone = {lead for lead, _ in self.moved} | set(self.folded) | set(self.unread)
-        return [index for index in range(len(self.states)) if index not in gone]
-
-
-def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> Drift:
-    """Find the drift from two drawings of the loop with different tame numbers; see `shifts`.
-
-    watched: the outputs with which `ticks_of` will be called, since these determine which outputs are states that hold.
-
-    A shift that is the same in both is constant. If it differs, it is eliminated numerically (see `without_drift`).
-    """
-    ticks = ticks_of(tame, watched, alone=True)
-    at, (first, second) = {name: i for i, name in enumerate(ticks.states)}, (_shifts(each, watched) for each in (tame, other))
-    moved, folded = [], []
-    for one, two in zip(first, second, strict=True):
-        lead, *rest = one
-        if one.keys() == two.keys() and all(_alike(one[name], two[name]) for name in one):
-            moved.append((at[lead], tuple((at[name], one[name]) for name in rest if name in at)))
-        else:
-            folded.append(at[lead])
-    drift = Drift(ticks.states, tuple(moved), tuple(folded), ())
-    E, kept, unread = without_drift(frame_of(ticks), drift), drift.kept, []
-    while True:
-        idle = [i for i, index in enumerate(kept) if not np.any(E[..., i])]
-        if not idle:
-            return replace(drift, unread=tuple(unread))
-        unread += [kept[i] for i in idle]
-        kept = [index for i, index in enumerate(kept) if i not in idle]
-        E = without_drift(frame_of(ticks), replace(drift, unread=tuple(unread)))
-
-
-def _shifts(drawn, watched):
-    """Return the shifts that nothing opposes and that something reads.
-
-    A part of the loop that only watches a drifting position need not be at rest.
-    """
-    living = drawn.living(watched)
-    if living is drawn:
-        return shifts(drawn)
-    known = {each.block.name for each in living.placed}
-    alone = [shift for shift in shifts(drawn) if not any(name.partition(".")[0] in known for name in shift)]
-    return (shifts(living) if living.placed else []) + alone
-
-
-SAME = 1e-9  # relative difference of two factors of a shift, up to which it does not depend on the numbers
-
-
-def _alike(one, two):
-    return abs(one - two) <= SAME * max(abs(one), abs(two))
-
-
-def without_drift(E: np.ndarray, drift: Drift) -> np.ndarray:
-    """Return the frame's matrix less identity without its drift, `(..., k, k)`: its eigenvalues are the others.
-
-    States that a lead moves by constant factors are counted from it. Factors V that depend on the numbers of a loop are found
-    in its frame: with the leads S and the others R, `E_R V = -E_S` by columns, since nothing changes along a shift. The others
-    then follow `E_RR - V E_SR`, which has no eigenvalue 0. All rows are kept and weighted alike, since which of them follows
-    from the others depends on the combination that the loop conserves, and a lead need not be a part of it.
-    """
-    leads, unread = [lead for lead, _ in drift.moved], () if drift.folded else drift.unread
-    index = [i for i in range(len(drift.states)) if i not in leads and i not in unread]
-    if len(index) < E.shape[-1]:
-        E, whole = E[..., np.array(index, int)[:, None], index], E
-        for lead, others in drift.moved:
-            for state, factor in others:
-                if state in index:
-                    E[..., index.index(state), :] -= factor * whole[..., lead, index]
-    if not drift.folded:
-        return E
-    folded = np.array([index.index(lead) for lead in drift.folded], int)
-    rest = np.array([i for i in range(len(index)) if i not in folded], int)
-    V = _solution(E[..., rest], -E[..., folded])
-    E = E[..., rest[:, None], rest] - V @ E[..., folded[:, None], rest]
-    kept = [i for i, at in enumerate(rest.tolist()) if index[at] not in drift.unread]
-    return E[..., kept, :][..., kept]
-
-
-def _solution(A, b):
-    """Return the solution of more equations than unknowns that do not contradict each other, each of weight 1.
-
-    NaN if A is not finite.
-    """
-    size = np.abs(A).max(-1, keepdims=True, initial=0)
-    with np.errstate(all="ignore"):
-        weight = np.where(size > 0, 1 / size, 1.0)
-        finite = np.isfinite(A).all((-1, -2), keepdims=True)
-        Q, R = np.linalg.qr(np.where(finite, A * weight, 0.0))
-        found = solve(R, np.swapaxes(Q.conj(), -1, -2) @ np.where(finite, b * weight, 0.0))
-    return np.where(finite, found, np.nan)
-
-
-def closed_frame(drawn: Drawn, drift: Drift) -> np.ndarray:
-    """Return the frame-to-frame matrix less identity, without drift, `(..., k, k)`.
-
-    Loops of fewer than two states are filled up with eigenvalues at 0 of the frame.
-    """
-    return closed(ticks_of(drawn, alone=True), drift)
-
-
-def closed(ticks: Ticks, drift: Drift) -> np.ndarray:
-    """`closed_frame` for ticks that are connected already."""
-    E = without_drift(frame_of(ticks), drift)
-    missing = 2 - E.shape[-1]
-    if missing <= 0:
-        return E
-    whole = np.zeros((*E.shape[:-2], 2, 2), E.dtype)
-    whole[..., : E.shape[-1], : E.shape[-1]] = E
-    for i in range(E.shape[-1], 2):
-        whole[..., i, i] = -1.0
-    return whole

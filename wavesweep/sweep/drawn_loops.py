@@ -32,7 +32,8 @@ from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.lifted import Cut
 from wavesweep.lifted.number import OpenTicks, cut_at_number
-from wavesweep.lifted.periodic import Drift, closed, closed_frame, drift_of_drawn, ticks_of
+from wavesweep.lifted.periodic import ticks_of
+from wavesweep.lifted.tick_drift import TickDrift, closed, closed_frame, drift_of_drawn
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.grid import groups, selected
 from wavesweep.sweep.tasks import FELT, TINY, felt_at_ends, records_of, with_batch
@@ -81,7 +82,7 @@ def _unsolvable(drawing, items):
 
 def drift_of(
     drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], out: str = "", watched=(), actual: bool = False
-) -> Drift:
+) -> TickDrift:
     """The drift of loops of one structure; see `tame_pair` and `drift_of_drawn`."""
     return _drift(*tame_pair(drawing, values, own, out, actual), tuple(watched))
 
@@ -92,7 +93,7 @@ def _drift(one, other, watched):
         return drift_of_drawn(one, other, watched)
 
 
-def frames(drawing: Drawing | Uneven, values: Mapping[str, object], drift: Drift) -> np.ndarray:
+def frames(drawing: Drawing | Uneven, values: Mapping[str, object], drift: TickDrift) -> np.ndarray:
     """Frame-to-frame matrices less identity, without drift, `(..., n, n)`."""
     return _closed(drawing, values, drift)[0]
 

@@ -11,7 +11,8 @@ from wavesweep.analysis.simulation.drawn import components, run_drawn, simulate_
 from wavesweep.diagram import blocks
 from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.errors import UsageError
-from wavesweep.lifted.periodic import closed_frame, drift_of_drawn, ticks_of
+from wavesweep.lifted.periodic import ticks_of
+from wavesweep.lifted.tick_drift import closed_frame, drift_of_drawn
 
 
 def by_matrices(drawn, force, signals):

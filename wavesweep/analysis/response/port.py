@@ -8,7 +8,8 @@ import numpy as np
 from wavesweep.analysis.response.ticks import ENTRIES, both, long_sum
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
-from wavesweep.lifted.periodic import Drift, in_a_row, then, ticks_of
+from wavesweep.lifted.periodic import in_a_row, then, ticks_of
+from wavesweep.lifted.tick_drift import TickDrift
 
 STILL = 1e-9  # of the terms of a shift, what is rounding
 
@@ -54,7 +55,7 @@ class Port:
         return replace(self, kind=np.roll(self.kind, -first))
 
 
-def port_of(drawn: Drawn, ports: Ports, drift: Drift) -> Port:
+def port_of(drawn: Drawn, ports: Ports, drift: TickDrift) -> Port:
     """Return the loop as it is seen from its port.
 
     The displacement of a tick is the difference of two positions, so the position has to be a state alone: that of a plant.

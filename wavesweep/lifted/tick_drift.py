@@ -1,0 +1,157 @@
+"""The drift of a loop that is assembled tick by tick, found in two drawings of it, and frames without it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wavesweep.diagram.drawn import Drawn, shifts
+from wavesweep.lifted.circle import solve
+from wavesweep.lifted.periodic import Ticks, frame_of, ticks_of
+
+RANK = 1e-12  # of the largest singular value of a frame of tame numbers, up to which the smallest is 0
+SAME = 1e-9  # relative difference of two factors of a shift, up to which it does not depend on the numbers
+
+
+@dataclass(frozen=True, slots=True)
+class TickDrift:
+    """The drift of a drawn loop, by structure.
+
+    states: those of the frame. moved: pairs of a lead and the states that move with it by constant factors,
+    `(lead, ((state, factor), ...))`. folded: leads whose shift depends on the numbers of the loop. unread: states that nothing
+    reads once the leads are gone, in the order of their removal. ramp: a state that may rest anywhere, with the others, while
+    leads move at constant rates, as a position that an integrator reads does: a second eigenvalue 1; None if there is none. All
+    are indices into `states`.
+    """
+
+    states: tuple[str, ...]
+    moved: tuple
+    folded: tuple[int, ...]
+    unread: tuple[int, ...]
+    ramp: int | None = None
+
+    @property
+    def kept(self) -> list[int]:
+        """Indices of the states that remain."""
+        gone = {lead for lead, _ in self.moved} | set(self.folded) | set(self.unread)
+        return [index for index in range(len(self.states)) if index not in gone]
+
+
+def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> TickDrift:
+    """Find the drift from two drawings of the loop with different tame numbers; see `shifts`.
+
+    watched: the outputs with which `ticks_of` will be called, since these determine which outputs are states that hold.
+
+    A shift that is the same in both is constant. If it differs, it is eliminated numerically (see `without_drift`).
+    """
+    ticks = ticks_of(tame, watched, alone=True)
+    at, (first, second) = {name: i for i, name in enumerate(ticks.states)}, (_shifts(each, watched) for each in (tame, other))
+    moved, folded = [], []
+    for one, two in zip(first, second, strict=True):
+        lead, *rest = one
+        if one.keys() == two.keys() and all(_alike(one[name], two[name]) for name in one):
+            moved.append((at[lead], tuple((at[name], one[name]) for name in rest if name in at)))
+        else:
+            folded.append(at[lead])
+    drift = TickDrift(ticks.states, tuple(moved), tuple(folded), ())
+    E, kept, unread = without_drift(frame_of(ticks), drift), drift.kept, []
+    while True:
+        idle = [i for i, index in enumerate(kept) if not np.any(E[..., i])]
+        if not idle:
+            break
+        unread += [kept[i] for i in idle]
+        kept = [index for i, index in enumerate(kept) if i not in idle]
+        E = without_drift(frame_of(ticks), replace(drift, unread=tuple(unread)))
+    drift = replace(drift, unread=tuple(unread))
+    ramp = _at_rest_anywhere(E) if moved and not folded else None
+    if ramp is None or _at_rest_anywhere(without_drift(frame_of(ticks_of(other, watched, alone=True)), drift)) is None:
+        return drift
+    return replace(drift, ramp=kept[ramp])
+
+
+def _at_rest_anywhere(E):
+    """Return the index of a state that a frame less identity may leave anywhere, with the others; None if it has full rank."""
+    size = np.abs(E)
+    rows = E / np.maximum(size.max(-1, keepdims=True, initial=0.0), np.finfo(float).tiny)
+    scaled = rows / np.maximum(np.abs(rows).max(-2, keepdims=True, initial=0.0), np.finfo(float).tiny)
+    if not E.size or not np.isfinite(scaled).all():
+        return None
+    _, values, right = np.linalg.svd(scaled)
+    return int(np.argmax(np.abs(right[-1]))) if values[-1] <= RANK * values[0] else None
+
+
+def _shifts(drawn, watched):
+    """Return the shifts that nothing opposes and that something reads.
+
+    A part of the loop that only watches a drifting position need not be at rest.
+    """
+    living = drawn.living(watched)
+    if living is drawn:
+        return shifts(drawn)
+    known = {each.block.name for each in living.placed}
+    alone = [shift for shift in shifts(drawn) if not any(name.partition(".")[0] in known for name in shift)]
+    return (shifts(living) if living.placed else []) + alone
+
+
+def _alike(one, two):
+    return abs(one - two) <= SAME * max(abs(one), abs(two))
+
+
+def without_drift(E: np.ndarray, drift: TickDrift) -> np.ndarray:
+    """Return the frame's matrix less identity without its drift, `(..., k, k)`: its eigenvalues are the others.
+
+    States that a lead moves by constant factors are counted from it. Factors V that depend on the numbers of a loop are found
+    in its frame: with the leads S and the others R, `E_R V = -E_S` by columns, since nothing changes along a shift. The others
+    then follow `E_RR - V E_SR`, which has no eigenvalue 0. All rows are kept and weighted alike, since which of them follows
+    from the others depends on the combination that the loop conserves, and a lead need not be a part of it.
+    """
+    leads, unread = [lead for lead, _ in drift.moved], () if drift.folded else drift.unread
+    index = [i for i in range(len(drift.states)) if i not in leads and i not in unread]
+    if len(index) < E.shape[-1]:
+        E, whole = E[..., np.array(index, int)[:, None], index], E
+        for lead, others in drift.moved:
+            for state, factor in others:
+                if state in index:
+                    E[..., index.index(state), :] -= factor * whole[..., lead, index]
+    if not drift.folded:
+        return E
+    folded = np.array([index.index(lead) for lead in drift.folded], int)
+    rest = np.array([i for i in range(len(index)) if i not in folded], int)
+    V = along(E[..., rest], -E[..., folded])
+    E = E[..., rest[:, None], rest] - V @ E[..., folded[:, None], rest]
+    kept = [i for i, at in enumerate(rest.tolist()) if index[at] not in drift.unread]
+    return E[..., kept, :][..., kept]
+
+
+def along(A, b) -> np.ndarray:
+    """Return the solution of more equations than unknowns that do not contradict each other, each of weight 1.
+
+    NaN if A is not finite.
+    """
+    size = np.abs(A).max(-1, keepdims=True, initial=0)
+    with np.errstate(all="ignore"):
+        weight = np.where(size > 0, 1 / size, 1.0)
+        finite = np.isfinite(A).all((-1, -2), keepdims=True)
+        Q, R = np.linalg.qr(np.where(finite, A * weight, 0.0))
+        found = solve(R, np.swapaxes(Q.conj(), -1, -2) @ np.where(finite, b * weight, 0.0))
+    return np.where(finite, found, np.nan)
+
+
+def closed_frame(drawn: Drawn, drift: TickDrift) -> np.ndarray:
+    """Return the frame-to-frame matrix less identity, without drift, `(..., k, k)`.
+
+    Loops of fewer than two states are filled up with eigenvalues at 0 of the frame.
+    """
+    return closed(ticks_of(drawn, alone=True), drift)
+
+
+def closed(ticks: Ticks, drift: TickDrift) -> np.ndarray:
+    """`closed_frame` for ticks that are connected already."""
+    E = without_drift(frame_of(ticks), drift)
+    missing = 2 - E.shape[-1]
+    if missing <= 0:
+        return E
+    whole = np.zeros((*E.shape[:-2], 2, 2), E.dtype)
+    whole[..., : E.shape[-1], : E.shape[-1]] = E
+    for i in range(E.shape[-1], 2):
+        whole[..., i, i] = -1.0
+    return whole
