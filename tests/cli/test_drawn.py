@@ -48,6 +48,11 @@ def test_the_plane_of_a_drawn_wall(run):
     code, text, results = run("zwidth", "wall.toml")
     assert (code, "all 5 rows certified" in text) == (0, True)
     assert read(results / "wall" / "zwidth.csv")["along"].tolist() == ["K"] * 5
+    rotational = "numbers.K={ value=100, unit='N*m/rad', description='wall' }"
+    code, text, results = run("zwidth", "wall.toml", "--set", rotational)
+    assert (code, "N*m/rad with K = " in text) == (0, True)
+    fields, _ = described(results / "wall" / "zwidth.datapackage.json")
+    assert {fields[name]["unit"] for name in ("low", "high", "felt_low", "felt_high")} == {"N*m/rad"}
     code, text, _ = run("zwidth", "arm.toml")
     assert (code, "arm.toml:24:2: ports: expected wall = {" in text) == (2, True)
 

@@ -145,7 +145,8 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
         yield f"  {_delay(found['delay'])}"
     if found["stable"] and found["felt"]:
         stiffness, damping = _units_felt(spec)
-        yield f"  felt at low frequency: {_felt(found['felt'], stiffness, damping)}"
+        wall = spec.drawing is None or spec.drawing.wall is not None
+        yield f"  felt at low frequency: {_felt(found['felt'], stiffness, damping, wall=wall)}"
     if found["stable"]:
         yield f"  slowest mode: {_slowest(found['slowest'])}"
     if found["channel_norm"] is not None:
@@ -216,11 +217,11 @@ def _units_felt(spec: Spec) -> list[str]:
     return [unit or usual for unit, usual in zip((*units, ""), ("N/m", "N*s/m"), strict=False)]
 
 
-def _felt(felt: Facts, *units: str) -> str:
+def _felt(felt: Facts, *units: str, wall: bool = True) -> str:
     stiffness, damping = felt["stiffness"], felt["damping"]
     if stiffness is None and damping is None:
         return "not known"
-    late = damping is not None and damping < 0 and stiffness is not None and stiffness > 0
+    late = wall and damping is not None and damping < 0 and stiffness is not None and stiffness > 0
     known = (
         f"{name} not known" if value is None else f"{value:.{digits}g} {unit}"
         for name, value, unit, digits in zip(("stiffness", "damping"), (stiffness, damping), units, (6, 4), strict=True)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.analysis.doubt import DOUBTS, INCOMPLETE
-from wavesweep.results.schema import numbers_of
+from wavesweep.results.schema import felt_unit, numbers_of
 from wavesweep.spec import find_key
 from wavesweep.spec.spec import K_VE_SPAN
 
@@ -121,7 +121,12 @@ class IntervalTally:
     def _felt_numbers(self) -> dict[str, Any] | None:
         if not self._felt.row:
             return None
-        return {"value": self._felt.value, "unit": "N/m", "with": self._felt.row["value"], **self._where(self._felt)}
+        return {
+            "value": self._felt.value,
+            "unit": felt_unit(self._facts),
+            "with": self._felt.row["value"],
+            **self._where(self._felt),
+        }
 
     def _where(self, extreme: Extreme) -> dict[str, Any]:
         place = extreme.place()
@@ -171,7 +176,7 @@ class IntervalTally:
         if found is None:
             return ""
         wall = f" with {self._along} = {found['with']:.6g}{self._unit(self._along)}{self._gap(self._felt.row['low'])}"
-        return f"stiffest wall as the hand feels it: {found['value']:.6g} N/m{wall}{self._place(found)}"
+        return f"stiffest wall as the hand feels it: {found['value']:.6g} {found['unit']}{wall}{self._place(found)}"
 
     def feels_the_wall(self) -> bool:
         """Whether the stiffest wall and the stiffest felt are the same, as with direct coupling."""

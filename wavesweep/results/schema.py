@@ -217,8 +217,9 @@ def fields(
     if kind not in TABLES:
         raise WavesweepError(f"no table is called {kind!r}, expected one of {', '.join(TABLES)}")
     own = numbers_of(facts)
-    unit = _axis(along, own).unit
-    columns = [replace(field, unit=unit) if field.name in ("low", "high") else field for field in TABLES[kind]]
+    units = dict.fromkeys(("low", "high"), _axis(along, own).unit)
+    units |= dict.fromkeys((field.name for field in _FELT), felt_unit(facts))
+    columns = [replace(field, unit=units.get(field.name, field.unit)) for field in TABLES[kind]]
     first = [columns.pop(0)] if kind == "compare" else []  # the spec comes before the axes
     wanted = set(extra)
     columns[1:1] = [field for field in (_HAND,) if field.name in wanted]
@@ -240,6 +241,13 @@ def fields_of(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any] | 
     # A whole number that only some specs of a comparison have is missing in the others.
     rough = {name for name in axes if getattr(columns[name], "dtype", np.dtype(object)) == np.float64}
     return tuple(replace(each, kind="number") if each.name in rough and each.kind == "integer" else each for each in found)
+
+
+def felt_unit(facts: Mapping[str, Any] | None) -> str:
+    """Give the unit of the stiffness that is felt: that of the wall of a drawn loop, which may turn and not slide."""
+    wall = (facts or {}).get("spec", {}).get("ports", {}).get("wall", {})
+    number = numbers_of(facts).get(wall.get("stiffness", ""))
+    return (number and number.unit) or "N/m"
 
 
 def numbers_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
