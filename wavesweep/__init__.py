@@ -16,14 +16,17 @@ _HOMES = {
     ),
     **dict.fromkeys(("WavesweepError", "UsageError", "SpecError", "IllPosedLoopError", "CheckpointError"), "wavesweep.errors"),
 }
-__all__ = ["__version__", *_HOMES]  # noqa: PLE0604 - the names are strings
+_STAGES = ("results",)  # modules with functions for users
+__all__ = ["__version__", *_HOMES, *_STAGES]  # noqa: PLE0604 - the names are strings
 
 
 def __getattr__(name):
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
+    if name in _STAGES:
+        return import_module(f"{__name__}.{name}")
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(_HOMES[name]), name)
 
 

@@ -139,6 +139,21 @@ def test_the_summary_names_intervals_holes_and_the_largest_stiffness(wavesweep, 
     assert len(sweep.seen) == 1
 
 
+@pytest.mark.parametrize(
+    ("name", "override", "said"),
+    [
+        ("zwidth", "B_VE=2", "--set B_VE=2 has no effect here: B_VE is swept; --set sweep.B_VE=... changes its values\n"),
+        ("zwidth", "environment.K_VE=2", "--set environment.K_VE=2 has no effect here"),
+        ("zwidth", "device.mass=2", ""),
+        ("bode", "B_VE=2", ""),
+    ],
+)
+def test_a_value_of_a_number_that_is_swept_is_said_to_have_no_effect(name, override, said, wavesweep, sweep, spec):
+    code, _, err = wavesweep(name, spec, "--no-plot", "--set", override)
+    assert (code, said in err, "no effect" in err) == (0, True, bool(said))
+    assert len(sweep.seen) == 1
+
+
 def test_the_summary_can_be_one_json_object_on_stdout(wavesweep, sweep, spec):
     code, out, err = wavesweep("zwidth", spec, "--no-plot", "--json")
     assert (code, err) == (0, "")

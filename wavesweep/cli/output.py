@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 Line = tuple[str, bool]  # a message, and whether it is a warning
 Progress = Callable[..., None]
 FIRST_WORD = 10.0  # s after which a run without a terminal says that it goes on
+INTERVALS = ("zwidth", "stability-region", "compare")  # commands that sweep all axes of [sweep]
 MOST_CHANGES = 5  # of a spec that are listed
 
 
@@ -82,7 +83,23 @@ def produce(
         for table in tables[1:]:
             say(f"the table {table.kind} is left out, since stdout takes one; --out DIR writes it")
     changed = results.changes(before, tables[0].facts) if before and before.get("spec_place") == place else []
+    if notices := [line for each in specs for line in _without_effect(kinds[0], each, options.overrides)]:
+        finished[0] = finished[0]._replace(notices=[*dict.fromkeys(notices), *finished[0].notices])
     _report(kinds[0], specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
+
+
+def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Iterator[str]:
+    """Yield a notice for each number that --set gives a value of its own although the command sweeps it."""
+    from wavesweep.spec import SYMBOLS
+
+    table = "bode" if command == "bode" else "sweep"
+    swept = {axis.path for axis in getattr(spec, table) if axis.values or command in INTERVALS}
+    swept |= {SYMBOLS["K_VE"]} if command == "zwidth" else set()
+    for each in overrides if command in (*INTERVALS, "bode", "passivity") else ():
+        name = each.partition("=")[0].strip()
+        key = spec.names.find(name)
+        if key is not None and key.path in swept:
+            yield f"--set {each} has no effect here: {name} is swept; --set {table}.{name}=... changes its values"
 
 
 def _report(

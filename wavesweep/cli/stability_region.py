@@ -27,7 +27,7 @@ def command(spec: str, options: Options, hands: Hands | None) -> None:
     \b
     Examples:
       wavesweep stability-region sweeps/examples/impedance.toml
-      wavesweep stability-region mine.toml --set sweep.along=b --set 'sweep.b={start = 5, stop = 100}'
+      wavesweep stability-region mine.toml --set 'sweep={along = "b", b = {start = 5, stop = 100}, B_VE = [1, 5]}'
     """
     from wavesweep.cli.output import produce_intervals
 

@@ -31,7 +31,7 @@ def command(spec: str, options: Options, hands: Hands | None) -> None:
     \b
     Examples:
       wavesweep zwidth sweeps/paper/fig4.toml
-      wavesweep zwidth mine.toml --set b=40 --set 'sweep.B_VE=[0, 1, 5]'
+      wavesweep zwidth mine.toml --set device.mass=0.2 --set 'sweep.B_VE=[0, 1, 5]'
     """
     from wavesweep.cli.output import produce_intervals
 
