@@ -2,6 +2,7 @@
 
 import pathlib
 import re
+import shlex
 import shutil
 
 import pytest
@@ -26,7 +27,7 @@ def test_the_page_runs_from_its_beginning_to_its_end(tmp_path, monkeypatch, caps
     commands = steps()
     assert len(commands) == 7
     for command, expected in commands:
-        _, *words = command.split()
+        _, *words = shlex.split(command)
         code = main(words)
         seen = capsys.readouterr()
         printed = [line.rstrip() for line in (seen.out + seen.err).splitlines()]

@@ -8,6 +8,7 @@ from wavesweep.cli import main
 from wavesweep.controllers import CONTROLLERS, MEANINGS
 from wavesweep.spec import KEYS, STUDY_KEYS, SYMBOLS
 from wavesweep.spec.block_types import TYPES
+from wavesweep.spec.design import WISHES
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.keys import AXIS_KEYS
 
@@ -115,3 +116,15 @@ def test_the_tables_of_a_drawn_loop_are_explained(capfd):
         assert name in capfd.readouterr().out
     assert main(["keys", "block.buterworth"]) == 2
     assert capfd.readouterr().err.strip().endswith("did you mean block.butterworth?")
+
+
+def test_the_tables_of_design_are_explained(wavesweep):
+    code, out, _ = wavesweep("keys", "design.wish")
+    assert (code, all(f"  {wish} (" in out for wish in WISHES)) == (0, True)
+    code, out, _ = wavesweep("keys", "design.wish", "--json")
+    assert json.loads(out)["design.wish"]["wishes"]["z_width"]["bound"] == "at_least"
+    code, out, _ = wavesweep("keys", "design")
+    for name in ("seed", "population", "generations"):
+        assert f"design.{name}" in out
+    for name in ("design.vary.b", "numbers.kp", "ports.hand", "design.for_all"):
+        assert wavesweep("keys", name)[0] == 0

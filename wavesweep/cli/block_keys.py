@@ -1,4 +1,4 @@
-"""The tables of a drawn loop, explained for `wavesweep keys`."""
+"""The tables of a drawn loop and of [design], explained for `wavesweep keys`."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 from wavesweep.errors import UsageError
 from wavesweep.spec.block_types import EVERY, PHASE, TICK_HZ, TYPES, BlockType
 from wavesweep.spec.checking import expectation, nearest, show
+from wavesweep.spec.design import WISHES, WishKind
 from wavesweep.spec.keys import Key
 
 LISTS = {
@@ -23,24 +24,31 @@ TABLES = {
         "hand = { force = NAME, displacement = expression, reaction = expression } for bode, passivity and simulate; "
         "wall = { stiffness = number, damping = number } for zwidth"
     ),
-    "design": (
-        "vary: numbers with their ranges, as axes have them; wish: quantities with bounds and their walls; for_all: devices, "
-        "hands (hand = { mass, damping, stiffness }), delays and ratios (one key/another), of which the worst counts; seed, "
-        "population and generations of the search"
+    "design.vary": "numbers that the search may change: NAME = { start, stop, scale } or a list of choices",
+    "design.wish": "NAME = { at_least or at_most = bound, ... }; without a bound the quantity is to be as good as possible",
+    "design.for_all": (
+        "what each design has to hold for, of which the worst counts: NAME = [values] of device, hand, delay or a ratio "
+        '("one key/another"); hand = { mass = [...], damping = [...], stiffness = [...] }'
     ),
     "rates.tick_hz": f"{TICK_HZ.description} (Hz): {expectation(TICK_HZ)}, or an expression in numbers",
 }
 
 
 def is_drawn(name: str) -> bool:
-    """Whether a name belongs to a drawn loop."""
-    return name in TABLES or name.partition(".")[0] in ("block", *TABLES)
+    """Whether a name belongs to one of these tables."""
+    return _table(name) != "" or name.partition(".")[0] == "block"
+
+
+def _table(name):
+    """The table that a name is, or is in; empty if it is none of these."""
+    return next((table for table in TABLES if name == table or name.startswith(f"{table}.")), "")
 
 
 def lines(name: str) -> Iterator[str]:
-    """Yield lines about a table of a drawn loop, all types of blocks, or one of them. Raises UsageError for any other name."""
-    if name in TABLES:
-        yield f"[{name}]  {TABLES[name]}" if "." not in name else f"{name}: {TABLES[name]}"
+    """Yield lines about one of these tables, all types of blocks, or one of them. Raises UsageError for any other name."""
+    if table := _table(name):
+        yield f"{table}: {TABLES[table]}" if table.startswith("rates") else f"[{table}]  {TABLES[table]}"
+        yield from (_wish(wish, kind) for wish, kind in WISHES.items() if table == "design.wish")
         return
     if name == "block":
         width = max(map(len, TYPES))
@@ -62,10 +70,20 @@ def lines(name: str) -> Iterator[str]:
 
 def record(name: str) -> dict[str, Any]:
     """The same as JSON."""
-    if name in TABLES:
-        return {name: {"description": TABLES[name]}}
+    if table := _table(name):
+        wishes = {
+            wish: {"unit": kind.unit, "bound": kind.bound, "options": list(kind.options), "description": kind.description}
+            for wish, kind in WISHES.items()
+            if table == "design.wish"
+        }
+        return {table: {"description": TABLES[table]} | ({"wishes": wishes} if wishes else {})}
     kinds = TYPES if name == "block" else {_kind(name): TYPES[_kind(name)]}
     return {f"block.{kind}": _of_type(each) for kind, each in kinds.items()}
+
+
+def _wish(name: str, kind: WishKind) -> str:
+    options = f"; options: {', '.join(kind.options)}" if kind.options else ""
+    return f"  {name} ({'without unit' if kind.unit == '1' else kind.unit}, {kind.bound}): {kind.description}{options}"
 
 
 def _kind(name):

@@ -12,6 +12,7 @@ import click
 from wavesweep.cli import block_keys
 from wavesweep.errors import UsageError
 from wavesweep.spec.checking import expectation, nearest, show
+from wavesweep.spec.design import DESIGN_KEYS
 from wavesweep.spec.devices import DEVICES, HapticDevice
 from wavesweep.spec.keys import AXIS_KEYS, KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
 
@@ -19,6 +20,7 @@ STUDIES = ("sweep", "bode")
 AXES = {f"{study}.AXIS.{part}": key for study in STUDIES for part, key in AXIS_KEYS.items()}
 TABLES = ("sweep", "bode", "simulate")
 EVERY = KEYS | {path: key for table in TABLES for path, key in (STUDY_KEYS | AXES).items() if path.startswith(f"{table}.")}
+EVERY |= {key.path: key for key in DESIGN_KEYS.values()}
 EACH_AXIS = (
     f"AXIS is one of {' '.join(SYMBOLS)} or the path of any other number, such as device.damping. It takes a list of\n"
     "values, or { start, stop, num, scale }."
@@ -102,6 +104,7 @@ def _table(keys: Mapping[str, Key]) -> Iterator[str]:
         values = "" if _takes(key) in ("number", "string") else f" ({_takes(key)})"
         yield "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)) + f"  {key.description}{values}"
     yield ""
+    yield "[design] has the tables vary, wish and for_all besides: `wavesweep keys design.vary` and so on."
     yield "A spec can draw its loop in place of [controller]: `wavesweep keys block`, numbers, wire, ports, rates.tick_hz."
     yield "Columns: key, unit, default, meaning and values. `wavesweep keys KEY` says more about a key."
 
