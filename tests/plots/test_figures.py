@@ -1,10 +1,13 @@
 """Figures: each kind of table can be drawn, small and always the same; what they look like, a person has to judge."""
 
+import pathlib
 import struct
 
 import numpy as np
 import pytest
 
+import wavesweep
+import wavesweep.sweep
 from wavesweep import plots
 from wavesweep.plots import chosen
 from wavesweep.plots.layout import lay_out
@@ -109,3 +112,25 @@ def test_what_is_not_known_is_hatched(plane, bars):
         doubt = np.where(np.arange(len(table["b" if name == "bars" else "B_VE"])) == 2, "search", table["doubt"]).astype(object)
         hatched = plots.zwidth({**table, "doubt": doubt, "certified": doubt == ""}, {})
         assert png(hatched) != png(plots.zwidth({**table, "certified": doubt == ""}, {}))
+
+
+def test_short_axes_are_bars_of_all_their_combinations():
+    """Up to 16 in a panel; of more the last axes are held."""
+    layout = lay_out({"g": [0.0, 1.0, 3.0], "zeta": [1.0, 2.0], "n": [5.0, 10.0]}, {})
+    assert (layout.family, layout.panels, dict(layout.fixed), layout.left_out) == ("g", "zeta", {}, "")
+    assert layout.bars == [{"g": g, "n": n} for g in (0.0, 1.0, 3.0) for n in (5.0, 10.0)]
+    held = lay_out({"g": range(8), "zeta": [1.0, 2.0], "n": [5.0, 10.0, 20.0]}, {})
+    assert (held.bars[:2], dict(held.fixed)) == ([{"g": 0}, {"g": 1}], {"n": 10.0})
+    assert "n at 10 alone" in held.left_out
+
+
+def test_the_bars_of_a_recipe_show_every_row():
+    """Two panels of six bars each, and a stroke for each end that stability sets."""
+    source = pathlib.Path(wavesweep.__file__).parents[1] / "sweeps" / "recipes" / "policy.toml"
+    table = wavesweep.sweep.intervals(wavesweep.load(source))
+    figure = plots.stability_region(table.columns, table.facts)
+    shown = [axes for axes in figure.axes if axes.patches]
+    assert [len(axes.get_yticks()) for axes in shown] == [6, 6]
+    ends = sum(len(lines.get_segments()) for axes in shown for lines in axes.collections)
+    assert ends == np.isfinite(table.columns["low_omega"]).sum() + np.isfinite(table.columns["high_omega"]).sum()
+    assert {text.get_text() for axes in shown for text in axes.get_yticklabels()} >= {"g = 3, n = 5 ms"}

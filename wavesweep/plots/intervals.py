@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.chosen import Kept
-from wavesweep.plots.layout import Layout, axes_of, best_of, best_row, is_logarithmic, lay_out
+from wavesweep.plots.layout import MOST_BARS, Layout, axes_of, best_of, best_row, is_logarithmic, lay_out
 from wavesweep.plots.planes import (
     FELT_LINE,
     draw_felt,
@@ -98,7 +98,8 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
     width = ONE_COLUMN if across == 1 else TWO_COLUMNS
     entries = _entries(columns, facts, layout, best, _own_points(facts, layout, panels))
     in_a_row = fitting([str(entry.get_label()) for entry in entries], width)
-    height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + 0.17 * -(-len(entries) // in_a_row)
+    more = 0.12 * down * max(0, len(layout.bars) - MOST_BARS) if layout.x is None else 0.0
+    height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + more + 0.17 * -(-len(entries) // in_a_row)
     with figure(width, height) as canvas:
         grid = canvas.subplots(down, across, sharex=True, sharey=True, squeeze=False)
         for axes, value in zip(grid.flat, panels, strict=False):
@@ -127,8 +128,8 @@ def _mark_best(axes: Any, layout: Layout, best: Mapping[str, Any], panel: float)
         return
     if layout.x is not None:
         axes.plot(best[layout.x], best["high"], **_BEST)
-    elif layout.family is None or best[layout.family] in layout.members:
-        axes.plot(best["high"], layout.members.index(best[layout.family]) if layout.family else 0, **_BEST)
+    elif (own := {name: best[name] for name in layout.bars[0]}) in layout.bars:
+        axes.plot(best["high"], layout.bars.index(own), **_BEST)
 
 
 def _own_points(facts: Mapping[str, Any], layout: Layout, panels: Sequence[float]) -> tuple[list[float], list[float]]:
@@ -157,8 +158,8 @@ def _draw_panel(axes: Any, columns: Columns, facts: Mapping[str, Any], layout: L
         looks, names = [HANDS[hand][0] for hand in members], list(members)
         members = list(members.values())
     else:
-        members = [_rows_where(columns, layout.family, value) for value in layout.members or (np.nan,)]
-        looks, names = family_looks(len(members)), [f"{v:g}" for v in layout.members]
+        members = [_rows_with(columns, values) for values in layout.bars]
+        looks, names = family_looks(len(members)), [_name_of(values, facts) for values in layout.bars]
     if layout.x is None:
         draw_bars(axes, members, names, [look.colour for look in looks] if "hand" in columns else ())
         return
@@ -201,6 +202,19 @@ def _limit(axes: Any, columns: Columns, bars: bool) -> None:
     (axes.set_xlim if bars else axes.set_ylim)(limits)
 
 
+def _rows_with(columns: Columns, values: Mapping[str, float]) -> dict[str, np.ndarray]:
+    for axis, value in values.items():
+        columns = _rows_where(columns, axis, value)
+    return dict(columns)
+
+
+def _name_of(values: Mapping[str, float], facts: Mapping[str, Any]) -> str:
+    """The name of a bar: its value if the bars have one axis, otherwise its values with their names."""
+    if len(values) <= 1:
+        return "".join(f"{value:g}" for value in values.values())
+    return ", ".join(valued(name, value, facts) for name, value in values.items())
+
+
 def _rows_where(columns: Columns, axis: str | None, value: float) -> dict[str, np.ndarray]:
     chosen = slice(None) if axis is None else columns[axis] == value
     return {name: column[chosen] for name, column in columns.items()}
@@ -213,7 +227,7 @@ def _name_axes(canvas: Any, columns: Columns, layout: Layout, facts: Mapping[str
     width = int(_LETTERS_PER_INCH * canvas.get_figwidth())
     note = [*wrap(layout.left_out, width), *wrap(_assumed(facts), width)]
     canvas.supxlabel("\n".join([along if bars else label(layout.x, facts), *note]), fontsize=8)
-    across = (label(layout.family, facts) if layout.family else "") if bars else along
+    across = (label(layout.family, facts) if layout.family and not layout.beside else "") if bars else along
     if across:
         canvas.supylabel(across, fontsize=8)
 

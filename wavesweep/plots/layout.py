@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -12,6 +14,7 @@ import numpy as np
 MOST_MEMBERS = 8
 MOST_PANELS = 6
 MOST_BARS = 8
+MOST_COMBINATIONS = 16  # of several axes, as bars of one panel
 MOST_POINTS = 400  # along the figure: more than that is finer than its pixels
 
 
@@ -23,6 +26,7 @@ class Layout:
     points   the values of x that are drawn
     panels   the axis with a panel for each value, None if there is one panel; `panel_values` those drawn
     family   the axis whose values are lines (or bars) of one panel, None if there are none; `members` those drawn
+    beside   further axes and their values, if each combination of them and the family is a bar
     fixed    the value at which each remaining axis is held
     left_out note on the values that the figure does not show; empty if it shows all of them
     """
@@ -33,8 +37,15 @@ class Layout:
     panel_values: tuple[float, ...]
     family: str | None
     members: tuple[float, ...]
+    beside: Mapping[str, tuple[float, ...]]
     fixed: Mapping[str, float]
     left_out: str
+
+    @property
+    def bars(self) -> list[dict[str, float]]:
+        """The values of the axes of each bar, or of each line of a family."""
+        axes = ({self.family: self.members} if self.family else {}) | dict(self.beside)
+        return [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
 
     def shows(self, columns: Mapping[str, np.ndarray]) -> np.ndarray:
         """Flags of the rows that the figure shows."""
@@ -67,12 +78,15 @@ def lay_out(axes: Mapping[str, Sequence[float]], best: Mapping[str, float], hand
     points = evenly(several, x, MOST_POINTS, best)
     panel_values = evenly(several, panels, MOST_PANELS, best)
     members = evenly(several, family, MOST_MEMBERS if x else MOST_BARS, best)
-    fixed = {name: best.get(name, several[name][len(several[name]) // 2]) for name in held if name}
+    beside = {name: several[name] for name in held if name}
+    if x is not None or hands or len(members) * prod(map(len, beside.values())) > MOST_COMBINATIONS:
+        beside = {}
+    fixed = {name: best.get(name, several[name][len(several[name]) // 2]) for name in held if name and name not in beside}
     shown = ((x, points), (panels, panel_values), (family, members))
     notes = [f"{len(v)} of {len(several[n])} values of {n}" for n, v in shown if n and len(v) < len(several[n])]
     notes += [f"{name} at {value:g} alone, of {len(several[name])} values" for name, value in fixed.items()]
     said = f"Shown: {'; '.join(notes)}." if notes else ""
-    return Layout(x, points, panels, panel_values, family, members, fixed, said)
+    return Layout(x, points, panels, panel_values, family, members, beside, fixed, said)
 
 
 def along_the_figure(several: Mapping[str, Sequence[float]]) -> str | None:
