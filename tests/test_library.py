@@ -141,3 +141,25 @@ def test_a_file_that_is_no_table_is_refused(text, tmp_path):
     for name in ("zwidth.csv", "zwidth.parquet")[text.startswith("a,a") :]:
         with pytest.raises(UsageError, match="expected a whole table"):
             wavesweep.results.read(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: wavesweep.compile(3), "expected a path, or nested tables as a dict, found 3"),
+        (lambda: wavesweep.zwidth({"controller": {"kind": "dc"}}, checkpoint=3), "checkpoint: expected a folder, found 3"),
+        (lambda: wavesweep.results.read(None), "expected the path of a CSV or Parquet file, found None"),
+        (
+            lambda: wavesweep.compile({"controller": {"kind": "dc"}}).spectral_radius(**{"controller.kind": ["dc"]}),
+            r"controller\.kind: expected the name of a numeric key, did you mean controller\.(?!kind)",
+        ),
+    ],
+)
+def test_what_is_no_path_and_no_number_is_refused_in_a_sentence(call, message):
+    with pytest.raises(wavesweep.UsageError, match=message):
+        call()
+
+
+def test_a_path_may_be_bytes(tmp_path):
+    (tmp_path / "direct.toml").write_text('[controller]\nkind = "dc"\n')
+    assert wavesweep.load(bytes(tmp_path / "direct.toml")).name == "direct"

@@ -230,7 +230,7 @@ class Loop:
             raise UsageError(f"expected the name of a numeric key, found {name!r:.60}")
         key = names.find(name)
         if key is None or not key.numeric:
-            hint = nearest(name, (*names.symbols, *names.keys))
+            hint = nearest(name, (*names.symbols, *(path for path, each in names.keys.items() if each.numeric)))
             raise UsageError(f"{name}: expected the name of a numeric key" + (f", did you mean {hint}?" if hint else ""))
         return key
 

@@ -45,6 +45,15 @@ def test_a_wrong_token_gets_403(client, method, path, body, token):
     assert (status, text) == (403, "403 Forbidden\n")
 
 
+def test_the_address_without_its_last_slash_leads_to_the_page(client):
+    connection = http.client.HTTPConnection("127.0.0.1", client.server.server_address[1], timeout=30)
+    connection.request("GET", f"/{client.server.token}")
+    answer = connection.getresponse()
+    connection.close()
+    assert (answer.status, answer.getheader("Location")) == (308, f"/{client.server.token}/")
+    assert client.send("GET", "")[0] == 200
+
+
 def test_a_token_that_begins_right_gets_403(client):
     assert client.send("GET", "", token=client.server.token[:-1])[0] == 403
     assert client.send("GET", "", token=client.server.token + "A")[0] == 403

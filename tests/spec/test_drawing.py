@@ -88,7 +88,7 @@ def test_the_stiffness_of_the_wall_is_k_ve():
         sweep_axes(load(tomllib.loads(PD)), "K_VE")
 
 
-SOURCE = "the output of a block, the hand's force or a number"
+SOURCE = "the output of a block, a number, or the force of [ports] hand"
 LINEAR = "arithmetic that is linear in the signals"
 TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
 

@@ -88,8 +88,10 @@ class Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """The page, and the connection that it keeps open."""
-        name = self._asked()
-        if name == "":
+        name, address = self._asked(), self.path.partition("?")[0]
+        if name == "" and not address.endswith("/"):  # the page asks beside its own address
+            self._head(HTTPStatus.PERMANENT_REDIRECT, "text/plain; charset=utf-8", 0, place=f"{address}/")
+        elif name == "":
             self._send(HTTPStatus.OK, self.server.page().encode(), "text/html; charset=utf-8")
         elif name == "alive":
             self._stay()
@@ -152,9 +154,11 @@ class Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
         self.wfile.flush()
 
-    def _head(self, status: HTTPStatus, kind: str, length: int | None) -> None:
+    def _head(self, status: HTTPStatus, kind: str, length: int | None, place: str = "") -> None:
         self.send_response(status)
         self.send_header("Content-Type", kind)
+        if place:
+            self.send_header("Location", place)
         for name, value in zip(HEADERS, POLICY, strict=True):
             self.send_header(name, value)
         if length is not None:

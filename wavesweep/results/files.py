@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -97,6 +98,8 @@ def read(path: str | Path) -> dict[str, np.ndarray]:
     a column of a CSV follows from its name, or from the data package beside it.
     Raises UsageError for a file of another kind, or one that is no table; OSError if it cannot be read.
     """
+    if not isinstance(path, (str, os.PathLike)):
+        raise UsageError(f"expected the path of a CSV or Parquet file, found {path!r:.60}")
     path = Path(path)
     if path.suffix not in (".csv", ".parquet"):
         raise UsageError(f"{path}: found the suffix {path.suffix!r}, expected .csv or .parquet")

@@ -99,13 +99,15 @@ def packaged_facts(package: Path) -> dict[str, Any]:
 def packaged_fault(csv: Path, package: Path) -> str:
     """Give the reason why a CSV is not the table that the package beside it describes, empty if it is."""
     if not packaged_facts(package):
-        return f"expected the data package of wavesweep, {package.name}, beside the table, found none"
+        found = "a damaged one; use the Parquet file, or compute the table again" if package.is_file() else "none"
+        return f"expected the data package of wavesweep, {package.name}, beside the table, found {found}"
     described = json.loads(package.read_text(encoding="utf-8"))["resources"][0]
     here = file_facts(csv)
     if here["hash"] == described.get("hash"):
         return ""
     expected = f"expected the {described.get('bytes')} bytes that {package.name} describes"
-    return f"{expected}, found {here['bytes']} other ones: the file is torn or was changed"
+    found = f"found {here['bytes']} other ones: the file is torn or was changed"
+    return f"{expected}, {found}; use the Parquet file, or compute the table again"
 
 
 def add_figures(package: Path, kind: str, figures: Sequence[Path]) -> None:

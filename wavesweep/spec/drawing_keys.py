@@ -68,7 +68,9 @@ class KeyReader:
             return None
         self.read.update(name for name, _ in names_in(tree))
         known = {*self.numbers, *(self.signals if signals else ())}
-        expected = "the output of a block, the hand's force or a number" if signals else "the name of a number in [numbers]"
+        expected = (
+            "the output of a block, a number, or the force of [ports] hand" if signals else "the name of a number in [numbers]"
+        )
         faults = [f for f in unknown(tree, known, expected) if not (signals and self.is_broken(leaf.value[f.offset :]))]
         for fault in faults:
             self.fault(path, leaf, fault)

@@ -37,7 +37,7 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
             raise UsageError("a spec: expected nested tables, found one that contains itself") from None
     else:
         try:
-            path = os.fspath(source)
+            path = os.fsdecode(os.fspath(source))
         except TypeError:
             raise UsageError(f"a spec: expected a path, or nested tables as a dict, found {source!r:.60}") from None
         tables, place = read_file(path)

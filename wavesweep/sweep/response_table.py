@@ -17,7 +17,7 @@ from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw, identity
 from wavesweep.diagram.assembly import assembled
 from wavesweep.diagram.uneven import RATIO, Uneven, steps_of
-from wavesweep.errors import UsageError
+from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of, ports_of_groups, radius_of
 from wavesweep.sweep.grid import keys_of, make_grid, refuse_rows
@@ -267,7 +267,10 @@ def _refuse_aliases(grid, frequency):
     own = spec.drawing.rate(spec.values) if spec.drawing else spec.values[name]
     limit = min(*rates[0], np.inf) / 2 if rates else own / 2
     if frequency.size and frequency.max() > limit:
-        raise UsageError(f"bode.frequency_hz: expected at most half of {name} = {limit:g} Hz, found {frequency.max():g}")
+        expected, found = f"at most half of {name} = {limit:g} Hz", f"{frequency.max():g}"
+        if np.array_equal(frequency, spec.frequency_hz):
+            raise SpecError([spec.mistake("bode.frequency_hz", expected, found)])
+        raise UsageError(f"bode.frequency_hz: expected {expected}, found {found}")
 
 
 def _block(values, frequency):

@@ -6,7 +6,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from numbers import Integral
+from os import PathLike
 from pathlib import Path
+from types import NoneType
 
 from wavesweep.errors import UsageError
 from wavesweep.sweep.checkpoint import DamagedError, MemoryCheckpoint, blocks, checkpoint_of
@@ -40,6 +42,8 @@ class Work:
             raise UsageError(f"jobs: expected a whole number >= 1, found {self.jobs!r}")
         if self.scheduler is not None and self.backend != "dask":
             raise UsageError(f'scheduler: expected backend = "dask" beside it, found {self.backend!r}')
+        if not isinstance(self.checkpoint, (str, PathLike, NoneType)):
+            raise UsageError(f"checkpoint: expected a folder, found {self.checkpoint!r:.60}")
         object.__setattr__(self, "checkpoint", self.checkpoint and Path(self.checkpoint))
 
 
