@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 @pytest.mark.parametrize(("family", "seed"), [("wild", 7), ("unstable_inside", 45), ("unstable_inside", 147)])
 def test_modes_that_overflow_or_are_too_few_are_no_warning(family, seed):
     """Defective frames that grow by tens of decades: NaN among the modes leads to a solve, not to a crash."""
-    assert responses.judge(seed, family) is not None
+    assert all(judged.excess <= 1 for judged in responses.judge(seed, family))
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -28,9 +28,12 @@ def test_responses_of_usual_loops_hold_in_ball_arithmetic(seed):
 
 
 @pytest.mark.parametrize("family", responses.RESPONSES)
-@pytest.mark.parametrize("seed", range(5))
-def test_no_response_is_further_off_than_its_bound(family, seed):
-    for judged in responses.judge(seed, family) or []:
+def test_no_response_is_further_off_than_its_bound(family):
+    """Some loops are refused, and some responses are beyond the witness, but not most of them."""
+    asked = sum(len(responses.question(seed, family)[1]) for seed in range(5))
+    found = [judged for seed in range(5) for judged in responses.judge(seed, family) or []]
+    assert len(found) >= 0.5 * asked
+    for judged in found:
         assert judged.excess <= 1, judged
 
 

@@ -1,7 +1,7 @@
 """Both loops, tick by tick: the model's equations in their order, with the effects of hardware.
 
-`CONTROLLERS` lists the kinds of controller that the simulator has a law for. It is the only place outside the drawings
-that asks for a kind by name, because no law here is derived from a drawing (see the package).
+`CONTROLLERS` lists the kinds of controller that the simulator has a law for, since no law here is derived from a drawing (see
+the package).
 """
 
 from __future__ import annotations
