@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wavesweep import plots
-from wavesweep.analysis.simulation import simulated_columns
+from wavesweep.analysis.simulation import simulated, table
 from wavesweep.plots.simulation import _extremes, _spans
 from wavesweep.results import fields
 from wavesweep.spec import load
@@ -16,7 +16,7 @@ def simulation(kind="pmw-lm", **simulate):
     """The columns and facts of a simulation."""
     loop = {"controller": {"kind": kind}, "operator": {"stiffness": 100.0}}
     spec = load(loop | {"simulate": {"frequency_hz": 1} | simulate}).as_simulated()
-    return simulated_columns(spec), {"spec": spec.tables()}
+    return table(simulated(spec)), {"spec": spec.tables()}
 
 
 def _facts(kind):

@@ -1,6 +1,18 @@
-"""A short search for the worst hand, for tests of all that comes after the search."""
+"""The worst hand of a box, and a short search for it, for tests of all that comes after the search."""
+
+from types import SimpleNamespace
+
+import numpy as np
 
 from wavesweep.analysis.passivity import hand
+
+
+def worst_hand(values, box, by="radius"):
+    """The worst hand with the spec's own wall, and the loop's spectral radius and least damping ratio with it."""
+    K, B = np.array([values["environment.K_VE"]], float), values["environment.B_VE"]
+    hands, radius, damping = hand.worst_hands(values, box, K, B, by)
+    parts = dict(zip(("mass", "damping", "stiffness"), hands[0].tolist(), strict=True))
+    return SimpleNamespace(**parts, spectral_radius=float(radius[0]), damping_ratio=float(damping[0]))
 
 
 def quick_search(monkeypatch):

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from support.published import colgate_schenkel
 from support.search import quick_search
 
-from wavesweep.analysis.passivity import HandBox, box_intervals, colgate_schenkel, damping_needed, hand_box
+from wavesweep.analysis.passivity import HandBox, box_intervals, damping_needed, hand_box
 from wavesweep.analysis.passivity.hand import worst_modes
 from wavesweep.cli.summaries import HandTally
 from wavesweep.errors import UsageError

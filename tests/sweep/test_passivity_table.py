@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.analysis import simulation
 from wavesweep.analysis.passivity import channel_norm, port_margin
-from wavesweep.analysis.simulation import simulated_columns
 from wavesweep.spec import find_key, load
 from wavesweep.sweep import passivity, passivity_table, workers
 
@@ -100,7 +100,7 @@ def test_the_library_gives_the_same_table():
 def test_the_library_simulates_what_it_is_given():
     spec = load({"controller": {"kind": "pmw"}, "simulate": {"duration_s": 0.1}})
     table = wavesweep.compile(spec).simulate(np.ones(40), friction=0.1)
-    expected = simulated_columns(spec, np.ones(40), friction=0.1)
+    expected = simulation.table(simulation.simulated(spec, np.ones(40), friction=0.1))
     assert list(table.columns) == list(expected)
     assert np.array_equal(table["x"], expected["x"])
     assert len(wavesweep.compile(spec).simulate()) == 100

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from support.published import colgate_schenkel
+from support.search import worst_hand
 
-from wavesweep.analysis.passivity.hand import HandBox, worst_hand, worst_modes
-from wavesweep.analysis.passivity.passive_hand import any_hand_walls, colgate_schenkel, damping_needed, port_passive_walls
+from wavesweep.analysis.passivity.hand import HandBox, worst_modes
+from wavesweep.analysis.passivity.passive_hand import any_hand_walls, damping_needed, port_passive_walls
 from wavesweep.analysis.passivity.port import port_margin
 
 ENCODER = {"device.velocity": "difference"}

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from support.growth import growth_rate
+from support.search import worst_hand
 
 from wavesweep.analysis.intervals import stable_intervals
-from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, cut_with_hands, worst_hand, worst_modes
+from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, cut_with_hands, worst_modes
 from wavesweep.analysis.passivity.hand_box import box_intervals
 
 LOOPS = {

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.analysis.simulation import hand_force, simulated, simulated_columns, table
+from wavesweep.analysis.simulation import hand_force, simulated, table
 from wavesweep.errors import UsageError
 from wavesweep.results import fields
 from wavesweep.spec import load
@@ -78,7 +78,7 @@ def test_a_call_that_makes_no_sense_is_refused(force, changes, words):
 
 @pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm", "pmw", "pmw-lm"])
 def test_the_table_has_the_same_columns_for_every_controller(kind):
-    columns = simulated_columns(spec(kind, late=3, dropped=0.2))
+    columns = table(simulated(spec(kind, late=3, dropped=0.2)))
     assert list(columns) == [field.name for field in fields("simulate")]
     assert {len(column) for column in columns.values()} == {500}
     missing = {name for name, column in columns.items() if np.isnan(column).any()}
@@ -100,4 +100,4 @@ def test_no_infinity_gets_into_the_table_of_a_loop_that_diverges():
 
 
 def test_an_experiment_without_a_tick_has_a_table_without_a_row():
-    assert {len(column) for column in simulated_columns(spec(), []).values()} == {0}
+    assert {len(column) for column in table(simulated(spec(), [])).values()} == {0}

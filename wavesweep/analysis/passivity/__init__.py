@@ -2,13 +2,12 @@
 
 from wavesweep.analysis.passivity.channel import ChannelNorm, channel_norm, filter_table, sufficient_order
 from wavesweep.analysis.passivity.damping import port_damping_needed
-from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, WorstHand, swing_with_hand, worst_hand
+from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, swing_with_hand
 from wavesweep.analysis.passivity.hand_box import BoxIntervals, box_intervals
 from wavesweep.analysis.passivity.passive_hand import (
     DampingNeeded,
     PassiveWalls,
     any_hand_walls,
-    colgate_schenkel,
     damping_needed,
     port_passive_walls,
 )
@@ -22,11 +21,9 @@ __all__ = [
     "HandBox",
     "PassiveWalls",
     "PortMargin",
-    "WorstHand",
     "any_hand_walls",
     "box_intervals",
     "channel_norm",
-    "colgate_schenkel",
     "damping_needed",
     "filter_table",
     "port_damping_needed",
@@ -34,5 +31,4 @@ __all__ = [
     "port_passive_walls",
     "sufficient_order",
     "swing_with_hand",
-    "worst_hand",
 ]

@@ -127,60 +127,30 @@ FINEST = 1e-9  # of a range, at which the search stops
 STEPS = 60  # or after so many looks around, on a ridge that goes on and on
 ROUNDING = 1e-13  # a measure that rises by no more than this has not risen
 NEIGHBOURS = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-METHOD = "searched: grid, edges, spread and pattern search, verified by eigenvalues; no proof that no hand is worse"
-
-
-@dataclass(frozen=True, slots=True)
-class WorstHand:
-    """A hand (kg, N*s/m, N/m), the loop's spectral radius and least damping ratio with it, and the search that found it."""
-
-    mass: float
-    damping: float
-    stiffness: float
-    spectral_radius: float
-    damping_ratio: float
-    evaluations: int
-    method: str = METHOD
-
-    @property
-    def stable(self) -> bool:
-        """Whether the loop is stable with this hand, drift aside."""
-        return self.spectral_radius < 1
-
-
-def worst_hand(values, box: HandBox, by: str = "radius") -> WorstHand:
-    """The hand of the box with the largest spectral radius, or `by="damping"` with the least damping ratio.
-
-    values: flat keys, numbers. The search: GRID hands along each range, EDGE along each edge and SPREAD all over the box, the
-    SEEDS best of each improved together by looking at all 26 neighbours at a distance that shrinks when none is worse and
-    grows when one is, faces and corners of the box included.
-    Accuracy: the place to 1e-9 of the ranges unless the search is caught in a lesser maximum or on a ridge; the tests
-    hold it against 10,000 sampled hands.
-    """
-    K, B = values["environment.K_VE"], values["environment.B_VE"]
-    hands, radius, damping, count = worst_hands(values, box, np.array([K], float), B, by)
-    return WorstHand(*hands[0].tolist(), float(radius[0]), float(damping[0]), count)
 
 
 def worst_hands(values, box: HandBox, K_VE, B_VE, by: str = "radius", known=()):
-    """The same for several walls `K_VE` `(walls,)` at once: (hands `(walls, 3)`, radius, damping, evaluations).
+    """The hand of the box with the largest spectral radius, or `by="damping"` with the least damping ratio, for each wall.
 
-    known: hands `(n, 3)` to start from besides those of the grid.
+    values: flat keys, numbers. K_VE: `(walls,)`, N/m. known: hands `(n, 3)` to start from besides those of the grid. Returned:
+    the hands `(walls, 3)` (kg, N*s/m, N/m), and the spectral radius and the damping ratio with each, `(walls,)`. The search:
+    GRID hands along each range, EDGE along each edge and SPREAD all over the box, the SEEDS best of each improved together by
+    trying all 26 neighbours at a distance that shrinks when none is worse and grows when one is, faces and corners of the box
+    included.
+    Accuracy: the place to 1e-9 of the ranges unless the search is caught in a lesser maximum or on a ridge; the tests hold it
+    against 10,000 sampled hands.
     """
     measure = {"radius": 0, "damping": 1}[by]
     sign = (1, -1)[measure]
-    count = 0
 
     def badness(share):
-        nonlocal count
-        count += share[..., 0].size
         walls = np.broadcast_to(K_VE.reshape(-1, *[1] * (share.ndim - 2)), share.shape[:-1]).reshape(-1)
         found = worst_modes(values, box.points(share).reshape(-1, 3), walls, B_VE)[measure]
         return sign * found.reshape(share.shape[:-1])
 
     share = _improved(*_seeds(box, badness, K_VE.size, np.reshape(known, (-1, 3))), _free(box), badness)
     hands = box.points(share)
-    return hands, *worst_modes(values, hands, K_VE, B_VE), count
+    return hands, *worst_modes(values, hands, K_VE, B_VE)
 
 
 def _free(box):

@@ -137,7 +137,7 @@ def _unstable_hands(values, box, left, known):
     """Hands with which a probe of one of the pieces is unstable beyond doubt."""
     low, high = (np.array([getattr(piece, end) for piece in left])[:, None] for end in ("low", "high"))
     probes = (low + (high - low) * PROBES).reshape(-1)
-    hands, _, damping, _ = worst_hands(values, box, probes, values["environment.B_VE"], "damping", known)
+    hands, _, damping = worst_hands(values, box, probes, values["environment.B_VE"], "damping", known)
     return np.unique(hands[damping < -SAME], axis=0)
 
 

@@ -34,16 +34,6 @@ class DampingNeeded:
         return self.responsive & self.certified & (damping > self.damping + SURE * (1 + np.abs(self.damping)))
 
 
-def colgate_schenkel(stiffness, damping, period):
-    """d* of one sampled wall: `K T/2 + |B|` (N*s/m), B by the backward difference.
-
-    stiffness K (N/m), damping B (N*s/m), period T (s). J. E. Colgate, G. G. Schenkel, Passivity of a class of
-    sampled-data systems: application to haptic interfaces, Journal of Robotic Systems 14(1), 37-47, 1997. The device is
-    passive with a continuous hand exactly when its own damping is larger.
-    """
-    return stiffness * period / 2 + np.abs(damping)
-
-
 def damping_needed(values) -> DampingNeeded | None:
     """Least damping d* of device and hand with which the loop is stable whatever else, passive, the hand is.
 
@@ -54,8 +44,9 @@ def damping_needed(values) -> DampingNeeded | None:
     take nothing in the end. The held force takes `f_m dx`. So all of it is passive for a continuous hand exactly when
     `d/T + C` is positive real, C the lifted map from the frame's displacements to its forces:
     `d* = -T min lambda(He C)`, the smallest eigenvalue of the Hermitian part over all frequencies. At one rate this is
-    Colgate and Schenkel's `b > K T/2 + |B|`. The condition at the port for held forces (`port_margin`) is weaker: it
-    asks nothing of hands whose force moves within the tick, and lets the device's mass help.
+    `b > K T/2 + |B|` (J. E. Colgate, G. G. Schenkel, Passivity of a class of sampled-data systems: application to haptic
+    interfaces, Journal of Robotic Systems 14(1), 37-47, 1997). The condition at the port for held forces (`port_margin`) is
+    weaker: it asks nothing of hands whose force moves within the tick, and lets the device's mass help.
     Waves without position feedback need infinite damping at any LP1: a motion at a multiple of the slow rate aliases to
     a wave that moves the avatar, and the force that this builds up stays.
     Accuracy: 1e-10 of d* and of 1 N*s/m; 1e-8 if zero frequency needs d*, since the position's pole is near.

@@ -11,7 +11,7 @@ walls and filters behind waves; `body`, `hardware` and `inputs` are the rest of 
 """
 
 from wavesweep.analysis.simulation.both_loops import CONTROLLERS, compile_loop, simulate
-from wavesweep.analysis.simulation.from_spec import hand_force, record_path, simulated, simulated_columns
+from wavesweep.analysis.simulation.from_spec import hand_force, record_path, simulated
 from wavesweep.analysis.simulation.hardware import Effects
 from wavesweep.analysis.simulation.inputs import Tone
 from wavesweep.analysis.simulation.record import Energy, Simulation, estimate, table
@@ -28,6 +28,5 @@ __all__ = [
     "record_path",
     "simulate",
     "simulated",
-    "simulated_columns",
     "table",
 ]

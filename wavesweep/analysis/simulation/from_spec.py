@@ -6,19 +6,12 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from wavesweep.analysis.simulation import inputs
 from wavesweep.analysis.simulation.both_loops import simulate
 from wavesweep.analysis.simulation.hardware import Effects, changed
 from wavesweep.analysis.simulation.inputs import Input
-from wavesweep.analysis.simulation.record import Simulation, table
+from wavesweep.analysis.simulation.record import Simulation
 from wavesweep.spec import Spec
-
-
-def simulated_columns(spec: Spec, force=None, **changes: Any) -> dict[str, np.ndarray]:
-    """Simulate a spec; the columns of the table `simulate`, a row per fast tick. spec, force, changes: see `simulated`."""
-    return table(simulated(spec, force, **changes))
 
 
 def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
