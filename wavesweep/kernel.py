@@ -14,6 +14,7 @@ from importlib.util import find_spec
 from wavesweep.errors import UsageError
 
 VARIABLE = "WAVESWEEP_KERNEL"
+ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")  # variables of libraries
 NUMPY, NUMBA = "numpy", "numba"
 _given: ContextVar[str] = ContextVar("kernel", default="")
 

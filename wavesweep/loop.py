@@ -18,7 +18,7 @@ from wavesweep.spec import SYMBOLS, Axis, Spec, load
 from wavesweep.spec.axes import NARROWEST_SPAN
 from wavesweep.spec.checking import nearest
 from wavesweep.sweep.drawn_loops import refuse_singular
-from wavesweep.sweep.grid import keys_of, loop_of
+from wavesweep.sweep.grid import keys_of, loop_of, make_grid
 
 
 def compile(source) -> "Loop | DrawnLoop":  # noqa: A001 - the name that the interface gives it
@@ -76,7 +76,6 @@ class Loop:
         value.
         Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md; see `analysis.intervals`.
         """
-        from wavesweep.sweep.grid import make_grid
         from wavesweep.sweep.interval_job import job_over
         from wavesweep.sweep.running import in_memory
 
@@ -92,7 +91,6 @@ class Loop:
         implicit function theorem, see `analysis.sensitivity`. Errors: UsageError if a spec would not accept a name or a value.
         Accuracy: elasticities to 1e-8 of themselves or of 1; if rounding could exceed that, a reason of doubt and no number.
         """
-        from wavesweep.sweep.grid import make_grid
         from wavesweep.sweep.why_table import sensitivities
 
         axis = self._along(along or self._usual, span)
@@ -173,8 +171,6 @@ class Loop:
 
         force, options: as for `simulate`.
         """
-        from wavesweep.spec import load
-
         tables = self.spec.as_simulated().tables()
         used = load(tables | {"simulate": tables["simulate"] | options}).as_simulated()
         return _figure("simulate", self.simulate(force, **options), used)

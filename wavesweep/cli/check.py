@@ -94,15 +94,12 @@ def command(
     return 0
 
 
-FIRST_WORD = 10.0  # s after which it says that it is still at work
-
-
 @contextmanager
 def _patience(name: str, quiet: bool) -> Iterator[None]:
     """Say once that the work goes on, if it takes long."""
     from threading import Timer
 
-    from wavesweep.cli.output import say
+    from wavesweep.cli.output import FIRST_WORD, say
 
     words = f"{name}: still at work; the ranges of loops with hundreds of states, such as long delays, take minutes"
     timer = Timer(FIRST_WORD, say, [words])

@@ -19,13 +19,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from wavesweep.errors import SpecError, WavesweepError
+from wavesweep.kernel import ONE_THREAD
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
 INTERRUPTED = 130
-# A BLAS reads these when numpy loads it. Workers have one thread each, and the last digits of responses depend on the number.
-ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 COMPLETING = "_WAVESWEEP_COMPLETE"  # set by the completion of a shell
 # Signals that stop a run, and what is said of them; the exit code is 128 and the signal's number, as in a shell.
 STOPPING = {"SIGINT": "Interrupted.", "SIGTERM": "Terminated.", "SIGHUP": "Hung up."}
@@ -148,6 +147,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     as_program = arguments is None
     if as_program:
         _replace_closed_streams()
+        # A BLAS reads these when numpy loads it. Workers have one thread, and last digits of responses depend on the number.
         for name in ONE_THREAD:
             os.environ.setdefault(name, "1")
     arguments = list(sys.argv[1:] if arguments is None else arguments)

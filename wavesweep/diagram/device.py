@@ -71,12 +71,15 @@ def impulse_and_step(damping, stiffness, period):
     return s, g
 
 
-def _taylor(damping, stiffness, terms=18):
-    """The same for a unit period; |damping| <= 1/2 and stiffness <= 1/16 make 18 terms exact to rounding."""
+TERMS = 18  # exact to rounding for |damping| <= 1/2 and stiffness <= 1/16
+
+
+def _taylor(damping, stiffness):
+    """The same for a unit period."""
     slope, curve = np.ones_like(damping), -damping
     s, g = slope + curve / 2, slope / 2 + curve / 6
     factorial = 2.0
-    for order in range(3, terms):
+    for order in range(3, TERMS):
         slope, curve = curve, -damping * curve - stiffness * slope
         factorial *= order
         s, g = s + curve / factorial, g + curve / (factorial * (order + 1))

@@ -164,13 +164,9 @@ def plane_of(curve: Curve) -> dict:
 INTERVAL = ("low", "high", "low_omega", "high_omega", "certified", "doubt", "residual", "felt_low", "felt_high")
 
 
-def stable_ranges(spec: Spec, path: str, span: tuple[float, float], cut: Cut | None = None) -> dict:
-    """The stable intervals of the spec's own design along a number within a span, as rows of the table of `zwidth`.
-
-    cut: the compiled loop, if it is known already.
-    """
-    axis = _axis(spec, path, (), span)
-    rows = in_memory(job_over(make_grid(spec, (), path), axis, cut))
+def stable_ranges(spec: Spec, path: str, span: tuple[float, float]) -> dict:
+    """The stable intervals of the spec's own design along a number within a span, as rows of the table of `zwidth`."""
+    rows = in_memory(job_over(make_grid(spec, (), path), _axis(spec, path, (), span)))
     columns = {name: rows[name].tolist() for name in INTERVAL}
     found = [dict(zip(INTERVAL, row, strict=True)) for row in zip(*columns.values(), strict=True)]
     stable = [row for row, count in zip(found, rows["intervals"].tolist(), strict=True) if count]

@@ -52,15 +52,11 @@ class PaperLoops:
         key = ("response", name, frequency_hz)
         return self._ask(key, name, readings, changes, lambda values, size: respond_to(draw(values), values, size, frequency))
 
-    def limit(self, name: str, reading: Reading = BASE[0], change: Change | None = None) -> float:
-        """Give the upper end of the stable K_VE that begin at 0.
+    def limits(self, name: str, readings: Sequence[Reading], change: Change | None = None) -> list[float]:
+        """Give the upper end of the stable K_VE that begin at 0, for each reading.
 
         inf if the searched range ends it, 0 if no stable interval begins there.
         """
-        return self.limits(name, [reading], change)[0]
-
-    def limits(self, name: str, readings: Sequence[Reading], change: Change | None = None) -> list[float]:
-        """Give the same for each reading."""
         return [one for (one,) in self.limit_families(name, readings, [change or {}])]
 
     def limit_families(self, name: str, readings: Sequence[Reading], changes: Sequence[Change]) -> list[list[float]]:

@@ -128,7 +128,7 @@ def build_design(leaves: Mapping[tuple[str, ...], Leaf], names: Names) -> tuple[
     vary = tuple(reader.varied())
     wishes = tuple(reader.wished())
     for_all, ratios, hand = reader.scenarios()
-    reader.refuse_nothing(vary, wishes)
+    reader.refuse_nothing(wishes)
     design = Design(vary, wishes, for_all, hand, ratios, settings, next(iter(leaves.values())).place.parent())
     scenarios = math.prod(
         len(values) for values in [*(axis.values for axis in for_all), *hand.values(), *(r[2] for r in ratios)]
@@ -274,7 +274,7 @@ class _Reader:
             found[part] = values
         return found
 
-    def refuse_nothing(self, vary, wishes):
+    def refuse_nothing(self, wishes):
         """Refuse a design without numbers to vary or wishes, or with more than two that have no bound."""
         if not self.parts["vary"]:
             self.refuse("vary", "at least one number to vary", "none")
@@ -283,4 +283,3 @@ class _Reader:
         free = [wish.name for wish in wishes if wish.bound is None]
         if len(free) > 2:
             self.refuse("wish", "at most two wishes without a bound", f"{len(free)}: {', '.join(free)}")
-        del vary

@@ -41,8 +41,6 @@ from wavesweep.sweep.tasks import FELT, TINY, felt_at_ends, records_of, with_bat
 Groups = tuple[tuple[np.ndarray, Mapping[str, object]], ...]
 FACTS = "pivot", "condition"  # of connected ticks; those of a frame are products
 SURE = 1e-6  # relative error up to which a stiffness counts as known
-EXACT = "one scalar gain of a frame: crossings of the unit circle from one real polynomial, proved, polished in state space"
-PANELS = "roots of the eigenvalues' critical functions on Chebyshev panels, proved by discs or signs, polished"
 
 
 @contextmanager

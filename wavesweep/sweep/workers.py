@@ -19,11 +19,10 @@ from dataclasses import dataclass
 from itertools import islice
 
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.kernel import chosen
+from wavesweep.kernel import ONE_THREAD, chosen
 from wavesweep.sweep.tasks import settle_in, timed
 
 EXTRAS = {"dask": "distributed", "ray": "ray"}  # backend, also the name of our extra -> the package that it needs
-ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 # Of processes that are started here: one BLAS thread each, since the matrices are small and the workers many; and no module
 # of the current folder, which Python would otherwise prefer to the standard library and to joblib.
 CHILDREN = dict.fromkeys(ONE_THREAD, "1") | {"PYTHONSAFEPATH": "1"}

@@ -45,16 +45,18 @@ def _terms(cut, theta):
         return terms_of(cut, w, read(cut.C, state) + cut.D[..., 0])
 
 
-def refined_curve(cut: Cut, window, points: int = 160, rounds: int = 4) -> tuple[np.ndarray, np.ndarray]:
+POINTS, HALVINGS = 160, 4  # angles of a curve at the start, and how often steps longer than a hundredth of a window are halved
+
+
+def refined_curve(cut: Cut, window) -> tuple[np.ndarray, np.ndarray]:
     """Return angles and walls along the curve, with small steps inside a window: `(n,)`, `(2, n)`.
 
-    cut: one loop. window: ((lowest, highest K_VE), (lowest, highest B_VE)). points: number of angles at the start. rounds:
-    number of times that steps longer than a hundredth of the window are halved.
+    cut: one loop. window: ((lowest, highest K_VE), (lowest, highest B_VE)).
     """
     low, high = np.asarray(window, float).T[:, :, None]
-    theta = np.concatenate([np.geomspace(1e-4, 0.1, points // 2), np.linspace(0.1, np.pi - 1e-6, points // 2 + 1)[1:]])
+    theta = np.concatenate([np.geomspace(1e-4, 0.1, POINTS // 2), np.linspace(0.1, np.pi - 1e-6, POINTS // 2 + 1)[1:]])
     walls = plane_curve(cut, theta)
-    for _ in range(rounds):
+    for _ in range(HALVINGS):
         with np.errstate(all="ignore"):
             place = (walls - low) / (high - low)
             near = (np.abs(place - 0.5) < 1).all(0)

@@ -23,7 +23,7 @@ class Peak:
     certified: np.ndarray
 
 
-def peak_by_levels(value_at, angles_at, loops: int, slack, start=START) -> Peak:
+def peak_by_levels(value_at, angles_at, loops: int, slack) -> Peak:
     """Maximise over the angle, for `loops` loops at once.
 
     value_at(owner, theta): the response of the loops `owner` at `theta`, both `(points,)`.
@@ -35,7 +35,7 @@ def peak_by_levels(value_at, angles_at, loops: int, slack, start=START) -> Peak:
     """
     value, theta = np.full(loops, -np.inf), np.zeros(loops)
     certified, active = np.zeros(loops, bool), np.arange(loops)
-    _raise(value, theta, value_at, active, np.broadcast_to(start, (loops, len(start))))
+    _raise(value, theta, value_at, active, np.broadcast_to(START, (loops, START.size)))
     for _ in range(RAISES):
         level = value[active] + slack(active, value[active])
         _raise(value, theta, value_at, active, _with_middles(angles_at(active, level)))
