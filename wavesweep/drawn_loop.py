@@ -7,10 +7,11 @@ import numpy as np
 
 from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.port import Ports, port_of
+from wavesweep.analysis.spectrum import radius_of
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
 from wavesweep.lifted.tick_drift import TickDrift, closed_frame, drift_of_drawn
-from wavesweep.sweep.drawn_loops import named_loops, radius_of
+from wavesweep.sweep.drawn_loops import named_loops
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from wavesweep.analysis.sensitivity import crossings_of, damping_ratio, followed
+from wavesweep.analysis.sensitivity import crossings_of, tracked_eigenvalue
+from wavesweep.analysis.spectrum import damping_ratio
 
 
 def matrices(r, blocks):
@@ -81,9 +82,9 @@ def test_a_mode_is_followed_through_others_that_come_near():
     """The eigenvalues s and 1 - s meet at 0.5, where the nearest value alone would not tell them apart."""
     s = np.linspace(0, 1, 97)[1:]
     path = np.stack([s, 1.0 - s], -1)[None].astype(complex)
-    assert followed(path, np.array([0j])) == 1
+    assert tracked_eigenvalue(path, np.array([0j])) == 1
     path = np.stack([s, 1 - s + 0.3j], -1)[None]
-    assert followed(path, np.array([0j])) == 1
+    assert tracked_eigenvalue(path, np.array([0j])) == 1
 
 
 def test_damping_ratios():

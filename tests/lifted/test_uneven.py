@@ -8,7 +8,7 @@ from scipy.linalg import expm
 from scipy.signal import butter, tf2ss
 
 import wavesweep
-from wavesweep.analysis.spectrum import spectral_radius
+from wavesweep.analysis.spectrum import radius_of, spectral_radius
 from wavesweep.diagram import CONTROLLERS, WALL, draw
 from wavesweep.diagram.assembly import FACTOR, PRODUCT, assembled
 from wavesweep.diagram.uneven import Uneven
@@ -19,7 +19,7 @@ from wavesweep.lifted.periodic import ticks_of
 from wavesweep.lifted.tick_drift import closed, closed_frame
 from wavesweep.spec import load
 from wavesweep.sweep import grid as grids
-from wavesweep.sweep.drawn_loops import drift_of, felt_of, frames, radius_of
+from wavesweep.sweep.drawn_loops import drift_of, felt_of, frames
 
 BASE = {"controller": {"Kp": 20.0}, "environment": {"K_VE": 700.0, "B_VE": 3.0}}
 

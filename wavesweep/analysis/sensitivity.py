@@ -140,7 +140,7 @@ def _growth(dE, mode):
     return 2 * (np.conj(z) * dz).real, 2 * np.abs(z) * off
 
 
-def followed(path, delta) -> np.ndarray:
+def tracked_eigenvalue(path, delta) -> np.ndarray:
     """Follow an eigenvalue less 1 from its value `delta` at the beginning of a path to the end of the path.
 
     path: eigenvalues less 1 at equal steps, `(rows, steps, n)`; delta: `(rows,)`. The next value is the one nearest to the
@@ -156,11 +156,3 @@ def followed(path, delta) -> np.ndarray:
             before, now = now, values[np.arange(nearest.size), nearest]
         ends.append(now)
     return np.where(ends[0] == ends[1], ends[0], np.nan)
-
-
-def damping_ratio(delta) -> np.ndarray:
-    """Return the damping ratio `-Re s/|s|` of eigenvalues `1 + delta = exp(s T)`, -1 to 1; NaN for the eigenvalues 1 and 0."""
-    with np.errstate(all="ignore"):
-        s = np.log1p(delta)
-        ratio = -s.real / np.abs(s)
-    return np.where(np.isfinite(ratio), ratio, np.nan)

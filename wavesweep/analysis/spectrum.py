@@ -24,6 +24,25 @@ def excess(delta):
         return 2 * delta.real + delta.real**2 + delta.imag**2
 
 
+def damping_ratio(delta) -> np.ndarray:
+    """Return the damping ratio `-Re s/|s|` of eigenvalues `1 + delta = exp(s T)`, -1 to 1; NaN for the eigenvalues 1 and 0."""
+    with np.errstate(all="ignore"):
+        s = np.log1p(delta)
+        ratio = -s.real / np.abs(s)
+    return np.where(np.isfinite(ratio), ratio, np.nan)
+
+
+def slowest(delta):
+    """Return, of eigenvalues less 1 `(..., n)`, the one that decays most slowly or grows most, `(...)`."""
+    return np.take_along_axis(delta, np.argmax(np.abs(1 + delta), -1)[..., None], -1)[..., 0]
+
+
+def radius_of(E) -> np.ndarray:
+    """Return the spectral radius of `I + E`; infinite if E is not finite."""
+    delta, finite = eigenvalues(E)
+    return np.where(finite, np.abs(1 + delta).max(-1, initial=0.0), np.inf)
+
+
 def is_stable(E) -> np.ndarray:
     """Return whether every eigenvalue of `I + E` is inside the unit circle; false if E is not finite."""
     delta, finite = eigenvalues(E)
@@ -36,8 +55,7 @@ def spectral_radius(cut: Cut, K_VE, B_VE) -> np.ndarray:
     cut: loops; K_VE (N/m), B_VE (N*s/m): numbers or arrays that broadcast with the batch.
     Accuracy: that of the eigenvalue, 1e-14 relative if it is well conditioned.
     """
-    delta, finite = eigenvalues(close(cut, K_VE, B_VE))
-    return np.where(finite, np.abs(1 + delta).max(-1, initial=0.0), np.inf)
+    return radius_of(close(cut, K_VE, B_VE))
 
 
 def count_outside(E):

@@ -15,6 +15,8 @@ from math import prod
 
 import numpy as np
 
+from wavesweep.analysis.rows import Rows
+
 NEIGHBOURS = 20  # of a place, itself included, and at most half of its kind
 LEAST = 6  # places of a kind; with fewer a population is not divided by kinds
 APART = 0.45  # of the generations, each kind of design by itself
@@ -30,7 +32,7 @@ BAD = 1e9  # more than any objective is, measured across the front
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Judged:
+class Judged(Rows):
     """Designs with their objectives and violations.
 
     genes: in [0, 1], `(designs, genes)`. objectives: to be made small, `(designs, objectives)`. violation: `(designs,)`, 0 if
@@ -40,15 +42,6 @@ class Judged:
     genes: np.ndarray
     objectives: np.ndarray
     violation: np.ndarray
-
-    def take(self, index) -> "Judged":
-        """Return some of the designs."""
-        return Judged(self.genes[index], self.objectives[index], self.violation[index])
-
-    def joined(self, other: "Judged") -> "Judged":
-        """Return these designs and others."""
-        pairs = ((self.genes, other.genes), (self.objectives, other.objectives), (self.violation, other.violation))
-        return Judged(*(np.concatenate(pair) for pair in pairs))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -116,7 +109,7 @@ def generations(
     yield best
     for number in range(1, count):
         if number == apart:
-            pool, places = best.joined(alive), together
+            pool, places = Judged.join([best, alive]), together
             alive = pool.take(np.argmin(_worth(best)(pool, places.weights[:, None]), axis=1))
         if look and number in [round(share * count) for share in LOOKS] and look(best):
             alive = judge(number, alive.genes)
@@ -125,7 +118,7 @@ def generations(
             continue
         x, local = _children(alive.genes, places, rng)
         children = judge(number, x)
-        best = best.joined(children)
+        best = Judged.join([best, children])
         best = best.take(undominated(best))
         alive = _settled(alive, children, best, places, local, rng)
         yield best

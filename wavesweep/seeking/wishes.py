@@ -7,14 +7,15 @@ from functools import cache
 import numpy as np
 
 from wavesweep.analysis.response import prepare, respond
-from wavesweep.analysis.spectrum import eigenvalues, spectral_radius
+from wavesweep.analysis.rows import Rows
+from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, slowest, spectral_radius
 from wavesweep.diagram import WALL, draw, keys_read
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.seeking.family import Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish
 from wavesweep.spec.resolving import longest_delay
-from wavesweep.sweep.grid import groups, selected
+from wavesweep.sweep.grid import distinct_rows, groups, selected
 from wavesweep.sweep.interval_table import at_points
 
 NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
@@ -27,16 +28,12 @@ DELAY = "environment.delay"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Worst:
+class Worst(Rows):
     """The worst value of each design, `(designs,)`, NaN if there is none; its scenario; whether all values are certified."""
 
     value: np.ndarray
     scenario: np.ndarray
     certified: np.ndarray
-
-    def at(self, index) -> "Worst":
-        """Return some of the designs."""
-        return Worst(self.value[index], self.scenario[index], self.certified[index])
 
 
 def evaluate(
@@ -71,7 +68,7 @@ def _stiffest(spec, points: Points, stop, wished) -> dict[str, Worst]:
     wished: whether the felt stiffness is needed.
     """
     axis = Axis("K_VE", WALL[0], (), 0.0, stop, False)
-    once, back = _distinct(points.changes, points.size)
+    once, back = distinct_rows(points.changes, points.size)
     some = points.some(once)
     value, felt, certified = np.zeros(once.size), np.zeros(once.size), np.ones(once.size, bool)
     for part, _ in _batches(spec, some):
@@ -166,7 +163,7 @@ def _ideal(spec, points, frequency):
     ideal = spec.with_values(kind)
     read = keys_read(ideal.values)
     changes = {path: column for path, column in points.changes.items() if path in read}
-    first, back = _distinct(changes, points.size)
+    first, back = distinct_rows(changes, points.size)
     some = Points(changes, (), points.shape).some(first)
     value, error = np.empty((first.size, frequency.size), complex), np.empty((first.size, frequency.size))
     for members, values in _batches(ideal, some):
@@ -184,7 +181,7 @@ def _channel(spec, wish, points):
 
     del wish
     read = {path: column for path, column in points.changes.items() if path.startswith(("filters.", "rates."))}
-    first, back = _distinct(read, points.size)
+    first, back = distinct_rows(read, points.size)
     some = Points(read, (), points.shape).some(first)
     norms, sure = np.zeros(first.size), np.ones(first.size, bool)
     for members, values in _batches(spec, some):
@@ -192,15 +189,6 @@ def _channel(spec, wish, points):
         if norm is not None:
             norms[members], sure[members] = norm.norm, norm.certified
     return norms[back], sure[back]
-
-
-def _distinct(columns, size):
-    if not columns:
-        return np.zeros(1, int), np.zeros(size, int)
-    _, first, back = np.unique(
-        np.stack(list(columns.values()), 1).astype(float), axis=0, return_index=True, return_inverse=True
-    )
-    return first, back.reshape(-1)
 
 
 def _port(spec, wish, points):
@@ -223,10 +211,7 @@ def _damping_ratio(spec, wish, points):
         cut = cut_at_wall(draw(values))
         delta, finite = eigenvalues(close(cut, *_walls(values, members.size)))
         delta = np.broadcast_to(delta, (members.size, delta.shape[-1]))
-        slowest = np.take_along_axis(delta, np.argmax(np.abs(1 + delta), -1)[:, None], -1)[:, 0]
-        with np.errstate(all="ignore"):
-            s = np.log1p(slowest)
-            value[members] = np.where(finite, -s.real / np.abs(s), np.nan)
+        value[members] = np.where(finite, damping_ratio(slowest(delta)), np.nan)
     return value, certified
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
 from math import prod
 
@@ -13,7 +13,7 @@ from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.response.drawn import at_rest
 from wavesweep.analysis.response.port import Port, Ports, port_of
 from wavesweep.analysis.response.resting import Resting, resting
-from wavesweep.analysis.spectrum import eigenvalues
+from wavesweep.analysis.spectrum import radius_of
 from wavesweep.diagram import WALL, items_of
 from wavesweep.diagram.assembly import (
     FACTOR,
@@ -143,8 +143,7 @@ class DrawnTask:
             slices.append(members[parts[-1].column])
         slices = np.concatenate(slices)
         order = np.argsort(slices, kind="stable")
-        whole = {f.name: np.concatenate([getattr(part, f.name) for part in parts])[order] for f in fields(Intervals)}
-        records = records_of(Intervals(**(whole | {"column": slices[order]})))
+        records = records_of(replace(Intervals.join(parts), column=slices).take(order))
         records["felt_low"] = records["felt_high"] = np.nan
         for members, values in self.groups if feels(self.drawing) else ():
             rows = np.flatnonzero(np.isin(records["slice"], members) & (records["intervals"] > 0))
@@ -238,12 +237,6 @@ def radii(grid) -> np.ndarray:
         refuse_unsuitable(drawing, values)
         found[members] = radius_of(frames(drawing, values, drift_of(drawing, values, spec.values)))
     return found
-
-
-def radius_of(E) -> np.ndarray:
-    """Largest modulus among the eigenvalues of `I + E`; infinite if E is not finite."""
-    delta, finite = eigenvalues(E)
-    return np.where(finite, np.abs(1 + delta).max(-1, initial=0.0), np.inf)
 
 
 def ports_of(spec, drawing: Drawing | Uneven) -> Ports:

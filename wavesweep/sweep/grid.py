@@ -228,6 +228,17 @@ def _distinct(columns, size):
     return sorted(np.split(order, np.flatnonzero(np.diff(label[order])) + 1), key=lambda part: part[0])
 
 
+def distinct_rows(columns: Mapping[str, np.ndarray], size: int) -> tuple[np.ndarray, np.ndarray]:
+    """The first of each distinct row of `size` rows, in the order of their values, and the number of its distinct row for each.
+
+    columns: arrays `(size,)` of numbers; none: all rows are the same.
+    """
+    if not columns:
+        return np.zeros(1, int), np.zeros(size, int)
+    _, first, back = np.unique(np.stack(list(columns.values()), axis=1), axis=0, return_index=True, return_inverse=True)
+    return first, back.reshape(-1)
+
+
 def selected(values: Mapping[str, object], part) -> dict:
     """The flat values of some of the loops; part: an index, a slice or an array of indices."""
     return {path: v[part] if np.ndim(v) else v for path, v in values.items()}

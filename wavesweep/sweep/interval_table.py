@@ -12,7 +12,7 @@ from wavesweep.analysis.doubt import words
 from wavesweep.diagram import WALL
 from wavesweep.errors import UsageError
 from wavesweep.spec import Axis, Spec
-from wavesweep.sweep.grid import groups, loop_of
+from wavesweep.sweep.grid import distinct_rows, groups, loop_of
 from wavesweep.sweep.interval_job import IntervalJob, bounds_within, job_of, task_over
 from wavesweep.sweep.job import cut_otherwise
 from wavesweep.sweep.running import Progress, Work, run
@@ -105,8 +105,8 @@ def at_points(
     count = len(next(iter(points.values())))
     drawing = loop_of(spec, points)
     of_walls = () if drawing else WALL
-    loops, loop = _distinct_rows({path: column for path, column in points.items() if path not in of_walls}, count)
-    walls, wall = _distinct_rows({path: column for path, column in points.items() if path in of_walls}, count)
+    loops, loop = distinct_rows({path: column for path, column in points.items() if path not in of_walls}, count)
+    walls, wall = distinct_rows({path: column for path, column in points.items() if path in of_walls}, count)
     if loops.size * walls.size > WASTE * count and count <= WASTE * loops.size:  # every point a loop with a wall of its own
         loops, loop, walls, wall = *(np.arange(count),) * 2, None, None
         parts = [(np.arange(count), loops, None)]
@@ -121,14 +121,6 @@ def at_points(
     records = np.concatenate(found)
     records = records[np.argsort(records["slice"], kind="stable")]
     return {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
-
-
-def _distinct_rows(columns, count):
-    """Index of the first point of each distinct row of the columns, and for each point the number of its row."""
-    if not columns:
-        return np.zeros(1, int), np.zeros(count, int)
-    _, first, back = np.unique(np.stack(list(columns.values()), axis=1), axis=0, return_index=True, return_inverse=True)
-    return first, back.reshape(-1)
 
 
 def _part(spec, drawing, axis, points, ties, felt, members, loops, walls, owner, wall_of):

@@ -13,13 +13,13 @@ from wavesweep.analysis.response import Modal, circle, gain_of, prepare, respond
 from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.drawn_gain import MOST_TICKS, worst_gain_of_port
 from wavesweep.analysis.response.port import frame_of_port
-from wavesweep.analysis.spectrum import spectral_radius
+from wavesweep.analysis.spectrum import radius_of, spectral_radius
 from wavesweep.diagram import draw, identity
 from wavesweep.diagram.assembly import assembled
 from wavesweep.diagram.uneven import RATIO, Uneven, steps_of
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
-from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of, ports_of_groups, radius_of
+from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of, ports_of_groups
 from wavesweep.sweep.grid import keys_of, make_grid, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
 from wavesweep.sweep.running import Progress, Run, Work, in_memory, run

@@ -6,7 +6,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Protocol
@@ -217,8 +217,7 @@ def solve(task: IntervalTask, drawn: dict[int, tuple] | None = None) -> Interval
         return replace(parts[0], column=slices[0])
     slices = np.concatenate(slices)
     order = np.argsort(slices, kind="stable")
-    whole = {f.name: np.concatenate([getattr(part, f.name) for part in parts])[order] for f in fields(Intervals)}
-    return Intervals(**(whole | {"column": slices[order]}))
+    return replace(Intervals.join(parts), column=slices).take(order)
 
 
 def _along_wall(task, values, walls, number, drawn):

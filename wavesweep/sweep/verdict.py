@@ -6,7 +6,7 @@ import numpy as np
 
 from wavesweep.analysis.response import felt, felt_map, prepare, respond
 from wavesweep.analysis.response.drawn import at_rest, respond_port
-from wavesweep.analysis.spectrum import eigenvalues
+from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, slowest
 from wavesweep.diagram import WALL, draw
 from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import WavesweepError
@@ -172,9 +172,10 @@ def _slowest(delta, period):
     """Of the mode that decays most slowly: s per factor e, damping ratio, and rad/s."""
     if not delta.size or np.abs(1 + delta).max() >= 1:
         return None
-    slowest = delta[np.argmax(np.abs(1 + delta))]
-    s = np.log1p(slowest) / period
-    return {"time_constant_s": _number(-1 / s.real), "damping_ratio": _number(-s.real / abs(s)), "omega": _number(abs(s.imag))}
+    mode = slowest(delta)
+    s = np.log1p(mode) / period
+    found = {"time_constant_s": -1 / s.real, "damping_ratio": float(damping_ratio(mode)), "omega": abs(s.imag)}
+    return {name: _number(value) for name, value in found.items()}
 
 
 def _channel_norm(values):

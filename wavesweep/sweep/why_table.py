@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.analysis.response import felt, felt_map
-from wavesweep.analysis.sensitivity import SLOPPY, STEP, Crossings, crossings_of, damping_ratio, followed
-from wavesweep.analysis.spectrum import eigenvalues
+from wavesweep.analysis.sensitivity import SLOPPY, STEP, Crossings, crossings_of, tracked_eigenvalue
+from wavesweep.analysis.spectrum import damping_ratio, eigenvalues
 from wavesweep.diagram import WALL, draw, state_labels
 from wavesweep.diagram import drift_of as drift_of_diagram
 from wavesweep.diagram.assembly import assembled
@@ -30,7 +30,7 @@ METHOD = (
 )
 BATCH = 2048  # frames at once
 MOVED = 1e-3  # of a number, where a real step takes the place of a complex one
-STEPS = 96  # in which a mode is followed into the interval
+STEPS = 96  # in which a mode is tracked_eigenvalue into the interval
 INSIDE = 0.1  # of the end: at this distance from it the damping of the mode is given
 NAMED, LEAST = 4, 0.05  # states of a mode that are named, and the least participation of one
 TEXTS = ("along", "end", "quantity", "unit", "states", "number", "number_unit", "doubt")
@@ -297,7 +297,7 @@ def _inside(loops, span, p, upper, crossings: Crossings) -> np.ndarray:
     steps = (p[:, None] + away[:, None] * (np.arange(1, STEPS + 1) / STEPS)).ravel()
     path, finite = eigenvalues(loops.frames(loops.with_end(steps, STEPS), steps.size))
     path = np.where(finite[:, None], path, np.nan).reshape(p.size, STEPS, -1)
-    return followed(path[crossings.end], crossings.delta)
+    return tracked_eigenvalue(path[crossings.end], crossings.delta)
 
 
 def _states(share, labels) -> str:

@@ -3,8 +3,9 @@
 import numpy as np
 
 from wavesweep.analysis.response.bordered import solved
-from wavesweep.analysis.response.port import STILL, Port, applied, driven
+from wavesweep.analysis.response.port import STILL, Port, driven
 from wavesweep.analysis.response.steady import Response
+from wavesweep.analysis.response.ticks import ordered_product
 from wavesweep.lifted.circle import on_circle
 
 POINTS = 256  # frequencies at a time
@@ -113,11 +114,11 @@ def _still(port):
     X, dX = (each[..., 0] for each in solved(E, unsure, *(part[..., None] for part in right)))
     more = missed + M * dX
     X_1, dX_1 = (each[..., 0] for each in solved(E, unsure, (g_1 - M * X)[..., None], more[..., None]))
-    size = applied(frame.G_size, np.abs(X)) + frame.h_size
-    value, slope = applied(G, X) + h, applied(G_1, X) + applied(G, X_1) + h_1
-    error = applied(np.abs(G), dX) + rough * size
-    of_slope = rough * (M * size + applied(frame.G_size, np.abs(X_1)))
-    of_slope = of_slope + applied(np.abs(G_1), dX) + applied(np.abs(G), dX_1)
+    size = ordered_product(frame.G_size, np.abs(X)) + frame.h_size
+    value, slope = ordered_product(G, X) + h, ordered_product(G_1, X) + ordered_product(G, X_1) + h_1
+    error = ordered_product(np.abs(G), dX) + rough * size
+    of_slope = rough * (M * size + ordered_product(frame.G_size, np.abs(X_1)))
+    of_slope = of_slope + ordered_product(np.abs(G_1), dX) + ordered_product(np.abs(G), dX_1)
     value, slope, error, of_slope, size = (np.moveaxis(part, -1, 0) / M for part in (value, slope, error, of_slope, size))
     return value, slope, (error, of_slope), size
 
@@ -135,7 +136,7 @@ def _with_law(E, unsure, right, later):
     law, scale = left[..., -1], values[..., :1, None]
     whole = E + scale * law[..., :, None] * law[..., None, :]
     off = np.abs(np.linalg.pinv(np.where(np.isfinite(whole), whole, 0.0)))
-    vague = applied(np.swapaxes(off, -1, -2), applied(np.swapaxes(unsure, -1, -2), np.abs(law)))  # of the law
+    vague = ordered_product(np.swapaxes(off, -1, -2), ordered_product(np.swapaxes(unsure, -1, -2), np.abs(law)))  # of the law
     (g, dg), (g_1, dg_1) = right, later
     mean, size = (
         (law * g).sum(-1, keepdims=True),

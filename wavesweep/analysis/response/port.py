@@ -5,7 +5,7 @@ from functools import reduce
 
 import numpy as np
 
-from wavesweep.analysis.response.ticks import ENTRIES, both, long_sum
+from wavesweep.analysis.response.ticks import ENTRIES, both, long_sum, ordered_product
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
 from wavesweep.lifted.periodic import in_a_row, then, ticks_of
@@ -168,25 +168,17 @@ def driven(port: Port, z) -> Driven:
 def _joined(first, second):
     """Join two stretches of ticks; force and weights at the start of the second are turned by the ticks of the first."""
     turn = first.turn[:, None]
-    moved, seen = applied(second.E, first.g), second.G @ first.g[..., None]
+    moved, seen = ordered_product(second.E, first.g), second.G @ first.g[..., None]
     later = (second.G + second.G @ first.E) / turn[..., None]
     g, h = first.g + moved + turn * second.g, first.h + seen[..., 0] / turn + second.h
     return Driven(
         then(first.E, second.E),
         both((first.E, first.dE), (second.E, second.dE))[1],
         g,
-        np.abs(first.g) + applied(np.abs(second.E), np.abs(first.g)) + second.g_size,
+        np.abs(first.g) + ordered_product(np.abs(second.E), np.abs(first.g)) + second.g_size,
         first.G + later,
         first.G_size + np.abs(second.G) + np.abs(second.G) @ np.abs(first.E),
         h,
         first.h_size + (np.abs(second.G) @ np.abs(first.g)[..., None])[..., 0] + second.h_size,
         first.turn * second.turn,
     )
-
-
-def applied(E, g):
-    """Return `E g` of every frequency, or of every loop of a batch; g: `(points, n)`.
-
-    No product of matrices is used, since its bits would depend on the batch.
-    """
-    return np.multiply(E, g[..., None, :], order="C").sum(-1)

@@ -11,7 +11,7 @@ import numpy as np
 
 from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.response.port import Ports
-from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING
+from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, ordered_products
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.lifted.connect import connect
 
@@ -86,11 +86,6 @@ def resting(drawn: Drawn, ports: Ports, product: str = "", factor: str = "") -> 
     with np.errstate(all="ignore"):
         X, dX = solved(A, unsure * np.abs(A), right, unsure * np.abs(right))
         direct = direct[..., None] * np.array([1.0, 0.0])
-        shown, size = _times(rows, X) + direct, _times(np.abs(rows), np.abs(X)) + np.abs(direct)
-        error = _times(np.abs(rows), dX) + (unsure + (n + 1) * ROUNDING) * size
+        shown, size = ordered_products(rows, X) + direct, ordered_products(np.abs(rows), np.abs(X)) + np.abs(direct)
+        error = ordered_products(np.abs(rows), dX) + (unsure + (n + 1) * ROUNDING) * size
     return Resting(*(part.reshape(-1, 3, 2) for part in (shown, error)), bool(factor))
-
-
-def _times(rows, X):
-    """Return `rows X`, added up so that the bits of a loop do not depend on the batch."""
-    return np.multiply(rows[..., :, None, :], np.swapaxes(X, -1, -2)[..., None, :, :], order="C").sum(-1)

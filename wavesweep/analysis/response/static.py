@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavesweep.analysis.response.frame import Loop, prepare
+from wavesweep.analysis.response.ticks import ordered_product
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import scene_drift
@@ -34,8 +35,11 @@ def static_response(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
         found = solve(loop.E, np.stack([-left.sum(-1), -(left * i).sum(-1)], -1))
         X, X_1 = found[..., 0], found[..., 1] + M * solve(loop.E, found[..., :1])[..., 0]
         rows, later = seen.sum(-2), -(seen * i[:, None]).sum(-2)
-        value, slope = _seen(rows, X) + own.sum(-1), _seen(rows, X_1) + _seen(later, X) - (own * i).sum(-1)
-        size = _seen(np.abs(rows), np.abs(X)) + np.abs(own).sum(-1)
+        value, slope = (
+            ordered_product(rows, X) + own.sum(-1),
+            ordered_product(rows, X_1) + ordered_product(later, X) - (own * i).sum(-1),
+        )
+        size = ordered_product(np.abs(rows), np.abs(X)) + np.abs(own).sum(-1)
         if loop.law is not None:
             law = loop.shown.law[0][..., 0, :]
             one, two = ((law * weight).sum(-1)[..., None] for weight in (i, i * (i - 1) / 2))
@@ -46,11 +50,6 @@ def static_response(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
         stiffness = np.where(moves, 0.0, force / position)
     unknown = loop.lost | ~np.isfinite(stiffness)
     return np.where(unknown | moves, np.nan, position), np.where(unknown, np.nan, stiffness)
-
-
-def _seen(rows, X):
-    # Contiguous, since the order of a sum follows the memory, and with it the bits of a loop the batch that it is in.
-    return np.multiply(rows, X[..., None, :], order="C").sum(-1)
 
 
 def felt_map(diagram: Diagram, batch: tuple[int, ...] = (), whole: Block | None = None) -> np.ndarray:
@@ -93,10 +92,10 @@ class _Rest:
     moves: np.ndarray
 
     def seen(self, y, direct):
-        return _seen(self.rows, y) + direct
+        return ordered_product(self.rows, y) + direct
 
     def sizes(self, y):
-        return _seen(np.abs(self.rows), np.abs(y))
+        return ordered_product(np.abs(self.rows), np.abs(y))
 
 
 def _at_rest(diagram, whole) -> _Rest:
@@ -148,10 +147,10 @@ def _laws(P, kept, rows, n, ratio):
     """
     W, e = P[..., kept[:, None], kept], P[..., rows, :]
     left = -np.swapaxes(solve(*(np.ascontiguousarray(np.swapaxes(part, -1, -2)) for part in (W, e[..., kept]))), -1, -2)
-    mean = _seen(left, P[..., kept, n + 1])[..., None] + e[..., n + 1, None]
-    size = _seen(np.abs(left), np.abs(P[..., kept, n + 1]))[..., None]
+    mean = ordered_product(left, P[..., kept, n + 1])[..., None] + e[..., n + 1, None]
+    size = ordered_product(np.abs(left), np.abs(P[..., kept, n + 1]))[..., None]
     moves = np.abs(mean) > STILL * (size + np.abs(e[..., n + 1, None]))
-    given = _seen(left, P[..., kept, n + 2])[..., None] + e[..., n + 2, None]
+    given = ordered_product(left, P[..., kept, n + 2])[..., None] + e[..., n + 2, None]
     law = np.zeros(e.shape, P.dtype)
     states = kept < n
     law[..., kept[states]] = left[..., states]

@@ -16,6 +16,20 @@ def entries_errors(block: Block):
     return tuple(unsure * np.abs(part) for part in block.terms or (block.E, block.B, block.C, block.D))
 
 
+def ordered_product(A, x):
+    """Return `A x` of every loop of a batch, or at every frequency; A: `(..., m, n)`, x: `(..., n)`.
+
+    No product of matrices is used, and the terms are contiguous, since the order of a sum, and with it the last bits of a loop,
+    would depend on the batch that it is in.
+    """
+    return np.multiply(A, x[..., None, :], order="C").sum(-1)
+
+
+def ordered_products(A, X):
+    """Return `A X` as `ordered_product` does it; X: `(..., n, k)`."""
+    return np.multiply(A[..., :, None, :], np.swapaxes(X, -1, -2)[..., None, :, :], order="C").sum(-1)
+
+
 def long_sum(count: int) -> float:
     """Return the relative error of a sum of `count` products; errors of either sign grow as the root of their number."""
     return ROUNDING * (4 + count**0.5)
