@@ -24,10 +24,25 @@ UNSTABLE, UNKNOWN = 1, -1  # labels of parts of the span that are not counted
 
 
 def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.inf), bent=False) -> Intervals:
-    """All stable intervals within span = (low, high) of a parameter that may enter in any smooth way; see `_stable`.
+    """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.
 
-    Over a span of more than an octave its logarithm is the variable: masses, impedances and cutoffs act by their ratios. bent:
-    that of its distance from the low end, and a BENT-th of the span; stiffnesses and dampings have poles below zero.
+    evaluate(column, p): `Frames` of these columns at these values, real or complex, one after the other; or matrices `(...,
+    order, order)` without poles, analytic in p. p: `(n,)` as column, or `(m, k)` if column is `(m, 1)`. columns: number of
+    columns. period: of the frame, in s, `(columns,)`. bounds: p beyond them has no loop. bent: whether the variable is the
+    logarithm of the distance from the low end and a BENT-th of the span, as stiffnesses and dampings have poles below zero;
+    otherwise it is the logarithm of p if high > WIDE low > 0, as masses, impedances and cutoffs act by their ratios, or else p.
+
+    With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are real analytic
+    functions of p that vanish if a complex pair, z = 1 or z = -1 is on the unit circle (the first also if two real
+    eigenvalues are reciprocal: then the counts do not change). They follow from the characteristic polynomial (`critical`),
+    which is interpolated between a few values of p (`interpolated`). The roots are found and proved on Chebyshev
+    panels, with the size of the functions beside the real axis as the bound on the parts that the samples do not show
+    (`panels`); polished on the eigenvalue itself; and the counts of unstable eigenvalues in every region must change by 2 or 1
+    accordingly. If the sums of the eigenvalues and of their products prove that one lies outside all over a panel, its
+    crossings are not searched for.
+    A part of the span that could not be proved has no label; its column is in doubt, and the rest of it is given.
+    Accuracy: ends to 1e-9 relative, usually 1e-13; those within 1e-9 of the span of its low end are given as that end, and as
+    its high end those that are as near to it as ends are exact.
     """
     low, high = span
     if bent:
@@ -42,7 +57,7 @@ def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.i
     def slack(t):
         return EXACT + 0 * t if slope is None else EXACT * (np.abs(out(t)) + NEAR_ZERO * (high - low)) / slope(t)
 
-    found = _stable(partial(_through, evaluate, out), ends[:2], columns, period, ends[2:], slack)
+    found = _by_recalled_states(partial(_through, evaluate, out), ends[:2], columns, period, ends[2:], slack)
     # The range's own ends are given back as they were, not as they come out.
     lows, highs = (
         np.where(part == end, own, out(part)) for part, end, own in zip((found.low, found.high), ends[:2], span, strict=True)
@@ -54,8 +69,8 @@ def _same(p):
     return p
 
 
-def _stable(evaluate, span, columns, period, bounds, slack) -> Intervals:
-    """The same, the columns whose frames forget the same states together; see `_alike`."""
+def _by_recalled_states(evaluate, span, columns, period, bounds, slack) -> Intervals:
+    """The intervals in the variable, the columns whose frames forget the same states together; slack: see `_of_columns`."""
     recurring, sizes = typical(evaluate, span, columns)
     units = uneven_units(sizes)
     if (units != 1).any():
@@ -67,9 +82,11 @@ def _stable(evaluate, span, columns, period, bounds, slack) -> Intervals:
         names = pending[(kept[pending] == kept[pending[0]]).all(1)]
         mask = kept[names[0]]
         try:
-            part = _alike(partial(_of, evaluate, names), span, names.size, period[names], bounds, slack, sizes[names], mask)
-        except RecalledError as some:
-            kept[names[some.columns]] = True
+            part = _of_columns(
+                partial(_of, evaluate, names), span, names.size, period[names], bounds, slack, sizes[names], mask
+            )
+        except RecalledError as error:
+            kept[names[error.columns]] = True
             continue
         done.append(replace(part, column=names[part.column]))
         pending = np.setdiff1d(pending, names)
@@ -97,32 +114,25 @@ def _of(evaluate, names, column, p):
     return evaluate(names[column], p)
 
 
-def _alike(evaluate, span, columns, period, bounds, slack, sizes, kept) -> Intervals:
-    """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.
+def _of_columns(evaluate, span, columns, period, bounds, slack, sizes, kept) -> Intervals:
+    """The intervals of columns whose frames forget the same states.
 
-    evaluate(column, p): `Frames` of these columns at these values, real or complex, one after the other; or matrices `(...,
-    order, order)` without poles, analytic in p. p: `(n,)` as column, or `(m, k)` if column is `(m, 1)`. period: of the frame,
-    in s, `(columns,)`. bounds: p beyond them has no loop. slack(p): by how much rounding may move an end. sizes, kept: see
-    `followed`.
-
-    With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are real analytic
-    functions of p that vanish where a complex pair, z = 1 or z = -1 is on the unit circle (the first also where two real
-    eigenvalues are reciprocal: then the counts do not change). They follow from the characteristic polynomial (`critical`),
-    which is interpolated between a few values of p (`interpolated`). The roots are found and proved on Chebyshev
-    panels, with what the functions are beside the real axis as the bound on what the samples do not show (`panels`); polished
-    on the eigenvalue itself; and the counts of unstable eigenvalues in every region must change by 2 or 1 accordingly. Where
-    the sums of the eigenvalues and of their products prove that one lies outside all over a panel, its crossings are not
-    looked for.
-    A part of the span that could not be proved has no label; its column is in doubt, what is known of the rest is given.
-    Accuracy: ends to 1e-9 relative, usually 1e-13; those within 1e-9 of the span of its low end are given as that end, and as
-    its high end those that are as near to it as ends are exact.
+    slack(p): by how much rounding may move an end. sizes, kept: see `followed`. The others: see `stable_along_any`.
     """
-    low, high = span
-    width = high - low
     loop, found = _roots(evaluate, span, columns, bounds, sizes, kept)
     ends = polished(evaluate, loop, found, span, slack)
+    ends, labelled = _labelled_parts(found, ends, NARROWEST * (span[1] - span[0]))
+    return intervals_of(*_counted_regions(evaluate, span, columns, ends, labelled, slack), period)
+
+
+def _labelled_parts(found, ends, width):
+    """The ends that are certain and in no part of the span that is labelled, and these parts: column, low, high, label, doubt.
+
+    found: of the panels, see `panel_roots`; ends: polished roots. width: by how much a part about an uncertain end goes beyond
+    it. A reciprocal pair of real eigenvalues crosses nothing.
+    """
     unsure = ends.take(~ends.good)
-    doubtful = unsure.column, unsure.value - NARROWEST * width, unsure.value + NARROWEST * width
+    doubtful = unsure.column, unsure.value - width, unsure.value + width
     labelled = [
         (*_merged(*some), label, doubt)
         for some, label, doubt in (
@@ -132,25 +142,27 @@ def _alike(evaluate, span, columns, period, bounds, slack, sizes, kept) -> Inter
             (doubtful, UNKNOWN, SEARCH),
         )
     ]
-    # A reciprocal pair of real eigenvalues crosses nothing.
     ends = ends.take(ends.good & ((ends.function != PAIR) | (ends.theta > 0)))
     for owner, left, right, _, _ in labelled:
         ends = ends.take(~_inside(ends.column, ends.value, owner, left, right))
-    edges = [
-        np.concatenate([part for some in labelled for part in (some[0], some[0])]),
-        np.concatenate([part for some in labelled for part in some[1:3]]),
-    ]
-    nowhere = np.full(edges[0].size, np.nan)
+    return ends, labelled
+
+
+def _counted_regions(evaluate, span, columns, ends, labelled, slack):
+    """The regions between ends and labelled parts with their counts of unstable eigenvalues, and the doubt of each column."""
+    owner = np.concatenate([part for some in labelled for part in (some[0], some[0])])
+    edge = np.concatenate([part for some in labelled for part in some[1:3]])
+    nowhere = np.full(edge.size, np.nan)
     jump = np.concatenate([np.where(ends.function == PAIR, 2.0, 1.0), nowhere])
-    error = np.abs(np.concatenate([ends.miss, np.zeros(nowhere.size)]))
+    error = np.abs(np.concatenate([ends.miss, np.zeros(edge.size)]))
     parts = cut_span(
         span,
         columns,
-        np.concatenate([ends.column, edges[0]]),
-        np.concatenate([ends.value, edges[1]]),
+        np.concatenate([ends.column, owner]),
+        np.concatenate([ends.value, edge]),
         np.concatenate([ends.theta, nowhere]),
         jump,
-        slack=(ATTACHED * width, slack(high)),
+        slack=(ATTACHED * (span[1] - span[0]), slack(span[1])),
     )
     label, doubt = _given(parts, labelled)
     counted = np.flatnonzero(label == 0)
@@ -158,14 +170,16 @@ def _alike(evaluate, span, columns, period, bounds, slack, sizes, kept) -> Inter
     unstable[counted] = count_where_clear(parts, counted, lambda some, value: Frames.of(evaluate(parts.column[some], value)).E)
     change = np.abs(unstable[parts.has_previous] - unstable[parts.has_next])
     fits = np.isnan(parts.gain[parts.has_previous]) | (change == parts.gain[parts.has_previous])
-    regions = parts.labelled(unstable, doubt, np.where(fits, NONE, COUNTS), error[parts.order])
-    regions = replace(regions, unstable=np.where(regions.doubt == COUNTS, UNKNOWN, unstable))
-    return intervals_of(regions, doubts_of(regions, np.zeros(columns, int)), period)
+    found = parts.labelled(unstable, doubt, np.where(fits, NONE, COUNTS), error[parts.order])
+    found = replace(found, unstable=np.where(found.doubt == COUNTS, UNKNOWN, unstable))
+    return found, doubts_of(found, np.zeros(columns, int))
 
 
 def _roots(evaluate, span, columns, bounds, sizes, kept, order=0):
-    """The loop as it is followed, the roots of its critical functions and what is known of the panels; order: of the largest
-    frames, if it is known."""
+    """The loop as it is interpolated, the roots of its critical functions, and the panels on which these are settled or lost.
+
+    order: of the largest frames, if it is known.
+    """
     smallest = NARROWEST * (span[1] - span[0])
     try:
         loop = followed(evaluate, span, columns, bounds, sizes, kept, order)
@@ -204,10 +218,10 @@ def _given(parts, labelled):
 
 
 def _sampler(loop):
-    """What `panel_roots` samples: the critical functions of these columns at these points.
+    """The function that `panel_roots` samples: the critical functions of these columns at these points.
 
-    From characteristic polynomials, interpolated where they are followed; and where their own error would be more than FINE,
-    from those of frames, and then from eigenvalues.
+    They come from interpolated characteristic polynomials; if their own error would be more than FINE, from those of frames,
+    and then from eigenvalues.
     """
 
     def sample(column, p):
