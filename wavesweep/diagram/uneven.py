@@ -16,7 +16,7 @@ from wavesweep.controllers import drawing_of
 from wavesweep.diagram import WALL
 from wavesweep.diagram.block import Block, numbers
 from wavesweep.diagram.drawn import Drawn, Placed
-from wavesweep.spec.keys import MOST_STEPS
+from wavesweep.spec.keys import MOST_SLOW_STEPS
 
 RATIO = "rates.ratio"
 SALTS = "ab"
@@ -25,7 +25,7 @@ TAME_RATE, TAME = 100.0, 0.3  # Hz, and the size of all other numbers: gains so 
 
 def steps_of(ratio: float) -> tuple[int, int]:
     """Fast ticks in a frame, and slow steps in it."""
-    found = Fraction(ratio).limit_denominator(MOST_STEPS)
+    found = Fraction(ratio).limit_denominator(MOST_SLOW_STEPS)
     return found.numerator, found.denominator
 
 

@@ -12,7 +12,7 @@ from types import MappingProxyType
 
 from wavesweep.spec.keys import HIGHEST_ORDER, INTEGRATIONS, LONGEST_FRAME, Key
 
-MOST_STEPS = 1000  # of a delay, each of which is a state
+LONGEST_DELAY = 1000  # of a delay, each of which is a state
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ TYPES = MappingProxyType(
             plant="continuous",
         ),
         "gain": _type("y = k u", _U_Y, _number("k", "", "factor", 1.0)),
-        "delay": _type("u of so many runs of the block ago", _U_Y, _whole("steps", "runs of the block", 0, MOST_STEPS, 1)),
+        "delay": _type("u of so many runs of the block ago", _U_Y, _whole("steps", "runs of the block", 0, LONGEST_DELAY, 1)),
         "hold": _type("u as it was when the block ran last", _U_Y),
         "difference": _type("change of u since the last run, over the block's own period", _U_Y),
         "integrator": _type(

@@ -16,7 +16,7 @@ from wavesweep.spec.keys import (
     HIGHEST_RATIO,
     KEYS,
     LONGEST_FRAME,
-    MOST_STEPS,
+    MOST_SLOW_STEPS,
     VALUE_PATHS,
     Key,
 )
@@ -124,7 +124,7 @@ def _ratio(fast_hz: float, slow_hz: float) -> float | None:
         return ratio
     from fractions import Fraction
 
-    ticks, steps = Fraction(quotient).limit_denominator(MOST_STEPS).as_integer_ratio()
+    ticks, steps = Fraction(quotient).limit_denominator(MOST_SLOW_STEPS).as_integer_ratio()
     fits = math.isclose(slow_hz * ticks, fast_hz * steps, rel_tol=5e-16) and ticks <= LONGEST_FRAME
     return ticks / steps if fits and 2 <= quotient <= HIGHEST_RATIO else None
 

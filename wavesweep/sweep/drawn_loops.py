@@ -10,7 +10,7 @@ import numpy as np
 
 from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
 from wavesweep.analysis.intervals.frames import Frames
-from wavesweep.analysis.response.drawn import at_rest
+from wavesweep.analysis.response.drawn import static_port_response
 from wavesweep.analysis.response.port import Port, Ports, port_of
 from wavesweep.analysis.response.resting import Resting, resting
 from wavesweep.analysis.spectrum import radius_of
@@ -271,7 +271,7 @@ def felt_of(drawing: Drawing | Uneven, values: Mapping[str, object], own: Mappin
         if unknown.size:
             some = drawn if unknown.size == size else assembled(drawing, selected(values, unknown))
             with named_loops(drawn):
-                _, stiffness, _, unsure = at_rest(port_of(some, ports, drift), twice=False)
+                _, stiffness, _, unsure = static_port_response(port_of(some, ports, drift), twice=False)
             found[unknown] = np.where(unsure <= SURE, stiffness.real, np.nan)
     except UsageError:  # the port is none of a plant
         pass

@@ -5,7 +5,7 @@ from functools import lru_cache
 import numpy as np
 
 from wavesweep.analysis.response import felt, felt_map, prepare, respond
-from wavesweep.analysis.response.drawn import at_rest, respond_port
+from wavesweep.analysis.response.drawn import respond_port, static_port_response
 from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, slowest
 from wavesweep.diagram import WALL, draw
 from wavesweep.diagram.assembly import assembled
@@ -149,7 +149,7 @@ def _felt(spec, loop):
 def _felt_at(spec):
     """Stiffness and damping at the hand's port of a drawn loop."""
     port = ports_of_loop(spec, loop_of(spec))
-    stiffness = float(at_rest(port)[1].real[0])
+    stiffness = float(static_port_response(port)[1].real[0])
     damping = _damping(lambda frequency: respond_port(port, frequency).impedance, SLOW_SHARE / _frame_of(spec)[1])
     return {"stiffness": _number(stiffness), "damping": _number(damping)}
 

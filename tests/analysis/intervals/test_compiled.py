@@ -14,8 +14,8 @@ from wavesweep.analysis.doubt import NONE
 from wavesweep.analysis.intervals import critical, stable, stable_intervals
 from wavesweep.analysis.intervals.arcs import arc_crossings
 from wavesweep.analysis.intervals.bernstein import change_of_basis, largest_bernstein, roots_by_sign
-from wavesweep.analysis.intervals.boundary import ends
-from wavesweep.analysis.intervals.interpolated import DEGREES, Pieces, followed, typical
+from wavesweep.analysis.intervals.boundary import end_errors
+from wavesweep.analysis.intervals.interpolated import DEGREES, Pieces, interpolated_loop, typical
 from wavesweep.analysis.intervals.panels import NODE, RIM
 from wavesweep.analysis.spectrum import count_outside
 from wavesweep.bench.this_tool import profile_rows
@@ -189,7 +189,7 @@ def test_what_rounding_moves_is_bounded_and_no_more_than_numpy_says(seed, along)
     assert good.all()
     residual, moved, usual = np.empty((3, 8))
     _end((*arrays, *facts), 1.0, y, value, theta, residual, moved, usual, room)
-    numpys = ends(cut, along, y[:1], value[:1], np.exp(1j * theta[:1]) - 1, np.zeros(1, bool))
+    numpys = end_errors(cut, along, y[:1], value[:1], np.exp(1j * theta[:1]) - 1, np.zeros(1, bool))
     assert residual[0] <= 64 * usual[0] + 1e-14
     assert 0 < moved[0] <= 1.5 * numpys[1][0]
     seen = []
@@ -258,7 +258,7 @@ def test_functions_between_samples_are_those_of_numpy_to_their_errors(points):
         return close(cut_at_wall(draw(values)), 100.0, 1.0)
 
     sizes = typical(evaluate, (0.1, 0.4), 2)[1]
-    whole = followed(evaluate, (0.1, 0.4), 2, (0.0, np.inf), sizes, np.ones(sizes.shape[-1], bool))
+    whole = interpolated_loop(evaluate, (0.1, 0.4), 2, (0.0, np.inf), sizes, np.ones(sizes.shape[-1], bool))
     pieces = whole.pieces
     assert (pieces.degree > 0).all()
     piece = np.repeat(np.arange(pieces.column.size), 3)
@@ -277,7 +277,7 @@ def test_functions_between_samples_are_those_of_numpy_to_their_errors(points):
 
 
 def test_what_is_not_finite_between_samples_is_not_known():
-    from wavesweep.analysis.intervals.compiled.functions import followed as by_kernel
+    from wavesweep.analysis.intervals.compiled.functions import interpolated as by_kernel
 
     wrong = np.zeros((1, DEGREES[-1] + 1, 3))
     wrong[0, 0] = np.nan

@@ -1,4 +1,4 @@
-"""Characteristic polynomials between samples: right within their bound, and not followed where they cannot be known."""
+"""Characteristic polynomials between samples: right within their bound, and left out where they cannot be known."""
 
 import mpmath
 import numpy as np
@@ -12,7 +12,7 @@ from wavesweep.analysis.intervals.interpolated import (
     RecalledError,
     _of_order,
     chebyshev,
-    followed,
+    interpolated_loop,
     living,
     nodes,
     typical,
@@ -35,13 +35,13 @@ def of_loops(path, **changes):
 
 
 def follow(evaluate, span, columns, bounds):
-    """All states of these columns followed."""
+    """All states of these columns interpolated_loop."""
     sizes = typical(evaluate, span, columns)[1]
-    return followed(evaluate, span, columns, bounds, sizes, np.ones(sizes.shape[-1], bool))
+    return interpolated_loop(evaluate, span, columns, bounds, sizes, np.ones(sizes.shape[-1], bool))
 
 
 def between(loop, column, p):
-    """The interpolated polynomials of some columns at p, `(points,)`, where they are followed: coefficients, errors, sizes."""
+    """The interpolated polynomials of some columns at p, `(points,)`, which are interpolated: coefficients, errors, sizes."""
     piece = loop.piece(column, p[:, None])
     assert (loop.pieces.degree[piece] > 0).all()
     return loop.polynomials(piece, p[:, None])

@@ -8,7 +8,7 @@ from support.intervals import cut_of, intervals_of, pairs
 from support.specs import values_of
 
 from wavesweep.analysis.intervals import stable_intervals
-from wavesweep.analysis.intervals.boundary import ends
+from wavesweep.analysis.intervals.boundary import end_errors
 from wavesweep.lifted.circle import on_circle
 
 # Two crossings that nearly merge in front of z = 1; the truth is from 512-bit ball arithmetic.
@@ -47,7 +47,7 @@ def test_the_bound_is_that_of_perturbed_entries(kind, along):
         return found.high[0], found.high_omega[:1] * loop.period
 
     value, theta = end(cut)
-    bound = ends(cut, along, fixed, value, on_circle(theta), np.zeros(1, bool))[1] * 1e-7 / np.finfo(float).eps
+    bound = end_errors(cut, along, fixed, value, on_circle(theta), np.zeros(1, bool))[1] * 1e-7 / np.finfo(float).eps
     for _ in range(20):
         moved = {part: getattr(cut, part) * (1 + 1e-7 * r.choice([-1, 1], getattr(cut, part).shape)) for part in "EBCD"}
         found.append(end(replace(cut, **moved))[0])

@@ -6,13 +6,20 @@ from functools import partial
 import numpy as np
 
 from wavesweep.analysis.doubt import COUNTS, NONE, OVERFLOW, SEARCH
-from wavesweep.analysis.intervals.critical import BEYOND, PAIR, from_coefficients, from_eigenvalues
+from wavesweep.analysis.intervals.critical import PAIR, SURELY_UNSTABLE, from_coefficients, from_eigenvalues
 from wavesweep.analysis.intervals.frames import NODES, Frames, level, pole_inside
-from wavesweep.analysis.intervals.interpolated import MOST_ORDER, MoreStatesError, RecalledError, followed, living, typical
+from wavesweep.analysis.intervals.interpolated import (
+    MOST_ORDER,
+    MoreStatesError,
+    RecalledError,
+    interpolated_loop,
+    living,
+    typical,
+)
 from wavesweep.analysis.intervals.panels import RIM, ROUGH, panel_roots
 from wavesweep.analysis.intervals.polishing import ATTACHED, polished
 from wavesweep.analysis.intervals.regions import NEAR_ZERO, count_where_clear, cut_span
-from wavesweep.analysis.intervals.stable import LARGEST, Intervals, doubts_of, intervals_of, uneven_units
+from wavesweep.analysis.intervals.stable import MOST_STATES, Intervals, doubts_of, intervals_of, uneven_units
 
 NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing is given up
 MANY = 512  # so many open panels of one column are, too
@@ -117,7 +124,7 @@ def _of(evaluate, names, column, p):
 def _of_columns(evaluate, span, columns, period, bounds, slack, sizes, kept) -> Intervals:
     """The intervals of columns whose frames forget the same states.
 
-    slack(p): by how much rounding may move an end. sizes, kept: see `followed`. The others: see `stable_along_any`.
+    slack(p): by how much rounding may move an end. sizes, kept: see `interpolated_loop`. The others: see `stable_along_any`.
     """
     loop, found = _roots(evaluate, span, columns, bounds, sizes, kept)
     ends = polished(evaluate, loop, found, span, slack)
@@ -182,9 +189,9 @@ def _roots(evaluate, span, columns, bounds, sizes, kept, order=0):
     """
     smallest = NARROWEST * (span[1] - span[0])
     try:
-        loop = followed(evaluate, span, columns, bounds, sizes, kept, order)
+        loop = interpolated_loop(evaluate, span, columns, bounds, sizes, kept, order)
         first = loop.pieces.column, loop.pieces.low, loop.pieces.high
-        return loop, panel_roots(_sampler(loop), *first, columns, smallest, MANY, bounds, settling=BEYOND)
+        return loop, panel_roots(_sampler(loop), *first, columns, smallest, MANY, bounds, settling=SURELY_UNSTABLE)
     except MoreStatesError as more:
         return _roots(evaluate, span, columns, bounds, sizes, kept, more.order)
 
@@ -255,7 +262,7 @@ def _of_frames(E, units, most):
     """The same from frames, `(panels, points, n, n)`; most: error of the functions that is let pass."""
     panels, points, n, _ = E.shape
     E, units = E.reshape(-1, n, n), np.repeat(units, points, axis=0)
-    if n > (LARGEST if np.iscomplexobj(E) else MOST_ORDER):
+    if n > (MOST_STATES if np.iscomplexobj(E) else MOST_ORDER):
         return [part.reshape(4, panels, points) for part in from_eigenvalues(E, units)]
     found = [part.reshape(4, panels, points) for part in from_coefficients(E, units)]
     again = np.flatnonzero(_too_rough(found, most))
@@ -267,9 +274,9 @@ def _of_frames(E, units, most):
 
 
 def _too_rough(found, most):
-    """Panels on which some function, but BEYOND, has too large an error beside its largest value, or is not known; where frames
-    overflow nothing can be better."""
-    _, log, error = (part[:BEYOND] for part in found)
+    """Whether some function of a panel, but for SURELY_UNSTABLE, has too large an error beside its largest value, or is not
+    known; if frames overflow, nothing can be better."""
+    _, log, error = (part[:SURELY_UNSTABLE] for part in found)
     with np.errstate(all="ignore"):
         relative = np.exp(log - log.max(-1, keepdims=True))
         known = (np.finfo(float).eps * (error * relative).max(-1) <= most) & (log > -np.inf).all(-1)

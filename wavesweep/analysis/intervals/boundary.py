@@ -53,7 +53,7 @@ def terms(cut: Cut, w) -> Terms:
 
 
 def terms_and_inverse(cut: Cut, w) -> tuple[Terms, np.ndarray]:
-    """Return the terms of the characteristic equation (see `terms`) and the inverse of `w I - E`, which `ends` can use."""
+    """Return the terms of the characteristic equation (see `terms`), and the inverse of `w I - E` for `end_errors`."""
     w = np.asarray(w)
     _, back, state = _states(cut, w)
     return terms_of(cut, w, read(cut.C, state) + cut.D[..., 0]), back
@@ -154,7 +154,7 @@ def _solved(t, slopes, along, fixed, w):
         return value, (slopes.one - fixed * d_other - value * d_solved) / solved * (1j * (1 + w))
 
 
-def ends(cut: Cut, along: str, fixed, value, w, on_axis, back=None):
+def end_errors(cut: Cut, along: str, fixed, value, w, on_axis, back=None):
     """Return the residuals of the characteristic equation at crossings, and two effects of rounding.
 
     The residual is relative to the equation's terms. The second number is the change of the wall parameter if every entry of

@@ -8,8 +8,8 @@ import numpy as np
 from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.circle import inverse
 
-PAIR, ONE, MINUS_ONE, BEYOND = 0, 1, 2, 3  # the functions: a complex pair, z = 1, z = -1; surely unstable
-LARGEST = 1e150  # of an entry; products of two eigenvalues overflow beyond
+PAIR, ONE, MINUS_ONE, SURELY_UNSTABLE = 0, 1, 2, 3  # the functions: a complex pair, z = 1, z = -1; surely unstable
+LARGEST_ENTRY = 1e150  # of an entry; products of two eigenvalues overflow beyond
 MOST_ERROR = 1e20  # of a value, in roundings of itself
 MOST_OF_EIGENVALUES = 1e12  # the same where nothing is better: an eigenvalue is seldom as far off as its bound
 CAUTION = 20  # roundings of the largest entry that an eigenvalue is believed to
@@ -21,11 +21,11 @@ def from_coefficients(E, units=1.0):
     """Return phase and logarithm of the size of four functions, `(4, matrices)` each, and their errors, in roundings.
 
     E: `(matrices, n, n)`, real or complex, frames less identity, whose eigenvalues are `w_i = z_i - 1`; units: `(matrices, n)`,
-    of the states, see `balance`. PAIR is `prod_{i<j} (1 - z_i z_j)`, ONE `prod (-w_i)`, MINUS_ONE `prod (2 + w_i)`. BEYOND is
-    `(t/n)^2 + e/m - 2`, t the sum of the n eigenvalues z, e that of the m products of two of them: if it is positive |t|
-    exceeds n or |e| exceeds m, so an eigenvalue exceeds 1 (if a complex pair dominates, t may vanish, but e is its squared
-    size). No eigenvalue is needed: all are symmetric functions, so they follow from the characteristic polynomial, which
-    elimination to Hessenberg form gives (J. H. Wilkinson, The Algebraic Eigenvalue Problem, 1965, chapters 6 and 7). With
+    of the states, see `balance`. PAIR is `prod_{i<j} (1 - z_i z_j)`, ONE `prod (-w_i)`, MINUS_ONE `prod (2 + w_i)`.
+    SURELY_UNSTABLE is `(t/n)^2 + e/m - 2`, t the sum of the n eigenvalues z, e that of the m products of two of them: if it is
+    positive |t| exceeds n or |e| exceeds m, so an eigenvalue exceeds 1 (if a complex pair dominates, t may vanish, but e is its
+    squared size). No eigenvalue is needed: all are symmetric functions, so they follow from the characteristic polynomial,
+    which elimination to Hessenberg form gives (J. H. Wilkinson, The Algebraic Eigenvalue Problem, 1965, chapters 6 and 7). With
     `s = w/(2 + w)`, which maps the circle to the imaginary axis, PAIR is the last Hurwitz determinant but one of the polynomial
     in s (L. Orlando, Math. Ann. 71, 1911), the resultant of its even and its odd part, which is the determinant of their Bezout
     matrix. Its error is the effect of errors of the coefficients on that determinant, to first order.
@@ -77,7 +77,7 @@ def _finite(E, units):
 
     A single matrix is doubled: numpy adds up one row in another order than several, and a result must not depend on the batch.
     """
-    finite, units = (np.abs(E) < LARGEST).all((-1, -2)), np.broadcast_to(units, E.shape[:-1])
+    finite, units = (np.abs(E) < LARGEST_ENTRY).all((-1, -2)), np.broadcast_to(units, E.shape[:-1])
     E = np.where(finite[:, None, None], E, 0.0) * (units[:, None, :] / units[:, :, None])
     return np.repeat(E, 2, axis=0) if len(E) == 1 else E, finite
 
@@ -121,7 +121,7 @@ def _functions(c, reach, size):
 
 
 def _beyond(c, reach, size):
-    """Return BEYOND; two coefficients are the sum of the w and the sum of their products, except for their signs."""
+    """Return SURELY_UNSTABLE; two coefficients are the sum of the w and the sum of their products, except for their signs."""
     n, least = len(c) - 1, 2 * size**-2.0
     if not n:
         return _split(-least, least, 0 * size)

@@ -5,7 +5,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from wavesweep.analysis.intervals.critical import EPS, LARGEST, characteristic, from_polynomials
+from wavesweep.analysis.intervals.critical import EPS, LARGEST_ENTRY, characteristic, from_polynomials
 from wavesweep.analysis.intervals.frames import Frames, level, pole_inside
 from wavesweep.analysis.intervals.panels import EXTENT, LEBESGUE, OVERLAP, RIM
 from wavesweep.analysis.rows import Rows
@@ -102,7 +102,7 @@ class Pieces(Rows):
 
 
 @dataclass(frozen=True, slots=True)
-class Followed:
+class InterpolatedLoop:
     """A loop over a span.
 
     pieces: sorted by column and place. units: `(columns, n)`, of the states, see `balance`.
@@ -157,11 +157,11 @@ class Followed:
 
         x = (p - self.pieces.middle[piece, None]) / self.pieces.half[piece, None]
         if at.size == piece.size:
-            return functions.followed(self.pieces, piece, x)
+            return functions.interpolated(self.pieces, piece, x)
         found = [np.empty((4, *p.shape), kind) for kind in (complex, float, float)]
         rims = np.setdiff1d(np.arange(piece.size), at)
         for some, parts in (
-            (at, functions.followed(self.pieces, piece[at], x[at])),
+            (at, functions.interpolated(self.pieces, piece[at], x[at])),
             (rims, self.functions(piece[rims], p[rims])),
         ):
             for whole, part in zip(found, parts, strict=True):
@@ -226,7 +226,7 @@ def living(sizes):
         kept &= ~dead
 
 
-def followed(evaluate, span, columns: int, bounds, sizes, kept, order: int = 0) -> Followed:
+def interpolated_loop(evaluate, span, columns: int, bounds, sizes, kept, order: int = 0) -> InterpolatedLoop:
     """Follow the characteristic polynomial of every column over the span.
 
     evaluate, bounds: see `stable_along_any`. sizes: of the entries of typical frames, `(columns, n, n)`, which give the units;
@@ -261,7 +261,7 @@ def followed(evaluate, span, columns: int, bounds, sizes, kept, order: int = 0) 
         cut_at = (low + high) / 2
         column, low, high = np.tile(column, 2), np.append(low, cut_at), np.append(cut_at, high)
     pieces = Pieces.join(done)
-    return Followed(evaluate, span, pieces.take(np.lexsort((pieces.low, pieces.column))), units)
+    return InterpolatedLoop(evaluate, span, pieces.take(np.lexsort((pieces.low, pieces.column))), units)
 
 
 def _of_order(evaluate, order, kept, column, p):
@@ -309,7 +309,7 @@ class _Samples:
         n = found.E.shape[-1]
         E = found.E.reshape(which.size, x.size, n, n) * self.ratio[which]
         largest = np.abs(E).max((1, 2, 3), initial=1)
-        known = largest < LARGEST
+        known = largest < LARGEST_ENTRY
         if not known.all():
             E[~known], largest = 0.0, np.where(known, largest, 1)
         if self.size is None:

@@ -23,7 +23,7 @@ ELLIPSE, OUTER = 2.5, 8  # sum of the semi-axes of the ellipse about a panel; po
 RIM = ELLIPSE * np.exp(1j * np.pi * (np.arange(OUTER) + 0.5) / OUTER)
 RIM = (RIM + 1 / RIM) / 2
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
-BEYOND = 4 * ELLIPSE ** (1 - NODES) / (ELLIPSE - 1)  # error of the interpolant, over the largest value on the ellipse
+INTERPOLANT_ERROR = 4 * ELLIPSE ** (1 - NODES) / (ELLIPSE - 1)  # over the largest value on the ellipse
 ROUGH = 10.0  # of itself, up to which the error of a value on the rim counts; what is beyond is no better known
 CROWDED = 0.7  # of half a panel, from its middle: how far out its smallest sample says where to cut
 LEBESGUE = 4  # more than the constant of the nodes: how much an interpolant may exceed the largest of its samples
@@ -210,7 +210,7 @@ def _hidden(sample, panels, bounds, which, trend, peak):
     with np.errstate(over="ignore", invalid="ignore"):
         # Between two points of the rim it may be larger than at both, by no more than they differ, and twice for good measure.
         steepest = np.abs(np.diff(log, axis=-1)).max(-1)
-        most = 2 * BEYOND * np.exp(log.max(-1) + steepest / 2 - peak[:, which])
+        most = 2 * INTERPOLANT_ERROR * np.exp(log.max(-1) + steepest / 2 - peak[:, which])
     hidden[:, which] = np.where(np.isfinite(most), most, np.inf)
     return hidden
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.analysis.doubt import COUNTS, NONE, ROUNDING
-from wavesweep.analysis.intervals.boundary import K_VE, ends
+from wavesweep.analysis.intervals.boundary import K_VE, end_errors
 from wavesweep.analysis.intervals.crossings import Crossings
 from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import count_outside
@@ -123,9 +123,9 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
 
     least = np.minimum.reduceat(rise, first)
     narrow = parts.high - parts.low < NARROW * (span[1] - span[0])
-    followed = np.isfinite(found.above) & ~narrow[first]
+    follows = np.isfinite(found.above) & ~narrow[first]
     begins, counted = _first_counts(
-        owner, found.above, followed, least, lambda columns: count_where_clear(parts, first[columns], matrices)
+        owner, found.above, follows, least, lambda columns: count_where_clear(parts, first[columns], matrices)
     )
     unstable = (rise + begins[parts.column]).astype(int)
     unknown = (begins < 0)[parts.column]  # nothing follows from a count that is not known
@@ -145,16 +145,16 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
     return replace(whole, unstable=unstable)
 
 
-def _first_counts(owner, above, followed, least, count):
+def _first_counts(owner, above, follows, least, count):
     """Return the unstable eigenvalues in the first region of each column, -1 if not known, and whether they were counted there.
 
-    above: see `Crossings`; followed: `(columns,)`, whether the count may follow from it. least: `(columns,)`, the lowest count
+    above: see `Crossings`; follows: `(columns,)`, whether the count may follow from it. least: `(columns,)`, the lowest count
     relative to the first region. count(columns): eigenvalues outside. At infinite values of the wall parameter as many
     eigenvalues are outside as the loop has zeros there from the wall's force to the signal that the wall reads, for any value
     of the other parameter. That number less the growth at the crossings must be the same in the first and the last column of a
     loop for which all crossings are known; then it holds for those between, unless a count there is negative.
     """
-    begins, known = np.full(owner.size, -1), np.flatnonzero(followed)
+    begins, known = np.full(owner.size, -1), np.flatnonzero(follows)
     counted = np.ones(owner.size, bool)
     new = np.diff(owner[known], prepend=-1) != 0
     begin, end = known[new], known[np.append(new[1:], True)[: known.size]]
@@ -181,7 +181,7 @@ def _judged_ends(cut, owner, along, fixed, span, found, parts, unstable):
     column, value, theta = (part[of_stable] for part in (column, value, theta))
     places = fixed[column], value, _place(theta), (theta == 0.0) | (theta == np.pi)
     back = found.inverses[found.inverse[parts.order[of_stable]]]
-    left, moved, usual = ends(cut.at(owner[column]), along, *places, back)
+    left, moved, usual = end_errors(cut.at(owner[column]), along, *places, back)
     # At z = 1 an integrating loop meets the equation 0 = 0 at K_VE = 0, by structure.
     error[of_stable] = np.where(cut.integrates & (theta == 0.0), 0.0, left)
     clear = error[of_stable] <= USUAL * (usual + np.finfo(float).eps)

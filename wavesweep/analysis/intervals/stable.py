@@ -14,7 +14,7 @@ from wavesweep.analysis.spectrum import balance
 from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
-LARGEST = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
+MOST_STATES = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
 UNEVEN, SWEEPS = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that
 HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
 
@@ -55,8 +55,8 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     certified if three conditions hold. The signs of Bernstein coefficients, or Smith's discs, prove that the polynomial has no
     further real root for any coefficients within their measured error (`isolate`), so that no pair of crossings can hide. Both
     ends satisfy the characteristic equation to rounding, and rounding of the loop's own entries cannot move them by more
-    (`boundary.ends`). The counts of unstable eigenvalues follow by the crossings' directions, from region to region and from
-    one number per loop, on which the eigenvalues counted in its first and last column agree (`regions`). Columns that are
+    (`boundary.end_errors`). The counts of unstable eigenvalues follow by the crossings' directions, from region to region and
+    from one number per loop, on which the eigenvalues counted in its first and last column agree (`regions`). Columns that are
     unstable for every wall are certified so from their trace. Columns that fail are computed again on arcs in state space
     (`arcs`); if they fail again, they are in doubt, and the regions whose label is not known are left out. If the frame of a
     loop overflows, nothing is known of it.
@@ -117,7 +117,7 @@ def _by_numpy(cut, owner, along, fixed, span) -> Intervals:
     """Return the intervals of the columns with the loops `cut.at(owner)`, each by the first method that proves it."""
     pending, done = np.arange(fixed.size), []
     cut, overflown = _finite(cut)
-    for method in (_by_trace, _by_polynomial, _by_arcs) if cut.order <= LARGEST else (_by_trace, _by_arcs):
+    for method in (_by_trace, _by_polynomial, _by_arcs) if cut.order <= MOST_STATES else (_by_trace, _by_arcs):
         parts, doubt = method(cut, owner[pending], along, fixed[pending], span)
         lost = overflown[owner[pending]]
         parts = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable))

@@ -106,7 +106,7 @@ def _with_drift(loop, points, system, places, law):
         unsure = np.abs(loop.shift)[..., None, :] * dq + loop.dshift[..., None, :] * np.abs(q)
         db[..., own] += unsure[..., :f] / points.ratio
         db[..., slow] += unsure[..., f:]
-        return tuple(np.swapaxes(part, -1, -2) for part in at_rest(loop, points, law))
+        return tuple(np.swapaxes(part, -1, -2) for part in conserved_output(loop, points, law))
     if loop.lead is not None:
         lead = p + f + loop.lead
         # Where the scene's position is read, it is the unknown; where nothing reads it, its step is, which stays finite.
@@ -116,7 +116,7 @@ def _with_drift(loop, points, system, places, law):
     return 0.0, 0.0
 
 
-def at_rest(loop, points, law):
+def conserved_output(loop, points, law):
     """Return the outputs' part at the hand's frequency from the conserved combination, `(..., p, points)`, and its error."""
     share = loop.still[..., None] * (points.share / points.tick)
     return share * law[0], np.abs(share) * (law[1] + 8 * ROUNDING * np.abs(law[0]))

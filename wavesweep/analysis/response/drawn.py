@@ -36,7 +36,7 @@ def respond_port(port: Port, frequency_hz) -> Response:
 def _both(port, frequency, still):
     """Return admittance, impedance and their errors; still: whether the frequency is 0 Hz."""
     if still:
-        return tuple(np.broadcast_to(part, frequency.size) for part in at_rest(port))
+        return tuple(np.broadcast_to(part, frequency.size) for part in static_port_response(port))
     with np.errstate(all="ignore"):
         (one, error), (two, _) = (_once(each, frequency) for each in (port, port.turned(max(1, port.kind.size // 2))))
         w = on_circle(2 * np.pi * frequency * port.period)
@@ -66,7 +66,7 @@ def _response(found, error):
         return admittance, np.where(np.isnan(relative[1]), np.nan, found[1] / admittance), relative[0], relative.sum(0)
 
 
-def at_rest(port: Port, *, twice: bool = True) -> tuple[np.ndarray, ...]:
+def static_port_response(port: Port, *, twice: bool = True) -> tuple[np.ndarray, ...]:
     """Return admittance (m/N) and impedance (N/m) of a port in the limit towards 0 Hz, and bounds on their relative errors.
 
     All are `(...)`, one entry for each port of a batch. NaN: there is none, or it is not known. If a constant force moves the

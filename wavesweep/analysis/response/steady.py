@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.response.bordered import CLOSE, at_rest, bordered
+from wavesweep.analysis.response.bordered import CLOSE, bordered, conserved_output
 from wavesweep.analysis.response.circle import Circle, circle
 from wavesweep.analysis.response.frame import Loop
 from wavesweep.analysis.response.static import static_response
@@ -128,7 +128,7 @@ def _by_modes(loop, points, modal):
     total = (rows * seen).sum(-1) + own
     rest = (size * (ROUNDING * np.abs(seen))).sum(-1) + drows @ np.abs(X) + down + ROUNDING * np.abs(own)
     if law is not None:
-        still, dstill = at_rest(loop, points, law)
+        still, dstill = conserved_output(loop, points, law)
         total, rest = total + points.ratio * still, rest + points.ratio * dstill
 
     def error(bound, index):

@@ -266,7 +266,7 @@ def _judged(own, condition, y, p, theta, width, residual, room):
 
 @compiled
 def _end(own, condition, y, p, theta, residual, moved, usual, room):
-    """`boundary.ends` for lanes of crossings; all arrays are `(LANES,)`.
+    """`boundary.end_errors` for lanes of crossings; all arrays are `(LANES,)`.
 
     An entry's change reaches the equation through one row, `exact` times that of the parameter solved for and y times that of
     the other: the bound is sharper than the sum over both.

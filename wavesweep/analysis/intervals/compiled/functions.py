@@ -146,7 +146,9 @@ def _last_but_one(q, missed, matrix, error):
 
 @compiled
 def _followed(piece, x, degree, coefficients, reach, beside, size, least, noisy, change, most, phase, log, error):
-    """`critical.from_polynomials` of interpolants into phase, log and error, `(4, panels, points)`; see `Followed.polynomials`.
+    """`critical.from_polynomials` of interpolants into phase, log and error, `(4, panels, points)`.
+
+    See `InterpolatedLoop.polynomials`.
 
     piece: of each panel; x: `(panels, points)`, the position in it. least: by the degree, see `least_on_rim`. noisy: whether
     noise of the nodes grows (if x is complex). most: error of values that are not known.
@@ -240,8 +242,8 @@ def functions(c, reach, size, change):
     return phase, log, error
 
 
-def followed(pieces, piece, x):
-    """`Followed.functions` by the kernel, at x, `(panels, points)`, of these pieces; not for rims."""
+def interpolated(pieces, piece, x):
+    """`InterpolatedLoop.functions` by the kernel, at x, `(panels, points)`, of these pieces; not for rims."""
     phase, (log, error) = np.empty((4, *x.shape), complex), np.empty((2, 4, *x.shape))
     arrays = pieces.degree, pieces.coefficients, pieces.reach, pieces.beside, pieces.size
     change = _powers(pieces.reach.shape[-1])
