@@ -18,7 +18,7 @@ from wavesweep.spec import SYMBOLS, Axis, Spec, load
 from wavesweep.spec.axes import NARROWEST_SPAN
 from wavesweep.spec.checking import nearest
 from wavesweep.sweep.drawn_loops import refuse_singular
-from wavesweep.sweep.grid import keys_of, loop_of, make_grid
+from wavesweep.sweep.grid import keys_of, loop_of, make_grid, no_controller
 
 
 def compile(source) -> "Loop | DrawnLoop":  # noqa: A001 - the name that the interface gives it
@@ -210,9 +210,7 @@ class Loop:
 
     def _refuse_drawn(self, method):
         if loop_of(self.spec):
-            raise UsageError(
-                f"{method}: expected a [controller] whose rates divide, found a loop that is assembled tick by tick"
-            )
+            raise no_controller(self.spec, method)
 
     def _frame(self, kind, columns):
         from wavesweep.library import frame

@@ -117,7 +117,7 @@ def test_options_of_the_picture_that_do_not_fit_are_refused(run, words):
         (("simulate", "arm.toml", "--set", "simulate.duration_s=200"), "at most 100 s (1000000 ticks at rates.tick_hz)"),
         (("simulate", "arm.toml", "--set", "ports.hand.displacement=net.y"), "a position that a plant has in every tick"),
         (("stability-region", "arm.toml", "--hand", "passive"), "found a drawn loop; draw the hand as a block"),
-        (("passivity", "arm.toml", "--filters"), "assembled tick by tick"),
+        (("passivity", "arm.toml", "--filters"), "found a drawn loop"),
         (("bode", "arm.toml", "--set", "ports.hand.displacement=net.y"), "a position that a plant has in every tick"),
         (("stability-region", "arm.toml", "--set", "sweep={}"), "the number whose stable intervals are wanted"),
     ],

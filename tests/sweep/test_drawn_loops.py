@@ -358,11 +358,11 @@ def test_a_drawing_made_in_python_is_compiled_as_it_is():
 
 def test_what_needs_a_controller_is_refused_in_a_sentence():
     loop = compiled(ARM)
-    with pytest.raises(UsageError, match="assembled tick by tick"):
+    with pytest.raises(UsageError, match="found a drawn loop"):
         loop.to_control()
     with pytest.raises(UsageError, match="option friction, wall: expected none, since a drawn loop has no haptic device"):
         loop.simulate(friction=0.1, wall=0.0)
-    with pytest.raises(UsageError, match="assembled tick by tick"):
+    with pytest.raises(UsageError, match="found a drawn loop"):
         wavesweep.filter_choices(tomllib.loads(ARM))
     with pytest.raises(UsageError, match="found a drawn loop; draw the hand"):
         wavesweep.zwidth(tomllib.loads(WALL), hand="passive")

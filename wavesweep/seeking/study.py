@@ -22,7 +22,7 @@ from wavesweep.spec import Spec
 from wavesweep.spec.design import HAND
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.sweep.checkpoint import checkpoint_of
-from wavesweep.sweep.grid import keys_of, loop_of, make_grid
+from wavesweep.sweep.grid import keys_of, loop_of, make_grid, no_controller
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.job import Chunk, Chunks, Job
 from wavesweep.sweep.running import Progress, Tally, compute
@@ -215,7 +215,7 @@ def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
     """Return the job of a spec's [design]; hand: see `design`. Errors: UsageError if it cannot be done."""
     asked = spec.as_designed().design
     if loop_of(spec, {axis.path: axis.values for axis in asked.for_all}):
-        raise UsageError("design: expected a [controller] whose rates divide, found a loop that is assembled tick by tick")
+        raise no_controller(spec, "design")
     for path in ("rates.ratio", "rates.slow_hz", "rates.fast_hz"):
         if any(axis.path == path for axis in asked.for_all):
             raise UsageError(f"design.for_all: expected numbers of device, hand and timing, found {path}; design for one rate")

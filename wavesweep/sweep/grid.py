@@ -228,6 +228,16 @@ def _distinct(columns, size):
     return sorted(np.split(order, np.flatnonzero(np.diff(label[order])) + 1), key=lambda part: part[0])
 
 
+def no_controller(spec: Spec, asked: str, advice: str = "") -> UsageError:
+    """The error for something that is there only for a controller whose rates divide.
+
+    asked: its name. advice: another way to it.
+    """
+    found = "a drawn loop" if spec.drawing else "rates that do not divide"
+    more = f"; {advice}" if advice else ""
+    return UsageError(f"{asked}: expected a [controller] whose rates divide, found {found}{more}")
+
+
 def distinct_rows(columns: Mapping[str, np.ndarray], size: int) -> tuple[np.ndarray, np.ndarray]:
     """The first of each distinct row of `size` rows, in the order of their values, and the number of its distinct row for each.
 

@@ -10,9 +10,8 @@ import numpy as np
 
 from wavesweep.analysis.doubt import words
 from wavesweep.diagram import WALL
-from wavesweep.errors import UsageError
 from wavesweep.spec import Axis, Spec
-from wavesweep.sweep.grid import distinct_rows, groups, loop_of
+from wavesweep.sweep.grid import distinct_rows, groups, loop_of, no_controller
 from wavesweep.sweep.interval_job import IntervalJob, bounds_within, job_of, task_over
 from wavesweep.sweep.job import cut_otherwise
 from wavesweep.sweep.running import Progress, Work, run
@@ -74,12 +73,12 @@ def stages_of(spec: Spec, along: str | None, hands: "Hands | None") -> list[Stag
     if hands is None:
         return [Stage("", own, how)]
     if own.grid.drawing:
-        found, advice = (
-            ("a drawn loop", "draw the hand as a block, with its mass, damping and stiffness")
+        advice = (
+            "draw the hand as a block, with its mass, damping and stiffness"
             if spec.drawing
-            else ("rates that do not divide", "give the hand's mass, damping and stiffness in [operator]")
+            else "give the hand's mass, damping and stiffness in [operator]"
         )
-        raise UsageError(f"hands and ports: expected a [controller] whose rates divide, found {found}; {advice}")
+        raise no_controller(spec, "hands and ports", advice)
     hands.refuse(own)
     free = hands.without_operator(spec)
     stages = [Stage("free" if free is None else "operator", own, how)]

@@ -18,7 +18,7 @@ from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
 from wavesweep.sweep.checkpoint import gather, stretches
 from wavesweep.sweep.drawn_loops import ports_of, ports_of_groups
-from wavesweep.sweep.grid import Grid, groups, loop_of, make_grid, refuse_rows
+from wavesweep.sweep.grid import Grid, groups, loop_of, make_grid, no_controller, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
 from wavesweep.sweep.running import Progress, Run, Work, run
 from wavesweep.sweep.table import Columns, Table, facts_of, held, joined
@@ -30,6 +30,7 @@ CHUNK = 32  # loops in a chunk: up to a second or two
 CHANNELS = 256  # channels in a chunk, each of which takes about a millisecond
 READY = 1.5  # s that workers take longer than those of `intervals` to be ready and to load SciPy
 CHANNEL_KEYS = ("rates.", "filters.")  # the keys that the channel depends on; all others are outside its ports
+NOT_COMPUTED = "not computed for drawn loops and rates that do not divide"
 METHODS = {
     "channel": "H-infinity norm by levels: the level just above it is met at no frequency (symplectic pencil of a frame)",
     "port": "least eigenvalue of the Hermitian part by levels, the level just below it met at no frequency",
@@ -57,7 +58,7 @@ def passivity(
     found = run(jobs_of(spec, axes), Work(jobs, backend, scheduler, progress, checkpoint, force))
     grid = found.jobs["port"].grid
     counts = {"computed": grid.slices, "skipped": grid.size - grid.slices, "certified": _certified(found)}
-    methods = METHODS | ({"damping_needed": "not computed for loops that are assembled tick by tick"} if grid.drawing else {})
+    methods = METHODS | ({"damping_needed": NOT_COMPUTED} if grid.drawing else {})
     facts = facts_of(spec, methods, counts, found.timings, _notices(grid), [axis.path for axis in axes])
     facts |= {"warnings": found.warnings, "tolerance": tolerance}
     return Table("passivity", partial(_blocks, found), facts, forget=found.forget)
@@ -271,7 +272,7 @@ def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
     that aliasing may add for an order to be enough.
     """
     if loop_of(spec):
-        raise UsageError("filters: expected a [controller] whose rates divide, found a loop that is assembled tick by tick")
+        raise no_controller(spec, "filters")
     _refuse_tolerance(tolerance)
     started = time.perf_counter()
     fast, ratio = spec.values["rates.fast_hz"], spec.values["rates.ratio"]
