@@ -37,6 +37,7 @@ BAND_EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
 HIGHEST_ORDER = 12
 HIGHEST_RATIO = 1000
 LONGEST_FRAME = 100_000  # ticks
+RECORD = "CSV file, seen from the spec's folder, with the force in a column force_N, a row per fast tick, and perhaps time_s"
 MOST_SLOW_STEPS = 10_000  # slow steps in a frame; fractions of such denominators are told apart by their doubles
 
 SYMBOLS = MappingProxyType(
@@ -187,7 +188,13 @@ _SIMULATE = [
     _whole("simulate.periods", 5, "least whole periods in which a stepped sine is measured", low=1, high=10_000),
     _gain("simulate.at_s", 0.1, "s", "when the step or the pulse sets in"),
     _gain("simulate.width_s", 0.05, "s", "how long the pulse lasts"),
-    Key("simulate.record", "string", None, "", "CSV file of the force: a column force_N, a row per fast tick, and perhaps time_s; path from the spec's folder"),
+    Key(
+        "simulate.record",
+        "string",
+        None,
+        "",
+        "CSV file of the force: a column force_N, a row per fast tick, and perhaps time_s; path from the spec's folder",
+    ),
     _gain("simulate.duration_s", None, "s", "simulated time; by default 10 s, or what the steps or the record take"),
     # 2^53 - 1 is the largest whole number that every reader of JSON keeps.
     _whole("simulate.seed", 0, "seed of noise, jitter, lateness and drops", low=0, high=2**53 - 1),

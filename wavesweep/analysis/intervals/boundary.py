@@ -13,6 +13,8 @@ from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 K_VE, B_VE = "K_VE", "B_VE"
 ROUNDS = 12  # Newton from a seed of 8 digits needs 2; from the fallback's arcs a few more
+LAST_STEP = 1e-9  # of the distance to the nearer end of the circle, a step after which an angle is exact: errors are its square
+NEAREST_END = 1e-3  # of that distance, what a step leaves of it at least
 NEAR = 1e-8  # of a state, by which it may change from where an inverse was taken for one refinement to make up for it
 ORDINARY = 16.0  # condition of the algebraic loops up to which entries are good to a few roundings
 
@@ -117,10 +119,11 @@ def polish(cut: Cut, along: str, fixed, theta, scale):
             step = -now.imag / slope.imag
         step = np.where(np.isfinite(step), step, 0.0)
         size = np.abs(step)
-        small = size <= 1e-9 * np.minimum(theta[active], np.pi - theta[active])
-        theta[active] = np.clip(theta[active] + step, 1e-3 * theta[active], np.pi - 1e-3 * (np.pi - theta[active]))
+        small = size <= LAST_STEP * np.minimum(theta[active], np.pi - theta[active])
+        least, most = NEAREST_END * theta[active], np.pi - NEAREST_END * (np.pi - theta[active])
+        theta[active] = np.clip(theta[active] + step, least, most)
         with np.errstate(divide="ignore", invalid="ignore"):
-            estimate = now.real + step * slope.real  # the step's error is its square: exact at 1e-9
+            estimate = now.real + step * slope.real  # its error is the square of the step
             value[active] = np.where(far, 1 / estimate, estimate)
         done[active] = small & (slope.imag != 0)
         if inverses is None:

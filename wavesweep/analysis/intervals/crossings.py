@@ -14,6 +14,7 @@ from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 
 SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all
 FAR = 1e8  # times the span's largest value; beyond, a value may as well be at the other infinity
+NEAR_SEED = 1e-4  # of an angle's distance from the nearer end of the circle, how far a polished one may be from its seed
 NEAREST, FARTHEST = 1e-3, 0.6  # scales r of the warp; r = 1 would leave roots at infinity when the loop has pure delays
 
 
@@ -139,7 +140,7 @@ def crossings(cut: Cut, owner, along: str, fixed, span, polynomial: Polynomial) 
     theta, value, converged, inverses = polish(cut.at(owner[column]), along, fixed[column], seed, max(map(abs, span)))
     complete = roots.proved & np.isfinite(coefficients).all(-1)
     # A polished angle far from its seed has left the root that the proof is about.
-    astray = ~(np.abs(theta - seed) <= 1e-4 * np.minimum(seed, np.pi - seed)) | ~converged
+    astray = ~(np.abs(theta - seed) <= NEAR_SEED * np.minimum(seed, np.pi - seed)) | ~converged
     complete[column[astray]] = False
     ends, more = at_both_ends(cut, owner, along, fixed, roots.at_one, roots.at_minus_one)
     bits = [abs(place - angle(edge, polynomial.scale[owner])) for place, edge in ((0.0, 1 - EDGE), (np.pi, EDGE - 1))]

@@ -8,7 +8,7 @@ from wavesweep.analysis.doubt import COUNTS, CROWDED, NONE, OVERFLOW
 from wavesweep.analysis.intervals.arcs import arc_crossings
 from wavesweep.analysis.intervals.boundary import K_VE
 from wavesweep.analysis.intervals.crossings import crossings, sampled_polynomial, warp_scale
-from wavesweep.analysis.intervals.regions import Regions, cut_span, regions
+from wavesweep.analysis.intervals.regions import BEYOND_ORDER, TRACE_ROUNDING, Regions, cut_span, regions
 from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import balance
 from wavesweep.kernel import NUMPY, chosen
@@ -255,5 +255,7 @@ def trace_excludes_stability(cut: Cut, owner, along: str, fixed, span):
             through.append(1 - K * through_x[owner] - B * through_v[owner])
             traces.append(base[owner] + (K * x[owner] + B * v[owner]) / through[-1])
             sizes.append(np.abs(base[owner]) + (np.abs(K * x[owner]) + np.abs(B * v[owner])) / np.abs(through[-1]))
-        beyond = [np.abs(t) > np.maximum(1.001 * cut.order, 1e-8 * s) for t, s in zip(traces, sizes, strict=True)]
+        beyond = [
+            np.abs(t) > np.maximum(BEYOND_ORDER * cut.order, TRACE_ROUNDING * s) for t, s in zip(traces, sizes, strict=True)
+        ]
         return beyond[0] & beyond[1] & (traces[0] * np.sign(traces[1]) > 0) & (through[0] * through[1] > 0)

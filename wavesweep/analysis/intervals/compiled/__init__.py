@@ -33,13 +33,11 @@ from wavesweep.analysis.intervals.compiled.labelling import (
 )
 from wavesweep.analysis.intervals.compiled.lanes import LANES
 from wavesweep.analysis.intervals.compiled.solving import _room, compiled
-from wavesweep.analysis.intervals.crossings import FAR, SPARE
+from wavesweep.analysis.intervals.crossings import FAR, NEAR_SEED, SPARE
 from wavesweep.analysis.intervals.regions import SHARES
 from wavesweep.analysis.intervals.stable import Intervals
 from wavesweep.analysis.spectrum import count_outside
 from wavesweep.lifted.cut import Cut
-
-NEAR_SEED = 1e-4  # of an angle, how far a polished one may be from its seed
 
 
 def proved(cut: Cut, owner, along: str, fixed, span) -> tuple[Intervals, np.ndarray]:

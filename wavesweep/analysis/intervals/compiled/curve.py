@@ -6,7 +6,7 @@ of rows).
 
 import numpy as np
 
-from wavesweep.analysis.intervals.boundary import ORDINARY, ROUNDS
+from wavesweep.analysis.intervals.boundary import LAST_STEP, NEAREST_END, ORDINARY, ROUNDS
 from wavesweep.analysis.intervals.compiled.lanes import LANES, more, put, sized
 from wavesweep.analysis.intervals.compiled.solving import (
     WIDE,
@@ -227,8 +227,8 @@ def _polished(own, y, theta, value, good, scale, room):
             step, at = -now.imag / slope.imag, theta[lane]
             if not np.isfinite(step):
                 step = 0.0
-            done[lane] = abs(step) <= 1e-9 * min(at, np.pi - at)
-            theta[lane] = min(max(at + step, 1e-3 * at), np.pi - 1e-3 * (np.pi - at))
+            done[lane] = abs(step) <= LAST_STEP * min(at, np.pi - at)
+            theta[lane] = min(max(at + step, NEAREST_END * at), np.pi - NEAREST_END * (np.pi - at))
             found = now.real + step * slope.real
             value[lane] = 1 / found if far else found
             good[lane] = done[lane] and slope.imag != 0

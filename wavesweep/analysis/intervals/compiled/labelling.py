@@ -6,7 +6,7 @@ If there is any doubt about a column, it is left to the code in numpy, so nothin
 import numpy as np
 
 from wavesweep.analysis.intervals.compiled.solving import compiled
-from wavesweep.analysis.intervals.regions import NARROW
+from wavesweep.analysis.intervals.regions import BEYOND_ORDER, NARROW, TRACE_ROUNDING
 from wavesweep.analysis.spectrum import NEIGHBOURHOOD, ROUNDINGS
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V
 
@@ -46,7 +46,8 @@ def _screened(E, B, C, D, integrates, along_k, owner, fixed, low, high):
             through[side] = 1 - K * D[loop, OFFSET] - F * D[loop, V]
             added, size = K * gain[loop, 0] + F * gain[loop, 1], abs(K * gain[loop, 0]) + abs(F * gain[loop, 1])
             traces[side] = base[loop] + added / through[side]
-            beyond &= abs(traces[side]) > max(1.001 * order, 1e-8 * (abs(base[loop]) + size / abs(through[side])))
+            terms = abs(base[loop]) + size / abs(through[side])
+            beyond &= abs(traces[side]) > max(BEYOND_ORDER * order, TRACE_ROUNDING * terms)
         if beyond and traces[0] * np.sign(traces[1]) > 0 and through[0] * through[1] > 0:
             state[column] = EXCLUDED
     return state
