@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache, lru_cache
-from zlib import crc32
 
 import numpy as np
 
 from wavesweep.controllers import CONTROLLERS, drawing_of
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import drift_of, latch
+from wavesweep.diagram.tame import scattered
 
 __all__ = ["CONTROLLERS", "WALL", "Diagram", "draw", "drift_of", "identity", "items_of", "keys_read", "state_labels"]
 
@@ -56,7 +56,7 @@ def _tame(values):
 @cache
 def _moderate(path):
     """A number for a key, other keys having others."""
-    return TAME_RATE if path == "rates.fast_hz" else 7 + crc32(path.encode()) % 997 / 250
+    return TAME_RATE if path == "rates.fast_hz" else 7 + scattered(path) / 250
 
 
 FEW_TICKS = {"rates.ratio": 3, "environment.delay": 1}

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
-from zlib import crc32
 
 import numpy as np
 
 from wavesweep.diagram import WALL, blocks
 from wavesweep.diagram.block import numbers
 from wavesweep.diagram.drawn import Drawn, Placed
+from wavesweep.diagram.tame import SALTS, SPREAD, scattered
 from wavesweep.diagram.uneven import RATIO, Uneven
 from wavesweep.errors import UsageError
 from wavesweep.spec.block_types import TYPES
@@ -160,13 +160,12 @@ def _tame_pair(drawing, fixed, own, out):
     return tuple(assembled(drawing, values, out) for values in pair)
 
 
-SALTS = "ab"
 # Small gains do not overflow over a long frame. The others are tried if an expression or a key does not accept them.
 SCALES = (0.3, 3.0, 30.0, 300.0, 0.003)
 
 
 def _tamed(path, value, own, salt, scale):
-    factor = crc32((salt + path).encode()) % 997 / 997
+    factor = scattered(path, salt) / SPREAD
     return value * (own * (1 + 0.01 * factor) if scale is None and own else (scale or 1.0) * (1 + factor))
 
 

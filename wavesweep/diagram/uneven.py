@@ -8,7 +8,6 @@ next one, `ceil(k q/p)`, or `delay` ticks after that. So everything runs in a fa
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from zlib import crc32
 
 import numpy as np
 
@@ -16,10 +15,10 @@ from wavesweep.controllers import drawing_of
 from wavesweep.diagram import WALL
 from wavesweep.diagram.block import Block, numbers
 from wavesweep.diagram.drawn import Drawn, Placed
+from wavesweep.diagram.tame import SALTS, SPREAD, scattered
 from wavesweep.spec.keys import MOST_SLOW_STEPS
 
 RATIO = "rates.ratio"
-SALTS = "ab"
 TAME_RATE, TAME = 100.0, 0.3  # Hz, and the size of all other numbers: gains so small do not overflow over a long frame
 
 
@@ -90,5 +89,5 @@ def _copy(name):
 def _tamed(path, value, salt):
     if path == RATIO or (isinstance(value, (str, int, type(None))) and not isinstance(value, bool)):
         return value
-    factor = 1 + crc32((salt + path).encode()) % 997 / 997
+    factor = 1 + scattered(path, salt) / SPREAD
     return (TAME_RATE if path == "rates.fast_hz" else TAME) * factor * bool(np.any(value))

@@ -37,7 +37,6 @@ BAND_EDGES = ("passband_hz", "stopband_hz", "passband_db", "stopband_db")
 HIGHEST_ORDER = 12
 HIGHEST_RATIO = 1000
 LONGEST_FRAME = 100_000  # ticks
-RECORD = "CSV file, seen from the spec's folder, with the force in a column force_N, a row per fast tick, and perhaps time_s"
 MOST_SLOW_STEPS = 10_000  # slow steps in a frame; fractions of such denominators are told apart by their doubles
 
 SYMBOLS = MappingProxyType(
