@@ -134,3 +134,14 @@ def test_the_bars_of_a_recipe_show_every_row():
     ends = sum(len(lines.get_segments()) for axes in shown for lines in axes.collections)
     assert ends == np.isfinite(table.columns["low_omega"]).sum() + np.isfinite(table.columns["high_omega"]).sum()
     assert {text.get_text() for axes in shown for text in axes.get_yticklabels()} >= {"g = 3, n = 5 ms"}
+
+
+def test_a_single_wish_is_a_bar_for_each_design():
+    wish = {"z_width": {"B_VE": [1.0]}}
+    facts = {"spec": {"design": {"wish": wish, "vary": {"b": {}, "filters.lp1.order": {}}}}, "own": {"z_width": 500.0}}
+    columns = {"b": np.array([20.0]), "filters.lp1.order": np.array([1.0]), "z_width": np.array([900.0])}
+    bars, impedance, order = plots.design(columns, facts).axes
+    assert [patch.get_width() for patch in bars.patches] == [500.0, 900.0]
+    assert "N/m" in bars.get_xlabel()
+    assert "N·s/m" in impedance.get_title()
+    assert order.get_ylim() == (0.5, 1.5)

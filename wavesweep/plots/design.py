@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, figure, note_assumptions
+from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, figure, label, note_assumptions
+from wavesweep.spec import find_key
 from wavesweep.spec.design import WISHES
 
 NAMES = {
@@ -20,14 +21,14 @@ NAMES = {
     "delay_margin": "delay margin",
 }
 _FRONT = {"marker": "o", "markersize": 4, "color": "#0072B2", "linestyle": "-", "linewidth": 0.8}
-WHOLE = "int"
 _OWN = {"marker": "X", "markersize": 8, "color": "#D55E00", "markeredgecolor": "white", "linestyle": "none"}
 
 
 def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
     """Draw a `design` table: one wish over the other and, below, the varied numbers along the front.
 
-    All values are the worst over what the designs have to hold for. The arrows on the axes say which side is better.
+    All values are the worst over what the designs have to hold for. The labels of the axes say which side is better. A single
+    wish is a bar for each design, the best above.
     """
     from matplotlib.ticker import MaxNLocator, NullFormatter
 
@@ -42,34 +43,56 @@ def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
         grid = canvas.add_gridspec(1 + down, across, height_ratios=[2.2, *[1] * down])
         front = canvas.add_subplot(grid[0, :])
         order = np.argsort(columns[x], kind="stable")
-        front.plot(columns[x][order], columns[y][order], label="designs that were found", **_FRONT)
         own = facts.get("own", {})
-        if own.get(x) is not None and own.get(y) is not None:
-            front.plot(own[x], own[y], label="the spec's own design", **_OWN)
-        for axis, name in ((front.xaxis, x), (front.yaxis, y)):
-            axis.set_label_text(_label(name))
-        for name, scale in ((x, front.set_xscale), (y, front.set_yscale)):
-            values = columns[name][np.isfinite(columns[name])]
-            if values.size and values.min() > 0 and values.max() > 5 * values.min():
-                scale("log")
-        front.grid(visible=True, which="both", color="0.9", linewidth=0.5)
-        front.legend(loc="best")
+        if x == y:
+            _draw_single(front, columns[x], own.get(x), x)
+        else:
+            _draw_front(front, columns, order, own, (x, y))
         for place, name in enumerate(varied):
             panel = canvas.add_subplot(grid[1 + place // across, place % across])
             panel.plot(columns[x][order], columns[name][order], **_FRONT | {"markersize": 2.5})
-            panel.set_title(name, fontsize=7)
+            panel.set_title(label(name, facts), fontsize=7)
             panel.set_xscale(front.get_xscale())
             if (columns[name] > 0).all() and columns[name].max() > 5 * columns[name].min():
                 panel.set_yscale("log")
                 panel.yaxis.set_minor_formatter(NullFormatter())
-            if WHOLE in str(columns[name].dtype):
+            key = find_key(name)
+            if key is not None and key.type == "integer":
                 panel.yaxis.set_major_locator(MaxNLocator(integer=True))
+                panel.set_ylim(columns[name].min() - 0.5, columns[name].max() + 0.5)
             panel.grid(visible=True, color="0.9", linewidth=0.5)
             panel.tick_params(labelsize=6)
         unknown = [NAMES[name] for name in (x, y) if own.get(name) is None]
         above = f"the spec's own design is not shown: its {' and its '.join(unknown)} is not known, as where it is unstable"
         note_assumptions(canvas, facts, above if own and unknown else "")
     return canvas
+
+
+def _draw_front(axes: Any, columns: Mapping[str, np.ndarray], order: np.ndarray, own: Mapping[str, Any], names: tuple) -> None:
+    """The second of two wishes over the first one, and the spec's own design if both are known of it."""
+    x, y = names
+    axes.plot(columns[x][order], columns[y][order], label="designs that were found", **_FRONT)
+    if own.get(x) is not None and own.get(y) is not None:
+        axes.plot(own[x], own[y], label="the spec's own design", **_OWN)
+    for name, axis, scale in ((x, axes.xaxis, axes.set_xscale), (y, axes.yaxis, axes.set_yscale)):
+        axis.set_label_text(_label(name))
+        values = columns[name][np.isfinite(columns[name])]
+        if values.size and values.min() > 0 and values.max() > 5 * values.min():
+            scale("log")
+    axes.grid(visible=True, which="both", color="0.9", linewidth=0.5)
+    axes.legend(loc="best")
+
+
+def _draw_single(axes: Any, values: np.ndarray, own: float | None, name: str) -> None:
+    """A bar for each design that was found, and one for the spec's own."""
+    known = [] if own is None else [own]
+    names = [*(["the spec's own design"] if known else []), *(["design that was found"] * len(values))]
+    places, colours = np.arange(len(names)), [_OWN["color"]] * len(known) + [_FRONT["color"]] * len(values)
+    axes.barh(places, [*known, *np.sort(values)], height=0.6, color=colours)
+    axes.set_yticks(places, names)
+    axes.set_xlabel(_label(name))
+    axes.grid(visible=True, axis="x", color="0.9", linewidth=0.5)
+    axes.set_axisbelow(True)
 
 
 def _label(name: str) -> str:
