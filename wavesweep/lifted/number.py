@@ -11,6 +11,8 @@ from wavesweep.lifted.cut import Cut
 from wavesweep.lifted.periodic import Ticks, in_a_row, then, ticks_of
 from wavesweep.lifted.tick_drift import TickDrift, along
 
+LEFT = 1e-10  # of the largest entry of a row, what rounding over a frame may leave of the change along a state that rests
+
 
 def cut_at_number(drawn: Drawn, drift: TickDrift, force: str, read: str, damped: str = "") -> Cut | None:
     """Cut the loop at a number that is one scalar gain of a frame; None if it is not one.
@@ -114,15 +116,24 @@ def _cut(E, B, c, d, drift, period, condition):
 
 
 def _counted_from(ramp, E, B, C):
-    """Return the loop with the other states counted from one that may rest anywhere, whose column of E is then exactly 0."""
+    """Return the loop with the other states counted from one that may rest anywhere, whose column of E is then exactly 0.
+
+    A loop in which that state may not rest anywhere, by more than rounding leaves, stays as it is.
+    """
     others = [i for i in range(E.shape[-1]) if i != ramp]
-    V = along(E[..., others], -E[..., ramp : ramp + 1])
+    column = E[..., ramp]
+    V = along(E[..., others], -column[..., None])[..., 0]
+    left = np.abs(column + (E[..., others] * V[..., None, :]).sum(-1))
+    size = np.abs(E).max(-1) * np.maximum(np.abs(V).max(-1, initial=0.0), 1.0)[..., None]
+    rests = (left <= LEFT * size).all(-1, keepdims=True)
+    V = np.where(rests, V, 0.0)
     E, B, C = (part.copy() for part in (E, B, C))
-    E[..., others, :] -= V * E[..., ramp : ramp + 1, :]
-    B[..., others, :] = B[..., others, :] - V * B[..., ramp : ramp + 1, :]
-    shown = C[..., ramp] + (C[..., others] * V[..., None, :, 0]).sum(-1)
+    E[..., ramp] = np.where(rests, 0.0, column)
+    E[..., others, :] -= V[..., None] * E[..., ramp : ramp + 1, :]
+    B[..., others, :] = B[..., others, :] - V[..., None] * B[..., ramp : ramp + 1, :]
+    shown = C[..., ramp] + (C[..., others] * V[..., None, :]).sum(-1)
     C = np.array(np.broadcast_to(C, (*shown.shape, C.shape[-1])))
-    C[..., ramp], E[..., ramp] = shown, 0.0
+    C[..., ramp] = shown
     return E, B, C
 
 
