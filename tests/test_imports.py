@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 
 import wavesweep
+import wavesweep.plots
+import wavesweep.sweep
 
 PACKAGE = Path(wavesweep.__file__).parent
 
@@ -140,3 +142,10 @@ def test_a_small_run_without_a_figure_needs_numpy_click_and_parquet_only(tmp_pat
     loaded = loaded_by(f"from wavesweep.cli import main\nassert main({arguments!r}) == 0")
     assert {"numpy", "pyarrow.parquet"} <= loaded
     assert loaded & {"pandas", "scipy", "matplotlib", "control", "joblib", "pyarrow.compute", "importlib.metadata"} == set()
+
+
+def test_no_function_that_a_stage_offers_has_the_name_of_one_of_its_modules():
+    """The import of the module would take the function's place."""
+    for stage in (wavesweep, wavesweep.plots, wavesweep.sweep):
+        modules = {path.stem for path in Path(stage.__file__).parent.glob("*.py")}
+        assert modules & set(stage._HOMES) == set()

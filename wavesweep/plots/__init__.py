@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
 _HOMES = MappingProxyType(
     {
-        "Picture": "intervals", "bench": "bench", "bode": "responses", "compare": "comparison", "compare_bode": "comparison",
-        "design": "design", "diagram": "wiring", "passivity": "margins", "passivity_filters": "margins",
+        "Picture": "intervals", "bench": "errors_and_times", "bode": "responses", "compare": "comparison",
+        "compare_bode": "comparison", "design": "designs", "diagram": "wiring", "passivity": "margins",
+        "passivity_filters": "margins",
         "simulate": "simulation", "simulate_response": "responses", "stability_region": "intervals", "why": "elasticities",
         "zwidth": "intervals",
     }
