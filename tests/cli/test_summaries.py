@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from wavesweep import sweep
+from wavesweep.cli.interval_summary import IntervalTally
 from wavesweep.cli.summaries import tally_of
 from wavesweep.spec import load
 
@@ -36,3 +37,28 @@ def test_the_numbers_do_not_depend_on_the_blocks():
     assert (found[0]["unstable_specs"], found[0]["unstable_curves"]) == (["spec"], 4)
     assert found[2]["rows"] == 4
     assert found[2]["damping_needed"] is None or np.isfinite(found[2]["damping_needed"]).all()
+
+
+def test_of_rows_with_the_same_largest_value_one_without_a_gap_is_named():
+    """The first row has it above a hole, the second from 0 on."""
+    columns = {
+        "b": np.array([1.0, 1.0, 2.0]),
+        "along": np.full(3, "K_VE", object),
+        "intervals": np.array([2, 2, 1]),
+        "interval": np.array([0, 1, 0]),
+        "low": np.array([0.0, 700.0, 0.0]),
+        "high": np.array([500.0, 1000.0, 1000.0]),
+        "high_omega": np.array([40.0, np.nan, np.nan]),
+        "certified": np.ones(3, bool),
+        "doubt": np.full(3, "", object),
+        "felt_low": np.zeros(3),
+        "felt_high": np.array([5.0, 9.0, 9.0]),
+    }
+    tally = IntervalTally()
+    tally.add(columns)
+    largest = tally.numbers()["largest"]
+    assert (largest["from"], largest["at"], largest["equal_rows"]) == (0.0, {"b": 2.0}, 2)
+    assert tally.without_gap() == ""
+    tally.add({name: column[:2] for name, column in columns.items()} | {"high": np.array([500.0, 2000.0])})
+    assert "2000 N/m (stable from 700 on) at b = 1" in tally.largest()
+    assert tally.without_gap().startswith("every K_VE from 0 on stable up to 1000 N/m at b = 2")

@@ -691,6 +691,19 @@ def test_a_shift_has_displacements_of_any_size(order, cutoff_hz, derivative):
         np.testing.assert_allclose(found[name], expected[name], rtol=1e-7)
 
 
+def test_a_small_displacement_that_depends_on_a_number_is_not_taken_for_a_constant():
+    """The filter follows at once, so its pole decides nothing; its state moves by 1e-12/q along with the mass."""
+    fast = held_by_a_filter({"type": "tf", "num": ["1e12*q"], "den": [1, "1e12*q"]}, "K*g.y")
+    fast["numbers"]["q"] = 1.0
+    late = held_by_a_filter({"type": "delay", "steps": 1}, "K*g.y")
+    found, expected = (
+        wavesweep.compile(each).stable_intervals("K", (0, 20000), **axes)
+        for each, axes in ((fast, {"q": [1.0, 2.0]}), (late, {}))
+    )
+    assert found.certified.all()
+    np.testing.assert_allclose(found[["low", "high"]], np.tile(expected[["low", "high"]], (2, 1)), rtol=1e-9)
+
+
 @pytest.mark.parametrize("pole", [0.1, 0.7, 0.9, 0.95])
 def test_control_by_a_filtered_difference_is_certified(pole):
     """What the filter shows of the position cancels to rounding, which is no reading of it."""
