@@ -9,7 +9,7 @@ from wavesweep.diagram.elimination import ROUNDING
 from wavesweep.lifted.connect import WORST_CONDITION
 from wavesweep.lifted.cut import Cut
 from wavesweep.lifted.periodic import Ticks, in_a_row, then, ticks_of
-from wavesweep.lifted.tick_drift import TickDrift, along
+from wavesweep.lifted.tick_drift import TickDrift, consistent_solution
 
 LEFT = 1e-10  # of the largest entry of a row, what rounding over a frame may leave of the change along a state that rests
 
@@ -122,7 +122,7 @@ def _counted_from(ramp, E, B, C):
     """
     others = [i for i in range(E.shape[-1]) if i != ramp]
     column = E[..., ramp]
-    V = along(E[..., others], -column[..., None])[..., 0]
+    V = consistent_solution(E[..., others], -column[..., None])[..., 0]
     left = np.abs(column + (E[..., others] * V[..., None, :]).sum(-1))
     size = np.abs(E).max(-1) * np.maximum(np.abs(V).max(-1, initial=0.0), 1.0)[..., None]
     rests = (left <= LEFT * size).all(-1, keepdims=True)

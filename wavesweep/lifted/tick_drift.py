@@ -116,13 +116,13 @@ def without_drift(E: np.ndarray, drift: TickDrift) -> np.ndarray:
         return E
     folded = np.array([index.index(lead) for lead in drift.folded], int)
     rest = np.array([i for i in range(len(index)) if i not in folded], int)
-    V = along(E[..., rest], -E[..., folded])
+    V = consistent_solution(E[..., rest], -E[..., folded])
     E = E[..., rest[:, None], rest] - V @ E[..., folded[:, None], rest]
     kept = [i for i, at in enumerate(rest.tolist()) if index[at] not in drift.unread]
     return E[..., kept, :][..., kept]
 
 
-def along(A, b) -> np.ndarray:
+def consistent_solution(A, b) -> np.ndarray:
     """Return the solution of more equations than unknowns that do not contradict each other, each of weight 1.
 
     NaN if A is not finite.

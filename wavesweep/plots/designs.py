@@ -28,7 +28,7 @@ def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
     """Draw a `design` table: one wish over the other and, below, the varied numbers along the front.
 
     All values are the worst over what the designs have to hold for. The labels of the axes say which side is better. A single
-    wish is a bar for each design, the best above.
+    wish is a bar for the design that was found, and one for the spec's own.
     """
     from matplotlib.ticker import MaxNLocator, NullFormatter
 
@@ -88,7 +88,7 @@ def _draw_single(axes: Any, values: np.ndarray, own: float | None, name: str) ->
     known = [] if own is None else [own]
     names = [*(["the spec's own design"] if known else []), *(["design that was found"] * len(values))]
     places, colours = np.arange(len(names)), [_OWN["color"]] * len(known) + [_FRONT["color"]] * len(values)
-    axes.barh(places, [*known, *np.sort(values)], height=0.6, color=colours)
+    axes.barh(places, [*known, *values], height=0.6, color=colours)
     axes.set_yticks(places, names)
     axes.set_xlabel(_label(name))
     axes.grid(visible=True, axis="x", color="0.9", linewidth=0.5)
