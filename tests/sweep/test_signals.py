@@ -177,6 +177,24 @@ except WavesweepError:
     assert (run.stdout, run.stderr) == ("died\n", "")
 
 
+def test_an_interrupt_while_a_lock_is_taken_ends_the_workers_and_the_process():
+    program = """
+from concurrent import futures
+import threading, time
+from wavesweep.sweep.workers import BACKENDS, Workers
+began = time.monotonic()
+try:
+    with BACKENDS["loky"](Workers(2, "loky", None, "")) as pool:
+        waiting = [pool.submit(time.sleep, 60) for _ in range(4)]
+        futures._base._AcquireFutures(waiting).__enter__()  # as `wait` does, interrupted before it gives them back
+        raise KeyboardInterrupt
+except KeyboardInterrupt:
+    print(time.monotonic() - began < 10)
+"""
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=30)
+    assert (run.stdout, run.stderr) == ("True\n", "")
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP, *([signal.SIGTERM] if TRIES else [])], ids=lambda n: n.name)
 def test_a_second_signal_ends_the_run_at_once_and_without_a_traceback(start, tmp_path, number):
     run = start(tmp_path / "out", *LOKY)

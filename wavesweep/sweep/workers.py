@@ -29,6 +29,7 @@ CHILDREN = dict.fromkeys(ONE_THREAD, "1") | {"PYTHONSAFEPATH": "1"}
 DEAF = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)}  # left to the parent
 LOCAL = ("loky", "threading")  # backends whose workers share the processors of this machine
 AHEAD = 3  # tasks per worker that are handed out before the first is finished
+ENDING = 3.0  # s for loky's threads to end, whose other locks a signal may have left locked as well
 IDLE = 60  # s after which loky's workers end if nothing follows
 LOOK = 2.0  # s between two looks at a cluster
 PATIENCE = 10.0  # s for a dask scheduler to answer
@@ -149,19 +150,26 @@ def _loky(workers):
         yield Pool(executor.submit, workers.count, look)
     except BaseException as error:
         _unblock(executor, processes)
+        end = threading.Thread(target=executor.shutdown, kwargs={"kill_workers": True}, daemon=True)
         with _manager_unsaid():
-            executor.shutdown(kill_workers=True)
+            end.start()
+            end.join(ENDING)
         if isinstance(error, BrokenExecutor):
             raise WavesweepError(DIED) from error
         raise
 
 
 def _unblock(executor, processes):
-    """End the workers, and close the far ends of the pipes to them, so that loky's threads do not wait there without end.
+    """End the workers, and take away all that loky's threads could wait for without end.
 
     One of them may read the rest of a result whose writer is dead, another may write tasks into a full pipe that is not read
-    any more. This process has the far ends of both open as well.
+    any more. This process has the far ends of both open as well, and closes them. A signal that arrives while this thread takes
+    the lock of a result that is still to come leaves it locked.
     """
+    for item in list(executor._pending_work_items.values()):  # noqa: SLF001 - no public names
+        lock = item.future._condition  # noqa: SLF001
+        while lock._is_owned():  # noqa: SLF001
+            lock.release()
     for process in processes:
         if process.exitcode is None:
             with suppress(OSError):
