@@ -14,7 +14,7 @@ from wavesweep.diagram.assembly import FACTOR, PRODUCT, assembled
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
-from wavesweep.lifted.number import OpenTicks
+from wavesweep.lifted.open_ticks import OpenTicks
 from wavesweep.lifted.periodic import ticks_of
 from wavesweep.lifted.tick_drift import closed, closed_frame
 from wavesweep.spec import load

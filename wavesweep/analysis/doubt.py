@@ -6,7 +6,7 @@ DOUBTS = {
     "counts": "the counts of unstable eigenvalues do not fit the crossings that were found, or are not known everywhere",
     "crowded": "crossings or poles lie too close together to prove that none is missed",
     "search": "part of the range could not be searched with proof",
-    "overflow": "the frame's matrix overflows, so part of the range, or the response, is not known",
+    "overflow": "the frame's matrix overflows or is lost in rounding, so part of the range, or the response, is not known",
     "unstable": "the loop is unstable and has no steady response: the numbers are those of its equations",
     "defective": "two eigenvalues meet where the interval ends, which has no derivative there that doubles can find",
 }

@@ -35,14 +35,51 @@ def ss(name, period, A, B, C, D, inputs, outputs, discrete=False) -> Block:
 def tf(name, period, num, den, discrete=False) -> Block:
     """Transfer function from coefficients of descending powers, in controllable form; `u` -> `y`.
 
+    A discrete one is realised in powers of z - 1, to which its coefficients are taken without rounding: in powers of z, the
+    ticks of a long frame would grow and cancel. Poles that are written as 0 are delays.
     Accuracy: that of the coefficients, whose roots lose digits at high orders; `butterworth` and `ss` do not.
     """
-    n, lead = len(den) - 1, numbers(den[0])
-    a = [numbers(each) / lead for each in den[1:]]
-    b = [numbers(0.0)] * (n + 1 - len(num)) + [numbers(each) / lead for each in num]
+    if discrete:
+        return _discrete_tf(name, num, den)
+    n, (A, B, C, D) = len(den) - 1, _controllable([numbers(each) for each in num], [numbers(each) for each in den])
+    return ss(name, period, A if n else [], B if n else [], C, D, ("u",), ("y",))
+
+
+def _controllable(num, den):
+    """Rows of A, B, C and D from coefficients of descending powers; each state but the first integrates the one before it."""
+    n, lead = len(den) - 1, den[0]
+    a, b = [each / lead for each in den[1:]], [numbers(0.0)] * (n + 1 - len(num)) + [each / lead for each in num]
     C = [[each - factor * b[0] for each, factor in zip(b[1:], a, strict=True)]]
     A = [[-factor for factor in a]] + [[1.0 if column == row else 0.0 for column in range(n)] for row in range(n - 1)]
-    return ss(name, period, A if n else [], [[1.0]] + [[0.0]] * (n - 1) if n else [], C, [[b[0]]], ("u",), ("y",), discrete)
+    return A[:n], [[1.0 if row == 0 else 0.0] for row in range(n)], C, [[b[0]]]
+
+
+def _discrete_tf(name, num, den):
+    """`num(z)/(z^k rest(z))`: what `1/rest` makes of the input goes through k delays, which the last k coefficients read."""
+    k = next((at for at, each in enumerate(reversed(den)) if type(each) not in (int, float) or each), 0)
+    n, num = len(den) - 1 - k, [0.0] * (len(den) - len(num)) + list(num)
+    A, B, C, D = _controllable(_about_one(num[: n + 1]), _about_one(den[: n + 1]))
+    E = [[*row, *[0.0] * k] for row in A] + [[1.0 * (i == j - 1) - (i == j) for i in range(n + k)] for j in range(n, n + k)]
+    B, C = [*B, *([1.0 * (j == 0)] for j in range(n, n + k))], [[*C[0], *(numbers(each) / den[0] for each in num[n + 1 :])]]
+    names = *(f"x{i}" for i in range(n)), *(f"u{j + 1}" for j in range(k))
+    return _block(
+        name, ("u",), ("y",), names, *(_matrix(*each) for each in ((E, (n + k, n + k)), (B, (n + k, 1)), (C, (1, n + k)))), D
+    )
+
+
+def _about_one(coefficients):
+    """Coefficients of descending powers of z - 1 from those of z: division by z - 1 again and again.
+
+    The rounding of each sum is kept beside it (D. E. Knuth, TAOCP 2, 4.2.2, theorem B).
+    """
+    sums, lost = [numbers(each) for each in coefficients], [0.0] * len(coefficients)
+    for end in range(len(sums), 1, -1):
+        for i in range(1, end):
+            total = sums[i] + sums[i - 1]
+            part = total - sums[i]
+            lost[i] = lost[i] + lost[i - 1] + ((sums[i] - (total - part)) + (sums[i - 1] - part))
+            sums[i] = total
+    return [total + rest for total, rest in zip(sums, lost, strict=True)]
 
 
 def gain(name, period, k=1.0) -> Block:

@@ -22,7 +22,8 @@ class Cut:
     is the exact eigenvalue 1 of the cut loop: the position of the whole scene if no spring holds the hand, or the avatar's if
     only the wall reads it. It is kept out of E, so it is never rounded. period: of the frame, s (a number or an array over the
     batch). states, unread: names of the states that are kept and left out. condition: factor by which closing its algebraic
-    loops may have multiplied the rounding of its entries; pivot: see `Block`. conserved: the drift that was eliminated ("" if
+    loops may have multiplied the rounding of its entries; pivot: see `Block`. growth: of stretches of ticks over the frame (see
+    `growth_of`). conserved: the drift that was eliminated ("" if
     none): a combination of states that no wall force changes.
     """
 
@@ -37,9 +38,10 @@ class Cut:
     conserved: str = ""
     condition: np.ndarray = 1.0
     pivot: np.ndarray = 1.0
+    growth: np.ndarray = 1.0
 
     def __post_init__(self):
-        for name in ("E", "B", "C", "D", "period", "condition", "pivot"):
+        for name in ("E", "B", "C", "D", "period", "condition", "pivot", "growth"):
             object.__setattr__(self, name, frozen(getattr(self, name)))
 
     @property
@@ -71,6 +73,7 @@ class Cut:
             conserved=self.conserved,
             condition=pick(self.condition, 0),
             pivot=pick(self.pivot, 0),
+            growth=pick(self.growth, 0),
         )
 
 

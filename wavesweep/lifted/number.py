@@ -1,14 +1,13 @@
-"""A drawn loop cut at a number that is one scalar gain of it: in its frame, or else in each of the frame's ticks."""
+"""A drawn loop cut at a number that is one scalar gain of its frame."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.elimination import ROUNDING
-from wavesweep.lifted.connect import WORST_CONDITION
 from wavesweep.lifted.cut import Cut
-from wavesweep.lifted.periodic import Ticks, in_a_row, then, ticks_of
+from wavesweep.lifted.periodic import growth_of, in_a_row, then, ticks_of
 from wavesweep.lifted.tick_drift import TickDrift, consistent_solution
 
 LEFT = 1e-10  # of the largest entry of a row, what rounding over a frame may leave of the change along a state that rests
@@ -37,7 +36,8 @@ def cut_at_number(drawn: Drawn, drift: TickDrift, force: str, read: str, damped:
     c, d = head.C, head.D[..., w : w + 1]
     if damped and np.any(_shown_of_leads(c[..., 1:, :], drift)):
         return None
-    return _cut(E, B, c, d, drift, np.asarray(drawn.period) * drawn.ticks, head.condition)
+    cut = _cut(E, B, c, d, drift, np.asarray(drawn.period) * drawn.ticks, head.condition)
+    return cut and replace(cut, growth=growth_of(ticks.kind, [each.E for each in ticks.maps]))
 
 
 def _only_tick(ticks, w):
@@ -160,40 +160,3 @@ def _read_after(E, C):
     while idle := [i for i in kept if plain[i] and not shown[:, i].any() and not any(moves[j, i] for j in kept if j != i)]:
         kept = [i for i in kept if i not in idle]
     return kept
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class OpenTicks:
-    """The ticks of loops cut at a number that may be read several times in a frame.
-
-    ticks: with no inputs, except in those that the number reaches: these go from its product to the signal that it multiplies.
-    """
-
-    ticks: Ticks
-
-    @staticmethod
-    def of(drawn: Drawn, whole: Drawn, product: str, factor: str) -> "OpenTicks":
-        """Connect the ticks.
-
-        drawn: with the number's product as an input; whole: with the number in its place, which determines the signals that are
-        held.
-        Errors: IllPosedLoopError for an algebraic loop without a solution.
-        """
-        return OpenTicks(ticks_of(drawn, (factor,), alone=True, through=product, held=whole.held()))
-
-    def closed(self, at, p) -> Ticks:
-        """Return the ticks of the loops `at` of the batch at values p of the number; at and p broadcast together."""
-        return replace(self.ticks, maps=tuple(_closed(each, at, p) for each in self.ticks.maps))
-
-
-def _closed(block, at, p):
-    E, B, C, D = (part[at] if part.ndim > 2 else part for part in (block.E, block.B, block.C, block.D))
-    condition, pivot = (np.asarray(part)[at] if np.ndim(part) else part for part in (block.condition, block.pivot))
-    if block.inputs:
-        with np.errstate(all="ignore"):
-            through = p * D[..., 0, 0]
-            condition, pivot = condition * (1 + np.abs(through)) / np.abs(1 - through), pivot * (1 - through)
-            gain = np.where(condition <= WORST_CONDITION, p / (1 - through), np.nan)
-            E = E + B * gain[..., None, None] * C
-    nothing = {"inputs": (), "outputs": (), "B": E[..., :0], "C": E[..., :0, :], "D": E[..., :0, :0]}
-    return replace(block, E=E, condition=condition, pivot=pivot, **nothing)

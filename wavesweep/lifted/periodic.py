@@ -1,5 +1,6 @@
 """The frame of a loop of several rates: its ticks one after the other, in delta form."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
@@ -96,6 +97,44 @@ def frame_of(ticks: Ticks) -> np.ndarray:
     batch, kind = np.broadcast_shapes(*(each.E.shape[:-2] for each in changes)), np.result_type(*(each.E for each in changes))
     with np.errstate(over="ignore", invalid="ignore"):
         return in_parts(lambda part: in_a_row(kinds, [each.at(part) for each in changes], _Change.then).E, batch, n, kind)
+
+
+GROWN, LOST = 1e3, 1e6  # growth from which on a number may be off by more than it promises, and of which nothing is known
+
+
+def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the growth of stretches of ticks over the frame that they make, `(...)`, 1 or more, in no units of the states.
+
+    kind: of each tick; changes: per kind, the matrix less identity, `(..., n, n)`.
+
+    Of a frame of stretches P and Q a rounding of `|Q| |P|` is unknown, which exceeds `Q P` by as much as its terms cancel.
+    The size of each such product (see `size_of`) is compared to that of the frame, or to 1.
+    Accuracy: a measure of the digits that are lost, not a bound.
+    """
+    kinds, n = kind.tolist(), changes[0].shape[-1]
+    if len(kinds) < 2 or not n:
+        return np.ones(())
+    one = np.eye(n)
+
+    def joined(first, second):
+        (E, size), (later, more) = first, second
+        terms = np.abs(one + later) @ np.abs(one + E)
+        return then(E, later), np.maximum(np.maximum(size, more), size_of(terms))
+
+    with np.errstate(all="ignore"):  # of a frame that overflows
+        E, largest = in_a_row(kinds, [(E, 1.0) for E in changes], joined)
+        return np.fmax(1.0, largest / np.fmax(1.0, size_of(one + E)))
+
+
+def known_frames(E: np.ndarray, growth) -> np.ndarray:
+    """Return frames, and NaN for those that are lost in rounding; growth: see `growth_of`."""
+    return np.where((growth <= LOST)[..., None, None], E, np.nan) if np.any(growth > LOST) else E
+
+
+def size_of(matrix) -> np.ndarray:
+    """Return the largest geometric mean of two entries (i, j) and (j, i), `(...)`, which no units of the states change."""
+    root = np.sqrt(np.abs(matrix))
+    return (root * np.swapaxes(root, -1, -2)).max((-1, -2))
 
 
 def in_a_row(kinds, maps, joined):

@@ -6,7 +6,7 @@ import numpy as np
 
 from wavesweep.diagram.drawn import Drawn, shifts
 from wavesweep.lifted.circle import solve
-from wavesweep.lifted.periodic import Ticks, frame_of, ticks_of
+from wavesweep.lifted.periodic import Ticks, frame_of, growth_of, known_frames, ticks_of
 
 RANK = 1e-12  # of the largest singular value of a frame of tame numbers, up to which the smallest is 0
 SAME = 1e-9  # relative difference of two factors of a shift, up to which it does not depend on the numbers
@@ -137,16 +137,21 @@ def consistent_solution(A, b) -> np.ndarray:
 
 
 def closed_frame(drawn: Drawn, drift: TickDrift) -> np.ndarray:
-    """Return the frame-to-frame matrix less identity, without drift, `(..., k, k)`.
+    """Return the frame-to-frame matrix less identity, without drift, `(..., k, k)`; NaN where rounding leaves nothing of it.
 
     Loops of fewer than two states are filled up with eigenvalues at 0 of the frame.
     """
-    return closed(ticks_of(drawn, alone=True), drift)
+    ticks = ticks_of(drawn, alone=True)
+    return known_frames(closed(ticks, drift), growth_of(ticks.kind, [each.E for each in ticks.maps]))
 
 
 def closed(ticks: Ticks, drift: TickDrift) -> np.ndarray:
-    """`closed_frame` for ticks that are connected already."""
-    E = without_drift(frame_of(ticks), drift)
+    """`closed_frame` for ticks that are connected already, whatever rounding leaves."""
+    return filled(without_drift(frame_of(ticks), drift))
+
+
+def filled(E: np.ndarray) -> np.ndarray:
+    """Return frames less identity of two states or more: eigenvalues at 0 of the frame are added."""
     missing = 2 - E.shape[-1]
     if missing <= 0:
         return E

@@ -8,6 +8,7 @@ from math import prod
 
 import numpy as np
 
+from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING
 from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
 from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.response.drawn import static_port_response
@@ -31,15 +32,15 @@ from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.lifted import Cut
-from wavesweep.lifted.number import OpenTicks, cut_at_number
-from wavesweep.lifted.periodic import ticks_of
-from wavesweep.lifted.tick_drift import TickDrift, closed, closed_frame, drift_of_drawn
+from wavesweep.lifted.number import cut_at_number
+from wavesweep.lifted.open_ticks import OpenTicks, facts_of
+from wavesweep.lifted.periodic import GROWN, LOST, growth_of, ticks_of
+from wavesweep.lifted.tick_drift import TickDrift, closed, closed_frame, drift_of_drawn, filled, without_drift
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.grid import groups, selected
 from wavesweep.sweep.tasks import FELT, TINY, felt_at_ends, records_of, with_batch
 
 Groups = tuple[tuple[np.ndarray, Mapping[str, object]], ...]
-FACTS = "pivot", "condition"  # of connected ticks; those of a frame are products
 SURE = 1e-6  # relative error up to which a stiffness counts as known
 
 
@@ -92,16 +93,16 @@ def _drift(one, other, watched):
 
 
 def frames(drawing: Drawing | Uneven, values: Mapping[str, object], drift: TickDrift) -> np.ndarray:
-    """Frame-to-frame matrices less identity, without drift, `(..., n, n)`."""
-    return _closed(drawing, values, drift)[0]
-
-
-def _closed(drawing, values, drift):
-    """The same, and the connected ticks."""
+    """Frame-to-frame matrices less identity, without drift, `(..., n, n)`; see `closed_frame`."""
     drawn = assembled(drawing, values)
     with named_loops(drawn), np.errstate(all="ignore"):
-        ticks = ticks_of(drawn, alone=True)
-        return closed(ticks, drift), ticks
+        return closed_frame(drawn, drift)
+
+
+def _ticks(drawing, values):
+    drawn = assembled(drawing, values)
+    with named_loops(drawn), np.errstate(all="ignore"):
+        return ticks_of(drawn, alone=True)
 
 
 def exact_cut(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], number: str) -> Cut | None:
@@ -185,32 +186,69 @@ class DrawnTask:
         refuse_unsuitable(self.drawing, values)
         cut = exact_cut(self.drawing, values, self.own, self.along.removeprefix("numbers."))
         if cut is not None:
-            return stable_intervals(with_batch(cut, size), "K_VE", self.span, np.zeros((size, 1)))
-        drift, ticks = drift_of(self.drawing, values | {self.along: 1.0}, self.own), self._open_ticks(values)
-
-        def evaluate(number, p):
-            p = np.where(p == 0, TINY, p)
-            varied, shape = selected(values, number) | {self.along: p}, p.shape
-            if ticks is None:
-                found = _where_solvable(self.drawing, varied, drift, shape)
-            else:
-                with np.errstate(all="ignore"):
-                    some = ticks.closed(number, p)
-                    found = _as_frames(closed(some, drift), some, shape)
-            divisors = guards_at(self.drawing, varied, self.along, shape)
-            return replace(found, pivots=np.concatenate([found.pivots, divisors.reshape(p.size, -1)], axis=-1))
-
+            cut = with_batch(cut, size)
+            found = stable_intervals(cut, "K_VE", self.span, np.zeros((size, 1)))
+            return _doubted(found, cut.growth[found.column])
+        drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
+        loops = _Along(self.drawing, self.along, values, drift, self._open_ticks(values))
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
         bent = isinstance(self.drawing, Uneven) and self.along in WALL and self.span[0] >= 0
-        return stable_along_any(evaluate, self.span, size, period, self.bounds, bent)
+        found = stable_along_any(loops.frames, self.span, size, period, self.bounds, bent)
+        low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), self.span, strict=True))
+        growth = (loops.growth(found.column, p) for p in (low, low / 2 + high / 2, high))
+        return _doubted(found, reduce(np.maximum, growth))
 
 
-def _as_frames(E, ticks, shape):
-    """Frames of a batch of that shape, which E broadcasts to, one after the other."""
-    size = prod(shape)
-    with np.errstate(all="ignore"):
-        pivot, condition = (reduce(np.multiply, (getattr(each, part) for each in ticks.maps)) for part in FACTS)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Along:
+    """Loops of a batch at values p of the number `along`, `number` being those of the loops in the batch.
+
+    open_ticks: the loops without the number in their ticks, if it is one scalar gain of them.
+    """
+
+    drawing: Drawing | Uneven
+    along: str
+    values: Mapping[str, object]
+    drift: TickDrift
+    open_ticks: OpenTicks | None
+
+    def frames(self, number, p) -> Frames:
+        """The frames, number and p being broadcast together; NaN for loops of direct terms without a solution."""
+        p = np.where(p == 0, TINY, p)
+        varied, shape = self._varied(number, p), p.shape
+        if self.open_ticks is None:
+            found = _where_solvable(self.drawing, varied, self.drift, shape)
+        else:
+            E, *facts = self.open_ticks.frames(number, p)
+            found = _frames(filled(without_drift(E, self.drift)), facts, shape)
+        divisors = guards_at(self.drawing, varied, self.along, shape)
+        return replace(found, pivots=np.concatenate([found.pivots, divisors.reshape(p.size, -1)], axis=-1))
+
+    def growth(self, number, p) -> np.ndarray:
+        """The growth over a frame, `(loops,)`; 1 for loops of direct terms without a solution."""
+        p = np.where(p == 0, TINY, p)
+        try:
+            ticks = self.open_ticks.closed(number, p) if self.open_ticks else _ticks(self.drawing, self._varied(number, p))
+        except IllPosedLoopError:
+            parts = zip(number[:, None], p[:, None], strict=True)
+            return np.concatenate([self.growth(*part) for part in parts]) if p.size > 1 else np.ones(1)
+        return np.broadcast_to(growth_of(ticks.kind, [each.E for each in ticks.maps]), p.shape)
+
+    def _varied(self, number, p):
+        return selected(self.values, number) | {self.along: p}
+
+
+def _doubted(found, growth):
+    """Intervals in doubt where stretches of ticks grow beyond the frame that they make; growth: of each, see `growth_of`."""
+    worst = np.zeros(found.column.max(initial=-1) + 1, int)
+    np.maximum.at(worst, found.column, np.select([growth > LOST, growth > GROWN], [OVERFLOW, ROUNDING], NONE))
+    return replace(found, doubt=np.maximum(found.doubt, worst[found.column]))
+
+
+def _frames(E, facts, shape):
+    """Frames of a batch of that shape, which E, pivots and conditions broadcast to, one after the other."""
+    size, (pivot, condition) = prod(shape), facts
     whole = zip((E, np.asarray(pivot)[..., None], condition), (E.shape[-2:], (1,), ()), strict=True)
     return Frames(*(np.broadcast_to(part, (*shape, *tail)).reshape(size, *tail) for part, tail in whole))
 
@@ -220,7 +258,9 @@ def _where_solvable(drawing, values, drift, shape):
     without a solution, which a search may come across."""
     size = prod(shape)
     try:
-        return _as_frames(*_closed(drawing, values, drift), shape)
+        ticks = _ticks(drawing, values)
+        with np.errstate(all="ignore"):
+            return _frames(closed(ticks, drift), facts_of(ticks.maps), shape)
     except IllPosedLoopError:
         if size == 1:
             order = max(2, len(drift.kept))

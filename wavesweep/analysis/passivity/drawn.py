@@ -19,7 +19,8 @@ LONGEST = 600  # ticks; the map of a frame is a matrix of that size
 def drawn_port_margin(port: Port) -> PortMargin:
     """Margin of positive realness of the map from the held force to the displacement in the tick; see `port_margin`.
 
-    Errors: UsageError for a frame of more than LONGEST ticks. Accuracy: 1e-10 of the margin and of the mean eigenvalue.
+    Errors: UsageError for a frame of more than LONGEST ticks. Accuracy: 1e-10 of the margin and of the mean eigenvalue;
+    NaN for a frame that is not known.
     """
     M = port.kind.size
     if M > LONGEST:
@@ -27,7 +28,9 @@ def drawn_port_margin(port: Port) -> PortMargin:
     port = _without_drift(_in_even_units(port))
     E, toeplitz, O, G = _lifted(port)
     mean = float(np.mean(np.diagonal(toeplitz)))
-    n = E.shape[-1]
+    n, unknown = E.shape[-1], np.array([np.nan])
+    if not np.isfinite(E).all():
+        return PortMargin(unknown, unknown, np.array([mean]), np.array([False]), np.array([False]))
 
     def smallest(_, theta):
         w = on_circle(theta)[:, None, None]

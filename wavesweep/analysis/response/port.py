@@ -8,7 +8,7 @@ import numpy as np
 from wavesweep.analysis.response.ticks import ENTRIES, both, long_sum, ordered_product
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
-from wavesweep.lifted.periodic import in_a_row, then, ticks_of
+from wavesweep.lifted.periodic import growth_of, in_a_row, known_frames, then, ticks_of
 from wavesweep.lifted.tick_drift import TickDrift
 
 STILL = 1e-9  # of the terms of a shift, what is rounding
@@ -131,9 +131,10 @@ def _kept(drift):
 
 
 def frame_of_port(port: Port) -> np.ndarray:
-    """Return the frame-to-frame matrix less identity of a port's loop."""
+    """Return the frame-to-frame matrix less identity of a port's loop; NaN if rounding leaves nothing of it."""
+    changes = [each[0] for each in port.maps]
     with np.errstate(over="ignore", invalid="ignore"):
-        return in_a_row(port.kind.tolist(), [each[0] for each in port.maps], then)
+        return known_frames(in_a_row(port.kind.tolist(), changes, then), growth_of(port.kind, changes))
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,120 @@
+"""Transfer functions as blocks: against scipy's difference equation and exact sums, and their loops over long frames."""
+
+from fractions import Fraction
+from math import comb
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.signal import butter, lfilter
+
+import wavesweep
+from wavesweep.diagram.blocks import tf
+
+mp = mpmath.mp.clone()
+mp.prec = 333
+
+
+def companion(num, den):
+    """The difference equation with its last values as states, as anybody would write it: A, B, C, D."""
+    n = len(den) - 1
+    A = [[-a / den[0] for a in den[1:]]] + [[1.0 if column == row else 0.0 for column in range(n)] for row in range(n - 1)]
+    C = [[b / den[0] - a / den[0] * num[0] / den[0] for a, b in zip(den[1:], num[1:], strict=True)]]
+    return A, [[1.0]] + [[0.0]] * (n - 1), C, [[num[0] / den[0]]]
+
+
+def loop(block, every):
+    """A block whose output is read every so many ticks, and fed back with a gain, beside a plant that a hand holds."""
+    plant = {"type": "mass", "mass": 0.3, "damping": 20.0, "stiffness": 400.0}
+    return wavesweep.compile(
+        {
+            "rates": {"tick_hz": 1000},
+            "numbers": {"K": 0.5},
+            "block": {"f": block | {"discrete": True}, "s": {"type": "hold", "every": every}, "m": plant},
+            "wire": {"f.u": "-K*s.y", "s.u": "f.y", "m.f": "hand"},
+            "ports": {"hand": {"force": "hand", "displacement": "m.x"}},
+            "sweep": {"along": "K", "K": {"start": -10, "stop": 10}},
+        }
+    )
+
+
+def radius(num, den, every, K):
+    """Spectral radius of that loop in 333 bits."""
+    A, B, C, D = (mp.matrix(part) for part in companion([mp.mpf(b) for b in num], [mp.mpf(a) for a in den]))
+    frame, fed = mp.eye(A.rows), mp.zeros(A.rows, 1)
+    for _ in range(every):
+        frame, fed = A * frame, A * fed + B
+    values, _ = mp.eig(frame - fed * C * (K / (1 + K * D[0])))
+    return max(abs(value) for value in values)
+
+
+@pytest.mark.parametrize(
+    ("num", "den", "states"),
+    [
+        ([1, 2, 3], [1, -0.5, 0.06], ("x0", "x1")),
+        ([1], [1, -2, 1], ("x0", "x1")),
+        ([1], [1, 0, 0], ("u1", "u2")),
+        ([1, 1, 1], [3.0, 0, 0], ("u1", "u2")),
+        ([1, 2, 3, 4], [2, -0.5, 0.0, 0], ("x0", "u1", "u2")),
+        ([3, 4, 0], [2, -0.5, 0.0], ("x0", "u1")),
+        ([2], [4], ()),
+    ],
+)
+def test_a_discrete_one_is_its_difference_equation(num, den, states):
+    block, u = tf("f", 1e-3, num, den, discrete=True), np.random.default_rng(1).normal(size=60)
+    x, y = np.zeros(len(states)), []
+    for value in u:
+        y.append(block.C @ x + block.D[:, 0] * value)
+        x = x + block.E @ x + block.B[:, 0] * value
+    expected = lfilter([0.0] * (len(den) - len(num)) + num, den, u)
+    assert block.states == states
+    np.testing.assert_allclose(np.ravel(y), expected, rtol=0, atol=1e-14 * max(1, np.abs(expected).max()))
+
+
+def test_coefficients_of_a_batch_and_complex_ones_are_taken_as_they_are():
+    b, a = np.array([1.0, 2.0]), np.array([-0.5, 0.25 + 0.5j])
+    whole = tf("f", 1e-3, [b, 1.0], [1.0, a, 0.5], discrete=True)
+    for at in range(2):
+        alone = tf("f", 1e-3, [b[at], 1.0], [1.0, a[at], 0.5], discrete=True)
+        for name in "EBCD":
+            part = getattr(whole, name)
+            assert np.array_equal(np.broadcast_to(part, (2, *part.shape[-2:]))[at], getattr(alone, name))
+    # A number that happens to be 0 in some loop of a sweep is no pole that is written as 0.
+    assert tf("f", 1e-3, [1.0], [1.0, -0.5, np.float64(0.0)], discrete=True).states == ("x0", "x1")
+
+
+@pytest.mark.parametrize("den", [butter(5, 0.01)[1], butter(8, 0.004)[1], np.poly([0.999, 0.998, 0.9985, -0.3, 1e-9])])
+def test_powers_of_z_less_1_have_the_digits_of_exact_sums(den):
+    n = len(den) - 1
+    exact = [sum(comb(n - i, n - k) * Fraction(float(den[i])) for i in range(k + 1)) for k in range(n + 1)]
+    block = tf("f", 1e-3, [1.0], list(den), discrete=True)
+    np.testing.assert_allclose(block.E[0], [-float(each) for each in exact[1:]], rtol=1e-15)
+
+
+@pytest.mark.parametrize("every", [20, 160, 500])
+@pytest.mark.parametrize(("order", "cutoff"), [(2, 0.01), (3, 0.004), (5, 0.01), (5, 0.05)])
+def test_ends_of_a_slow_filter_in_a_long_frame_are_right(order, cutoff, every):
+    num, den = (each.tolist() for each in butter(order, cutoff))
+    table = loop({"type": "tf", "num": num, "den": den}, every).stable_intervals("K")
+    assert table.certified.all()
+    assert len(table) == 1
+    for end, outwards in ((table.low[0], -1), (table.high[0], 1)):
+        step = mp.mpf(1e-9) * abs(mp.mpf(end)) * outwards
+        assert radius(num, den, every, mp.mpf(end) - step) < 1 < radius(num, den, every, mp.mpf(end) + step)
+
+
+@pytest.mark.parametrize(("order", "every", "doubt"), [(3, 160, "rounding"), (5, 160, "overflow")])
+def test_a_frame_whose_ticks_grow_and_cancel_is_not_vouched_for(order, every, doubt):
+    num, den = (each.tolist() for each in butter(order, 0.01))
+    known = loop({"type": "tf", "num": num, "den": den}, every)
+    lost = loop({"type": "ss", **dict(zip("ABCD", companion(num, den), strict=True))}, every)
+    table = lost.stable_intervals("K")
+    assert not table.certified.any()
+    assert set(table.doubt) <= {doubt, "crowded", "counts"}
+    if doubt == "overflow":
+        assert np.isinf(lost.spectral_radius())
+        assert set(lost.response([0.0, 1.0]).doubt) == {"overflow"}
+        assert np.isnan(lost.passivity().port_margin[0])
+    else:
+        assert lost.spectral_radius() == pytest.approx(known.spectral_radius(), rel=1e-6)
+    assert known.spectral_radius() == pytest.approx(float(radius(num, den, every, mp.mpf("0.5"))), rel=1e-11)

@@ -1,0 +1,133 @@
+"""Drawn loops without a number that several ticks of a frame may read: closed in the frame, or in each of its ticks."""
+
+from dataclasses import dataclass, replace
+from functools import reduce
+
+import numpy as np
+
+from wavesweep.diagram.drawn import Drawn
+from wavesweep.lifted.connect import WORST_CONDITION
+from wavesweep.lifted.periodic import Ticks, frame_of, in_a_row, size_of, then, ticks_of
+
+MOST_READINGS = 8  # of the number in a frame, up to which it is closed there
+CANCELS = 16.0  # times the frame: size of the terms of its closure, from which on it is closed in the ticks instead
+FACTS = "pivot", "condition"  # of connected ticks; those of a frame are products over their kinds
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OpenTicks:
+    """The ticks of loops cut at a number that may be read several times in a frame.
+
+    ticks: with no inputs, except in those that the number reaches: these go from its product to the signal that it multiplies.
+    frame: all of them in a row, if the number is read only a few times.
+    """
+
+    ticks: Ticks
+    frame: "_OpenFrame | None"
+
+    @staticmethod
+    def of(drawn: Drawn, whole: Drawn, product: str, factor: str) -> "OpenTicks":
+        """Connect the ticks.
+
+        drawn: with the number's product as an input; whole: with the number in its place, which determines the signals that are
+        held.
+        Errors: IllPosedLoopError for an algebraic loop without a solution.
+        """
+        ticks = ticks_of(drawn, (factor,), alone=True, through=product, held=whole.held())
+        readings = sum(len(ticks.maps[kind].inputs) for kind in ticks.kind)
+        with np.errstate(all="ignore"):
+            return OpenTicks(ticks, _OpenFrame.of(ticks) if readings <= MOST_READINGS else None)
+
+    def closed(self, at, p) -> Ticks:
+        """Return the ticks of the loops `at` of the batch at values p of the number; at and p broadcast together."""
+        with np.errstate(all="ignore"):
+            return replace(self.ticks, maps=tuple(_closed(each, at, p) for each in self.ticks.maps))
+
+    def frames(self, at, p) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return frames less identity `(..., n, n)`, and their pivots and conditions; see `closed` and `Block`."""
+        with np.errstate(all="ignore"):
+            if self.frame is None:
+                ticks = self.closed(at, p)
+                return frame_of(ticks), *facts_of(ticks.maps)
+            closures = [_closure(each, at, p) for each in self.ticks.maps]
+            read = [closures[kind][0] for kind in self.ticks.kind if self.ticks.maps[kind].inputs]
+            E, lost = self.frame.closed(at, read)
+            if lost.any():
+                some = (np.broadcast_to(part, lost.shape)[lost] for part in (at, p))
+                E[lost] = frame_of(self.closed(*some))
+            pivot, condition = (reduce(np.multiply, part) for part in list(zip(*closures, strict=True))[1:])
+            return E, pivot, condition
+
+
+def facts_of(maps) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pivot and the condition of a frame of connected ticks; see `Block`."""
+    return tuple(reduce(np.multiply, (getattr(each, part) for each in maps)) for part in FACTS)
+
+
+def _closure(block, at, p):
+    """Return the gain from the signal that the number multiplies to its product, and the tick's pivot and condition."""
+    pivot, condition = (np.asarray(part)[at] if np.ndim(part) else part for part in (block.pivot, block.condition))
+    if not block.inputs:
+        return p, pivot, condition
+    through = p * (block.D[at] if block.D.ndim > 2 else block.D)[..., 0, 0]
+    condition, pivot = condition * (1 + np.abs(through)) / np.abs(1 - through), pivot * (1 - through)
+    return np.where(condition <= WORST_CONDITION, p / (1 - through), np.nan), pivot, condition
+
+
+def _closed(block, at, p):
+    E, B, C = (part[at] if part.ndim > 2 else part for part in (block.E, block.B, block.C))
+    gain, pivot, condition = _closure(block, at, p)
+    if block.inputs:
+        E = E + B * gain[..., None, None] * C
+    nothing = {"inputs": (), "outputs": (), "B": E[..., :0], "C": E[..., :0, :], "D": E[..., :0, :0]}
+    return replace(block, E=E, condition=condition, pivot=pivot, **nothing)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _OpenFrame:
+    """Ticks in a row, from what the number's product is at each of its readings to what it multiplies there.
+
+    E `(..., n, n)` less identity; B `(..., n, readings)`; C `(..., readings, n)`; D `(..., readings, readings)`, how a
+    reading depends on earlier ones (its own direct term is in `_closure`).
+    """
+
+    E: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+
+    @staticmethod
+    def of(ticks: Ticks) -> "_OpenFrame":
+        return in_a_row(ticks.kind.tolist(), [_OpenFrame(each.E, each.B, each.C, 0 * each.D) for each in ticks.maps], _joined)
+
+    def closed(self, at, gains) -> tuple[np.ndarray, np.ndarray]:
+        """Return the frames with these gains at the readings, `(readings, ...)`, and which have lost digits as terms cancel.
+
+        A reading is known from the state and from those before it, so this is forward substitution.
+        """
+        E, B, C, D = (part[at] if part.ndim > 2 else part for part in (self.E, self.B, self.C, self.D))
+        one = np.eye(E.shape[-1])
+        E, sizes, rows, row_sizes = E + 0 * np.asarray(gains[0] if gains else 0.0)[..., None, None], np.abs(one + E), [], []
+        for i, gain in enumerate(gains):
+            row, size = C[..., i, :], np.abs(C[..., i, :])
+            for j in range(i):
+                row, size = row + D[..., i, j, None] * rows[j], size + np.abs(D[..., i, j, None]) * row_sizes[j]
+            rows.append(gain[..., None] * row)
+            row_sizes.append(np.abs(gain)[..., None] * size)
+            E = E + B[..., i, None] * rows[i][..., None, :]
+            sizes = sizes + np.abs(B[..., i, None]) * row_sizes[i][..., None, :]
+        lost = size_of(sizes) > CANCELS * np.maximum(1.0, size_of(one + E))
+        return E, lost
+
+
+def _joined(first, second):
+    one, nothing = second.C @ first.B, np.zeros((first.C.shape[-2], second.B.shape[-1]))
+    batch = np.broadcast_shapes(*(part.shape[:-2] for part in (first.E, second.E, first.D, second.D)))
+
+    def beside(parts, axis):
+        return np.concatenate([np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in parts], axis)
+
+    E = then(first.E, second.E)
+    B = beside((first.B + second.E @ first.B, second.B), -1)
+    C = beside((first.C, second.C + second.C @ first.E), -2)
+    return _OpenFrame(E, B, C, beside((beside((first.D, nothing), -1), beside((one, second.D), -1)), -2))
