@@ -786,3 +786,26 @@ def test_what_only_watches_the_position_changes_nothing(watcher):
     assert watched.certified.all()
     for name in ("low", "high", "low_omega", "high_omega", "felt_low", "felt_high"):
         np.testing.assert_allclose(watched[name], found[name], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("every", "slow", "push", "lead"), [(5, 40, -2e3, 0.01), (5, 80, -2e3, 0.0), (5, 80, -2e4, 0.0)])
+def test_reciprocal_eigenvalues_of_very_different_sizes_cross_nothing(every, slow, push, lead):
+    """A plant that falls over, under a gain that is read 8 or 16 times in a frame."""
+    loop = wavesweep.compile({
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 100.0},
+        "block": {
+            "m": {"type": "mass", "mass": 1.0, "stiffness": push},
+            "h": {"type": "hold", "every": every},
+            "slow": {"type": "hold", "every": slow, "phase": 3},
+        },
+        "wire": {"h.u": f"K*m.x + {lead}*K*m.v", "slow.u": "m.x", "m.f": "-h.y - 20*slow.y"},
+    })  # fmt: skip
+    table = loop.stable_intervals("K", (1.0, 1e6))
+    assert table.certified.all()
+    stable = loop.spectral_radius(K=(values := np.geomspace(1.0, 1e6, 400))) < 1
+    inside = [(row.low <= values) & (values <= row.high) for row in table.itertuples() if row.intervals]
+    assert np.array_equal(stable, np.any([np.zeros(values.size, bool), *inside], axis=0))
+    for end in (end for row in table.itertuples() if row.intervals for end in (row.low, row.high)):
+        below, above = loop.spectral_radius(K=end * np.array([1 - 1e-8, 1 + 1e-8]))
+        assert (below - 1) * (above - 1) < 0

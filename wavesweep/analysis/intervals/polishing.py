@@ -144,16 +144,18 @@ def _end(evaluate, column, kind, x, slack, reach):
 def _nearest(E, kind):
     """Return the eigenvalue w = z - 1 of that kind that is nearest to its place on the circle, its distance, and its angle.
 
-    The distance is 1 - |z|^2, or 1 - z_i z_j of a reciprocal pair; |z|^2 - 1 at z = +-1. The angle is 0 for a reciprocal pair.
+    The distance is 1 - |z|^2, or 1/z_i - z_j of a reciprocal pair whose larger one is z_i, which makes z_j rough;
+    |z|^2 - 1 at z = +-1. The angle is 0 for a reciprocal pair.
     """
     w, known = eigenvalues(E)
     w = np.concatenate([w, np.full((len(w), 1), -1.0)], axis=-1)  # z = 0, which makes a pair for a single eigenvalue
     i, j = np.triu_indices(w.shape[-1], 1)
     pair = -(w[:, i] + w[:, j] + w[:, i] * w[:, j])
     best = np.argmin(np.abs(pair), axis=-1)[:, None]
-    first = np.take_along_axis(w[:, i], best, -1)[:, 0]
+    first, second = (np.take_along_axis(w[:, part], best, -1)[:, 0] for part in (i, j))
     single = np.take_along_axis(w, np.argmin(np.where(kind[:, None] == ONE, np.abs(w), np.abs(w + 2)), -1)[:, None], -1)[:, 0]
-    miss = np.where(kind == PAIR, np.take_along_axis(pair, best, -1)[:, 0].real, excess(single))
+    larger = np.where(first.imag == 0, np.maximum(1.0, np.maximum(np.abs(1 + first), np.abs(1 + second))), 1.0)
+    miss = np.where(kind == PAIR, np.take_along_axis(pair, best, -1)[:, 0].real / larger, excess(single))
     theta = np.where(kind == PAIR, np.abs(np.angle(1 + first)) * (first.imag != 0), np.where(kind == ONE, 0.0, np.pi))
     return np.where(kind == PAIR, first, single), np.where(known, miss, np.inf), theta
 
