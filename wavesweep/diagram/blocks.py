@@ -55,7 +55,7 @@ def _controllable(num, den):
 
 
 def _discrete_tf(name, num, den):
-    """`num(z)/(z^k rest(z))`: what `1/rest` makes of the input goes through k delays, which the last k coefficients read."""
+    """`num(z)/(z^k rest(z))`: the input goes through `1/rest` and then k delays, which the last k coefficients read."""
     k = next((at for at, each in enumerate(reversed(den)) if type(each) not in (int, float) or each), 0)
     n, num = len(den) - 1 - k, [0.0] * (len(den) - len(num)) + list(num)
     A, B, C, D = _controllable(_about_one(num[: n + 1]), _about_one(den[: n + 1]))

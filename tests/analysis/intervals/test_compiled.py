@@ -15,7 +15,8 @@ from wavesweep.analysis.intervals import critical, stable, stable_intervals
 from wavesweep.analysis.intervals.arcs import arc_crossings
 from wavesweep.analysis.intervals.bernstein import change_of_basis, largest_bernstein, roots_by_sign
 from wavesweep.analysis.intervals.boundary import end_errors
-from wavesweep.analysis.intervals.interpolated import DEGREES, Pieces, interpolated_loop, typical
+from wavesweep.analysis.intervals.interpolated import DEGREES, Pieces, interpolated_loop
+from wavesweep.analysis.intervals.living import typical
 from wavesweep.analysis.intervals.panels import NODE, RIM
 from wavesweep.analysis.spectrum import count_outside
 from wavesweep.bench.this_tool import profile_rows

@@ -6,17 +6,8 @@ import pytest
 from support.specs import values_of
 
 from wavesweep.analysis.intervals.critical import EPS, characteristic, from_coefficients, from_eigenvalues, from_polynomials
-from wavesweep.analysis.intervals.interpolated import (
-    DEGREES,
-    MoreStatesError,
-    RecalledError,
-    _of_order,
-    chebyshev,
-    interpolated_loop,
-    living,
-    nodes,
-    typical,
-)
+from wavesweep.analysis.intervals.interpolated import DEGREES, chebyshev, interpolated_loop, nodes
+from wavesweep.analysis.intervals.living import MoreStatesError, RecalledError, living, of_order, typical
 from wavesweep.analysis.intervals.panels import RIM
 from wavesweep.diagram import draw
 from wavesweep.lifted import close, cut_at_wall
@@ -164,12 +155,12 @@ def test_the_functions_of_a_polynomial_alone_have_the_same_bits_as_among_others(
 
 def test_a_state_that_is_left_out_changes_no_critical_function():
     E = np.random.default_rng(3).normal(size=(20, 3, 3))
-    padded = _of_order(lambda *_: E, 5, np.ones(3, bool), None, None).E
+    padded = of_order(lambda *_: E, 5, np.ones(3, bool), None, None).E
     assert padded.shape == (20, 5, 5)
     for few, more in zip(from_eigenvalues(E)[:2], from_eigenvalues(padded)[:2], strict=True):
         np.testing.assert_allclose(more[:3], few[:3], rtol=1e-12, atol=1e-12)
     with pytest.raises(MoreStatesError):
-        _of_order(lambda *_: E, 2, np.ones(3, bool), None, None)
+        of_order(lambda *_: E, 2, np.ones(3, bool), None, None)
 
 
 def forgetful():
@@ -199,13 +190,13 @@ def test_states_that_are_forgotten_within_a_frame_are_left_out():
 def test_a_state_that_is_recalled_at_other_values_is_noticed():
     E, column = forgetful() - np.eye(5), np.array([0, 0, 1, 1, 2, 2, 2])
     kept = living(np.abs(E + np.eye(5)))[0]
-    assert _of_order(lambda *_: E, 2, kept, column, None).E.shape == (7, 2, 2)
+    assert of_order(lambda *_: E, 2, kept, column, None).E.shape == (7, 2, 2)
     E[3, 0, 3] = 1e-3
     with pytest.raises(RecalledError) as error:
-        _of_order(lambda *_: E, 2, kept, column, None)
+        of_order(lambda *_: E, 2, kept, column, None)
     assert error.value.columns.tolist() == [1]
     with pytest.raises(RecalledError) as error:
-        _of_order(lambda *_: E[:, :4, :4], 2, kept, column, None)
+        of_order(lambda *_: E[:, :4, :4], 2, kept, column, None)
     assert error.value.columns.tolist() == [0, 1, 2]
 
 
@@ -215,7 +206,7 @@ def test_columns_that_forget_a_state_in_different_ways_do_not_recall_it_together
     A[:, 0, 0], A[0, 1, 0], A[1, 0, 1] = 0.5, 1.0, 1.0
     kept = living(A)
     assert (kept == [True, False]).all()
-    found = _of_order(lambda *_: A - np.eye(2), 1, kept[0], np.array([0, 1]), None).E
+    found = of_order(lambda *_: A - np.eye(2), 1, kept[0], np.array([0, 1]), None).E
     assert found.ravel().tolist() == [-0.5, -0.5]
 
 

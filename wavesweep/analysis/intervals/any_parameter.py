@@ -8,14 +8,8 @@ import numpy as np
 from wavesweep.analysis.doubt import COUNTS, NONE, OVERFLOW, SEARCH
 from wavesweep.analysis.intervals.critical import PAIR, SURELY_UNSTABLE, from_coefficients, from_eigenvalues
 from wavesweep.analysis.intervals.frames import NODES, Frames, level, pole_inside
-from wavesweep.analysis.intervals.interpolated import (
-    MOST_ORDER,
-    MoreStatesError,
-    RecalledError,
-    interpolated_loop,
-    living,
-    typical,
-)
+from wavesweep.analysis.intervals.interpolated import MOST_ORDER, interpolated_loop
+from wavesweep.analysis.intervals.living import MoreStatesError, RecalledError, living, typical
 from wavesweep.analysis.intervals.panels import RIM, ROUGH, panel_roots
 from wavesweep.analysis.intervals.polishing import ATTACHED, polished
 from wavesweep.analysis.intervals.regions import NEAR_ZERO, count_where_clear, cut_span

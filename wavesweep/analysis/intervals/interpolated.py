@@ -1,25 +1,24 @@
 """Characteristic polynomials of a loop over a range of a parameter: a few are computed, others interpolated, with a bound."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 
 import numpy as np
 
 from wavesweep.analysis.intervals.critical import EPS, LARGEST_ENTRY, characteristic, from_polynomials
-from wavesweep.analysis.intervals.frames import Frames, level, pole_inside
+from wavesweep.analysis.intervals.frames import level, pole_inside
+from wavesweep.analysis.intervals.living import of_order
 from wavesweep.analysis.intervals.panels import EXTENT, LEBESGUE, OVERLAP, RIM
 from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import balance
 from wavesweep.kernel import NUMPY, chosen
 
 DEGREES = (14, 28, 56)  # of an interpolant; its points are kept when it is raised
-TYPICAL = (0.53, 0.37, 0.71)  # of the span, where the units of the states are found; not the middle, which may be 0
 PIECES = 16  # a piece narrower than this part of the span that is not followed is computed at every point
 HOPELESS, WIDE = 0.05, 4  # last coefficients over the largest: a piece that is no wider than a WIDE-th of the span is given up
 MOST_ORDER = 14  # with more states the coefficients of characteristic polynomials have lost too much as a rule
 ROUNDED = 32  # roundings of all its terms that the sums of an interpolant cost
 LOOSE = 64.0  # roundings, as many as the values are off by themselves, that an interpolant may be off by besides
-FORGOTTEN = 64 * EPS  # size of an eigenvalue of its own up to which a state is left out: what rounding may make of 0
 MARGIN = 1e3  # of what a higher degree is expected to leave, since coefficients fall unevenly
 
 
@@ -180,52 +179,6 @@ class InterpolatedLoop:
         return found.E.reshape(*p.shape, *found.E.shape[1:]), found.pivots.reshape(*p.shape, -1)
 
 
-class MoreStatesError(Exception):
-    """Frames of more states (`order`) than those seen before; some values of a number leave states out of the loop."""
-
-    def __init__(self, order: int):
-        super().__init__(f"frames of {order} states")
-        self.order = order
-
-
-class RecalledError(Exception):
-    """States that were assumed to be forgotten are used again at some values of these columns."""
-
-    def __init__(self, columns: np.ndarray):
-        super().__init__(f"states of {len(columns)} columns are recalled")
-        self.columns = columns
-
-
-def typical(evaluate, span, columns: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the largest sizes of the entries of each column's frames at a few points, `(columns, n, n)`.
-
-    The first array is with the identity, the second without it; both are 0 if the frames overflow. Each column is treated by
-    itself, so that its results do not depend on the others.
-    """
-    points = span[0] + (span[1] - span[0]) * np.array(TYPICAL)
-    E = Frames.of(evaluate(np.arange(columns)[:, None], np.tile(points, (columns, 1)))).E
-    E = np.where(np.isfinite(E).all((-1, -2))[:, None, None], E, 0.0)
-    return tuple(np.abs(part).reshape(columns, points.size, *E.shape[1:]).max(1) for part in (E + np.eye(E.shape[-1]), E))
-
-
-def living(sizes):
-    """Return which states keep a part of their value in a frame, or both affect and depend on others, `(columns, n)`.
-
-    sizes: of the entries of I + E, `(columns, n, n)`. The others, held values and delays, have z = 0, a point at which
-    eigenvalues would crowd, and cross nothing. One state is always kept.
-    """
-    n = sizes.shape[-1]
-    kept, diagonal = np.ones(sizes.shape[:-1], bool), np.diagonal(sizes, axis1=-2, axis2=-1)
-    others = np.where(np.eye(n, dtype=bool), 0.0, sizes)
-    while True:
-        some = np.where(kept[:, None, :] & kept[:, :, None], others, 0.0)
-        dead = kept & (diagonal <= FORGOTTEN) & ((some.max(1) == 0) | (some.max(2) == 0))
-        if not dead.any():
-            kept[~kept.any(1), 0] = True
-            return kept
-        kept &= ~dead
-
-
 def interpolated_loop(evaluate, span, columns: int, bounds, sizes, kept, order: int = 0) -> InterpolatedLoop:
     """Follow the characteristic polynomial of every column over the span.
 
@@ -242,7 +195,7 @@ def interpolated_loop(evaluate, span, columns: int, bounds, sizes, kept, order: 
     width, few = span[1] - span[0], int(kept.sum())
     column, low, high = np.arange(columns), *(np.full(columns, float(end)) for end in span)
     order = max(order, few)
-    evaluate = partial(_of_order, evaluate, order, kept)
+    evaluate = partial(of_order, evaluate, order, kept)
     whole = np.zeros((columns, order, order))
     whole[:, :few, :few] = sizes[:, kept][:, :, kept]
     units = balance(whole)[1]
@@ -262,33 +215,6 @@ def interpolated_loop(evaluate, span, columns: int, bounds, sizes, kept, order: 
         column, low, high = np.tile(column, 2), np.append(low, cut_at), np.append(cut_at, high)
     pieces = Pieces.join(done)
     return InterpolatedLoop(evaluate, span, pieces.take(np.lexsort((pieces.low, pieces.column))), units)
-
-
-def _of_order(evaluate, order, kept, column, p):
-    """Return the frames with this number of states; states that are left out for all these values are added with z = 0."""
-    found = Frames.of(evaluate(column, p))
-    E = found.E
-    if not kept.all():
-        if E.shape[-1] != kept.size:
-            raise RecalledError(np.unique(column))
-        with np.errstate(all="ignore"):
-            A = np.abs(E + np.eye(kept.size))
-        column = np.repeat(column.ravel(), len(E) // column.size)
-        if (living(A.max(0)[None])[0] & ~kept).any():  # of all columns at once, which says little of each
-            numbers = np.unique(column)
-            recalled = (living(np.stack([A[column == number].max(0) for number in numbers])) & ~kept).any(1)
-            if recalled.any():
-                raise RecalledError(numbers[recalled])
-        E = E[:, kept][:, :, kept]
-    more = order - E.shape[-1]
-    if more < 0:
-        raise MoreStatesError(E.shape[-1])
-    if not more:
-        return replace(found, E=E)
-    out = np.zeros((len(E), order, order), E.dtype)
-    out[:, : E.shape[-1], : E.shape[-1]] = E
-    out[:, range(-more, 0), range(-more, 0)] = -1
-    return replace(found, E=out)
 
 
 class _Samples:
