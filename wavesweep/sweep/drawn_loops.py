@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache, reduce
+from functools import lru_cache
 from math import prod
 
 import numpy as np
@@ -196,8 +196,8 @@ class DrawnTask:
         bent = isinstance(self.drawing, Uneven) and self.along in WALL and self.span[0] >= 0
         found = stable_along_any(loops.frames, self.span, size, period, self.bounds, bent)
         low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), self.span, strict=True))
-        growth = (loops.growth(found.column, p) for p in (low, low / 2 + high / 2, high))
-        return _doubted(found, reduce(np.maximum, growth))
+        growth = loops.growth(found.column[:, None], np.stack([low, low / 2 + high / 2, high], axis=-1))
+        return _doubted(found, growth.max(-1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -226,13 +226,15 @@ class _Along:
         return replace(found, pivots=np.concatenate([found.pivots, divisors.reshape(p.size, -1)], axis=-1))
 
     def growth(self, number, p) -> np.ndarray:
-        """The growth over a frame, `(loops,)`; 1 for loops of direct terms without a solution."""
+        """The growth over a frame (see `growth_of`); 1 for loops of direct terms without a solution."""
         p = np.where(p == 0, TINY, p)
         try:
             ticks = self.open_ticks.closed(number, p) if self.open_ticks else _ticks(self.drawing, self._varied(number, p))
         except IllPosedLoopError:
-            parts = zip(number[:, None], p[:, None], strict=True)
-            return np.concatenate([self.growth(*part) for part in parts]) if p.size > 1 else np.ones(1)
+            if p.size == 1:
+                return np.ones(p.shape)
+            each = zip(*(part.reshape(-1, 1) for part in np.broadcast_arrays(number, p)), strict=True)
+            return np.reshape([self.growth(*one) for one in each], p.shape)
         return np.broadcast_to(growth_of(ticks.kind, [each.E for each in ticks.maps]), p.shape)
 
     def _varied(self, number, p):
