@@ -1,13 +1,14 @@
 """A drawn loop cut at a number that is one scalar gain of its frame."""
 
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.elimination import ROUNDING
 from wavesweep.lifted.cut import Cut
-from wavesweep.lifted.periodic import growth_of, in_a_row, then, ticks_of
+from wavesweep.lifted.periodic import grown, in_a_row, size_of_terms, then, ticks_of
 from wavesweep.lifted.tick_drift import TickDrift, consistent_solution
 
 LEFT = 1e-10  # of the largest entry of a row, what rounding over a frame may leave of the change along a state that rests
@@ -31,13 +32,13 @@ def cut_at_number(drawn: Drawn, drift: TickDrift, force: str, read: str, damped:
     first, whole_frame = at
     ticks = ticks.from_tick(first)
     w = drawn.inputs.index(force)
-    E, B = _with_input(ticks, w, whole_frame)
+    E, B, growth = _with_input(ticks, w, whole_frame)
     head = ticks.maps[ticks.kind[0]]
     c, d = head.C, head.D[..., w : w + 1]
     if damped and np.any(_shown_of_leads(c[..., 1:, :], drift)):
         return None
     cut = _cut(E, B, c, d, drift, np.asarray(drawn.period) * drawn.ticks, head.condition)
-    return cut and replace(cut, growth=growth_of(ticks.kind, [each.E for each in ticks.maps]))
+    return cut and replace(cut, growth=growth)
 
 
 def _only_tick(ticks, w):
@@ -69,19 +70,23 @@ def _changing(ticks):
 
 
 def _with_input(ticks, w, held):
-    """Return the frame with the input of its first tick, or with the same input in all of its ticks."""
+    """Return the frame with the input of its first tick, or with the same input in all of its ticks, and its growth."""
     kinds = ticks.kind.tolist()
-    pairs = [(each.E, each.B[..., w : w + 1]) for each in ticks.maps]
-    silent = [(E, 0 * B) for E, B in pairs]
+    driven = [(each.E, each.B[..., w : w + 1], 1.0) for each in ticks.maps]
+    silent = [(E, 0 * B, size) for E, B, size in driven]
 
     def joined(first, second):
-        return then(first[0], second[0]), first[1] + second[0] @ first[1] + second[1]
+        (E, B, size), (later, more, other) = first, second
+        terms = size_of_terms(E, later)
+        return then(E, later), B + later @ B + more, np.maximum(np.maximum(size, other), terms)
 
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):
         if held:
-            return in_a_row(kinds, pairs, joined)
-        rest = in_a_row(kinds[1:], silent, joined) if len(kinds) > 1 else None
-        return pairs[kinds[0]] if rest is None else joined(pairs[kinds[0]], rest)
+            E, B, largest = in_a_row(kinds, driven, joined)
+        else:
+            rest = [in_a_row(kinds[1:], silent, joined)] if len(kinds) > 1 else []
+            E, B, largest = reduce(joined, rest, driven[kinds[0]])
+        return E, B, grown(E, largest)
 
 
 def _cut(E, B, c, d, drift, period, condition):

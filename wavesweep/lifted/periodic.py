@@ -111,19 +111,17 @@ def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
     The size of each such product (see `size_of`) is compared to that of the frame, or to 1.
     Accuracy: a measure of the digits that are lost, not a bound.
     """
-    kinds, n = kind.tolist(), changes[0].shape[-1]
-    if len(kinds) < 2 or not n:
-        return np.ones(())
-    one = np.eye(n)
 
     def joined(first, second):
-        (E, size), (later, more) = first, second
-        terms = np.abs(one + later) @ np.abs(one + E)
-        return then(E, later), np.maximum(np.maximum(size, more), size_of(terms))
+        return then(first[0], second[0]), np.maximum(np.maximum(first[1], second[1]), size_of_terms(first[0], second[0]))
 
     with np.errstate(all="ignore"):  # of a frame that overflows
-        E, largest = in_a_row(kinds, [(E, 1.0) for E in changes], joined)
-        return np.fmax(1.0, largest / np.fmax(1.0, size_of(one + E)))
+        return grown(*in_a_row(kind.tolist(), [(E, 1.0) for E in changes], joined))
+
+
+def grown(E: np.ndarray, largest) -> np.ndarray:
+    """Return the growth over a frame less identity, from the largest `size_of_terms` of its stretches."""
+    return np.fmax(1.0, largest / np.fmax(1.0, size_of(E + np.eye(E.shape[-1]))))
 
 
 def known_frames(E: np.ndarray, growth) -> np.ndarray:
@@ -131,10 +129,15 @@ def known_frames(E: np.ndarray, growth) -> np.ndarray:
     return np.where((growth <= LOST)[..., None, None], E, np.nan) if np.any(growth > LOST) else E
 
 
+def size_of_terms(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the size of the products of entries of two stretches in a row, whose sums are the entries of both."""
+    one = np.eye(first.shape[-1])
+    return size_of(np.abs(one + second) @ np.abs(one + first))
+
+
 def size_of(matrix) -> np.ndarray:
     """Return the largest geometric mean of two entries (i, j) and (j, i), `(...)`, which no units of the states change."""
-    root = np.sqrt(np.abs(matrix))
-    return (root * np.swapaxes(root, -1, -2)).max((-1, -2))
+    return np.sqrt(np.abs(matrix * np.swapaxes(matrix, -1, -2)).max((-1, -2), initial=0.0))
 
 
 def in_a_row(kinds, maps, joined):
