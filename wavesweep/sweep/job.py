@@ -1,5 +1,6 @@
 """The job of a table, settled before any computing: slices in chunks, tasks for workers, columns for their records."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
@@ -63,7 +64,7 @@ class Chunks:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Job:
+class Job(ABC):
     """Records for every slice of a grid, cut into chunks, and the columns that they make; a subclass says which.
 
     resolved: the spec's values for each combination of those axes that are whole numbers or that other keys derive from.
@@ -93,21 +94,22 @@ class Job:
         return self.grid.size
 
     @property
+    @abstractmethod
     def identity(self) -> dict[str, object]:
         """Names and values that the records depend on besides the spec, the versions and the chunks, JSON-able."""
-        raise NotImplementedError
 
     def slice_of(self, combination) -> np.ndarray:
         """Number of the slice of each combination."""
         return self.grid.slice_of(combination)
 
+    @abstractmethod
     def task(self, chunk: Chunk) -> Task:
         """The task of a worker for that chunk."""
-        raise NotImplementedError
 
     def columns(self, combination: np.ndarray, records: np.ndarray) -> Mapping[str, np.ndarray]:
-        """The table's columns for records of these combinations, one for each record."""
-        raise NotImplementedError
+        """The table's columns for records of these combinations, one for each record: by default the fields as they are."""
+        del combination
+        return {name: records[name] for name in self.dtype.names if name != "slice"}
 
     def slices_of(self, chunk: Chunk) -> int:
         """Number of slices of a chunk."""
