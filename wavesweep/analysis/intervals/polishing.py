@@ -21,6 +21,7 @@ BESIDE = 1e-10  # of an eigenvalue, how far from it its vectors are looked for
 SECANT, SECANTS = 1e-3, 3  # of a disc, the first step from its middle; how many follow
 TRIES = 4  # steps of Newton from where a root was found
 CLEAR = 1e-10  # | |z|^2 - 1 | at an end, up to which the end is believed
+SAME = 1e-10  # of the span, how near two ends of overlapping panels are one
 FEW = 0.1  # of itself, the error of an interpolated function whose sign is believed
 
 
@@ -93,10 +94,14 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
     firm = (
         (np.maximum(moved, LAST * by) <= slack(x)) | ((kind == PAIR) & (theta == 0)) | (np.abs(x - span[0]) <= ATTACHED * width)
     )
-    ends = Ends(column, kind, x, theta, miss, met & (np.abs(miss) <= CLEAR) & firm)
-    ends = ends.take(np.lexsort((x, kind, column)))
-    new = np.ones(x.size, bool)
-    new[1:] = (np.diff(ends.column) != 0) | (np.diff(ends.function) != 0) | (np.diff(ends.value) > 1e-10 * width)
+    return _distinct(Ends(column, kind, x, theta, miss, met & (np.abs(miss) <= CLEAR) & firm), SAME * width)
+
+
+def _distinct(ends, apart):
+    """Return the ends in order, without those that are no farther than `apart` from one before them."""
+    ends = ends.take(np.lexsort((ends.value, ends.function, ends.column)))
+    new = np.ones(ends.value.size, bool)
+    new[1:] = (np.diff(ends.column) != 0) | (np.diff(ends.function) != 0) | (np.diff(ends.value) > apart)
     return ends.take(new)
 
 

@@ -30,17 +30,7 @@ def bordered(loop: Loop, points: Circle):
 def _system(loop, points):
     """Return matrix, errors, right side and errors of the system, and the outputs' part from the drift, with its error."""
     fast, n, f, p, P = loop.fast, loop.E.shape[-1], len(loop.fast.states), loop.outputs, points.frequency.size
-    states = holding(
-        replace(
-            fast,
-            outputs=fast.states,
-            C=np.eye(f) + 0 * fast.E[..., :1],
-            D=0 * fast.B,
-            terms=fast.terms and (*fast.terms[:2], np.eye(f) + 0 * fast.E[..., :1], 0 * fast.B),
-        ),
-        f,
-    )
-    (rows, drows), (alone, dalone), _, law = shown(loop, states).sums(points.ladder, alone=True)
+    (rows, drows), (alone, dalone), _, law = shown(loop, _showing_states(fast)).sums(points.ladder, alone=True)
     batch = loop.E.shape[:-2]
     A = np.zeros((*batch, P, p + f + n, p + f + n), complex)
     dA = np.zeros(A.shape)
@@ -81,6 +71,13 @@ def _system(loop, points):
     A[..., slow, X] = z * np.eye(n)[f:] - loop.rows[..., None, f:, :]
     dA[..., slow, X] = loop.drows[..., None, f:, :]
     return (A, dA, b, db, *_with_drift(loop, points, (A, b, db), (own, slow), law))
+
+
+def _showing_states(fast):
+    """Return the fast side with its states as outputs."""
+    f = len(fast.states)
+    C, D = np.eye(f) + 0 * fast.E[..., :1], 0 * fast.B
+    return holding(replace(fast, outputs=fast.states, C=C, D=D, terms=fast.terms and (*fast.terms[:2], C, D)), f)
 
 
 def _shares(points, delay):

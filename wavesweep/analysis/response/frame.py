@@ -209,13 +209,7 @@ def _closed(diagram, fast, samples, sizes, wall) -> dict:
     if lead is not None:  # these entries are exact
         E_terms[..., lead] = C_terms[..., lead] = 0
     K, F = (np.asarray(value, float)[..., None, None] for value in wall)
-    (x, v), (D_x, D_v) = (C[..., :1, :], C[..., 1:2, :]), (block.D[..., :1, :], block.D[..., 1:2, :])
-    through = 1 - K * D_x - F * D_v
-    _refuse_ill_posed(block.condition, (1 + np.abs(K * D_x) + np.abs(F * D_v)) / np.abs(through))
-    read = (K * x + F * v) / through
-    vague = K * D_terms[..., :1, :] + F * D_terms[..., 1:2, :] + unsure * (1 + np.abs(K * D_x) + np.abs(F * D_v))
-    dread = (K * C_terms[..., :1, :] + F * C_terms[..., 1:2, :] + unsure * (np.abs(K * x) + np.abs(F * v))) / np.abs(through)
-    dread = dread + vague / np.abs(through) * np.abs(read)
+    read, dread = _force_of_wall((K, F), C, block, (C_terms, D_terms), unsure)
     H, rows = C[..., 2:, :] + block.D[..., 2:, :] * read, E + block.B * read
     dH = C_terms[..., 2:, :] + D_terms[..., 2:, :] * np.abs(read) + np.abs(block.D[..., 2:, :]) * dread
     drows = E_terms + B_terms * np.abs(read) + np.abs(block.B) * dread
@@ -242,6 +236,21 @@ def _closed(diagram, fast, samples, sizes, wall) -> dict:
         "dlaw": None,
     }
     return _without_unread(found, fast_states)
+
+
+def _force_of_wall(wall, C, block, terms, unsure):
+    """Return the row that gives the force of the closed wall from the states, and the errors of its entries.
+
+    terms: errors of C and of the block's D.
+    """
+    (K, F), (C_terms, D_terms) = wall, terms
+    (x, v), (D_x, D_v) = (C[..., :1, :], C[..., 1:2, :]), (block.D[..., :1, :], block.D[..., 1:2, :])
+    through, size = 1 - K * D_x - F * D_v, 1 + np.abs(K * D_x) + np.abs(F * D_v)
+    _refuse_ill_posed(block.condition, size / np.abs(through))
+    read = (K * x + F * v) / through
+    vague = K * D_terms[..., :1, :] + F * D_terms[..., 1:2, :] + unsure * size
+    error = (K * C_terms[..., :1, :] + F * C_terms[..., 1:2, :] + unsure * (np.abs(K * x) + np.abs(F * v))) / np.abs(through)
+    return read, error + vague / np.abs(through) * np.abs(read)
 
 
 def _refuse_ill_posed(condition, gain):
