@@ -80,3 +80,18 @@ def test_many_frequencies_are_cut_into_chunks_of_one_curve(same, monkeypatch):
         {name: whole[name] for name in ("K_VE", "frequency_hz", "spec")},
     )
     assert np.allclose(cut["admittance_re"], whole["admittance_re"], rtol=1e-12, atol=0, equal_nan=True)
+
+
+@pytest.mark.parametrize("slow_hz", [50.0, 60.0])  # 60 Hz: assembled tick by tick
+def test_a_response_that_is_not_known_has_no_part(slow_hz):
+    free = {"controller": {"kind": "dc-slow"}, "rates": {"slow_hz": slow_hz}, "environment": {"K_VE": 0.0, "B_VE": 0.0}}
+    columns = wavesweep.compile(free).response([0.0, 1.0])  # nothing holds the device at rest: it has no static admittance
+    parts = columns[[f"admittance_{part}" for part in ("re", "im", "abs", "deg")]].to_numpy()
+    assert np.isnan(parts).tolist() == [[True] * 4, [False] * 4]
+    assert np.isfinite(columns["impedance_im"]).all()
+
+
+def test_a_simulation_in_which_nothing_pushes_has_no_response_in_any_column():
+    still = {"controller": {"kind": "dc"}, "simulate": {"input": "sine", "amplitude": 0.0, "frequency_hz": 5.0}}
+    response = sweep.simulate(wavesweep.load(still))[1].columns
+    assert all(np.isnan(response[f"{name}_{part}"]).all() for name in ("admittance", "impedance") for part in ("re", "im"))

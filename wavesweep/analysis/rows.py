@@ -1,4 +1,4 @@
-"""Values that are several arrays over the same rows."""
+"""Values that are several arrays over the same rows, and the columns of complex numbers."""
 
 from dataclasses import fields
 
@@ -18,3 +18,14 @@ class Rows:
     def join(cls, parts):
         """Return the rows of several such values, one after the other."""
         return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
+
+
+def complex_columns(name: str, values) -> dict[str, np.ndarray]:
+    """Return the columns `name_re`, `name_im`, `name_abs` (in the unit of the values) and `name_deg` of complex numbers.
+
+    A number that is not known, or beyond double precision, is NaN in all four.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        known = np.where(np.isfinite(np.abs(values)), values, complex(np.nan, np.nan))
+        parts = {"re": known.real, "im": known.imag, "abs": np.abs(known), "deg": np.degrees(np.angle(known))}
+    return {f"{name}_{part}": column for part, column in parts.items()}

@@ -13,6 +13,7 @@ from wavesweep.analysis.intervals.plane import quick_columns, refined_curve
 from wavesweep.analysis.response import prepare, respond
 from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.frame import Loop
+from wavesweep.analysis.rows import complex_columns
 from wavesweep.diagram import WALL, draw
 from wavesweep.errors import WavesweepError
 from wavesweep.lifted import Cut, cut_at_wall
@@ -21,7 +22,7 @@ from wavesweep.spec import Axis, Spec
 from wavesweep.sweep.drawn_loops import ports_of_loop
 from wavesweep.sweep.grid import loop_of, make_grid
 from wavesweep.sweep.interval_job import cost_of, job_over
-from wavesweep.sweep.response_table import doubt_of, parts_of
+from wavesweep.sweep.response_table import doubt_of
 from wavesweep.sweep.running import in_memory
 from wavesweep.sweep.tasks import radius_over
 from wavesweep.sweep.verdict import own_design
@@ -190,7 +191,7 @@ def response(spec: Spec, loop: Loop | None) -> dict | None:
         found = respond(loop, frequency)
     errors = found.admittance_error.ravel(), found.impedance_error.ravel()
     lost = ~np.isfinite(found.admittance.ravel())
-    columns = parts_of("admittance", found.admittance.ravel()) | parts_of("impedance", found.impedance.ravel())
+    columns = complex_columns("admittance", found.admittance.ravel()) | complex_columns("impedance", found.impedance.ravel())
     return {
         "frequency_hz": frequency.tolist(),
         **{name: column.tolist() for name, column in columns.items() if name.endswith(("_abs", "_deg"))},

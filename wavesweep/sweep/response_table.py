@@ -13,6 +13,7 @@ from wavesweep.analysis.response import Modal, circle, gain_of, prepare, respond
 from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.drawn_gain import MOST_TICKS, worst_gain_of_port
 from wavesweep.analysis.response.port import frame_of_port
+from wavesweep.analysis.rows import complex_columns
 from wavesweep.analysis.spectrum import radius_of, spectral_radius
 from wavesweep.diagram import draw, identity
 from wavesweep.diagram.assembly import assembled
@@ -27,12 +28,6 @@ from wavesweep.sweep.table import Columns, Table, facts_of
 
 KEPT = 200  # ticks of a frame up to which a prepared loop is remembered; it takes memory with their square
 SPARED = 1e-6  # relative error up to which a row has no doubt
-
-
-def parts_of(name: str, response) -> dict[str, np.ndarray]:
-    """Columns `name_re`, `name_im`, `name_abs` (in the response's unit) and `name_deg`."""
-    parts = {"re": response.real, "im": response.imag, "abs": np.abs(response), "deg": np.degrees(np.angle(response))}
-    return {f"{name}_{part}": column for part, column in parts.items()}
 
 
 def doubt_of(errors, stable, lost) -> np.ndarray:
@@ -238,12 +233,10 @@ def _seen(port, ticks, frequency, stable):
     whole = replace(port, kind=np.tile(port.kind, max(1, ticks[0] // port.kind.size)))
     found, lost = respond_port(port, frequency), not np.isfinite(frame_of_port(port)).all()
     gain, gain_error = worst_gain_of_port(whole, frequency)
-    parts = {"admittance": found.admittance, "impedance": found.impedance}
-    known = {name: np.where(np.isfinite(part), part, complex(np.nan, np.nan)) for name, part in parts.items()}
-    errors = {"admittance": found.admittance_error, "impedance": found.impedance_error}
-    errors = {name: np.where(np.isnan(known[name]), np.nan, error) for name, error in errors.items()}
     columns = {"omega_Ts": 2 * np.pi * frequency * port.period * ticks[1]}
-    columns |= parts_of("admittance", known["admittance"]) | parts_of("impedance", known["impedance"])
+    columns |= complex_columns("admittance", found.admittance) | complex_columns("impedance", found.impedance)
+    errors = {"admittance": found.admittance_error, "impedance": found.impedance_error}
+    errors = {name: np.where(np.isnan(columns[f"{name}_re"]), np.nan, error) for name, error in errors.items()}
     columns |= {"worst_gain": gain, "worst_gain_error": np.where(np.isnan(gain), np.nan, gain_error), "stable": stable}
     columns |= {f"{name}_error": error for name, error in errors.items()}
     known = [*errors.values(), *([gain_error] if whole.kind.size <= MOST_TICKS else [])]
@@ -281,7 +274,8 @@ def _block(values, frequency):
     points = circle(loop, frequency)
     found, (gain, gain_error) = respond(loop, frequency, modal=modal, points=points), gain_at(frequency, points)
     omega = 2 * np.pi * frequency * (ratio * np.reshape(1 / np.asarray(values["rates.fast_hz"], float), (-1, 1)))
-    columns = {"omega_Ts": omega} | parts_of("admittance", found.admittance) | parts_of("impedance", found.impedance)
+    columns = {"omega_Ts": omega} | complex_columns("admittance", found.admittance)
+    columns |= complex_columns("impedance", found.impedance)
     errors = {"admittance": found.admittance_error, "impedance": found.impedance_error, "worst_gain": gain_error}
     stable = (radius < 1)[..., None]
     columns |= {"worst_gain": gain, "stable": stable}

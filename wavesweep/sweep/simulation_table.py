@@ -14,6 +14,7 @@ import numpy as np
 from wavesweep.analysis.response import prepare, respond
 from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.port import frame_of_port
+from wavesweep.analysis.rows import complex_columns
 from wavesweep.analysis.simulation import Simulation, Tone, estimate, hand_force, record_path, simulated, table
 from wavesweep.analysis.simulation.both_loops import FARTHEST, STRONGEST
 from wavesweep.analysis.simulation.drawn import components, own_image, simulate_drawn
@@ -30,7 +31,7 @@ from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.assumptions import over_preset
 from wavesweep.sweep.drawn_loops import ports_of, ports_of_loop, radii, refuse_singular
 from wavesweep.sweep.grid import loop_of, make_grid
-from wavesweep.sweep.response_table import doubt_of, parts_of
+from wavesweep.sweep.response_table import doubt_of
 from wavesweep.sweep.table import Table, facts_of
 
 
@@ -90,7 +91,7 @@ def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> 
     columns = {name: np.full(len(tones), word, dtype=object) for name, word in (("spec", spec.name), ("controller", spec.kind))}
     columns |= seen
     linear, lost = _linear(spec, seen["frequency_hz"])
-    columns |= parts_of("linear_admittance", linear.admittance) | parts_of("linear_impedance", linear.impedance)
+    columns |= complex_columns("linear_admittance", linear.admittance) | complex_columns("linear_impedance", linear.impedance)
     errors = (linear.admittance_error, linear.impedance_error)
     columns |= {f"linear_{name}_error": error for name, error in zip(("admittance", "impedance"), errors, strict=True)}
     if not stable:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.analysis.rows import complex_columns
 from wavesweep.analysis.simulation.inputs import Tone
 from wavesweep.errors import UsageError
 
@@ -170,8 +171,7 @@ def estimate(
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # nothing moved, or nothing pushed: NaN says so
         responses = {"admittance": x / f_h, "impedance": f_device / x}
     for name, response in responses.items():
-        columns[f"{name}_re"], columns[f"{name}_im"] = response.real, response.imag
-        columns[f"{name}_abs"], columns[f"{name}_deg"] = np.abs(response), np.degrees(np.angle(response))
+        columns |= complex_columns(name, response)
     return columns
 
 
