@@ -194,3 +194,19 @@ def test_a_drawn_loop_is_shown_over_the_same_axis(compare, monkeypatch, axis, bu
         for spec, own in (("drawn", json.loads(axis.partition(" = ")[2] or "[1]")), ("built-in", places)):
             for place, value in zip(own, np.broadcast_to(rows[end][rows["spec"] == spec], len(own)), strict=True):
                 assert (place, value) in points
+
+
+def test_each_spec_is_measured_by_its_own_range_and_has_its_own_units(compare):
+    """The ranges begin at 0, at 100 and at 2; the wheel's wall turns."""
+    Path("late.toml").write_text('[controller]\nkind = "dc"\n[sweep]\nK_VE = { start = 100, stop = 6000 }\nB_VE = [1]\n')
+    wheel = (Path(library.__file__).parents[1] / "sweeps" / "recipes" / "wheel.toml").read_text().partition("[sweep]\n")[0]
+    wall = 'wall = { stiffness = "K", damping = "B" }'
+    Path("wheel.toml").write_text(f"{wheel}{wall}\n[sweep]\nK = {{ start = 2, stop = 20 }}\nB = [0.1]\n")
+    code, _, err = compare("--no-plot", specs=("waves.toml", "late.toml", "wheel.toml"))
+    assert code == 0
+    lines = dict(line.split(": ", 1) for line in err.splitlines() if ": largest" in line)
+    assert lines.keys() == {"waves", "late", "wheel"}
+    assert "stable from" not in lines["late"] + lines["wheel"]
+    assert lines["late"].startswith("largest stable K_VE: 5012.53 N/m at B_VE = 1 N*s/m; ")
+    assert lines["wheel"].startswith("largest stable K: 20 N*m/rad at B = 0.1 N*m*s/rad, where the swept range ends; ")
+    assert "as the hand feels it: 20 N*m/rad with K = 20 N*m/rad at B = 0.1 N*m*s/rad; " in lines["wheel"]

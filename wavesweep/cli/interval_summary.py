@@ -279,10 +279,13 @@ class HandTally:
 
 
 class SpecTally:
-    """Counts the rows of a comparison, separately for each spec; facts: as for `IntervalTally`."""
+    """Counts the rows of a comparison, separately for each spec, which has a range and units of its own.
 
-    def __init__(self, facts: Mapping[str, Any] | None = None) -> None:
-        self._facts = facts
+    facts: those of the run, with all specs.
+    """
+
+    def __init__(self, facts: Mapping[str, Any]) -> None:
+        self._specs = facts.get("specs") or {facts["spec_name"]: facts["spec"]}
         self._tallies: dict[str, IntervalTally] = {}
 
     def add(self, columns: Columns) -> None:
@@ -291,7 +294,7 @@ class SpecTally:
         for spec in dict.fromkeys(columns["spec"].tolist()):
             rows = {name: column[columns["spec"] == spec] for name, column in columns.items()}
             axes = {name: np.unique(rows[name]).tolist() for name in names[1 : names.index("along")]}
-            self._tallies[spec] = IntervalTally(axes=axes, facts=self._facts)
+            self._tallies[spec] = IntervalTally(axes=axes, facts={"spec": self._specs[spec]})
             self._tallies[spec].add(rows)
 
     def numbers(self, facts: Mapping[str, Any]) -> dict[str, Any]:

@@ -297,7 +297,7 @@ def _span(ends: list[float], digits: int = 7) -> str:
     return f"{low:.{digits}g}" if low == high else f"{low:.{digits}g} to {high:.{digits}g}"
 
 
-BLOCKWISE = {"bode": BodeTally, "compare-bode": BodeTally, "passivity": PassivityTally, "compare": lambda _: SpecTally()}
+BLOCKWISE = {"bode": BodeTally, "compare-bode": BodeTally, "passivity": PassivityTally, "compare": SpecTally}
 
 
 SUMMARIES = {
