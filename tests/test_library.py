@@ -16,6 +16,11 @@ SPEC = {
     "bode": {"frequency_hz": [0.0, 1.0]},
     "simulate": {"duration_s": 0.5},
 }
+VARIED = {"b": {"start": 5.0, "stop": 80.0}}
+WISHED = {
+    "controller": {"kind": "pmw"},
+    "design": {"vary": VARIED, "wish": {"z_width": {}}, "population": 8, "generations": 1},
+}
 
 
 def test_every_name_is_there_and_has_a_docstring():
@@ -81,6 +86,11 @@ def test_errors_can_be_caught_by_name():
         (lambda spec: wavesweep.zwidth(spec, hand="passive", hand_box={"mass": (0, 1)}), "hand_box"),
         (lambda spec: wavesweep.zwidth(spec, hand="box", hand_box={"x": (0, 1)}), "mass, damping, stiffness, found x"),
         (lambda _: wavesweep.bode(), "at least one spec"),
+        (lambda spec: wavesweep.zwidth(spec, jobs=True), "jobs: expected a whole number >= 1, found True"),
+        (lambda _: wavesweep.design(WISHED, jobs=0), "jobs: expected a whole number >= 1, found 0"),
+        (lambda _: wavesweep.design(WISHED, checkpoint=5), "checkpoint: expected a folder, found 5"),
+        (lambda _: wavesweep.design(WISHED, scheduler="tcp://there:8786"), 'expected backend = "dask"'),
+        (lambda _: wavesweep.design(WISHED, hand="nope"), "hand: expected one of vertices, box, found 'nope'"),
     ],
 )
 def test_arguments_that_mean_nothing_are_refused(call, says):
@@ -92,6 +102,7 @@ def test_arguments_that_mean_nothing_are_refused(call, says):
 def test_a_checkpoint_may_be_named_by_a_text(tmp_path):
     spec = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 100}, "b": [20, 30]}}
     assert len(wavesweep.zwidth(spec, checkpoint=str(tmp_path / "parts"))) == 2
+    assert len(wavesweep.design(WISHED, checkpoint=str(tmp_path / "design"), jobs=1)) == 1
 
 
 @pytest.mark.parametrize("source", [None, 1, [], np.zeros(2), "nowhere.toml"])

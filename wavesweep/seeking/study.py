@@ -25,7 +25,7 @@ from wavesweep.sweep.checkpoint import checkpoint_of
 from wavesweep.sweep.grid import keys_of, loop_of, make_grid, no_controller
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.job import Chunk, Chunks, Job
-from wavesweep.sweep.running import Progress, Tally, compute
+from wavesweep.sweep.running import Progress, Tally, Work, compute
 from wavesweep.sweep.table import Table, facts_of
 from wavesweep.sweep.workers import choose
 
@@ -163,7 +163,7 @@ def design(
     backend: str | None = None,
     scheduler: str | None = None,
     progress: Progress | None = None,
-    checkpoint: Path | None = None,
+    checkpoint: Path | str | None = None,
     force: bool = False,
     hand: str = "vertices",
 ) -> Table:
@@ -175,9 +175,9 @@ def design(
     Errors: UsageError for a loop that cannot be designed, WavesweepError if no design meets all bounds, and the errors of a
     run.
     """
-    started = time.perf_counter()
+    started, work = time.perf_counter(), Work(jobs, backend, scheduler, progress, checkpoint, force)
     job = job_of(spec, hand)
-    run = _Run(job, checkpoint_of(job, checkpoint, force, warnings := []), progress)
+    run = _Run(job, checkpoint_of(job, work.checkpoint, force, warnings := []), progress)
     run.workers = choose(jobs, backend, scheduler, len(job.chunks), partial(_seconds, job))
     asked, settings = spec.design, spec.design.settings
     first = genes_of(asked.vary, spec.values)[None]
@@ -213,6 +213,8 @@ METHODS = {
 
 def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
     """Return the job of a spec's [design]; hand: see `design`. Errors: UsageError if it cannot be done."""
+    if not (isinstance(hand, str) and hand in ("vertices", "box")):
+        raise UsageError(f"hand: expected one of vertices, box, found {hand!r:.60}")
     asked = spec.as_designed().design
     if loop_of(spec, {axis.path: axis.values for axis in asked.for_all}):
         raise no_controller(spec, "design")

@@ -10,7 +10,7 @@ from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.grid import keys_of
 from wavesweep.sweep.interval_table import intervals
 from wavesweep.sweep.response_table import METHODS, own_value, responses
-from wavesweep.sweep.running import Progress
+from wavesweep.sweep.running import Progress, Work
 from wavesweep.sweep.table import Columns, Table, facts_of, joined
 
 
@@ -20,7 +20,7 @@ def compare(
     backend: str | None = None,
     scheduler: str | None = None,
     progress: Progress | None = None,
-    checkpoint: Path | None = None,
+    checkpoint: Path | str | None = None,
     force: bool = False,
 ) -> list[Table]:
     """The tables `compare` and `compare-bode` of several specs, each with its own sweep and its own frequencies.
@@ -30,6 +30,7 @@ def compare(
     one if its controller does not read it. jobs, backend, scheduler, checkpoint, force: as for `intervals`. progress: is
     called with the counts of one spec after the other.
     """
+    checkpoint = Work(jobs, backend, scheduler, progress, checkpoint, force).checkpoint
     work = {"jobs": jobs, "backend": backend, "scheduler": scheduler, "progress": progress, "force": force}
     found = [
         intervals(spec, "K_VE", checkpoint=checkpoint and checkpoint / spec.name, **work) for spec in specs

@@ -38,13 +38,17 @@ class Work:
     force: bool = False
 
     def __post_init__(self):
-        if self.jobs is not None and not (isinstance(self.jobs, Integral) and self.jobs >= 1):
+        if self.jobs is not None and not (_whole(self.jobs) and self.jobs >= 1):
             raise UsageError(f"jobs: expected a whole number >= 1, found {self.jobs!r}")
         if self.scheduler is not None and self.backend != "dask":
             raise UsageError(f'scheduler: expected backend = "dask" beside it, found {self.backend!r}')
         if not isinstance(self.checkpoint, (str, PathLike, NoneType)):
             raise UsageError(f"checkpoint: expected a folder, found {self.checkpoint!r:.60}")
         object.__setattr__(self, "checkpoint", self.checkpoint and Path(self.checkpoint))
+
+
+def _whole(value):
+    return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 class Tally:
