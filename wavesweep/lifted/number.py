@@ -38,7 +38,8 @@ def cut_at_number(drawn: Drawn, drift: TickDrift, force: str, read: str, damped:
     if damped and np.any(_shown_of_leads(c[..., 1:, :], drift)):
         return None
     cut = _cut(E, B, c, d, drift, np.asarray(drawn.period) * drawn.ticks, head.condition)
-    return cut and replace(cut, growth=growth)
+    # Without states there is no mode that could cross: only the solution of the loop of direct terms decides.
+    return replace(cut, growth=growth) if cut is not None and cut.order else None
 
 
 def _only_tick(ticks, w):
@@ -159,8 +160,8 @@ def _read_after(E, C):
     drifts.
     """
     moves, shown = (np.any(part != 0, axis=tuple(range(part.ndim - 2))) for part in (E, C))
-    own = E.diagonal(axis1=-2, axis2=-1).reshape(-1, E.shape[-1])
-    plain = (own == -1).all(0) | (own == 0).all(0)
+    own = E.diagonal(axis1=-2, axis2=-1)
+    plain = np.logical_or(*((own == still).all(axis=tuple(range(own.ndim - 1))) for still in (-1, 0)))
     kept = list(range(len(plain)))
     while idle := [i for i in kept if plain[i] and not shown[:, i].any() and not any(moves[j, i] for j in kept if j != i)]:
         kept = [i for i in kept if i not in idle]

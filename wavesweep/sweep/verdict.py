@@ -173,8 +173,9 @@ def _slowest(delta, period):
     if not delta.size or np.abs(1 + delta).max() >= 1:
         return None
     mode = slowest(delta)
-    s = np.log1p(mode) / period
-    found = {"time_constant_s": -1 / s.real, "damping_ratio": float(damping_ratio(mode)), "omega": abs(s.imag)}
+    with np.errstate(divide="ignore", invalid="ignore"):  # a mode of 0 is over after one frame
+        s = np.log1p(mode) / period
+        found = {"time_constant_s": -1 / s.real, "damping_ratio": float(damping_ratio(mode)), "omega": abs(s.imag)}
     return {name: _number(value) for name, value in found.items()}
 
 

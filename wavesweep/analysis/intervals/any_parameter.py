@@ -20,8 +20,10 @@ MANY = 512  # so many open panels of one column are, too
 BENT = 10.0  # of a span, where a bent variable turns from one that is even to its logarithm
 WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
 FINE = 1e-6  # error of a value over the largest of its panel, up to which its roots can be told
+UNSOLVED = 1e8  # condition of loops of direct terms so near to a value without a solution that it may be given as an end
 EXACT = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
 UNSTABLE, UNKNOWN = 1, -1  # labels of parts of the span that are not counted
+LOST = 1  # place of the parts that were not proved among these
 
 
 def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.inf), bent=False) -> Intervals:
@@ -156,6 +158,7 @@ def _counted_regions(evaluate, span, columns, ends, labelled, slack):
     nowhere = np.full(edge.size, np.nan)
     jump = np.concatenate([np.where(ends.function == PAIR, 2.0, 1.0), nowhere])
     error = np.abs(np.concatenate([ends.miss, np.zeros(edge.size)]))
+    attached = ATTACHED * (span[1] - span[0]), slack(span[1])
     parts = cut_span(
         span,
         columns,
@@ -163,7 +166,7 @@ def _counted_regions(evaluate, span, columns, ends, labelled, slack):
         np.concatenate([ends.value, edge]),
         np.concatenate([ends.theta, nowhere]),
         jump,
-        slack=(ATTACHED * (span[1] - span[0]), slack(span[1])),
+        slack=attached,
     )
     label, doubt = _given(parts, labelled)
     counted = np.flatnonzero(label == 0)
@@ -173,7 +176,22 @@ def _counted_regions(evaluate, span, columns, ends, labelled, slack):
     fits = np.isnan(parts.gain[parts.has_previous]) | (change == parts.gain[parts.has_previous])
     found = parts.labelled(unstable, doubt, np.where(fits, NONE, COUNTS), error[parts.order])
     found = replace(found, unstable=np.where(found.doubt == COUNTS, UNKNOWN, unstable))
-    return found, doubts_of(found, np.zeros(columns, int))
+    return found, doubts_of(found, _doubts_at_ends(evaluate, span, columns, attached, labelled[LOST]))
+
+
+def _doubts_at_ends(evaluate, span, columns, attached, lost):
+    """SEARCH for columns whose loop has no solution at an end of the span, or next to it.
+
+    attached: distances up to which a part is given as the end itself, as a crossing is. lost: parts, see `_labelled_parts`.
+    """
+    doubt, (owner, left, right, *_) = np.zeros(columns, int), lost
+    beside = left - span[0] <= attached[0], span[1] - right <= attached[1]
+    for end, touching in zip(span, beside, strict=True):
+        some = np.unique(owner[touching])
+        if some.size:
+            unsolved = ~(Frames.of(evaluate(some, np.full(some.size, end))).condition < UNSOLVED)
+            doubt[some[unsolved]] = SEARCH
+    return doubt
 
 
 def _roots(evaluate, span, columns, bounds, sizes, kept, order=0):

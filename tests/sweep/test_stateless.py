@@ -1,0 +1,65 @@
+"""Drawn loops without a state: nothing can grow in them, so they are stable wherever their direct terms have a solution."""
+
+import numpy as np
+import pytest
+
+import wavesweep
+
+GAIN = {"type": "gain"}
+DELAY = {"type": "delay", "steps": 3}
+HELD = {"type": "gain", "every": 4, "phase": 1}
+
+
+def around(k, start, stop, blocks=None, through="a.y"):
+    """A gain that is fed by its own output, k times."""
+    return {
+        "rates": {"tick_hz": 1000.0},
+        "numbers": {"k": 0.5},
+        "block": {"a": GAIN, **(blocks or {})},
+        "wire": {"a.u": f"{k}*{through}", **{f"{name}.u": "a.y" for name in blocks or {}}},
+        "sweep": {"along": "k", "k": {"start": start, "stop": stop}},
+    }
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        around("k", -3.0, 0.9),
+        around("k", -3.0, 0.9, {"b": GAIN}, "b.y"),
+        around("k", -3.0, 3.0, {"b": GAIN}, "0*b.y"),
+        around("k*k", -0.9, 0.9, {"d": DELAY}),  # whose states nothing reads
+    ],
+)
+def test_it_is_stable_where_its_direct_terms_have_a_solution(spec):
+    table = wavesweep.stability_region(spec)
+    span = spec["sweep"]["k"]
+    assert table[["low", "high", "certified"]].to_numpy().tolist() == [[span["start"], span["stop"], True]]
+    assert wavesweep.compile(spec).spectral_radius(k=0.5) == 0
+    found = wavesweep.verdict(spec)
+    assert (found["stable"], found["slowest"]["time_constant_s"]) == (True, 0)
+
+
+@pytest.mark.parametrize("blocks", [{}, {"d": DELAY}, {"h": HELD}])
+@pytest.mark.parametrize(
+    ("stop", "ends"), [(3.0, [[-3.0, 1.0], [1.0, 3.0]]), *((stop, [[-3.0, 1.0]]) for stop in (1.0, 1 - 1e-16, 1 + 1e-10))]
+)
+def test_nothing_is_certified_over_a_value_without_a_solution(blocks, stop, ends):
+    """a = k a has none at k = 1, also if the range ends there or next to it."""
+    table = wavesweep.stability_region(around("k", -3.0, stop, blocks))
+    np.testing.assert_allclose(table[["low", "high"]], ends, atol=1e-8)
+    assert not table.certified.any()
+    assert set(table.doubt) == {"search"}
+
+
+def test_the_low_end_of_a_range_may_be_such_a_value_too():
+    table = wavesweep.stability_region(around("k", 1.0, 3.0))
+    assert table[["certified", "doubt"]].to_numpy().tolist() == [[False, "search"]]
+
+
+def test_a_wall_of_gains_has_a_width():
+    spec = around("-K", 0.0, 1.0)
+    spec["numbers"] = {"K": 0.5, "B": 0.1}
+    spec |= {"wire": {"a.u": "-K*a.y - B*a.y"}, "ports": {"wall": {"stiffness": "K", "damping": "B"}}}
+    spec["sweep"] = {"K": {"start": 0.0, "stop": 10.0}, "B": [0.0, 0.5]}
+    table = wavesweep.zwidth(spec)
+    assert table[["low", "high", "certified"]].to_numpy().tolist() == [[0.0, 10.0, True]] * 2
