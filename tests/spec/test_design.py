@@ -56,6 +56,11 @@ MISTAKES = [
     ({"wish": {"z_width": {"at_most": 3}}}, "design.wish.z_width.at_most: expected one of at_least, B_VE", ""),
     ({"wish": {"z_width": {"B_VE": []}}}, "design.wish.z_width.B_VE: expected a list of numbers, found an empty list", ""),
     ({"wish": {"transparency": {"band_hz": [3, 1]}}}, "expected the lowest frequency first", ""),
+    (
+        {"wish": {"transparency": {"band_hz": [1, 501]}}},
+        "design.wish.transparency.band_hz: expected numbers <= 500 (half of rates.fast_hz), found 501",
+        "",
+    ),
     ({"wish": {"felt": {}}}, "expected at most two wishes without a bound, found 3: transparency, channel, felt", ""),
     ({"vary": {"bb": [1]}}, "design.vary.bb: expected the name of a numeric key", "did you mean `b`?"),
     ({"vary": {"K_VE": [1]}}, "design.vary.K_VE: expected a number of the device or the controller", ""),

@@ -13,6 +13,7 @@ from wavesweep.results.schema import TABLES
 from wavesweep.spec import load, sweep_axes
 from wavesweep.spec.block_types import COLUMNS, LONGEST_FRAME
 from wavesweep.spec.block_types import TYPES as BLOCKS
+from wavesweep.spec.drawing import OF_PLANT
 from wavesweep.spec.keys import DEVICE_EFFECTS
 
 
@@ -184,6 +185,24 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
         ),
         ([(', displacement = "arm.x"', "")], "25:1: ports.hand", "both force and displacement", "no displacement"),
         ([("+ hand", "")], "25:18: ports.hand.force", "a signal that a wire reads", '"hand", which none reads'),
+        (
+            [('displacement = "arm.x"', 'displacement = "arm.x - kd*net.y"')],
+            "25:41: ports.hand.displacement",
+            OF_PLANT,
+            '"arm.x - kd*net.y": net.y changes every 20 ticks only',
+        ),
+        (
+            [('displacement = "arm.x"', 'displacement = "arm.x + hand"')],
+            "25:41: ports.hand.displacement",
+            OF_PLANT,
+            '"arm.x + hand": the force itself',
+        ),
+        (
+            [("[sweep]", "[bode]\nfrequency_hz = [1, 6000]\n[sweep]")],
+            "28:16: bode.frequency_hz",
+            "numbers <= 5000 (half of rates.tick_hz)",
+            "6000",
+        ),
     ],
 )
 def test_each_mistake_is_one_line_with_its_place(changes, place, expected, found, write):
@@ -199,6 +218,31 @@ def test_mistakes_come_all_at_once_and_a_broken_block_brings_no_others(write):
         ["a.toml:29:1", "sweep.d"],
         ["--set kq=1", "kq"],
     ]
+
+
+@pytest.mark.parametrize(
+    ("axis", "found"),
+    [
+        ("kp = [60, 0, 240]", "0"),
+        ("kp = { start = -1, stop = 1, num = 5 }", "0"),
+        ("kp = { start = -1, stop = 240 }", "0 between -1 and 240"),
+        ("kp = { start = 0, stop = 240 }", "0 between 0 and 240"),
+    ],
+)
+def test_a_first_coefficient_that_becomes_0_is_a_mistake_of_the_axis(axis, found, write):
+    """kp*s + kd is no polynomial of degree 1 for kp = 0."""
+    filtered = 'type = "tf"\nnum = [1]\nden = ["kp", "kd"]'
+    text = changed(
+        ARM, ('type = "delay"\nevery = 20\nphase = 10', filtered), ("-kp*net.y", "-net.y"), ("kp = [60, 120, 240]", axis)
+    )
+    expected = "values with which the first coefficient of block.net.den is not 0"
+    assert mistakes(write(text)) == [f"a.toml:30:1: sweep.kp: expected {expected}, found one with which it is {found}"]
+    load(write(text.replace(axis, axis.replace("-1", "0.5").replace(" 0,", " 9,"))))
+
+
+def test_a_wire_may_read_what_the_hand_s_position_may_not_be_made_of():
+    """With a factor of 0 a held signal has no part in the displacement."""
+    load(tomllib.loads(changed(ARM, ('displacement = "arm.x"', 'displacement = "arm.x + 0*net.y"'))))
 
 
 def test_two_wires_to_one_input_are_one_too_many(write):

@@ -160,10 +160,30 @@ def test_a_delay_beside_a_swept_ratio_is_checked_per_combination():
         ({"frequency_hz": [-1]}, "bode.frequency_hz[0]: expected a number >= 0, found -1"),
         ({"frequency": [0]}, "bode.frequency: expected frequency_hz, one of"),
         ({"along": "b"}, "bode.along: expected frequency_hz, one of"),
+        ({"frequency_hz": [1, 501]}, "bode.frequency_hz: expected numbers <= 500 (half of rates.fast_hz), found 501"),
+        (
+            {"frequency_hz": [1, 500], "rates.fast_hz": [1000, 900]},
+            "bode.frequency_hz: expected numbers <= 450 (half of rates.fast_hz), found 500",
+        ),
     ],
 )
 def test_axes_of_bode_have_values(bode, words):
     assert refused(bode=bode).startswith(words)
+
+
+def test_frequencies_beyond_half_the_rate_are_a_mistake_of_who_gave_them(write):
+    source = write('[controller]\nkind = "pmw"\n[bode]\nfrequency_hz = [1, 300]\n')
+    load(source, ["rates.fast_hz=600"])
+    with pytest.raises(SpecError) as error:
+        load(source, ["rates.fast_hz=500", "b=-1"])
+    expected = "numbers <= 250 (half of rates.fast_hz)"
+    assert str(error.value).splitlines() == [
+        f"a.toml:4:16: bode.frequency_hz: expected {expected}, found 300",
+        "--set b=-1: controller.b: expected a number > 0, found -1",
+    ]
+    with pytest.raises(SpecError, match=r"--set bode.frequency_hz=\[501\]: bode.frequency_hz: expected numbers <= 500"):
+        load(source, ["bode.frequency_hz=[501]"])
+    load({"controller": {"kind": "pmw"}, "rates": {"fast_hz": 60.0, "ratio": 2}})  # whose own default goes up to 50 Hz
 
 
 def test_the_axis_of_the_intervals_is_set_apart():

@@ -281,6 +281,34 @@ def test_a_combination_that_makes_no_loop_is_refused_before_anything_is_computed
         compiled(WALL).stable_intervals("K", (0, 1), n=[2, 2000])
 
 
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda loop, a: loop.stable_intervals("kp", (0, 10), a=a),
+        lambda loop, a: loop.response([1.0], a=a),
+        lambda loop, a: loop.passivity(a=a),
+        lambda loop, a: loop.spectral_radius(a=a),
+    ],
+)
+def test_a_swept_first_coefficient_that_is_0_makes_no_loop(call):
+    """Its neighbours on both sides do."""
+    text = PD.replace("[block.m]", 'a = 1.0\n[block.f]\ntype = "tf"\nnum = [1]\nden = ["a", 1]\n[block.m]')
+    text = text.replace('"m.f" = "-kp*m.x', '"f.u" = "m.x"\n"m.f" = "hand - kp*f.y')
+    text = text.replace("[sweep]", '[ports]\nhand = { force = "hand", displacement = "m.x" }\n[sweep]')
+    with pytest.raises(UsageError, match=r"block\.f\.den: expected a first coefficient other than 0, found 0"):
+        call(compiled(text), [-1.0, 0.0, 1.0])
+    assert len(call(compiled(text), [-1.0, 1.0])) >= 2
+
+
+def test_a_position_that_direct_terms_make_is_a_mistake_at_its_place():
+    """The force reaches it within the tick, through a gain."""
+    text = PD.replace("[block.m]", '[block.g]\ntype = "gain"\n[block.m]').replace("[wire]", '[wire]\n"g.u" = "m.x + hand"')
+    text = text.replace('m.v"', 'm.v + hand"').replace("[sweep]", '[ports]\nhand = { force = "hand", displacement = "g.y" }\n')
+    for ask in (lambda loop: loop.response([1.0]), lambda loop: loop.passivity(), lambda loop: loop.simulate(np.ones(9))):
+        with pytest.raises(SpecError, match=r'ports\.hand\.displacement: expected a position that a plant has .*found "g.y"'):
+            ask(compiled(text))
+
+
 def test_a_range_without_a_loop_in_it_is_refused():
     loop = compiled(PD, ("kd*m.v", "kd/(1 - kp/50)*m.v"))
     with pytest.raises(UsageError, match=r"between 0 and 90 there is a value without a loop, since wire\.m\.f divides by zero"):

@@ -13,7 +13,7 @@ from wavesweep.diagram.tame import SALTS, SPREAD, scattered
 from wavesweep.diagram.uneven import RATIO, Uneven
 from wavesweep.errors import UsageError
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.drawing import Drawing, scalars
+from wavesweep.spec.drawing import LEAST, NOTHING, Drawing, scalars
 from wavesweep.spec.expressions import Tree, evaluate, names_in, singular
 
 POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
@@ -182,16 +182,25 @@ def refuse_unsuitable(drawing: Drawing | Uneven, values: Mapping[str, object]) -
             found = np.broadcast_to(_at(tree, known), (size,))
             wrong |= ~np.isfinite(found) | ~_accepted(drawing, path, found)
         for block in drawing.blocks:
-            keys = dict(block.keys)
-            if block.type == "butterworth" and _at(keys["order"], known):
-                half = _at(drawing.tick_hz, known) / _at(block.every, known) / 2
-                wrong |= ~np.broadcast_to(_at(keys["cutoff_hz"], known) < half, (size,))
+            wrong |= np.broadcast_to(_without_block(drawing, block, known), (size,))
     if wrong.any():
         at = int(np.flatnonzero(wrong)[0])
         loop = {path: float(arrays[path][at]) if path in arrays else value for path, value in values.items()}
         named = ", ".join(f"{path.removeprefix('numbers.')} = {loop[path]:g}" for path in arrays)
         path, expected, found = next(drawing.faults(loop), ("a key", "another value", "none"))
         raise UsageError(f"{named} makes no loop: {path}: expected {expected}, found {found}")
+
+
+def _without_block(drawing, block, known):
+    """Whether numbers that are accepted by themselves make no such block together."""
+    keys = dict(block.keys)
+    if block.type == "butterworth" and _at(keys["order"], known):
+        return ~(_at(keys["cutoff_hz"], known) < _at(drawing.tick_hz, known) / _at(block.every, known) / 2)
+    if block.type == "tf":
+        return np.abs(_at(keys["den"][0], known)) < LEAST
+    if block.type == "local_model":
+        return np.abs(_at(block.divisor(drawing.tick_hz), known)) <= NOTHING * np.abs(_at(keys["b"], known))
+    return False
 
 
 def _accepted(drawing, path, found):

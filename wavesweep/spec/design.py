@@ -67,11 +67,15 @@ WISHES = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """A wish: the name of its kind, its bound (None: as good as possible), and its options as tuples of numbers."""
+    """A wish: the name of its kind, its bound (None: as good as possible), and its options as tuples of numbers.
+
+    places: of its keys.
+    """
 
     name: str
     bound: float | None
     options: Mapping[str, tuple[float, ...]]
+    places: Mapping[str, Place] = field(default_factory=dict, repr=False, compare=False)
 
     @property
     def kind(self) -> WishKind:
@@ -100,6 +104,14 @@ class Design:
     ratios: tuple[tuple[str, str, tuple[float, ...]], ...]
     settings: Mapping[str, int]
     place: Place = field(default=Place(), repr=False, compare=False)
+
+    def beyond_half(self, hz: float, rate: str) -> Iterator[Mistake]:
+        """Yield the mistakes of bands that end beyond half the rate, in Hz; rate: its path."""
+        for wish in self.wishes:
+            stop = max(wish.options.get("band_hz", ()), default=0.0)
+            if stop > hz / 2:
+                path, expected = f"design.wish.{wish.name}.band_hz", f"numbers <= {hz / 2:g} (half of {rate})"
+                yield Leaf(None, wish.places["band_hz"]).mistake(path, expected, f"{stop:g}")
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
@@ -226,7 +238,7 @@ class _Reader:
                     self.refuse(path, f"one of {', '.join(known)}", "an unknown key", nearest(part, known), leaf)
             if "band_hz" in options and len(options["band_hz"]) == 2 and not options["band_hz"][0] < options["band_hz"][1]:
                 self.refuse(f"wish.{name}.band_hz", "the lowest frequency first", show(list(options["band_hz"])))
-            yield Wish(name, bound, options)
+            yield Wish(name, bound, options, {part: leaf.place for part, leaf in parts.items()})
 
     def _numbers(self, path, leaf, key, count):
         if not isinstance(leaf.value, list) or not leaf.value or (count and len(leaf.value) != count):

@@ -6,11 +6,13 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 
 from wavesweep.errors import Mistake
+from wavesweep.spec.axes import Axis
 from wavesweep.spec.block_types import EVERY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.checking import Rejected, check, expectation
-from wavesweep.spec.expressions import Terms, Tree, evaluate, names_in
+from wavesweep.spec.expressions import ONE, Terms, Tree, evaluate, names_in
 from wavesweep.spec.keys import AHEAD, LONGEST_FRAME, Key, Names
 from wavesweep.spec.reading import Leaf
 
@@ -23,6 +25,7 @@ Leaves = Mapping[str, Leaf]
 
 NOTHING = 1e-12  # of b, by which a local model does not divide
 LEAST = 1e-300  # size of a number that others are divided by
+OF_PLANT = "a position that a plant has in every tick, such as a mass's x"
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +141,37 @@ class Drawing:
             slowest = max(runs, key=runs.get)
             expected = f"ticks of a frame, after which all blocks are in step again, <= {LONGEST_FRAME}"
             yield f"block.{slowest}.every", expected, f"{frame} (the least common multiple of {_listed(set(runs.values()))})"
+
+    def vanishing(self, study: str, axes: Iterable[Axis], values: Mapping[str, float]) -> Iterator[Mistake]:
+        """Yield the mistakes of axes on which the first coefficient of a denominator becomes 0, the other numbers as they are.
+
+        study: the table that the axes are in.
+        """
+        firsts = [(block.name, dict(block.keys)["den"][0]) for block in self.blocks if block.type == "tf"]
+        for axis, (block, tree) in product(axes, firsts):
+            name = axis.path.removeprefix("numbers.")
+            if not any(name == each for each, _ in names_in(tree)):
+                continue
+            numbers = scalars(values)
+            found = [_value(tree, numbers | {name: value}) or 0.0 for value in axis.values or (axis.start, axis.stop)]
+            if min(map(abs, found)) < LEAST or (not axis.values and min(found) < 0 < max(found)):
+                expected = f"values with which the first coefficient of block.{block}.den is not 0"
+                between = "" if axis.values else f" between {axis.start:g} and {axis.stop:g}"
+                mistaken = f"one with which it is 0{between}"
+                yield Leaf(None, axis.place).mistake(f"{study}.{axis.name}", expected, mistaken, of_key=True)
+
+    def displaced(self, values: Mapping[str, float]) -> Iterator[tuple[str, str, str]]:
+        """Yield path, expected and found text if a part of the hand's displacement is known to be no position of a plant."""
+        force, terms, _ = self.hand or ("", (), None)
+        every, numbers = {block.name: block.every for block in self.blocks if not block.plant}, scalars(values)
+        for signal, gain in terms:
+            name = signal.partition(".")[0]
+            if not numbers.keys() >= {each for tree in (gain, every.get(name, ONE)) for each, _ in names_in(tree)}:
+                continue  # a number that has a mistake itself
+            runs = _value(every.get(name, ONE), numbers) or 1
+            if (signal == force or runs > 1) and _value(gain, numbers):
+                found = "the force itself" if signal == force else f"{signal} changes every {runs:g} ticks only"
+                yield "ports.hand.displacement", OF_PLANT, found
 
 
 @lru_cache(maxsize=64)  # a compiled loop is asked again and again

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import islice
 
@@ -15,7 +15,7 @@ from wavesweep.spec.reading import Leaf, Place, file_stem, read_dict, read_file,
 from wavesweep.spec.resolving import Given, resolve
 from wavesweep.spec.sorting import Path, leaves_of, normal_path, sort_leaves
 from wavesweep.spec.spec import Spec
-from wavesweep.spec.studies import Studies, beyond_limits, build_studies
+from wavesweep.spec.studies import DEFAULT_FREQUENCIES, Studies, beyond_half, beyond_limits, build_studies
 
 MOST_KEYS = 1000  # that a spec gives; each one that is wrong takes a millisecond
 _TWINS = {("rates", "ratio"): ("rates", "slow_hz"), ("rates", "slow_hz"): ("rates", "ratio")}
@@ -101,8 +101,8 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     mistakes = [*mistakes, *belongs.mistakes.values(), *wrong, *wrong_studies]
     if not wrong:
         mistakes += [*beyond_limits("sweep", studies.sweep, values), *beyond_limits("bode", studies.bode, values)]
-        if studies.experiment.given:  # the defaults of a command that may never run are nobody's mistake
-            mistakes += studies.experiment.beyond_limits(values["rates.fast_hz"])
+    if not any(mistake.key.startswith("rates.") for mistake in wrong):
+        mistakes += _beyond_rate(studies, values["rates.fast_hz"], "rates.fast_hz")
     if mistakes:
         raise SpecError(_in_order(mistakes))
     return Spec(name, path, values, studies, given)
@@ -116,11 +116,26 @@ def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     given = Given(of_loop, place)
     studies, wrong_studies = build_studies(belongs, given, names)
     mistakes = [*mistakes, *wrong, *belongs.mistakes.values(), *wrong_studies]
-    if drawing and studies.experiment.given:
-        mistakes += studies.experiment.beyond_limits(drawing.rate(values), RATE)
+    hz = drawing.rate(values) if drawing else values.get(RATE)
+    mistakes += _beyond_rate(studies, hz, RATE) if hz else []
+    if drawing:
+        mistakes += [m for study, axes in studies.axes for m in drawing.vanishing(study, axes, values)]
     if mistakes:
         raise SpecError(_in_order(mistakes))
     return Spec(name, path, values, _with_along(studies, belongs.along, drawing.wall), given, drawing=drawing)
+
+
+def _beyond_rate(studies: Studies, hz: float, rate: str) -> Iterator[Mistake]:
+    """Yield the mistakes of what the studies ask beyond that rate, the fast one.
+
+    The defaults of a command that may never run are nobody's mistake.
+    """
+    if studies.frequencies is not DEFAULT_FREQUENCIES:
+        yield from beyond_half(studies.frequencies, studies.bode, hz, rate)
+    if studies.experiment.given:
+        yield from studies.experiment.beyond_limits(hz, rate)
+    if studies.design:
+        yield from studies.design.beyond_half(hz, rate)
 
 
 def _with_along(studies: Studies, given: Leaf | None, wall: tuple[str, ...] | None) -> Studies:

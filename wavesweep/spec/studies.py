@@ -149,6 +149,11 @@ class Studies:
     experiment: Experiment
     design: Design | None = None
 
+    @property
+    def axes(self) -> tuple[tuple[str, tuple[Axis, ...]], ...]:
+        """The axes of each study by its name."""
+        return ("sweep", self.sweep), ("bode", self.bode)
+
 
 def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tuple[Studies, list[Mistake]]:
     """Return the studies and their mistakes; limits that the loop's values set are checked by `beyond_limits`."""
@@ -217,6 +222,17 @@ def _at_odds_with_filters(study: str, axes: Iterable[Axis], given: Given) -> Ite
             used = "its band edges" if by_edges else "order and cutoff_hz"
             expected = f"an axis that fits {name}, given by {used}"
             yield Leaf(None, axis.place).mistake(f"{study}.{axis.name}", expected, axis.path, of_key=True)
+
+
+def beyond_half(frequency: Axis, axes: Iterable[Axis], own: float, rate: str) -> Iterator[Mistake]:
+    """Yield the mistake of frequencies of [bode] beyond half the rate, which a force that is held over a tick does not have.
+
+    axes: of the responses, among which the rate may be; own: its value otherwise, in Hz; rate: its path.
+    """
+    least = min((axis.start for axis in axes if axis.path == rate), default=own)
+    if frequency.stop > least / 2:
+        expected, found = f"numbers <= {least / 2:g} (half of {rate})", f"{frequency.stop:g}"
+        yield Leaf(None, frequency.place).mistake(frequency.path, expected, found)
 
 
 def beyond_limits(study: str, axes: Iterable[Axis], values: Mapping) -> Iterator[Mistake]:

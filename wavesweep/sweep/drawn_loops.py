@@ -12,7 +12,7 @@ from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING
 from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
 from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.response.drawn import static_port_response
-from wavesweep.analysis.response.port import Port, Ports, port_of
+from wavesweep.analysis.response.port import NoPositionError, Port, Ports, port_of
 from wavesweep.analysis.response.resting import Resting, resting
 from wavesweep.analysis.spectrum import radius_of
 from wavesweep.diagram import WALL, items_of
@@ -36,7 +36,8 @@ from wavesweep.lifted.number import cut_at_number
 from wavesweep.lifted.open_ticks import OpenTicks, facts_of
 from wavesweep.lifted.periodic import GROWN, LOST, growth_of, ticks_of
 from wavesweep.lifted.tick_drift import TickDrift, closed, closed_frame, drift_of_drawn, filled, without_drift
-from wavesweep.spec.drawing import Drawing
+from wavesweep.spec.checking import show
+from wavesweep.spec.drawing import OF_PLANT, Drawing
 from wavesweep.sweep.grid import groups, selected
 from wavesweep.sweep.tasks import FELT, TINY, felt_at_ends, records_of, with_batch
 
@@ -282,8 +283,7 @@ def radii(grid) -> np.ndarray:
 
 
 def ports_of(spec, drawing: Drawing | Uneven) -> Ports:
-    """The hand's port. Errors: SpecError if the spec names none; UsageError if its position is none that a plant has in every
-    tick."""
+    """The hand's port. Errors: SpecError if the spec names none, or if its position is none that a plant has in every tick."""
     if missing := spec.without_hand():
         raise SpecError(missing)
     ports_of_loop(spec, drawing)
@@ -346,5 +346,9 @@ def ports_of_groups(drawing: Drawing | Uneven, parts: Groups, own: Mapping[str, 
 
 
 def ports_of_loop(spec, drawing: Drawing | Uneven) -> Port:
-    """The port of the spec's own loop."""
-    return next(ports_of_groups(drawing, ((np.zeros(1, int), dict(spec.values)),), spec.values))[1]
+    """The port of the spec's own loop. Errors: SpecError if its position is none that a plant has in every tick."""
+    try:
+        return next(ports_of_groups(drawing, ((np.zeros(1, int), dict(spec.values)),), spec.values))[1]
+    except NoPositionError:
+        found = spec.tables()["ports"]["hand"]["displacement"]
+        raise SpecError([spec.mistake(POSITION, OF_PLANT, show(found))]) from None

@@ -20,6 +20,8 @@ from wavesweep.diagram.assembly import assembled
 from wavesweep.diagram.uneven import RATIO, Uneven, steps_of
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
+from wavesweep.spec.axes import Axis
+from wavesweep.spec.studies import beyond_half
 from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of, ports_of_groups
 from wavesweep.sweep.grid import keys_of, make_grid, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
@@ -253,17 +255,11 @@ def own_value(spec, name, read):
 
 
 def _refuse_aliases(grid, frequency):
-    """Raise UsageError for frequencies beyond half the fast rate, which a force that is held over a tick does not have."""
+    """Raise SpecError for frequencies beyond half the fast rate, which a force that is held over a tick does not have."""
     name = "rates.tick_hz" if grid.spec.drawing else "rates.fast_hz"
-    rates = [axis.values for axis in grid.axes if axis.path == name]
-    spec = grid.spec
-    own = spec.drawing.rate(spec.values) if spec.drawing else spec.values[name]
-    limit = min(*rates[0], np.inf) / 2 if rates else own / 2
-    if frequency.size and frequency.max() > limit:
-        expected, found = f"at most half of {name} = {limit:g} Hz", f"{frequency.max():g}"
-        if np.array_equal(frequency, spec.frequency_hz):
-            raise SpecError([spec.mistake("bode.frequency_hz", expected, found)])
-        raise UsageError(f"bode.frequency_hz: expected {expected}, found {found}")
+    own = Axis("frequency_hz", "bode.frequency_hz", (), 0.0, frequency.max(initial=0.0), False)
+    if beyond := list(beyond_half(own, grid.axes, grid.spec.tick_hz, name)):
+        raise SpecError(beyond)
 
 
 def _block(values, frequency):

@@ -10,8 +10,13 @@ from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
 from wavesweep.lifted.periodic import growth_of, in_a_row, known_frames, then, ticks_of
 from wavesweep.lifted.tick_drift import TickDrift
+from wavesweep.spec.drawing import OF_PLANT
 
 STILL = 1e-9  # of the terms of a shift, what is rounding
+
+
+class NoPositionError(UsageError):
+    """The displacement at a port is none that could be counted from tick to tick."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +64,7 @@ def port_of(drawn: Drawn, ports: Ports, drift: TickDrift) -> Port:
     """Return the loop as it is seen from its port.
 
     The displacement of a tick is the difference of two positions, so the position has to be a state alone: that of a plant.
-    Errors: UsageError if it is not.
+    Errors: NoPositionError if it is not.
     """
     signals = (ports.position, *((ports.reaction,) if ports.reaction else ()))
     if not drift.folded:  # what nothing but a drift reads drifts itself
@@ -67,9 +72,7 @@ def port_of(drawn: Drawn, ports: Ports, drift: TickDrift) -> Port:
     ticks = ticks_of(drawn, signals)
     reads = ticks.maps[0].C[..., :1, :]
     if any(np.any(each.D[..., 0, :]) or np.any(each.C[..., :1, :] != reads) for each in ticks.maps):
-        raise UsageError(
-            f"[ports] hand: expected a position that a plant has in every tick, such as a mass's x, found {ports.position}"
-        )
+        raise NoPositionError(f"[ports] hand: expected {OF_PLANT}, found {ports.position}")
     force = drawn.inputs.index(ports.force)
     answers = ticks.maps[0].C[..., 1:2, :]
     moved = [(lead, _along(answers, lead, others)[0]) for lead, others in drift.moved if _moves(answers, lead, others)]
