@@ -120,6 +120,26 @@ def test_a_wrong_value_does_not_bring_mistakes_of_others_with_it(write):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("text", "lines"),
+    [
+        ('controller = "pmw"', ['a.toml:1:14: controller: expected a table, found "pmw"']),
+        (f'design = "x"\n{KIND}', ['a.toml:1:10: design: expected a table, found "x"']),
+        (
+            'rates = 3\nblock = "x"\n[wire]\n"a.u" = "b.y"',
+            [
+                "a.toml:1:9: rates: expected a table, found 3",
+                'a.toml:2:9: block: expected a table, found "x"',
+                "a.toml:4:1: wire.a.u: expected an input port of a block, found an unknown port",
+            ],
+        ),
+    ],
+)
+def test_what_is_missing_in_a_table_that_is_none_is_no_other_mistake(text, lines, write):
+    assert [line for line in mistakes(write(text)) if 'unknown name "b.y"' not in line] == lines
+    assert mistakes(write(KIND), "controller=pmw") == ['--set controller=pmw: controller: expected a table, found "pmw"']
+
+
 def test_deep_and_wide_texts_are_mistakes_not_crashes(write):
     deep = "a" + ".a" * 3000 + " = 1\n"
     assert [line.split(": ")[1] for line in mistakes(write(deep + KIND))] == ["expected at most 64 names in a key, found more"]

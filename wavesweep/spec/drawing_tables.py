@@ -152,7 +152,7 @@ class _TableReader(KeyReader):
         path = f"wire.{port}"
         if port not in self.inputs and port.partition(".")[0] not in self.broken:
             found = "an output of a block" if port in self.signals else "an unknown port"
-            expected = f"one of {', '.join(self.inputs)}" if len(self.inputs) <= LISTED else "an input port of a block"
+            expected = f"one of {', '.join(self.inputs)}" if 0 < len(self.inputs) <= LISTED else "an input port of a block"
             self.refuse(leaf, path, expected, found, nearest(port, self.inputs))
         return self.read_terms(path, leaf)
 

@@ -147,10 +147,16 @@ def _with_along(studies: Studies, given: Leaf | None, wall: tuple[str, ...] | No
 
 
 def _in_order(mistakes: list[Mistake]) -> list[Mistake]:
-    """Sort by line and column; mistakes without a place keep their order, at the end."""
+    """Sort by line and column; mistakes without a place keep their order, at the end.
+
+    What is missing in a table that is none itself is no other mistake.
+    """
+    none = tuple(mistake.key for mistake in mistakes if mistake.expected == "a table")
+    below = tuple(f"{key}." for key in none)
+    own = [each for each in mistakes if each.expected == "a table" or not (each.key in none or each.key.startswith(below))]
 
     def position(mistake: Mistake) -> tuple[int, ...]:
         numbers = mistake.location.rsplit(":", 2)[1:]
         return tuple(map(int, numbers)) if len(numbers) == 2 and all(map(str.isdecimal, numbers)) else (10**9,)
 
-    return sorted(dict.fromkeys(mistakes), key=position)
+    return sorted(dict.fromkeys(own), key=position)

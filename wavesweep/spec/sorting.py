@@ -69,8 +69,11 @@ def sort_leaves(leaves: dict[Path, Leaf], names: Names = BUILT_IN) -> Sorted:
     for path, leaf in leaves.items():
         if path[0] in STUDIES:
             _sort_study(path, leaf, result, names)
-        elif path[0] == "design" and (len(path) > 1 or leaf.value == {}):
-            result.design |= {path[1:]: leaf} if len(path) > 1 else {}
+        elif path[0] == "design" and len(path) > 1:
+            result.design[path[1:]] = leaf
+        elif path[0] == "design":
+            if leaf.value != {}:
+                result.refuse(leaf, "design", "a table", show(leaf.value))
         elif path[:2] == ("simulate", "frequency_hz"):
             _sort_part(FREQUENCIES, path[2:], leaf, result.frequencies, result)
         elif names is BUILT_IN or path[0] == "simulate":
