@@ -8,7 +8,7 @@ from support.drawn import ARM, NETWORK, PD, WALL
 from support.specs import nested
 
 import wavesweep
-from wavesweep.errors import SpecError
+from wavesweep.errors import SpecError, UsageError
 from wavesweep.results.schema import TABLES
 from wavesweep.spec import load, sweep_axes
 from wavesweep.spec.block_types import COLUMNS, LONGEST_FRAME
@@ -292,6 +292,26 @@ def test_names_of_numbers_are_no_names_of_columns_and_no_words_of_expressions():
         tables = tomllib.loads(PD)
         tables["numbers"][name] = 1.0
         assert any(line.startswith(f"numbers.{name}: expected a name") for line in mistakes(tables))
+
+
+@pytest.mark.parametrize("word", ["nan", "inf", "None", "NaN", "true", "NA"])
+def test_what_other_programs_take_for_a_value_is_no_name(word, write):
+    expected = "a name of letters, digits and _ that is no value, as nan, inf, none, null, na, true and false are"
+    number = changed(ARM, ("kd*", f"{word}*"), ("kd = ", f"{word} = "))
+    more = ", and neither pi nor sqrt nor the name of a column"
+    assert mistakes(write(number)) == [f'a.toml:7:1: numbers.{word}: expected {expected}{more}, found "{word}"']
+    block = changed(ARM, ("net.", f"{word}."), ("[block.net]", f"[block.{word}]"))
+    assert mistakes(write(block)) == [f'a.toml:15:2: block.{word}: expected {expected}, found "{word}"']
+    force = changed(ARM, ("+ hand", f"+ {word}"), ('"hand"', f'"{word}"'))
+    of_force = f"{expected}, for the hand's force"
+    assert mistakes(write(force)) == [f'a.toml:25:18: ports.hand.force: expected {of_force}, found "{word}"']
+
+
+def test_a_spec_s_file_has_no_such_name_either(tmp_path):
+    path = tmp_path / "NaN.toml"
+    path.write_text('[controller]\nkind = "pmw"\n')
+    with pytest.raises(UsageError, match=r'file name: expected a name that is no value, .*, found "NaN"; rename the file'):
+        load(path)
 
 
 def test_the_hand_of_a_drawn_loop_is_simulated(write):

@@ -11,7 +11,9 @@ from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
 from wavesweep.spec.drawing import DrawnBlock
 from wavesweep.spec.expressions import Fault, Terms, Tree, linear, names_in, parse, unknown
 from wavesweep.spec.keys import Key
-from wavesweep.spec.reading import Leaf, Place
+from wavesweep.spec.reading import VALUE_WORDS, Leaf, Place
+
+NAME = "a name of letters, digits and _ that is no value, as nan, inf, none, null, na, true and false are"
 
 
 class KeyReader:
@@ -105,7 +107,7 @@ class KeyReader:
             return None
         if not is_name(name):
             first = next(iter(given.values()))
-            self.refuse(Leaf(None, first.place.parent()), path, "a name of letters, digits and _", show(name))
+            self.refuse(Leaf(None, first.place.parent()), path, NAME, show(name))
             return None
         kind = self.read_type(path, given.get("type"))
         if kind is None:  # its numbers are not known to be unread
@@ -193,8 +195,8 @@ class KeyReader:
 
 
 def is_name(name: object) -> bool:
-    """Return whether a value is a name of ASCII letters, digits and _."""
-    return isinstance(name, str) and name.isidentifier() and name.isascii()
+    """Return whether a value is a name of ASCII letters, digits and _ that no program takes for a value."""
+    return isinstance(name, str) and name.isidentifier() and name.isascii() and name.lower() not in VALUE_WORDS
 
 
 def _at(path: str, i: int, j: int, deep: bool) -> str:

@@ -10,7 +10,7 @@ from wavesweep.errors import Mistake
 from wavesweep.spec.block_types import COLUMNS, TICK_HZ
 from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
 from wavesweep.spec.drawing import RATE, Drawing, decides
-from wavesweep.spec.drawing_keys import KeyReader, is_name
+from wavesweep.spec.drawing_keys import NAME, KeyReader, is_name
 from wavesweep.spec.expressions import RESERVED, Terms, Tree, names_in
 from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import Leaf, Place
@@ -106,7 +106,7 @@ class _TableReader(KeyReader):
             path, first = f"numbers.{name}", next(iter(parts.values()))
             place = Leaf(None, first.place if "" in parts else first.place.parent())
             if not is_name(name) or name in RESERVED or name in COLUMNS or name in ("along", "frequency_hz"):
-                expected = "a name of letters, digits and _ that is neither pi nor sqrt nor the name of a column"
+                expected = f"{NAME}, and neither pi nor sqrt nor the name of a column"
                 self.refuse(place, path, expected, show(name))
             for part, leaf in parts.items():
                 if part and part not in NUMBER_PARTS:
@@ -199,7 +199,7 @@ class _TableReader(KeyReader):
                 self.refuse(
                     force,
                     "ports.hand.force",
-                    "a name of letters, digits and _ for the hand's force",
+                    f"{NAME}, for the hand's force",
                     show(force.value),
                     of_key=False,
                 )

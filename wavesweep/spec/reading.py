@@ -24,6 +24,7 @@ DEEPEST = 16  # inline tables nested deeper than any key of ours are stepped ove
 MOST_BYTES = 2_000_000  # of a spec: a hundred thousand numbers or more, read in about a second
 MOST_NAMES = 64  # in a dotted key; tomllib takes quadratic time and memory for more
 
+VALUE_WORDS = ("nan", "inf", "infinity", "none", "null", "na", "true", "false")  # in any case of letters
 _FORMULA = ("=", "+", "-", "@")
 _BLANK = r"(?:[ \t\n]|#[^\n]*)*"
 _STRING = (
@@ -232,13 +233,17 @@ def _loads_or_none(text: str) -> dict | None:
 def file_stem(path: str) -> str:
     """Return the file's name without folder and suffix: the spec's name, which is a label in tables and folders.
 
-    Errors: UsageError for a name that a spreadsheet would run as a formula, or that is no text.
+    Errors: UsageError for a name that a spreadsheet would run as a formula, that readers of tables take for a missing number or
+    another value, or that is no text.
     """
     stem = os.path.splitext(os.path.basename(path))[0]  # noqa: PTH119, PTH122 - pathlib takes half of the time of loading
     if stem.startswith(_FORMULA) or not stem.isprintable():
         found = ascii(stem)
         expected = "a name that is printable and does not begin with = + - @, which spreadsheets run as formulas"
         raise UsageError(f"the spec's file name: expected {expected}, found {found}; rename the file")
+    if stem.lower() in VALUE_WORDS:
+        expected = "a name that is no value, as nan, inf, none, null, na, true and false are to readers of tables"
+        raise UsageError(f'the spec\'s file name: expected {expected}, found "{stem}"; rename the file')
     return stem
 
 
