@@ -139,14 +139,18 @@ def test_byte_order_mark_and_windows_line_ends_do_no_harm(tmp_path):
 @pytest.mark.parametrize(
     ("content", "place"),
     [
-        (b"[rates\nratio = 1", ":1:7: "),
-        (b"[rates]\nratio = = 1", ":2:9: "),
-        (b"[rates]\n[rates]\n", ":2:7: "),
-        (b"[rates]\nratio = 1\nratio = 2", ":3:10: "),
-        (b"[rates]\nratio = [1, 2", ":2:14: "),
-        (b"[rates]\nratio = " + b"9" * 5000, ":1:1: "),
-        (b"[rates]\nratio = " + b"[" * 5000, ": "),
-        (b"\x00", ":1:1: "),
+        (b"[rates\nratio = 1", ":1:7: expected ] behind the name of a table"),
+        (b"[rates]\nratio = = 1", ":2:9: expected a value"),
+        (b"[rates]\n[rates]\n", ":2:2: expected each table once"),
+        (b"[rates]\nratio = 1\nratio = 2", ":3:1: expected each key once"),
+        (b"[rates]\nratio = [1, 2", ":2:14: expected a comma between the values of a list"),
+        (b"[rates]\nratio = " + b"9" * 5000, ":1:1: expected a TOML file"),
+        (b"[rates]\nratio = " + b"[" * 5000, ": expected a TOML file"),
+        (b"[rates]\nratio = 1" + b"," * 5000, ":2:10: expected a TOML file"),
+        (b"\x00", ":1:1: expected a TOML file"),
+        ("# Gr\u00f6\u00dfe\r\n# caf\u00e9".encode("latin-1"), ":1:5: expected text in UTF-8"),
+        ("# Gr\u00f6\u00dfe\r\n# caf".encode() + b"\xe9", ":2:6: expected text in UTF-8"),
+        ("[rates]".encode("utf-16"), ":1:1: expected text in UTF-8"),
     ],
 )
 def test_what_is_no_toml_is_a_mistake_with_its_place(content, place, tmp_path):
@@ -154,17 +158,15 @@ def test_what_is_no_toml_is_a_mistake_with_its_place(content, place, tmp_path):
     path.write_bytes(content)
     with pytest.raises(SpecError) as error:
         load(path)
-    assert str(error.value).startswith(f"{path}{place}expected a TOML file, found ")
+    assert str(error.value).startswith(f"{path}{place}")
+    assert ", found " in str(error.value)
     assert len(str(error.value).splitlines()) == 1
 
 
 def test_files_that_cannot_be_read_say_why(tmp_path):
-    latin = tmp_path / "latin.toml"
-    latin.write_bytes("# é".encode("latin-1"))
     cases = {
         tmp_path / "none.toml": "No such file or directory",
         tmp_path: "expected a file, found a folder",
-        latin: "expected UTF-8 text, found byte 0xe9 at offset 2",
         "nul\0.toml": "cannot be read",
     }
     for path, words in cases.items():

@@ -7,6 +7,7 @@ whole: their elements have the position of the array.
 
 from __future__ import annotations
 
+import codecs
 import os
 import re
 import stat
@@ -17,9 +18,9 @@ from functools import lru_cache
 
 from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.keys import SYMBOLS
+from wavesweep.spec.slips import slip_in
 
 # Compiled where they are used: most runs report no mistake.
-_SYNTAX_ERROR = r"(?s)(?P<what>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)"
 DEEPEST = 16  # inline tables nested deeper than any key of ours are stepped over
 MOST_BYTES = 2_000_000  # of a spec: a hundred thousand numbers or more, read in about a second
 MOST_NAMES = 64  # in a dotted key; tomllib takes quadratic time and memory for more
@@ -114,15 +115,22 @@ class Leaf:
 def read_file(path: str) -> tuple[dict, Place]:
     """Return the tables of a TOML file and its place.
 
-    Errors: UsageError if the file cannot be read or is too large, SpecError if it is not TOML.
+    Errors: UsageError if the file cannot be read or is too large, SpecError if it is no text in UTF-8 or not TOML.
     """
+    content = read_bytes(path, MOST_BYTES)
     try:
-        text = read_bytes(path, MOST_BYTES).decode("utf-8-sig").replace("\r\n", "\n")
+        text = content.removeprefix(codecs.BOM_UTF8).decode().replace("\r\n", "\n")
     except UnicodeDecodeError as error:
-        raise UsageError(
-            f"{path}: expected UTF-8 text, found byte {error.object[error.start]:#04x} at offset {error.start}"
-        ) from error
+        raise SpecError([_undecoded(content, error, path)]) from error
     return _parse(text, path), InFile(path, text)
+
+
+def _undecoded(content: bytes, error: UnicodeDecodeError, path: str) -> Mistake:
+    before = error.object[: error.start]
+    line, column = before.count(b"\n") + 1, len(before[before.rfind(b"\n") + 1 :].decode()) + 1
+    wide = content.startswith((codecs.BOM_UTF16_BE, codecs.BOM_UTF16_LE))
+    found = "UTF-16" if wide else f"byte {error.object[error.start]:#04x}"
+    return Mistake(f"{path}:{line}:{column}", "", "text in UTF-8 (save the file in this encoding)", found)
 
 
 def read_bytes(path: str | os.PathLike, most: int) -> bytes:
@@ -161,21 +169,7 @@ def _parse(text: str, name: str) -> dict:
     except RecursionError as error:
         raise SpecError([Mistake(name, "", "a TOML file", "values nested too deeply")]) from error
     except ValueError as error:  # TOMLDecodeError, or what int() says of a number with thousands of digits
-        raise SpecError([_syntax_mistake(str(error), text, name)]) from error
-
-
-def _syntax_mistake(message: str, text: str, name: str) -> Mistake:
-    match = re.fullmatch(_SYNTAX_ERROR, message)
-    if match is None:
-        return Mistake(f"{name}:1:1", "", "a TOML file", _lower(message))
-    end = (text.count("\n") + 1, len(text) - text.rfind("\n"))
-    line, column = (match["line"], match["column"]) if match["line"] else end
-    what = _lower(match["what"]).removeprefix("found ")
-    return Mistake(f"{name}:{line}:{column}", "", "a TOML file", f"none: {what}" if what.startswith("expected") else what)
-
-
-def _lower(sentence: str) -> str:
-    return sentence[:1].lower() + sentence[1:]
+        raise SpecError([slip_in(text, str(error), name)]) from error
 
 
 def read_dict(tables: Mapping) -> dict:
