@@ -126,9 +126,9 @@ def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
 
 
 def _beyond_rate(studies: Studies, hz: float, rate: str) -> Iterator[Mistake]:
-    """Yield the mistakes of what the studies ask beyond that rate, the fast one.
+    """Yield the mistakes of frequencies and times that do not fit the fast rate, `hz`; rate: its path.
 
-    The defaults of a command that may never run are nobody's mistake.
+    The defaults of a command that may never run are no mistakes.
     """
     if studies.frequencies is not DEFAULT_FREQUENCIES:
         yield from beyond_half(studies.frequencies, studies.bode, hz, rate)
@@ -149,7 +149,7 @@ def _with_along(studies: Studies, given: Leaf | None, wall: tuple[str, ...] | No
 def _in_order(mistakes: list[Mistake]) -> list[Mistake]:
     """Sort by line and column; mistakes without a place keep their order, at the end.
 
-    What is missing in a table that is none itself is no other mistake.
+    A key that is missing in a table that is no table itself is no further mistake.
     """
     none = tuple(mistake.key for mistake in mistakes if mistake.expected == "a table")
     below = tuple(f"{key}." for key in none)

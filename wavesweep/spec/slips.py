@@ -1,6 +1,6 @@
-"""Slips in a text that is no TOML, in plain words: what stands there, and what to write in its place.
+"""Slips in a text that is no TOML, in plain words: the text found, and the text to write in its place.
 
-tomllib stops at the first one, and says by its message what it was reading. The line is looked at again to see what was meant.
+tomllib stops at the first one, and its message says which part of the grammar it was reading. The line itself shows the rest.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _NUMBER = r"[+-]?\d[\d_]*(?:\.\d+)?(?:[eE][+-]?\d+)?"
 _KEY = r"(?:[A-Za-z0-9_.-]|\"[^\"\n]*\"|'[^'\n]*')+"
 _UNIT = r"[A-Za-z%°µμΩ][^\s,\]}#]*"
 VALUE = 'a value: a number, a text in quotes such as "pmw", true, false, a list or a table'
-LONGEST_LINE = 1000  # that is looked at again
+LONGEST_LINE = 1000  # of which the slip is searched for
 QUOTES = "\u201c\u201d\u201e\u2018\u2019"
 
 
@@ -82,7 +82,7 @@ def _line_of(lines: list[str], pattern: str, start: int = 0) -> str:
 
 
 def _in_number(line: int, before: str, after: str, what: str) -> Slip | None:
-    """What follows a number that is read already: a decimal comma, a unit, a sign of an expression."""
+    """A decimal comma, a unit or a sign of an expression behind a number that is read already."""
     token = re.search(r"[^\s=,\[{]*\s*$", before)[0]
     column = len(before) - len(token) + 1
     if comma := re.search(r"(?<![\w.,])([+-]?\d+,\d+)$", before):  # in a table: what follows is read as a key
@@ -124,7 +124,7 @@ def _in_text(line: int, column: int, before: str, after: str, what: str) -> Slip
 
 
 def _in_value(line: int, column: int, after: str, what: str) -> Slip | None:
-    """What begins a value and is none."""
+    """A value that is none of TOML's."""
     if what != "invalid value":
         return None
     value = re.match(r"[^,\]}#\n]*", after)[0].strip()
@@ -151,7 +151,7 @@ _STATEMENTS = (  # tomllib's words and the line before, and what was expected
 
 
 def _in_statement(line: int, column: int, before: str, after: str, what: str) -> Slip | None:
-    """What is wrong with a key, a table's name, or the end of a list."""
+    """A slip at a key, a table's name, or the end of a list."""
     rest = re.match(r"[^#]*", after)[0].strip() or "the end of the line"
     if what.startswith("expected '='") and not after[:1].isascii():
         word = re.search(r"\S*$", before)[0]
