@@ -2,6 +2,7 @@
 
 import pickle
 import re
+from fractions import Fraction
 
 import numpy as np
 import pandas
@@ -130,6 +131,27 @@ def test_tables_that_contain_themselves_are_refused():
         lambda loop: loop.response("x"),
         lambda loop: loop.response([[1.0], [1.0, 2.0]]),
         lambda loop: loop.response(1j),
+        lambda loop: loop.response("1"),
+        lambda loop: loop.response(["1", "2"]),
+        lambda loop: loop.response(True),
+        lambda loop: loop.response([1.0, True]),
+        lambda loop: loop.response(np.array([True])),
+        lambda loop: loop.response(np.ma.array([1.0, 2.0], mask=[False, True])),
+        lambda loop: loop.stable_intervals(span=("0", "10")),
+        lambda loop: loop.stable_intervals(span="09"),
+        lambda loop: loop.stable_intervals(span=(False, True)),
+        lambda loop: loop.stable_intervals(span=(0, True)),
+        lambda loop: loop.stable_intervals(b=[1.0, True]),
+        lambda loop: loop.stable_intervals(b=True),
+        lambda loop: loop.spectral_radius(b=["1"]),
+        lambda loop: loop.simulate(["1", "2"]),
+        lambda loop: loop.simulate([True, False]),
+        lambda loop: loop.simulate(np.ones(3), wall=True),
+        lambda loop: loop.simulate(np.ones(3), wall="0.1"),
+        lambda loop: loop.simulate(np.ones(3), wall=[0.1, 0.2]),
+        lambda loop: wavesweep.passivity(loop.spec, tolerance=True),
+        lambda loop: wavesweep.zwidth(loop.spec, hand="box", hand_box={"mass": ("0", "1")}),
+        lambda loop: wavesweep.zwidth(loop.spec, hand="box", hand_box={"mass": (False, True)}),
         lambda loop: loop.simulate("x"),
         lambda loop: wavesweep.zwidth(loop.spec, along=3.0),
         lambda loop: wavesweep.zwidth(loop.spec, hand_box={"mass": (1, 2)}),
@@ -143,6 +165,17 @@ def test_tables_that_contain_themselves_are_refused():
 def test_arguments_of_other_kinds_are_refused(call):
     with pytest.raises(UsageError):
         call(wavesweep.compile({"controller": {"kind": "pmw"}}))
+
+
+def test_numbers_may_come_as_ranges_series_and_fractions():
+    loop = wavesweep.compile(SPEC)
+    whole = loop.response(range(1, 3))
+    for same in ([1, 2], pandas.Series([1.0, 2.0]), (Fraction(1), np.int64(2)), np.array([1, 2], object)):
+        assert loop.response(same).equals(whole)
+    table = wavesweep.zwidth({**SPEC, "sweep": {**SPEC["sweep"], "b": range(10, 30, 10)}})
+    assert table.equals(wavesweep.zwidth({**SPEC, "sweep": {**SPEC["sweep"], "b": [10, 20]}}))
+    with pytest.raises(wavesweep.SpecError, match=r"sweep\.b: expected a list of numbers .*, found range\(1, 1000"):
+        wavesweep.load({**SPEC, "sweep": {"b": range(1, 10**30)}})
 
 
 @pytest.mark.parametrize("text", ["", "a,b\n1,2,3\n", "a,a\n1,2\n"])

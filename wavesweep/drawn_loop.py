@@ -7,6 +7,7 @@ import numpy as np
 
 from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.port import Ports, port_of
+from wavesweep.analysis.rows import real_numbers
 from wavesweep.analysis.spectrum import radius_of
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
@@ -40,10 +41,8 @@ class DrawnLoop:
             raise UsageError(
                 f"response: expected a single loop with the input {force!r}, found inputs {drawn.inputs}, or a batch"
             )
-        try:
-            frequency = np.asarray(frequency_hz, float).ravel()
-        except (TypeError, ValueError):
-            frequency = np.array([np.nan])
+        given = real_numbers(frequency_hz)
+        frequency = np.array([np.nan]) if given is None else given.astype(float).ravel()
         half = 0.5 / float(np.ravel(drawn.period)[0])
         if not frequency.size or not np.all((frequency >= 0) & (frequency <= half)):
             raise UsageError(
@@ -67,7 +66,7 @@ class DrawnLoop:
 
         from wavesweep.analysis.simulation.drawn import run_drawn
 
-        drawn, rows = self.drawn, {name: np.asarray(values, float) for name, values in inputs.items()}
+        drawn, rows = self.drawn, {name: real_numbers(values) for name, values in inputs.items()}
         ports = {f"{each.block.name}.{port}" for each in drawn.placed for port in (*each.block.inputs, *each.block.outputs)}
         unknown = [name for name in signals if name not in {*ports, *drawn.sums, *drawn.inputs}]
         if _is_batch(drawn):
@@ -75,11 +74,11 @@ class DrawnLoop:
         if unknown or sorted(rows) != sorted(drawn.inputs):
             found = ", ".join(unknown or rows) or "none"
             raise UsageError(f"simulate: expected the inputs {', '.join(drawn.inputs)}, and ports or junctions, found {found}")
-        if any(row.ndim != 1 for row in rows.values()) or len({row.size for row in rows.values()}) > 1:
-            raise UsageError("simulate: expected as many numbers for each input, one per tick, found other shapes")
+        if any(row is None or row.ndim != 1 for row in rows.values()) or len({row.size for row in rows.values()}) > 1:
+            raise UsageError("simulate: expected as many numbers for each input, one per tick, found others")
         with named_loops(drawn):
             closed_frame(drawn, self.drift)
-        seen = run_drawn(drawn, rows, tuple(signals))
+        seen = run_drawn(drawn, {name: row.astype(float) for name, row in rows.items()}, tuple(signals))
         count = len(next(iter(seen.values()), ()))
         return DataFrame({"time_s": np.arange(count) * float(drawn.period)} | seen)
 

@@ -7,6 +7,7 @@ from math import isnan
 
 import numpy as np
 
+from wavesweep.analysis.rows import real_numbers
 from wavesweep.diagram import draw
 from wavesweep.diagram.assembly import first_of
 from wavesweep.diagram.drawn import Drawn
@@ -236,10 +237,10 @@ class Loop:
             if key.path != SYMBOLS["K_VE"]:
                 raise UsageError(f"along {name}: give the span to search, span=(low, high)")
             span = (0.0, 20000.0)
-        try:
-            low, high = map(float, span)
-        except (TypeError, ValueError, OverflowError):
-            raise UsageError(f"span: expected (low, high), found {span!r:.60}") from None
+        ends = real_numbers(span)
+        if ends is None or ends.shape != (2,):
+            raise UsageError(f"span: expected (low, high), found {span!r:.60}")
+        low, high = map(float, ends)
         if not -np.inf < low < high or high - low < NARROWEST_SPAN:
             raise UsageError(
                 f"span: expected finite (low, high), low < high, at least {NARROWEST_SPAN:g} apart, found ({low!r}, {high!r})"
@@ -261,14 +262,12 @@ class Loop:
 
     def _axis(self, name, values) -> Axis:
         key = self._key(name)
-        try:
-            numbers = np.atleast_1d(np.asarray(values)).ravel()
-        except ValueError:  # lists of unlike lengths
-            numbers = np.array([None])
+        numbers = real_numbers(values)
+        if numbers is None or numbers.ndim > 1:
+            raise UsageError(f"{name}: expected a number or a list of numbers, found {values!r:.60}")
         if not numbers.size:
             raise UsageError(f"{name}: expected at least one value, found none")
-        if numbers.dtype.kind not in "iufb" or np.ndim(values) > 1 or np.ma.is_masked(values):
-            raise UsageError(f"{name}: expected a number or a list of numbers, found {values!r:.60}")
+        numbers = np.atleast_1d(numbers)
         plain = tuple(numbers.tolist() if numbers.dtype.kind != "f" else numbers.astype(float).tolist())
         for extreme in (min(plain), max(plain), *filter(isnan, plain)):
             _accept(self.spec, key.path, extreme)
@@ -276,10 +275,10 @@ class Loop:
         return Axis(name, key.path, plain, min(plain), max(plain), key.structural)
 
     def _frequencies(self, frequency_hz):
-        try:
-            frequency = np.asarray(self.spec.frequency_hz if frequency_hz is None else frequency_hz, float).ravel()
-        except (TypeError, ValueError):
-            raise UsageError(f"frequency_hz: expected a number or a list of numbers, found {frequency_hz!r:.60}") from None
+        found = real_numbers(self.spec.frequency_hz if frequency_hz is None else frequency_hz)
+        if found is None:
+            raise UsageError(f"frequency_hz: expected a number or a list of numbers, found {frequency_hz!r:.60}")
+        frequency = found.astype(float).ravel()
         if not frequency.size or not np.all((frequency >= 0) & np.isfinite(frequency)):
             raise UsageError("frequency_hz: expected finite numbers >= 0" + ("" if frequency.size else ", found none"))
         return frequency

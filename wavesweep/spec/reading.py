@@ -178,13 +178,15 @@ def read_dict(tables: Mapping) -> dict:
 
 
 def plain(value: object) -> object:
-    """Return one value, or a table of them, as plain Python types, without tuples, numpy types and other mappings."""
+    """Return one value, or a table of them, as plain Python types, without tuples, ranges, numpy types and other mappings."""
     if isinstance(value, Mapping):
         return read_dict(value)
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, (list, tuple)):
         return [plain(item) for item in value]
+    if isinstance(value, range) and len(value[: MOST_BYTES + 1]) <= MOST_BYTES:  # another one is no list of ours
+        return list(value)
     return value
 
 

@@ -261,7 +261,7 @@ def _notices(grid) -> Iterator[str]:
 
 
 def _refuse_tolerance(tolerance):
-    if not (isinstance(tolerance, Real) and 0 <= tolerance < np.inf):
+    if not (isinstance(tolerance, Real) and not isinstance(tolerance, bool) and 0 <= tolerance < np.inf):
         raise UsageError(f"tolerance: expected a finite number >= 0 (J per J sent), found {tolerance!r}")
 
 

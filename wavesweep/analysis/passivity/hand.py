@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.analysis.rows import real_numbers
 from wavesweep.analysis.spectrum import eigenvalues, excess
 from wavesweep.diagram import draw
 from wavesweep.lifted import Cut, close, cut_at_wall
@@ -22,10 +23,10 @@ class HandBox:
     def __post_init__(self):
         for name in ("mass", "damping", "stiffness"):
             given = getattr(self, name)
-            try:
-                low, high = map(float, () if isinstance(given, str) else given)
-            except (TypeError, ValueError):
-                raise ValueError(f"hand box: {name} expected (low, high), found {given!r}") from None
+            ends = real_numbers(given)
+            if ends is None or ends.shape != (2,):
+                raise ValueError(f"hand box: {name} expected (low, high), found {given!r:.60}")
+            low, high = map(float, ends)
             if not 0 <= low <= high < np.inf:
                 raise ValueError(f"hand box: {name} expected 0 <= low <= high, found ({low!r}, {high!r})")
 

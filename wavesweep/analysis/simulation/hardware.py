@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.analysis.rows import real_numbers
 from wavesweep.errors import UsageError
 
 _EXACT_STEPS = 2.0**53  # beyond this many encoder steps every double is one
@@ -49,9 +50,9 @@ class Effects:
     def __post_init__(self) -> None:
         """Reject a value out of range; the message names the effect, the value found and the values expected."""
         for field in fields(self):
-            value = getattr(self, field.name)
-            if value is not None and not math.isfinite(value):
-                raise UsageError(f"option {field.name}: expected a finite number, found {value}")
+            value, number = getattr(self, field.name), real_numbers(getattr(self, field.name))
+            if value is not None and (number is None or number.ndim or not np.isfinite(number)):
+                raise UsageError(f"option {field.name}: expected a finite number, found {value!r:.60}")
             if value is not None and field.name != "wall" and value < 0:
                 raise UsageError(f"option {field.name}: expected a number >= 0, found {value}")
         if self.jitter >= 1:

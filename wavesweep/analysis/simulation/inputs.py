@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from wavesweep.analysis.rows import real_numbers
 from wavesweep.errors import UsageError
 from wavesweep.spec.reading import read_bytes
 from wavesweep.spec.studies import MOST_TICKS
@@ -113,10 +114,10 @@ def noise(fast_hz: float, amplitude: float = 1.0, seconds: float = 10.0, seed: i
 
 def given(force) -> Input:
     """Return a record of force (N) per tick as an input. Errors: `UsageError` if it is not a vector of finite numbers."""
-    try:
-        force = np.array(force, dtype=float)
-    except (TypeError, ValueError):
-        raise UsageError(f"force: expected a row of finite numbers, one per fast tick, found {force!r:.60}") from None
+    numbers = real_numbers(force)
+    if numbers is None:
+        raise UsageError(f"force: expected a row of finite numbers, one per fast tick, found {force!r:.60}")
+    force = numbers.astype(float)
     if force.ndim != 1 or not np.isfinite(force).all():
         found = f"shape {force.shape}" if force.ndim != 1 else "some that are not finite"
         raise UsageError(f"force: expected a row of finite numbers, one per fast tick, found {found}")
