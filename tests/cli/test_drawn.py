@@ -104,6 +104,14 @@ def test_check_draws_the_loop_and_says_where(run):
     assert (code, json.loads(text)["files"]) == (0, ["there/diagram.png"])
 
 
+@pytest.mark.parametrize(
+    ("steps", "states"), [(140, "net u1 to net u140"), (3, "net u1 to net u3"), (2, "net u1, net u2"), (1, "net u1")]
+)
+def test_check_lists_the_states_of_a_long_delay_by_the_first_and_the_last(run, steps, states):
+    code, text, _ = run("check", "arm.toml", "--set", f"block.net.steps={steps}")
+    assert (code, f": arm v, arm x, {states}, net y held\n" in text) == (0, True)
+
+
 @pytest.mark.parametrize("words", [["arm.toml", "--out", "there"], ["--verify", "there", "--plot"]])
 def test_options_of_the_picture_that_do_not_fit_are_refused(run, words):
     code, text, _ = run("check", *words)

@@ -48,9 +48,9 @@ def _loop_lines(spec):
     frame = f"frame of {_count(diagram.ratio, 'tick')}, {1e3 * float(cut.period):.6g} ms"
     labels, lead = state_labels(diagram), drift_of_diagram(diagram).lead
     states = [labels[name] for name in (*cut.states, *([lead] if cut.integrates else []))]
-    yield f"  loop: {frame}; {cut.order} states with the wall: {', '.join(states)}"
+    yield f"  loop: {frame}; {cut.order} states with the wall: {_listed(states)}"
     if cut.unread:
-        yield f"  states left out, since nothing in the loop reads them: {', '.join(labels[name] for name in cut.unread)}"
+        yield f"  states left out, since nothing in the loop reads them: {_listed([labels[name] for name in cut.unread])}"
     if cut.conserved:
         yield f"  drift set aside: the wall cannot change {labels[lead]} less the hand's displacement"
     elif cut.integrates and spec.values["operator.stiffness"] == 0:
@@ -159,14 +159,29 @@ def _runs_lines(drawing, drawn):
 
 def _state_lines(drift):
     names = [name.replace(".", " ") for name in drift.states]
-    yield f"  {_count(len(drift.kept), 'state')}: {', '.join(names[i] for i in drift.kept)}"
+    yield f"  {_count(len(drift.kept), 'state')}: {_listed([names[i] for i in drift.kept])}"
     for lead, others in drift.moved:
-        along = ", ".join(names[index] for index, _ in others)
+        along = _listed([names[index] for index, _ in others])
         yield f"  drift set aside: {names[lead]}{f', and with it {along}' if along else ''}, which nothing in the loop holds"
     if drift.folded:
-        yield f"  drift set aside: a combination with {', '.join(names[i] for i in drift.folded)} that nothing changes"
+        yield f"  drift set aside: a combination with {_listed([names[i] for i in drift.folded])} that nothing changes"
     if drift.unread:
-        yield f"  states left out, since nothing in the loop reads them: {', '.join(names[i] for i in drift.unread)}"
+        yield f"  states left out, since nothing in the loop reads them: {_listed([names[i] for i in drift.unread])}"
+
+
+RUN = 3  # names with numbers that follow each other, from which on the first and the last are enough
+
+
+def _listed(names):
+    """The names of states in their order, those of a long delay as `net u1 to net u140`."""
+    runs = []
+    for name in names:
+        stem = name.rstrip("0123456789")
+        if runs and stem != name and name == f"{stem}{runs[-1][1] + 1}" and runs[-1][0] == stem:
+            runs[-1][1:] = runs[-1][1] + 1, [*runs[-1][2], name]
+        else:
+            runs.append([stem, int(name.removeprefix(stem) or -2), [name]])
+    return ", ".join(f"{run[0]} to {run[-1]}" if len(run) >= RUN else ", ".join(run) for _, _, run in runs)
 
 
 def _number_lines(spec):
