@@ -111,6 +111,52 @@ def test_other_shells_get_whole_words(shell, complete):
     ]
 
 
+DRAWN = """
+[rates]
+tick_hz = 1000
+[numbers]
+kp = { value = 100.0, unit = "N/m", description = "gain" }
+kd = 3
+[block.arm]
+type = "mass"
+mass = 0.2
+[block.net]
+type = "delay"
+[block.new]
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        (("--set", "k"), ["kp=", "kd="]),
+        (("--set", "numbers."), ["numbers.kp=", "numbers.kd="]),
+        (("--set", "block.n"), ["block.net.steps=", "block.net.every=", "block.net.phase="]),
+        (("--set", "sweep.k"), ["sweep.kp=", "sweep.kd="]),
+        (("--set", "bode."), ["bode.kp=", "bode.kd=", "bode.frequency_hz="]),
+        (("--set", "rates."), ["rates.tick_hz="]),
+        (("--set", "controller"), []),
+        (("--set", "simulate.fri"), []),
+        (("--set", "simulate.inp"), ["simulate.input="]),
+        (("--set", "sweep.along", "=", "k"), ["kp", "kd"]),
+        (("--set", "simulate.input", "=", "step"), ["stepped-sine", "step"]),
+    ],
+)
+@pytest.mark.usefixtures("specs")
+def test_the_numbers_and_blocks_of_a_drawn_loop_are_completed(words, found, complete):
+    Path("mine.toml").write_text(DRAWN)
+    assert sorted(complete("stability-region", "mine.toml", *words)) == sorted(found)
+    assert complete("why", "mine.toml", "--along", "k") == ["kp", "kd"]
+
+
+@pytest.mark.usefixtures("specs")
+def test_of_several_specs_the_drawn_ones_are_completed_and_broken_ones_are_no_error(complete):
+    Path("mine.toml").write_text(DRAWN)
+    Path("sweeps/a.toml").write_text("[numbers\n")
+    assert complete("bode", "sweeps/a.toml", "mine.toml", "nowhere.toml", "--set", "numbers.") == ["numbers.kp=", "numbers.kd="]
+    assert complete("bode", "sweeps/a.toml", "nowhere.toml", "--set", "controller.k") == ["controller.kind="]
+
+
 def test_controllers_devices_and_keys_are_completed(complete):
     assert complete("init", "") == list(CONTROLLERS)
     assert complete("init", "pmw", "--device", "") == list(DEVICES)

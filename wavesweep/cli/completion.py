@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
 
 import click
 from click.shell_completion import BashComplete, CompletionItem, add_completion_class, split_arg_string
 
 from wavesweep.controllers import CONTROLLERS, MEANINGS
+from wavesweep.errors import WavesweepError
+from wavesweep.spec.block_types import EVERY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.devices import DEVICES
-from wavesweep.spec.keys import KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
+from wavesweep.spec.drawing import MARKS, RATE
+from wavesweep.spec.keys import DEVICE_EFFECTS, KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
+from wavesweep.spec.reading import read_file
 
 STUDIES = ("sweep", "bode")
 DEEPEST, MOST_FOLDERS = 3, 200  # of the search for specs: a shell waits for it
@@ -60,8 +66,36 @@ def prepare(command: click.Command) -> click.Command:
     return command
 
 
-def _completer(candidates: Callable[[str], Iterable[CompletionItem]]) -> Callable:
-    return lambda _, incomplete: list(candidates(incomplete))
+def _completer(candidates: Callable[..., Iterable[CompletionItem]]) -> Callable:
+    of_spec = candidates in (settings, axes)
+    return lambda context, incomplete: list(candidates(incomplete, *([_drawn_keys(context)] if of_spec else [])))
+
+
+def _drawn_keys(context: click.Context) -> dict[str, Key]:
+    """The keys of the drawn loops among the specs that are typed already, by their names; empty if none is drawn."""
+    found: dict[str, Key] = {}
+    given = [context.params.get("spec"), *(context.params.get("specs") or ())]
+    # Where an option has no value yet, click leaves arguments where they are.
+    for path in filter(None, [*given, *context.args]):
+        with suppress(WavesweepError):  # a spec that is still written, or none at all
+            tables = read_file(path)[0]
+            found |= _keys_of(tables) if any(mark in tables for mark in MARKS) else {}
+    return found
+
+
+def _keys_of(tables: Mapping[str, object]) -> dict[str, Key]:
+    """Keys of a drawn loop: its rate, its numbers by their names and paths and as axes, and those of its blocks."""
+    numbers, blocks = (each if isinstance(each, dict) else {} for each in map(tables.get, ("numbers", "block")))
+    found = {RATE: TICK_HZ}
+    for name, given in numbers.items():
+        text = str(given.get("description", "")) if isinstance(given, dict) else ""
+        key = Key(f"numbers.{name}", "number", None, "", text)
+        found |= {name: key, key.path: key} | {f"{study}.{name}": key for study in STUDIES}
+    for name, given in blocks.items():
+        kind = TYPES.get(given.get("type")) if isinstance(given, dict) else None
+        own = {**kind.keys, "every": EVERY, "phase": PHASE} if kind else {}
+        found |= {f"block.{name}.{key}": row for key, row in own.items()}
+    return found
 
 
 def commands(helps: Iterable[tuple[str, str]], incomplete: str) -> list[CompletionItem]:
@@ -99,32 +133,39 @@ def keys(incomplete: str) -> Iterator[CompletionItem]:
     for name, key in _settable(incomplete).items():
         yield CompletionItem(name, help=key.description)
     if incomplete.startswith("block."):
-        from wavesweep.spec.block_types import TYPES
-
         known = {f"block.{kind}": each.description for kind, each in TYPES.items()}
         yield from commands(known.items(), incomplete)
 
 
-def settings(incomplete: str) -> Iterator[CompletionItem]:
-    """`KEY=` for --set, and behind the `=` the values that the key takes, if these are words."""
+def settings(incomplete: str, drawn: Mapping[str, Key]) -> Iterator[CompletionItem]:
+    """`KEY=` for --set, and behind the `=` the values that the key takes, if these are words. drawn: see `_drawn_keys`."""
     name, equals, value = incomplete.partition("=")
     if not equals:
-        for item in keys(incomplete):
+        for item in _offered(drawn, incomplete) if drawn else keys(incomplete):
             yield CompletionItem(f"{item.value}=", help=item.help)
         return
-    key = find_key(name) or STUDY_KEYS.get(name)
-    names = _axes() if name == "sweep.along" else dict.fromkeys(key.choices, "") | dict(key.meanings) if key else {}
+    key = drawn.get(name) or find_key(name) or STUDY_KEYS.get(name)
+    names = _axes(drawn) if name == "sweep.along" else dict.fromkeys(key.choices, "") | dict(key.meanings) if key else {}
     for choice, meaning in names.items():
         if str(choice).startswith(value):
             yield CompletionItem(f"{name}={choice}", help=meaning)
 
 
-def axes(incomplete: str) -> Iterator[CompletionItem]:
-    """Names of axes."""
-    return (CompletionItem(name, help=text) for name, text in _axes().items() if name.startswith(incomplete))
+def _offered(drawn: Mapping[str, Key], incomplete: str) -> Iterator[CompletionItem]:
+    """Keys of drawn loops and of the studies that they have."""
+    for name, key in {**drawn, **STUDY_KEYS}.items():
+        if name.startswith(incomplete) and name not in DEVICE_EFFECTS:
+            yield CompletionItem(name, help=key.description)
 
 
-def _axes() -> dict[str, str]:
+def axes(incomplete: str, drawn: Mapping[str, Key]) -> Iterator[CompletionItem]:
+    """Names of axes. drawn: see `_drawn_keys`."""
+    return (CompletionItem(name, help=text) for name, text in _axes(drawn).items() if name.startswith(incomplete))
+
+
+def _axes(drawn: Mapping[str, Key] = MappingProxyType({})) -> dict[str, str]:
+    if drawn:
+        return {name: key.description for name, key in drawn.items() if "." not in name}
     names = [*SYMBOLS, *(path for path, key in KEYS.items() if key.numeric and path not in SYMBOLS.values())]
     return {name: find_key(name).description for name in names}
 
@@ -147,7 +188,7 @@ def _files(incomplete: str) -> list[CompletionItem]:
 
 
 # Name of a parameter of any command -> its candidates.
-COMPLETIONS: dict[str, Callable[[str], Iterable[CompletionItem]]] = {
+COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
     "spec": specs,
     "specs": specs,
     "overrides": settings,
