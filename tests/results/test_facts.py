@@ -9,6 +9,7 @@ import pytest
 
 from wavesweep import results
 from wavesweep.results import publish
+from wavesweep.results.folder import changes
 from wavesweep.sweep import Table
 
 
@@ -58,3 +59,30 @@ def test_every_parquet_field_has_its_unit(package, tmp_path):
 def test_the_ends_have_the_unit_of_their_axis():
     units = {field.name: field.unit for field in results.fields("stability-region", ["B_VE"], along="b")}
     assert units["low"] == units["high"] == "N*s/m"
+
+
+@pytest.mark.parametrize(
+    ("before", "now", "text"),
+    [
+        ({}, {"b": [10.0, 20.0]}, ["sweep.b not swept -> [10, 20]"]),
+        ({"b": [10.0]}, {}, ["sweep.b [10] -> not swept"]),
+        ({"b": {"start": 1.0, "stop": 9.0}}, {}, ["sweep.b {start = 1, stop = 9} -> not swept"]),
+        ({"b": [10.0]}, {"b": {"start": 1.0, "stop": 9.0}}, ["sweep.b [10] -> {start = 1, stop = 9}"]),
+        (
+            {"b": {"start": 1.0, "stop": 9.0}},
+            {"b": {"start": 1.0, "stop": 8.0, "num": 3}},
+            ["sweep.b.stop 9 -> 8", "sweep.b.num not given -> 3"],
+        ),
+        ({"b": {"start": 1.0, "stop": 9.0}}, {"b": {"start": 1.0, "stop": 9.0}}, []),
+    ],
+)
+def test_a_changed_axis_is_one_change(before, now, text):
+    facts = [{"spec": {"sweep": axes}} for axes in (before, now)]
+    assert changes(*facts) == text
+    several = [{"specs": {"mine": each["spec"]}} for each in facts]
+    assert changes(*several) == [f"mine: {each}" for each in text]
+
+
+def test_a_key_that_only_one_run_has_is_said_to_be_not_given():
+    facts = [{"spec": {"filters": filters}} for filters in ({}, {"lp1": {"order": 1}})]
+    assert changes(*facts) == ["filters.lp1.order not given -> 1"]

@@ -80,7 +80,16 @@ def changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
     before, now: the facts of both runs.
     """
     old, new = (dict(_numbers(facts)) for facts in (before, now))
-    return [f"{key} {_shown(old, key)} -> {_shown(new, key)}" for key in {**new, **old} if old.get(key) != new.get(key)]
+    return [text for key in {**new, **old} if old.get(key) != new.get(key) for text in _changed(old, new, key)]
+
+
+def _changed(old: Mapping[str, Any], new: Mapping[str, Any], key: str) -> Iterator[str]:
+    """Yield the change of a key; of an axis that has ends before and after, those of its parts."""
+    if isinstance(old.get(key), Mapping) and isinstance(new.get(key), Mapping):
+        parts = [part for part in {**new[key], **old[key]} if old[key].get(part) != new[key].get(part)]
+        yield from (f"{key}.{part} {_shown(old[key], part)} -> {_shown(new[key], part)}" for part in parts)
+    else:
+        yield f"{key} {_shown(old, key)} -> {_shown(new, key)}"
 
 
 def _numbers(facts: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -96,7 +105,7 @@ def _numbers(facts: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 
 def _flat(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
     for name, value in tables.items():
-        if isinstance(value, Mapping):
+        if isinstance(value, Mapping) and "start" not in value:  # an axis is one value, if it has ends or a list
             yield from _flat(value, f"{above}{name}.")
         else:
             yield f"{above}{name}", list(value) if isinstance(value, tuple) else value
@@ -104,8 +113,10 @@ def _flat(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any
 
 def _shown(values: Mapping[str, Any], key: str) -> str:
     if key not in values:
-        return "nothing"
+        return "not swept" if key.startswith(("sweep.", "bode.")) or ": sweep." in key or ": bode." in key else "not given"
     value = values[key]
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{part} = {_text(each)}' for part, each in value.items())}}}"
     if isinstance(value, list):
         text = f"[{', '.join(map(_text, value))}]"
         return text if len(text) <= LONGEST else f"{len(value)} values"
