@@ -4,6 +4,8 @@ import json
 import pathlib
 import re
 import shlex
+import subprocess
+import sys
 import tomllib
 
 import pytest
@@ -54,21 +56,77 @@ def test_the_verdict_in_the_readme_is_the_programs(monkeypatch, capfd):
     assert capfd.readouterr().out.startswith("".join(line.removeprefix("    ") for line in lines))
 
 
+SUMMARIZED = """
+[controller]
+kind = "pmw"
+[sweep]
+B_VE = [1, 2]
+[simulate]
+duration_s = 1
+settle_s = 0.5
+wall = 0.001
+late = 3
+max_force = 1
+[design]
+generations = 1
+population = 8
+[design.vary]
+b = { start = 5, stop = 50 }
+[design.wish]
+z_width = { B_VE = [1] }
+[design.for_all]
+hand = { stiffness = [0, 100] }
+"""
+OF_DATA = ("at", "doubts", "elasticities", "best", "own", "hands", "specs")  # whose keys are names or words
+ONCE = ("slices",)  # whose keys are documented once, for all tables
+
+
+@pytest.fixture(scope="module")
+def summaries(tmp_path_factory):
+    """The objects that commands write with --json over one small spec, by command."""
+    (folder := tmp_path_factory.mktemp("summaries")).joinpath("mine.toml").write_text(SUMMARIZED)
+    names = ("zwidth", "zwidth --hand box", "bode", "compare", "simulate", "passivity --filters", "why", "design --hand box")
+    found = {}
+    for name in (*names, "check --plot", "export --to c"):
+        first, *rest = name.split()
+        switches = ["--no-plot", "--force"] if name in names else []
+        command = [sys.executable, "-m", "wavesweep", first, "mine.toml", *rest, "--json", *switches]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
+        found[name] = json.loads(done.stdout)
+    return found
+
+
+def all_keys(found, passed=()):
+    """The keys of nested objects and of the objects in lists, without those that are data."""
+    if isinstance(found, dict):
+        below = (all_keys(value, passed) for key, value in found.items() if key not in (*OF_DATA, *passed))
+        return set(found).union(*below)
+    return set().union(*(all_keys(value, passed) for value in found)) if isinstance(found, list) else set()
+
+
+def quoted(text):
+    """The words of a text that stand in backticks alone."""
+    return set(re.findall(r"`(\w+)`", text))
+
+
 @pytest.mark.slow
-def test_every_key_of_the_summaries_is_in_the_readme(monkeypatch, capfd, tmp_path):
-    """Those of all commands with tables over one small spec."""
-    monkeypatch.chdir(tmp_path)
-    spec = '[controller]\nkind = "pmw"\n[sweep]\nB_VE = [1, 2]\n[simulate]\nduration_s = 1\nsettle_s = 0.5\n'
-    (tmp_path / "mine.toml").write_text(spec)
-    documented, used = set(re.findall(r"`(\w+)`", section("Commands"))), set()
-    for name in ("zwidth", "bode", "compare", "simulate", "check", "passivity --filters", "why"):
-        switches = [] if name == "check" else ["--no-plot"]
-        assert main([*name.split(), "mine.toml", "--json", *switches]) == 0
-        found = json.loads(capfd.readouterr().out)
-        used |= set(found).union(*found.get("tables", {}).values())
-    used |= set(found["tables"])  # the names of tables
-    used = used.union(*found["tables"]["why"]["ends"], found["tables"]["why"]["ends"][0]["limit"])
-    assert {key for key in used if "-" not in key} - documented - {"passivity"} == set()
+def test_the_keys_of_the_summaries_in_the_readme_are_exactly_those_of_the_programs(summaries):
+    part = README.split("\n### The summary as JSON\n", 1)[1].split("\n## ", 1)[0]
+    whole, tables = (dict(re.findall(r"^\| (`.*?) \| (.*?) \|", each, re.MULTILINE)) for each in part.split("\nA table of", 1))
+    written = set().union(*summaries.values())
+    assert quoted(" ".join(whole)) == written | {"verdicts", "lines"}  # of paper and bench
+
+    found = {kind: table for each in summaries.values() for kind, table in each.get("tables", {}).items()}
+    documented = {kind: quoted(keys) for kinds, keys in tables.items() for kind in re.findall(r"`(.*?)`", kinds)}
+    assert set(documented) == set(found) - {"zwidth", "compare"}
+    assert {kind: all_keys(found[kind], ONCE) for kind in documented} == documented
+
+    by_name = [summaries["zwidth --hand box"]["tables"]["zwidth"], summaries["compare"]["tables"]["compare"]]
+    inner = [each for table in by_name for each in (table.get("hands") or table["specs"]).values()]
+    inner.append(summaries["zwidth"]["tables"]["zwidth"])
+    intervals = part.split("\nA table of intervals", 1)[1].split("The other tables:")[0]
+    values = {"stability", "range", "unknown", "hand", "compare"}  # that `ended_by` may have, a column, and a command
+    assert quoted(intervals) - values == set().union(*map(all_keys, [*by_name, *inner]))
 
 
 def test_the_reasons_of_a_limit_in_the_readme_are_the_programs(monkeypatch, capfd, tmp_path):
