@@ -6,7 +6,7 @@ import re
 import pytest
 
 import wavesweep as library
-from wavesweep.cli import output
+from wavesweep.cli import messages
 from wavesweep.spec import SYMBOLS
 
 DESIGN = """
@@ -90,7 +90,7 @@ def test_json_holds_the_verdict_and_the_plan(check):
 
 def test_a_check_that_takes_long_says_that_it_is_at_work(wavesweep, tmp_path, monkeypatch):
     (tmp_path / "mine.toml").write_text(DESIGN)
-    monkeypatch.setattr(output, "FIRST_WORD", 0.0)
+    monkeypatch.setattr(messages, "FIRST_WORD", 0.0)
     for quiet in ((), ("--quiet",)):
         code, _, err = wavesweep("check", str(tmp_path / "mine.toml"), *quiet)
         assert (code, "still at work" in err) == (0, not quiet)

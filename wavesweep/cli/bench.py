@@ -36,7 +36,7 @@ def command(quick: bool, options: Options) -> None:
     # starts inherit it.
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     from wavesweep import bench
-    from wavesweep.cli.output import progress, say, show_json, where
+    from wavesweep.cli.messages import progress, say, show_json, where
     from wavesweep.results import refuse_unusable, stream
 
     if not options.to_stdout:

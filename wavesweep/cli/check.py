@@ -80,7 +80,7 @@ def command(
         found, lines = verdict(loaded), sweep.plan(loaded)
     pictures = _picture(loaded, out, formats) if plot else []
     if switches["as_json"]:
-        from wavesweep.cli.output import show_json
+        from wavesweep.cli.messages import show_json
 
         summary = {"command": "check", "specs": [loaded.name], "spec_sha256": loaded.sha256, "assumes": found["assumes"]}
         files = {"files": [str(path) for path in pictures]} if plot else {}
@@ -88,7 +88,7 @@ def command(
     elif not switches["quiet"]:
         click.echo("\n".join([*verdict_lines(loaded, found), *lines]))
         if pictures:
-            from wavesweep.cli.output import say
+            from wavesweep.cli.messages import say
 
             say(f"Wrote {', '.join(map(str, pictures))}")
     return 0
@@ -99,7 +99,7 @@ def _patience(name: str, quiet: bool) -> Iterator[None]:
     """Say once that the work goes on, if it takes long."""
     from threading import Timer
 
-    from wavesweep.cli.output import FIRST_WORD, say
+    from wavesweep.cli.messages import FIRST_WORD, say
 
     words = f"{name}: still at work; the ranges of loops with hundreds of states, such as long delays, take minutes"
     timer = Timer(FIRST_WORD, say, [words])

@@ -8,11 +8,9 @@ from typing import Any
 import numpy as np
 
 from wavesweep.cli.interval_summary import count
+from wavesweep.cli.messages import Line, Numbers
 from wavesweep.spec.design import WISHES
-
-Columns = Mapping[str, np.ndarray]
-Numbers = Mapping[str, Any]
-Line = tuple[str, bool]  # a message, and whether it is a warning
+from wavesweep.sweep.table import Columns
 
 
 def design(columns: Columns, facts: Mapping[str, Any]) -> Numbers:

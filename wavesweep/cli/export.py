@@ -36,7 +36,8 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
     """
     from wavesweep import results
     from wavesweep import spec as specs
-    from wavesweep.cli.output import say, show_json, write_whole
+    from wavesweep.cli.messages import say, show_json
+    from wavesweep.cli.output import write_whole
     from wavesweep.export import exported
     from wavesweep.sweep.assumptions import assumes
 

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from wavesweep.analysis.doubt import DOUBTS, INCOMPLETE
+from wavesweep.cli.messages import Line
 from wavesweep.results.schema import felt_unit, numbers_of
 from wavesweep.spec import find_key
 from wavesweep.spec.spec import K_VE_SPAN
+from wavesweep.sweep.table import Columns
 
-Line = tuple[str, bool]  # a message, and whether it is a warning
-Columns = Mapping[str, np.ndarray]
 Axes = Mapping[str, Sequence[float]]
 # hand -> the title of its line, the adjective of its intervals, and the sentence if it has none
 HANDS = {

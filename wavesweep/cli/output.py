@@ -1,4 +1,4 @@
-"""Results to files or stdout, and messages to stderr: progress, summaries, the paths of the results."""
+"""Results to files or stdout, with notices and summaries."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import errno
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
+from wavesweep.cli.messages import Line, progress, say, show_json, where
 from wavesweep.cli.options import Options
 from wavesweep.errors import UsageError
 
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
     from wavesweep.sweep import Table
     from wavesweep.sweep.hands import Hands
 
-Line = tuple[str, bool]  # a message, and whether it is a warning
-Progress = Callable[..., None]
-FIRST_WORD = 10.0  # s after which a run without a terminal says that it goes on
 INTERVALS = ("zwidth", "stability-region", "compare")  # commands that sweep all axes of [sweep]
 MOST_CHANGES = 5  # of a spec that are listed
 
@@ -141,13 +139,6 @@ def _report(
     for each in finished:
         if each.paths:
             say(where(each.paths, seconds))
-
-
-def show_json(summary: Mapping[str, Any]) -> None:
-    """Print the summary of a command as one JSON object on stdout."""
-    import json
-
-    click.echo(json.dumps(summary, allow_nan=False))
 
 
 def produce_intervals(kind: str, source: str, options: Options, along: str | None = None, hands: Hands | None = None) -> None:
@@ -271,97 +262,3 @@ def write_whole(*files: tuple[Path, str]) -> None:
     finally:
         for each in scratch:
             each.unlink(missing_ok=True)
-
-
-def say(text: str, warning: bool = False) -> None:
-    """Write a line to stderr; if that is impossible, the message is dropped, since the results matter more.
-
-    A warning is yellow on a terminal, unless NO_COLOR is set (click does not ask for it).
-    """
-    plain = not warning or os.environ.get("NO_COLOR")
-    with suppress(OSError):
-        click.echo(text if plain else click.style(text, fg="yellow"), err=True)
-
-
-@contextmanager
-def progress(quiet: bool) -> Iterator[Progress | None]:
-    """Yield a function of (done, total, certified) that moves a progress bar; None if nothing is to be said.
-
-    If stderr is no terminal, it writes a line now and then instead: after FIRST_WORD seconds, then ever more rarely.
-    """
-    if quiet:
-        yield None
-    elif sys.stderr.isatty():
-        opened = ExitStack()
-        try:
-            yield _bar(opened)
-        finally:
-            with suppress(OSError):
-                opened.close()
-    else:
-        yield Murmur().hear
-
-
-def _bar(opened: ExitStack) -> Progress:
-    bars: list[Any] = []
-
-    def move(done: int, total: int, certified: int | None = None) -> None:
-        # The terminal may be gone, which is no reason to stop the work.
-        with suppress(OSError):
-            # The bar appears with the first report: a run too short for one shows none. It would go to stdout.
-            if not bars:
-                shown = {"file": sys.stderr, "show_pos": True, "item_show_func": lambda text: text}
-                bars.append(opened.enter_context(click.progressbar(length=total, **shown)))
-                bars.append(_Rate(done))
-            bar, rate = bars
-            bar.update(done - bar.pos, rate.text(done, certified))
-
-    return move
-
-
-class Murmur:
-    """A line of progress on stderr after FIRST_WORD seconds, and again each time the run has taken twice as long.
-
-    clock: gives the time in seconds.
-    """
-
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self._clock, self._started, self._next = clock, clock(), FIRST_WORD
-        self._first: tuple[int, float] | None = None
-
-    def hear(self, done: int, total: int, certified: int | None = None) -> None:
-        """Take a report, and write a line if it is time for one."""
-        del certified
-        seconds = self._clock() - self._started
-        if self._first is None:
-            self._first = (done, seconds)  # a checkpoint may have had most of it
-        if seconds < self._next or done >= total:
-            return
-        self._next = 2 * seconds
-        advance, taken = done - self._first[0], seconds - self._first[1]
-        left = f", about {_duration(taken * (total - done) / advance)} left" if advance and taken > 0 else ""
-        say(f"{done:,} of {total:,} done ({100 * done // total} %) after {_duration(seconds)}{left}")
-
-
-def _duration(seconds: float) -> str:
-    return f"{seconds:.0f} s" if seconds < 100 else f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
-
-
-class _Rate:
-    """Slices per second since the first report, without those from a checkpoint."""
-
-    def __init__(self, done: int) -> None:
-        self._first, self._started = done, time.monotonic()
-
-    def text(self, done: int, certified: int | None) -> str:
-        seconds = time.monotonic() - self._started
-        rate = f"{(done - self._first) / seconds:,.0f}/s" if seconds > 0 and done > self._first else ""
-        proved = "" if certified is None else f"{certified:,} certified"
-        return "  ".join(part for part in (rate, proved) if part)
-
-
-def where(paths: Iterable[Path], seconds: float) -> str:
-    """Message with the paths of the files written; the folder appears once."""
-    first, *others = paths
-    suffixes = ["".join(path.suffixes) for path in others]
-    return f"Wrote {', '.join([str(first), *suffixes])} in {seconds:.2f} s"

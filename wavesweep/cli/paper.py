@@ -23,7 +23,7 @@ def command(options: Options) -> None:
     stdout. No worker processes are used.
     """
     from wavesweep import paper
-    from wavesweep.cli.output import progress, say, show_json, where
+    from wavesweep.cli.messages import progress, say, show_json, where
     from wavesweep.results import publish, stream
 
     if options.overrides:

@@ -22,7 +22,7 @@ def command(table: str, formats: tuple[str, ...], out: str | None, **switches: b
     figure is the one that the command itself draws. A figure that is there already is replaced.
     """
     from wavesweep import plots, results
-    from wavesweep.cli.output import say
+    from wavesweep.cli.messages import say
     from wavesweep.plots.style import about_figure, save_all
 
     plots.refuse_settings()

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavesweep.cli.design_summary import design, design_lines
-from wavesweep.cli.interval_summary import Columns, HandTally, Line, SpecTally, count
+from wavesweep.cli.interval_summary import HandTally, SpecTally, count
+from wavesweep.cli.messages import Line, Numbers
 from wavesweep.cli.why_summary import why, why_lines
+from wavesweep.sweep.table import Columns
 
 if TYPE_CHECKING:
     from wavesweep.sweep import Table
-
-Numbers = Mapping[str, Any]
 
 
 def tally_of(table: Table) -> WholeTable | BodeTally | PassivityTally | HandTally | SpecTally:

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-Columns = Mapping[str, np.ndarray]
-Numbers = Mapping[str, Any]
-Line = tuple[str, bool]  # a message, and whether it is a warning
+from wavesweep.cli.messages import Line, Numbers
+from wavesweep.sweep.table import Columns
+
 FIRST = 3  # numbers that are named
 LEAST = 5e-4  # an elasticity below which a number does not matter
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from wavesweep.cli import output
+from wavesweep.cli import messages
 
 
 @contextmanager
@@ -35,7 +35,7 @@ def terminal(monkeypatch):
 
 def test_a_bar_moves_on_a_terminal(monkeypatch):
     with terminal(monkeypatch) as said:
-        with output.progress(quiet=False) as report:
+        with messages.progress(quiet=False) as report:
             report(1, 4)
             report(4, 4)
         assert "4/4" in said()
@@ -43,14 +43,14 @@ def test_a_bar_moves_on_a_terminal(monkeypatch):
 
 def test_nothing_moves_where_nobody_watches(monkeypatch):
     with terminal(monkeypatch) as said:
-        with output.progress(quiet=True) as report:
+        with messages.progress(quiet=True) as report:
             assert report is None
-        output.say("done")
+        messages.say("done")
         assert said() == "done\r\n"
 
 
 def test_a_short_run_says_nothing_in_a_file(capsys):
-    with output.progress(quiet=False) as report:
+    with messages.progress(quiet=False) as report:
         report(1, 4)
         report(4, 4)
     assert capsys.readouterr() == ("", "")
@@ -59,7 +59,7 @@ def test_a_short_run_says_nothing_in_a_file(capsys):
 def test_a_long_run_says_a_line_now_and_then_in_a_file(capsys):
     """A report each second for 1000 s, of which a checkpoint had the first 500 of 2000."""
     now = [0.0]
-    murmur = output.Murmur(clock=lambda: now[0])
+    murmur = messages.Murmur(clock=lambda: now[0])
     for second in range(1, 1001):
         now[0] = float(second)
         murmur.hear(min(500 + 2 * second, 2000), 2000, certified=0)
@@ -76,5 +76,5 @@ def test_a_long_run_says_a_line_now_and_then_in_a_file(capsys):
 def test_a_warning_is_coloured_unless_no_color_is_set(monkeypatch, no_color, coloured):
     monkeypatch.setenv("NO_COLOR", no_color)
     with terminal(monkeypatch) as said:
-        output.say("beware", warning=True)
+        messages.say("beware", warning=True)
         assert ("\x1b[" in said()) is coloured
