@@ -2,6 +2,7 @@
 
 import math
 import random
+import sys
 
 import numpy as np
 import pytest
@@ -126,10 +127,19 @@ def test_the_first_token_that_does_not_fit_is_named_with_its_offset(text, offset
 
 
 def test_a_text_too_long_or_too_deep_is_refused():
-    for text in ("+".join(["a"] * LONGEST), "(" * LONGEST + "a" + ")" * LONGEST):
+    for text in ("+".join(["a"] * LONGEST), "(" * 51 + "a" + ")" * 51, "-" * 51 + "a", "a" + "**a" * 51):
         with pytest.raises(Fault, match="at most"):
             parse(text)
-    assert evaluate(parse("(" * 190 + "a" + ")" * 190), NUMBERS) == 1.5
+
+
+def test_texts_that_are_not_refused_are_read_from_deep_in_a_program():
+    def deep(levels, text):
+        return deep(levels - 1, text) if levels else evaluate(parse(text), NUMBERS)
+
+    below = sys.getrecursionlimit() // 3
+    assert deep(below, "(" * 50 + "a" + ")" * 50) == 1.5
+    assert deep(below, "-" * 50 + "a") == 1.5
+    assert deep(below, "+".join(["a"] * (LONGEST // 2))) == 1.5 * (LONGEST // 2)
 
 
 def test_an_unknown_name_has_a_place_and_the_nearest_known_one():

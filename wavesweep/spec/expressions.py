@@ -19,7 +19,8 @@ from wavesweep.spec.checking import nearest, show
 Tree = tuple
 Terms = tuple[tuple[str, Tree], ...]  # signal -> its gain
 
-LONGEST = 400  # tokens: a tree that is evaluated by recursion is not deeper
+LONGEST = 400  # tokens
+DEEPEST = 50  # parentheses, signs and exponents within each other, so that recursion has room wherever it is called from
 RESERVED = ("pi", "sqrt")
 EXPANDED = 32  # the largest exponent that is written out as products
 ONE: Tree = ("number", 1.0, 0)
@@ -66,7 +67,7 @@ class _Reader:
     """A recursive descent over tokens; one method per rule of the grammar."""
 
     def __init__(self, tokens: list[tuple[str, str, int]]) -> None:
-        self._tokens = iter(tokens)
+        self._tokens, self._depth = iter(tokens), 0
         self.next()
 
     def next(self) -> None:
@@ -76,6 +77,14 @@ class _Reader:
         taken = self.text, self.offset
         self.next()
         return taken
+
+    def within(self, rule: Callable[[], Tree], at: int) -> Tree:
+        self._depth += 1
+        if self._depth > DEEPEST:
+            raise Fault(at, f"at most {DEEPEST} parentheses, signs and exponents within each other", "more")
+        tree = rule()
+        self._depth -= 1
+        return tree
 
     def sum(self) -> Tree:
         tree = self.product()
@@ -95,14 +104,15 @@ class _Reader:
         if self.text not in ("+", "-"):
             return self.power()
         sign, at = self.take()
-        return ("negative", self.signed(), at) if sign == "-" else self.signed()
+        tree = self.within(self.signed, at)
+        return ("negative", tree, at) if sign == "-" else tree
 
     def power(self) -> Tree:
         base = self.atom()
         if self.text != "**":
             return base
         _, at = self.take()
-        return ("**", base, self.signed(), at)
+        return ("**", base, self.within(self.signed, at), at)
 
     def atom(self) -> Tree:
         kind, (text, at) = self.kind, (self.text, self.offset)
@@ -121,7 +131,7 @@ class _Reader:
             if self.text != "(":
                 raise Fault(self.offset, "( after sqrt", show(self.text) if self.text else "the end")
             self.next()
-        inner = self.sum()
+        inner = self.within(self.sum, at)
         if self.text != ")":
             raise Fault(self.offset, ") to close a parenthesis", show(self.text) if self.text else "the end")
         self.next()
