@@ -50,6 +50,7 @@ def run(tmp_path, monkeypatch, capfd):
     return run
 
 
+@pytest.mark.slow
 def test_the_front_is_that_of_the_other_commands(run):
     code, text, results = run("--no-plot")
     assert code == 0
@@ -198,6 +199,7 @@ def test_the_last_generation_is_checked_between_the_ends_of_the_ranges():
     assert workers.choose(1, None, None, 3, lambda: 1.0).count == 1
 
 
+@pytest.mark.slow
 def test_the_front_can_be_checked_for_every_hand_of_a_box(run, tmp_path):
     text = SPEC.replace('"device.mass" = [0.08, 0.125]', "hand = { damping = [0, 5], stiffness = [0, 300] }")
     (tmp_path / "mine.toml").write_text(text.replace("population = 16", "population = 8"), encoding="utf-8")

@@ -104,8 +104,9 @@ def test_check_draws_the_loop_and_says_where(run):
     assert (code, json.loads(text)["files"]) == (0, ["there/diagram.png"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("steps", "states"), [(140, "net u1 to net u140"), (3, "net u1 to net u3"), (2, "net u1, net u2"), (1, "net u1")]
+    ("steps", "states"), [(40, "net u1 to net u40"), (3, "net u1 to net u3"), (2, "net u1, net u2"), (1, "net u1")]
 )
 def test_check_lists_the_states_of_a_long_delay_by_the_first_and_the_last(run, steps, states):
     code, text, _ = run("check", "arm.toml", "--set", f"block.net.steps={steps}")

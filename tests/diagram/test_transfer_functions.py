@@ -91,6 +91,7 @@ def test_powers_of_z_less_1_have_the_digits_of_exact_sums(den):
     np.testing.assert_allclose(block.E[0], [-float(each) for each in exact[1:]], rtol=1e-15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [20, 160, 500])
 @pytest.mark.parametrize(("order", "cutoff"), [(2, 0.01), (3, 0.004), (5, 0.01), (5, 0.05)])
 def test_ends_of_a_slow_filter_in_a_long_frame_are_right(order, cutoff, every):

@@ -80,6 +80,7 @@ def test_transparency_is_the_distance_from_direct_coupling():
     assert np.isfinite(found.value).any()
 
 
+@pytest.mark.slow
 def test_transparency_sees_a_resonance_between_its_nodes_or_says_that_it_is_not_certified():
     designs = {"controller.b": np.array([25.0])}
     for damping, walls, known in ((0.12, [100], True), (0.05, [100], False)):  # with 0.05 direct coupling is not damped at all

@@ -64,6 +64,7 @@ def test_a_slip_is_said_in_plain_words(text, place, expected, found, write):
     assert str(error.value) == f"a.toml:{place}: expected {expected}, found {found}"
 
 
+@pytest.mark.slow
 def test_any_slip_is_one_line_with_a_place_in_the_text(write):
     """Texts with a character more, less or another."""
     whole = '[device]\nmass = 0.1 # kg\n[sweep]\nb = [1, 2.5]\nK_VE = { start = 0, stop = "x" }\n'

@@ -62,6 +62,7 @@ def test_a_joint_of_a_physics_engine():
     assert table.certified.all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ticks", "t"), [(0, 0.51), (1, 0.51), (3, 0.25), (7, 0.1), (150, 0.005)])
 def test_an_undamped_mass_with_a_delay_of_any_length(ticks, t):
     """`B T/m = R sin((n+1/2)t)/sin t`, `K T^2/m = R cos((n+1/2)t) - (B T/m)(1 - cos t)`, `R = 4 sin^2(t/2)/cos(t/2)`."""
@@ -72,6 +73,7 @@ def test_an_undamped_mass_with_a_delay_of_any_length(ticks, t):
     np.testing.assert_allclose(ends(table), [[0, K * 0.1 / T**2]], rtol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "cutoff"), [(2, 60), (4, 30), (6, 120)])
 def test_a_long_delay_behind_a_filter_that_lets_nothing_through_at_half_the_rate(order, cutoff):
     """There the boundary equation vanishes to a high order, and what rounding leaves of it proves nothing; no wall is near."""
@@ -695,6 +697,7 @@ def as_one_and_in_a_row(order, cutoff_hz, derivative):
     return [wavesweep.compile(held_by_a_filter(each, "K*g.y")) for each in filters]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "cutoff_hz", "derivative"),
     [
@@ -744,6 +747,7 @@ def test_control_by_a_filtered_difference_is_certified(pole):
     assert (loop.spectral_radius(K=1.001 * ends) > 1).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["explicit", "implicit", "trapezoidal"])
 @pytest.mark.parametrize("damping", ["2*d.y", "2*arm.v"])
 def test_the_gain_of_an_integrator_behind_a_free_mass_is_certified(method, damping):

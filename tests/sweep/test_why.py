@@ -22,6 +22,7 @@ LOOPS = {
     "pmw-lm": values_of("pmw-lm", **ALL_FEATURES),
     "dc-slow": values_of("dc-slow", delay=4),
 }
+LONG = {"pmw-lm": ["b", "Kp", "K_LM", "B_VE", "device.mass", "rates.fast_hz", "filters.lp2.cutoff_hz"]}  # some numbers only
 # Powers of kg and of 1/s in the unit of each number.
 MASS = {"device.mass": 1, "device.damping": 1, "operator.mass": 1, "operator.damping": 1, "operator.stiffness": 1}
 MASS |= {"B_VE": 1, "b": 1, "K_LM": 1, "B_LM": 1, "Kp": 0.5}
@@ -41,6 +42,7 @@ def test_central_differences_in_50_digits_give_the_same(name):
     values = LOOPS[name]
     rows = ends_of(wavesweep.compile(nested(values)).sensitivity())
     assert (rows.limit > 0).any()
+    rows = rows[rows.number.isin(LONG[name])] if name in LONG else rows
     for (_, _, number), pair in rows.groupby(["interval", "end", "number"]):
         quantities = pair.set_index("quantity")
         limit, omega = quantities.limit["end"], quantities.omega["end"]
@@ -117,6 +119,7 @@ def test_limits_of_random_drawings_computed_again():
     assert sum(compare(random_tables(seed), along, span) for seed in seeds for along, span in spans.items()) > 25
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", ["pmw", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("pmw-lm", "dc-slow", "dc-lm"))]
 )

@@ -178,6 +178,7 @@ def test_the_critical_functions_of_a_matrix_alone_have_the_same_bits_as_among_ot
             assert np.array_equal(one[:, 0], all_[:, column])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", range(1, 13))
 @pytest.mark.parametrize("imaginary", [0.0, 0.3])
 def test_the_critical_functions_are_the_products_that_they_stand_for_within_their_bounds(order, imaginary):
@@ -283,6 +284,7 @@ def test_an_end_that_rounding_of_the_frame_moves_too_far_is_not_certified():
     assert row.doubt == "search"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("hz", "mass", "k", "every"), [(440e3, 11.0, 0.238, 10), (294e3, 4.59, 20.9, 2), (1e3, 0.3, 100.0, 2)])
 def test_ends_of_slow_loops_are_right_where_the_frame_is_large_beside_its_eigenvalues(hz, mass, k, every):
     """A mass on a spring that is read late: in 60 digits the pair leaves the circle where 1 - c2 + c1 c3 - c3^2 vanishes."""

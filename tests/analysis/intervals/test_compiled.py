@@ -43,6 +43,7 @@ def both(cut, along, fixed):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("along", ["K_VE", "B_VE"])
 @pytest.mark.parametrize("seed", range(60))
 def test_the_kernel_finds_what_numpy_finds(seed, along):
@@ -437,6 +438,7 @@ def test_another_word_or_a_missing_extra_gets_a_message_that_says_what_to_do(mon
         loop.stable_intervals()
 
 
+@pytest.mark.slow
 def test_numba_is_loaded_only_if_it_is_chosen(monkeypatch):
     program = (
         "import sys, wavesweep\nwavesweep.compile({'controller': {'kind': 'pmw'}}).stable_intervals()\n"

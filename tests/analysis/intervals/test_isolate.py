@@ -99,6 +99,7 @@ def test_what_is_proved_is_so(hard, method):
     assert proved >= (36 if hard in (nothing, multiple) else 8)
 
 
+@pytest.mark.slow
 @WITHOUT
 @pytest.mark.parametrize("noise", [1e-5, 1e-4, 1e-3, 1e-2])
 def test_slopes_decide_where_noise_hides_the_signs_of_coefficients(noise):

@@ -200,6 +200,7 @@ def test_zeros_inside_a_rim_are_seen():
     assert pole_inside(np.full((1, RIM.size, 1), np.nan), np.zeros((1, 1))).tolist() == [True]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2, 7, 8, 15, 16, 17, 31, 32, 33, 64])
 def test_as_many_zeros_as_points_are_seen(count):
     """The phase of 16 zeros inside turns by a whole turn from each of 16 points to the next."""
