@@ -5,9 +5,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from wavesweep.analysis.given import real_numbers
 from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.port import Ports, port_of
-from wavesweep.analysis.rows import real_numbers
 from wavesweep.analysis.spectrum import radius_of
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError

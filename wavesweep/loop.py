@@ -7,7 +7,7 @@ from math import isnan
 
 import numpy as np
 
-from wavesweep.analysis.rows import real_numbers
+from wavesweep.analysis.given import real_numbers
 from wavesweep.diagram import draw
 from wavesweep.diagram.assembly import first_of
 from wavesweep.diagram.drawn import Drawn

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.rows import real_numbers
+from wavesweep.analysis.given import real_numbers
 from wavesweep.analysis.spectrum import eigenvalues, excess
 from wavesweep.diagram import draw
 from wavesweep.lifted import Cut, close, cut_at_wall

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.analysis.rows import real_numbers
+from wavesweep.analysis.given import real_numbers
 from wavesweep.errors import UsageError
 
 _EXACT_STEPS = 2.0**53  # beyond this many encoder steps every double is one

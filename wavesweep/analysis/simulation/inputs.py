@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.analysis.rows import real_numbers
+from wavesweep.analysis.given import real_numbers
 from wavesweep.errors import UsageError
 from wavesweep.spec.reading import read_bytes
 from wavesweep.spec.studies import MOST_TICKS
