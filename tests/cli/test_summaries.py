@@ -62,3 +62,25 @@ def test_of_rows_with_the_same_largest_value_one_without_a_gap_is_named():
     tally.add({name: column[:2] for name, column in columns.items()} | {"high": np.array([500.0, 2000.0])})
     assert "2000 N/m (stable from 700 on) at b = 1" in tally.largest()
     assert tally.without_gap().startswith("every K_VE from 0 on stable up to 1000 N/m at b = 2")
+
+
+@pytest.mark.parametrize(
+    ("doubt", "said"),
+    [
+        ("", "no stable K anywhere in the swept range"),
+        ("rounding", "no stable K found, but part of the swept range could not be decided"),
+        ("search", "no stable K found, but part of the swept range could not be decided"),
+    ],
+)
+def test_nothing_is_called_unstable_everywhere_that_is_in_doubt(doubt, said):
+    unknown = dict.fromkeys(("low", "high", "low_omega", "high_omega", "felt_low", "felt_high"), np.array([np.nan]))
+    columns = unknown | {
+        "along": np.array(["K"], object),
+        "intervals": np.array([0]),
+        "interval": np.array([0]),
+        "certified": np.array([not doubt]),
+        "doubt": np.array([doubt], object),
+    }
+    tally = IntervalTally()
+    tally.add(columns)
+    assert tally.largest() == said

@@ -156,9 +156,8 @@ class IntervalTally:
         """Text: the largest stable value and its place."""
         found, (_, adjective, none) = self._largest_numbers(), HANDS[self._hand]
         if found is None:
-            undecided = self._hand not in SEARCHED and any(self._doubts[word] for word in INCOMPLETE)
             known = f"no {adjective} {self._along} found, but part of the swept range could not be decided"
-            return known if undecided else none.format(along=self._along)
+            return known if self._doubts and self._hand not in SEARCHED else none.format(along=self._along)
         value = f"largest {adjective} {self._along}: {found['value']:.6g}{self._unit(self._along)}"
         return f"{value}{self._gap(found['from'])}{self._place(found)}{ENDS[found['ended_by']]}{_ended_by(self._largest.row)}"
 
