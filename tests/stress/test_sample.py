@@ -21,6 +21,11 @@ def test_certified_rows_are_right(family):
     assert sum(v.certified for _, v in found) > 0.4 * len(found)
 
 
+def test_entries_whose_products_overflow_are_no_fault():
+    """Of a wild loop, unstable without its wall: over a frame its entries grow to 1e235."""
+    assert {(v.kind, v.certified) for v in verdicts("wild", 13400031)} == {("right", True)}
+
+
 def test_a_short_climb_to_the_worst_end_stays_within_what_is_promised():
     (worst,) = climbs.judge(0, steps=10)
     assert worst.certified

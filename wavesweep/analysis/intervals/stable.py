@@ -98,7 +98,7 @@ def uneven_units(sizes):
 def _in_own_units(cut: Cut) -> Cut:
     """Return the loops in states of such units that none of their entries is large, see `uneven_units`."""
     E, B, C = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (cut.E, cut.B, cut.C))
-    with np.errstate(invalid="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
         own, into, out = (np.abs(part).max((-1, -2), initial=0.0) for part in (E, B, C))
         some = np.flatnonzero((np.maximum(own, into * out) > UNEVEN) & np.isfinite(own + into * out))
     if not some.size:
