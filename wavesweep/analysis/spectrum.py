@@ -62,10 +62,10 @@ def count_outside(E):
     """Return the number of eigenvalues of `I + E` outside the unit circle, and whether none lies within rounding of it.
 
     The count is -1 if E is not finite. An eigenvalue is within rounding of the circle if its computed distance from it is that
-    small. Eigenvalues that nearly meet keep only a root of the digits. So if several are near the circle, those nearest to it
-    also count as within rounding of it if a rounding of E could move them onto the circle: if the smallest singular value of
-    `z I - (I + E)` at the nearest z of the circle is that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005,
-    Theorem 2.1).
+    small. Eigenvalues that nearly meet keep only a root of the digits. So if several are near the circle, or so near to each
+    other that this could bring them there (`may_cross`), those nearest to it also count as within rounding of it if a rounding
+    of E could move them onto the circle: if the smallest singular value of `z I - (I + E)` at the nearest z of the circle is
+    that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1).
     """
     delta, finite = eigenvalues(E)
     outside = excess(delta)
@@ -73,13 +73,28 @@ def count_outside(E):
     count = np.where(finite, (outside > 0).sum(-1), -1)
     distance = np.abs(outside)
     clear = finite & (distance.min(-1, initial=np.inf) > tolerance)
-    near = np.flatnonzero(clear & ((distance < NEIGHBOURHOOD).sum(-1) > 1))
+    near = clear & ((distance < NEIGHBOURHOOD).sum(-1) > 1)
+    met = np.flatnonzero(clear & ~near & may_cross(delta, np.abs(E).max((-1, -2), initial=0)))
+    near[met] = may_cross(delta[met], np.abs(balance(E[met])[0]).max((-1, -2), initial=0)) if met.size else False
+    near = np.flatnonzero(near)
     if near.size:
         closest = np.take_along_axis(delta[near], np.argsort(distance[near], axis=-1)[:, :MEETING], axis=-1)
         balanced, _ = balance(E[near])
         rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2))
         clear[near] = _from_circle(balanced, np.abs(np.angle(1 + closest))) > rounding
     return count, clear
+
+
+def may_cross(delta, size) -> np.ndarray:
+    """Return whether rounding might move eigenvalues onto the circle that are nearer to each other than to it.
+
+    delta: eigenvalues less 1, `(matrices, n)`; size: of the largest entry, `(matrices,)`. If m of them are within twice the
+    distance of one of them from the circle, a relative rounding of e moves that one by up to the size times e^(1/m), as it does
+    for a Jordan block.
+    """
+    far = np.abs(np.abs(1 + delta) - 1)
+    m = (np.abs(delta[..., None, :] - delta[..., :, None]) <= 2 * far[..., :, None]).sum(-1)
+    return ((m > 1) & (far < np.asarray(size)[..., None] * (ROUNDINGS * np.finfo(float).eps) ** (1 / m))).any(-1)
 
 
 def _from_circle(E, theta):

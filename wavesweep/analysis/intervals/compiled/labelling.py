@@ -7,7 +7,7 @@ import numpy as np
 
 from wavesweep.analysis.intervals.compiled.solving import compiled
 from wavesweep.analysis.intervals.regions import BEYOND_ORDER, NARROW, TRACE_ROUNDING
-from wavesweep.analysis.spectrum import NEIGHBOURHOOD, ROUNDINGS
+from wavesweep.analysis.spectrum import BALANCING, NEIGHBOURHOOD, ROUNDINGS
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V
 
 OPEN, EXCLUDED, LEFT = 0, 1, 2  # a column: to be done; unstable throughout, by its trace; left to numpy's way
@@ -141,7 +141,7 @@ def _closed(E, B, C, D, integrates, along_k, owner, fixed, column, value):
 def _outside(A, w, known):
     """Return the number of the eigenvalues w outside the circle, see `spectrum.count_outside`.
 
-    It is -1 if that is not known, and NEAR if several are so near to the circle that eigenvalues alone do not decide.
+    It is -1 if that is not known, and NEAR if several are so near to the circle, or to each other, that they do not decide it.
     """
     count = np.full(len(A), -1)
     for at in range(len(A)):
@@ -152,8 +152,42 @@ def _outside(A, w, known):
             excess = 2 * w[at, i].real + w[at, i].real ** 2 + w[at, i].imag ** 2
             least, near, outside = min(least, abs(excess)), near + (abs(excess) < NEIGHBOURHOOD), outside + (excess > 0)
         if known[at] and least > ROUNDINGS * EPS * largest:
-            count[at] = NEAR if near > 1 else outside
+            met = _may_cross(w[at], largest) and _may_cross(w[at], _balanced_size(A[at].copy()))
+            count[at] = NEAR if near > 1 or met else outside
     return count
+
+
+@compiled
+def _may_cross(w, size):
+    """See `spectrum.may_cross`."""
+    for i in range(len(w)):
+        far, m = abs(abs(1 + w[i]) - 1), 0
+        for j in range(len(w)):
+            m += abs(w[j] - w[i]) <= 2 * far
+        if m > 1 and far < size * (ROUNDINGS * EPS) ** (1 / m):
+            return True
+    return False
+
+
+@compiled
+def _balanced_size(A):
+    """Return the largest entry of a matrix in units that give rows and columns similar sizes, see `spectrum.balance`."""
+    n, largest = len(A), 0.0
+    for _ in range(BALANCING):
+        for k in range(n):
+            row = column = 0.0
+            for j in range(n):
+                if j != k:
+                    row, column = row + abs(A[k, j]), column + abs(A[j, k])
+            if row > 0 and column > 0 and np.isfinite(row / column):
+                factor = 2.0 ** np.round(np.log2(row / column) / 2)
+                for j in range(n):
+                    A[j, k] *= factor
+                    A[k, j] /= factor
+    for i in range(n):
+        for j in range(n):
+            largest = max(largest, abs(A[i, j]))
+    return largest
 
 
 @compiled
