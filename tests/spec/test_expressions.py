@@ -139,6 +139,7 @@ def test_texts_that_are_not_refused_are_read_from_deep_in_a_program():
     below = sys.getrecursionlimit() // 3
     assert deep(below, "(" * 50 + "a" + ")" * 50) == 1.5
     assert deep(below, "-" * 50 + "a") == 1.5
+    assert deep(below, "+".join(["(-a)"] * 60)) == -1.5 * 60
     assert deep(below, "+".join(["a"] * (LONGEST // 2))) == 1.5 * (LONGEST // 2)
 
 
