@@ -23,7 +23,8 @@ class DrawnLoop:
     drift: TickDrift
 
     def spectral_radius(self) -> np.ndarray:
-        """Largest eigenvalue modulus per frame, without drift, over the batch; infinite after overflow."""
+        """Largest eigenvalue modulus per frame, without drift, over the batch: infinite after overflow, NaN if rounding hides
+        it."""
         with named_loops(self.drawn):
             return radius_of(closed_frame(self.drawn, self.drift))
 

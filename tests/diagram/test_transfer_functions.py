@@ -24,13 +24,13 @@ def companion(num, den):
     return A, [[1.0]] + [[0.0]] * (n - 1), C, [[num[0] / den[0]]]
 
 
-def loop(block, every):
+def loop(block, every, **numbers):
     """A block whose output is read every so many ticks, and fed back with a gain, beside a plant that a hand holds."""
     plant = {"type": "mass", "mass": 0.3, "damping": 20.0, "stiffness": 400.0}
     return wavesweep.compile(
         {
             "rates": {"tick_hz": 1000},
-            "numbers": {"K": 0.5},
+            "numbers": {"K": 0.5} | numbers,
             "block": {"f": block | {"discrete": True}, "s": {"type": "hold", "every": every}, "m": plant},
             "wire": {"f.u": "-K*s.y", "s.u": "f.y", "m.f": "hand"},
             "ports": {"hand": {"force": "hand", "displacement": "m.x"}},
@@ -105,6 +105,50 @@ def test_ends_of_a_slow_filter_in_a_long_frame_are_right(order, cutoff, every):
         assert radius(num, den, every, mp.mpf(end) - step) < 1 < radius(num, den, every, mp.mpf(end) + step)
 
 
+@pytest.mark.parametrize("den", [[3.0, 5.5, 2.7], np.poly([-0.99, -0.98, 0.5]).tolist(), [1.0, 0.9], [1.0, 1.9, 0.95, 0.0]])
+def test_poles_near_minus_1_are_realised_about_it(den):
+    """The same difference equation, in states of which each adds to minus the one before."""
+    block, (A, B, C, D) = tf("f", 1e-3, [1.0, 0.5], den, discrete=True), companion([0.0] * (len(den) - 2) + [1.0, 0.5], den)
+    assert np.allclose(np.diag(block.E)[1 : len(den) - 1 - den.count(0.0)], -2)
+    z = 0.3 + 0.7j
+    ours = block.C @ np.linalg.solve((z - 1) * np.eye(len(block.states)) - block.E, block.B) + block.D
+    theirs = np.array(C) @ np.linalg.solve(z * np.eye(len(A)) - A, np.array(B)) + D
+    np.testing.assert_allclose(ours, theirs, rtol=1e-14)
+
+
+@pytest.mark.parametrize("den", [[1.0, 0.75, -1.75], [1.0, np.float64(1.9), 0.95]])
+def test_a_pole_at_1_and_a_number_of_a_sweep_stay_about_1(den):
+    assert np.diag(tf("f", 1e-3, [1.0], den, discrete=True).E)[-1] == 0
+
+
+@pytest.mark.parametrize("every", [10, 100])
+@pytest.mark.parametrize(("p", "q", "order"), [(255, 256, 5), (509, 512, 5), (127, 128, 4)])
+def test_plain_poles_that_nearly_meet_at_minus_1_are_certified(p, q, order, every):
+    """`(z + p/q)^order`, whose coefficients are exact."""
+    den = [float(comb(order, i) * p**i) / q**i for i in range(order + 1)]
+    table = loop({"type": "tf", "num": [1.0], "den": den}, every).stable_intervals("K", span=(-1e-7, 1e-7))
+    assert table.certified.all()
+    assert len(table) == 1
+    for end, outwards in ((table.low[0], -1), (table.high[0], 1)):
+        step = mp.mpf(1e-9) * abs(mp.mpf(end)) * outwards
+        assert radius([0.0] * order + [1.0], den, every, mp.mpf(end) - step) < 1
+        assert abs(end) == 1e-7 or radius([0.0] * order + [1.0], den, every, mp.mpf(end) + step) > 1
+
+
+@pytest.mark.parametrize(
+    ("pole", "count", "every"), [(0.99, 2, 100), (0.99, 3, 10), (0.99, 5, 100), (0.99, 7, 10), (0.99, 7, 100)]
+)
+def test_a_radius_that_rounding_hides_is_missing(pole, count, every):
+    """Poles that nearly meet at j times `pole`, whose true radius is less than 1."""
+    lost = loop({"type": "tf", "num": [1.0], "den": np.poly([1j * pole, -1j * pole] * count).real.tolist()}, every)
+    radius = float(lost.spectral_radius(K=0.0))
+    if count == 2:
+        assert radius == pytest.approx(pole**every, rel=1e-3)
+    else:
+        assert not np.isfinite(radius)
+        assert set(lost.response([0.0, 1.0], K=0.0).doubt) == {"overflow"}
+
+
 @pytest.mark.parametrize(("order", "every", "doubt"), [(3, 160, "rounding"), (5, 160, "overflow")])
 def test_a_frame_whose_ticks_grow_and_cancel_is_not_vouched_for(order, every, doubt):
     num, den = (each.tolist() for each in butter(order, 0.01))
@@ -125,10 +169,11 @@ def test_a_frame_whose_ticks_grow_and_cancel_is_not_vouched_for(order, every, do
 @pytest.mark.parametrize("kernel", [NUMPY, pytest.param(NUMBA, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("p", "q", "order"), [(255, 256, 5), (509, 512, 5), (255, 256, 6), (63, 64, 6)])
 def test_poles_that_nearly_meet_are_not_counted_on_either_side_of_the_circle(p, q, order, kernel):
-    """`(z + p/q)^order` is stable; over a frame rounding moves its poles by a tenth, across the circle."""
+    """`(z + p/q)^order` is stable; over a frame rounding moves its poles by a tenth, across the circle, if a number of the spec
+    keeps them from being written about -1."""
     if kernel == NUMBA:
         pytest.importorskip("numba")
-    den = [float(comb(order, i) * p**i) / q**i for i in range(order + 1)]
+    den = ["a", *(float(comb(order, i) * p**i) / q**i for i in range(1, order + 1))]
     with using(kernel):
-        table = loop({"type": "tf", "num": [1.0], "den": den}, 10).stable_intervals("K", (-1e-9, 1e-9))
+        table = loop({"type": "tf", "num": [1.0], "den": den}, 10, a=1.0).stable_intervals("K", (-1e-9, 1e-9))
     assert not table.certified.any()

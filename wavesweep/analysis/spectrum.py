@@ -8,6 +8,7 @@ from wavesweep.lifted.circle import on_circle
 ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
 BACKWARD = 16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
 NEIGHBOURHOOD = 1e-3  # from the circle, where two eigenvalues may lose most of their digits when they nearly meet
+TELLING = 1e-3  # of a spectral radius, how far it may be off
 MEETING = 4  # number of the nearest ones that are examined
 BALANCING = 3  # sweeps
 
@@ -38,9 +39,34 @@ def slowest(delta):
 
 
 def radius_of(E) -> np.ndarray:
-    """Return the spectral radius of `I + E`; infinite if E is not finite."""
+    """Return the spectral radius of `I + E`; infinite if E is not finite, NaN if rounding could move it by a thousandth.
+
+    Only eigenvalues that nearly meet are so uncertain. Then the radius counts as known if no rounding of E makes one that is
+    larger by a thousandth, by the smallest singular value there at the angle of each of them (see `count_outside`).
+    """
     delta, finite = eigenvalues(E)
-    return np.where(finite, np.abs(1 + delta).max(-1, initial=0.0), np.inf)
+    return np.where(finite, _known(E, np.abs(1 + delta).max(-1, initial=0.0), delta), np.inf)
+
+
+def _known(E, radius, delta):
+    """The radius where it is known, else NaN."""
+    n = E.shape[-1]
+    size, least = np.abs(E).max((-1, -2), initial=0), TELLING * radius
+    with np.errstate(invalid="ignore"):  # a matrix that is not finite
+        doubtful = np.flatnonzero(size * (ROUNDINGS * np.finfo(float).eps) ** (1 / max(n, 1)) > least)
+    if n < 2 or not doubtful.size:
+        return radius
+    E, delta, least = E.reshape(-1, n, n)[doubtful], delta.reshape(-1, n)[doubtful], least.ravel()[doubtful]
+    apart = np.sort(np.abs(delta[:, None, :] - delta[:, :, None]), axis=-1)[..., 1:]
+    move = size.ravel()[doubtful, None, None] * (ROUNDINGS * np.finfo(float).eps) ** (1 / np.arange(2, n + 1))
+    met = ((apart <= 2 * move) & (move > least[:, None, None])).any((-1, -2))
+    found, doubtful = np.array(radius).ravel(), doubtful[met]
+    if met.any():
+        balanced, _ = balance(E[met])
+        further = (1 + TELLING) * found[doubtful, None] * np.exp(1j * np.angle(1 + delta[met]))
+        lost = _nearest(balanced, further - 1) <= BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2))
+        found[doubtful[lost]] = np.nan
+    return found.reshape(np.shape(radius))
 
 
 def is_stable(E) -> np.ndarray:
@@ -50,10 +76,10 @@ def is_stable(E) -> np.ndarray:
 
 
 def spectral_radius(cut: Cut, K_VE, B_VE) -> np.ndarray:
-    """Return the largest modulus of the eigenvalues of the frame-to-frame matrix without its drift; infinite after overflow.
+    """Return the largest modulus of the eigenvalues of the frame-to-frame matrix without its drift, as `radius_of` does.
 
     cut: loops; K_VE (N/m), B_VE (N*s/m): numbers or arrays that broadcast with the batch.
-    Accuracy: that of the eigenvalue, 1e-14 relative if it is well conditioned.
+    Accuracy: that of the eigenvalue, 1e-14 relative if it is well conditioned, and never worse than 1e-3.
     """
     return radius_of(close(cut, K_VE, B_VE))
 
@@ -81,7 +107,7 @@ def count_outside(E):
         closest = np.take_along_axis(delta[near], np.argsort(distance[near], axis=-1)[:, :MEETING], axis=-1)
         balanced, _ = balance(E[near])
         rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2))
-        clear[near] = _from_circle(balanced, np.abs(np.angle(1 + closest))) > rounding
+        clear[near] = _nearest(balanced, on_circle(np.abs(np.angle(1 + closest)))) > rounding
     return count, clear
 
 
@@ -97,9 +123,9 @@ def may_cross(delta, size) -> np.ndarray:
     return ((m > 1) & (far < np.asarray(size)[..., None] * (ROUNDINGS * np.finfo(float).eps) ** (1 / m))).any(-1)
 
 
-def _from_circle(E, theta):
-    """Smallest singular value of `z I - (I + E)` over `z = exp(j theta)`, `(matrices,)`; theta: `(matrices, points)`."""
-    A = on_circle(theta)[..., None, None] * np.eye(E.shape[-1]) - E[:, None]
+def _nearest(E, delta):
+    """Smallest singular value of `delta I - E`, `(matrices,)`, over the points delta = z - 1, `(matrices, points)`."""
+    A = delta[..., None, None] * np.eye(E.shape[-1]) - E[:, None]
     return np.linalg.svd(A, compute_uv=False)[..., -1].min(-1)
 
 

@@ -129,7 +129,9 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
     frame = 1e3 * found["period_s"]
     radius = found["spectral_radius"]
     said = "stable" if found["stable"] else "UNSTABLE" if radius is not None else "not known whether it is stable"
-    why = "numbers overflow" if radius is None else f"spectral radius {_text(radius)} per frame of {frame:.6g} ms"
+    why = "numbers overflow, or rounding hides them"
+    if radius is not None:
+        why = f"spectral radius {_text(radius)} per frame of {frame:.6g} ms"
     yield f"{spec.name}, {spec.kind}: {said} ({why})"
     bounded = [each for each in found["limits"] if _bounded(each)]
     yield from (f"  {_limit(spec, each)}" for each in bounded)

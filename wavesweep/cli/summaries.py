@@ -243,10 +243,11 @@ def simulation_lines(found: Numbers) -> Iterator[Line]:
 
 
 def unstable(linear: Numbers) -> str:
-    """The sentence about an unstable linear loop."""
+    """The sentence about a linear loop that is not stable."""
     radius = linear["spectral_radius"]
-    how_much = "the frame overflows" if radius is None else f"spectral radius {radius:.6g} per frame"
-    return f"UNSTABLE: the linear loop diverges ({how_much})"
+    if radius is None:
+        return "the linear loop is not known to be stable (numbers overflow, or rounding hides them)"
+    return f"UNSTABLE: the linear loop diverges (spectral radius {radius:.6g} per frame)"
 
 
 def _energy_line(energy: Numbers, taker: str) -> str:

@@ -35,8 +35,9 @@ def ss(name, period, A, B, C, D, inputs, outputs, discrete=False) -> Block:
 def tf(name, period, num, den, discrete=False) -> Block:
     """Transfer function from coefficients of descending powers, in controllable form; `u` -> `y`.
 
-    A discrete one is realised in powers of z - 1, to which its coefficients are taken without rounding: in powers of z, the
-    ticks of a long frame would grow and cancel. Poles that are written as 0 are delays.
+    A discrete one is realised in powers of z - 1, or of z + 1 if its poles are plain numbers and nearer to -1, to which its
+    coefficients are taken without rounding: in powers of z, the ticks of a long frame would grow and cancel. Poles that are
+    written as 0 are delays.
     Accuracy: that of the coefficients, whose roots lose digits at high orders; `butterworth` and `ss` do not.
     """
     if discrete:
@@ -58,7 +59,9 @@ def _discrete_tf(name, num, den):
     """`num(z)/(z^k rest(z))`: the input goes through `1/rest` and then k delays, which the last k coefficients read."""
     k = next((at for at, each in enumerate(reversed(den)) if type(each) not in (int, float) or each), 0)
     n, num = len(den) - 1 - k, [0.0] * (len(den) - len(num)) + list(num)
-    A, B, C, D = _controllable(_about_one(num[: n + 1]), _about_one(den[: n + 1]))
+    about = -1 if _near_minus_one(den[: n + 1]) else 1
+    A, B, C, D = _controllable(_about(about, num[: n + 1]), _about(about, den[: n + 1]))
+    A = [[each + (about - 1) * (i == j) for j, each in enumerate(row)] for i, row in enumerate(A)]
     E = [[*row, *[0.0] * k] for row in A] + [[1.0 * (i == j - 1) - (i == j) for i in range(n + k)] for j in range(n, n + k)]
     B, C = [*B, *([1.0 * (j == 0)] for j in range(n, n + k))], [[*C[0], *(numbers(each) / den[0] for each in num[n + 1 :])]]
     names = *(f"x{i}" for i in range(n)), *(f"u{j + 1}" for j in range(k))
@@ -67,11 +70,27 @@ def _discrete_tf(name, num, den):
     )
 
 
-def _about_one(coefficients):
-    """Coefficients of descending powers of z - 1 from those of z: division by z - 1 again and again.
+def _near_minus_one(den):
+    """Whether the roots are nearer to -1 than to 1 by a bound on them (Fujiwara 1916), and none is 1.
+
+    Only plain numbers tell: the states of a loop must not change along a sweep.
+    """
+    if not all(type(each) in (int, float) for each in den):
+        return False
+    ones, minus = (np.abs(_about(at, den)) for at in (1, -1))
+    far, near = (np.max((each[1:] / each[0]) ** (1 / np.arange(1, len(each))), initial=0.0) for each in (ones, minus))
+    return near < far and ones[-1] > 0
+
+
+def _about(at, coefficients):
+    """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it again and again.
 
     The rounding of each sum is kept beside it (D. E. Knuth, TAOCP 2, 4.2.2, theorem B).
     """
+    if at < 0:  # p(z) = q(-z), and z + 1 = -(-z - 1)
+        signs = [(-1.0) ** i for i in range(len(coefficients))][::-1]
+        turned = _about(1, [sign * numbers(each) for sign, each in zip(signs, coefficients, strict=True)])
+        return [sign * each for sign, each in zip(signs, turned, strict=True)]
     sums, lost = [numbers(each) for each in coefficients], [0.0] * len(coefficients)
     for end in range(len(sums), 1, -1):
         for i in range(1, end):

@@ -8,7 +8,7 @@ import numpy as np
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.elimination import ROUNDING
 from wavesweep.lifted.cut import Cut
-from wavesweep.lifted.periodic import grown, in_a_row, size_of_terms, then, ticks_of
+from wavesweep.lifted.periodic import STILL, grown, growth_over, in_a_row, then, ticks_of
 from wavesweep.lifted.tick_drift import TickDrift, consistent_solution
 
 LEFT = 1e-10  # of the largest entry of a row, what rounding over a frame may leave of the change along a state that rests
@@ -73,21 +73,21 @@ def _changing(ticks):
 def _with_input(ticks, w, held):
     """Return the frame with the input of its first tick, or with the same input in all of its ticks, and its growth."""
     kinds = ticks.kind.tolist()
-    driven = [(each.E, each.B[..., w : w + 1], 1.0) for each in ticks.maps]
-    silent = [(E, 0 * B, size) for E, B, size in driven]
+    driven = [(each.E, each.B[..., w : w + 1], STILL) for each in ticks.maps]
+    silent = [(E, 0 * B, STILL) for E, B, _ in driven]
 
     def joined(first, second):
-        (E, B, size), (later, more, other) = first, second
-        terms = size_of_terms(E, later)
-        return then(E, later), B + later @ B + more, np.maximum(np.maximum(size, other), terms)
+        (E, B, _), (later, more, _) = first, second
+        both = then(E, later)
+        return both, B + later @ B + more, grown(first, second, both)
 
     with np.errstate(all="ignore"):
         if held:
-            E, B, largest = in_a_row(kinds, driven, joined)
+            E, B, found = in_a_row(kinds, driven, joined)
         else:
             rest = [in_a_row(kinds[1:], silent, joined)] if len(kinds) > 1 else []
-            E, B, largest = reduce(joined, rest, driven[kinds[0]])
-        return E, B, grown(E, largest)
+            E, B, found = reduce(joined, rest, driven[kinds[0]])
+        return E, B, growth_over(E, found)
 
 
 def _cut(E, B, c, d, drift, period, condition):

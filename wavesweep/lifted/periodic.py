@@ -108,20 +108,35 @@ def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
     kind: of each tick; changes: per kind, the matrix less identity, `(..., n, n)`.
 
     Of a frame of stretches P and Q a rounding of `|Q| |P|` is unknown, which exceeds `Q P` by as much as its terms cancel.
-    The size of each such product (see `size_of`) is compared to that of the frame, or to 1.
+    The size of each such product (see `size_of`) is compared to that of Q P and to that of the frame, or to 1.
     Accuracy: a measure of the digits that are lost, not a bound.
     """
 
     def joined(first, second):
-        return then(first[0], second[0]), np.maximum(np.maximum(first[1], second[1]), size_of_terms(first[0], second[0]))
+        E = then(first[0], second[0])
+        return E, grown(first, second, E)
 
     with np.errstate(all="ignore"):  # of a frame that overflows
-        return grown(*in_a_row(kind.tolist(), [(E, 1.0) for E in changes], joined))
+        return growth_over(*in_a_row(kind.tolist(), [(E, STILL) for E in changes], joined))
 
 
-def grown(E: np.ndarray, largest) -> np.ndarray:
-    """Return the growth over a frame less identity, from the largest `size_of_terms` of its stretches."""
-    return np.fmax(1.0, largest / np.fmax(1.0, size_of(E + np.eye(E.shape[-1]))))
+STILL = 1.0, 1.0  # a tick alone: the largest product of stretches, and the largest relative to its sum
+
+
+def grown(first, second, E: np.ndarray):
+    """Return the largest product of stretches, and the largest relative to its sum, of two stretches in a row that make E.
+
+    first, second: the matrix less identity of each, and last the same pair.
+    """
+    terms = size_of(np.abs(_whole(second[0])) @ np.abs(_whole(first[0])))
+    largest, lost = (np.maximum(one, other) for one, other in zip(first[-1], second[-1], strict=True))
+    return np.maximum(largest, terms), np.fmax(lost, terms / np.fmax(1.0, size_of(_whole(E))))
+
+
+def growth_over(E: np.ndarray, found) -> np.ndarray:
+    """Return the growth over a frame less identity, from the pair of `grown` for its stretches."""
+    largest, lost = found
+    return np.fmax(lost, largest / np.fmax(1.0, size_of(_whole(E))))
 
 
 def known_frames(E: np.ndarray, growth) -> np.ndarray:
@@ -129,10 +144,8 @@ def known_frames(E: np.ndarray, growth) -> np.ndarray:
     return np.where((growth <= LOST)[..., None, None], E, np.nan) if np.any(growth > LOST) else E
 
 
-def size_of_terms(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the size of the products of entries of two stretches in a row, whose sums are the entries of both."""
-    one = np.eye(first.shape[-1])
-    return size_of(np.abs(one + second) @ np.abs(one + first))
+def _whole(E):
+    return E + np.eye(E.shape[-1])
 
 
 def size_of(matrix) -> np.ndarray:

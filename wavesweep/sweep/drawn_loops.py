@@ -274,7 +274,7 @@ def _where_solvable(drawing, values, drift, shape):
 
 
 def radii(grid) -> np.ndarray:
-    """Spectral radius per frame of every slice of the grid, without drift; infinite after overflow."""
+    """Spectral radius per frame of every slice of the grid, without drift, as `radius_of` returns it."""
     spec, drawing, found = grid.spec, grid.drawing, np.empty(grid.loops)
     for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):
         refuse_unsuitable(drawing, values)

@@ -224,16 +224,20 @@ class ResponseTask:
             radius = radius_of(frames(self.drawing, values, drift_of(self.drawing, values, self.own)))
             ticks, slow = (steps_of(values[RATIO])[0], values[RATIO]) if isinstance(self.drawing, Uneven) else (1, None)
             for number, port in ports_of_groups(self.drawing, ((members, values),), self.own):
-                stable = np.broadcast_to(radius, members.shape)[np.searchsorted(members, number)] < 1
-                for name, array in _seen(port, (ticks, slow or port.slowest), self.frequency, stable).items():
+                own = np.broadcast_to(radius, members.shape)[np.searchsorted(members, number)]
+                for name, array in _seen(port, (ticks, slow or port.slowest), self.frequency, own).items():
                     records[name][number] = array
 
 
-def _seen(port, ticks, frequency, stable):
-    """The columns of one loop at its port; ticks: least length of the frame that has the worst-case gain, which direct coupling
-    needs, as its own frame is a tick; and ticks of a sample of the slow rate."""
+def _seen(port, ticks, frequency, radius):
+    """The columns of one loop at its port.
+
+    ticks: least length of the frame that has the worst-case gain, which direct coupling needs, as its own frame is a tick; and
+    ticks of a sample of the slow rate. radius: spectral radius of the loop.
+    """
     whole = replace(port, kind=np.tile(port.kind, max(1, ticks[0] // port.kind.size)))
-    found, lost = respond_port(port, frequency), not np.isfinite(frame_of_port(port)).all()
+    found, stable = respond_port(port, frequency), radius < 1
+    lost = np.isnan(radius) or not np.isfinite(frame_of_port(port)).all()
     gain, gain_error = worst_gain_of_port(whole, frequency)
     columns = {"omega_Ts": 2 * np.pi * frequency * port.period * ticks[1]}
     columns |= complex_columns("admittance", found.admittance) | complex_columns("impedance", found.impedance)
@@ -277,7 +281,7 @@ def _block(values, frequency):
     columns |= {"worst_gain": gain, "stable": stable}
     # A gain without bound is missing, and that is known.
     columns |= {f"{name}_error": np.where(np.isnan(columns.get(name, error)), np.nan, error) for name, error in errors.items()}
-    return columns | {"doubt": _doubts(errors.values(), stable, loop.lost[..., None])}
+    return columns | {"doubt": _doubts(errors.values(), stable, (loop.lost | np.isnan(radius))[..., None])}
 
 
 @lru_cache(maxsize=4)  # a compiled loop is asked again and again

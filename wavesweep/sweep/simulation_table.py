@@ -6,7 +6,7 @@ import hashlib
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from math import isfinite
+from math import isfinite, isnan
 from typing import Any
 
 import numpy as np
@@ -87,7 +87,8 @@ def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> 
     # The normalised frequency is that of the slow rate, also for dc, whose frame is one tick.
     ratio = simulation.frame if spec.drawing else spec.values["rates.ratio"]
     seen["omega_Ts"] = 2 * np.pi * seen["frequency_hz"] * ratio / spec.tick_hz
-    stable = radius_of(spec) < 1
+    radius = radius_of(spec)
+    stable = radius < 1
     columns = {name: np.full(len(tones), word, dtype=object) for name, word in (("spec", spec.name), ("controller", spec.kind))}
     columns |= seen
     linear, lost = _linear(spec, seen["frequency_hz"])
@@ -98,7 +99,7 @@ def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> 
         columns |= {name: np.full(len(tones), np.nan) for name in columns if name.startswith("linear_")}
     # What is beyond double precision is missing.
     columns = {name: part if part.dtype == object else np.where(np.isinf(part), np.nan, part) for name, part in columns.items()}
-    return columns | {"doubt": doubt_of(errors, stable, lost)}
+    return columns | {"doubt": doubt_of(errors, stable, lost | isnan(radius))}
 
 
 def _linear(spec, frequency):

@@ -6,7 +6,7 @@ import numpy as np
 
 from wavesweep.analysis.response import felt, felt_map, prepare, respond
 from wavesweep.analysis.response.drawn import respond_port, static_port_response
-from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, slowest
+from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, radius_of, slowest
 from wavesweep.diagram import WALL, draw
 from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import WavesweepError
@@ -44,10 +44,10 @@ def verdict(spec: Spec) -> dict:
 def own_design(spec: Spec, cut=None, loop=None) -> dict:
     """The numbers of the spec's own design without those about its changes, as a JSON-able dict; a missing number is None.
 
-    stable, spectral_radius (per frame; missing after overflow, and then it is not known to be stable), period_s (of the
-    frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as the hand feels it at low
-    frequency; slowest: time constant (s) and damping ratio of the slowest mode; channel_norm: of the wave channel, 1 or less
-    if it is passive.
+    stable, spectral_radius (per frame; missing after overflow or if rounding hides it, and then it is not known to be stable),
+    period_s (of the frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as the hand
+    feels it at low frequency; slowest: time constant (s) and damping ratio of the slowest mode; channel_norm: of
+    the wave channel, 1 or less if it is passive.
     A drawn loop has no channel that a spec would name, and is felt at the hand's port if it has one.
     cut, loop: the compiled loop and the one prepared for responses, if they are known already.
     """
@@ -57,11 +57,10 @@ def own_design(spec: Spec, cut=None, loop=None) -> dict:
         E, period = close(cut, *(values[path] for path in WALL)), float(cut.period)
     else:
         E, period = _frame_of(spec)
-    delta, finite = eigenvalues(E)
-    radius = float(np.abs(1 + delta).max(initial=0.0)) if finite.all() else np.inf
+    radius = float(radius_of(E))
     found = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period, "assumes": assumes(spec)}
     channel = None if drawing else _channel_norm(values)
-    return found | {"felt": _felt(spec, loop), "slowest": _slowest(delta, period), "channel_norm": channel}
+    return found | {"felt": _felt(spec, loop), "slowest": _slowest(eigenvalues(E)[0], period), "channel_norm": channel}
 
 
 def _frame_of(spec):
