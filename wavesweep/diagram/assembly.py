@@ -18,6 +18,7 @@ from wavesweep.spec.expressions import Tree, evaluate, names_in, singular
 
 POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
 PRODUCT, FACTOR = "ports.product", "ports.factor"  # of a number that is taken out of its wire, and what it multiplies
+HAND = "ports.hand."  # keys of the hand's port
 PARAMETERS = {("butterworth", "pass"): "passes"}  # keys that have another name in `blocks`
 
 
@@ -95,16 +96,29 @@ def _parts(gain, known, out):
 
 
 def scalar_place(drawing: Drawing | Uneven, number: str) -> str:
-    """The path of the only wire, or of the factor of the only gain, that reads a number, if it is linear in it; else empty."""
+    """The path of the only wire, or of the factor of the only gain, that reads a number, if it is linear in it; else empty.
+
+    The hand's port may read the number too (see `seen_by_hand`), which changes nothing of the loop.
+    """
     if isinstance(drawing, Uneven):
         return "wall" if number in WALL else ""
-    readers = {path for path, tree in drawing.trees() if any(name == number for name, _ in names_in(tree))}
+    readers = {path for path in _readers(drawing, number) if not path.startswith(HAND)}
     if len(readers) != 1:
         return ""
     path = readers.pop()
     is_gain = path in {f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"}
     trees = [tree for each, tree in drawing.trees() if each == path]
     return path if (is_gain or path.startswith("wire.")) and all(_degree(tree, number) <= 1 for tree in trees) else ""
+
+
+def seen_by_hand(drawing: Drawing | Uneven, number: str) -> bool:
+    """Whether the signals at the hand's port read a number themselves."""
+    return not isinstance(drawing, Uneven) and any(path.startswith(HAND) for path in _readers(drawing, number))
+
+
+@lru_cache(maxsize=256)
+def _readers(drawing, number):
+    return {path for path, tree in drawing.trees() if any(name == number for name, _ in names_in(tree))}
 
 
 def _degree(tree: Tree, number: str) -> float:
@@ -178,9 +192,9 @@ def refuse_unsuitable(drawing: Drawing | Uneven, values: Mapping[str, object]) -
     with np.errstate(all="ignore"):
         known = {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}
         wrong = np.zeros(size, bool)
-        for path, tree in drawing.trees():
-            found = np.broadcast_to(_at(tree, known), (size,))
-            wrong |= ~np.isfinite(found) | ~_accepted(drawing, path, found)
+        for tree, low, above_low in _checked(drawing):
+            found = _at(tree, known)
+            wrong |= np.logical_not(np.isfinite(found) & (found > low if above_low else found >= low))
         for block in drawing.blocks:
             wrong |= np.broadcast_to(_without_block(drawing, block, known), (size,))
     if wrong.any():
@@ -203,14 +217,18 @@ def _without_block(drawing, block, known):
     return False
 
 
-def _accepted(drawing, path, found):
-    """Whether each number is in the range of its key."""
-    table, *rest = path.split(".")
-    if table != "block" or rest[1] in ("every", "phase"):
-        return np.ones(found.shape, bool)
-    block = next(each for each in drawing.blocks if each.name == rest[0])
-    key = TYPES[block.type].keys[rest[1]]
-    return found > key.low if key.above_low else found >= key.low if key.low is not None else np.ones(found.shape, bool)
+@lru_cache(maxsize=64)
+def _checked(drawing):
+    """Trees that read numbers, each with the least value that its key accepts, and whether it has to be above that."""
+    found, types = [], {block.name: block.type for block in drawing.blocks}
+    for path, tree in drawing.trees():
+        table, *rest = path.split(".")
+        limited = table == "block" and rest[1] not in ("every", "phase")
+        key = TYPES[types[rest[0]]].keys[rest[1]] if limited else None
+        low = -np.inf if key is None or key.low is None else key.low
+        if any(names_in(tree)):
+            found.append((tree, low, bool(key and key.above_low)))
+    return tuple(found)
 
 
 def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]) -> tuple[float, float]:
@@ -223,10 +241,8 @@ def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
     low, high = span
     width, (below, above) = high - low, (-np.inf, np.inf)
     away = np.geomspace(1e-6, 1e3, 400) * width
-    for key, guard in _guards(drawing):
-        name, read = path.removeprefix("numbers."), {name for name, _ in names_in(guard)}
-        if name not in read:
-            continue
+    name = path.removeprefix("numbers.")
+    for key, guard, read in _guards_of(drawing, name):
         known = _different({each: value for each, value in scalars({**values, path: 0.0}).items() if each in read})
 
         if not _keeps_sign(guard, known, name, np.linspace(low, high, 401)).all():
@@ -249,9 +265,7 @@ def guards_at(drawing: Drawing | Uneven, values: Mapping[str, object], path: str
     found, name = [], path.removeprefix("numbers.")
     if not isinstance(drawing, Uneven):
         known = scalars(values)
-        for _, guard in _guards(drawing):
-            if any(read == name for read, _ in names_in(guard)):
-                found.append(np.broadcast_to(_at(guard, known), shape))
+        found = [np.broadcast_to(_at(guard, known), shape) for _, guard, _ in _guards_of(drawing, name)]
     return np.stack(found, axis=-1) if found else np.ones((*shape, 0))
 
 
@@ -273,6 +287,13 @@ def _different(known):
     rows = np.unique(np.stack(list(arrays.values()), axis=1), axis=0)
     rows = rows[np.unique(np.linspace(0, len(rows) - 1, MOST).astype(int))]
     return known | {name: rows[:, [column]] for column, name in enumerate(arrays)}
+
+
+@lru_cache(maxsize=256)
+def _guards_of(drawing, number):
+    """The guards that read a number, as path of a key, tree, and names of all numbers that it reads."""
+    named = [(key, guard, frozenset(name for name, _ in names_in(guard))) for key, guard in _guards(drawing)]
+    return tuple(each for each in named if number in each[2])
 
 
 def _guards(drawing):

@@ -1,6 +1,6 @@
 """A drawn loop cut at a number that is one scalar gain of its frame."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import reduce
 
 import numpy as np
@@ -8,38 +8,89 @@ import numpy as np
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.elimination import ROUNDING
 from wavesweep.lifted.cut import Cut
-from wavesweep.lifted.periodic import STILL, grown, growth_over, in_a_row, then, ticks_of
+from wavesweep.lifted.periodic import GROWN, Ticks, growth_of, in_a_row, reach_of, reach_together, then, ticks_of
 from wavesweep.lifted.tick_drift import TickDrift, consistent_solution
 
 LEFT = 1e-10  # of the largest entry of a row, what rounding over a frame may leave of the change along a state that rests
 
 
-def cut_at_number(drawn: Drawn, drift: TickDrift, force: str, read: str, damped: str = "") -> Cut | None:
-    """Cut the loop at a number that is one scalar gain of a frame; None if it is not one.
+@dataclass(frozen=True, slots=True, eq=False)
+class OpenFrame:
+    """The frame of a loop without a number that is one scalar gain of it, in delta form, from the tick in which it is read.
 
-    drawn: the loop whose last input `force` is the number's product; the number would multiply the signal `read`. damped: a
-    second signal, which another number multiplies in the same sum: the velocity that a wall's damper reads. drift: that of this
-    open loop, with these signals watched. The number is one scalar of the frame if the product reaches the loop in a single
-    tick of a frame, or if `read` changes in a single one and is held in between. Closing it is `force = p read`: the wall of a
-    built-in loop under another name.
+    ticks: of that frame. E `(..., n, n)`; B `(..., n, 1)` of the number's product, and of a hand's force if there is one two
+    columns more: of a force that is constant over the frame, and of one that grows by 1 with every tick from 0. C, D: rows of
+    the signals read and shown, in the first tick; columns of D as those of B. growth: see `growth_of`. period: s.
     """
-    ticks = ticks_of(drawn, (read, *((damped,) if damped else ())))
-    if ticks.states != drift.states:
-        raise ValueError(f"the drift is that of other states: {drift.states}, expected {ticks.states}")
-    at = _only_tick(ticks, drawn.inputs.index(force))
-    if at is None or drift.folded:
+
+    ticks: Ticks
+    E: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    growth: np.ndarray
+    period: np.ndarray
+
+    @property
+    def condition(self):
+        """That of the first tick, see `Block`."""
+        return self.ticks.maps[self.ticks.kind[0]].condition
+
+
+def open_frame(
+    drawn: Drawn, force: str, read: tuple[str, ...], hand: str = "", shown: tuple[str, ...] = ()
+) -> OpenFrame | None:
+    """Return the frame without a number that is one scalar gain of it; None if it is not one.
+
+    drawn: the loop whose last input `force` is the number's product. read: the signal that the number multiplies, and others
+    that are watched as closely. The number is one scalar of the frame if the product reaches the loop in a single tick of a
+    frame, or if what it multiplies changes in a single one and is held in between. hand: another input. shown: more signals,
+    which need no state that would hold them.
+    """
+    ticks = ticks_of(drawn, (*read, *shown), held=drawn.held(read))
+    w = drawn.inputs.index(force)
+    at = _only_tick(_showing(ticks, len(read)) if shown else ticks, w)
+    if at is None:
         return None
     first, whole_frame = at
     ticks = ticks.from_tick(first)
-    w = drawn.inputs.index(force)
-    E, B, growth = _with_input(ticks, w, whole_frame)
+    inputs = [w, *([drawn.inputs.index(hand)] if hand else [])]
+    E, B, growth = _with_inputs(ticks, inputs, whole_frame)
     head = ticks.maps[ticks.kind[0]]
-    c, d = head.C, head.D[..., w : w + 1]
-    if damped and np.any(_shown_of_leads(c[..., 1:, :], drift)):
+    D = _with_moment(head.D[..., inputs])
+    return OpenFrame(ticks, E, B, head.C, D, growth, np.asarray(drawn.period) * drawn.ticks)
+
+
+def cut_at_number(drawn: Drawn, drift: TickDrift, force: str, read: str, damped: str = "") -> Cut | None:
+    """Cut the loop at a number that is one scalar gain of a frame; None if it is not one.
+
+    drawn, force, read: see `open_frame`. damped: a second signal, which another number multiplies in the same sum: the velocity
+    that a wall's damper reads. drift: that of this open loop, with these signals watched.
+    """
+    frame = open_frame(drawn, force, (read, *((damped,) if damped else ())))
+    return frame and cut_of(frame, drift, 1 + bool(damped))
+
+
+def cut_of(frame: OpenFrame, drift: TickDrift, read: int = 1) -> Cut | None:
+    """Return the loop cut at the number of such a frame; None if its drift is none that a cut keeps.
+
+    drift: that of the open loop. read: number of the first signals that the number and the damper multiply. Closing the cut is
+    `force = p read`: the wall of a built-in loop under another name.
+    """
+    if frame.ticks.states != drift.states:
+        raise ValueError(f"the drift is that of other states: {drift.states}, expected {frame.ticks.states}")
+    c, d = frame.C[..., :read, :], frame.D[..., :read, :1]
+    if drift.folded or (read > 1 and np.any(shown_of_leads(c[..., 1:, :], drift))):
         return None
-    cut = _cut(E, B, c, d, drift, np.asarray(drawn.period) * drawn.ticks, head.condition)
+    cut = _cut(frame.E, frame.B[..., :1], c, d, drift, frame.period, frame.condition)
     # Without states there is no mode that could cross: only the solution of the loop of direct terms decides.
-    return replace(cut, growth=growth) if cut is not None and cut.order else None
+    return replace(cut, growth=frame.growth) if cut is not None and cut.order else None
+
+
+def _showing(ticks, count):
+    """The ticks with their first signals alone."""
+    parts = ({"outputs": each.outputs[:count], "C": each.C[..., :count, :], "D": each.D[..., :count, :]} for each in ticks.maps)
+    return replace(ticks, maps=tuple(replace(each, **part) for each, part in zip(ticks.maps, parts, strict=True)))
 
 
 def _only_tick(ticks, w):
@@ -70,34 +121,46 @@ def _changing(ticks):
     return []
 
 
-def _with_input(ticks, w, held):
-    """Return the frame with the input of its first tick, or with the same input in all of its ticks, and its growth."""
+def _with_inputs(ticks, inputs, held):
+    """Return the frame, with the first input in its first tick or the same in all of its ticks, and its growth."""
     kinds = ticks.kind.tolist()
-    driven = [(each.E, each.B[..., w : w + 1], STILL) for each in ticks.maps]
-    silent = [(E, 0 * B, STILL) for E, B, _ in driven]
+    driven = [(each.E, _with_moment(each.B[..., inputs]), 1, reach_of(each.E), 1.0) for each in ticks.maps]
+    silent = [(E, np.concatenate([np.zeros_like(B[..., :1]), B[..., 1:]], -1), *rest) for E, B, *rest in driven]
 
     def joined(first, second):
-        (E, B, _), (later, more, _) = first, second
-        both = then(E, later)
-        return both, B + later @ B + more, grown(first, second, both)
+        (E, B, count, reach, most), (later, more, others, further, other) = first, second
+        both, B = then(E, later), B + later @ B + more
+        B[..., 2:] += count * more[..., 1:2]
+        return both, B, count + others, reach_of(both), max(most, other, reach_together(reach, further))
 
     with np.errstate(all="ignore"):
         if held:
-            E, B, found = in_a_row(kinds, driven, joined)
+            E, B, *_, most = in_a_row(kinds, driven, joined)
         else:
             rest = [in_a_row(kinds[1:], silent, joined)] if len(kinds) > 1 else []
-            E, B, found = reduce(joined, rest, driven[kinds[0]])
-        return E, B, growth_over(E, found)
+            E, B, *_, most = reduce(joined, rest, driven[kinds[0]])
+        return E, B, np.ones(E.shape[:-2]) if most <= GROWN else growth_of(ticks.kind, [each.E for each in ticks.maps])
+
+
+def _with_moment(columns):
+    """Columns of the number's product and perhaps of a hand's force, and then a third for one that is 0 in the first tick."""
+    return np.concatenate([columns, np.zeros_like(columns[..., 1:])], axis=-1)
+
+
+def counted_from_leads(parts, drift, sign=-1) -> tuple[np.ndarray, ...]:
+    """Return matrices whose rows are changes of states, those that leads move being counted from these; sign: 1 for sizes."""
+    parts = tuple(part.copy() for part in parts)
+    for lead, others in drift.moved:
+        for index, factor in others:
+            for part in parts:
+                part[..., index, :] += sign * (factor if sign < 0 else np.abs(factor)) * part[..., lead, :]
+    return parts
 
 
 def _cut(E, B, c, d, drift, period, condition):
-    leads = {lead: dict(others) for lead, others in drift.moved}
-    E, B = E.copy(), B.copy()
-    for lead, others in leads.items():
-        for index, factor in others.items():
-            E[..., index, :] -= factor * E[..., lead, :]
-            B[..., index, :] -= factor * B[..., lead, :]
-    share = dict(zip(leads, np.moveaxis(_shown_of_leads(c[..., :1, :], drift), -1, 0), strict=True))
+    leads = [lead for lead, _ in drift.moved]
+    E, B = counted_from_leads((E, B), drift)
+    share = dict(zip(leads, np.moveaxis(shown_of_leads(c[..., :1, :], drift), -1, 0), strict=True))
     read = [lead for lead, value in share.items() if np.any(value)]
     if len(read) > 1:
         return None
@@ -143,7 +206,7 @@ def _counted_from(ramp, E, B, C):
     return E, B, C
 
 
-def _shown_of_leads(c, drift):
+def shown_of_leads(c, drift):
     """The displacements of outputs along each shift, `(..., rows, shifts)`; 0 if the terms cancel to rounding."""
     parts = []
     for lead, others in drift.moved:

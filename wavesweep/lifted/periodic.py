@@ -109,34 +109,40 @@ def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
 
     Of a frame of stretches P and Q a rounding of `|Q| |P|` is unknown, which exceeds `Q P` by as much as its terms cancel.
     The size of each such product (see `size_of`) is compared to that of Q P and to that of the frame, or to 1.
-    Accuracy: a measure of the digits that are lost, not a bound.
+    Accuracy: a measure of the digits that are lost, not a bound. It is given as 1 where the products of the largest entries in
+    any loop of a batch are no larger than GROWN.
     """
+
+    def within(first, second):
+        (E, reach, largest), (later, more, other) = first, second
+        both = then(E, later)
+        return both, reach_of(both), max(largest, other, reach_together(reach, more))
 
     def joined(first, second):
-        E = then(first[0], second[0])
-        return E, grown(first, second, E)
+        (E, *found), (later, *others) = first, second
+        both = then(E, later)
+        terms = size_of(np.abs(_whole(later)) @ np.abs(_whole(E)))
+        largest, lost = (np.maximum(one, other) for one, other in zip(found, others, strict=True))
+        return both, np.maximum(largest, terms), np.fmax(lost, terms / np.fmax(1.0, size_of(_whole(both))))
 
+    kinds = kind.tolist()
     with np.errstate(all="ignore"):  # of a frame that overflows
-        return growth_over(*in_a_row(kind.tolist(), [(E, STILL) for E in changes], joined))
+        E, _, most = in_a_row(kinds, [(E, reach_of(E), 1.0) for E in changes], within)
+        if most <= GROWN:
+            return np.ones(E.shape[:-2])
+        E, largest, lost = in_a_row(kinds, [(E, 1.0, 1.0) for E in changes], joined)
+        return np.fmax(lost, largest / np.fmax(1.0, size_of(_whole(E))))
 
 
-STILL = 1.0, 1.0  # a tick alone: the largest product of stretches, and the largest relative to its sum
+def reach_of(E: np.ndarray) -> np.ndarray:
+    """Return the sizes of the entries of a stretch less identity, each the largest in any loop of the batch, `(n, n)`."""
+    return np.abs(_whole(E)).max(tuple(range(E.ndim - 2)))
 
 
-def grown(first, second, E: np.ndarray):
-    """Return the largest product of stretches, and the largest relative to its sum, of two stretches in a row that make E.
-
-    first, second: the matrix less identity of each, and last the same pair.
-    """
-    terms = size_of(np.abs(_whole(second[0])) @ np.abs(_whole(first[0])))
-    largest, lost = (np.maximum(one, other) for one, other in zip(first[-1], second[-1], strict=True))
-    return np.maximum(largest, terms), np.fmax(lost, terms / np.fmax(1.0, size_of(_whole(E))))
-
-
-def growth_over(E: np.ndarray, found) -> np.ndarray:
-    """Return the growth over a frame less identity, from the pair of `grown` for its stretches."""
-    largest, lost = found
-    return np.fmax(lost, largest / np.fmax(1.0, size_of(_whole(E))))
+def reach_together(first: np.ndarray, second: np.ndarray) -> float:
+    """Return the largest size that products of entries of two stretches may have in any loop, from `reach_of`; NaN: unknown."""
+    size = size_of(second @ first)
+    return float(size) if np.isfinite(size) else np.inf
 
 
 def known_frames(E: np.ndarray, growth) -> np.ndarray:

@@ -14,6 +14,7 @@ from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.response.drawn import static_port_response
 from wavesweep.analysis.response.port import NoPositionError, Port, Ports, port_of
 from wavesweep.analysis.response.resting import Resting, resting
+from wavesweep.analysis.response.resting_frame import resting_frame, shows_at_rest
 from wavesweep.analysis.spectrum import radius_of
 from wavesweep.diagram import WALL, items_of
 from wavesweep.diagram.assembly import (
@@ -26,13 +27,14 @@ from wavesweep.diagram.assembly import (
     guards_at,
     refuse_unsuitable,
     scalar_place,
+    seen_by_hand,
     tame_pair,
 )
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.lifted import Cut
-from wavesweep.lifted.number import cut_at_number
+from wavesweep.lifted.number import OpenFrame, cut_of, open_frame
 from wavesweep.lifted.open_ticks import OpenTicks, facts_of
 from wavesweep.lifted.periodic import GROWN, LOST, growth_of, ticks_of
 from wavesweep.lifted.tick_drift import TickDrift, closed, closed_frame, drift_of_drawn, filled, without_drift
@@ -108,6 +110,26 @@ def _ticks(drawing, values):
 
 def exact_cut(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], number: str) -> Cut | None:
     """The loops cut at a number that is one scalar gain of a frame; None if it is not one."""
+    found = _opened(drawing, values, own, number)
+    return found and cut_of(found.frame, found.drift)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Opened:
+    """Loops without a number that is one scalar gain of their frame, with their hand if the frame may show its force."""
+
+    drawn: Drawn
+    frame: OpenFrame
+    drift: TickDrift
+    hand: Ports | None = None
+
+    def at_rest(self) -> Resting | None:
+        """The loops as their hand feels them at rest; None without a hand, or if the frame does not tell."""
+        return self.hand and resting_frame(self.drawn, self.hand, self.frame, self.drift)
+
+
+def _opened(drawing, values, own, number, felt=False) -> _Opened | None:
+    """The loops without a number that is one scalar gain of a frame; None if it is not one. felt: whether to see their hand."""
     if isinstance(drawing, Uneven) or not scalar_place(drawing, number):
         return None
     path = f"numbers.{number}"
@@ -117,9 +139,16 @@ def exact_cut(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, 
     drift = drift_of(drawing, values, own, number, (FACTOR,))
     if drift.folded:  # its factors depend on numbers, which may be the same in all loops
         drift = drift_of(drawing, values, own, number, (FACTOR,), actual=True)
+    if drift.folded:
+        return None
     drawn = assembled(drawing, values, number)
+    hand = _ports(drawing) if felt and feels(drawing) and not seen_by_hand(drawing, number) else None
+    if hand and not shows_at_rest(drawn, hand, (FACTOR,)):
+        hand = None
     with named_loops(drawn), np.errstate(all="ignore"):
-        return cut_at_number(drawn, drift, PRODUCT, FACTOR)
+        seen = (hand.force, (hand.reaction,)) if hand else ("", ())
+        frame = open_frame(drawn, PRODUCT, (FACTOR,), *seen)
+    return frame and _Opened(drawn, frame, drift, hand)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,17 +169,18 @@ class DrawnTask:
     def records(self) -> np.ndarray:
         """The intervals as records, with the stiffness that a hand feels."""
         parts, slices = [], []
-        for members, values in self.groups:
-            parts.append(self._intervals(values, members.size))
+        opened = [_opened(self.drawing, values, self.own, self.number, felt=True) for _, values in self.groups]
+        for (members, values), open_loops in zip(self.groups, opened, strict=True):
+            parts.append(self._intervals(values, members.size, open_loops))
             slices.append(members[parts[-1].column])
         slices = np.concatenate(slices)
         order = np.argsort(slices, kind="stable")
         records = records_of(replace(Intervals.join(parts), column=slices).take(order))
         records["felt_low"] = records["felt_high"] = np.nan
-        for members, values in self.groups if feels(self.drawing) else ():
+        for (members, values), open_loops in zip(self.groups, opened, strict=True) if feels(self.drawing) else ():
             rows = np.flatnonzero(np.isin(records["slice"], members) & (records["intervals"] > 0))
             at = np.searchsorted(members, records["slice"][rows])
-            known = self._resting(values)
+            known = (open_loops and open_loops.at_rest()) or self._resting(values)
             if known is not None:
                 for name, end in zip(FELT, ("low", "high"), strict=True):
                     records[name][rows] = known.stiffness(at, records[end][rows])
@@ -163,10 +193,15 @@ class DrawnTask:
             felt_at_ends(records, rows, stiffness)
         return records
 
+    @property
+    def number(self) -> str:
+        """Name of the number in the drawing."""
+        return self.along.removeprefix("numbers.")
+
     def _resting(self, values) -> Resting | None:
         """The loops at rest, if the number is one scalar gain of them."""
-        number, values = self.along.removeprefix("numbers."), {**values, self.along: 1.0}
-        if not scalar_place(self.drawing, number):
+        number, values = self.number, {**values, self.along: 1.0}
+        if not scalar_place(self.drawing, number) or seen_by_hand(self.drawing, number):
             return None
         with suppress(IllPosedLoopError):
             drift = _watched_drift(self.drawing, values, self.own)
@@ -176,16 +211,16 @@ class DrawnTask:
 
     def _open_ticks(self, values) -> OpenTicks | None:
         """The loops without the number in their ticks, if it is one scalar gain of them."""
-        number, values = self.along.removeprefix("numbers."), {**values, self.along: 1.0}
+        number, values = self.number, {**values, self.along: 1.0}
         if scalar_place(self.drawing, number):
             with suppress(IllPosedLoopError), np.errstate(all="ignore"):
                 whole, cut_open = assembled(self.drawing, values), assembled(self.drawing, values, number)
                 return OpenTicks.of(cut_open, whole, PRODUCT, FACTOR)
         return None
 
-    def _intervals(self, values, size):
+    def _intervals(self, values, size, opened):
         refuse_unsuitable(self.drawing, values)
-        cut = exact_cut(self.drawing, values, self.own, self.along.removeprefix("numbers."))
+        cut = opened and cut_of(opened.frame, opened.drift)
         if cut is not None:
             cut = with_batch(cut, size)
             found = stable_intervals(cut, "K_VE", self.span, np.zeros((size, 1)))

@@ -2,7 +2,8 @@
 
 If nothing changes, every block holds the outputs that it would have if it ran: a state at rest is the same in all ticks,
 whichever blocks run in them. So the schedule does not matter, and no frame is needed. A loop that drifts, or that conserves a
-combination of its states, has no unique state at rest; then the result here is not known, and `static_port_response` has it.
+combination of its states, has no unique state at rest; then the result here is not known. `resting_frame` and
+`static_port_response` have it.
 """
 
 from dataclasses import dataclass
