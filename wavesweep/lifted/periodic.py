@@ -135,8 +135,9 @@ def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
 
 
 def reach_of(E: np.ndarray) -> np.ndarray:
-    """Return the sizes of the entries of a stretch less identity, each the largest in any loop of the batch, `(n, n)`."""
-    return np.abs(_whole(E)).max(tuple(range(E.ndim - 2)))
+    """Return bounds on the sizes of the entries of a stretch, each for all loops of the batch, `(n, n)`; E: less identity."""
+    over = tuple(range(E.ndim - 2))
+    return _whole(np.maximum(E.max(over), -E.min(over)) if E.dtype.kind == "f" else np.abs(E).max(over))
 
 
 def reach_together(first: np.ndarray, second: np.ndarray) -> float:
