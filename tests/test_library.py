@@ -92,12 +92,27 @@ def test_errors_can_be_caught_by_name():
         (lambda _: wavesweep.design(WISHED, checkpoint=5), "checkpoint: expected a folder, found 5"),
         (lambda _: wavesweep.design(WISHED, scheduler="tcp://there:8786"), 'expected backend = "dask"'),
         (lambda _: wavesweep.design(WISHED, hand="nope"), "hand: expected one of vertices, box, found 'nope'"),
+        (lambda spec: wavesweep.zwidth(spec, passive="no"), "passive: expected True or False, found 'no'"),
+        (lambda spec: wavesweep.stability_region(spec, "b", passive=None), "passive: expected True or False, found None"),
+        (lambda spec: wavesweep.zwidth(spec, force="no"), "force: expected True or False, found 'no'"),
+        (lambda spec: wavesweep.bode(spec, force=0), "force: expected True or False, found 0"),
+        (lambda spec: wavesweep.passivity(spec, force="no"), "force: expected True or False, found 'no'"),
+        (lambda _: wavesweep.design(WISHED, force="no"), "force: expected True or False, found 'no'"),
+        (lambda _: wavesweep.results.publish(None, ".", force="no"), "force: expected True or False, found 'no'"),
+        (lambda _: wavesweep.results.publish(None, ".", locked=1), "locked: expected True or False, found 1"),
+        (lambda _: wavesweep.results.at_work(["zwidth"], ".", wait=1).__enter__(), "wait: expected True or False, found 1"),
     ],
 )
 def test_arguments_that_mean_nothing_are_refused(call, says):
     spec = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 100}, "b": [20, 30]}}
     with pytest.raises(wavesweep.UsageError, match=re.escape(says)):
         call(spec)
+
+
+def test_a_switch_may_come_from_an_array():
+    direct = SPEC | {"controller": {"kind": "dc"}, "device": {"velocity": "difference"}}
+    assert wavesweep.zwidth(direct, passive=np.False_, jobs=1).equals(wavesweep.zwidth(direct, jobs=1))
+    assert set(wavesweep.zwidth(direct, passive=np.True_, jobs=1)["hand"]) == {"free", "port"}
 
 
 def test_a_checkpoint_may_be_named_by_a_text(tmp_path):

@@ -63,7 +63,9 @@ def zwidth(
     force, see `wavesweep.sweep.intervals`. Errors: UsageError, SpecError, WavesweepError.
     """
     from wavesweep import sweep
+    from wavesweep.analysis.given import boolean
 
+    passive = boolean("passive", passive)
     if hand_box is not None and not (isinstance(hand, str) and hand == "box"):
         raise UsageError(f'hand_box: expected hand="box" beside it, found hand={hand!r}')
     hands = None if hand == "free" and not passive else sweep.hands_of(hand, hand_box or {}, passive)

@@ -1,8 +1,10 @@
-"""Numbers as a call of the library gives them."""
+"""Numbers and switches as a call of the library gives them."""
 
 from numbers import Real
 
 import numpy as np
+
+from wavesweep.errors import UsageError
 
 
 def real_numbers(values) -> np.ndarray | None:
@@ -20,3 +22,10 @@ def real_numbers(values) -> np.ndarray | None:
         return None
     unsure = np.ma.is_masked(values) or any(isinstance(item, (bool, np.bool_)) for item in each)
     return found if found.dtype.kind in "iuf" and not unsure else None
+
+
+def boolean(name: str, value) -> bool:
+    """Return a switch of a call; UsageError for anything but True and False, such as a text, of which "no" would be true."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise UsageError(f"{name}: expected True or False, found {value!r:.60}")
+    return bool(value)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
+from wavesweep.analysis.given import boolean
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results.folder import refuse_unusable
 from wavesweep.results.placing import refuse_folders, settle
@@ -35,7 +36,7 @@ def at_work(
     called with a sentence if there is something to wait for, or if the file system has no locks.
     Raises WavesweepError if another run is at work, UsageError if the directory cannot be used.
     """
-    directory = Path(directory)
+    directory, wait = Path(directory), boolean("wait", wait)
     refuse_unusable(directory)
     made, said = make_folders(directory), []
 

@@ -9,6 +9,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from wavesweep.analysis.given import boolean
 from wavesweep.results.files import GROUP_ROWS, ParquetFile, ParquetParts, csv_header, csv_rows
 from wavesweep.results.folder import FIGURES, existing_facts, refuse_other_spec
 from wavesweep.results.lock import at_work
@@ -45,6 +46,7 @@ def publish(
     Raises UsageError if the directory holds results of another spec, WavesweepError if the columns do not fit the
     fields or a number is infinite, OSError if a file cannot be written.
     """
+    force, locked = boolean("force", force), boolean("locked", locked)
     directory, facts = Path(directory), dict(table.facts)
     fields, blocks = _opened(table)
     with nullcontext() if locked else at_work([table.kind], directory, wait=True):

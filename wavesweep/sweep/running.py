@@ -10,6 +10,7 @@ from os import PathLike
 from pathlib import Path
 from types import NoneType
 
+from wavesweep.analysis.given import boolean
 from wavesweep.errors import UsageError
 from wavesweep.sweep.checkpoint import DamagedError, MemoryCheckpoint, blocks, checkpoint_of
 from wavesweep.sweep.estimates import expected_seconds, refuse_full_disk
@@ -44,6 +45,7 @@ class Work:
             raise UsageError(f'scheduler: expected backend = "dask" beside it, found {self.backend!r}')
         if not isinstance(self.checkpoint, (str, PathLike, NoneType)):
             raise UsageError(f"checkpoint: expected a folder, found {self.checkpoint!r:.60}")
+        object.__setattr__(self, "force", boolean("force", self.force))
         object.__setattr__(self, "checkpoint", self.checkpoint and Path(self.checkpoint))
 
 
