@@ -1,6 +1,7 @@
 """`compare` puts the walls and the responses of several specs into one table each, and into one figure."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -205,9 +206,71 @@ def test_each_spec_is_measured_by_its_own_range_and_has_its_own_units(compare):
     Path("wheel.toml").write_text(f"{wheel}{wall}\n[sweep]\nK = {{ start = 2, stop = 20 }}\nB = [0.1]\n")
     code, _, err = compare("--no-plot", specs=("waves.toml", "late.toml", "wheel.toml"))
     assert code == 0
+    said = "low, high, felt_low, felt_high: N/m in waves and late, N*m/rad in wheel; each row has the unit of its spec\n"
+    assert err.startswith(said)
     lines = dict(line.split(": ", 1) for line in err.splitlines() if ": largest" in line)
     assert lines.keys() == {"waves", "late", "wheel"}
     assert "stable from" not in lines["late"] + lines["wheel"]
     assert lines["late"].startswith("largest stable K_VE: 5012.53 N/m at B_VE = 1 N*s/m; ")
     assert lines["wheel"].startswith("largest stable K: 20 N*m/rad at B = 0.1 N*m*s/rad, where the swept range ends; ")
     assert "as the hand feels it: 20 N*m/rad with K = 20 N*m/rad at B = 0.1 N*m*s/rad; " in lines["wheel"]
+
+
+RECIPES = Path(library.__file__).parents[1] / "sweeps" / "recipes"
+WALL = 'wall = { stiffness = "K", damping = "B" }'
+AXES = "[sweep]\nK = { start = 2, stop = 20 }\nB = [0.1, 0.2]\n[bode]\nB = [0.1, 0.2]\nfrequency_hz = [1, 2]\n"
+
+
+@pytest.fixture
+def both(tmp_path):
+    """A loop that turns and one that slides, whose walls have the same names and other units."""
+    for name, wall in (("wheel", WALL), ("long-delay", "")):
+        drawing = (RECIPES / f"{name}.toml").read_text().partition("[sweep]\n")[0]
+        (tmp_path / f"{name}.toml").write_text(f"{drawing}{wall}\n{AXES}")
+    return "wheel.toml", "long-delay.toml"
+
+
+def units_of(package):
+    found = json.loads(Path(package).read_text())
+    return {field["name"]: field["unit"] for field in found["resources"][0]["schema"]["fields"]}, found["wavesweep"]
+
+
+def test_a_column_whose_unit_is_another_in_each_spec_has_none_and_a_notice(compare, both):
+    code, _, err = compare("--no-plot", specs=both)
+    assert code == 0
+    dampings = "B: N*m*s/rad in wheel, N*s/m in long-delay; each row has the unit of its spec\n"
+    assert err.startswith(f"{dampings}low, high, felt_low, felt_high: N*m/rad in wheel, N/m in long-delay; each row")
+    units, facts = units_of("results/wheel+long-delay/compare.datapackage.json")
+    assert [units[name] for name in ("B", "low", "high", "felt_low", "felt_high", "low_omega")] == [""] * 5 + ["rad/s"]
+    assert facts["unlike_units"]["B"] == {"N*m*s/rad": ["wheel"], "N*s/m": ["long-delay"]}
+    units, facts = units_of("results/wheel+long-delay/compare-bode.datapackage.json")
+    assert (units["B"], facts["notices"]) == ("", [dampings.strip()])
+    assert library.bode(*both).attrs["units"]["B"] == ""
+
+
+@pytest.mark.slow
+def test_equal_units_and_a_controller_that_does_not_read_the_name_need_no_word(compare, both):
+    """`b` of a spec that does not read it is missing there, whatever its unit."""
+    Path("turned.toml").write_text(re.sub(r"\bB\b", "b", Path(both[0]).read_text()))
+    assert compare("--no-plot", specs=(both[0], "turned.toml"))[0] == 0
+    units, facts = units_of("results/wheel+turned/compare.datapackage.json")
+    assert (units["B"], units["b"], units["high"]) == ("N*m*s/rad", "N*m*s/rad", "N*m/rad")
+    assert "unlike_units" not in facts
+    for name, kind, unit in (("direct", "dc-slow", "N*m*s/rad"), ("waves", "pmw", "")):
+        Path(f"{name}.toml").write_text(f'[controller]\nkind = "{kind}"\n[bode]\nfrequency_hz = [1]\n')
+        assert library.bode("turned.toml", f"{name}.toml").attrs["units"]["b"] == unit
+
+
+@pytest.mark.slow
+def test_the_figure_names_all_units_of_an_axis(compare, both, monkeypatch):
+    from wavesweep.plots import comparison
+
+    seen = []
+    walls = comparison._walls
+    monkeypatch.setattr(comparison, "_walls", lambda axes, *more: (walls(axes, *more), seen.append(axes)))
+    for specs, units in ((both, ("N·m·s/rad or N·s/m", "N·m/rad or N/m")), (both[:1], ("N·m·s/rad", "N·m/rad"))):
+        seen.clear()
+        assert compare("--quiet", specs=specs)[0] == 0
+        found = [(axes.get_xlabel(), axes.get_ylabel()) for axes in seen]
+        titles = (r"ends of stable $K_\mathrm{VE}$", "felt there")
+        assert found == [(f"B ({units[0]})", f"{title} ({units[1]})") for title in titles]

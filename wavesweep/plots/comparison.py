@@ -8,10 +8,22 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.responses import bode
-from wavesweep.plots.style import DOUBTFUL, TWO_COLUMNS, distinct_colour, figure, label, note_assumptions, symbol
+from wavesweep.plots.style import (
+    DOUBTFUL,
+    TWO_COLUMNS,
+    distinct_colour,
+    figure,
+    label,
+    note_assumptions,
+    printed,
+    symbol,
+    with_unit,
+)
+from wavesweep.results.schema import felt_unit, unlike_units
+from wavesweep.spec.keys import KEYS
 
 Columns = Mapping[str, np.ndarray]
-_WALLS = ((("high", "low"), f"ends of stable {symbol('K_VE')} (N/m)"), (("felt_high", "felt_low"), "felt there (N/m)"))
+_WALLS = ((("high", "low"), f"ends of stable {symbol('K_VE')}"), (("felt_high", "felt_low"), "felt there"))
 _RESPONSES = (("admittance_abs", "admittance (mm/N)"), ("impedance_abs", "impedance (N/m)"))
 _MARKERS = "os^Dv<>P"
 _DASHES = ("-", (0, (5, 1.5)), (0, (3, 1, 1, 1)))
@@ -32,12 +44,12 @@ def compare(columns: Columns, facts: Mapping[str, Any], responses: Columns | Non
     height = 2.9 if responses is None else 5.2
     with figure(TWO_COLUMNS, height) as canvas:
         grid = canvas.subplots(1 if responses is None else 2, 2, squeeze=False)
-        x, places = _abscissa(columns, facts, specs)
+        title_of_x, places = _abscissa(columns, facts, specs)
+        unit = printed(unlike_units(facts).get("felt_high", (felt_unit(facts),)))
         for axes, (names, title) in zip(grid[0], _WALLS, strict=True):
             _walls(axes, columns, places, names)
-            if x is not None:
-                axes.set_xlabel(label(x, facts))
-            axes.set_ylabel(title)
+            axes.set_xlabel(title_of_x)
+            axes.set_ylabel(with_unit(title, unit))
         for axes, (name, title) in zip(grid[1] if responses is not None else (), _RESPONSES, strict=False):
             _curves(axes, responses, specs, name)
             axes.set_ylabel(title)
@@ -76,29 +88,35 @@ def _axes_of(columns: Columns) -> list[str]:
     return names[1 : names.index("along")]
 
 
-def _abscissa(columns: Columns, facts: Mapping[str, Any], specs: list[str]) -> tuple[str | None, dict[str, np.ndarray]]:
-    """The axis to draw over, None if none has several values, and where it puts the rows of each spec; NaN: it has no place.
+def _abscissa(columns: Columns, facts: Mapping[str, Any], specs: list[str]) -> tuple[str, dict[str, np.ndarray]]:
+    """The title of the axis to draw over, and where it puts the rows of each spec; NaN: it has no place.
+
+    The title is empty if no axis has several values.
 
     It is the damping of the wall, which a drawn loop calls by the name in its [ports], or else the first with several values.
     """
     several = [name for name in _axes_of(columns) if len(np.unique(columns[name][~np.isnan(columns[name])])) > 1]
     dampings = {spec: _damping(facts.get("specs", {}).get(spec, {})) for spec in specs}
-    x = next((name for name in ("B_VE", *(name for name, _ in dampings.values())) if name in several), None)
-    names = dampings if x else dict.fromkeys(specs, (next(iter(several), None), np.nan))
+    x = next((name for name in ("B_VE", *(name for name, *_ in dampings.values())) if name in several), None)
+    if x:
+        title = with_unit(symbol(x), printed(dict.fromkeys(unit for *_, unit in dampings.values())))
+    else:
+        dampings = dict.fromkeys(specs, (next(iter(several), None), np.nan, ""))
+        title = label(several[0], facts) if several else ""
     places = {}
-    for spec, (name, value) in names.items():
+    for spec, (name, value, _) in dampings.items():
         rows = columns["spec"] == spec
         found = columns[name][rows] if name in columns else np.full(rows.sum(), np.nan)
         places[spec] = np.where(np.isnan(found), value, found)
-    return x or next(iter(several), None), places
+    return title, places
 
 
-def _damping(spec: Mapping[str, Any]) -> tuple[str, float]:
-    """The number of a spec that is the damping of its wall, and its own value; NaN if there is none."""
+def _damping(spec: Mapping[str, Any]) -> tuple[str, float, str]:
+    """The number of a spec that is the damping of its wall, its own value, NaN if there is none, and its unit."""
     name = spec.get("ports", {}).get("wall", {}).get("damping")
     if name is None:
-        return "B_VE", spec.get("environment", {}).get("B_VE", np.nan)
-    return name, spec["numbers"][name]["value"]
+        return "B_VE", spec.get("environment", {}).get("B_VE", np.nan), KEYS["environment.B_VE"].unit
+    return name, spec["numbers"][name]["value"], spec["numbers"][name]["unit"]
 
 
 def _walls(axes: Any, columns: Columns, places: Mapping[str, np.ndarray], names: tuple[str, str]) -> None:

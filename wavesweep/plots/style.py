@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.results import fields
+from wavesweep.results.schema import unlike_units
 
 ONE_COLUMN = 3.5  # inches: the column of a two-column paper
 TWO_COLUMNS = 7.0
@@ -235,15 +236,25 @@ def symbol(name: str) -> str:
 
 def unit(name: str, facts: Mapping[str, Any] | None = None) -> str:
     """The unit of an axis as a paper prints it, empty if it has none; facts: see `label`."""
+    return printed([next(field.unit for field in fields("zwidth", [name], facts=facts) if field.name == name)])
+
+
+def printed(units: Iterable[str]) -> str:
+    """Units as a paper prints them, those of several specs with "or" between them; empty for a single one that is none."""
     import re
 
-    found = next(field.unit for field in fields("zwidth", [name], facts=facts) if field.name == name)
-    return "" if found == "1" else re.sub(r"\^\((.*?)\)", r"$^{\1}$", found.replace("*", "·"))
+    found = [re.sub(r"\^\((.*?)\)", r"$^{\1}$", each.replace("*", "·")) if each != "1" else "" for each in units]
+    return found[0] if len(found) == 1 else " or ".join(each or "no unit" for each in found)
 
 
 def label(name: str, facts: Mapping[str, Any] | None = None) -> str:
     """The name of an axis with its unit. facts: of a run, which describe the numbers of a drawn loop."""
-    return f"{symbol(name)} ({unit(name, facts)})" if unit(name, facts) else symbol(name)
+    return with_unit(symbol(name), printed(unlike_units(facts).get(name, ())) or unit(name, facts))
+
+
+def with_unit(text: str, found: str) -> str:
+    """The text with a printed unit behind it, if there is one."""
+    return f"{text} ({found})" if found else text
 
 
 def valued(name: str, value: float, facts: Mapping[str, Any] | None = None) -> str:

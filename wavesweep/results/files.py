@@ -135,7 +135,7 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
         raise UsageError(
             f"{package}: expected the data package of {path.name}, found one of another form ({type(error).__name__}: {error})"
         ) from error
-    known = [facts.get(name, {}) for name in ("spec", "linear_loop", "ticks")] if facts else []
+    known = [facts.get(name, {}) for name in ("spec", "linear_loop", "ticks", "unlike_units")] if facts else []
     if not all(isinstance(each, Mapping) for each in known):
         raise UsageError(f"{path}: expected the facts of a run, found damaged ones; compute the table again")
     if not facts:

@@ -219,6 +219,7 @@ def fields(
     own = numbers_of(facts)
     units = dict.fromkeys(("low", "high"), _axis(along, own).unit)
     units |= dict.fromkeys((field.name for field in _FELT), felt_unit(facts))
+    units |= dict.fromkeys(unlike_units(facts), "")
     columns = [replace(field, unit=units.get(field.name, field.unit)) for field in TABLES[kind]]
     first = [columns.pop(0)] if kind == "compare" else []  # the spec comes before the axes
     wanted = set(extra)
@@ -259,7 +260,13 @@ def numbers_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
         for axis in (name, f"numbers.{name}"):
             found.setdefault(axis, Field(axis, kind, number["unit"], number["description"]))
     rate = Field("rates.tick_hz", "number", "Hz", "common tick of the blocks")
+    found |= {name: replace(found[name], unit="") for name in unlike_units(facts) if name in found}
     return found | {rate.name: rate} if found else found
+
+
+def unlike_units(facts: Mapping[str, Any] | None) -> Mapping[str, Mapping[str, list[str]]]:
+    """Give the columns that have another unit in each spec of a run, and therefore none, with the specs of each unit."""
+    return (facts or {}).get("unlike_units", {})
 
 
 def kind_of(names: Iterable[str], stem: str) -> str:

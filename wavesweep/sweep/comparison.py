@@ -9,9 +9,9 @@ import numpy as np
 from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.grid import keys_of
 from wavesweep.sweep.interval_table import intervals
-from wavesweep.sweep.response_table import METHODS, own_value, responses
+from wavesweep.sweep.response_table import METHODS, own_value, responses, units_in
 from wavesweep.sweep.running import Progress, Work
-from wavesweep.sweep.table import Columns, Table, facts_of, joined
+from wavesweep.sweep.table import Columns, Table, facts_of, joined, with_unlike_units
 
 
 def compare(
@@ -38,7 +38,8 @@ def compare(
     axes = [axis for spec in specs for axis in sweep_axes(spec, "K_VE")[1]]
     names = list(dict.fromkeys(axis.name for axis in axes))
     columns = joined([_with_spec(spec, table.columns, names) for spec, table in zip(specs, found, strict=True)])
-    facts = _facts(specs, found, [axis.path for axis in axes])
+    units = {name: units_in([(spec, sweep_axes(spec, "K_VE")[1]) for spec in specs], name) for name in names}
+    facts = with_unlike_units(_facts(specs, found, [axis.path for axis in axes]), units | _units_of_walls(specs))
     both = responses(specs)
     forget = _forgetting(found, checkpoint)
     return [Table.of("compare", columns, facts, forget=forget), replace(both, kind="compare-bode")]
@@ -49,6 +50,11 @@ def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
     axes = {name: columns.get(name, np.full(rows, own_value(spec, name, read))) for name in names}
     rest = {name: column for name, column in columns.items() if name not in axes}
     return {"spec": np.full(rows, spec.name, dtype=object)} | axes | rest
+
+
+def _units_of_walls(specs):
+    walls = [(spec.name, spec.names.find(sweep_axes(spec, "K_VE")[0].path).unit) for spec in specs]
+    return dict.fromkeys(("low", "high", "felt_low", "felt_high"), walls)
 
 
 def _facts(specs, tables, swept):

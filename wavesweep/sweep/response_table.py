@@ -26,7 +26,7 @@ from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of, ports_of_gro
 from wavesweep.sweep.grid import keys_of, make_grid, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
 from wavesweep.sweep.running import Progress, Run, Work, in_memory, run
-from wavesweep.sweep.table import Columns, Table, facts_of
+from wavesweep.sweep.table import Columns, Table, facts_of, with_unlike_units
 
 KEPT = 200  # ticks of a frame up to which a prepared loop is remembered; it takes memory with their square
 SPARED = 1e-6  # relative error up to which a row has no doubt
@@ -95,6 +95,7 @@ def responses(
     swept = [axis.path for spec in specs for axis in spec.bode]
     methods = METHODS | ({"worst_gain": f"{METHODS['worst_gain']}, of up to {MOST_TICKS} ticks"} if drawn else {})
     facts = facts_of(list(specs), methods, counts, found.timings, notices, swept) | {"warnings": found.warnings}
+    facts = with_unlike_units(facts, {name: units_in([(spec, spec.bode) for spec in specs], name) for name in names})
     return Table("bode", partial(_blocks, found), facts, forget=found.forget)
 
 
@@ -256,6 +257,15 @@ def own_value(spec, name, read):
     if own is None or key.type == "integer":
         return np.nan if own is None else own
     return own if ("rates.ratio" if key.path == "rates.slow_hz" else key.path) in read else np.nan
+
+
+def units_in(several, name: str) -> list[tuple[str, str]]:
+    """The unit of a column of an axis in each spec that has values there; several: specs, each with its axes."""
+    return [
+        (spec.name, spec.names.find(name).unit)
+        for spec, axes in several
+        if name in {axis.name for axis in axes} or not np.isnan(own_value(spec, name, keys_of(spec)))
+    ]
 
 
 def _refuse_aliases(grid, frequency):

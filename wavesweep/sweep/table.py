@@ -89,6 +89,24 @@ def facts_of(specs, methods, slices, timings, notices=(), swept=()) -> dict:
     }
 
 
+def with_unlike_units(facts: dict, units: Mapping[str, Iterable[tuple[str, str]]]) -> dict:
+    """The facts of a table of several specs, with a notice for columns that do not have the same unit in all of them.
+
+    units: (spec, unit) pairs of each column. The fact `unlike_units` has the specs of each unit of such a column.
+    """
+    unlike, columns = {}, {}
+    for name, pairs in units.items():
+        found: dict[str, list[str]] = {}
+        for spec, unit in pairs:
+            found.setdefault(unit, []).append(spec)
+        if len(found) > 1:
+            unlike[name] = found
+            said = ", ".join(f"{unit or 'no unit'} in {' and '.join(specs)}" for unit, specs in found.items())
+            columns.setdefault(said, []).append(name)
+    said = [f"{', '.join(names)}: {units}; each row has the unit of its spec" for units, names in columns.items()]
+    return facts | ({"notices": facts["notices"] + said, "unlike_units": unlike} if unlike else {})
+
+
 def held(spec, path: str) -> str:
     """Words for an axis that is not swept."""
     own = spec.own(path)
