@@ -40,10 +40,13 @@ def test_the_package_keeps_frictionless_rules(package, columns):
             assert "unit" in field
 
 
-def test_the_facts_are_in_both_places_but_timings_only_in_the_package(package, facts, tmp_path):
-    assert package["wavesweep"] == facts
+def test_the_facts_are_in_both_places_but_what_differs_between_equal_runs_only_in_the_package(columns, facts, tmp_path):
+    of_the_run = {"timings": {"total": 0.5}, "warnings": ["a damaged file"], "spec_place": "cd" * 32}
+    publish(Table.of("zwidth", columns, facts | of_the_run), tmp_path)
+    package = json.loads((tmp_path / "zwidth.datapackage.json").read_text())
+    assert package["wavesweep"] == facts | of_the_run
     stored = json.loads(pyarrow.parquet.read_schema(tmp_path / "zwidth.parquet").metadata[b"wavesweep"])
-    assert stored == {name: fact for name, fact in facts.items() if name != "timings"}
+    assert stored == {name: fact for name, fact in facts.items() if name not in of_the_run}
 
 
 def test_every_parquet_field_has_its_unit(package, tmp_path):
