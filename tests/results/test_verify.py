@@ -128,7 +128,28 @@ def break_the_spec(folder):
     repackaged(folder, spec={"device": {"mass": -1}})
 
 
+def lose_the_numbers(folder):
+    import pyarrow.parquet
+
+    table = pyarrow.parquet.read_table(folder / "zwidth.parquet")
+    pyarrow.parquet.write_table(table.drop_columns(["interval"]), folder / "zwidth.parquet")
+
+
+def lose_the_schema(folder):
+    flip(folder)
+    package = package_of(folder)
+    del package["resources"][0]["schema"]
+    (folder / "zwidth.datapackage.json").write_text(json.dumps(package))
+
+
+def overwrite(folder):
+    (folder / "zwidth.parquet").write_bytes(b"")
+
+
 DAMAGES = {
+    lose_the_numbers: ["zwidth.csv and zwidth.parquet: columns ", "computed again, no column interval"],
+    lose_the_schema: ["zwidth.*: a table cannot be read: 'schema'"],
+    overwrite: ["zwidth.*: a table cannot be read: ", "cannot be held against new ones: "],
     flip: ["zwidth.csv: ", "in the package", "zwidth.csv and zwidth.parquet: row "],
     cut_off: ["zwidth.parquet: ", "cannot be read", "cannot be held against new ones"],
     lose: ["zwidth.csv: No such file"],
@@ -183,3 +204,35 @@ def test_of_a_table_without_a_spec_only_the_files_are_checked(facts, tmp_path):
         "the files have the bytes and hashes of the package",
         "its rows cannot be computed again from a spec",
     ]
+
+
+@pytest.mark.parametrize("name", ["ArrowNotImplementedError", "ArrowInvalid", "OSError"])
+def test_whatever_arrow_says_of_a_damaged_file_is_one_sentence(folder, monkeypatch, name):
+    """A byte of the footer decides which error it is; most of them are no ValueErrors."""
+    import pyarrow.parquet
+
+    def fail(*_, **__):
+        raise getattr(pyarrow, name, OSError)("more than 64 bits\nand more")
+
+    cut_off(folder)
+    monkeypatch.setattr(pyarrow.parquet, "read_table", fail)
+    monkeypatch.setattr(pyarrow.parquet, "ParquetFile", fail)
+    with pytest.raises(UsageError, match=r"expected a whole table, .* as one \(more than 64 bits\)$"):
+        results.read(folder / "zwidth.parquet")
+    said = verify(folder).differences
+    assert [text.partition(": ")[2].endswith("more than 64 bits)") for text in said] == [False, True, False]
+    assert said[-1].endswith("zwidth.parquet: its rows cannot be held against new ones: more than 64 bits")
+
+
+def test_a_damaged_table_with_the_names_of_specs_is_not_taken_for_a_wrong_spec(tmp_path):
+    (table,) = files_of(load(TABLES), "bode")
+    publish(table, tmp_path)
+    (tmp_path / "bode.parquet").write_bytes(b"PAR1")
+    said = verify(tmp_path).differences
+    assert said[-1].startswith(f"{tmp_path}/bode.datapackage.json: its rows cannot be computed again: ")
+
+
+def test_damaged_facts_are_a_difference(tmp_path):
+    (table,) = files_of(load(TABLES), "why")
+    publish(replace(table, facts=table.facts | {"along": ["b"]}), tmp_path)
+    assert "the spec in it makes no run" in verify(tmp_path).differences[-1]

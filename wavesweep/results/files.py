@@ -106,12 +106,19 @@ def read(path: str | Path) -> dict[str, np.ndarray]:
     try:
         table = _read_csv(path) if path.suffix == ".csv" else _read_parquet(path)
         return {name: _numpy(table.column(name)) for name in table.column_names}
-    except (ValueError, OSError) as error:  # Arrow's errors are ValueErrors as well, or OSErrors without a number
+    except unreadable() as error:
         if isinstance(error, OSError) and error.errno is not None:
             raise
         raise UsageError(
-            f"{path}: expected a whole table, found a file that cannot be read as one ({_short(error)})"
+            f"{path}: expected a whole table, found a file that cannot be read as one ({in_short(error)})"
         ) from error
+
+
+def unreadable() -> tuple[type[Exception], ...]:
+    """Give the errors with which Arrow reads a damaged file: its own, texts that are none, or OSErrors without a number."""
+    from pyarrow import ArrowException
+
+    return ArrowException, ValueError, OSError
 
 
 def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, Any]]:
@@ -146,8 +153,9 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
         raise UsageError(f"{path}: {error}") from None
 
 
-def _short(error: Exception) -> str:
-    return str(error).strip().splitlines()[0]
+def in_short(error: Exception) -> str:
+    """Give the first line of an error's text."""
+    return str(error).strip().partition("\n")[0] or type(error).__name__
 
 
 def _schema_facts(path: Path) -> dict[str, Any]:

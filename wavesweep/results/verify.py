@@ -12,7 +12,7 @@ import numpy as np
 
 from wavesweep import kernel
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.results.files import read, read_rows
+from wavesweep.results.files import in_short, read, read_rows, unreadable
 from wavesweep.results.folder import SUFFIXES
 from wavesweep.results.package import file_facts, packaged_facts
 
@@ -65,7 +65,7 @@ def _of_package(package: Path, rows: int, seed: int) -> Iterator[tuple[str, bool
         yield f"{package}: the files have the bytes and hashes of the package", False
     try:
         again = _again(package, facts)
-    except (WavesweepError, KeyError, TypeError, ValueError, AttributeError) as error:
+    except (WavesweepError, LookupError, TypeError, ValueError, AttributeError) as error:
         yield f"{package}: the spec in it makes no run: {error}", True
         return
     except OSError as error:  # of the table, which has the names of the specs
@@ -114,8 +114,8 @@ def _between(csv: Path, parquet: Path, known: Mapping[str, Any]) -> Iterator[str
         return
     try:
         one, other = read(csv), read(parquet)
-    except Exception as error:  # noqa: BLE001 - whatever the readers of damaged files raise
-        yield f"{csv.with_suffix('')}.*: a table cannot be read: {str(error).splitlines()[0]}"
+    except (WavesweepError, OSError, LookupError, TypeError, AttributeError) as error:  # the last three of the package's schema
+        yield f"{csv.with_suffix('')}.*: a table cannot be read: {in_short(error)}"
         return
     if difference := first_difference(one, other):
         yield f"{csv} and {parquet.name}: {difference}"
@@ -155,7 +155,7 @@ def _again(package: Path, facts: Mapping[str, Any]) -> _Again | None:
         return None  # of the paper, of the benchmark, or of a recorded force, whose path the package does not have
     spec = load(facts["spec"])
     spec = _named(spec.as_simulated(), _stem(package)) if kind.startswith("simulate") else spec
-    return _Again(spec.sha256, lambda: calls[kind](spec).blocks())
+    return _Again(spec.sha256, calls[kind](spec).blocks)
 
 
 def _intervals(spec: Spec, kind: str, facts: Mapping[str, Any]) -> _Again:
@@ -175,8 +175,11 @@ def _named(spec: Spec, name: str) -> Spec:
 
 
 def _stem(package: Path) -> str:
-    """The name of the spec file, which is in the rows but not in the spec."""
-    column = read_rows(package.with_name(package.name.replace(SUFFIXES[-1], ".parquet")), 0, 1).get("spec", ["spec"])
+    """The name of the spec file, which is in the rows but not in the spec. Raises OSError if these cannot be read."""
+    try:
+        column = read_rows(package.with_name(package.name.replace(SUFFIXES[-1], ".parquet")), 0, 1).get("spec", ["spec"])
+    except unreadable() as error:
+        raise OSError(in_short(error)) from error
     return str(column[0]) if len(column) else "spec"
 
 
@@ -191,8 +194,8 @@ def _rows(package: Path, facts: Mapping[str, Any], again: _Again, rows: int, see
         else:
             difference = _sampled(parquet, again, rows, seed, exact)
             extent = f"{min(rows, again.combinations)} of {again.combinations} combinations (seed {seed})"
-    except Exception as error:  # noqa: BLE001 - whatever the reader of a damaged file raises
-        yield f"{parquet}: its rows cannot be held against new ones: {str(error).splitlines()[0]}", True
+    except (WavesweepError, *unreadable()) as error:
+        yield f"{parquet}: its rows cannot be held against new ones: {in_short(error)}", True
         return
     if difference:
         yield f"{parquet}: computed again, {difference}", True
@@ -219,7 +222,10 @@ def _same_versions(facts: Mapping[str, Any]) -> bool:
 
 def _sampled(parquet: Path, again: _Again, rows: int, seed: int, exact: bool) -> str:
     """The first difference in a sample of the combinations; each begins with a row whose column `interval` is 0."""
-    starts = np.flatnonzero(read_rows(parquet, columns=["interval"])["interval"] == 0)
+    numbers = read_rows(parquet, columns=["interval"]).get("interval")
+    if numbers is None:
+        return "no column interval"
+    starts = np.flatnonzero(numbers == 0)
     if len(starts) != again.combinations:
         return f"{len(starts)} combinations and not {again.combinations}"
     picked = np.sort(np.random.default_rng(seed).choice(len(starts), min(rows, len(starts)), replace=False))
