@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import warnings
 
 import pytest
@@ -126,6 +127,25 @@ def test_a_worker_that_dies_is_an_error_and_what_is_finished_is_kept(long, long_
     assert "the same command goes on from there" in caught.value.__notes__[0]
     monkeypatch.undo()
     same(sweep.intervals(long, jobs=1, checkpoint=tmp_path / "parts").columns, long_table)
+
+
+@pytest.mark.slow
+def test_a_lock_that_is_never_given_back_does_not_keep_an_interrupted_run(monkeypatch):
+    """loky's own shutdown waits for this one for ever; the run waits ENDING, and its exception comes first."""
+    monkeypatch.setattr(workers, "ENDING", 0.1)
+    run = workers.BACKENDS["loky"](Workers(2, "loky", None, ""))
+    executor = run.__enter__().submit.__self__
+    executor.submit(len, "").result()
+    lock, manager = executor._shutdown_lock, executor._executor_manager_thread
+    lock.acquire()
+    rescue = threading.Timer(10, lock.release)  # without a bound the test fails, and does not hang
+    rescue.start()
+    assert run.__exit__(KeyboardInterrupt, KeyboardInterrupt(), None) is False
+    assert rescue.is_alive()
+    rescue.cancel()
+    lock.release()
+    manager.join(10)
+    assert not manager.is_alive()
 
 
 def test_what_fails_in_a_worker_fails_here(monkeypatch):
