@@ -176,3 +176,26 @@ def test_a_folder_that_begins_with_a_tilde_is_taken_as_it_is(run, tmp_path):
     code, _, _ = run("stability-region", "arm.toml", "--out", "~/zz")
     assert code == 0
     assert sorted(each.suffix for each in (tmp_path / "~" / "zz").iterdir()) == [".csv", ".json", ".parquet"]
+
+
+DIVIDED = """
+rates.tick_hz = 1000
+numbers = { p = 1.0, q = 0.5, k = 10.0 }
+wire = { "filter.u" = "m.x", "m.f" = "-k*filter.y + push" }
+ports.hand = { force = "push", displacement = "m.x" }
+block.m = { type = "mass", mass = 0.1, damping = 1.0 }
+block.filter = { type = "tf", num = [1], den = ["p - q", 1] }
+sweep = { k = { start = 0, stop = 100 }, p = [1.99, 3], q = { start = 1.2, stop = 3, num = 61 } }
+bode = { frequency_hz = { start = 0.1, stop = 50, num = 1000 }, p = [1.99, 3], q = { start = 1.2, stop = 3, num = 61 } }
+"""
+
+
+@pytest.mark.parametrize("command", ["stability-region", "bode", "passivity"])
+def test_two_numbers_that_make_no_loop_together_are_found_before_the_work(run, tmp_path, command):
+    """Each value makes one with the other's own; the combination without one is in the last of several chunks."""
+    (tmp_path / "divided.toml").write_text(DIVIDED)
+    said = "p = 3, q = 3 makes no loop: block.filter.den: expected a first coefficient other than 0, found 0\n"
+    code, text, results = run(command, "divided.toml")
+    assert (code, text, results.exists()) == (2, f"Error: {said}", False)
+    code, text, _ = run("check", "divided.toml")
+    assert (code, f"  {command}: not possible with this spec: {said}" in text) == (0, True)

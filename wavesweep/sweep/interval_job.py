@@ -12,7 +12,7 @@ from wavesweep.errors import UsageError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.spec import KEYS, Axis, Spec, sweep_axes
 from wavesweep.sweep.grid import Grid, groups, make_grid
-from wavesweep.sweep.job import Chunk, Job, cut_up, resolve_all
+from wavesweep.sweep.job import Chunk, Job, cut_up, resolve_all, some_loops
 from wavesweep.sweep.tasks import HAND_RECORD, RECORD, IntervalTask, Task
 
 if TYPE_CHECKING:
@@ -123,18 +123,15 @@ def _order_of_drawing(drawing, path, items, own):
     return frames(drawing, values, drift_of(drawing, values, own)).shape[-1], False
 
 
-CHECKED = 100_000  # loops whose numbers are checked before anything is computed; those of more are checked chunk by chunk
-
-
 def _job_of_drawing(grid: Grid, axis: Axis, resolved: dict) -> IntervalJob:
-    """The job of a drawn loop: its numbers are checked, and the range in which it exists is found."""
+    """The job of a drawn loop: the range in which it exists is found."""
     from wavesweep.sweep.drawn_loops import refuse_singular
 
     spec, span = grid.spec, (float(axis.start), float(axis.stop))
     refuse_singular(spec, grid.drawing)
     for end in span:
         spec.with_values({axis.path: end})
-    index = np.unique(np.linspace(0, grid.loops - 1, min(grid.loops, CHECKED)).astype(int))
+    index = some_loops(grid)
     bounds = bounds_within(spec, grid.drawing, axis, grid.loop_values(index), index.size, resolved)
     _, first = next(groups(spec, grid.loop_values(np.arange(1)), 1, resolved=resolved))
     cost, exact = cost_of(spec, grid.drawing, axis, first)

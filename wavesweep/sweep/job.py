@@ -9,10 +9,11 @@ from typing import ClassVar
 import numpy as np
 
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.sweep.grid import Grid, is_plain
+from wavesweep.sweep.grid import Grid, groups, is_plain
 from wavesweep.sweep.tasks import Task, certified_slices
 
 SECONDS = 0.3  # that a chunk should take: if it takes longer, a crash loses more; if shorter, handing it out costs more
+CHECKED = 100_000  # loops whose numbers are checked before anything is computed; those of more are checked chunk by chunk
 FEWEST, MOST = 16, 4096  # slices of a chunk; more would leave the processor's cache
 
 
@@ -144,4 +145,20 @@ def resolve_all(grid: Grid, table: str = "sweep") -> dict:
         except SpecError as error:
             named = ", ".join(f"{axis.name} = {value!r}" for axis, value in zip(axes, values, strict=True))
             raise UsageError(f"[{table}]: every combination is computed, and {named} makes no loop: {error}") from error
+    if grid.spec.drawing:
+        _refuse_unsuitable(grid, resolved)
     return resolved
+
+
+def _refuse_unsuitable(grid: Grid, resolved: dict) -> None:
+    """Raise UsageError if `some_loops` of the grid have numbers that make no loop."""
+    from wavesweep.diagram.assembly import refuse_unsuitable
+
+    index = some_loops(grid)
+    for _, values in groups(grid.spec, grid.loop_values(index), index.size, resolved):
+        refuse_unsuitable(grid.drawing, values)
+
+
+def some_loops(grid: Grid) -> np.ndarray:
+    """The numbers of all loops or, if they are very many, of CHECKED ones from the first to the last."""
+    return np.unique(np.linspace(0, grid.loops - 1, min(grid.loops, CHECKED)).astype(int))

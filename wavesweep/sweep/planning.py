@@ -112,7 +112,8 @@ def _passivity_lines(spec):
     except (SpecError, UsageError) as error:
         return [f"  passivity: not possible with this spec: {error}"]
     channels = jobs["channel"].slices if "channel" in jobs else 0
-    what = f"  passivity: hand's port of {_count(jobs['port'].slices, 'loop')}, norm of {_count(channels, 'wave channel')}"
+    norm = "" if spec.drawing else f", norm of {_count(channels, 'wave channel')}"
+    what = f"  passivity: hand's port of {_count(jobs['port'].slices, 'loop')}{norm}"
     how = "method: level sets of the frame's energy balance, without a frequency grid"
     return [f"{what}; {how}", *_long_lines(jobs.values())]
 
@@ -143,9 +144,7 @@ def _drawn_plan(spec):
             lines += _interval_lines(spec, command, along)
     if drawing.hand is None:
         return [*lines, "  bode, passivity, simulate: not possible, [ports] names no hand"]
-    grid = make_grid(spec, tuple(axis for axis in spec.sweep if axis.values))
-    port = f"  passivity: hand's port of {_count(grid.slices, 'loop')}; method: level sets of the frame's energy balance"
-    return [*lines, *_bode_lines(spec), port]
+    return [*lines, *_bode_lines(spec), *_passivity_lines(spec)]
 
 
 def _runs_lines(drawing, drawn):
