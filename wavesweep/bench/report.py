@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import platform
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
@@ -19,6 +19,7 @@ from wavesweep.bench.stiffness import COMMAND, DECOMPOSITION, LIBRARY, PART
 from wavesweep.bench.this_tool import LAPACK, profile_rows
 from wavesweep.kernel import versions
 from wavesweep.sweep import Table
+from wavesweep.sweep.table import Columns
 
 METHODS = {
     "run_time": "wall time, medians; ratios from pairs that were run in turn, in one process with one thread",
@@ -26,8 +27,6 @@ METHODS = {
 }
 GOOD = 1e-9  # the error at which run times are compared
 FLOOR = np.finfo(float).eps  # nothing is called more accurate than this
-
-Columns = Mapping[str, np.ndarray]
 
 
 def measure(*, quick: bool, progress: Callable[[int, int], None] | None = None) -> Table:

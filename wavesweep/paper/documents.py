@@ -10,8 +10,7 @@ import numpy as np
 from wavesweep.paper.readings import CHOICES
 from wavesweep.paper.specs import load_paper
 from wavesweep.paper.verdicts import VERDICTS
-
-Columns = Mapping[str, np.ndarray]
+from wavesweep.sweep.table import Columns
 
 _PREFACE = """# The paper's statements
 

@@ -18,6 +18,7 @@ from wavesweep.diagram.drawing import Diagram
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.sweep.simulation_table import seen_response
+from wavesweep.sweep.table import Columns
 
 # Ranges of normalised frequency, rad/sample, as the tick labels of the paper's figures give them.
 LOW_OF_FIGURE_2 = (0.0, 0.15)
@@ -37,8 +38,6 @@ METHODS = {
     "admittance": "least squares over the settled stretches: the sine, its images about the slow rate, a constant",
     "linear_admittance": "lifted resolvent of both rates, component at the force's own frequency",
 }
-
-Columns = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)

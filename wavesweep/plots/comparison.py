@@ -21,8 +21,8 @@ from wavesweep.plots.style import (
 )
 from wavesweep.results.schema import felt_unit, unlike_units
 from wavesweep.spec.keys import KEYS
+from wavesweep.sweep.table import Columns
 
-Columns = Mapping[str, np.ndarray]
 _WALLS = ((("high", "low"), f"ends of stable {symbol('K_VE')}"), (("felt_high", "felt_low"), "felt there"))
 _RESPONSES = (("admittance_abs", "admittance (mm/N)"), ("impedance_abs", "impedance (N/m)"))
 _MARKERS = "os^Dv<>P"

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.style import TWO_COLUMNS, distinct_colour, figure, symbol
-
-Columns = Mapping[str, np.ndarray]
+from wavesweep.sweep.table import Columns
 
 MOST = 12  # numbers of a panel that have bars
 PANELS = 8

@@ -36,6 +36,7 @@ from wavesweep.plots.style import (
     unit,
     valued,
 )
+from wavesweep.sweep.table import Columns
 
 _PANEL_HEIGHT = 2.3  # inches
 _LETTERS_PER_INCH = 16
@@ -50,8 +51,6 @@ HANDS = {
     "passive": (Look("#009E73", (0, (3, 1))), "every passive hand"),
     "port": (Look("#CC79A7", (0, (1.5, 0.8))), "passive port"),
 }
-
-Columns = Mapping[str, np.ndarray]
 
 
 def zwidth(columns: Columns, facts: Mapping[str, Any]) -> Any:

@@ -10,8 +10,7 @@ import numpy as np
 
 from wavesweep.plots.chosen import Loops
 from wavesweep.plots.style import TWO_COLUMNS, distinct_colour, family_looks, figure, fitting, label, valued
-
-Columns = Mapping[str, np.ndarray]
+from wavesweep.sweep.table import Columns
 
 _TOLERANCE = 1e-10  # of the norm: what is nearer to 1 counts as passive
 _LINEAR = 1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors

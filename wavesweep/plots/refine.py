@@ -16,13 +16,12 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.style import incomplete
+from wavesweep.sweep.table import Columns
 
 BUDGET = 1.5  # s that the further columns of a figure may take; by an estimate, so that equal tables give equal figures
 FEWEST = 64  # cells along a figure that are examined, however few values the table has; fewer if columns are dear
 DEAR, ROUND = 6e-3, 0.1  # s of a column along other numbers than the wall's, and of a batch of them for a design, at least
 KNOWN, NARROW, OPEN = "known", "narrow", "open"
-
-Columns = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,7 @@ from wavesweep.plots.style import (
     note_assumptions,
     valued,
 )
+from wavesweep.sweep.table import Columns
 
 _PANELS = (
     ("admittance_abs", "admittance (mm/N)"),
@@ -34,8 +35,6 @@ _NEAR_ZERO = 0.3  # of the largest: an axis whose values come that close to 0 be
 _MOST_CURVES = 12  # that a legend can tell apart; more have a scale of colours
 _MARKS = "osv^D<>p"
 _GRID = {"visible": True, "color": "0.88", "linewidth": 0.5}
-
-Columns = Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.style import DOUBTFUL, IDEAL, LINES, TWO_COLUMNS, distinct_colour, figure, note_assumptions
+from wavesweep.sweep.table import Columns
 
 _MOST_POINTS = 1600  # of a line: more than it has pixels along
 _DETAIL_FRAMES = 40
 _DETAIL_TICKS = 800  # at least, of a drawn loop
-
-Columns = Mapping[str, np.ndarray]
 
 
 def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:

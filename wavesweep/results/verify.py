@@ -15,12 +15,12 @@ from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results.files import in_short, read, read_rows, unreadable
 from wavesweep.results.folder import SUFFIXES
 from wavesweep.results.package import file_facts, packaged_facts
+from wavesweep.sweep.table import Columns
 
 if TYPE_CHECKING:
     from wavesweep.spec import Spec
     from wavesweep.sweep import Table
 
-Columns = Mapping[str, np.ndarray]
 ROWS = 20
 SEED = 0
 CLOSE = 1e-9  # relative difference that counts as none if the versions of this program, of numpy or of another kernel differ
