@@ -102,7 +102,7 @@ class Loop:
         """Largest eigenvalue modulus per frame of `ratio` ticks, without drift, over the product of the axes given.
 
         axes: see `Loop`. The array has one dimension per axis that is a list, in the order given. If the radius is below 1,
-        the loop is stable. It is infinite after overflow, and NaN if rounding could move it by more than a thousandth.
+        the loop is stable. It is infinite after overflow, and NaN if rounding could move it by a thousandth of itself or of 1.
         """
         from wavesweep.sweep.tasks import radius_over
 

@@ -841,3 +841,52 @@ def test_reciprocal_eigenvalues_of_very_different_sizes_cross_nothing(every, slo
     for end in (end for row in table.itertuples() if row.intervals for end in (row.low, row.high)):
         below, above = loop.spectral_radius(K=end * np.array([1 - 1e-8, 1 + 1e-8]))
         assert (below - 1) * (above - 1) < 0
+
+
+@pytest.mark.parametrize(("every", "most"), [(1, 200.0), (5, 40.0)])
+def test_a_gain_on_an_integrator_alone(every, most):
+    """The only state drifts without the gain: 0 < K < 2/h."""
+    blocks = {"p": {"type": "integrator"}} | ({"h": {"type": "hold", "every": every, "phase": every - 1}} if every > 1 else {})
+    wires = {"p.u": "-K*h.y", "h.u": "p.y"} if every > 1 else {"p.u": "-K*p.y"}
+    loop = wavesweep.compile({"rates": {"tick_hz": 100}, "numbers": {"K": 0.2}, "block": blocks, "wire": wires})
+    np.testing.assert_allclose(ends(loop.stable_intervals("K", (0, 500))), [[0, most]], rtol=1e-12)
+    assert loop.sensitivity("K", (0, 500)).certified.all()
+
+
+def test_a_loop_of_a_batch_whose_only_state_drifts():
+    """Where a is 0, one of two paths is gone, and with it all but the integrator."""
+    blocks = {"p": {"type": "integrator"}, "one": {"type": "hold", "every": 12}, "two": {"type": "hold", "every": 4}}
+    wires = {"one.u": "p.y", "two.u": "p.y", "p.u": "-K/(1+a)*one.y - L*a*two.y"}
+    tables = {"rates": {"tick_hz": 1000}, "numbers": {"K": 0.1, "a": 1.0, "L": 0.1}, "block": blocks, "wire": wires}
+    table = wavesweep.compile(tables).stable_intervals("K", (1, 3000), a=[0.0, 2.4])
+    np.testing.assert_allclose(ends(table)[0], [1, 2000 / 12], rtol=1e-9)
+    assert len(table) == 2
+
+
+def test_a_slice_does_not_depend_on_how_others_round():
+    """The gain is in front of a sum that a slower rate holds: that it is held does not depend on the last bits of any slice."""
+    blocks = {"p": {"type": "tf", "num": [1], "den": ["0.09*s", 1]}}
+    blocks["f"] = {"type": "tf", "num": [0.3, 0.1], "den": [1, -0.6], "discrete": True, "every": 10}
+    tables = {"rates": {"tick_hz": 1000}, "numbers": {"K": 0.1, "a": 1.0, "s": 1.0}, "block": blocks}
+    loop = wavesweep.compile(tables | {"wire": {"f.u": "p.y", "p.u": "-a*K*f.y"}})
+    values = np.linspace(0.2, 3, 40)
+    batch = loop.stable_intervals("a", (-50, 500), s=values)
+    alone = [loop.stable_intervals("a", (-50, 500), s=value) for value in values[:12]]
+    names = ["low", "high", "low_omega", "high_omega", "residual"]
+    np.testing.assert_array_equal([each[names].to_numpy()[0] for each in alone], batch[names].to_numpy()[:12])
+
+
+@pytest.mark.parametrize(
+    ("block", "gain", "radii"),
+    [
+        ({"type": "gain"}, 0.3, 0.0),
+        ({"type": "delay", "steps": 3}, 0.0, 0.0),
+        ({"type": "delay", "steps": 3}, 0.001, 0.1),
+        ({"type": "integrator"}, 10.0, 0.0),
+        ({"type": "integrator"}, 9.9, 0.01),
+    ],
+)
+def test_the_radius_of_a_loop_that_forgets_is_known(block, gain, radii):
+    wire = {"p.u": "-K*p.y"}
+    loop = wavesweep.compile({"rates": {"tick_hz": 10}, "numbers": {"K": gain}, "block": {"p": block}, "wire": wire})
+    assert loop.spectral_radius() == pytest.approx(radii, rel=1e-9, abs=1e-12)

@@ -8,7 +8,7 @@ from wavesweep.lifted.circle import on_circle
 ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
 BACKWARD = 16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
 NEIGHBOURHOOD = 1e-3  # from the circle, where two eigenvalues may lose most of their digits when they nearly meet
-TELLING = 1e-3  # of a spectral radius, how far it may be off
+TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
 MEETING = 4  # number of the nearest ones that are examined
 BALANCING = 3  # sweeps
 
@@ -39,10 +39,11 @@ def slowest(delta):
 
 
 def radius_of(E) -> np.ndarray:
-    """Return the spectral radius of `I + E`; infinite if E is not finite, NaN if rounding could move it by a thousandth.
+    """Return the spectral radius of `I + E`; infinite if E is not finite, NaN if rounding could move it by a
+    thousandth of itself or of 1.
 
     Only eigenvalues that nearly meet are so uncertain. Then the radius counts as known if no rounding of E makes one that is
-    larger by a thousandth, by the smallest singular value there at the angle of each of them (see `count_outside`).
+    that much larger, by the smallest singular value there at the angle of each of them (see `count_outside`).
     """
     delta, finite = eigenvalues(E)
     return np.where(finite, _known(E, np.abs(1 + delta).max(-1, initial=0.0), delta), np.inf)
@@ -51,7 +52,7 @@ def radius_of(E) -> np.ndarray:
 def _known(E, radius, delta):
     """The radius where it is known, else NaN."""
     n = E.shape[-1]
-    size, least = np.abs(E).max((-1, -2), initial=0), TELLING * radius
+    size, least = np.abs(E).max((-1, -2), initial=0), TELLING * np.maximum(radius, 1)
     with np.errstate(invalid="ignore"):  # a matrix that is not finite
         doubtful = np.flatnonzero(size * (ROUNDINGS * np.finfo(float).eps) ** (1 / max(n, 1)) > least)
     if n < 2 or not doubtful.size:
@@ -63,7 +64,7 @@ def _known(E, radius, delta):
     found, doubtful = np.array(radius).ravel(), doubtful[met]
     if met.any():
         balanced, _ = balance(E[met])
-        further = (1 + TELLING) * found[doubtful, None] * np.exp(1j * np.angle(1 + delta[met]))
+        further = (found[doubtful, None] + least[met, None]) * np.exp(1j * np.angle(1 + delta[met]))
         lost = _nearest(balanced, further - 1) <= BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2))
         found[doubtful[lost]] = np.nan
     return found.reshape(np.shape(radius))

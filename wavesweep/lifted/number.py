@@ -83,8 +83,8 @@ def cut_of(frame: OpenFrame, drift: TickDrift, read: int = 1) -> Cut | None:
     if drift.folded or (read > 1 and np.any(shown_of_leads(c[..., 1:, :], drift))):
         return None
     cut = _cut(frame.E, frame.B[..., :1], c, d, drift, frame.period, frame.condition)
-    # Without states there is no mode that could cross: only the solution of the loop of direct terms decides.
-    return replace(cut, growth=frame.growth) if cut is not None and cut.order else None
+    # Without states beside what drifts, the loop of direct terms decides alone, or a polynomial of order 1.
+    return replace(cut, growth=frame.growth) if cut is not None and cut.states else None
 
 
 def _showing(ticks, count):
@@ -112,13 +112,18 @@ def _changing(ticks):
         shown = still.C
         held = [shown @ each.E for each in ticks.maps]
         follows = [
-            np.array_equal(*np.broadcast_arrays(shown + step, each.C))
-            and np.array_equal(*np.broadcast_arrays(shown @ each.B, each.D))
+            _alike(shown + step, each.C, np.abs(shown) + np.abs(shown) @ np.abs(each.E))
+            and _alike(shown @ each.B, each.D, np.abs(shown) @ np.abs(each.B))
             for step, each in zip(held, ticks.maps, strict=True)
         ]
         if not np.any(still.D) and all(follows):
             return [kind for kind, step in enumerate(held) if np.any(step) or np.any(ticks.maps[kind].D)]
     return []
+
+
+def _alike(one, other, size):
+    """Whether sums of the same terms in another order are equal but for rounding, in all loops; size: of their terms."""
+    return bool((np.abs(one - other) <= ROUNDING * size).all())
 
 
 def _with_inputs(ticks, inputs, held):
