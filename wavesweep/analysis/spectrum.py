@@ -51,23 +51,35 @@ def radius_of(E) -> np.ndarray:
 
 def _known(E, radius, delta):
     """The radius where it is known, else NaN."""
-    n = E.shape[-1]
-    size, least = np.abs(E).max((-1, -2), initial=0), TELLING * np.maximum(radius, 1)
-    with np.errstate(invalid="ignore"):  # a matrix that is not finite
-        doubtful = np.flatnonzero(size * (ROUNDINGS * np.finfo(float).eps) ** (1 / max(n, 1)) > least)
-    if n < 2 or not doubtful.size:
+    n, found = E.shape[-1], np.array(radius).ravel()
+    E, delta = E.reshape(-1, n, n), delta.reshape(-1, n)
+    some = np.flatnonzero(_outgrows(delta, np.abs(E).max((-1, -2), initial=0), found).any(-1))
+    if not some.size:
         return radius
-    E, delta, least = E.reshape(-1, n, n)[doubtful], delta.reshape(-1, n)[doubtful], least.ravel()[doubtful]
-    apart = np.sort(np.abs(delta[:, None, :] - delta[:, :, None]), axis=-1)[..., 1:]
-    move = size.ravel()[doubtful, None, None] * (ROUNDINGS * np.finfo(float).eps) ** (1 / np.arange(2, n + 1))
-    met = ((apart <= 2 * move) & (move > least[:, None, None])).any((-1, -2))
-    found, doubtful = np.array(radius).ravel(), doubtful[met]
-    if met.any():
-        balanced, _ = balance(E[met])
-        further = (found[doubtful, None] + least[met, None]) * np.exp(1j * np.angle(1 + delta[met]))
-        lost = _nearest(balanced, further - 1) <= BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2))
-        found[doubtful[lost]] = np.nan
+    E, delta = balance(E[some])[0], delta[some]  # whose entries are often much smaller
+    size = np.abs(E).max((-1, -2))
+    which, eigenvalue = np.nonzero(_outgrows(delta, size, found[some]))
+    further = found[some[which]] + TELLING * np.maximum(found[some[which]], 1)
+    points = further * np.exp(1j * np.angle(1 + delta[which, eigenvalue])) - 1
+    lost = _nearest(E[which], points[:, None]) <= BACKWARD * np.finfo(float).eps * size[which]
+    found[some[which[lost]]] = np.nan
     return found.reshape(np.shape(radius))
+
+
+def _outgrows(delta, size, radius):
+    """Whether rounding might move an eigenvalue beyond the radius by more than it may be off, `(matrices, n)`.
+
+    delta: eigenvalues less 1, `(matrices, n)`; size: of the largest entry. If m of them are as near to one of them as a
+    relative rounding of e may move it, by the size times e^(1/m), it may move so far, as it does for a Jordan block.
+    """
+    n = delta.shape[-1]
+    move = np.asarray(size)[:, None, None] * (ROUNDINGS * np.finfo(float).eps) ** (1 / np.arange(2, n + 1))
+    beyond = np.abs(1 + delta) - (radius + TELLING * np.maximum(radius, 1))[:, None]
+    with np.errstate(invalid="ignore"):  # a matrix that is not finite
+        if not (beyond + move.max(-1, initial=0.0) > 0).any():
+            return np.zeros(delta.shape, bool)
+        apart = np.sort(np.abs(delta[:, None, :] - delta[:, :, None]), axis=-1)[..., 1:]
+        return ((apart <= 2 * move) & (beyond[..., None] + move > 0)).any(-1)
 
 
 def is_stable(E) -> np.ndarray:
