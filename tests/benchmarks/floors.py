@@ -24,7 +24,7 @@ import wavesweep
 from wavesweep.bench import rivals, this_tool
 from wavesweep.bench.problems import PROBLEMS, bundles
 from wavesweep.library import frame
-from wavesweep.sweep import drawn_loops, tasks
+from wavesweep.sweep import drawn_task, tasks
 
 STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
 
@@ -77,7 +77,7 @@ def frames():
 
         return find(counted, *given, **options)
 
-    for module in (tasks, drawn_loops):
+    for module in (tasks, drawn_task):
         module.stable_along_any = partial(timed, module.stable_along_any)
     print("| loop | along | over | ms a slice | frames a slice | their time (ms) |")
     print("| --- | --- | --- | --- | --- | --- |")

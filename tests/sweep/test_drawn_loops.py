@@ -18,7 +18,7 @@ from wavesweep.errors import SpecError, UsageError
 from wavesweep.spec import load, sweep_axes
 from wavesweep.sweep.checkpoint import blocks as rows_of
 from wavesweep.sweep.checkpoint import checkpoint_of
-from wavesweep.sweep.drawn_loops import exact_cut
+from wavesweep.sweep.drawn_task import exact_cut
 from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.interval_job import job_of, job_over
 from wavesweep.sweep.job import cut_otherwise

@@ -75,7 +75,7 @@ def task_over(spec: Spec, drawing, axis: Axis, bounds, parts, walls: dict, cut: 
     span = (float(axis.start), float(axis.stop))
     if drawing is None:
         return IntervalTask(axis.path, span, bounds, tuple(parts), walls, cut)
-    from wavesweep.sweep.drawn_loops import DrawnTask
+    from wavesweep.sweep.drawn_task import DrawnTask
 
     return DrawnTask(drawing, axis.path, span, bounds, tuple(parts), dict(spec.values))
 
@@ -114,7 +114,8 @@ def _order(_, items):
 @lru_cache(maxsize=64)
 def _order_of_drawing(drawing, path, items, own):
     """States of a loop, and whether the number is one scalar gain of its frame."""
-    from wavesweep.sweep.drawn_loops import drift_of, exact_cut, frames
+    from wavesweep.sweep.drawn_loops import drift_of, frames
+    from wavesweep.sweep.drawn_task import exact_cut
 
     values, own = ({path: np.array(v) if isinstance(v, tuple) else v for path, v in some} for some in (items, own))
     cut = exact_cut(drawing, values, own, path.removeprefix("numbers."))

@@ -9,7 +9,8 @@ from wavesweep.diagram.uneven import steps_of
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import Spec
-from wavesweep.sweep.drawn_loops import drift_of, exact_cut, refuse_singular
+from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
+from wavesweep.sweep.drawn_task import exact_cut
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds
 from wavesweep.sweep.grid import loop_of, make_grid
 from wavesweep.sweep.interval_job import job_of

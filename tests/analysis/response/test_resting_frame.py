@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.sweep import drawn_loops
+from wavesweep.sweep import drawn_task
 
 TABLES = {
     "rates": {"tick_hz": 1000},
@@ -67,8 +67,8 @@ def test_what_is_felt_at_an_end_is_the_response_at_0_hz(drawn, seed, monkeypatch
     tables = TABLES | {"block": {"device": DEVICE, **blocks}}
     device = "hand - (" + force + ")" if drawn is not wave_line else " - ".join(["hand", *force.split(" + ")])
     loop = wavesweep.compile(tables | {"wire": {**wires, "device.f": device}, "ports": _ports(force)})
-    used, asked = [], drawn_loops.resting_frame
-    monkeypatch.setattr(drawn_loops, "resting_frame", lambda *given: used.append(asked(*given)) or used[-1])
+    used, asked = [], drawn_task.resting_frame
+    monkeypatch.setattr(drawn_task, "resting_frame", lambda *given: used.append(asked(*given)) or used[-1])
     waves = [10.0, 25.0, 60.0]
     table = loop.stable_intervals("K", b=waves)
     assert [each is not None for each in used] == [True]
@@ -93,7 +93,7 @@ def test_a_loop_that_nothing_holds_is_not_told_by_its_frame():
     blocks = {"device": DEVICE, "h": {"type": "hold", "every": 10}, "wall": {"type": "gain", "k": "K"}}
     wires = {"h.u": "device.v", "wall.u": "h.y", "device.f": "hand - wall.y - B*device.v - b*device.v"}
     loop = wavesweep.compile(TABLES | {"block": blocks, "wire": wires, "ports": _ports("wall.y")})
-    opened = drawn_loops._opened(loop.spec.drawing, dict(loop.spec.values), dict(loop.spec.values), "K", felt=True)
+    opened = drawn_task.open_loops(loop.spec.drawing, dict(loop.spec.values), dict(loop.spec.values), "K", felt=True)
     assert np.isnan(opened.at_rest().stiffness(np.zeros(3, int), np.array([0.0, 1.0, 20.0]))).all()
     assert loop.stable_intervals("K", (0, 100)).felt_high.tolist() == [0.0]
 
@@ -108,7 +108,7 @@ def test_a_number_that_the_port_reads_too_is_one_gain_of_the_frame():
         }
         loop = wavesweep.compile(TABLES | {"block": blocks | more, "wire": wires, "ports": _ports(force)})
         values = dict(loop.spec.values)
-        assert drawn_loops.exact_cut(loop.spec.drawing, values, values, "K") is not None
+        assert drawn_task.exact_cut(loop.spec.drawing, values, values, "K") is not None
         found.append(loop.stable_intervals("K", b=[5.0, 10.0]))
     names = ["low", "high", "felt_low", "felt_high"]
     np.testing.assert_allclose(*(table[names] for table in found), rtol=1e-9)

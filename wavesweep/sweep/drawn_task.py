@@ -1,0 +1,238 @@
+"""Stable intervals of loops that a spec draws, along any of their numbers, a batch at a time."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from math import prod
+
+import numpy as np
+
+from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING
+from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
+from wavesweep.analysis.intervals.frames import Frames
+from wavesweep.analysis.response.port import Ports
+from wavesweep.analysis.response.resting import Resting, resting
+from wavesweep.analysis.response.resting_frame import resting_frame, shows_at_rest
+from wavesweep.diagram import WALL
+from wavesweep.diagram.assembly import FACTOR, PRODUCT, assembled, guards_at, refuse_unsuitable, scalar_place, seen_by_hand
+from wavesweep.diagram.drawn import Drawn
+from wavesweep.diagram.uneven import Uneven
+from wavesweep.errors import IllPosedLoopError
+from wavesweep.lifted import Cut
+from wavesweep.lifted.number import OpenFrame, cut_of, open_frame
+from wavesweep.lifted.open_ticks import OpenTicks, facts_of
+from wavesweep.lifted.periodic import GROWN, LOST, growth_of, ticks_of
+from wavesweep.lifted.tick_drift import TickDrift, closed, filled, without_drift
+from wavesweep.spec.drawing import Drawing
+from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
+from wavesweep.sweep.grid import selected
+from wavesweep.sweep.tasks import FELT, TINY, felt_at_ends, records_of, with_batch
+
+
+def exact_cut(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], number: str) -> Cut | None:
+    """The loops cut at a number that is one scalar gain of a frame; None if it is not one."""
+    found = open_loops(drawing, values, own, number)
+    return found and cut_of(found.frame, found.drift)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OpenLoops:
+    """Loops without a number that is one scalar gain of their frame, with their hand if the frame may show its force."""
+
+    drawn: Drawn
+    frame: OpenFrame
+    drift: TickDrift
+    hand: Ports | None = None
+
+    def at_rest(self) -> Resting | None:
+        """The loops as their hand feels them at rest; None without a hand, or if the frame does not tell."""
+        return self.hand and resting_frame(self.drawn, self.hand, self.frame, self.drift)
+
+
+def open_loops(
+    drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], number: str, *, felt: bool = False
+) -> OpenLoops | None:
+    """The loops without a number that is one scalar gain of a frame; None if it is not one. felt: whether to see their hand."""
+    if isinstance(drawing, Uneven) or not scalar_place(drawing, number):
+        return None
+    path = f"numbers.{number}"
+    values, own = {**values, path: 1.0}, {**own, path: 1.0}
+    if drift_of(drawing, values, own).folded:  # a conserved combination, which the cut loop would take for a crossing
+        return None
+    drift = drift_of(drawing, values, own, number, (FACTOR,))
+    if drift.folded:  # its factors depend on numbers, which may be the same in all loops
+        drift = drift_of(drawing, values, own, number, (FACTOR,), actual=True)
+    if drift.folded:
+        return None
+    drawn = assembled(drawing, values, number)
+    hand = hand_of(drawing) if felt and feels(drawing) and not seen_by_hand(drawing, number) else None
+    if hand and not shows_at_rest(drawn, hand, (FACTOR,)):
+        hand = None
+    with named_loops(drawn), np.errstate(all="ignore"):
+        seen = (hand.force, (hand.reaction,)) if hand else ("", ())
+        frame = open_frame(drawn, PRODUCT, (FACTOR,), *seen)
+    return frame and OpenLoops(drawn, frame, drift, hand)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DrawnTask:
+    """Stable intervals of drawn loops along the number `along` within span = (low, high).
+
+    groups: see `IntervalTask`. own: the spec's values. bounds: the loop exists between these values of the number. If this
+    is one scalar gain of a frame, it is cut out; otherwise its intervals are found by panels.
+    """
+
+    drawing: Drawing
+    along: str
+    span: tuple[float, float]
+    bounds: tuple[float, float]
+    groups: Groups
+    own: Mapping[str, float]
+
+    def records(self) -> np.ndarray:
+        """The intervals as records, with the stiffness that a hand feels."""
+        parts, slices = [], []
+        for _, values in self.groups:
+            refuse_unsuitable(self.drawing, values)
+        opened = [open_loops(self.drawing, values, self.own, self.number, felt=True) for _, values in self.groups]
+        for (members, values), each in zip(self.groups, opened, strict=True):
+            parts.append(self._intervals(values, members.size, each))
+            slices.append(members[parts[-1].column])
+        slices = np.concatenate(slices)
+        order = np.argsort(slices, kind="stable")
+        records = records_of(replace(Intervals.join(parts), column=slices).take(order))
+        records["felt_low"] = records["felt_high"] = np.nan
+        for (members, values), each in zip(self.groups, opened, strict=True) if feels(self.drawing) else ():
+            rows = np.flatnonzero(np.isin(records["slice"], members) & (records["intervals"] > 0))
+            at = np.searchsorted(members, records["slice"][rows])
+            known = (each and each.at_rest()) or self._resting(values)
+            if known is not None:
+                for name, end in zip(FELT, ("low", "high"), strict=True):
+                    records[name][rows] = known.stiffness(at, records[end][rows])
+                unknown = np.flatnonzero(np.isnan([records[name][rows] for name in FELT]).any(0))
+                rows, at = rows[unknown], at[unknown]
+
+            def stiffness(some, p, values=values, at=at):
+                return felt_of(self.drawing, selected(values, at[some]) | {self.along: p}, self.own, p.size)
+
+            felt_at_ends(records, rows, stiffness)
+        return records
+
+    @property
+    def number(self) -> str:
+        """Name of the number in the drawing."""
+        return self.along.removeprefix("numbers.")
+
+    def _resting(self, values) -> Resting | None:
+        """The loops at rest, if the number is one scalar gain of them."""
+        number, values = self.number, {**values, self.along: 1.0}
+        if not scalar_place(self.drawing, number) or seen_by_hand(self.drawing, number):
+            return None
+        with suppress(IllPosedLoopError):
+            drift = watched_drift(self.drawing, values, self.own)
+            if not (drift.moved or drift.folded):
+                return resting(assembled(self.drawing, values, number), hand_of(self.drawing), PRODUCT, FACTOR)
+        return None
+
+    def _open_ticks(self, values) -> OpenTicks | None:
+        """The loops without the number in their ticks, if it is one scalar gain of them."""
+        number, values = self.number, {**values, self.along: 1.0}
+        if scalar_place(self.drawing, number):
+            with suppress(IllPosedLoopError), np.errstate(all="ignore"):
+                whole, cut_open = assembled(self.drawing, values), assembled(self.drawing, values, number)
+                return OpenTicks.of(cut_open, whole, PRODUCT, FACTOR)
+        return None
+
+    def _intervals(self, values, size, opened):
+        cut = opened and cut_of(opened.frame, opened.drift)
+        if cut is not None:
+            cut = with_batch(cut, size)
+            found = stable_intervals(cut, "K_VE", self.span, np.zeros((size, 1)))
+            return _doubted(found, cut.growth[found.column])
+        drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
+        loops = _Along(self.drawing, self.along, values, drift, self._open_ticks(values))
+        drawn = assembled(self.drawing, values)
+        period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
+        bent = isinstance(self.drawing, Uneven) and self.along in WALL and self.span[0] >= 0
+        found = stable_along_any(loops.frames, self.span, size, period, self.bounds, bent)
+        low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), self.span, strict=True))
+        growth = loops.growth(found.column[:, None], np.stack([low, low / 2 + high / 2, high], axis=-1))
+        return _doubted(found, growth.max(-1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Along:
+    """Loops of a batch at values p of the number `along`, `number` being those of the loops in the batch.
+
+    open_ticks: the loops without the number in their ticks, if it is one scalar gain of them.
+    """
+
+    drawing: Drawing | Uneven
+    along: str
+    values: Mapping[str, object]
+    drift: TickDrift
+    open_ticks: OpenTicks | None
+
+    def frames(self, number, p) -> Frames:
+        """The frames, number and p being broadcast together; NaN for loops of direct terms without a solution."""
+        p = np.where(p == 0, TINY, p)
+        varied, shape = self._varied(number, p), p.shape
+        if self.open_ticks is None:
+            found = _where_solvable(self.drawing, varied, self.drift, shape)
+        else:
+            E, *facts = self.open_ticks.frames(number, p)
+            found = _frames(filled(without_drift(E, self.drift)), facts, shape)
+        divisors = guards_at(self.drawing, varied, self.along, shape)
+        return replace(found, pivots=np.concatenate([found.pivots, divisors.reshape(p.size, -1)], axis=-1))
+
+    def growth(self, number, p) -> np.ndarray:
+        """The growth over a frame (see `growth_of`); 1 for loops of direct terms without a solution."""
+        p = np.where(p == 0, TINY, p)
+        try:
+            ticks = self.open_ticks.closed(number, p) if self.open_ticks else _ticks(self.drawing, self._varied(number, p))
+        except IllPosedLoopError:
+            if p.size == 1:
+                return np.ones(p.shape)
+            each = zip(*(part.reshape(-1, 1) for part in np.broadcast_arrays(number, p)), strict=True)
+            return np.reshape([self.growth(*one) for one in each], p.shape)
+        return np.broadcast_to(growth_of(ticks.kind, [each.E for each in ticks.maps]), p.shape)
+
+    def _varied(self, number, p):
+        return selected(self.values, number) | {self.along: p}
+
+
+def _doubted(found, growth):
+    """Intervals in doubt where stretches of ticks grow beyond the frame that they make; growth: of each, see `growth_of`."""
+    worst = np.zeros(found.column.max(initial=-1) + 1, int)
+    np.maximum.at(worst, found.column, np.select([growth > LOST, growth > GROWN], [OVERFLOW, ROUNDING], NONE))
+    return replace(found, doubt=np.maximum(found.doubt, worst[found.column]))
+
+
+def _frames(E, facts, shape):
+    """Frames of a batch of that shape, which E, pivots and conditions broadcast to, one after the other."""
+    size, (pivot, condition) = prod(shape), facts
+    whole = zip((E, np.asarray(pivot)[..., None], condition), (E.shape[-2:], (1,), ()), strict=True)
+    return Frames(*(np.broadcast_to(part, (*shape, *tail)).reshape(size, *tail) for part, tail in whole))
+
+
+def _ticks(drawing, values):
+    drawn = assembled(drawing, values)
+    with named_loops(drawn), np.errstate(all="ignore"):
+        return ticks_of(drawn, alone=True)
+
+
+def _where_solvable(drawing, values, drift, shape):
+    """The frames of a batch of that shape, which the values broadcast to, one after the other; NaN for loops of direct terms
+    without a solution, which a search may come across."""
+    size = prod(shape)
+    try:
+        ticks = _ticks(drawing, values)
+        with np.errstate(all="ignore"):
+            return _frames(closed(ticks, drift), facts_of(ticks.maps), shape)
+    except IllPosedLoopError:
+        if size == 1:
+            order = max(2, len(drift.kept))
+            return Frames(np.full((1, order, order), np.nan), np.zeros((1, 1)), np.full(1, np.inf))
+    values = {path: np.broadcast_to(v, shape).ravel() if np.ndim(v) else v for path, v in values.items()}
+    parts = [slice(size // 2), slice(size // 2, size)]
+    return Frames.join([_where_solvable(drawing, selected(values, part), drift, (len(range(size)[part]),)) for part in parts])
