@@ -312,10 +312,14 @@ def test_a_position_that_direct_terms_make_is_a_mistake_at_its_place():
 
 
 def test_a_range_without_a_loop_in_it_is_refused():
-    loop = compiled(PD, ("kd*m.v", "kd/(1 - kp/50)*m.v"))
-    with pytest.raises(UsageError, match=r"between 0 and 90 there is a value without a loop, since wire\.m\.f divides by zero"):
-        loop.stable_intervals("kp", (0, 90))
-    assert loop.stable_intervals("kp", (0, 40)).certified.all()
+    refused = r"between 0 and 90 there is a value without a loop, since wire\.m\.f divides by zero"
+    for divisor in ("(1 - kp/50)", "(1 - kp/50)**2", "(kp/50*(kp/50 - 2) + 1)"):  # the others keep their sign
+        loop = compiled(PD, ("kd*m.v", f"kd/{divisor}*m.v"))
+        with pytest.raises(UsageError, match=refused):
+            loop.stable_intervals("kp", (0, 90), kd=[1.0, 2.0])
+        assert loop.stable_intervals("kp", (0, 40)).certified.all()
+    loop = compiled(PD, ("kd*m.v", "kd/((1 - kp/50)**2 + m/1e6)*m.v"))
+    assert len(loop.stable_intervals("kp", (0, 90), m=[0.1, 0.3])) >= 2
 
 
 def test_a_structural_number_is_no_axis_of_intervals():

@@ -245,7 +245,8 @@ def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
     for key, guard, read in _guards_of(drawing, name):
         known = _different({each: value for each, value in scalars({**values, path: 0.0}).items() if each in read})
 
-        if not _keeps_sign(guard, known, name, np.linspace(low, high, 401)).all():
+        within = np.linspace(low, high, 401)
+        if not _keeps_sign(guard, known, name, within).all() or _touches_zero(guard, known, name, within):
             raise UsageError(
                 f"intervals along {name}: between {low:g} and {high:g} there is a value without a loop, since {key} divides by "
                 "zero, takes a root of a negative number or leaves its range"
@@ -274,6 +275,26 @@ def _keeps_sign(guard, known, name, points):
     with np.errstate(all="ignore"):
         sign = np.sign(_at(guard, {**known, name: points})).reshape(-1, points.size)
     return (sign == sign[:, :1]) & (sign != 0) & np.isfinite(sign)
+
+
+ZOOMS = 12  # towards a least size, each by ten
+VANISHED = 1e-12  # of the size at the points beside it, up to which a least size is 0
+
+
+def _touches_zero(guard, known, name, points):
+    """Whether a tree that keeps its sign vanishes between points nevertheless, as a square does."""
+    with np.errstate(all="ignore"):
+        size = np.abs(_at(guard, {**known, name: points})).reshape(-1, points.size)
+        loop, at = np.nonzero((size[:, 1:-1] <= size[:, :-2]) & (size[:, 1:-1] < size[:, 2:]))
+        near = np.minimum(size[loop, at], size[loop, at + 2])
+        low, high = points[at], points[at + 2]
+        own = {each: value[loop] if np.ndim(value) else value for each, value in known.items()}
+        for _ in range(ZOOMS):
+            among = np.linspace(low, high, 21, axis=-1)
+            size = np.abs(_at(guard, {**own, name: among}))
+            best = np.clip(size.argmin(-1), 1, 19)
+            low, high = (np.take_along_axis(among, best[:, None] + step, -1)[:, 0] for step in (-1, 1))
+        return bool((size.min(-1, initial=np.inf) <= VANISHED * near).any())
 
 
 MOST = 1000  # loops of which the range is searched, spread over all
