@@ -14,7 +14,8 @@ from wavesweep.analysis.response.port import Ports
 from wavesweep.analysis.response.resting import Resting, resting
 from wavesweep.analysis.response.resting_frame import resting_frame, shows_at_rest
 from wavesweep.diagram import WALL
-from wavesweep.diagram.assembly import FACTOR, PRODUCT, assembled, guards_at, refuse_unsuitable, scalar_place, seen_by_hand
+from wavesweep.diagram.assembly import FACTOR, PRODUCT, assembled, refuse_unsuitable, scalar_place, seen_by_hand
+from wavesweep.diagram.domain import guards_at
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError

@@ -151,7 +151,8 @@ def bounds_within(
         rates = [np.min(values["rates.fast_hz"]) for _, values in groups(spec, changes, size, resolved=resolved)]
         below, above = bounds_of(axis.path, span)
         return below, min(above, (span[1] + float(min(rates)) / 2) / 2) if drawing else above
-    from wavesweep.diagram.assembly import domain, refuse_unsuitable
+    from wavesweep.diagram.assembly import refuse_unsuitable
+    from wavesweep.diagram.domain import domain
 
     bounds = []
     for _, values in groups(spec, changes, size, resolved=resolved):
