@@ -894,3 +894,14 @@ def test_the_radius_of_a_loop_that_forgets_is_known(block, gain, radii):
     wire = {"p.u": "-K*p.y"}
     loop = wavesweep.compile({"rates": {"tick_hz": 10}, "numbers": {"K": gain}, "block": {"p": block}, "wire": wire})
     assert loop.spectral_radius() == pytest.approx(radii, rel=1e-9, abs=1e-12)
+
+
+def test_a_state_that_dies_out_in_one_loop_of_a_batch():
+    """Over a frame of 100 ticks the lag of the first loop decays below the least digit, those of the others do not."""
+    blocks = {"p": {"type": "tf", "num": [1], "den": ["s*0.00322", 1]}, "h": {"type": "hold", "every": 100, "phase": 26}}
+    blocks["f"] = {"type": "tf", "num": [3.9, -0.04], "den": [1.0, 1.988, 0.988], "discrete": True, "every": 100, "phase": 21}
+    tables = {"rates": {"tick_hz": 1000}, "numbers": {"K": 0.1, "s": 1.0}, "block": blocks}
+    loop = wavesweep.compile(tables | {"wire": {"f.u": "p.y", "h.u": "f.y", "p.u": "-K*h.y - 0.2*p.y"}})
+    alone, batch = (loop.stable_intervals("K", (-2, 3), s=values) for values in (0.3, [0.3, 2.0, 6.0]))
+    names = ["low", "high", "low_omega", "high_omega", "residual"]
+    np.testing.assert_array_equal(alone[names].to_numpy()[0], batch[names].to_numpy()[0])

@@ -9,7 +9,7 @@ from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.elimination import ROUNDING
 from wavesweep.lifted.cut import Cut
 from wavesweep.lifted.periodic import GROWN, Ticks, growth_of, in_a_row, reach_of, reach_together, then, ticks_of
-from wavesweep.lifted.tick_drift import TickDrift, consistent_solution
+from wavesweep.lifted.tick_drift import TickDrift, consistent_solution, counted_from_leads
 
 LEFT = 1e-10  # of the largest entry of a row, what rounding over a frame may leave of the change along a state that rests
 
@@ -152,16 +152,6 @@ def _with_moment(columns):
     return np.concatenate([columns, np.zeros_like(columns[..., 1:])], axis=-1)
 
 
-def counted_from_leads(parts, drift, sign=-1) -> tuple[np.ndarray, ...]:
-    """Return matrices whose rows are changes of states, those that leads move being counted from these; sign: 1 for sizes."""
-    parts = tuple(part.copy() for part in parts)
-    for lead, others in drift.moved:
-        for index, factor in others:
-            for part in parts:
-                part[..., index, :] += sign * (factor if sign < 0 else np.abs(factor)) * part[..., lead, :]
-    return parts
-
-
 def _cut(E, B, c, d, drift, period, condition):
     leads = [lead for lead, _ in drift.moved]
     E, B = counted_from_leads((E, B), drift)
@@ -180,7 +170,7 @@ def _cut(E, B, c, d, drift, period, condition):
     v, dv = (c[..., 1:, :], d[..., 1:, :]) if c.shape[-2] > 1 else (0 * c, 0 * d)
     C = np.concatenate(np.broadcast_arrays(v, advance, c[..., :1, :]), axis=-2)
     D = np.concatenate(np.broadcast_arrays(dv, step, d[..., :1, :]), axis=-2)
-    read = _read_after(E, C)
+    read = _read_after(E, C, [kept.index(state) for state in drift.plain if state in kept])
     left = (*leads, *(kept[i] for i in range(len(kept)) if i not in read))
     E, B, C, kept = E[..., read, :][..., read], B[..., read, :], C[..., read], [kept[i] for i in read]
     if drift.ramp in kept:
@@ -221,16 +211,10 @@ def shown_of_leads(c, drift):
     return np.stack(parts, axis=-1) if parts else np.zeros((*c.shape[:-1], 0))
 
 
-def _read_after(E, C):
-    """Return the indices of the states without some that nothing reads.
-
-    A state that nothing reads is left out if every frame overwrites it, like a held output, or if it only adds up others, and
-    drifts.
-    """
+def _read_after(E, C, plain):
+    """Return the indices of the states without some that nothing reads; plain: those that may be left out, see `TickDrift`."""
     moves, shown = (np.any(part != 0, axis=tuple(range(part.ndim - 2))) for part in (E, C))
-    own = E.diagonal(axis1=-2, axis2=-1)
-    plain = np.logical_or(*((own == still).all(axis=tuple(range(own.ndim - 1))) for still in (-1, 0)))
-    kept = list(range(len(plain)))
-    while idle := [i for i in kept if plain[i] and not shown[:, i].any() and not any(moves[j, i] for j in kept if j != i)]:
+    kept = list(range(E.shape[-1]))
+    while idle := [i for i in kept if i in plain and not shown[:, i].any() and not any(moves[j, i] for j in kept if j != i)]:
         kept = [i for i in kept if i not in idle]
     return kept

@@ -231,13 +231,13 @@ def then(first, second):
 class _Change:
     """The change of states over some ticks, less the identity, and the states that the ticks forget.
 
-    unread: states on whose values before these ticks no state depends after them. unset: states whose values after these ticks
-    are zero.
+    unread: states on whose values before these ticks no state depends after them, each with the loops in which that is so.
+    unset: states whose values after these ticks are zero, in the same way.
     """
 
     E: np.ndarray
-    unread: list[int]
-    unset: list[int]
+    unread: list[tuple[int, np.ndarray]]
+    unset: list[tuple[int, np.ndarray]]
 
     @staticmethod
     def of(E) -> "_Change":
@@ -245,20 +245,24 @@ class _Change:
 
     def at(self, few) -> "_Change":
         """Return the change of some matrices of a batch."""
-        return self if self.E.ndim == 2 or len(self.E) == 1 else _Change(self.E[few], self.unread, self.unset)
+        if self.E.ndim == 2 or len(self.E) == 1:
+            return self
+        return _Change(self.E[few], *([(state, loops[few]) for state, loops in some] for some in (self.unread, self.unset)))
 
     def then(self, later) -> "_Change":
         E = self.E + later.E
         E += later.E @ self.E
-        for state in (*self.unread, *later.unset):  # the other entries of its column, or its row, cancel exactly
-            E[..., state, state] = -1.0
+        for state, loops in (*self.unread, *later.unset):  # the other entries of its column, or its row, cancel exactly
+            E[..., state, state] = np.where(loops, -1.0, E[..., state, state])
         return _Change(E, self.unread, later.unset)
 
 
 def _forgotten(E):
-    """Return the indices of the columns of `I + E` that are zero in all matrices."""
-    if not E.size:
-        return []
-    less, one = -np.eye(E.shape[-1]), E[(0,) * (E.ndim - 2)]
-    some = np.flatnonzero((one == less).all(0))
-    return [column for column in some.tolist() if bool((E[..., column] == less[column]).all())]
+    """Return the columns of `I + E` that are zero in some matrices, each with the matrices in which it is, `(...)`.
+
+    Each matrix is looked at for itself: a state may die out in one loop of a batch and not in another.
+    """
+    less, own = -np.eye(E.shape[-1]), E.diagonal(axis1=-2, axis2=-1) == -1
+    some = np.flatnonzero(own.any(tuple(range(own.ndim - 1))))
+    found = [(column, (E[..., column] == less[column]).all(-1)) for column in some.tolist()]
+    return [(column, loops) for column, loops in found if loops.any()]

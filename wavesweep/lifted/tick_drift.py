@@ -19,8 +19,8 @@ class TickDrift:
     states: those of the frame. moved: pairs of a lead and the states that move with it by constant factors,
     `(lead, ((state, factor), ...))`. folded: leads whose shift depends on the numbers of the loop. unread: states that nothing
     reads once the leads are gone, in the order of their removal. ramp: a state that may rest anywhere, with the others, while
-    leads move at constant rates, as a position that an integrator reads does: a second eigenvalue 1; None if there is none. All
-    are indices into `states`.
+    leads move at constant rates, as a position that an integrator reads does: a second eigenvalue 1; None if there is none.
+    plain: states that every frame overwrites, like a held output, or that only add up others. All are indices into `states`.
     """
 
     states: tuple[str, ...]
@@ -28,6 +28,7 @@ class TickDrift:
     folded: tuple[int, ...]
     unread: tuple[int, ...]
     ramp: int | None = None
+    plain: tuple[int, ...] = ()
 
     @property
     def kept(self) -> list[int]:
@@ -53,19 +54,42 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> TickDrift:
         else:
             folded.append(at[lead])
     drift = TickDrift(ticks.states, tuple(moved), tuple(folded), ())
-    E, kept, unread = without_drift(frame_of(ticks), drift), drift.kept, []
+    pair = ticks, ticks_of(other, watched, alone=True)
+    frames = tuple(frame_of(each) for each in pair)
+    drift = replace(drift, plain=_plain(pair, counted_from_leads(frames, drift)))
+    E, kept, unread = without_drift(frames[0], drift), drift.kept, []
     while True:
         idle = [i for i, index in enumerate(kept) if not np.any(E[..., i])]
         if not idle:
             break
         unread += [kept[i] for i in idle]
         kept = [index for i, index in enumerate(kept) if i not in idle]
-        E = without_drift(frame_of(ticks), replace(drift, unread=tuple(unread)))
+        E = without_drift(frames[0], replace(drift, unread=tuple(unread)))
     drift = replace(drift, unread=tuple(unread))
     ramp = _at_rest_anywhere(E) if moved and not folded else None
-    if ramp is None or _at_rest_anywhere(without_drift(frame_of(ticks_of(other, watched, alone=True)), drift)) is None:
+    if ramp is None or _at_rest_anywhere(without_drift(frames[1], drift)) is None:
         return drift
     return replace(drift, ramp=kept[ramp])
+
+
+def counted_from_leads(parts, drift, sign=-1) -> tuple[np.ndarray, ...]:
+    """Return matrices whose rows are changes of states, those that leads move being counted from these; sign: 1 for sizes."""
+    parts = tuple(part.copy() for part in parts)
+    for lead, others in drift.moved:
+        for index, factor in others:
+            for part in parts:
+                part[..., index, :] += sign * (factor if sign < 0 else np.abs(factor)) * part[..., lead, :]
+    return parts
+
+
+def _plain(pair, frames):
+    """Return the indices of states whose own change is 0 in both frames, or -1, and in a tick of each as well.
+
+    In a frame alone -1 may also be a state that has died out.
+    """
+    own = np.stack([E.diagonal() for E in frames])
+    set_anew = [np.any([each.E.diagonal() == -1 for each in ticks.maps], axis=0) for ticks in pair]
+    return tuple(np.flatnonzero((own == 0).all(0) | ((own == -1).all(0) & np.all(set_anew, axis=0))).tolist())
 
 
 def _at_rest_anywhere(E):

@@ -13,9 +13,9 @@ from wavesweep.analysis.response.port import Ports
 from wavesweep.analysis.response.resting import Resting
 from wavesweep.analysis.response.ticks import ROUNDING, long_sum
 from wavesweep.diagram.drawn import Drawn
-from wavesweep.lifted.number import OpenFrame, counted_from_leads, shown_of_leads
+from wavesweep.lifted.number import OpenFrame, shown_of_leads
 from wavesweep.lifted.periodic import GROWN
-from wavesweep.lifted.tick_drift import TickDrift
+from wavesweep.lifted.tick_drift import TickDrift, counted_from_leads
 
 SURELY = 2  # bounds on the rounding of a sum, up to which it is 0
 
