@@ -260,7 +260,7 @@ class _Change:
 def _forgotten(E):
     """Return the columns of `I + E` that are zero in some matrices, each with the matrices in which it is, `(...)`.
 
-    Each matrix is looked at for itself: a state may die out in one loop of a batch and not in another.
+    Each matrix has its own, since a state may die out in one loop of a batch and not in another.
     """
     less, own = -np.eye(E.shape[-1]), E.diagonal(axis1=-2, axis2=-1) == -1
     some = np.flatnonzero(own.any(tuple(range(own.ndim - 1))))
