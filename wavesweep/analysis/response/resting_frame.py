@@ -4,7 +4,7 @@ A position that only adds up the states of a loop, and is read by none, depends 
 not determine it, a frame does.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -43,10 +43,12 @@ def resting_frame(drawn: Drawn, ports: Ports, frame: OpenFrame, drift: TickDrift
     steps between states; a frame that grows further than GROWN is not known.
     """
     position = _position(drawn, ports.position, frame.ticks.states)
-    if drift.folded or position is None or np.any(frame.growth > GROWN):
+    if drift.folded or position is None:
         return None
     with np.errstate(all="ignore"):
-        return _Equations.of(frame, drift, position).resting(drawn.ticks)
+        found = _Equations.of(frame, drift, position).resting(drawn.ticks)
+    grown = np.reshape(frame.growth > GROWN, (-1, 1, 1))  # of each loop, which does not depend on the others of a batch
+    return replace(found, error=np.where(grown, np.inf, found.error))
 
 
 def _position(drawn, signal, states):
