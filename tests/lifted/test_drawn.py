@@ -14,7 +14,7 @@ from wavesweep.diagram import blocks
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.errors import UsageError
-from wavesweep.lifted.number import cut_at_number
+from wavesweep.lifted.number import cut_of, open_frame
 from wavesweep.lifted.periodic import frame_of, in_a_row, then, ticks_of
 from wavesweep.lifted.tick_drift import closed_frame, drift_of_drawn
 
@@ -27,10 +27,15 @@ def along_any(draw, span):
     return list(zip(found.low.tolist(), found.high.tolist(), strict=True)), bool(found.certified.all())
 
 
+def cut_at(drawn, drift, read):
+    frame = open_frame(drawn, "w", read)
+    return frame and cut_of(frame, drift, len(read))
+
+
 def exactly(draw, read, span, damped=""):
     """The same along a number that is cut out: `draw(other)` has its product as the input "w"."""
     watched = (read, damped) if damped else (read,)
-    cut = cut_at_number(draw(1.1), drift_of_drawn(draw(1.1), draw(0.7), watched), "w", read, damped)
+    cut = cut_at(draw(1.1), drift_of_drawn(draw(1.1), draw(0.7), watched), watched)
     if cut is None:
         return None, None
     found = stable_intervals(cut if cut.batch else cut.at(np.newaxis), "K_VE", span, np.zeros((1, 1)))
@@ -116,7 +121,7 @@ def test_waves_written_as_blocks_are_the_built_in_loop(changes):
     """Its walls exactly, its radius, its response and its port."""
     reads, B = ("av.x_spring", "av.v"), np.array([[0.0, 0.5, 1.0, 3.0]])
     drift = drift_of_drawn(pmw(**changes), pmw(**changes, b=11.0), reads)
-    cut = cut_at_number(pmw(**changes), drift, "w", *reads)
+    cut = cut_at(pmw(**changes), drift, reads)
     found, own = stable_intervals(cut.at(np.newaxis), "K_VE", (0, 20000), B), built_in(changes)
     table = own.stable_intervals(B_VE=B[0])
     assert found.high == pytest.approx(table["high"].to_numpy(), rel=1e-10)
@@ -175,7 +180,7 @@ def test_the_name_of_a_state_that_nothing_reads_does_not_take_it_out(state):
     grows = Block("own", (), ("y",), (state,), np.array([[0.5]]), none, np.zeros((1, 1)), none)
     placed = (Placed(blocks.mass("m", T, 0.2)), Placed(grows))
     loops = [Drawn(T, placed, {"m.f": {"m.x": -kp, "m.v": -3.0}}) for kp in (100.0, 101.0)]
-    cut = cut_at_number(Drawn(T, placed, {"m.f": {"m.v": -3.0, "w": 1.0}}, ("w",)), drift_of_drawn(*loops), "w", "m.x")
+    cut = cut_at(Drawn(T, placed, {"m.f": {"m.v": -3.0, "w": 1.0}}, ("w",)), drift_of_drawn(*loops), ("m.x",))
     assert cut.states == ("m.v", "m.x", f"own.{state}")
     assert wavesweep.compile(loops[0]).spectral_radius() == pytest.approx(1.5, rel=1e-12)
 

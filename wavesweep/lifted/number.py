@@ -61,21 +61,12 @@ def open_frame(
     return OpenFrame(ticks, E, B, head.C, D, growth, np.asarray(drawn.period) * drawn.ticks)
 
 
-def cut_at_number(drawn: Drawn, drift: TickDrift, force: str, read: str, damped: str = "") -> Cut | None:
-    """Cut the loop at a number that is one scalar gain of a frame; None if it is not one.
-
-    drawn, force, read: see `open_frame`. damped: a second signal, which another number multiplies in the same sum: the velocity
-    that a wall's damper reads. drift: that of this open loop, with these signals watched.
-    """
-    frame = open_frame(drawn, force, (read, *((damped,) if damped else ())))
-    return frame and cut_of(frame, drift, 1 + bool(damped))
-
-
 def cut_of(frame: OpenFrame, drift: TickDrift, read: int = 1) -> Cut | None:
     """Return the loop cut at the number of such a frame; None if its drift is none that a cut keeps.
 
-    drift: that of the open loop. read: number of the first signals that the number and the damper multiply. Closing the cut is
-    `force = p read`: the wall of a built-in loop under another name.
+    drift: that of the open loop, with its signals watched. read: 2 if another number multiplies the second signal in the same
+    sum: the velocity that a wall's damper reads. Closing the cut is `force = p read`: the wall of a built-in loop under another
+    name.
     """
     if frame.ticks.states != drift.states:
         raise ValueError(f"the drift is that of other states: {drift.states}, expected {frame.ticks.states}")
