@@ -47,7 +47,9 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
         parts = net.assembled(rows)
         if terms:
-            terms = sized.assembled(sized.untorn(sized.followed(order, torn), torn, np.abs(inverse)))
+            size = np.abs(inverse)
+            size = size @ (np.eye(len(torn)) + sizes) @ size if torn else size  # of what rounding of the loop does to it
+            terms = sized.assembled(sized.untorn(sized.followed(order, torn), torn, size))
     facts = {"condition": condition, "pivot": pivot, "terms": terms or None}
     return Block(name, tuple(inputs), tuple(outputs), states, *parts, **facts)
 

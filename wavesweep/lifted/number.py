@@ -18,9 +18,10 @@ LEFT = 1e-10  # of the largest entry of a row, what rounding over a frame may le
 class OpenFrame:
     """The frame of a loop without a number that is one scalar gain of it, in delta form, from the tick in which it is read.
 
-    ticks: of that frame. E `(..., n, n)`; B `(..., n, 1)` of the number's product, and of a hand's force if there is one two
-    columns more: of a force that is constant over the frame, and of one that grows by 1 with every tick from 0. C, D: rows of
-    the signals read and shown, in the first tick; columns of D as those of B. growth: see `growth_of`. period: s.
+    ticks: of that frame, with the sizes of their terms. E `(..., n, n)`; B `(..., n, 1)` of the number's product, and of a
+    hand's force if there is one two columns more: of a force that is constant over the frame, and of one that grows by 1 with
+    every tick from 0. C, D: rows of the signals read and shown, in the first tick; columns of D as those of B. growth: see
+    `growth_of`. period: s. inputs: those of the ticks that make the first columns of B.
     """
 
     ticks: Ticks
@@ -30,11 +31,20 @@ class OpenFrame:
     D: np.ndarray
     growth: np.ndarray
     period: np.ndarray
+    inputs: tuple[int, ...]
 
     @property
     def condition(self):
         """That of the first tick, see `Block`."""
         return self.ticks.maps[self.ticks.kind[0]].condition
+
+    def sizes(self) -> tuple[np.ndarray, ...]:
+        """Sizes of the terms of the ticks' entries, in the form of E and B, of all ticks together, and of C and D."""
+        count, head = self.ticks.kind.size, self.ticks.maps[self.ticks.kind[0]].terms
+        counts = np.bincount(self.ticks.kind, minlength=len(self.ticks.maps))
+        E, B = (sum(n * each.terms[part] for n, each in zip(counts, self.ticks.maps, strict=True)) for part in (0, 1))
+        B = B[..., self.inputs]
+        return E, np.concatenate([B, count * B[..., 1:]], axis=-1), head[2], _with_moment(head[3][..., self.inputs])
 
 
 def open_frame(
@@ -47,7 +57,7 @@ def open_frame(
     frame, or if what it multiplies changes in a single one and is held in between. hand: another input. shown: more signals,
     which need no state that would hold them.
     """
-    ticks = ticks_of(drawn, (*read, *shown), held=drawn.held(read))
+    ticks = ticks_of(drawn, (*read, *shown), held=drawn.held(read), terms=True)
     w = drawn.inputs.index(force)
     at = _only_tick(_showing(ticks, len(read)) if shown else ticks, w)
     if at is None:
@@ -58,7 +68,7 @@ def open_frame(
     E, B, growth = _with_inputs(ticks, inputs, whole_frame)
     head = ticks.maps[ticks.kind[0]]
     D = _with_moment(head.D[..., inputs])
-    return OpenFrame(ticks, E, B, head.C, D, growth, np.asarray(drawn.period) * drawn.ticks)
+    return OpenFrame(ticks, E, B, head.C, D, growth, np.asarray(drawn.period) * drawn.ticks, tuple(inputs))
 
 
 def cut_of(frame: OpenFrame, drift: TickDrift, read: int = 1) -> Cut | None:
@@ -192,11 +202,15 @@ def _counted_from(ramp, E, B, C):
     return E, B, C
 
 
-def shown_of_leads(c, drift):
-    """The displacements of outputs along each shift, `(..., rows, shifts)`; 0 if the terms cancel to rounding."""
+def shown_of_leads(c, drift, size: bool = False):
+    """The displacements of outputs along each shift, `(..., rows, shifts)`; 0 if the terms cancel to rounding.
+
+    size: whether c has sizes of terms; then these are added.
+    """
     parts = []
     for lead, others in drift.moved:
-        terms = np.stack([c[..., lead], *(factor * c[..., index] for index, factor in others)], axis=-1)
+        factors = [(index, abs(factor) if size else factor) for index, factor in others]
+        terms = np.stack([c[..., lead], *(factor * c[..., index] for index, factor in factors)], axis=-1)
         total = terms.sum(-1)
         parts.append(np.where(np.abs(total) <= ROUNDING * np.abs(terms).sum(-1), 0.0, total))
     return np.stack(parts, axis=-1) if parts else np.zeros((*c.shape[:-1], 0))

@@ -33,12 +33,13 @@ class Ticks:
         return replace(self, kind=np.roll(self.kind, -first))
 
 
-def ticks_of(drawn: Drawn, outputs=(), alone: bool = False, through: str = "", held=None) -> Ticks:
+def ticks_of(drawn: Drawn, outputs=(), alone: bool = False, through: str = "", held=None, terms: bool = False) -> Ticks:
     """Connect the blocks that run in each tick.
 
     outputs: signals that every tick gives. alone: without the inputs. through: an input that remains, in the ticks that it
     reaches, and only these have outputs then. held: the ports that each block holds, if they are not those that are read in the
-    drawing and the outputs. Errors: IllPosedLoopError for an algebraic loop without a solution.
+    drawing and the outputs. terms: whether the blocks have the sizes of their terms (see `Block`).
+    Errors: IllPosedLoopError for an algebraic loop without a solution.
     """
     sets, kind = drawn.schedule()
     held = drawn.held(outputs) if held is None else held
@@ -51,7 +52,7 @@ def ticks_of(drawn: Drawn, outputs=(), alone: bool = False, through: str = "", h
             inputs, wires = (through,), {name: terms for name, terms in silent.items() if name != through}
         elif through:
             shown = ()
-        maps.append(_connected(drawn, set(running), held, wires, inputs, shown))
+        maps.append(_connected(drawn, set(running), held, wires, inputs, shown, terms))
     return Ticks(tuple(maps), kind)
 
 
@@ -61,9 +62,9 @@ def _reaches(drawn, running, signal):
     return any(signal in drawn.sources(port) for port in ports)
 
 
-def _connected(drawn, running, held, sums, inputs, outputs):
+def _connected(drawn, running, held, sums, inputs, outputs, terms):
     blocks = [_in_tick(each.block, index in running, held[each.block.name]) for index, each in enumerate(drawn.placed)]
-    return connect("tick", blocks, sums, inputs, tuple(outputs))
+    return connect("tick", blocks, sums, inputs, tuple(outputs), terms)
 
 
 def _in_tick(block, runs, held):

@@ -105,9 +105,9 @@ def _still(port):
 
     The errors are bounds for both. The sizes are those of the terms of the outputs, not of the slopes.
     """
-    frame, M, rough = driven(port, np.array([1 + 1j * STEP])), port.kind.size, np.asarray(port.rough)[..., None]
+    frame, M, rough = driven(port, np.array([1 + 1j * STEP])), port.kind.size, port.rough
     parts = (part for each in (frame.g, frame.G, frame.h) for part in (each.real, each.imag / STEP))
-    E, unsure, (g, g_1, G, G_1, h, h_1) = -frame.E, frame.dE * np.asarray(port.condition)[..., None, None], parts
+    E, unsure, (g, g_1, G, G_1, h, h_1) = -frame.E, frame.dE, parts
     right, missed = (g, rough * frame.g_size), rough * M * frame.g_size
     if port.laws:
         E, unsure, right = _with_law(E, unsure, right, (g_1 / M, missed / M))
@@ -156,7 +156,7 @@ def _once(port, frequency):
     wM = on_circle(2 * np.pi * frequency * port.period * M)
     rough = port.rough
     at = wM[:, None, None] * np.eye(frame.E.shape[-1])
-    unsure = frame.dE * port.condition + rough * np.abs(at)
+    unsure = frame.dE + rough * np.abs(at)
     X, dX = (each[..., 0] for each in solved(at - frame.E, unsure, frame.g[..., None], (rough * frame.g_size)[..., None]))
     total = (frame.G @ X[..., None])[..., 0] + frame.h
     terms = (frame.G_size @ np.abs(X)[..., None])[..., 0] + frame.h_size

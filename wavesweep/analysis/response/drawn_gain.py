@@ -44,13 +44,13 @@ def lifted_map(port: Port) -> Lifted:
     state[:, :n], size[:, :n] = np.eye(n), np.eye(n)
     rows, sizes = np.zeros((2, ticks, n + ticks))
     for tick, kind in enumerate(port.kind.tolist()):
-        E, B, C, D = port.maps[kind]
-        reads = C[:1] if port.position is None else port.position
-        rows[tick], sizes[tick] = (reads @ state)[0], (np.abs(reads) @ size)[0]
+        (E, B, C, D), (of_E, of_B, of_C, of_D) = port.maps[kind], port.sizes[kind]
+        reads, of_reads = (C[:1], of_C[:1]) if port.position is None else (port.position, np.abs(port.position))
+        rows[tick], sizes[tick] = (reads @ state)[0], (of_reads @ size)[0]
         if port.position is None:
-            rows[tick, n + tick], sizes[tick, n + tick] = D[0, 0], abs(D[0, 0])
-        state, size = state + E @ state, np.abs(np.eye(n) + E) @ size
-        state[:, n + tick], size[:, n + tick] = B[:, 0], np.abs(B[:, 0])
+            rows[tick, n + tick], sizes[tick, n + tick] = D[0, 0], of_D[0, 0]
+        state, size = state + E @ state, np.maximum(np.abs(np.eye(n) + E), of_E) @ size
+        state[:, n + tick], size[:, n + tick] = B[:, 0], of_B[:, 0]
     frame, dE = _frame(port)
     if port.position is None:
         summed, of_sum = (np.cumsum(part, axis=0) for part in (rows, sizes))
@@ -67,7 +67,7 @@ def lifted_map(port: Port) -> Lifted:
 
 def _frame(port):
     """Return the frame less identity, and a bound on the error of its entries."""
-    ticks = [(E, ENTRIES * port.condition * np.abs(E)) for E, _, _, _ in port.maps]
+    ticks = [(E, ENTRIES * size) for (E, *_), (size, *_) in zip(port.maps, port.sizes, strict=True)]
     return in_a_row(port.kind.tolist(), ticks, lambda first, second: (then(first[0], second[0]), both(first, second)[1]))
 
 

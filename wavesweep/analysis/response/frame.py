@@ -205,7 +205,8 @@ def _closed(diagram, fast, samples, sizes, wall) -> dict:
         E[..., lead] = C[..., lead] = 0  # the sum of the columns of all that drifts, zero by structure
         C[..., 0, lead] = 1 / drift.shift[drift.lead]
     unsure = (ENTRIES * np.asarray(block.condition * fast.condition, float))[..., None, None]
-    E_terms, B_terms, C_terms, D_terms = (unsure * part for part in block.terms)
+    of_fast = (ENTRIES * np.asarray(fast.condition, float))[..., None, None]
+    E_terms, B_terms, C_terms, D_terms = (of_fast * part for part in block.terms)
     if lead is not None:  # these entries are exact
         E_terms[..., lead] = C_terms[..., lead] = 0
     K, F = (np.asarray(value, float)[..., None, None] for value in wall)

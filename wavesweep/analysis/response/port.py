@@ -1,7 +1,6 @@
 """A drawn loop seen from the hand's port: a map per kind of tick, and its frame under a force of one frequency."""
 
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
 
@@ -9,7 +8,7 @@ from wavesweep.analysis.response.ticks import ENTRIES, both, long_sum, ordered_p
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
 from wavesweep.lifted.periodic import growth_of, in_a_row, known_frames, then, ticks_of
-from wavesweep.lifted.tick_drift import TickDrift
+from wavesweep.lifted.tick_drift import TickDrift, counted_from_leads
 from wavesweep.spec.drawing import OF_PLANT
 
 STILL = 1e-9  # of the terms of a shift, what is rounding
@@ -37,23 +36,23 @@ class Port:
 
     Each map goes from the force to the displacement in the tick and the force against it. If the latter moves with a drift, the
     change of that share of it in the tick is a third output. E `(..., n, n)` less identity, B `(..., n, 1)`, C
-    `(..., outputs, n)`, D `(..., outputs, 1)`. position: its row `(..., 1, n)`, None if it drifts. condition: factor by which
-    closing algebraic loops may have multiplied the rounding of the entries (see `Block`). laws: number of combinations of the
-    states that nothing in the loop changes. slowest: ticks between two runs of the slowest block.
+    `(..., outputs, n)`, D `(..., outputs, 1)`. sizes: for each map, those of the terms of its entries' sums. position: its row
+    `(..., 1, n)`, None if it drifts. laws: number of combinations of the states that nothing in the loop changes. slowest:
+    ticks between two runs of the slowest block.
     """
 
     maps: tuple[tuple[np.ndarray, ...], ...]
+    sizes: tuple[tuple[np.ndarray, ...], ...]
     kind: np.ndarray
     period: float
     position: np.ndarray | None = None
-    condition: float | np.ndarray = 1.0
     laws: int = 0
     slowest: int = 1
 
     @property
     def rough(self) -> float:
-        """Relative error of sums over a frame, of entries that algebraic loops may have made rough."""
-        return long_sum(self.kind.size) * self.condition
+        """Relative error of sums over a frame."""
+        return long_sum(self.kind.size)
 
     def turned(self, first: int) -> "Port":
         """Return the port with a frame that begins with the tick `first`."""
@@ -69,20 +68,22 @@ def port_of(drawn: Drawn, ports: Ports, drift: TickDrift) -> Port:
     signals = (ports.position, *((ports.reaction,) if ports.reaction else ()))
     if not drift.folded:  # what nothing but a drift reads drifts itself
         drift = replace(drift, moved=(*drift.moved, *((state, ()) for state in drift.unread)))
-    ticks = ticks_of(drawn, signals)
+    ticks = ticks_of(drawn, signals, terms=True)
     reads = ticks.maps[0].C[..., :1, :]
     if any(np.any(each.D[..., 0, :]) or np.any(each.C[..., :1, :] != reads) for each in ticks.maps):
         raise NoPositionError(f"[ports] hand: expected {OF_PLANT}, found {ports.position}")
     force = drawn.inputs.index(ports.force)
     answers = ticks.maps[0].C[..., 1:2, :]
     moved = [(lead, _along(answers, lead, others)[0]) for lead, others in drift.moved if _moves(answers, lead, others)]
-    maps = tuple(_seen(each, reads, force, drift, bool(ports.reaction), moved) for each in ticks.maps)
+    parts = [(each.E, each.B, each.C, each.D) for each in ticks.maps]
+    maps = tuple(_seen(each, reads, force, drift, bool(ports.reaction), moved) for each in parts)
+    moved = [(lead, np.abs(share)) for lead, share in moved]
+    sizes = [_seen(each.terms, np.abs(reads), force, drift, bool(ports.reaction), moved, 1) for each in ticks.maps]
     kept = _kept(drift)
     still = not any(_moves(reads, lead, others) for lead, others in drift.moved)
-    condition = reduce(np.maximum, (each.condition for each in ticks.maps))
     period = float(np.ravel(drawn.period)[0])
     slowest = max(each.every for each in drawn.placed)
-    return Port(maps, ticks.kind, period, reads[..., kept] if still else None, condition, len(drift.folded), slowest)
+    return Port(maps, tuple(sizes), ticks.kind, period, reads[..., kept] if still else None, len(drift.folded), slowest)
 
 
 def _along(reads, lead, others):
@@ -99,27 +100,25 @@ def _moves(reads, lead, others):
     return bool((np.abs(moved) > STILL * size).any())
 
 
-def _seen(block, reads, force, drift, reacts, moved):
-    """Return the maps of a tick.
+def _seen(parts, reads, force, drift, reacts, moved, sign=-1):
+    """Return the maps of a tick from its E, B, C and D, or their sizes from those of these.
 
-    moved: drifts that move the force against the hand, as pairs of a lead and the force for a shift of 1.
+    moved: drifts that move the force against the hand, as pairs of a lead and the force for a shift of 1. sign: 1 for sizes.
 
     A state that drifts is counted from the lead. The lead itself is the sum of its changes, which depend on the other states.
     """
-    E, B = block.E.copy(), block.B[..., force : force + 1].copy()
+    E, B, C, D = parts
+    B = B[..., force : force + 1]
     rows = [(reads @ E, reads @ B)]
     if reacts:
-        rows.append((block.C[..., 1:2, :], block.D[..., 1:2, force : force + 1]))
+        rows.append((C[..., 1:2, :], D[..., 1:2, force : force + 1]))
     if moved:
         change = [
             (share[..., None] * E[..., lead : lead + 1, :], share[..., None] * B[..., lead : lead + 1, :])
             for lead, share in moved
         ]
         rows.append(tuple(sum(part) for part in zip(*change, strict=True)))
-    for lead, others in drift.moved:
-        for index, factor in others:
-            E[..., index, :] -= factor * E[..., lead, :]
-            B[..., index, :] -= factor * B[..., lead, :]
+    E, B = counted_from_leads((E, B), drift, sign)
     kept = _kept(drift)
     C, D = (
         np.concatenate(np.broadcast_arrays(*part) if part[0].ndim > 2 else part, axis=-2) for part in zip(*rows, strict=True)
@@ -162,10 +161,9 @@ def driven(port: Port, z) -> Driven:
     """Return the whole frame from its ticks; repeated stretches are computed once."""
     one = np.ones((z.size, 1))
     ticks = []
-    for E, B, C, D in port.maps:
-        g, h = one * B[..., 0], one * D[..., 0]
-        G = one[..., None] * C
-        ticks.append(Driven(E, ENTRIES * np.abs(E), g, np.abs(g), G, np.abs(G), h, np.abs(h), z))
+    for (E, *parts), (dE, *sizes) in zip(port.maps, port.sizes, strict=True):
+        each = ((one * B[..., 0], one[..., None] * C, one * D[..., 0]) for B, C, D in (parts, sizes))
+        ticks.append(Driven(E, ENTRIES * dE, *(part for pair in zip(*each, strict=True) for part in pair), z))
     return in_a_row(port.kind.tolist(), ticks, _joined)
 
 
@@ -179,10 +177,10 @@ def _joined(first, second):
         then(first.E, second.E),
         both((first.E, first.dE), (second.E, second.dE))[1],
         g,
-        np.abs(first.g) + ordered_product(np.abs(second.E), np.abs(first.g)) + second.g_size,
+        first.g_size + ordered_product(np.abs(second.E), first.g_size) + second.g_size,
         first.G + later,
-        first.G_size + np.abs(second.G) + np.abs(second.G) @ np.abs(first.E),
+        first.G_size + second.G_size + second.G_size @ np.abs(first.E),
         h,
-        first.h_size + (np.abs(second.G) @ np.abs(first.g)[..., None])[..., 0] + second.h_size,
+        first.h_size + (second.G_size @ first.g_size[..., None])[..., 0] + second.h_size,
         first.turn * second.turn,
     )

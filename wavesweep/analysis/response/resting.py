@@ -69,24 +69,32 @@ def resting(drawn: Drawn, ports: Ports, product: str = "", factor: str = "") -> 
     signals = (ports.position, *((ports.reaction,) if ports.reaction else ()), *((factor,) if factor else ()))
     drawn = drawn.living(signals)
     sums = {f"{each.block.name}.{port}": {} for each in drawn.placed for port in each.block.inputs} | dict(drawn.sums)
-    block = connect("rest", [each.block for each in drawn.placed], sums, drawn.inputs, signals)
-    n, hand = len(block.states), drawn.inputs.index(ports.force)
-    A, right = np.zeros((*block.batch, n + bool(factor), n + bool(factor))), np.zeros((*block.batch, n + bool(factor), 2))
-    rows, direct = np.zeros((*block.batch, 3, n + bool(factor))), np.zeros((*block.batch, 3))
-    A[..., :n, :n], right[..., :n, 0] = block.E, -block.B[..., hand]
-    for row in range(2) if ports.reaction else (0,):
-        rows[..., row, :n], direct[..., row] = block.C[..., row, :], block.D[..., row, hand]
-    if not ports.reaction:
-        direct[..., 1] = 1
-    if factor:
-        F = drawn.inputs.index(product)
-        A[..., :n, n], A[..., n, :n], A[..., n, n] = block.B[..., F], block.C[..., -1, :], block.D[..., -1, F]
-        right[..., n, 0], right[..., n, 1] = -block.D[..., -1, hand], 1
-        rows[..., : len(signals) - 1, n], rows[..., 2, n] = block.D[..., :-1, F], 1
-    unsure = ENTRIES * np.asarray(block.condition)[..., None, None]
+    block = connect("rest", [each.block for each in drawn.placed], sums, drawn.inputs, signals, terms=True)
+    hand, free = drawn.inputs.index(ports.force), drawn.inputs.index(product) if factor else None
+    parts = (block.E, block.B, block.C, block.D), block.terms
+    (A, right, rows, direct), sizes = (_at_rest(*each, block.batch, hand, bool(ports.reaction), free) for each in parts)
     with np.errstate(all="ignore"):
-        X, dX = solved(A, unsure * np.abs(A), right, unsure * np.abs(right))
-        direct = direct[..., None] * np.array([1.0, 0.0])
-        shown, size = ordered_products(rows, X) + direct, ordered_products(np.abs(rows), np.abs(X)) + np.abs(direct)
-        error = ordered_products(np.abs(rows), dX) + (unsure + (n + 1) * ROUNDING) * size
+        X, dX = solved(A, ENTRIES * sizes[0], right, ENTRIES * np.abs(sizes[1]))
+        shown, size = ordered_products(rows, X) + direct, ordered_products(sizes[2], np.abs(X)) + sizes[3]
+        error = ordered_products(np.abs(rows), dX) + (ENTRIES + A.shape[-1] * ROUNDING) * size
     return Resting(*(part.reshape(-1, 3, 2) for part in (shown, error)), bool(factor))
+
+
+def _at_rest(E, B, C, D, batch, hand, reacts, free):
+    """Return the equations at rest: `A X = right`, and `rows X + direct` is what `Resting` shows.
+
+    hand, free: inputs that are the hand's force and the number's product, None without a number. reacts: whether the second
+    signal is the force against the hand. They may be made of sizes as well; only `right` has the other sign then.
+    """
+    n, order = E.shape[-1], E.shape[-1] + (free is not None)
+    A, right, rows, direct = (np.zeros((*batch, *shape)) for shape in ((order, order), (order, 2), (3, order), (3, 2)))
+    A[..., :n, :n], right[..., :n, 0] = E, -B[..., hand]
+    for row in range(1 + reacts):
+        rows[..., row, :n], direct[..., row, 0] = C[..., row, :], D[..., row, hand]
+    if not reacts:
+        direct[..., 1, 0] = 1
+    if free is not None:
+        A[..., :n, n], A[..., n, :n], A[..., n, n] = B[..., free], C[..., -1, :], D[..., -1, free]
+        right[..., n, 0], right[..., n, 1] = -D[..., -1, hand], 1
+        rows[..., : 1 + reacts, n], rows[..., 2, n] = D[..., :-1, free], 1
+    return A, right, rows, direct

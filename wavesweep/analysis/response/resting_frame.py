@@ -83,24 +83,24 @@ class _Equations:
 
     @classmethod
     def of(cls, frame, drift, position):
-        n, ticks = len(frame.ticks.states), frame.ticks
-        counts = np.bincount(ticks.kind, minlength=len(ticks.maps))
-        step = sum(count * np.abs(each.E) for count, each in zip(counts, ticks.maps, strict=True))
-        B = np.abs(frame.B)
+        n, rough = len(frame.ticks.states), long_sum(frame.ticks.kind.size)
+        step, given, *shown_sizes = frame.sizes()
+        B = np.abs(frame.B) + given
         sizes = np.abs(frame.E) + step + step @ step / 2, B + step @ B
-        rough = (long_sum(ticks.kind.size) * np.asarray(frame.condition))[..., None, None]
         leads = [lead for lead, _ in drift.moved]
         order = [state for state in range(n) if state not in leads] + leads
         parts = counted_from_leads((frame.E, frame.B), drift), counted_from_leads(sizes, drift, 1)
-        rows = (frame.C[..., [0, -1], :], frame.D[..., [0, -1], :]), (position, np.zeros((1, 3)))
+        place, still = (position, np.zeros((1, 3))), (np.abs(position), np.zeros((1, 3)))
+        rows = (frame.C, frame.D), shown_sizes
+        rows = [[tuple(part[..., [0, -1], :] for part in each), own] for each, own in zip(rows, (place, still), strict=True)]
         both = []
-        for (E, B), size in zip(parts, (False, True), strict=True):
+        for (E, B), signals, size in zip(parts, rows, (False, True), strict=True):
             batch = np.broadcast_shapes(*(part.shape[:-2] for part in (E, B, frame.C, frame.D, position)))
             P = np.zeros((*batch, n + 3, n + 3))
             P[..., :n, : n - len(leads)], P[..., :n, n:] = E[..., order, :][..., order[: n - len(leads)]], B[..., order, :]
-            for at, (shown, D) in zip((slice(n, n + 2), slice(n + 2, n + 3)), rows, strict=True):
-                C = np.concatenate([shown[..., order[: n - len(leads)]], shown_of_leads(shown, drift)], axis=-1)
-                P[..., at, :n], P[..., at, n:] = (np.abs(C), np.abs(D)) if size else (C, D)
+            for at, (C, D) in zip((slice(n, n + 2), slice(n + 2, n + 3)), signals, strict=True):
+                along = shown_of_leads(C, drift, size)
+                P[..., at, :n], P[..., at, n:] = np.concatenate([C[..., order[: n - len(leads)]], along], axis=-1), D
             both.append(P)
         return cls(both[0], rough * both[1])
 

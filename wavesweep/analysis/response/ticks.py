@@ -7,13 +7,12 @@ import numpy as np
 from wavesweep.diagram.block import Block
 
 ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
-ENTRIES = 4 * np.finfo(float).eps  # of the entries of a block, relative, before its algebraic loops were closed
+ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
 
 
 def entries_errors(block: Block):
     """Return bounds on the errors of a block's E, B, C and D."""
-    unsure = (ENTRIES * np.asarray(block.condition, float))[..., None, None]
-    return tuple(unsure * np.abs(part) for part in block.terms or (block.E, block.B, block.C, block.D))
+    return tuple(ENTRIES * part for part in block.terms)
 
 
 def ordered_product(A, x):
