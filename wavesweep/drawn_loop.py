@@ -11,7 +11,7 @@ from wavesweep.analysis.response.port import Ports, port_of
 from wavesweep.analysis.spectrum import radius_of
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
-from wavesweep.lifted.tick_drift import TickDrift, closed_frame, drift_of_drawn
+from wavesweep.lifted.tick_drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
 from wavesweep.sweep.drawn_loops import named_loops
 
 
@@ -26,7 +26,7 @@ class DrawnLoop:
         """Largest eigenvalue modulus per frame, without drift, over the batch: infinite after overflow, NaN if rounding hides
         it."""
         with named_loops(self.drawn):
-            return radius_of(closed_frame(self.drawn, self.drift))
+            return radius_of(*telling_frame(self.drawn, self.drift))
 
     def response(self, frequency_hz, force: str, position: str, reaction: str = ""):
         """Admittance and impedance at a port: a DataFrame with a row per frequency.

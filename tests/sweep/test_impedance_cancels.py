@@ -9,6 +9,7 @@ import pytest
 import wavesweep
 
 IMPEDANCES = 10.0 ** np.arange(-4, 15, 2)
+USUAL = (IMPEDANCES >= 1) & (IMPEDANCES < 1e5)
 
 
 def line(b, damping=1.5, **tables):
@@ -18,7 +19,7 @@ def line(b, damping=1.5, **tables):
         "block": {
             "device": {"type": "mass", "mass": "m", "damping": damping},
             "end": {"type": "wave", "b": "b"},
-            "avatar": {"type": "avatar", "b": "b", "integration": "implicit"},
+            "avatar": {"type": "avatar", "b": "b", "integration": tables.pop("integration", "implicit")},
         },
         "wire": {
             "end.v": "device.v",
@@ -50,3 +51,35 @@ def test_responses_are_within_their_bounds(damping):
 
 
 NAMES = "admittance", "impedance"
+
+
+ALONG = {"K": {"start": 0, "stop": 2e5}, "m": {"start": 1e-4, "stop": 1.0}, "B": {"start": 0, "stop": 1e4}}
+
+
+@pytest.mark.parametrize("along", ALONG)
+@pytest.mark.parametrize("integration", ["implicit", "explicit"])
+@pytest.mark.parametrize("damping", [1.5, 1e-6])
+def test_what_is_certified_does_not_depend_on_the_impedance(along, integration, damping):
+    def table(b):
+        return wavesweep.stability_region(
+            line(1.0, damping, integration=integration, sweep={along: ALONG[along], "b": b}), along
+        )
+
+    truth = table([1.0])
+    ends = [f"{along}_low", f"{along}_high"] if along in truth else ["low", "high"]
+    found = table(IMPEDANCES.tolist())
+    assert found["certified"][found["b"].isin(IMPEDANCES[USUAL])].all()
+    assert truth["certified"].all()
+    for b, rows in found[found["certified"]].groupby("b"):
+        np.testing.assert_allclose(rows[ends], truth[ends], rtol=1e-9, err_msg=str(b))
+    alone = table([1e8])
+    assert alone.equals(found[found["b"] == 1e8].reset_index(drop=True))
+
+
+def test_a_spectral_radius_is_right_or_missing():
+    radii = [wavesweep.compile(line(b)).spectral_radius() for b in (1.0, *IMPEDANCES, 1e15)]
+    known = np.isfinite(radii)
+    np.testing.assert_allclose(np.array(radii)[known], radii[0], rtol=1e-3)
+    assert known[:-1][1:][USUAL].all()
+    hidden = wavesweep.compile(line(1e15, 1e-6)).spectral_radius()
+    assert np.isnan(hidden)

@@ -4,11 +4,11 @@ import numpy as np
 
 from wavesweep.lifted import Cut, close
 from wavesweep.lifted.circle import on_circle
+from wavesweep.lifted.rounding import TELLING
 
 ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
 BACKWARD = 16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
 NEIGHBOURHOOD = 1e-3  # from the circle, where two eigenvalues may lose most of their digits when they nearly meet
-TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
 MEETING = 4  # number of the nearest ones that are examined
 BALANCING = 3  # sweeps
 
@@ -38,15 +38,17 @@ def slowest(delta):
     return np.take_along_axis(delta, np.argmax(np.abs(1 + delta), -1)[..., None], -1)[..., 0]
 
 
-def radius_of(E) -> np.ndarray:
+def radius_of(E, hidden=False) -> np.ndarray:
     """Return the spectral radius of `I + E`; infinite if E is not finite, NaN if rounding could move it by a
     thousandth of itself or of 1.
 
-    Only eigenvalues that nearly meet are so uncertain. Then the radius counts as known if no rounding of E makes one that is
-    that much larger, by the smallest singular value there at the angle of each of them (see `count_outside`).
+    hidden: where it is known to be so (see `telling_frame`). Otherwise only eigenvalues that nearly meet are so uncertain. Then
+    the radius counts as known if no rounding of E makes one that is that much larger, by the smallest singular value there at
+    the angle of each of them (see `count_outside`).
     """
     delta, finite = eigenvalues(E)
-    return np.where(finite, _known(E, np.abs(1 + delta).max(-1, initial=0.0), delta), np.inf)
+    found = np.where(finite, _known(E, np.abs(1 + delta).max(-1, initial=0.0), delta), np.inf)
+    return np.where(finite & hidden, np.nan, found)
 
 
 def _known(E, radius, delta):

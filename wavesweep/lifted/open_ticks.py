@@ -33,15 +33,18 @@ class OpenTicks:
         held.
         Errors: IllPosedLoopError for an algebraic loop without a solution.
         """
-        ticks = ticks_of(drawn, (factor,), alone=True, through=product, held=whole.held())
+        ticks = ticks_of(drawn, (factor,), alone=True, through=product, held=whole.held(), terms=True)
         readings = sum(len(ticks.maps[kind].inputs) for kind in ticks.kind)
         with np.errstate(all="ignore"):
             return OpenTicks(ticks, _OpenFrame.of(ticks) if readings <= MOST_READINGS else None)
 
-    def closed(self, at, p) -> Ticks:
-        """Return the ticks of the loops `at` of the batch at values p of the number; at and p broadcast together."""
+    def closed(self, at, p, *, terms: bool = False) -> Ticks:
+        """Return the ticks of the loops `at` of the batch at values p of the number; at and p broadcast together.
+
+        terms: whether they have the sizes of their terms.
+        """
         with np.errstate(all="ignore"):
-            return replace(self.ticks, maps=tuple(_closed(each, at, p) for each in self.ticks.maps))
+            return replace(self.ticks, maps=tuple(_closed(each, at, p, terms) for each in self.ticks.maps))
 
     def frames(self, at, p) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return frames less identity `(..., n, n)`, and their pivots and conditions; see `closed` and `Block`."""
@@ -74,13 +77,17 @@ def _closure(block, at, p):
     return np.where(condition <= WORST_CONDITION, p / (1 - through), np.nan), pivot, condition
 
 
-def _closed(block, at, p):
-    E, B, C = (part[at] if part.ndim > 2 else part for part in (block.E, block.B, block.C))
+def _closed(block, at, p, terms):
     gain, pivot, condition = _closure(block, at, p)
-    if block.inputs:
-        E = E + B * gain[..., None, None] * C
+    E = _with_gain((block.E, block.B, block.C), at, gain)
+    sizes = (_with_gain(block.terms, at, np.abs(gain)), E[..., :0], E[..., :0, :], E[..., :0, :0]) if terms else None
     nothing = {"inputs": (), "outputs": (), "B": E[..., :0], "C": E[..., :0, :], "D": E[..., :0, :0]}
-    return replace(block, E=E, condition=condition, pivot=pivot, **nothing)
+    return replace(block, E=E, condition=condition, pivot=pivot, terms=sizes, **nothing)
+
+
+def _with_gain(parts, at, gain):
+    E, B, C = (part[at] if part.ndim > 2 else part for part in parts[:3])
+    return E + B * gain[..., None, None] * C if B.shape[-1] else E
 
 
 @dataclass(frozen=True, slots=True, eq=False)

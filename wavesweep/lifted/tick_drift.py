@@ -7,6 +7,7 @@ import numpy as np
 from wavesweep.diagram.drawn import Drawn, shifts
 from wavesweep.lifted.circle import solve
 from wavesweep.lifted.periodic import Ticks, frame_of, growth_of, known_frames, ticks_of
+from wavesweep.lifted.rounding import frame_errors, hides, radius_hidden
 
 RANK = 1e-12  # of the largest singular value of a frame of tame numbers, up to which the smallest is 0
 SAME = 1e-9  # relative difference of two factors of a shift, up to which it does not depend on the numbers
@@ -120,8 +121,10 @@ def _alike(one, two):
     return abs(one - two) <= SAME * max(abs(one), abs(two))
 
 
-def without_drift(E: np.ndarray, drift: TickDrift) -> np.ndarray:
+def without_drift(E: np.ndarray, drift: TickDrift, sizes=None) -> np.ndarray:
     """Return the frame's matrix less identity without its drift, `(..., k, k)`: its eigenvalues are the others.
+
+    sizes: of errors of E; then those of the result are returned.
 
     States that a lead moves by constant factors are counted from it. Factors V that depend on the numbers of a loop are found
     in its frame: with the leads S and the others R, `E_R V = -E_S` by columns, since nothing changes along a shift. The others
@@ -130,20 +133,19 @@ def without_drift(E: np.ndarray, drift: TickDrift) -> np.ndarray:
     """
     leads, unread = [lead for lead, _ in drift.moved], () if drift.folded else drift.unread
     index = [i for i in range(len(drift.states)) if i not in leads and i not in unread]
+    parts = [(E, -1)] if sizes is None else [(E, -1), (sizes, 1)]
     if len(index) < E.shape[-1]:
-        E, whole = E[..., np.array(index, int)[:, None], index], E
-        for lead, others in drift.moved:
-            for state, factor in others:
-                if state in index:
-                    E[..., index.index(state), :] -= factor * whole[..., lead, index]
+        at = np.array(index, int)[:, None], index
+        parts = [(counted_from_leads((part,), drift, sign)[0][..., *at], sign) for part, sign in parts]
+    (E, _), (found, sign) = parts[0], parts[-1]
     if not drift.folded:
-        return E
+        return found
     folded = np.array([index.index(lead) for lead in drift.folded], int)
     rest = np.array([i for i in range(len(index)) if i not in folded], int)
     V = consistent_solution(E[..., rest], -E[..., folded])
-    E = E[..., rest[:, None], rest] - V @ E[..., folded[:, None], rest]
+    found = found[..., rest[:, None], rest] + (-V if sign < 0 else np.abs(V)) @ found[..., folded[:, None], rest]
     kept = [i for i, at in enumerate(rest.tolist()) if index[at] not in drift.unread]
-    return E[..., kept, :][..., kept]
+    return found[..., kept, :][..., kept]
 
 
 def consistent_solution(A, b) -> np.ndarray:
@@ -165,7 +167,18 @@ def closed_frame(drawn: Drawn, drift: TickDrift) -> np.ndarray:
 
     Loops of fewer than two states are filled up with eigenvalues at 0 of the frame.
     """
-    ticks = ticks_of(drawn, alone=True)
+    return _closed_frame(ticks_of(drawn, alone=True), drift)
+
+
+def telling_frame(drawn: Drawn, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
+    """Return `closed_frame`, and whether terms that cancel in a tick hide its spectral radius, `(...)`; see `radius_hidden`."""
+    ticks = ticks_of(drawn, alone=True, terms=True)
+    E = _closed_frame(ticks, drift)
+    hidden = np.broadcast_to(hides(ticks), E.shape[:-2])
+    return E, hidden & radius_hidden(*errors_of_closed(ticks, drift)) if hidden.any() else hidden
+
+
+def _closed_frame(ticks, drift):
     return known_frames(closed(ticks, drift), growth_of(ticks.kind, [each.E for each in ticks.maps]))
 
 
@@ -174,13 +187,22 @@ def closed(ticks: Ticks, drift: TickDrift) -> np.ndarray:
     return filled(without_drift(frame_of(ticks), drift))
 
 
-def filled(E: np.ndarray) -> np.ndarray:
-    """Return frames less identity of two states or more: eigenvalues at 0 of the frame are added."""
+def errors_of_closed(ticks: Ticks, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
+    """Return `closed` and bounds on the errors of its entries; ticks: with the sizes of their terms.
+
+    The bounds take a shift that depends on the numbers as it is computed.
+    """
+    E, dE = frame_errors(ticks.kind, [each.E for each in ticks.maps], [each.terms[0] for each in ticks.maps])
+    return filled(without_drift(E, drift)), filled(without_drift(E, drift, dE), 0.0)
+
+
+def filled(E: np.ndarray, own: float = -1.0) -> np.ndarray:
+    """Return frames less identity of two states or more: eigenvalues at 0 of the frame are added; own: of such a state."""
     missing = 2 - E.shape[-1]
     if missing <= 0:
         return E
     whole = np.zeros((*E.shape[:-2], 2, 2), E.dtype)
     whole[..., : E.shape[-1], : E.shape[-1]] = E
     for i in range(E.shape[-1], 2):
-        whole[..., i, i] = -1.0
+        whole[..., i, i] = own
     return whole

@@ -22,7 +22,7 @@ from wavesweep.diagram.assembly import (
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
-from wavesweep.lifted.tick_drift import TickDrift, closed_frame, drift_of_drawn
+from wavesweep.lifted.tick_drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
 from wavesweep.spec.checking import show
 from wavesweep.spec.drawing import OF_PLANT, Drawing
 from wavesweep.sweep.grid import groups, selected
@@ -86,12 +86,19 @@ def frames(drawing: Drawing | Uneven, values: Mapping[str, object], drift: TickD
         return closed_frame(drawn, drift)
 
 
+def telling_frames(drawing: Drawing | Uneven, values: Mapping[str, object], drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
+    """`frames`, and whether their spectral radius is hidden: what `radius_of` needs; see `telling_frame`."""
+    drawn = assembled(drawing, values)
+    with named_loops(drawn), np.errstate(all="ignore"):
+        return telling_frame(drawn, drift)
+
+
 def radii(grid) -> np.ndarray:
     """Spectral radius per frame of every slice of the grid, without drift, as `radius_of` returns it."""
     spec, drawing, found = grid.spec, grid.drawing, np.empty(grid.loops)
     for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):
         refuse_unsuitable(drawing, values)
-        found[members] = radius_of(frames(drawing, values, drift_of(drawing, values, spec.values)))
+        found[members] = radius_of(*telling_frames(drawing, values, drift_of(drawing, values, spec.values)))
     return found
 
 

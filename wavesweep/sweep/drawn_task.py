@@ -10,6 +10,7 @@ import numpy as np
 from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING
 from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
 from wavesweep.analysis.intervals.frames import Frames
+from wavesweep.analysis.intervals.shaken import shaken
 from wavesweep.analysis.response.port import Ports
 from wavesweep.analysis.response.resting import Resting, resting
 from wavesweep.analysis.response.resting_frame import resting_frame, shows_at_rest
@@ -23,7 +24,8 @@ from wavesweep.lifted import Cut
 from wavesweep.lifted.number import OpenFrame, cut_of, open_frame
 from wavesweep.lifted.open_ticks import OpenTicks, facts_of
 from wavesweep.lifted.periodic import GROWN, LOST, growth_of, ticks_of
-from wavesweep.lifted.tick_drift import TickDrift, closed, filled, without_drift
+from wavesweep.lifted.rounding import hides
+from wavesweep.lifted.tick_drift import TickDrift, closed, errors_of_closed, filled, without_drift
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
 from wavesweep.sweep.grid import selected
@@ -149,16 +151,29 @@ class DrawnTask:
         if cut is not None:
             cut = with_batch(cut, size)
             found = stable_intervals(cut, "K_VE", self.span, np.zeros((size, 1)))
-            return _doubted(found, cut.growth[found.column])
-        drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
-        loops = _Along(self.drawing, self.along, values, drift, self._open_ticks(values))
+            hidden = np.broadcast_to(hides(opened.frame.ticks), size)
+            return self._unshaken(_doubted(found, cut.growth[found.column]), hidden[found.column], values, cut.period)
+        loops = self._loops(values)
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
         bent = isinstance(self.drawing, Uneven) and self.along in WALL and self.span[0] >= 0
         found = stable_along_any(loops.frames, self.span, size, period, self.bounds, bent)
         low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), self.span, strict=True))
-        growth = loops.growth(found.column[:, None], np.stack([low, low / 2 + high / 2, high], axis=-1))
-        return _doubted(found, growth.max(-1))
+        growth, hidden = loops.examined(found.column[:, None], np.stack([low, low / 2 + high / 2, high], axis=-1))
+        return self._unshaken(_doubted(found, growth.max(-1)), hidden.any(-1), values, period)
+
+    def _loops(self, values) -> "_Along":
+        drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
+        return _Along(self.drawing, self.along, values, drift, self._open_ticks(values))
+
+    def _unshaken(self, found, hidden, values, period):
+        """Intervals in doubt where rounding of terms that cancel could move them; hidden: of which elements there are some."""
+        some = np.flatnonzero(hidden)
+        if not some.size:
+            return found
+        drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
+        lost = shaken(found.take(some), self.span, period, _Along(self.drawing, self.along, values, drift, None).errors)
+        return _in_doubt(found, found.column[some], np.where(lost, ROUNDING, NONE))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -186,17 +201,37 @@ class _Along:
         divisors = guards_at(self.drawing, varied, self.along, shape)
         return replace(found, pivots=np.concatenate([found.pivots, divisors.reshape(p.size, -1)], axis=-1))
 
-    def growth(self, number, p) -> np.ndarray:
-        """The growth over a frame (see `growth_of`); 1 for loops of direct terms without a solution."""
+    def examined(self, number, p) -> tuple[np.ndarray, np.ndarray]:
+        """The growth over a frame (see `growth_of`), and whether terms cancel in its ticks (see `hides`).
+
+        Loops of direct terms without a solution have a growth of 1.
+        """
         p = np.where(p == 0, TINY, p)
         try:
-            ticks = self.open_ticks.closed(number, p) if self.open_ticks else _ticks(self.drawing, self._varied(number, p))
+            if self.open_ticks:
+                ticks = self.open_ticks.closed(number, p, terms=True)
+            else:
+                ticks = _ticks(self.drawing, self._varied(number, p), terms=True)
         except IllPosedLoopError:
             if p.size == 1:
-                return np.ones(p.shape)
-            each = zip(*(part.reshape(-1, 1) for part in np.broadcast_arrays(number, p)), strict=True)
-            return np.reshape([self.growth(*one) for one in each], p.shape)
-        return np.broadcast_to(growth_of(ticks.kind, [each.E for each in ticks.maps]), p.shape)
+                return np.ones(p.shape), np.zeros(p.shape, bool)
+            each = [self.examined(*one) for one in _one_by_one(number, p)]
+            return tuple(np.reshape(part, p.shape) for part in zip(*each, strict=True))
+        growth = growth_of(ticks.kind, [each.E for each in ticks.maps])
+        return np.broadcast_to(growth, p.shape), np.broadcast_to(hides(ticks), p.shape)
+
+    def errors(self, number, p) -> tuple[np.ndarray, np.ndarray]:
+        """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution."""
+        p = np.where(p == 0, TINY, p)
+        try:
+            ticks = _ticks(self.drawing, self._varied(number, p), terms=True)
+        except IllPosedLoopError:
+            if p.size == 1:
+                return (np.full((1, max(2, len(self.drift.kept)), max(2, len(self.drift.kept))), np.nan),) * 2
+            each = [self.errors(*one) for one in _one_by_one(number, p)]
+            return tuple(np.concatenate(part) for part in zip(*each, strict=True))
+        with np.errstate(all="ignore"):
+            return tuple(np.broadcast_to(part, (p.size, *part.shape[-2:])) for part in errors_of_closed(ticks, self.drift))
 
     def _varied(self, number, p):
         return selected(self.values, number) | {self.along: p}
@@ -204,9 +239,18 @@ class _Along:
 
 def _doubted(found, growth):
     """Intervals in doubt where stretches of ticks grow beyond the frame that they make; growth: of each, see `growth_of`."""
+    return _in_doubt(found, found.column, np.select([growth > LOST, growth > GROWN], [OVERFLOW, ROUNDING], NONE))
+
+
+def _in_doubt(found, column, doubt):
+    """Intervals whose columns have the worst of these doubts, and of their own; column, doubt: pairs."""
     worst = np.zeros(found.column.max(initial=-1) + 1, int)
-    np.maximum.at(worst, found.column, np.select([growth > LOST, growth > GROWN], [OVERFLOW, ROUNDING], NONE))
+    np.maximum.at(worst, column, doubt)
     return replace(found, doubt=np.maximum(found.doubt, worst[found.column]))
+
+
+def _one_by_one(number, p):
+    return zip(*(part.reshape(-1, 1) for part in np.broadcast_arrays(number, p)), strict=True)
 
 
 def _frames(E, facts, shape):
@@ -216,10 +260,10 @@ def _frames(E, facts, shape):
     return Frames(*(np.broadcast_to(part, (*shape, *tail)).reshape(size, *tail) for part, tail in whole))
 
 
-def _ticks(drawing, values):
+def _ticks(drawing, values, terms=False):
     drawn = assembled(drawing, values)
     with named_loops(drawn), np.errstate(all="ignore"):
-        return ticks_of(drawn, alone=True)
+        return ticks_of(drawn, alone=True, terms=terms)
 
 
 def _where_solvable(drawing, values, drift, shape):

@@ -22,7 +22,7 @@ from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.studies import beyond_half
-from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of, ports_of_groups
+from wavesweep.sweep.drawn_loops import drift_of, ports_of, ports_of_groups, telling_frames
 from wavesweep.sweep.grid import keys_of, make_grid, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
 from wavesweep.sweep.running import Progress, Run, Work, in_memory, run
@@ -222,7 +222,7 @@ class ResponseTask:
     def _fill(self, records):
         """Loops that are assembled tick by tick, one after the other."""
         for members, values in self.groups:
-            radius = radius_of(frames(self.drawing, values, drift_of(self.drawing, values, self.own)))
+            radius = radius_of(*telling_frames(self.drawing, values, drift_of(self.drawing, values, self.own)))
             ticks, slow = (steps_of(values[RATIO])[0], values[RATIO]) if isinstance(self.drawing, Uneven) else (1, None)
             for number, port in ports_of_groups(self.drawing, ((members, values),), self.own):
                 own = np.broadcast_to(radius, members.shape)[np.searchsorted(members, number)]

@@ -15,7 +15,7 @@ from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.sweep.assumptions import assumes
-from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of_loop, refuse_singular
+from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of_loop, refuse_singular, telling_frames
 from wavesweep.sweep.grid import keys_of, loop_of, make_grid
 from wavesweep.sweep.interval_job import job_over
 from wavesweep.sweep.running import in_memory
@@ -51,25 +51,25 @@ def own_design(spec: Spec, cut=None, loop=None) -> dict:
     A drawn loop has no channel that a spec would name, and is felt at the hand's port if it has one.
     cut, loop: the compiled loop and the one prepared for responses, if they are known already.
     """
-    values, drawing = spec.values, loop_of(spec)
+    values, drawing, hidden = spec.values, loop_of(spec), False
     if drawing is None:
         cut = cut or cut_at_wall(draw(values))
         E, period = close(cut, *(values[path] for path in WALL)), float(cut.period)
     else:
-        E, period = _frame_of(spec)
-    radius = float(radius_of(E))
+        E, hidden, period = _frame_of(spec)
+    radius = float(radius_of(E, hidden))
     found = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period, "assumes": assumes(spec)}
     channel = None if drawing else _channel_norm(values)
     return found | {"felt": _felt(spec, loop), "slowest": _slowest(eigenvalues(E)[0], period), "channel_norm": channel}
 
 
 def _frame_of(spec):
-    """The frame of a drawn loop less identity, without drift, and its period in s."""
+    """The frame of a drawn loop less identity, without drift, whether its radius is hidden, and its period in s."""
     drawing = loop_of(spec)
     refuse_singular(spec, drawing)
     drawn = assembled(drawing, spec.values)
-    E = frames(drawing, spec.values, drift_of(drawing, spec.values, spec.values))
-    return E, float(drawn.period * drawn.ticks)
+    found = telling_frames(drawing, spec.values, drift_of(drawing, spec.values, spec.values))
+    return *found, float(drawn.period * drawn.ticks)
 
 
 def limits(spec: Spec, cut=None) -> list[dict]:
@@ -149,7 +149,7 @@ def _felt_at(spec):
     """Stiffness and damping at the hand's port of a drawn loop."""
     port = ports_of_loop(spec, loop_of(spec))
     stiffness = float(static_port_response(port)[1].real[0])
-    damping = _damping(lambda frequency: respond_port(port, frequency).impedance, SLOW_SHARE / _frame_of(spec)[1])
+    damping = _damping(lambda frequency: respond_port(port, frequency).impedance, SLOW_SHARE / _frame_of(spec)[2])
     return {"stiffness": _number(stiffness), "damping": _number(damping)}
 
 

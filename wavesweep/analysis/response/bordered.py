@@ -6,8 +6,9 @@ import numpy as np
 
 from wavesweep.analysis.response.circle import Circle
 from wavesweep.analysis.response.frame import Loop, shown
-from wavesweep.analysis.response.ticks import ROUNDING, entries_errors, holding
+from wavesweep.analysis.response.ticks import entries_errors, holding
 from wavesweep.lifted.circle import solve
+from wavesweep.lifted.rounding import ROUNDING
 
 CLOSE = 0.1  # by how much an inverse may be off for the error of what it gives to be bounded with it
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from wavesweep.analysis.response.frame import Loop
-from wavesweep.analysis.response.ticks import ROUNDING, long_sum, taken
+from wavesweep.analysis.response.ticks import long_sum, taken
 from wavesweep.lifted.circle import solve
+from wavesweep.lifted.rounding import ROUNDING
 
 STEPS = 9  # of the bidiagonalisation; beyond, singular values of the whole matrix are the quicker way
 SETTLED = 1e-13  # relative width of the bounds on a singular value, at which it ends

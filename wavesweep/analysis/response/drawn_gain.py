@@ -8,8 +8,7 @@ from wavesweep.analysis.response.dominant import Dominant, Lifted
 from wavesweep.analysis.response.drawn import LOST
 from wavesweep.analysis.response.port import Port
 from wavesweep.analysis.response.steady import GOOD
-from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, both
-from wavesweep.lifted.periodic import in_a_row, then
+from wavesweep.lifted.rounding import ROUNDING, frame_errors
 
 MOST_TICKS = 500  # of a frame; the map's memory grows with their square
 BLOCK = 2_000_000  # entries of one batch of matrices
@@ -51,7 +50,8 @@ def lifted_map(port: Port) -> Lifted:
             rows[tick, n + tick], sizes[tick, n + tick] = D[0, 0], of_D[0, 0]
         state, size = state + E @ state, np.maximum(np.abs(np.eye(n) + E), of_E) @ size
         state[:, n + tick], size[:, n + tick] = B[:, 0], of_B[:, 0]
-    frame, dE = _frame(port)
+    changes, of_terms = ([each[0] for each in parts] for parts in (port.maps, port.sizes))
+    frame, dE = frame_errors(port.kind, changes, of_terms)
     if port.position is None:
         summed, of_sum = (np.cumsum(part, axis=0) for part in (rows, sizes))
         rows, sizes = (np.concatenate([np.zeros((1, n + ticks)), part[:-1]]) for part in (summed, of_sum))
@@ -63,12 +63,6 @@ def lifted_map(port: Port) -> Lifted:
     if port.position is None:
         O, dO = np.hstack([O, np.ones((ticks, 1))]), np.pad(dO, ((0, 0), (0, 1)))
     return Lifted((frame, dE), (O, dO), (state[:, n:], rough * size[:, n:]), (T, rough * sizes[:, n:]))
-
-
-def _frame(port):
-    """Return the frame less identity, and a bound on the error of its entries."""
-    ticks = [(E, ENTRIES * size) for (E, *_), (size, *_) in zip(port.maps, port.sizes, strict=True)]
-    return in_a_row(port.kind.tolist(), ticks, lambda first, second: (then(first[0], second[0]), both(first, second)[1]))
 
 
 def _gain(lifted, points):

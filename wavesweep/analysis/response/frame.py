@@ -4,20 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.analysis.response.ticks import (
-    ENTRIES,
-    ROUNDING,
-    both,
-    entries_errors,
-    holding,
-    joined,
-    long_sum,
-    plus,
-    repeated,
-    taken,
-    times,
-    unrolled,
-)
+from wavesweep.analysis.response.ticks import entries_errors, holding, joined, long_sum, plus, repeated, taken, times, unrolled
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import drift_of, latch, scene_drift
@@ -25,6 +12,7 @@ from wavesweep.errors import IllPosedLoopError, WavesweepError
 from wavesweep.lifted.circle import solve
 from wavesweep.lifted.connect import WORST_CONDITION, connect
 from wavesweep.lifted.lift import fast_side, latches, lift_held, slow_sums
+from wavesweep.lifted.rounding import ENTRIES, ROUNDING, both
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,8 +11,9 @@ from wavesweep.analysis.response.circle import circle
 from wavesweep.analysis.response.dominant import Dominant, Lifted
 from wavesweep.analysis.response.frame import Loop, prepare
 from wavesweep.analysis.response.steady import GOOD, LOST, respond
-from wavesweep.analysis.response.ticks import ROUNDING, taken
+from wavesweep.analysis.response.ticks import taken
 from wavesweep.diagram.drift import hand_drifts
+from wavesweep.lifted.rounding import ROUNDING
 
 DENSE = 32  # up to this ratio LAPACK's singular values of the whole matrix are the quicker way
 STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more

@@ -4,10 +4,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.analysis.response.ticks import ENTRIES, both, long_sum, ordered_product
+from wavesweep.analysis.response.ticks import long_sum, ordered_product
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
 from wavesweep.lifted.periodic import growth_of, in_a_row, known_frames, then, ticks_of
+from wavesweep.lifted.rounding import ENTRIES, both
 from wavesweep.lifted.tick_drift import TickDrift, counted_from_leads
 from wavesweep.spec.drawing import OF_PLANT
 

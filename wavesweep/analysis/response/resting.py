@@ -12,9 +12,10 @@ import numpy as np
 
 from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.response.port import Ports
-from wavesweep.analysis.response.ticks import ENTRIES, ROUNDING, ordered_products
+from wavesweep.analysis.response.ticks import ordered_products
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.lifted.connect import connect
+from wavesweep.lifted.rounding import ENTRIES, ROUNDING
 
 SURE = 1e-9  # relative error up to which a stiffness is known; of that of a rigid wall, up to which nothing is felt
 

@@ -11,10 +11,11 @@ import numpy as np
 from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.response.port import Ports
 from wavesweep.analysis.response.resting import Resting
-from wavesweep.analysis.response.ticks import ROUNDING, long_sum
+from wavesweep.analysis.response.ticks import long_sum
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.lifted.number import OpenFrame, shown_of_leads
 from wavesweep.lifted.periodic import GROWN
+from wavesweep.lifted.rounding import ROUNDING
 from wavesweep.lifted.tick_drift import TickDrift, counted_from_leads
 
 SURELY = 2  # bounds on the rounding of a sum, up to which it is 0

@@ -8,8 +8,8 @@ from wavesweep.analysis.response.bordered import CLOSE, bordered, conserved_outp
 from wavesweep.analysis.response.circle import Circle, circle
 from wavesweep.analysis.response.frame import Loop
 from wavesweep.analysis.response.static import static_response
-from wavesweep.analysis.response.ticks import ROUNDING
 from wavesweep.lifted.circle import solve
+from wavesweep.lifted.rounding import ROUNDING
 
 GOOD = 1e-9  # bound on the relative error up to which the modes are believed; beyond, the larger system is solved
 LOST = 0.1  # relative error from which on a number has no digit

@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from wavesweep.diagram.block import Block
-
-ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
-ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
+from wavesweep.lifted.rounding import ENTRIES, ROUNDING, both
 
 
 def entries_errors(block: Block):
@@ -80,17 +78,6 @@ def _holding(parts, outputs):
     whole[0][..., :n, :n], whole[0][..., :n, n:], whole[1][..., :n, :] = E, B[..., 1:], B[..., :1]
     whole[2][..., :n], whole[2][..., n:] = C[..., :outputs, :], D[..., :outputs, 1:]
     return *whole, D[..., :outputs, :1]
-
-
-def both(first, second):
-    """Return `E` of one run of ticks after the other.
-
-    Each is a pair of `(I + E)^ticks - I` and a bound on the error of its entries.
-    """
-    (a, da), (b, db) = first, second
-    eye, one, two = np.eye(a.shape[-1]), np.abs(a), np.abs(b)
-    error = np.abs(eye + b) @ da + db @ np.abs(eye + a) + ROUNDING * (one + two + two @ one)
-    return a + b + b @ a, error
 
 
 def repeated(one, count: int):

@@ -1,0 +1,63 @@
+"""Intervals of loops in whose ticks terms cancel: whether rounding of these terms could move an end or hide one."""
+
+import numpy as np
+
+from wavesweep.analysis.intervals.any_parameter import EXACT
+from wavesweep.analysis.intervals.polishing import ATTACHED
+from wavesweep.analysis.intervals.regions import NEAR_ZERO
+from wavesweep.analysis.intervals.stable import Intervals
+from wavesweep.analysis.spectrum import excess
+from wavesweep.lifted.circle import inverse, on_circle
+from wavesweep.lifted.rounding import at_angles_of, may_have
+
+WITHIN = 0.25, 0.5, 0.75  # of an interval, or of the span of a column without one: where its verdict is examined
+STEP = 1e-6  # of an end, over which the slope of an eigenvalue is taken
+
+
+def shaken(found: Intervals, span, period, errors) -> np.ndarray:
+    """Return whether rounding could move an end of each element by more than EXACT, or an eigenvalue within it over the circle.
+
+    found: elements. span: (low, high). period: s of a frame, per column. errors(column, p): frames less identity `(k, n, n)` of
+    these loops at these values of the parameter, and bounds on the errors of their entries.
+
+    An end moves by the change of the eigenvalue that crosses there, over its slope; the change is the bound between its left
+    and right eigenvector, to first order. An end that is ATTACHED to the span is exact, or as good as that of the span.
+    """
+    low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), span, strict=True))
+    lost = np.zeros(low.size, bool)
+    with np.errstate(all="ignore"):
+        for share in WITHIN:
+            lost |= _may_cross(*errors(found.column, (1 - share) * low + share * high))
+        for end, omega in ((low, found.low_omega), (high, found.high_omega)):
+            some = np.flatnonzero(~np.isnan(omega) & (end - span[0] > ATTACHED * (span[1] - span[0])))
+            if some.size:
+                column, p = found.column[some], end[some]
+                least = np.abs(p) + NEAR_ZERO * (span[1] - span[0])
+                E, dE = errors(column, p)
+                later, _ = errors(column, p + STEP * least)
+                at = on_circle(omega[some] * period[column])
+                lost[some] |= ~(_moved(E, dE, (later - E) / (STEP * least)[:, None, None], at) <= EXACT * least)
+    return lost
+
+
+def _may_cross(E, dE):
+    """Whether an eigenvalue may be on the other side of the circle than it is, or E is not finite."""
+    finite = np.isfinite(E).all((-1, -2)) & np.isfinite(dE).all((-1, -2))
+    E, dE = (np.where(finite[:, None, None], part, 0.0) for part in (E, dE))
+    delta = np.linalg.eigvals(E).astype(complex)
+    return ~finite | may_have(E, dE, at_angles_of(delta, 1.0, np.argsort(np.abs(excess(delta)), axis=-1)))
+
+
+def _moved(E, dE, slope, at):
+    """By how much rounding within dE moves the value of the parameter at which an eigenvalue next to `1 + at` is on the circle.
+
+    slope: of E along the parameter. NaN if E is not finite.
+    """
+    finite = np.isfinite(E).all((-1, -2)) & np.isfinite(slope).all((-1, -2))
+    delta, right = np.linalg.eig(np.where(finite[:, None, None], E, 0.0))
+    index = np.argmin(np.abs(delta - at[:, None]), axis=-1)[:, None]
+    left = np.take_along_axis(inverse(right), index[..., None], -2)
+    right = np.take_along_axis(right, index[..., None], -1)
+    z = 1 + np.take_along_axis(delta, index, -1)[:, 0]
+    speed = (np.conj(z) * (left @ slope @ right)[:, 0, 0]).real
+    return np.where(finite, np.abs(z) * (np.abs(left) @ dE @ np.abs(right))[:, 0, 0] / np.abs(speed), np.nan)

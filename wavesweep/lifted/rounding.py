@@ -1,0 +1,86 @@
+"""What rounding of the terms of every tick leaves unsure in a frame.
+
+Where terms cancel within a tick, as the impedance of a wave line does that passes on what it takes, the entries that are left
+have lost digits, and show no sign of it.
+"""
+
+import numpy as np
+
+from wavesweep.lifted.circle import inverse
+from wavesweep.lifted.periodic import Ticks, in_a_row, then
+
+ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
+ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
+HIDDEN = 16.0  # times an entry: size of its terms, from which on its digits may be missed
+TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
+NEAREST = 4  # number of eigenvalues that are examined
+
+
+def both(first, second):
+    """Return `E` of one run of ticks after the other.
+
+    Each is a pair of `(I + E)^ticks - I` and a bound on the error of its entries.
+    """
+    (a, da), (b, db) = first, second
+    eye, one, two = np.eye(a.shape[-1]), np.abs(a), np.abs(b)
+    error = np.abs(eye + b) @ da + db @ np.abs(eye + a) + ROUNDING * (one + two + two @ one)
+    return a + b + b @ a, error
+
+
+def frame_errors(kind, changes, sizes) -> tuple[np.ndarray, np.ndarray]:
+    """Return the frame less identity and bounds on the errors of its entries, `(..., n, n)` each.
+
+    kind: of each tick. changes, sizes: per kind, the matrix less identity, and the sizes of the terms of its entries.
+    """
+
+    def joined(first, second):
+        return then(first[0], second[0]), both(first, second)[1]
+
+    with np.errstate(all="ignore"):  # of a frame that overflows
+        return in_a_row(kind.tolist(), [(E, ENTRIES * size) for E, size in zip(changes, sizes, strict=True)], joined)
+
+
+def hides(ticks: Ticks) -> np.ndarray:
+    """Return in which loops of a batch the terms of some entry of a tick nearly cancel; ticks: with sizes of their terms."""
+    with np.errstate(all="ignore"):
+        found = [(each.terms[0] > HIDDEN * np.abs(each.E)).any((-1, -2)) for each in ticks.maps]
+    return np.logical_or.reduce(np.broadcast_arrays(*found))
+
+
+def may_have(E, dE, points) -> np.ndarray:
+    """Return whether a matrix within dE of `I + E` may have one of these eigenvalues, `(matrices,)`.
+
+    E, dE: `(matrices, n, n)`; points: eigenvalues less 1, `(matrices, points)`. None has z if the spectral radius of
+    `|(z - 1 - E)^-1| dE` is less than 1 (S. M. Rump, Linear Algebra Appl. 278, 1998), which no units of the states change.
+    """
+    with np.errstate(all="ignore"):
+        reach = np.abs(inverse(points[..., None, None] * np.eye(E.shape[-1]) - E[:, None])) @ dE[:, None]
+        known = np.isfinite(reach).all((-1, -2))
+        largest = np.abs(np.linalg.eigvals(np.where(known[..., None, None], reach, 0.0))).max(-1, initial=0.0)
+    return ~(known & (largest < 1)).all(-1)
+
+
+def at_angles_of(delta, radius, nearest) -> np.ndarray:
+    """Return points less 1 on circles of a radius, `(matrices, NEAREST)`, at the angles of some eigenvalues `1 + delta`.
+
+    nearest: the eigenvalues in order; radius: `(matrices,)` or a number.
+    """
+    chosen = np.take_along_axis(delta, nearest[:, :NEAREST], axis=-1)
+    z = 1 + chosen
+    size = np.where(z == 0, 1.0, np.abs(z))
+    # Along the ray from 0: a point next to 1 keeps the digits of its distance from the eigenvalue.
+    return chosen + np.where(z == 0, 1.0, z / size) * (np.reshape(radius, (-1, 1)) - np.abs(z))
+
+
+def radius_hidden(E, dE) -> np.ndarray:
+    """Return whether the spectral radius of `I + E` may be larger by TELLING, or on the other side of 1, within dE of E."""
+    shape, n = E.shape[:-2], E.shape[-1]
+    E, dE = E.reshape(-1, n, n), np.broadcast_to(dE, E.shape).reshape(-1, n, n)
+    finite = np.isfinite(E).all((-1, -2)) & np.isfinite(dE).all((-1, -2))
+    E, dE = (np.where(finite[:, None, None], part, 0.0) for part in (E, dE))
+    delta = np.linalg.eigvals(E).astype(complex)
+    size = np.abs(1 + delta)
+    radius, order = size.max(-1, initial=0.0), np.argsort(-size, axis=-1)
+    further = at_angles_of(delta, radius + TELLING * np.maximum(radius, 1), order)
+    found = finite & may_have(E, dE, np.concatenate([further, at_angles_of(delta, 1.0, order)], axis=-1))
+    return found.reshape(shape)
