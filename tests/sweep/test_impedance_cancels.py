@@ -83,3 +83,18 @@ def test_a_spectral_radius_is_right_or_missing():
     assert known[:-1][1:][USUAL].all()
     hidden = wavesweep.compile(line(1e15, 1e-6)).spectral_radius()
     assert np.isnan(hidden)
+
+
+def test_a_margin_at_the_port_is_right_or_missing():
+    def margin(b):
+        tables = line(b, integration="explicit")
+        tables["numbers"] |= {"K": 3000.0}
+        found = wavesweep.passivity(tables)
+        assert found["port_omega"].isna().equals(found["port_margin"].isna())
+        return found["port_margin"][0]
+
+    truth, margins = margin(1.0), np.array([margin(b) for b in IMPEDANCES])
+    known = np.isfinite(margins)
+    assert known[USUAL].all()
+    assert not known.all()
+    np.testing.assert_allclose(margins[known], truth, rtol=1e-9)

@@ -40,11 +40,16 @@ def frame_errors(kind, changes, sizes) -> tuple[np.ndarray, np.ndarray]:
         return in_a_row(kind.tolist(), [(E, ENTRIES * size) for E, size in zip(changes, sizes, strict=True)], joined)
 
 
-def hides(ticks: Ticks) -> np.ndarray:
-    """Return in which loops of a batch the terms of some entry of a tick nearly cancel; ticks: with sizes of their terms."""
+def hides(changes, sizes) -> np.ndarray:
+    """Return in which loops of a batch the terms of some entry of a tick nearly cancel, `(...)`; see `frame_errors`."""
     with np.errstate(all="ignore"):
-        found = [(each.terms[0] > HIDDEN * np.abs(each.E)).any((-1, -2)) for each in ticks.maps]
+        found = [(size > HIDDEN * np.abs(E)).any((-1, -2)) for E, size in zip(changes, sizes, strict=True)]
     return np.logical_or.reduce(np.broadcast_arrays(*found))
+
+
+def hidden_in(ticks: Ticks) -> np.ndarray:
+    """`hides` for ticks with the sizes of their terms."""
+    return hides([each.E for each in ticks.maps], [each.terms[0] for each in ticks.maps])
 
 
 def may_have(E, dE, points) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 from wavesweep.diagram.drawn import Drawn, shifts
 from wavesweep.lifted.circle import solve
 from wavesweep.lifted.periodic import Ticks, frame_of, growth_of, known_frames, ticks_of
-from wavesweep.lifted.rounding import frame_errors, hides, radius_hidden
+from wavesweep.lifted.rounding import frame_errors, hidden_in, radius_hidden
 
 RANK = 1e-12  # of the largest singular value of a frame of tame numbers, up to which the smallest is 0
 SAME = 1e-9  # relative difference of two factors of a shift, up to which it does not depend on the numbers
@@ -174,7 +174,7 @@ def telling_frame(drawn: Drawn, drift: TickDrift) -> tuple[np.ndarray, np.ndarra
     """Return `closed_frame`, and whether terms that cancel in a tick hide its spectral radius, `(...)`; see `radius_hidden`."""
     ticks = ticks_of(drawn, alone=True, terms=True)
     E = _closed_frame(ticks, drift)
-    hidden = np.broadcast_to(hides(ticks), E.shape[:-2])
+    hidden = np.broadcast_to(hidden_in(ticks), E.shape[:-2])
     return E, hidden & radius_hidden(*errors_of_closed(ticks, drift)) if hidden.any() else hidden
 
 

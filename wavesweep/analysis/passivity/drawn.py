@@ -6,26 +6,29 @@ import numpy as np
 
 from wavesweep.analysis.passivity.hinf import Element, angles, peak_by_levels, then, tick
 from wavesweep.analysis.passivity.port import SLACK, PortMargin
+from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.port import Port, frame_of_port
 from wavesweep.analysis.spectrum import balance, is_stable
 from wavesweep.errors import UsageError
 from wavesweep.lifted.circle import on_circle, solve
 from wavesweep.lifted.periodic import in_a_row
+from wavesweep.lifted.rounding import hides
 
 SWEEPS = 12  # over the states, for their units
 LONGEST = 600  # ticks; the map of a frame is a matrix of that size
+SURE = 1e-9  # relative error of a response, up to which it says that a margin is known
 
 
 def drawn_port_margin(port: Port) -> PortMargin:
     """Margin of positive realness of the map from the held force to the displacement in the tick; see `port_margin`.
 
     Errors: UsageError for a frame of more than LONGEST ticks. Accuracy: 1e-10 of the margin and of the mean eigenvalue;
-    NaN for a frame that is not known.
+    NaN for a frame that is not known, and for terms that cancel so far that the response there is not known to SURE.
     """
     M = port.kind.size
     if M > LONGEST:
         raise UsageError(f"passivity: expected a frame of at most {LONGEST} ticks, found {M}")
-    port = _without_drift(_in_even_units(port))
+    given, port = port, _without_drift(_in_even_units(port))
     E, toeplitz, O, G = _lifted(port)
     mean = float(np.mean(np.diagonal(toeplitz)))
     n, unknown = E.shape[-1], np.array([np.nan])
@@ -52,8 +55,17 @@ def drawn_port_margin(port: Port) -> PortMargin:
         lambda _, level: SLACK * (np.abs(level) + mean),
     )
     period = port.period * M
-    margin = np.where(np.isfinite(peak.value), -peak.value, np.nan)
-    return PortMargin(margin, peak.theta / period, np.array([mean]), np.array([bool(is_stable(E))]), peak.certified)
+    margin = np.where(np.isfinite(peak.value) & _known(given, peak.theta / period), -peak.value, np.nan)
+    omega = np.where(np.isnan(margin), np.nan, peak.theta / period)
+    return PortMargin(margin, omega, np.array([mean]), np.array([bool(is_stable(E))]), peak.certified)
+
+
+def _known(port, omega):
+    """Whether no terms cancel in the ticks, or the response at these frequencies (rad/s) keeps its digits even so."""
+    changes, sizes = ([each[0] for each in parts] for parts in (port.maps, port.sizes))
+    if not hides(changes, sizes):
+        return True
+    return respond_port(port, omega / (2 * np.pi)).admittance_error <= SURE
 
 
 def _in_even_units(port):
@@ -70,7 +82,8 @@ def _in_even_units(port):
         whole[0, n:, :n] += np.abs(C[:1])
     units = balance(whole, SWEEPS)[1][0]
     u = units[:n] / units[n]
-    return replace(port, maps=tuple((E * (u / u[:, None]), B / u[:, None], C * u, D) for E, B, C, D in port.maps))
+    maps = tuple((E * (u / u[:, None]), B / u[:, None], C * u, D) for E, B, C, D in port.maps)
+    return replace(port, maps=maps, sizes=())
 
 
 def _without_drift(port):
