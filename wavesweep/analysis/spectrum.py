@@ -42,9 +42,9 @@ def radius_of(E, hidden=False) -> np.ndarray:
     """Return the spectral radius of `I + E`; infinite if E is not finite, NaN if rounding could move it by a
     thousandth of itself or of 1.
 
-    hidden: where it is known to be so (see `telling_frame`). Otherwise only eigenvalues that nearly meet are so uncertain. Then
-    the radius counts as known if no rounding of E makes one that is that much larger, by the smallest singular value there at
-    the angle of each of them (see `count_outside`).
+    hidden: whether this is known already (see `telling_frame`). Otherwise only eigenvalues that nearly meet are so uncertain.
+    Then the radius counts as known if no rounding of E makes one that is that much larger, by the smallest singular value there
+    at the angle of each of them (see `count_outside`).
     """
     delta, finite = eigenvalues(E)
     found = np.where(finite, _known(E, np.abs(1 + delta).max(-1, initial=0.0), delta), np.inf)

@@ -14,7 +14,7 @@ from wavesweep.diagram.uneven import RATIO, Uneven
 from wavesweep.errors import UsageError
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.drawing import LEAST, NOTHING, Drawing, scalars
-from wavesweep.spec.expressions import Tree, evaluate, names_in
+from wavesweep.spec.expressions import degree, evaluate, names_in
 
 POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
 PRODUCT, FACTOR = "ports.product", "ports.factor"  # of a number that is taken out of its wire, and what it multiplies
@@ -108,7 +108,7 @@ def scalar_place(drawing: Drawing | Uneven, number: str) -> str:
     path = readers.pop()
     is_gain = path in {f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"}
     trees = [tree for each, tree in drawing.trees() if each == path]
-    return path if (is_gain or path.startswith("wire.")) and all(_degree(tree, number) <= 1 for tree in trees) else ""
+    return path if (is_gain or path.startswith("wire.")) and all(degree(tree, number) <= 1 for tree in trees) else ""
 
 
 def seen_by_hand(drawing: Drawing | Uneven, number: str) -> bool:
@@ -119,22 +119,6 @@ def seen_by_hand(drawing: Drawing | Uneven, number: str) -> bool:
 @lru_cache(maxsize=256)
 def _readers(drawing, number):
     return {path for path, tree in drawing.trees() if any(name == number for name, _ in names_in(tree))}
-
-
-def _degree(tree: Tree, number: str) -> float:
-    """Degree of the tree as a polynomial in the number; infinite if it is none."""
-    if tree[0] == "number":
-        return 0
-    if tree[0] == "name":
-        return int(tree[1] == number)
-    degrees = [_degree(part, number) for part in tree[1:-1]]
-    if tree[0] in ("+", "-", "negative"):
-        return max(degrees)
-    if tree[0] == "*":
-        return sum(degrees)
-    if tree[0] == "/" and degrees[1] == 0:
-        return degrees[0]
-    return 0 if not any(degrees) else np.inf
 
 
 def tame_pair(

@@ -1,5 +1,6 @@
 """Where a loop that a spec draws is an analytic function of one of its numbers."""
 
+import math
 from collections.abc import Mapping
 from functools import lru_cache
 
@@ -8,30 +9,32 @@ import numpy as np
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import UsageError
 from wavesweep.spec.drawing import Drawing, scalars
-from wavesweep.spec.expressions import evaluate, names_in, singular
+from wavesweep.spec.expressions import degree, evaluate, names_in, singular
 
 
 def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]) -> tuple[float, float]:
     """The values of a number, about a span, between which the loop is an analytic function of it on the real axis.
 
     values: flat numbers, or arrays over the loops of a sweep. Divisors, arguments of roots, masses and the like must not vanish
-    there. Beyond the span their changes of sign are searched for on a grid that is finer near the span; half of the way to the
-    nearest one is allowed. Errors: UsageError if one vanishes within the span.
+    there, but an argument of a root may at a low end of 0, which is then the lowest value (see `bends_at_zero`). Beyond the
+    span their changes of sign are searched for on a grid that is finer near the span; half of the way to the nearest one is
+    allowed. Errors: UsageError if one vanishes within the span.
     """
     low, high = span
     width, (below, above) = high - low, (-np.inf, np.inf)
     away = np.geomspace(1e-6, 1e3, 400) * width
     name = path.removeprefix("numbers.")
-    for key, guard, read in _guards_of(drawing, name):
+    for key, guard, read, rooted in _guards_of(drawing, name):
         known = _different({each: value for each, value in scalars({**values, path: 0.0}).items() if each in read})
-
         within = np.linspace(low, high, 401)
+        if rooted and low == 0 and not np.any(_value(guard, {**known, name: within[:1]})):
+            within, below = within[1:], 0.0
         if not _keeps_sign(guard, known, name, within).all() or _touches_zero(guard, known, name, within):
             raise UsageError(
                 f"intervals along {name}: between {low:g} and {high:g} there is a value without a loop, since {key} divides by "
                 "zero, takes a root of a negative number or leaves its range"
             )
-        for direction, end in ((-1, low), (1, high)):
+        for direction, end in ((-1, low), (1, high)) if below < low else ((1, high),):
             points = np.concatenate([[end], end + direction * away])
             good = _keeps_sign(guard, known, name, points)
             first = int(np.argmin(good.all(0)))
@@ -41,12 +44,26 @@ def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
     return float(below), float(above)
 
 
+@lru_cache(maxsize=256)
+def bends_at_zero(drawing: Drawing | Uneven, path: str) -> bool:
+    """Whether an eigenvalue 1 that a loop has at 0 of a number may not leave it in proportion to the number.
+
+    The number is read by a root, or in a power: `2*sqrt(K*m)` is not analytic at 0, and `K**2` has a double zero there.
+    """
+    name = path.removeprefix("numbers.")
+    if isinstance(drawing, Uneven):
+        return False
+    return any(rooted for *_, rooted in _guards_of(drawing, name)) or any(
+        1 < degree(tree, name) < math.inf for _, tree in drawing.trees()
+    )
+
+
 def guards_at(drawing: Drawing | Uneven, values: Mapping[str, object], path: str, shape: tuple[int, ...]) -> np.ndarray:
     """What must not vanish for the loops to be analytic in a number, at values of it, real or complex: `(*shape, guards)`."""
     found, name = [], path.removeprefix("numbers.")
     if not isinstance(drawing, Uneven):
         known = scalars(values)
-        found = [np.broadcast_to(_value(guard, known), shape) for _, guard, _ in _guards_of(drawing, name)]
+        found = [np.broadcast_to(_value(guard, known), shape) for _, guard, _, _ in _guards_of(drawing, name)]
     return np.stack(found, axis=-1) if found else np.ones((*shape, 0))
 
 
@@ -96,24 +113,24 @@ def _different(known):
 
 @lru_cache(maxsize=256)
 def _guards_of(drawing, number):
-    """The guards that read a number, as path of a key, tree, and names of all numbers that it reads."""
-    named = [(key, guard, frozenset(name for name, _ in names_in(guard))) for key, guard in _guards(drawing)]
+    """The guards that read a number, as path of a key, tree, names of all numbers that it reads, and whether it is rooted."""
+    named = [(key, guard, frozenset(name for name, _ in names_in(guard)), rooted) for key, guard, rooted in _guards(drawing)]
     return tuple(each for each in named if number in each[2])
 
 
 def _guards(drawing):
-    """Yield the path of a key and a tree that must not vanish."""
+    """Yield the path of a key, a tree that must not vanish, and whether it is only the argument of a root."""
     for path, tree in drawing.trees():
-        yield from ((path, guard) for guard in singular(tree))
+        yield from ((path, *guard) for guard in singular(tree))
     for block in drawing.blocks:
         keys = dict(block.keys)
         for name in ("mass", "b", "cutoff_hz"):
             if name in keys:
-                yield f"block.{block.name}.{name}", keys[name]
+                yield f"block.{block.name}.{name}", keys[name], False
         if block.type == "butterworth":
             twice = ("*", ("number", 2.0, 0), ("*", keys["cutoff_hz"], block.every, 0), 0)
-            yield f"block.{block.name}.cutoff_hz", ("-", drawing.tick_hz, twice, 0)
+            yield f"block.{block.name}.cutoff_hz", ("-", drawing.tick_hz, twice, 0), False
         if block.type == "tf":
-            yield f"block.{block.name}.den", keys["den"][0]
+            yield f"block.{block.name}.den", keys["den"][0], False
         if block.type == "local_model":
-            yield f"block.{block.name}.K", block.divisor(drawing.tick_hz)
+            yield f"block.{block.name}.K", block.divisor(drawing.tick_hz), False

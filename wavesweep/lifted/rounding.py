@@ -1,6 +1,6 @@
-"""What rounding of the terms of every tick leaves unsure in a frame.
+"""The rounding of the terms of every tick, and the digits of a frame that it takes.
 
-Where terms cancel within a tick, as the impedance of a wave line does that passes on what it takes, the entries that are left
+If terms cancel within a tick, as the impedance of a wave line does that passes all on at once, the entries that are left
 have lost digits, and show no sign of it.
 """
 

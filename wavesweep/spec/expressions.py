@@ -274,12 +274,33 @@ def _power(base: Any, exponent: Any, tree: Tree) -> Any:
     return total if exponent >= 0 else 1 / total
 
 
-def singular(tree: Tree) -> Iterator[Tree]:
-    """Yield the trees at whose zeros this one is not analytic: divisors, arguments of roots, bases of fractional powers."""
+def singular(tree: Tree) -> Iterator[tuple[Tree, bool]]:
+    """Yield the trees at whose zeros this one is not analytic, and whether it has a value there all the same.
+
+    These are divisors, arguments of roots, which have one, and bases of fractional powers, which have one if the exponent is a
+    positive number.
+    """
     for part in tree[1:-1]:
         if isinstance(part, tuple):
             yield from singular(part)
     if tree[0] == "/":
-        yield tree[2]
-    elif tree[0] == "sqrt" or (tree[0] == "**" and not (tree[2][0] == "number" and tree[2][1].is_integer())):
-        yield tree[1]
+        yield tree[2], False
+    elif tree[0] == "sqrt":
+        yield tree[1], True
+    elif tree[0] == "**" and not (tree[2][0] == "number" and tree[2][1].is_integer()):
+        yield tree[1], tree[2][0] == "number"
+
+
+def degree(tree: Tree, number: str) -> float:
+    """Return the degree of the tree as a polynomial in a number; infinite if it is none."""
+    if tree[0] in ("number", "name"):
+        return int(tree[0] == "name" and tree[1] == number)
+    degrees = [degree(part, number) for part in tree[1:-1]]
+    if tree[0] in ("+", "-", "negative"):
+        return max(degrees)
+    if tree[0] == "*":
+        return sum(degrees)
+    if tree[0] == "/" and degrees[1] == 0:
+        return degrees[0]
+    whole = tree[0] == "**" and tree[2][0] == "number" and tree[2][1].is_integer()
+    return degrees[0] * tree[2][1] if whole else math.inf if any(degrees) else 0

@@ -87,7 +87,7 @@ def frames(drawing: Drawing | Uneven, values: Mapping[str, object], drift: TickD
 
 
 def telling_frames(drawing: Drawing | Uneven, values: Mapping[str, object], drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
-    """`frames`, and whether their spectral radius is hidden: what `radius_of` needs; see `telling_frame`."""
+    """`frames`, and whether their spectral radius is hidden: the arguments of `radius_of`; see `telling_frame`."""
     drawn = assembled(drawing, values)
     with named_loops(drawn), np.errstate(all="ignore"):
         return telling_frame(drawn, drift)

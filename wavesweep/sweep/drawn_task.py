@@ -9,6 +9,7 @@ import numpy as np
 
 from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING
 from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
+from wavesweep.analysis.intervals.any_parameter import BENT, FROM_ZERO
 from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.intervals.shaken import shaken
 from wavesweep.analysis.response.port import Ports
@@ -16,7 +17,7 @@ from wavesweep.analysis.response.resting import Resting, resting
 from wavesweep.analysis.response.resting_frame import resting_frame, shows_at_rest
 from wavesweep.diagram import WALL
 from wavesweep.diagram.assembly import FACTOR, PRODUCT, assembled, refuse_unsuitable, scalar_place, seen_by_hand
-from wavesweep.diagram.domain import guards_at
+from wavesweep.diagram.domain import bends_at_zero, guards_at
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError
@@ -156,18 +157,33 @@ class DrawnTask:
         loops = self._loops(values)
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
-        bent = isinstance(self.drawing, Uneven) and self.along in WALL and self.span[0] >= 0
-        found = stable_along_any(loops.frames, self.span, size, period, self.bounds, bent)
+        variable = self._variable()
+        found = stable_along_any(loops.frames, self.span, size, period, self.bounds, variable)
+        if variable == FROM_ZERO:
+            found = self._beginning_at_one(found, values, loops.drift)
         low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), self.span, strict=True))
         growth, hidden = loops.examined(found.column[:, None], np.stack([low, low / 2 + high / 2, high], axis=-1))
         return self._unshaken(_doubted(found, growth.max(-1)), hidden.any(-1), values, period)
+
+    def _variable(self):
+        """How the number is followed; see `stable_along_any`."""
+        if isinstance(self.drawing, Uneven) and self.along in WALL and self.span[0] >= 0:
+            return BENT
+        return FROM_ZERO if self.span[0] == 0 and bends_at_zero(self.drawing, self.along) else ""
+
+    def _beginning_at_one(self, found, values, drift):
+        """Intervals that begin at 0 with an eigenvalue 1, if a drift of the loop is stopped by the number alone."""
+        still = drift_of(self.drawing, values | {self.along: 0.0}, self.own)
+        if len(still.moved) + len(still.folded) == len(drift.moved) + len(drift.folded):
+            return found
+        return replace(found, low_omega=np.where(found.low == 0, 0.0, found.low_omega))
 
     def _loops(self, values) -> "_Along":
         drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
         return _Along(self.drawing, self.along, values, drift, self._open_ticks(values))
 
     def _unshaken(self, found, hidden, values, period):
-        """Intervals in doubt where rounding of terms that cancel could move them; hidden: of which elements there are some."""
+        """Intervals in doubt if rounding of terms that cancel could move them; hidden: of which elements there are some."""
         some = np.flatnonzero(hidden)
         if not some.size:
             return found

@@ -10,7 +10,7 @@ from support.specs import values_of
 
 import wavesweep
 from wavesweep.analysis.intervals import critical, panels, stable_intervals
-from wavesweep.analysis.intervals.any_parameter import stable_along_any
+from wavesweep.analysis.intervals.any_parameter import BENT, stable_along_any
 from wavesweep.analysis.intervals.panels import bracketed_roots
 from wavesweep.errors import UsageError
 
@@ -111,7 +111,7 @@ def test_a_bent_variable_finds_what_the_exact_way_finds(low, integration):
     def evaluate(column, K):
         return close(cut.at(column), np.where(K == 0, 1e-300, K), 1.0)
 
-    found = stable_along_any(evaluate, span, 12, np.full(12, 0.02), (-np.inf, np.inf), bent=True)
+    found = stable_along_any(evaluate, span, 12, np.full(12, 0.02), (-np.inf, np.inf), variable=BENT)
     assert found.certified.all()
     assert (exact.low[exact.count > 0] == low).any()
     assert integration == "trapezoidal" or (exact.high < span[1]).all()

@@ -17,23 +17,26 @@ from wavesweep.analysis.intervals.stable import MOST_STATES, Intervals, doubts_o
 
 NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing is given up
 MANY = 512  # so many open panels of one column are, too
-BENT = 10.0  # of a span, where a bent variable turns from one that is even to its logarithm
+TURN = 10.0  # of a span, where a bent variable turns from one that is even to its logarithm
 WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
 FINE = 1e-6  # error of a value over the largest of its panel, up to which its roots can be told
 UNSOLVED = 1e8  # condition of loops of direct terms so near to a value without a solution that it may be given as an end
 EXACT = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
 UNSTABLE, UNKNOWN = 1, -1  # labels of parts of the span that are not counted
 LOST = 1  # place of the parts that were not proved among these
+BENT, FROM_ZERO = "bent", "from zero"  # variables that are not chosen by the span
 
 
-def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.inf), bent=False) -> Intervals:
+def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.inf), variable="") -> Intervals:
     """All stable intervals of every column within span = (low, high) of a parameter p that may enter in any smooth way.
 
     evaluate(column, p): `Frames` of these columns at these values, real or complex, one after the other; or matrices `(...,
     order, order)` without poles, analytic in p. p: `(n,)` as column, or `(m, k)` if column is `(m, 1)`. columns: number of
-    columns. period: of the frame, in s, `(columns,)`. bounds: p beyond them has no loop. bent: whether the variable is the
-    logarithm of the distance from the low end and a BENT-th of the span, as stiffnesses and dampings have poles below zero;
-    otherwise it is the logarithm of p if high > WIDE low > 0, as masses, impedances and cutoffs act by their ratios, or else p.
+    columns. period: of the frame, in s, `(columns,)`. bounds: p beyond them has no loop. variable: BENT, the logarithm of the
+    distance from the low end and a TURN-th of the span, as stiffnesses and dampings have poles below zero; FROM_ZERO, the
+    logarithm of p from ATTACHED of the span on, for a span from 0, at which the loop need not be analytic and eigenvalues may
+    leave z = 1 as any power of p; otherwise it is the logarithm of p if high > WIDE low > 0, as masses, impedances and cutoffs
+    act by their ratios, or else p.
 
     With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are real analytic
     functions of p that vanish if a complex pair, z = 1 or z = -1 is on the unit circle (the first also if two real
@@ -48,8 +51,10 @@ def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.i
     its high end those that are as near to it as ends are exact.
     """
     low, high = span
-    if bent:
-        unit, slope = (high - low) / BENT, lambda t: unit * np.exp(t)
+    if variable == FROM_ZERO:
+        low = ATTACHED * high
+    if variable == BENT:
+        unit, slope = (high - low) / TURN, lambda t: unit * np.exp(t)
         into, out = lambda p: np.log1p((p - low) / unit), lambda t: low + unit * np.expm1(t)
     elif low > 0 and high > WIDE * low:
         unit, into, out, slope = low, np.log, np.exp, None

@@ -82,7 +82,7 @@ def resting(drawn: Drawn, ports: Ports, product: str = "", factor: str = "") -> 
 
 
 def _at_rest(E, B, C, D, batch, hand, reacts, free):
-    """Return the equations at rest: `A X = right`, and `rows X + direct` is what `Resting` shows.
+    """Return the equations at rest, `A X = right`; `rows X + direct` is shown by `Resting`.
 
     hand, free: inputs that are the hand's force and the number's product, None without a number. reacts: whether the second
     signal is the force against the hand. They may be made of sizes as well; only `right` has the other sign then.

@@ -1,0 +1,82 @@
+"""Ranges from 0 of a number whose root or power a loop reads: there it may not be analytic, and poles leave z = 1 as any power.
+
+A mass m on a spring K and a damper B that are read every T seconds is stable if `0 < K`, `B > K T/2` and `B < 2 m/T`.
+"""
+
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep.errors import UsageError
+from wavesweep.spec.expressions import degree, parse
+
+T, M = 0.005, 0.1
+
+
+def joint(force, **block):
+    return {
+        "rates": {"tick_hz": 1000},
+        "numbers": {name: value for name, value in {"K": 100.0, "z": 1.0, "m": M}.items() if name in f"{force} m"},
+        "block": {"arm": {"type": "mass", "mass": "m", **block}, "h": {"type": "hold", "every": 5}},
+        "wire": {"h.u": force, "arm.f": "hand - h.y"},
+        "ports": {"hand": {"force": "hand", "displacement": "arm.x", "reaction": "h.y"}},
+    }
+
+
+@pytest.mark.parametrize(
+    ("force", "limits"),
+    [
+        ("K*arm.x + 2*z*sqrt(K*m)*arm.v", lambda z: (16 * z**2 * M / T**2, M / (z * T) ** 2)),
+        ("K*arm.x + 2*z*(m*K)**0.5*arm.v", lambda z: (16 * z**2 * M / T**2, M / (z * T) ** 2)),
+        ("z*sqrt(K)*arm.x + z*sqrt(K)*arm.v", lambda z: ((2 * M / (T * z)) ** 2,)),
+        ("K**2*arm.x + z*K*arm.v", lambda z: (2 * z / T, 2 * M / (T * z))),
+        ("K*K*arm.x + z*arm.v", lambda z: (np.sqrt(2 * z / T),)),
+        ("K**3*arm.x + z*arm.v", lambda z: (np.cbrt(2 * z / T),)),
+    ],
+)
+def test_the_range_may_begin_where_the_root_or_power_vanishes(force, limits):
+    z = [0.3, 0.6, 1.0, 3.0]
+    found = wavesweep.compile(joint(force)).stable_intervals("K", (0, 2e4), z=z)
+    assert found["certified"].all()
+    assert (found["intervals"] == 1).all()
+    assert (found[["low", "low_omega"]] == 0).all(axis=None)
+    np.testing.assert_allclose(found["high"], [min(limits(each)) for each in z], rtol=1e-9)
+
+
+def test_a_low_end_beyond_zero_is_found():
+    """`B = K^1.5` exceeds `K T/2` from `K = (T/2)^2` on."""
+    found = wavesweep.compile(joint("K*arm.x + K**1.5*arm.v")).stable_intervals("K", (0, 100))
+    assert found["certified"].all()
+    np.testing.assert_allclose(found.loc[0, ["low", "high"]].astype(float), [(T / 2) ** 2, (2 * M / T) ** (2 / 3)], rtol=1e-9)
+
+
+def test_a_loop_that_is_held_by_something_else_begins_without_an_eigenvalue_1():
+    found = wavesweep.compile(joint("sqrt(K)*arm.v", stiffness=10.0, damping=1.0)).stable_intervals("K", (0, 100))
+    assert found["certified"].all()
+    assert found["low"].tolist() == [0.0]
+    assert found["low_omega"].isna().all()
+
+
+@pytest.mark.parametrize("force", ["arm.x/sqrt(K)", "K**-0.5*arm.x", "sqrt(K - 1)*arm.x", "sqrt(1 - K)*arm.x"])
+def test_a_range_with_values_without_a_loop_is_refused(force):
+    tables = joint(f"K*arm.x + {force}")
+    tables["numbers"]["K"] = 1.0
+    with pytest.raises(UsageError):
+        wavesweep.stability_region(tables | {"sweep": {"K": {"start": 0, "stop": 100}}}, "K")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("K", 1),
+        ("3*m", 0),
+        ("K*m + 1", 1),
+        ("K*(K - 2)/m", 2),
+        ("(K + 1)**3", 3),
+        ("m/K", np.inf),
+        ("sqrt(K)", np.inf),
+        ("m**K", np.inf),
+    ],
+)
+def test_degree(text, expected):
+    assert degree(parse(text), "K") == expected
