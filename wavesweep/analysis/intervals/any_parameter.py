@@ -265,6 +265,7 @@ def _sampler(loop):
             for whole, part in zip(found, parts, strict=True):
                 whole[:, rest] = part
             at = np.flatnonzero(~known[rest]) if np.iscomplexobj(p) else rest[:0]
+            at = at[(pivots[at] != pivots[at][:, :1]).any((1, 2))]  # a pivot that is constant has no zero
             if at.size:  # the rim of a panel: with a pole inside it bounds nothing
                 middle = p[rest[at]].real.mean(-1, keepdims=True)
                 half = np.abs(p[rest[at]].real - middle).max(-1, keepdims=True) / RIM.real.max()

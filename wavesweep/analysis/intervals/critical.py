@@ -15,6 +15,9 @@ MOST_OF_EIGENVALUES = 1e12  # the same where nothing is better: an eigenvalue is
 CAUTION = 20  # roundings of the largest entry that an eigenvalue is believed to
 BLOCK = 512  # matrices at a time, which the cache holds
 EPS = np.finfo(float).eps
+SQUARINGS = 2  # of the eigenvalues whose sum tells that a loop is unstable
+POWER = 2**SQUARINGS
+TINIEST = 1e-290  # of a sum that is not lost
 
 
 def from_coefficients(E, units=1.0):
@@ -22,13 +25,14 @@ def from_coefficients(E, units=1.0):
 
     E: `(matrices, n, n)`, real or complex, frames less identity, whose eigenvalues are `w_i = z_i - 1`; units: `(matrices, n)`,
     of the states, see `balance`. PAIR is `prod_{i<j} (1 - z_i z_j)`, ONE `prod (-w_i)`, MINUS_ONE `prod (2 + w_i)`.
-    SURELY_UNSTABLE is `(t/n)^2 + e/m - 2`, t the sum of the n eigenvalues z, e that of the m products of two of them: if it is
-    positive |t| exceeds n or |e| exceeds m, so an eigenvalue exceeds 1 (if a complex pair dominates, t may vanish, but e is its
-    squared size). No eigenvalue is needed: all are symmetric functions, so they follow from the characteristic polynomial,
-    which elimination to Hessenberg form gives (J. H. Wilkinson, The Algebraic Eigenvalue Problem, 1965, chapters 6 and 7). With
-    `s = w/(2 + w)`, which maps the circle to the imaginary axis, PAIR is the last Hurwitz determinant but one of the polynomial
-    in s (L. Orlando, Math. Ann. 71, 1911), the resultant of its even and its odd part, which is the determinant of their Bezout
-    matrix. Its error is the effect of errors of the coefficients on that determinant, to first order.
+    SURELY_UNSTABLE is `(t/n)^2 + e/m - 2`, t the sum of the n fourth powers of the eigenvalues z, e that of the m products of
+    two of these: if it is positive |t| exceeds n or |e| exceeds m, so an eigenvalue exceeds 1 (if a complex pair dominates, t
+    may vanish, but e is its size to the eighth). No eigenvalue is needed: all are symmetric functions, so they follow from the
+    characteristic polynomial, which elimination to Hessenberg form gives (J. H. Wilkinson, The Algebraic Eigenvalue Problem,
+    1965, chapters 6 and 7). With `s = w/(2 + w)`, which maps the circle to the imaginary axis, PAIR is the last Hurwitz
+    determinant but one of the polynomial in s (L. Orlando, Math. Ann. 71, 1911), the resultant of its even and its odd part,
+    which is the determinant of their Bezout matrix. Its error is the effect of errors of the coefficients on that determinant,
+    to first order.
     """
     E, finite = _finite(E, units)
     with np.errstate(all="ignore"):
@@ -48,6 +52,18 @@ def from_polynomials(c, reach, size):
     return _given([np.concatenate(part, axis=-1) for part in zip(*blocks, strict=True)], finite)
 
 
+def surely_unstable(c, reach, size):
+    """Return where SURELY_UNSTABLE is positive by more than its error, `(pieces, points)`.
+
+    c, reach: coefficients of characteristic polynomials without the leading one and their errors, `(pieces, points, n)`; size:
+    `(pieces,)`; see `characteristic`.
+    """
+    with np.errstate(all="ignore"):
+        c, reach = (np.concatenate([np.moveaxis(part, -1, 0), np.ones((1, *part.shape[:2]))]) for part in (c, reach))
+        phase, _, error = _beyond(c, reach, np.repeat(size[:, None], c.shape[2], 1))
+        return (phase.real > 0) & (EPS * error < 1)
+
+
 def from_eigenvalues(E, units=1.0):
     """`from_coefficients` by way of the eigenvalues.
 
@@ -63,12 +79,16 @@ def from_eigenvalues(E, units=1.0):
         with np.errstate(over="ignore"):
             error = CAUTION * size / np.maximum(magnitude.min(-1, initial=1.0), 1e-30)
         found.append(((factor / magnitude).prod(-1), np.log(magnitude).sum(-1), error))
-    z = (1 + w) / size[:, None]
-    total, squares, least = z.sum(-1), (z**2).sum(-1), 2 * size**-2.0
-    second = (total**2 - squares) / max(n * (n - 1), 1)
+    power, least = ((1 + w) / size[:, None]) ** POWER, _least(size)
+    total, second = power.sum(-1), (power.sum(-1) ** 2 - (power**2).sum(-1)) / max(n * (n - 1), 1)
     value = total**2 / max(n, 1) ** 2 + second - least
     value = value if np.iscomplexobj(E) else value.real
-    found.append(_split(value, CAUTION * max(n, 1) * (np.abs(z).sum(-1) + 1) ** 2, 2 * np.log(size)))
+    # A change of the matrix A moves the sum of the k-th powers by k times the trace of A^(k-1) times that change.
+    A = (E + np.eye(n)) / size[:, None, None]
+    whole, most = (np.sqrt((np.abs(part) ** 2).sum((-1, -2))) for part in (A, np.linalg.matrix_power(A, POWER - 1)))
+    off = CAUTION * POWER * most * (np.abs(total) + most * whole)
+    error = 4 * (off + (np.abs(power).sum(-1)) ** 2) + least
+    found.append(_split(value, error, 2 * POWER * np.log(size)))
     return _given([np.stack(part) for part in zip(*found, strict=True)], finite, MOST_OF_EIGENVALUES)
 
 
@@ -120,20 +140,54 @@ def _functions(c, reach, size):
     return tuple(np.stack(part) for part in zip(*values, strict=True))
 
 
+def _least(size):
+    """Return what SURELY_UNSTABLE is less than its sum, in units of size."""
+    return np.maximum(2 * size ** (-2.0 * POWER), TINIEST)
+
+
 def _beyond(c, reach, size):
-    """Return SURELY_UNSTABLE; two coefficients are the sum of the w and the sum of their products, except for their signs."""
-    n, least = len(c) - 1, 2 * size**-2.0
+    """Return SURELY_UNSTABLE.
+
+    The first two coefficients of the polynomial whose roots are the powers of the z, which Graeffe's squarings give, are the
+    sum of these powers and the sum of their products, except for a sign.
+    """
+    n, least = len(c) - 1, _least(size)
     if not n:
         return _split(-least, least, 0 * size)
-    pairs, several = max(n * (n - 1) / 2, 1), n > 1
-    total, dtotal = n / size - c[-2], n / size + reach[-2]
-    second, dsecond = (
-        several * pairs * size**-2.0 + sign * (n - 1) / size * part[-2] + (part[-3] if several else 0)
-        for sign, part in ((-1, c), (1, reach))
-    )
+    a, off = _about_zero(c, reach, 1 / size, min(n, 2 * POWER))
+    for left in reversed(range(SQUARINGS)):
+        a, off = _squared(a, off, min(n, 2 * 2**left))
+    pairs = max(n * (n - 1) / 2, 1)
+    (total, of_total), (second, of_second) = ((a[k], off[k]) if k <= n else (0 * size, 0 * size) for k in (1, 2))
     value = total**2 / n**2 + second / pairs - least
-    error = (2 * np.abs(total) * dtotal + np.abs(total) ** 2) / n**2 + (dsecond + np.abs(second)) / pairs + least
-    return _split(value, 4 * error, 2 * np.log(size))
+    error = (2 * np.abs(total) * of_total + np.abs(total) ** 2) / n**2 + (of_second + np.abs(second)) / pairs + least
+    return _split(value, 4 * error, 2 * POWER * np.log(size))
+
+
+def _about_zero(c, reach, h, top):
+    """Return the coefficients of the highest powers of z, `top` and one, and their errors; c: those of `z - h`."""
+    n, found, errors = len(c) - 1, [], []
+    powers = [np.ones_like(h)]
+    for _ in range(top):
+        powers.append(powers[-1] * h)
+    for j in range(top + 1):
+        weights = [comb(n - i, j - i) * powers[j - i] for i in range(j + 1)]
+        found.append(sum((-1) ** (j - i) * weight * c[n - i] for i, weight in enumerate(weights)))
+        errors.append(sum(weight * reach[n - i] for i, weight in enumerate(weights)))
+    return found, errors
+
+
+def _squared(a, off, top):
+    """Return the same, the first `top` and one, of the polynomial whose roots are the squares; off: errors of a."""
+    size, found, errors = [np.abs(part) for part in a], [], []
+    for j in range(top + 1):
+        total, error = a[j] * a[j], (2 * off[j] + size[j]) * size[j]
+        for i in range(1, min(j, len(a) - 1 - j) + 1):
+            total = total + 2 * (-1) ** i * (a[j - i] * a[j + i])
+            error = error + 2 * (size[j - i] * (off[j + i] + size[j + i]) + off[j - i] * size[j + i])
+        found.append((-1) ** j * total)
+        errors.append(error)
+    return found, errors
 
 
 def _given(parts, finite, most=MOST_ERROR):

@@ -5,7 +5,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from wavesweep.analysis.intervals.critical import EPS, LARGEST_ENTRY, characteristic, from_polynomials
+from wavesweep.analysis.intervals.critical import EPS, LARGEST_ENTRY, characteristic, from_polynomials, surely_unstable
 from wavesweep.analysis.intervals.frames import level, pole_inside
 from wavesweep.analysis.intervals.living import of_order
 from wavesweep.analysis.intervals.panels import EXTENT, LEBESGUE, OVERLAP, RIM
@@ -203,12 +203,14 @@ def interpolated_loop(evaluate, span, columns: int, bounds, sizes, kept, order: 
     while column.size:
         pieces = Pieces.none(column, low, high, bounds, order)
         inside = (pieces.middle - EXTENT * pieces.half >= bounds[0]) & (pieces.middle + EXTENT * pieces.half <= bounds[1])
-        hopeless = np.zeros(column.size, bool)
+        hopeless, unstable = np.zeros((2, column.size), bool)
         if order <= MOST_ORDER:
             with np.errstate(all="ignore"):
-                hopeless[inside] = _follow(evaluate, pieces, np.flatnonzero(inside), units)
+                hopeless[inside], unstable[inside] = _follow(evaluate, pieces, np.flatnonzero(inside), units)
         share = (high - low) / width
-        kept = (pieces.degree > 0) | (order > MOST_ORDER) | (share * PIECES <= 1.01) | hopeless & (share * WIDE <= 1.01)
+        kept = (
+            (pieces.degree > 0) | (order > MOST_ORDER) | (share * PIECES <= 1.01) | hopeless & (share * WIDE <= 1.01) | unstable
+        )
         done.append(pieces.take(kept))
         column, low, high = (part[~kept] for part in (column, low, high))
         cut_at = (low + high) / 2
@@ -249,8 +251,9 @@ class _Samples:
 
 
 def _follow(evaluate, pieces, index, units):
-    """Fill in those of the pieces `index` that can be followed, and return which are hopeless."""
-    samples, n, hopeless = _Samples(evaluate, pieces.take(index), units), units.shape[-1], np.zeros(index.size, bool)
+    """Fill in those of the pieces `index` that can be followed, and return which are hopeless, or seem surely unstable."""
+    samples, n = _Samples(evaluate, pieces.take(index), units), units.shape[-1]
+    hopeless, unstable = np.zeros((2, index.size), bool)
     rim, vague = np.full((index.size, RIM.size, n), np.nan, complex), np.zeros((index.size, RIM.size, n))
     open_, poles, c, unsure = np.arange(index.size), np.zeros(index.size, bool), None, None
     for degree in DEGREES:
@@ -268,6 +271,7 @@ def _follow(evaluate, pieces, index, units):
         share = (last / reach).max(1)  # NaN where a value is lost
         if degree == DEGREES[0]:
             hopeless = ~((last / np.maximum(np.abs(c).max(1), least)).max(1) <= HOPELESS)
+            unstable = surely_unstable(c, unsure, samples.size).all(1)
         ready = np.flatnonzero(share <= LOOSE * EPS)
         if ready.size:
             mine = open_[ready]
@@ -285,8 +289,9 @@ def _follow(evaluate, pieces, index, units):
             pieces.rim[at], pieces.vague[at] = rim[mine], vague[mine]
         going = share ** (DEGREES[-1] / degree) <= MARGIN * LOOSE * EPS
         going[ready] = False
+        going &= ~unstable[open_]
         open_, c, unsure = open_[going], c[going], unsure[going]
-    return hopeless
+    return hopeless, unstable
 
 
 def _between(known, new):

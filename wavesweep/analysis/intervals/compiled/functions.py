@@ -3,7 +3,7 @@
 import numpy as np
 
 from wavesweep.analysis.intervals.compiled.solving import _largest, _swapped, _taxicab, compiled
-from wavesweep.analysis.intervals.critical import MOST_ERROR, _powers
+from wavesweep.analysis.intervals.critical import MOST_ERROR, POWER, SQUARINGS, TINIEST, _powers
 from wavesweep.analysis.intervals.interpolated import least_on_rim
 
 
@@ -86,7 +86,7 @@ def _room(c):
 def _at_one(c, reach, size, change, room, phase, log, error):
     """`_functions` for one polynomial, `(4,)` each."""
     (q, missed, matrix, unsure_of), n = room, len(c) - 1
-    pairs, largest, weight, least = max(n * (n - 1) / 2, 1.0), 0.0, 1.0, 2 / size**2
+    largest, weight = 0.0, 1.0
     q[:], missed[:] = 0.0, 0.0
     for k in range(n + 1):
         for i in range(k, n + 1):
@@ -98,19 +98,41 @@ def _at_one(c, reach, size, change, room, phase, log, error):
     grown = n * np.log(size)
     _part(c[0], reach[0], grown, 1, phase, log, error)
     _part(q[n], missed[n], grown, 2, phase, log, error)
-    total, off = n / size - c[n - 1], n / size + reach[n - 1]
-    second = -(n - 1) / size * c[n - 1]
-    unsure = (n - 1) / size * reach[n - 1]
-    if n > 1:
-        second, unsure = second + pairs / size**2 + c[n - 2], unsure + pairs / size**2 + reach[n - 2]
-    value = total**2 / n**2 + second / pairs - least
-    whole = (2 * abs(total) * off + abs(total) ** 2) / n**2 + (unsure + abs(second)) / pairs + least
-    _part(value, 4 * whole, 2 * np.log(size), 3, phase, log, error)
+    _beyond(c, reach, size, phase, log, error)
     scale = 1 / largest  # numba raises an error where a complex number is divided by zero
     for k in range(n + 1):
         q[k], missed[k] = q[k] * scale, missed[k] * scale
     phase[0], size_of, error[0] = _last_but_one(q, missed, matrix, unsure_of)
     log[0] = size_of + (n - 1) * (grown + np.log(largest) - n / 2 * np.log(2))
+
+
+@compiled
+def _beyond(c, reach, size, phase, log, error):
+    """Store SURELY_UNSTABLE; see `critical._beyond`."""
+    n, a, off = len(c) - 1, np.zeros(2 * POWER + 1, c.dtype), np.zeros(2 * POWER + 1)
+    for j in range(min(n, 2 * POWER) + 1):
+        weight = 1.0
+        for d in range(j + 1):
+            weight = weight if d == 0 else weight * (n - j + d) / (d * size)
+            a[j] += (-1) ** d * weight * c[n - j + d]
+            off[j] += weight * reach[n - j + d]
+    top = 2 * POWER
+    for _ in range(SQUARINGS):
+        top //= 2
+        b, unsure = np.zeros(top + 1, c.dtype), np.zeros(top + 1)
+        for j in range(top + 1):
+            size_of = abs(a[j])
+            b[j], unsure[j] = a[j] * a[j], (2 * off[j] + size_of) * size_of
+            for i in range(1, j + 1):
+                one, other = abs(a[j - i]), abs(a[j + i])
+                b[j] += 2 * (-1) ** i * (a[j - i] * a[j + i])
+                unsure[j] += 2 * (one * (off[j + i] + other) + off[j - i] * other)
+            b[j] *= (-1) ** j
+        a, off = b, unsure
+    pairs, least = max(n * (n - 1) / 2, 1.0), max(2 / size ** (2 * POWER), TINIEST)
+    value = a[1] ** 2 / n**2 + a[2] / pairs - least
+    whole = (2 * abs(a[1]) * off[1] + abs(a[1]) ** 2) / n**2 + (off[2] + abs(a[2])) / pairs + least
+    _part(value, 4 * whole, 2 * POWER * np.log(size), 3, phase, log, error)
 
 
 @compiled
