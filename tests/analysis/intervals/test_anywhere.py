@@ -196,8 +196,8 @@ def test_the_critical_functions_are_the_products_that_they_stand_for_within_thei
             w, _ = mpmath.eig(mpmath.matrix(E[k].tolist()))
             pairs = [1 - (1 + w[i]) * (1 + w[j]) for i in range(order) for j in range(i)]
             exact = [mpmath.fprod(pairs), mpmath.fprod(-each for each in w), mpmath.fprod(2 + each for each in w)]
-            total = mpmath.fsum(1 + each for each in w)
-            products = mpmath.fsum((1 + w[i]) * (1 + w[j]) for i in range(order) for j in range(i))
+            powers = [(1 + each) ** critical.POWER for each in w]
+            total, products = mpmath.fsum(powers), mpmath.fsum(powers[i] * powers[j] for i in range(order) for j in range(i))
             exact.append((total / order) ** 2 + products / max(order * (order - 1) / 2, 1) - 2)
         for phase, log, error in parts:
             found = phase[:, k] * np.exp(log[:, k])

@@ -6,7 +6,14 @@ from functools import partial
 import numpy as np
 
 from wavesweep.analysis.doubt import COUNTS, NONE, OVERFLOW, SEARCH
-from wavesweep.analysis.intervals.critical import PAIR, SURELY_UNSTABLE, from_coefficients, from_eigenvalues
+from wavesweep.analysis.intervals.critical import (
+    MOST_ERROR,
+    PAIR,
+    SURELY_UNSTABLE,
+    from_coefficients,
+    from_eigenvalues,
+    surely_unstable_by_traces,
+)
 from wavesweep.analysis.intervals.frames import NODES, Frames, level, pole_inside
 from wavesweep.analysis.intervals.interpolated import MOST_ORDER, interpolated_loop
 from wavesweep.analysis.intervals.living import MoreStatesError, RecalledError, living, typical
@@ -280,7 +287,9 @@ def _of_frames(E, units, most):
     """The same from frames, `(panels, points, n, n)`; most: error of the functions that is let pass."""
     panels, points, n, _ = E.shape
     E, units = E.reshape(-1, n, n), np.repeat(units, points, axis=0)
-    if n > (MOST_STATES if np.iscomplexobj(E) else MOST_ORDER):
+    if n > MOST_ORDER and not np.iscomplexobj(E):
+        return _where_unsure(E, units, panels)
+    if n > MOST_STATES:
         return [part.reshape(4, panels, points) for part in from_eigenvalues(E, units)]
     found = [part.reshape(4, panels, points) for part in from_coefficients(E, units)]
     again = np.flatnonzero(_too_rough(found, most))
@@ -288,6 +297,22 @@ def _of_frames(E, units, most):
         rows = (again[:, None] * points + np.arange(points)).ravel()
         for part, better in zip(found, from_eigenvalues(E[rows], units[rows]), strict=True):
             part[:, again] = better.reshape(4, again.size, -1)
+    return found
+
+
+def _where_unsure(E, units, panels):
+    """The functions from eigenvalues; of panels that seem surely unstable at every point the one that says so, and no other.
+
+    The others are like it there, but not known.
+    """
+    sure, parts = surely_unstable_by_traces(E, units)
+    found = [np.tile(part, (4, 1)).reshape(4, panels, -1) for part in parts]
+    found[0], found[2][:SURELY_UNSTABLE] = found[0].astype(complex), MOST_ERROR
+    rest = np.flatnonzero(~sure.reshape(panels, -1).all(1))
+    if rest.size:
+        rows = np.arange(len(E)).reshape(panels, -1)[rest].ravel()
+        for part, better in zip(found, from_eigenvalues(E[rows], units[rows]), strict=True):
+            part[:, rest] = better.reshape(4, rest.size, -1)
     return found
 
 

@@ -79,17 +79,33 @@ def from_eigenvalues(E, units=1.0):
         with np.errstate(over="ignore"):
             error = CAUTION * size / np.maximum(magnitude.min(-1, initial=1.0), 1e-30)
         found.append(((factor / magnitude).prod(-1), np.log(magnitude).sum(-1), error))
-    power, least = ((1 + w) / size[:, None]) ** POWER, _least(size)
-    total, second = power.sum(-1), (power.sum(-1) ** 2 - (power**2).sum(-1)) / max(n * (n - 1), 1)
-    value = total**2 / max(n, 1) ** 2 + second - least
-    value = value if np.iscomplexobj(E) else value.real
-    # A change of the matrix A moves the sum of the k-th powers by k times the trace of A^(k-1) times that change.
-    A = (E + np.eye(n)) / size[:, None, None]
-    whole, most = (np.sqrt((np.abs(part) ** 2).sum((-1, -2))) for part in (A, np.linalg.matrix_power(A, POWER - 1)))
-    off = CAUTION * POWER * most * (np.abs(total) + most * whole)
-    error = 4 * (off + (np.abs(power).sum(-1)) ** 2) + least
-    found.append(_split(value, error, 2 * POWER * np.log(size)))
+    found.append(_by_traces(E, size))
     return _given([np.stack(part) for part in zip(*found, strict=True)], finite, MOST_OF_EIGENVALUES)
+
+
+def _by_traces(E, size):
+    """Return SURELY_UNSTABLE from traces of powers; size: of the largest entry.
+
+    A change of the matrix A moves the trace of its k-th power by k times that of `A^(k-1)` times the change.
+    """
+    n, least = E.shape[-1], _least(size)
+    A = (E + np.eye(n)) / size[:, None, None]
+    before = np.linalg.matrix_power(A, POWER - 1)
+    power = before @ A
+    total, squares = power.trace(axis1=-2, axis2=-1), (power * np.swapaxes(power, -1, -2)).sum((-1, -2))
+    second = (total**2 - squares) / max(n * (n - 1), 1)
+    whole, most, last = (np.sqrt((np.abs(part) ** 2).sum((-1, -2))) for part in (A, before, power))
+    error = 4 * (CAUTION * POWER * most * (np.abs(total) + most * whole) + (n * last) ** 2) + least
+    return _split(total**2 / max(n, 1) ** 2 + second - least, error, 2 * POWER * np.log(size))
+
+
+def surely_unstable_by_traces(E, units=1.0):
+    """Return `surely_unstable`, and SURELY_UNSTABLE as `from_eigenvalues` has it, for frames: `(matrices,)` each."""
+    E, finite = _finite(E, units)
+    with np.errstate(all="ignore"):
+        found = _by_traces(E, np.maximum(1, np.abs(E).max((-1, -2), initial=0)))
+        phase, log, error = (part[0] for part in _given([part[None] for part in found], finite, MOST_OF_EIGENVALUES))
+        return (phase.real > 0) & (EPS * error < 1), (phase, log, error)
 
 
 def _finite(E, units):
