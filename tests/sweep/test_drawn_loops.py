@@ -312,7 +312,9 @@ def test_a_position_that_direct_terms_make_is_a_mistake_at_its_place():
 
 
 def test_a_range_without_a_loop_in_it_is_refused():
-    refused = r"between 0 and 90 there is a value without a loop, since wire\.m\.f divides by zero"
+    refused = (
+        r"between 0 and 90 there is a value without a loop, or at which it is not smooth, since wire\.m\.f divides by zero"
+    )
     for divisor in ("(1 - kp/50)", "(1 - kp/50)**2", "(kp/50*(kp/50 - 2) + 1)"):  # the others keep their sign
         loop = compiled(PD, ("kd*m.v", f"kd/{divisor}*m.v"))
         with pytest.raises(UsageError, match=refused):
@@ -332,7 +334,7 @@ def test_a_singular_loop_of_direct_terms_is_refused_with_its_blocks():
         "[wire]", '[block.a]\ntype = "gain"\n[block.b]\ntype = "gain"\nk = "kd"\n[wire]\n"a.u" = "b.y/3 + m.x"\n"b.u" = "a.y"'
     )
     with pytest.raises(
-        SpecError, match=r"block\.a: expected loops of direct terms that have a solution, found one without, through a, b"
+        SpecError, match=r"block\.a: expected loops of direct terms that have a solution, found one without, .* through a, b"
     ):
         wavesweep.compile(tomllib.loads(text))
     assert wavesweep.compile(tomllib.loads(text.replace("b.y/3", "b.y/4"))).spectral_radius().shape == ()

@@ -98,3 +98,38 @@ def test_a_margin_at_the_port_is_right_or_missing():
     assert known[USUAL].all()
     assert not known.all()
     np.testing.assert_allclose(margins[known], truth, rtol=1e-9)
+
+
+def gains(g, eps, every=1):
+    """A position read as the difference of two large multiples of it, which is `g*eps` times it."""
+    rate = {} if every == 1 else {"every": every, "phase": every - 1}
+    return {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 1.0, "g": g, "eps": eps},
+        "block": {
+            "p": {"type": "mass", "mass": 1.0, "damping": 0.5},
+            "a": {"type": "gain", "k": "1 + eps", **rate},
+            "c": {"type": "gain", **rate},
+        },
+        "wire": {"a.u": "p.x", "c.u": "p.x", "p.f": "hand - K*(g*a.y - g*c.y) - 200*p.x - 2*p.v"},
+        "ports": {"hand": {"force": "hand", "displacement": "p.x"}},
+    }
+
+
+@pytest.mark.parametrize("g", [1.0, 1e4, 1e6, 1.437e9, 1.437e11, 1.437e13, 1e15])
+def test_a_difference_that_a_number_multiplies_is_certified_only_with_its_digits(g):
+    found = wavesweep.compile(gains(g, 3.0 / g)).stable_intervals("K", (0, 1e5))
+    truth = wavesweep.compile(gains(1.0, 3.0)).stable_intervals("K", (0, 1e5))
+    assert truth["certified"].all()
+    assert found["certified"].all() or g > 1e4
+    if found["certified"].all():
+        np.testing.assert_allclose(found[["low", "high"]], truth[["low", "high"]], rtol=1e-9)
+
+
+@pytest.mark.parametrize("g", [1.0, 1e3, 1e9, 3.5e10])
+def test_a_margin_of_ticks_that_cancel_each_other_is_right_or_missing(g):
+    def margin(g):
+        return wavesweep.passivity(gains(g, 3.0 / g, every=5) | {"sweep": {}})["port_margin"][0]
+
+    truth, found = margin(1.0), margin(g)
+    assert np.isnan(found) if g > 1e6 else found == pytest.approx(truth, rel=1e-8)

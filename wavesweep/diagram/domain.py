@@ -24,15 +24,19 @@ def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
     width, (below, above) = high - low, (-np.inf, np.inf)
     away = np.geomspace(1e-6, 1e3, 400) * width
     name = path.removeprefix("numbers.")
-    for key, guard, read, rooted in _guards_of(drawing, name):
+    for key, guard, read, root in _guards_of(drawing, name):
         known = _different({each: value for each, value in scalars({**values, path: 0.0}).items() if each in read})
         within = np.linspace(low, high, 401)
-        if rooted and low == 0 and not np.any(_value(guard, {**known, name: within[:1]})):
-            within, below = within[1:], 0.0
+        if root:
+            known = _not_nothing(guard, known, name, within)
+            if known is None:
+                continue
+            if low == 0 and _only_roots(guard, root, {**known, name: within[:1]}):
+                within, below = within[1:], 0.0
         if not _keeps_sign(guard, known, name, within).all() or _touches_zero(guard, known, name, within):
             raise UsageError(
-                f"intervals along {name}: between {low:g} and {high:g} there is a value without a loop, since {key} divides by "
-                "zero, takes a root of a negative number or leaves its range"
+                f"intervals along {name}: between {low:g} and {high:g} there is a value without a loop, or at which it is not "
+                f"smooth, since {key} divides by zero, takes a root of zero or of a negative number, or leaves its range"
             )
         for direction, end in ((-1, low), (1, high)) if below < low else ((1, high),):
             points = np.concatenate([[end], end + direction * away])
@@ -53,7 +57,7 @@ def bends_at_zero(drawing: Drawing | Uneven, path: str) -> bool:
     name = path.removeprefix("numbers.")
     if isinstance(drawing, Uneven):
         return False
-    return any(rooted for *_, rooted in _guards_of(drawing, name)) or any(
+    return any(root for *_, root in _guards_of(drawing, name)) or any(
         1 < degree(tree, name) < math.inf for _, tree in drawing.trees()
     )
 
@@ -63,8 +67,26 @@ def guards_at(drawing: Drawing | Uneven, values: Mapping[str, object], path: str
     found, name = [], path.removeprefix("numbers.")
     if not isinstance(drawing, Uneven):
         known = scalars(values)
-        found = [np.broadcast_to(_value(guard, known), shape) for _, guard, _, _ in _guards_of(drawing, name)]
+        for _, guard, _, root in _guards_of(drawing, name):
+            value = np.broadcast_to(_value(guard, known), shape)
+            found.append(np.where(value == 0, 1.0, value) if root else value)  # a root of 0 everywhere is 0
     return np.stack(found, axis=-1) if found else np.ones((*shape, 0))
+
+
+def _not_nothing(guard, known, name, points):
+    """The loops in which a guard is not 0 at all of the points; None if there are none."""
+    with np.errstate(all="ignore"):
+        value = np.asarray(_value(guard, {**known, name: points})).reshape(-1, points.size)
+    some = (value != 0).any(-1)
+    if some.all() or not some.any():
+        return known if some.all() else None
+    return {each: part[some] if np.ndim(part) else part for each, part in known.items()}
+
+
+def _only_roots(guard, root, known):
+    """Whether a guard is 0 and its root or power has a value."""
+    with np.errstate(all="ignore"):
+        return bool(np.all(_value(guard, known) == 0) and np.isfinite(_value(root, known)).all())
 
 
 def _value(tree, known):
@@ -113,24 +135,26 @@ def _different(known):
 
 @lru_cache(maxsize=256)
 def _guards_of(drawing, number):
-    """The guards that read a number, as path of a key, tree, names of all numbers that it reads, and whether it is rooted."""
-    named = [(key, guard, frozenset(name for name, _ in names_in(guard)), rooted) for key, guard, rooted in _guards(drawing)]
-    return tuple(each for each in named if number in each[2])
+    """The guards that read a number, as path of a key, tree, names of all numbers that it or its root reads, and that root."""
+    named = [
+        (key, guard, frozenset(name for name, _ in names_in(root or guard)), root) for key, guard, root in _guards(drawing)
+    ]
+    return tuple(each for each in named if any(name == number for name, _ in names_in(each[1])))
 
 
 def _guards(drawing):
-    """Yield the path of a key, a tree that must not vanish, and whether it is only the argument of a root."""
+    """Yield the path of a key, a tree that must not vanish, and the root or power that it is the argument of."""
     for path, tree in drawing.trees():
         yield from ((path, *guard) for guard in singular(tree))
     for block in drawing.blocks:
         keys = dict(block.keys)
         for name in ("mass", "b", "cutoff_hz"):
             if name in keys:
-                yield f"block.{block.name}.{name}", keys[name], False
+                yield f"block.{block.name}.{name}", keys[name], None
         if block.type == "butterworth":
             twice = ("*", ("number", 2.0, 0), ("*", keys["cutoff_hz"], block.every, 0), 0)
-            yield f"block.{block.name}.cutoff_hz", ("-", drawing.tick_hz, twice, 0), False
+            yield f"block.{block.name}.cutoff_hz", ("-", drawing.tick_hz, twice, 0), None
         if block.type == "tf":
-            yield f"block.{block.name}.den", keys["den"][0], False
+            yield f"block.{block.name}.den", keys["den"][0], None
         if block.type == "local_model":
-            yield f"block.{block.name}.K", block.divisor(drawing.tick_hz), False
+            yield f"block.{block.name}.K", block.divisor(drawing.tick_hz), None

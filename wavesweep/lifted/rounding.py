@@ -48,8 +48,12 @@ def hides(changes, sizes) -> np.ndarray:
 
 
 def hidden_in(ticks: Ticks) -> np.ndarray:
-    """`hides` for ticks with the sizes of their terms."""
-    return hides([each.E for each in ticks.maps], [each.terms[0] for each in ticks.maps])
+    """`hides` for all entries of ticks with the sizes of their terms."""
+    found = [
+        hides(*zip(*((getattr(each, part), each.terms[at]) for each in ticks.maps), strict=True))
+        for at, part in enumerate("EBCD")
+    ]
+    return np.logical_or.reduce(np.broadcast_arrays(*found))
 
 
 def may_have(E, dE, points) -> np.ndarray:

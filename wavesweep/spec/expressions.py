@@ -274,21 +274,18 @@ def _power(base: Any, exponent: Any, tree: Tree) -> Any:
     return total if exponent >= 0 else 1 / total
 
 
-def singular(tree: Tree) -> Iterator[tuple[Tree, bool]]:
-    """Yield the trees at whose zeros this one is not analytic, and whether it has a value there all the same.
+def singular(tree: Tree) -> Iterator[tuple[Tree, Tree | None]]:
+    """Yield the trees at whose zeros this one is not analytic, and the root or power that may have a value there all the same.
 
-    These are divisors, arguments of roots, which have one, and bases of fractional powers, which have one if the exponent is a
-    positive number.
+    These are divisors, which leave none, arguments of roots, and bases of powers that are not whole numbers.
     """
     for part in tree[1:-1]:
         if isinstance(part, tuple):
             yield from singular(part)
     if tree[0] == "/":
-        yield tree[2], False
-    elif tree[0] == "sqrt":
-        yield tree[1], True
-    elif tree[0] == "**" and not (tree[2][0] == "number" and tree[2][1].is_integer()):
-        yield tree[1], tree[2][0] == "number"
+        yield tree[2], None
+    elif tree[0] == "sqrt" or (tree[0] == "**" and not (tree[2][0] == "number" and tree[2][1].is_integer())):
+        yield tree[1], tree
 
 
 def degree(tree: Tree, number: str) -> float:

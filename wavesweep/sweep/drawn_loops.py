@@ -49,7 +49,7 @@ def refuse_singular(spec, drawing: Drawing | Uneven) -> None:
     blocks = _unsolvable(drawing, items_of(spec.values))
     if blocks is not None:
         path = f"block.{blocks[0]}" if blocks else "wire"
-        found = f"one without, through {', '.join(blocks)}"
+        found = f"one without, or with none that double precision can find, through {', '.join(blocks)}"
         raise SpecError([spec.mistake(path, "loops of direct terms that have a solution", found)])
 
 

@@ -28,6 +28,8 @@ def joint(force, **block):
     [
         ("K*arm.x + 2*z*sqrt(K*m)*arm.v", lambda z: (16 * z**2 * M / T**2, M / (z * T) ** 2)),
         ("K*arm.x + 2*z*(m*K)**0.5*arm.v", lambda z: (16 * z**2 * M / T**2, M / (z * T) ** 2)),
+        ("K*arm.x + 2*z*(m*K)**(1/2)*arm.v", lambda z: (16 * z**2 * M / T**2, M / (z * T) ** 2)),
+        ("K**(z/z)*arm.x + 2*z*sqrt(K*m)*arm.v", lambda z: (16 * z**2 * M / T**2, M / (z * T) ** 2)),
         ("z*sqrt(K)*arm.x + z*sqrt(K)*arm.v", lambda z: ((2 * M / (T * z)) ** 2,)),
         ("K**2*arm.x + z*K*arm.v", lambda z: (2 * z / T, 2 * M / (T * z))),
         ("K*K*arm.x + z*arm.v", lambda z: (np.sqrt(2 * z / T),)),
@@ -48,6 +50,14 @@ def test_a_low_end_beyond_zero_is_found():
     found = wavesweep.compile(joint("K*arm.x + K**1.5*arm.v")).stable_intervals("K", (0, 100))
     assert found["certified"].all()
     np.testing.assert_allclose(found.loc[0, ["low", "high"]].astype(float), [(T / 2) ** 2, (2 * M / T) ** (2 / 3)], rtol=1e-9)
+
+
+def test_a_root_that_is_zero_in_some_loops_is_no_hindrance_to_others():
+    loop = wavesweep.compile(joint("K*arm.x + arm.v + sqrt(K*z)*arm.v"))
+    found = loop.stable_intervals("K", (0, 100), z=[0.0, 1.0, 2.0])
+    assert found["certified"].all()
+    for z, row in zip([0.0, 1.0, 2.0], found.to_dict("records"), strict=True):
+        assert row["high"] == pytest.approx(loop.stable_intervals("K", (0, 100), z=z)["high"][0], rel=1e-9)
 
 
 def test_a_loop_that_is_held_by_something_else_begins_without_an_eigenvalue_1():

@@ -98,7 +98,9 @@ def gain_on_velocity(gain):
 
 @pytest.mark.parametrize("gain", ["1e-10/(c-1)**2", "1e-8/((c-1)*(c-1.001))", "1e-9/(c-1)"])
 def test_poles_of_expressions_are_refused(gain):
-    with pytest.raises(UsageError, match=r"between 0 and 3 there is a value without a loop, since wire\.m\.f divides by zero"):
+    with pytest.raises(
+        UsageError, match=r"between 0 and 3 there is a value without a loop, .* since wire\.m\.f divides by zero"
+    ):
         gain_on_velocity(gain).stable_intervals("c", (0, 3))
 
 
