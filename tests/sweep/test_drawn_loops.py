@@ -907,3 +907,19 @@ def test_a_state_that_dies_out_in_one_loop_of_a_batch():
     alone, batch = (loop.stable_intervals("K", (-2, 3), s=values) for values in (0.3, [0.3, 2.0, 6.0]))
     names = ["low", "high", "low_omega", "high_omega", "residual"]
     np.testing.assert_array_equal(alone[names].to_numpy()[0], batch[names].to_numpy()[0])
+
+
+def test_a_pole_of_one_slice_changes_nothing_of_another():
+    """Beyond a range the poles of each loop bound how far its frames are followed."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 300.0, "c": 1.0},
+        "block": {"arm": {"type": "mass", "mass": 0.1}, "h": {"type": "hold", "every": 5}},
+        "wire": {"h.u": "K*arm.x + 3*arm.v/(1 + K/c)", "arm.f": "-h.y"},
+    }
+    loop = wavesweep.compile(tables)
+    values = [0.1, 1.0, 10.0, 100.0, 1e4]
+    whole = loop.stable_intervals("K", (0, 1000), c=values)
+    for value in values:
+        alone = loop.stable_intervals("K", (0, 1000), c=[value])
+        assert alone.equals(whole[whole["c"] == value].reset_index(drop=True))

@@ -13,39 +13,71 @@ from wavesweep.spec.expressions import degree, evaluate, names_in, singular
 
 
 def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]) -> tuple[float, float]:
-    """The values of a number, about a span, between which the loop is an analytic function of it on the real axis.
+    """The values of a number, about a span, between which all loops are analytic functions of it on the real axis.
 
-    values: flat numbers, or arrays over the loops of a sweep. Divisors, arguments of roots, masses and the like must not vanish
-    there, but an argument of a root may at a low end of 0, which is then the lowest value (see `bends_at_zero`). Beyond the
-    span their changes of sign are searched for on a grid that is finer near the span; half of the way to the nearest one is
-    allowed. Errors: UsageError if one vanishes within the span.
+    values: flat numbers, or arrays over the loops of a sweep, of which up to MOST are looked at. See `domains`.
     """
-    low, high = span
-    width, (below, above) = high - low, (-np.inf, np.inf)
-    away = np.geomspace(1e-6, 1e3, 400) * width
-    name = path.removeprefix("numbers.")
-    for key, guard, read, root in _guards_of(drawing, name):
-        known = _different({each: value for each, value in scalars({**values, path: 0.0}).items() if each in read})
-        within = np.linspace(low, high, 401)
-        if root:
-            known = _not_nothing(guard, known, name, within)
-            if known is None:
-                continue
-            if low == 0 and _only_roots(guard, root, {**known, name: within[:1]}):
-                within, below = within[1:], 0.0
-        if not _keeps_sign(guard, known, name, within).all() or _touches_zero(guard, known, name, within):
-            raise UsageError(
-                f"intervals along {name}: between {low:g} and {high:g} there is a value without a loop, or at which it is not "
-                f"smooth, since {key} divides by zero, takes a root of zero or of a negative number, or leaves its range"
-            )
-        for direction, end in ((-1, low), (1, high)) if below < low else ((1, high),):
-            points = np.concatenate([[end], end + direction * away])
-            good = _keeps_sign(guard, known, name, points)
-            first = int(np.argmin(good.all(0)))
-            if not good.all():
-                limit = (end + points[first]) / 2
-                below, above = (max(below, limit), above) if direction < 0 else (below, min(above, limit))
+    below, above = -np.inf, np.inf
+    for key, guard, known, root in _known_guards(drawing, values, path):
+        rows, _ = _different(known, MOST)
+        low, high = _limits(key, guard, root, rows, path.removeprefix("numbers."), span)
+        below, above = max(below, low.max()), min(above, high.min())
     return float(below), float(above)
+
+
+def domains(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float], size: int):
+    """The values of a number, about a span, between which each loop is an analytic function of it: two arrays, `(size,)`.
+
+    values: flat numbers, or arrays over the loops. Divisors, arguments of roots, masses and the like must not vanish there, but
+    an argument of a root may at a low end of 0, which is then the lowest value (see `bends_at_zero`). Beyond the span their
+    changes of sign are searched for on a grid that is finer near the span; half of the way to the nearest one is allowed. What
+    holds for a loop does not depend on the others. Errors: UsageError if one vanishes within the span.
+    """
+    below, above = np.full(size, -np.inf), np.full(size, np.inf)
+    for key, guard, known, root in _known_guards(drawing, values, path):
+        (rows, row), name = _different(known), path.removeprefix("numbers.")
+        blocks = (_rows_of(rows, slice(at, at + MOST)) for at in range(0, 1 + row.max(initial=0), MOST))
+        parts = [_limits(key, guard, root, block, name, span) for block in blocks]
+        low, high = (np.concatenate(part) for part in zip(*parts, strict=True))
+        below, above = np.maximum(below, low[row]), np.minimum(above, high[row])
+    return below, above
+
+
+def _known_guards(drawing, values, path):
+    """Yield the path of a key, a guard that reads the number, the other numbers that it reads, and its root."""
+    known = scalars({**values, path: 0.0})
+    for key, guard, read, root in _guards_of(drawing, path.removeprefix("numbers.")):
+        yield key, guard, {name: value for name, value in known.items() if name in read}, root
+
+
+def _limits(key, guard, root, known, name, span):
+    """The lowest and the highest value that a guard allows in each loop, `(loops,)`; known: other numbers, `(loops, 1)`."""
+    low, high = span
+    away = np.geomspace(1e-6, 1e3, 400) * (high - low)
+    within = np.linspace(low, high, 401)
+    with np.errstate(all="ignore"):
+        value = np.asarray(_value(guard, {**known, name: within})).reshape(-1, within.size)
+        from_root = nothing = False
+        if root:
+            at_low = np.asarray(_value(root, {**known, name: within[:1]})).reshape(-1)
+            value = np.array(np.broadcast_to(value, (max(len(value), at_low.size), within.size)))
+            nothing, known_at_low = (value == 0).all(-1), np.isfinite(at_low)  # a root of 0 everywhere is 0
+            value[nothing] = 1.0
+            from_root = (value[:, 0] == 0) & known_at_low & (low == 0)
+            value[from_root, 0] = value[from_root, 1]
+    if not _keep_sign(value).all() or _touches_zero(guard, known, name, within):
+        raise UsageError(
+            f"intervals along {name}: between {low:g} and {high:g} there is a value without a loop, or at which it is not "
+            f"smooth, since {key} divides by zero, takes a root of zero or of a negative number, or leaves its range"
+        )
+    found = []
+    for direction, end in ((-1, low), (1, high)):
+        points = np.concatenate([[end], end + direction * away])
+        with np.errstate(all="ignore"):
+            good = _keep_sign(np.asarray(_value(guard, {**known, name: points})).reshape(-1, points.size))
+        limit = (end + points[np.argmin(good, axis=-1)]) / 2
+        found.append(np.where(good.all(-1) | nothing, direction * np.inf, limit))
+    return tuple(np.broadcast_arrays(np.where(from_root, low, found[0]), found[1]))
 
 
 @lru_cache(maxsize=256)
@@ -73,30 +105,14 @@ def guards_at(drawing: Drawing | Uneven, values: Mapping[str, object], path: str
     return np.stack(found, axis=-1) if found else np.ones((*shape, 0))
 
 
-def _not_nothing(guard, known, name, points):
-    """The loops in which a guard is not 0 at all of the points; None if there are none."""
-    with np.errstate(all="ignore"):
-        value = np.asarray(_value(guard, {**known, name: points})).reshape(-1, points.size)
-    some = (value != 0).any(-1)
-    if some.all() or not some.any():
-        return known if some.all() else None
-    return {each: part[some] if np.ndim(part) else part for each, part in known.items()}
-
-
-def _only_roots(guard, root, known):
-    """Whether a guard is 0 and its root or power has a value."""
-    with np.errstate(all="ignore"):
-        return bool(np.all(_value(guard, known) == 0) and np.isfinite(_value(root, known)).all())
-
-
 def _value(tree, known):
     return evaluate(tree, known, np.sqrt)
 
 
-def _keeps_sign(guard, known, name, points):
-    """Whether a tree has at each point the sign that it has at the first one, and is not 0, `(loops, points)`."""
+def _keep_sign(value):
+    """Whether each value has the sign of the first one of its row, and is not 0, `(loops, points)`."""
     with np.errstate(all="ignore"):
-        sign = np.sign(_value(guard, {**known, name: points})).reshape(-1, points.size)
+        sign = np.sign(value)
     return (sign == sign[:, :1]) & (sign != 0) & np.isfinite(sign)
 
 
@@ -120,17 +136,25 @@ def _touches_zero(guard, known, name, points):
         return bool((size.min(-1, initial=np.inf) <= VANISHED * near).any())
 
 
-MOST = 1000  # loops of which the range is searched, spread over all
+MOST = 1000  # loops at a time
 
 
-def _different(known):
-    """The different rows of the arrays among these values, as columns."""
+def _different(known, most=None):
+    """The different rows of the arrays among these values, as columns, and the row of each loop.
+
+    most: so many rows at most, spread over all.
+    """
     arrays = {name: np.asarray(value) for name, value in known.items() if np.ndim(value)}
     if not arrays:
-        return known
-    rows = np.unique(np.stack(list(arrays.values()), axis=1), axis=0)
-    rows = rows[np.unique(np.linspace(0, len(rows) - 1, MOST).astype(int))]
-    return known | {name: rows[:, [column]] for column, name in enumerate(arrays)}
+        return known, np.zeros(1, int)
+    rows, row = np.unique(np.stack(list(arrays.values()), axis=1), axis=0, return_inverse=True)
+    if most is not None:
+        rows = rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(int))]
+    return known | {name: rows[:, [column]] for column, name in enumerate(arrays)}, row.reshape(-1)
+
+
+def _rows_of(known, some):
+    return {name: value[some] if np.ndim(value) else value for name, value in known.items()}
 
 
 @lru_cache(maxsize=256)

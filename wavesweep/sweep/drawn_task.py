@@ -17,7 +17,7 @@ from wavesweep.analysis.response.resting import Resting, resting
 from wavesweep.analysis.response.resting_frame import resting_frame, shows_at_rest
 from wavesweep.diagram import WALL
 from wavesweep.diagram.assembly import FACTOR, PRODUCT, assembled, refuse_unsuitable, scalar_place, seen_by_hand
-from wavesweep.diagram.domain import bends_at_zero, guards_at
+from wavesweep.diagram.domain import bends_at_zero, domains, guards_at
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError
@@ -82,7 +82,7 @@ def open_loops(
 class DrawnTask:
     """Stable intervals of drawn loops along the number `along` within span = (low, high).
 
-    groups: see `IntervalTask`. own: the spec's values. bounds: the loop exists between these values of the number. If this
+    groups: see `IntervalTask`. own: the spec's values. bounds: all loops exist between these values of the number. If this
     is one scalar gain of a frame, it is cut out; otherwise its intervals are found by panels.
     """
 
@@ -158,7 +158,9 @@ class DrawnTask:
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
         variable = self._variable()
-        found = stable_along_any(loops.frames, self.span, size, period, self.bounds, variable)
+        uneven = isinstance(self.drawing, Uneven)
+        bounds = self.bounds if uneven else domains(self.drawing, values, self.along, self.span, size)
+        found = stable_along_any(loops.frames, self.span, size, period, bounds, variable)
         if variable == FROM_ZERO:
             found = self._beginning_at_one(found, values, loops.drift)
         low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), self.span, strict=True))

@@ -322,7 +322,9 @@ def test_the_error_of_a_value_on_the_rim_counts():
             return tuple(np.full((1, *x.shape), value) for value in (1.0, 0.0, known / np.finfo(float).eps))
 
         some = panels._Panels(np.zeros(1, int), np.zeros(1), np.ones(1))
-        return panels._hidden(sample, some, (-np.inf, np.inf), np.array([0]), np.zeros((1, 1)), np.zeros((1, 1)))[0, 0]
+        return panels._hidden(sample, some, np.array([[-np.inf], [np.inf]]), np.array([0]), np.zeros((1, 1)), np.zeros((1, 1)))[
+            0, 0
+        ]
 
     assert hidden(1.0) == pytest.approx(2 * hidden(0.0))
     assert hidden(1e9) == pytest.approx(11 * hidden(0.0))  # what is beyond that is no better known

@@ -39,11 +39,11 @@ def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.i
 
     evaluate(column, p): `Frames` of these columns at these values, real or complex, one after the other; or matrices `(...,
     order, order)` without poles, analytic in p. p: `(n,)` as column, or `(m, k)` if column is `(m, 1)`. columns: number of
-    columns. period: of the frame, in s, `(columns,)`. bounds: p beyond them has no loop. variable: BENT, the logarithm of the
-    distance from the low end and a TURN-th of the span, as stiffnesses and dampings have poles below zero; FROM_ZERO, the
-    logarithm of p from ATTACHED of the span on, for a span from 0, at which the loop need not be analytic and eigenvalues may
-    leave z = 1 as any power of p; otherwise it is the logarithm of p if high > WIDE low > 0, as masses, impedances and cutoffs
-    act by their ratios, or else p.
+    columns. period: of the frame, in s, `(columns,)`. bounds: p beyond them has no loop, a number or `(columns,)` each.
+    variable: BENT, the logarithm of the distance from the low end and a TURN-th of the span, as stiffnesses and dampings have
+    poles below zero; FROM_ZERO, the logarithm of p from ATTACHED of the span on, for a span from 0, at which the loop need not
+    be analytic and eigenvalues may leave z = 1 as any power of p; otherwise it is the logarithm of p if high > WIDE low > 0, as
+    masses, impedances and cutoffs act by their ratios, or else p.
 
     With eigenvalues z_i of the frame, `prod_{i<j} (1 - z_i z_j)`, `prod (1 - z_i)` and `prod (1 + z_i)` are real analytic
     functions of p that vanish if a complex pair, z = 1 or z = -1 is on the unit circle (the first also if two real
@@ -67,12 +67,15 @@ def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.i
         unit, into, out, slope = low, np.log, np.exp, None
     else:
         unit, into, out, slope = np.inf, _same, _same, np.ones_like
-    ends = tuple(into(end) if end > low - unit else -np.inf for end in (low, high, *bounds))
+    ends = into(low), into(high)
+    with np.errstate(all="ignore"):  # of the logarithm of what has none
+        bounds = np.stack([np.zeros(columns) + end for end in bounds])
+        bounds = np.where(bounds > low - unit, into(bounds), -np.inf)
 
     def slack(t):
         return EXACT + 0 * t if slope is None else EXACT * (np.abs(out(t)) + NEAR_ZERO * (high - low)) / slope(t)
 
-    found = _by_recalled_states(partial(_through, evaluate, out), ends[:2], columns, period, ends[2:], slack)
+    found = _by_recalled_states(partial(_through, evaluate, out), ends[:2], columns, period, bounds, slack)
     # The range's own ends are given back as they were, not as they come out.
     lows, highs = (
         np.where(part == end, own, out(part)) for part, end, own in zip((found.low, found.high), ends[:2], span, strict=True)
@@ -98,7 +101,7 @@ def _by_recalled_states(evaluate, span, columns, period, bounds, slack) -> Inter
         mask = kept[names[0]]
         try:
             part = _of_columns(
-                partial(_of, evaluate, names), span, names.size, period[names], bounds, slack, sizes[names], mask
+                partial(_of, evaluate, names), span, names.size, period[names], bounds[:, names], slack, sizes[names], mask
             )
         except RecalledError as error:
             kept[names[error.columns]] = True

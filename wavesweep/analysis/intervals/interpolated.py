@@ -90,7 +90,7 @@ class Pieces(Rows):
     def none(column, low, high, bounds, order) -> "Pieces":
         """Return pieces that are not followed yet, with their overlap within the bounds."""
         over, pieces = OVERLAP * (high - low), column.size
-        left, right = np.maximum(low - over, bounds[0]), np.minimum(high + over, bounds[1])
+        left, right = np.maximum(low - over, bounds[0][column]), np.minimum(high + over, bounds[1][column])
         rim = np.zeros((pieces, RIM.size, order))
         empty = np.zeros((pieces, DEGREES[-1] + 1, order)), *np.zeros((2, pieces, order)), rim + 0j, rim, np.ones(pieces)
         return Pieces(column, low, high, (left + right) / 2, (right - left) / 2, np.zeros(pieces, int), *empty)
@@ -194,7 +194,7 @@ def interpolated_loop(evaluate, span, columns: int, bounds, sizes, kept, order: 
     """
     width, few = span[1] - span[0], int(kept.sum())
     column, low, high = np.arange(columns), *(np.full(columns, float(end)) for end in span)
-    order = max(order, few)
+    order, bounds = max(order, few), [np.broadcast_to(end, columns) for end in bounds]
     evaluate = partial(of_order, evaluate, order, kept)
     whole = np.zeros((columns, order, order))
     whole[:, :few, :few] = sizes[:, kept][:, :, kept]
@@ -202,7 +202,9 @@ def interpolated_loop(evaluate, span, columns: int, bounds, sizes, kept, order: 
     done = []
     while column.size:
         pieces = Pieces.none(column, low, high, bounds, order)
-        inside = (pieces.middle - EXTENT * pieces.half >= bounds[0]) & (pieces.middle + EXTENT * pieces.half <= bounds[1])
+        inside = (pieces.middle - EXTENT * pieces.half >= bounds[0][column]) & (
+            pieces.middle + EXTENT * pieces.half <= bounds[1][column]
+        )
         hopeless, unstable = np.zeros((2, column.size), bool)
         if order <= MOST_ORDER:
             with np.errstate(all="ignore"):

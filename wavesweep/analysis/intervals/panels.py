@@ -70,9 +70,10 @@ def panel_roots(
     sample(column, x): for panels (their columns, `(panels,)`, and points, `(panels, points)`, real or complex) the functions'
     values as phase, logarithm of the size, and rounding error relative to the size, each `(functions, panels, points)`. column,
     low, high: the first panels. columns: number of columns. smallest: a panel narrower than this that proves nothing is given
-    up. many: the open panels of a column are given up if there are so many. bounds: no point beyond them is sampled. end_bit: a
-    panel at an end of the interval that is narrower than this and proves nothing is left open. settling: number of a function
-    that settles a panel on which it is proved to be positive, whatever the others do; its own roots do not count.
+    up. many: the open panels of a column are given up if there are so many. bounds: no point beyond them is sampled, a number
+    or `(columns,)` each. end_bit: a panel at an end of the interval that is narrower than this and proves nothing is left open.
+    settling: number of a function that settles a panel on which it is proved to be positive, whatever the others do; its own
+    roots do not count.
 
     On each panel the interpolant at NODES points must have decayed, and `by_signs` or `by_discs` must prove its roots for every
     function within the error bound; otherwise the panel is split. The bound consists of rounding, of the coefficients that are
@@ -82,6 +83,7 @@ def panel_roots(
     functions are sampled there at complex x. A mode of the tick may have no visible effect at the nodes, since it enters a
     frame as a high power; it is large on the rim if it is large anywhere on the panel.
     """
+    bounds = [np.broadcast_to(end, columns) for end in bounds]
     found, ends = [], (low.min(initial=np.inf), high.max(initial=-np.inf))
     given_up = {"lost": [], "overflown": [], "settled": []}
     open_low, open_high = np.zeros(columns, bool), np.zeros(columns, bool)
@@ -91,7 +93,7 @@ def panel_roots(
 
     while column.size:
         reach = OVERLAP * (high - low)
-        left, right = np.maximum(low - reach, bounds[0]), np.minimum(high + reach, bounds[1])
+        left, right = np.maximum(low - reach, bounds[0][column]), np.minimum(high + reach, bounds[1][column])
         panels = _Panels(column, (left + right) / 2, (right - left) / 2)
         proved, settled, finite, nothing, roots, share = _judged(sample, panels, bounds, settling)
         found += roots
@@ -200,7 +202,8 @@ def _hidden(sample, panels, bounds, which, trend, peak):
     It is infinite for other panels, and if the ellipse of a panel is not within the bounds.
     """
     hidden = np.full(peak.shape, np.inf)
-    inside = (panels.middle - EXTENT * panels.half >= bounds[0]) & (panels.middle + EXTENT * panels.half <= bounds[1])
+    least, most = (end[panels.column] for end in bounds)
+    inside = (panels.middle - EXTENT * panels.half >= least) & (panels.middle + EXTENT * panels.half <= most)
     which = which[inside[which]]
     if not which.size:
         return hidden
