@@ -15,7 +15,7 @@ from wavesweep.spec.expressions import degree, evaluate, names_in, singular
 def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]) -> tuple[float, float]:
     """The values of a number, about a span, between which all loops are analytic functions of it on the real axis.
 
-    values: flat numbers, or arrays over the loops of a sweep, of which up to MOST are looked at. See `domains`.
+    values: flat numbers, or arrays over the loops of a sweep, of which up to MOST are examined; see `domains`.
     """
     below, above = -np.inf, np.inf
     for key, guard, known, root in _known_guards(drawing, values, path):
