@@ -126,6 +126,24 @@ def test_a_difference_that_a_number_multiplies_is_certified_only_with_its_digits
         np.testing.assert_allclose(found[["low", "high"]], truth[["low", "high"]], rtol=1e-9)
 
 
+@pytest.mark.parametrize("g", [1.0, 1e4, 1e6, 1e8, 1e10, 1e12])
+def test_a_difference_of_what_is_held_is_certified_only_with_its_digits(g):
+    """The gains run in one tick of a frame, and their difference is read in another."""
+    tables = gains(g, 3.0 / g, every=10)
+    tables["block"]["h"] = {"type": "hold", "every": 10, "phase": 7}
+    tables["wire"] |= {"h.u": "g*a.y - g*c.y", "p.f": "hand - h.y - 200*p.x - K*p.v"}
+    found = wavesweep.compile(tables).stable_intervals("K", (-5, 1000))
+    if g == 1.0 or found["certified"].all():
+        exact = tables | {"wire": tables["wire"] | {"h.u": "g*eps*a.u", "a.u": "p.x"}}
+        exact["wire"]["h.u"] = "3*a.y"
+        exact["numbers"] = {"K": 1.0}
+        exact["block"] = exact["block"] | {"a": exact["block"]["a"] | {"k": 1.0}}
+        truth = wavesweep.compile(exact).stable_intervals("K", (-5, 1000))
+        assert truth["certified"].all()
+        np.testing.assert_allclose(found[["low", "high"]], truth[["low", "high"]], rtol=1e-9)
+    assert found["certified"].all() == (g < 1e5)
+
+
 @pytest.mark.parametrize("g", [1.0, 1e3, 1e9, 3.5e10])
 def test_a_margin_of_ticks_that_cancel_each_other_is_right_or_missing(g):
     def margin(g):

@@ -8,7 +8,7 @@ import numpy as np
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.elimination import ROUNDING
 from wavesweep.lifted.cut import Cut
-from wavesweep.lifted.periodic import GROWN, Ticks, growth_of, in_a_row, reach_of, reach_together, then, ticks_of
+from wavesweep.lifted.periodic import GROWING, Ticks, growth_of, in_a_row, reach_of, reach_together, then, ticks_of
 from wavesweep.lifted.tick_drift import TickDrift, consistent_solution, counted_from_leads
 
 LEFT = 1e-10  # of the largest entry of a row, what rounding over a frame may leave of the change along a state that rests
@@ -145,7 +145,7 @@ def _with_inputs(ticks, inputs, held):
         else:
             rest = [in_a_row(kinds[1:], silent, joined)] if len(kinds) > 1 else []
             E, B, *_, most = reduce(joined, rest, driven[kinds[0]])
-        return E, B, np.ones(E.shape[:-2]) if most <= GROWN else growth_of(ticks.kind, [each.E for each in ticks.maps])
+        return E, B, np.ones(E.shape[:-2]) if most <= GROWING else growth_of(ticks.kind, [each.E for each in ticks.maps])
 
 
 def _with_moment(columns):

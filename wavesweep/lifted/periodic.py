@@ -100,6 +100,7 @@ def frame_of(ticks: Ticks) -> np.ndarray:
         return in_parts(lambda part: in_a_row(kinds, [each.at(part) for each in changes], _Change.then).E, batch, n, kind)
 
 
+GROWING = 32.0  # growth beyond which it is computed, and its effect on a loop is looked for (see `rounding`)
 GROWN, LOST = 1e3, 1e6  # growth from which on a number may be off by more than it promises, and of which nothing is known
 
 
@@ -111,7 +112,7 @@ def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
     Of a frame of stretches P and Q a rounding of `|Q| |P|` is unknown, which exceeds `Q P` by as much as its terms cancel.
     The size of each such product (see `size_of`) is compared to that of Q P and to that of the frame, or to 1.
     Accuracy: a measure of the digits that are lost, not a bound. It is given as 1 where the products of the largest entries in
-    any loop of a batch are no larger than GROWN.
+    any loop of a batch are no larger than GROWING.
     """
 
     def within(first, second):
@@ -129,7 +130,7 @@ def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
     kinds = kind.tolist()
     with np.errstate(all="ignore"):  # of a frame that overflows
         E, _, most = in_a_row(kinds, [(E, reach_of(E), 1.0) for E in changes], within)
-        if most <= GROWN:
+        if most <= GROWING:
             return np.ones(E.shape[:-2])
         E, largest, lost = in_a_row(kinds, [(E, 1.0, 1.0) for E in changes], joined)
         return np.fmax(lost, largest / np.fmax(1.0, size_of(_whole(E))))

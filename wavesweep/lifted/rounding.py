@@ -7,7 +7,7 @@ have lost digits, and show no sign of it.
 import numpy as np
 
 from wavesweep.lifted.circle import inverse
-from wavesweep.lifted.periodic import Ticks, in_a_row, then
+from wavesweep.lifted.periodic import GROWING, Ticks, in_a_row, then
 
 ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
 ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
@@ -47,13 +47,13 @@ def hides(changes, sizes) -> np.ndarray:
     return np.logical_or.reduce(np.broadcast_arrays(*found))
 
 
-def hidden_in(ticks: Ticks) -> np.ndarray:
-    """`hides` for all entries of ticks with the sizes of their terms."""
+def hidden_in(ticks: Ticks, growth=1.0) -> np.ndarray:
+    """`hides` for all entries of ticks with the sizes of their terms, or if their stretches grow (see `growth_of`)."""
     found = [
         hides(*zip(*((getattr(each, part), each.terms[at]) for each in ticks.maps), strict=True))
         for at, part in enumerate("EBCD")
     ]
-    return np.logical_or.reduce(np.broadcast_arrays(*found))
+    return np.logical_or.reduce(np.broadcast_arrays(*found, np.asarray(growth) > GROWING))
 
 
 def may_have(E, dE, points) -> np.ndarray:

@@ -167,18 +167,18 @@ def closed_frame(drawn: Drawn, drift: TickDrift) -> np.ndarray:
 
     Loops of fewer than two states are filled up with eigenvalues at 0 of the frame.
     """
-    return _closed_frame(ticks_of(drawn, alone=True), drift)
+    return _known_closed(ticks_of(drawn, alone=True), drift)
 
 
 def telling_frame(drawn: Drawn, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
     """Return `closed_frame`, and whether terms that cancel in a tick hide its spectral radius, `(...)`; see `radius_hidden`."""
     ticks = ticks_of(drawn, alone=True, terms=True)
-    E = _closed_frame(ticks, drift)
+    E = _known_closed(ticks, drift)
     hidden = np.broadcast_to(hidden_in(ticks), E.shape[:-2])
     return E, hidden & radius_hidden(*errors_of_closed(ticks, drift)) if hidden.any() else hidden
 
 
-def _closed_frame(ticks, drift):
+def _known_closed(ticks, drift):
     return known_frames(closed(ticks, drift), growth_of(ticks.kind, [each.E for each in ticks.maps]))
 
 

@@ -152,7 +152,7 @@ class DrawnTask:
         if cut is not None:
             cut = with_batch(cut, size)
             found = stable_intervals(cut, "K_VE", self.span, np.zeros((size, 1)))
-            hidden = np.broadcast_to(hidden_in(opened.frame.ticks), size)
+            hidden = np.broadcast_to(hidden_in(opened.frame.ticks, opened.frame.growth), size)
             return self._unshaken(_doubted(found, cut.growth[found.column]), hidden[found.column], values, cut.period)
         loops = self._loops(values)
         drawn = assembled(self.drawing, values)
@@ -236,7 +236,7 @@ class _Along:
             each = [self.examined(*one) for one in _one_by_one(number, p)]
             return tuple(np.reshape(part, p.shape) for part in zip(*each, strict=True))
         growth = growth_of(ticks.kind, [each.E for each in ticks.maps])
-        return np.broadcast_to(growth, p.shape), np.broadcast_to(hidden_in(ticks), p.shape)
+        return np.broadcast_to(growth, p.shape), np.broadcast_to(hidden_in(ticks, growth), p.shape)
 
     def errors(self, number, p) -> tuple[np.ndarray, np.ndarray]:
         """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution."""

@@ -11,7 +11,7 @@ from wavesweep.analysis.response.port import Port, frame_of_port
 from wavesweep.analysis.spectrum import balance, is_stable
 from wavesweep.errors import UsageError
 from wavesweep.lifted.circle import on_circle, solve
-from wavesweep.lifted.periodic import GROWN, growth_of, in_a_row
+from wavesweep.lifted.periodic import GROWING, growth_of, in_a_row
 from wavesweep.lifted.rounding import hides
 
 SWEEPS = 12  # over the states, for their units
@@ -63,7 +63,7 @@ def drawn_port_margin(port: Port) -> PortMargin:
 def _known(port, omega):
     """Whether no terms cancel in or between ticks, or the response at these frequencies (rad/s) keeps its digits even so."""
     changes, sizes = ([each[0] for each in parts] for parts in (port.maps, port.sizes))
-    if not hides(changes, sizes) and growth_of(port.kind, changes) <= GROWN:
+    if not hides(changes, sizes) and growth_of(port.kind, changes) <= GROWING:
         return True
     return respond_port(port, omega / (2 * np.pi)).admittance_error <= SURE
 
