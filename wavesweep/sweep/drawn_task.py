@@ -154,7 +154,7 @@ class DrawnTask:
             found = stable_intervals(cut, "K_VE", self.span, np.zeros((size, 1)))
             hidden = np.broadcast_to(hidden_in(opened.frame.ticks, opened.frame.growth), size)
             return self._unshaken(_doubted(found, cut.growth[found.column]), hidden[found.column], values, cut.period)
-        loops = self._loops(values)
+        loops = self._loops(values, self._open_ticks(values))
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
         variable = self._variable()
@@ -180,17 +180,16 @@ class DrawnTask:
             return found
         return replace(found, low_omega=np.where(found.low == 0, 0.0, found.low_omega))
 
-    def _loops(self, values) -> "_Along":
+    def _loops(self, values, open_ticks=None) -> "_Along":
         drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
-        return _Along(self.drawing, self.along, values, drift, self._open_ticks(values))
+        return _Along(self.drawing, self.along, values, drift, open_ticks)
 
     def _unshaken(self, found, hidden, values, period):
         """Intervals in doubt if rounding of terms that cancel could move them; hidden: of which elements there are some."""
         some = np.flatnonzero(hidden)
         if not some.size:
             return found
-        drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
-        lost = shaken(found.take(some), self.span, period, _Along(self.drawing, self.along, values, drift, None).errors)
+        lost = shaken(found.take(some), self.span, period, self._loops(values).errors)
         return _in_doubt(found, found.column[some], np.where(lost, ROUNDING, NONE))
 
 
