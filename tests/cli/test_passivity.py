@@ -132,3 +132,29 @@ def test_the_damping_needed_makes_the_port_passive():
 def test_no_damping_is_needed_or_none_is_enough():
     assert port_damping_needed(values_of("dc", K_VE=50.0)) == 0
     assert np.isnan(port_damping_needed(values_of("pmw")))
+
+
+def test_margins_that_are_lost_are_counted(wavesweep, tmp_path):
+    """The impedance of a wave line without hold or delay cancels in the tick."""
+    path = tmp_path / "line.toml"
+    path.write_text("""
+rates.tick_hz = 1000
+numbers = { K = 3000.0, b = 1.0 }
+block.device = { type = "mass", mass = 0.1, damping = 1.5 }
+block.end = { type = "wave", b = "b" }
+block.avatar = { type = "avatar", b = "b", integration = "explicit" }
+ports.hand = { force = "hand", displacement = "device.x", reaction = "end.force" }
+sweep.b = [1.0, 1e10]
+[wire]
+"end.v" = "device.v"
+"end.in" = "avatar.out"
+"avatar.in" = "end.out"
+"avatar.f" = "K*avatar.x_spring + 1*avatar.v"
+"device.f" = "hand - end.force"
+""")
+    to_out = ("passivity", str(path), "--out", str(tmp_path / "out"), "--no-plot")
+    code, _, err = wavesweep(*to_out)
+    assert code == 0
+    assert "margin lost in rounding or overflow, and not known to be passive: 1 row" in err
+    _, out, _ = wavesweep(*to_out, "--json")
+    assert json.loads(out)["tables"]["passivity"]["margin_unknown"] == 1

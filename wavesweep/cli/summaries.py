@@ -123,6 +123,7 @@ class PassivityTally:
             "channel_passive": passive,
             "port_passive": columns["port_passive"],
             "no_damping_is_enough": np.isnan(needed) & self._damped,
+            "margin_unknown": np.isnan(columns["port_margin"]),
             "unstable": ~columns["stable"],
         }
         self._counts.update({name: int(each.sum()) for name, each in flags.items()})
@@ -133,7 +134,7 @@ class PassivityTally:
     def numbers(self, _: Mapping[str, Any]) -> Numbers:
         """The summary as numbers and words that JSON can hold."""
         order = ("rows", "tolerance", "channel_norm", "channel_passive_within_tolerance", "channel_passive", "port_passive",
-                 "port_margin", "damping_needed", "no_damping_is_enough", "unstable", "slices")  # fmt: skip
+                 "port_margin", "margin_unknown", "damping_needed", "no_damping_is_enough", "unstable", "slices")  # fmt: skip
         found = {**self._counts, **self._ranges, "tolerance": self._tolerance, "slices": dict(self._slices)}
         return {name: found[name] for name in order}
 
@@ -151,6 +152,8 @@ def passivity_lines(found: Numbers) -> Iterator[Line]:
         yield f"wave channel: passive to within {within}, strictly in {found['channel_passive']}; norm {norm}", False
     reach = f"; margin {_span(found['port_margin'])} m/N" if found["port_margin"] else ""
     yield f"hand's port: passive in {found['port_passive']} of {rows}{reach}", False
+    if found["margin_unknown"]:
+        yield f"margin lost in rounding or overflow, and not known to be passive: {count(found['margin_unknown'], 'row')}", True
     if found["damping_needed"]:
         yield f"further damping of the device that makes it passive: {_span(found['damping_needed'], 3)} N*s/m", False
     if found["no_damping_is_enough"]:
