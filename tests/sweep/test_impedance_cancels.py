@@ -144,6 +144,31 @@ def test_a_difference_of_what_is_held_is_certified_only_with_its_digits(g):
     assert found["certified"].all() == (g < 1e5)
 
 
+def test_an_end_that_a_moderate_growth_between_ticks_moves_is_not_certified():
+    """It would be off by 3e-9: the growth is 256, and the end a small damping beside a large gain."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"d": 0.77452, "g": 812240000.0},
+        "block": {
+            "dev": {"type": "mass", "mass": 0.95792, "damping": "d"},
+            "s": {"type": "hold", "every": 2},
+            "a": {"type": "gain", "k": 1 + 4.0546e-08, "every": 10},
+            "c": {"type": "gain", "every": 10},
+            "h": {"type": "hold", "every": 10, "phase": 7},
+        },
+        "wire": {
+            "s.u": "dev.x",
+            "a.u": "dev.x",
+            "c.u": "dev.x",
+            "dev.f": "hand - h.y - 2277.3*dev.x - 1.2333*dev.v - 48.005*s.y",
+            "h.u": "g*a.y - g*c.y",
+        },
+        "ports": {"hand": {"force": "hand", "displacement": "dev.x"}},
+    }
+    found = wavesweep.compile(tables).stable_intervals("d", (-5, 1000))
+    assert found["doubt"].tolist() == ["rounding"]
+
+
 @pytest.mark.parametrize("g", [1.0, 1e3, 1e9, 3.5e10])
 def test_a_margin_of_ticks_that_cancel_each_other_is_right_or_missing(g):
     def margin(g):

@@ -328,3 +328,19 @@ def test_the_error_of_a_value_on_the_rim_counts():
 
     assert hidden(1.0) == pytest.approx(2 * hidden(0.0))
     assert hidden(1e9) == pytest.approx(11 * hidden(0.0))  # what is beyond that is no better known
+
+
+def test_a_loop_of_many_states_is_proved_where_it_is_stable_and_where_it_is_not():
+    """Beyond 14 states, eigenvalues are computed only where powers do not tell that one lies outside."""
+    random = np.random.default_rng(5)
+    turn, _ = np.linalg.qr(random.normal(size=(16, 16)))
+
+    def evaluate(_, p):
+        z = np.zeros((*p.shape, 16), p.dtype)
+        z[..., 0], z[..., 1:] = p, np.linspace(-0.6, 0.6, 15)
+        return turn @ (z[..., None] * turn.T) - np.eye(16)
+
+    for span, highs in (((0.1, 5.0), [1.0]), ((3.0, 5.0), [])):
+        found = stable_along_any(evaluate, span, 1, np.ones(1))
+        assert found.certified.all()
+        np.testing.assert_allclose(found.high[found.count > 0], highs, rtol=1e-9)
