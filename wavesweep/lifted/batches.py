@@ -8,16 +8,18 @@ CACHED = 2**18  # bytes of an array of matrices, of which a processor's cache ho
 
 
 def in_parts(work, batch, size: int, kind):
-    """Return `work(part)` for all parts of a batch, in one array `(*batch, size, size)`.
+    """Return `work(part)` for all parts of a batch, in one array.
 
-    part: an index of the first axis. kind: type of the numbers. work must treat each matrix by itself, so that the division
-    changes no bit.
+    part: an index of the first axis, which is that of the result as well. size: of the matrices; kind: type of their numbers.
+    work must treat each matrix by itself, so that the division changes no bit.
     """
     few = max(1, CACHED // max(size * size * np.dtype(kind).itemsize * prod(batch[1:]), 1))
     if not batch or batch[0] <= few:
         return work(...)
-    whole = np.empty((*batch, size, size), kind)
-    for first in range(0, batch[0], few):
+    found = work(slice(few))
+    whole = np.empty((batch[0], *found.shape[1:]), found.dtype)
+    whole[:few] = found
+    for first in range(few, batch[0], few):
         part = slice(first, first + few)
         whole[part] = work(part)
     return whole

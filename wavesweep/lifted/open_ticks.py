@@ -41,7 +41,7 @@ class OpenTicks:
     def closed(self, at, p, *, terms: bool = False) -> Ticks:
         """Return the ticks of the loops `at` of the batch at values p of the number; at and p broadcast together.
 
-        terms: whether they have the sizes of their terms.
+        terms: whether they have the sizes of their terms; the number's loop is as uncertain as its direct term lets it be.
         """
         with np.errstate(all="ignore"):
             return replace(self.ticks, maps=tuple(_closed(each, at, p, terms) for each in self.ticks.maps))
@@ -80,13 +80,22 @@ def _closure(block, at, p):
 def _closed(block, at, p, terms):
     gain, pivot, condition = _closure(block, at, p)
     E = _with_gain((block.E, block.B, block.C), at, gain)
-    sizes = (_with_gain(block.terms, at, np.abs(gain)), E[..., :0], E[..., :0, :], E[..., :0, :0]) if terms else None
+    sizes = (_sizes_closed(block, at, p, gain), E[..., :0], E[..., :0, :], E[..., :0, :0]) if terms else None
     nothing = {"inputs": (), "outputs": (), "B": E[..., :0], "C": E[..., :0, :], "D": E[..., :0, :0]}
     return replace(block, E=E, condition=condition, pivot=pivot, terms=sizes, **nothing)
 
 
+def _sizes_closed(block, at, p, gain):
+    *parts, direct = block.terms
+    if not block.inputs:
+        return _with_gain(parts, at, gain)
+    size = np.abs(gain)
+    through = np.abs(p) * (direct[at] if direct.ndim > 2 else direct)[..., 0, 0]
+    return _with_gain(parts, at, size * (size / np.abs(p) * (1 + through)))
+
+
 def _with_gain(parts, at, gain):
-    E, B, C = (part[at] if part.ndim > 2 else part for part in parts[:3])
+    E, B, C = (part[at] if part.ndim > 2 else part for part in parts)
     return E + B * gain[..., None, None] * C if B.shape[-1] else E
 
 

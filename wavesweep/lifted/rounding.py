@@ -6,6 +6,7 @@ have lost digits, and show no sign of it.
 
 import numpy as np
 
+from wavesweep.lifted.batches import in_parts
 from wavesweep.lifted.circle import inverse
 from wavesweep.lifted.periodic import GROWING, Ticks, in_a_row, then
 
@@ -21,10 +22,14 @@ def both(first, second):
 
     Each is a pair of `(I + E)^ticks - I` and a bound on the error of its entries.
     """
+    (a, _), (b, _) = first, second
+    return a + b + b @ a, _error(first, second)
+
+
+def _error(first, second):
     (a, da), (b, db) = first, second
     eye, one, two = np.eye(a.shape[-1]), np.abs(a), np.abs(b)
-    error = np.abs(eye + b) @ da + db @ np.abs(eye + a) + ROUNDING * (one + two + two @ one)
-    return a + b + b @ a, error
+    return np.abs(eye + b) @ da + db @ np.abs(eye + a) + ROUNDING * (one + two + two @ one)
 
 
 def frame_errors(kind, changes, sizes) -> tuple[np.ndarray, np.ndarray]:
@@ -32,12 +37,24 @@ def frame_errors(kind, changes, sizes) -> tuple[np.ndarray, np.ndarray]:
 
     kind: of each tick. changes, sizes: per kind, the matrix less identity, and the sizes of the terms of its entries.
     """
+    kinds, batch = kind.tolist(), np.broadcast_shapes(*(part.shape[:-2] for part in (*changes, *sizes)))
+    ticks = [(_spread(E, batch), _spread(ENTRIES * size, batch)) for E, size in zip(changes, sizes, strict=True)]
 
     def joined(first, second):
-        return then(first[0], second[0]), both(first, second)[1]
+        return then(first[0], second[0]), _error(first, second)
+
+    def frame(part):
+        some = [tuple(each[part] if each.ndim > 2 else each for each in tick) for tick in ticks]
+        return np.stack(np.broadcast_arrays(*in_a_row(kinds, some, joined)), axis=-3)
 
     with np.errstate(all="ignore"):  # of a frame that overflows
-        return in_a_row(kind.tolist(), [(E, ENTRIES * size) for E, size in zip(changes, sizes, strict=True)], joined)
+        found = in_parts(frame, batch, changes[0].shape[-1], float)
+    return found[..., 0, :, :], found[..., 1, :, :]
+
+
+def _spread(part, batch):
+    """The matrices over the whole batch, unless all loops have the same."""
+    return np.broadcast_to(part, (*batch, *part.shape[-2:])) if part.ndim > 2 else part
 
 
 def hides(changes, sizes) -> np.ndarray:
@@ -61,20 +78,23 @@ def may_have(E, dE, points) -> np.ndarray:
 
     E, dE: `(matrices, n, n)`; points: eigenvalues less 1, `(matrices, points)`. None has z if the spectral radius of
     `|(z - 1 - E)^-1| dE` is less than 1 (S. M. Rump, Linear Algebra Appl. 278, 1998), which no units of the states change.
+    It is at most the largest growth of a component of a positive vector (L. Collatz, Math. Z. 48, 1942), which settles most.
     """
     with np.errstate(all="ignore"):
         reach = np.abs(inverse(points[..., None, None] * np.eye(E.shape[-1]) - E[:, None])) @ dE[:, None]
-        known = np.isfinite(reach).all((-1, -2))
-        largest = np.abs(np.linalg.eigvals(np.where(known[..., None, None], reach, 0.0))).max(-1, initial=0.0)
-    return ~(known & (largest < 1)).all(-1)
+        known, vector = np.isfinite(reach).all((-1, -2)), reach.sum(-1, keepdims=True)
+        clear = known & ~((reach @ vector >= vector) & (vector > 0)).any((-1, -2))  # a row of zeros has no part in it
+        open_ = np.nonzero(known & ~clear)
+        clear[open_] = np.abs(np.linalg.eigvals(reach[open_])).max(-1, initial=0.0) < 1
+    return ~clear.all(-1)
 
 
-def at_angles_of(delta, radius, nearest) -> np.ndarray:
+def at_angles_of(delta, radius, rank) -> np.ndarray:
     """Return points less 1 on circles of a radius, `(matrices, NEAREST)`, at the angles of some eigenvalues `1 + delta`.
 
-    nearest: the eigenvalues in order; radius: `(matrices,)` or a number.
+    rank: of each eigenvalue, the least of which are chosen, one of a conjugate pair; radius: `(matrices,)` or a number.
     """
-    chosen = np.take_along_axis(delta, nearest[:, :NEAREST], axis=-1)
+    chosen = np.take_along_axis(delta, np.argsort(np.where(delta.imag < 0, np.inf, rank), axis=-1)[:, :NEAREST], axis=-1)
     z = 1 + chosen
     size = np.where(z == 0, 1.0, np.abs(z))
     # Along the ray from 0: a point next to 1 keeps the digits of its distance from the eigenvalue.
@@ -89,7 +109,7 @@ def radius_hidden(E, dE) -> np.ndarray:
     E, dE = (np.where(finite[:, None, None], part, 0.0) for part in (E, dE))
     delta = np.linalg.eigvals(E).astype(complex)
     size = np.abs(1 + delta)
-    radius, order = size.max(-1, initial=0.0), np.argsort(-size, axis=-1)
-    further = at_angles_of(delta, radius + TELLING * np.maximum(radius, 1), order)
-    found = finite & may_have(E, dE, np.concatenate([further, at_angles_of(delta, 1.0, order)], axis=-1))
+    radius = size.max(-1, initial=0.0)
+    further = at_angles_of(delta, radius + TELLING * np.maximum(radius, 1), -size)
+    found = finite & may_have(E, dE, np.concatenate([further, at_angles_of(delta, 1.0, -size)], axis=-1))
     return found.reshape(shape)

@@ -153,8 +153,9 @@ class DrawnTask:
             cut = with_batch(cut, size)
             found = stable_intervals(cut, "K_VE", self.span, np.zeros((size, 1)))
             hidden = np.broadcast_to(hidden_in(opened.frame.ticks, opened.frame.growth), size)
-            return self._unshaken(_doubted(found, cut.growth[found.column]), hidden[found.column], values, cut.period)
-        loops = self._loops(values, self._open_ticks(values))
+            found = _doubted(found, cut.growth[found.column])
+            return self._unshaken(found, hidden[found.column], lambda: self._loops(values), cut.period)
+        loops = self._loops(values)
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
         variable = self._variable()
@@ -165,7 +166,7 @@ class DrawnTask:
             found = self._beginning_at_one(found, values, loops.drift)
         low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), self.span, strict=True))
         growth, hidden = loops.examined(found.column[:, None], np.stack([low, low / 2 + high / 2, high], axis=-1))
-        return self._unshaken(_doubted(found, growth.max(-1)), hidden.any(-1), values, period)
+        return self._unshaken(_doubted(found, growth.max(-1)), hidden.any(-1), lambda: loops, period)
 
     def _variable(self):
         """How the number is followed; see `stable_along_any`."""
@@ -180,16 +181,19 @@ class DrawnTask:
             return found
         return replace(found, low_omega=np.where(found.low == 0, 0.0, found.low_omega))
 
-    def _loops(self, values, open_ticks=None) -> "_Along":
+    def _loops(self, values) -> "_Along":
         drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
-        return _Along(self.drawing, self.along, values, drift, open_ticks)
+        return _Along(self.drawing, self.along, values, drift, self._open_ticks(values))
 
-    def _unshaken(self, found, hidden, values, period):
-        """Intervals in doubt if rounding of terms that cancel could move them; hidden: of which elements there are some."""
+    def _unshaken(self, found, hidden, loops, period):
+        """Intervals in doubt if rounding of terms that cancel could move them.
+
+        hidden: of which elements there are some; loops(): all loops of the batch.
+        """
         some = np.flatnonzero(hidden)
         if not some.size:
             return found
-        lost = shaken(found.take(some), self.span, period, self._loops(values).errors)
+        lost = shaken(found.take(some), self.span, period, loops().errors)
         return _in_doubt(found, found.column[some], np.where(lost, ROUNDING, NONE))
 
 
@@ -225,10 +229,7 @@ class _Along:
         """
         p = np.where(p == 0, TINY, p)
         try:
-            if self.open_ticks:
-                ticks = self.open_ticks.closed(number, p, terms=True)
-            else:
-                ticks = _ticks(self.drawing, self._varied(number, p), terms=True)
+            ticks = self._ticks(number, p)
         except IllPosedLoopError:
             if p.size == 1:
                 return np.ones(p.shape), np.zeros(p.shape, bool)
@@ -241,7 +242,7 @@ class _Along:
         """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution."""
         p = np.where(p == 0, TINY, p)
         try:
-            ticks = _ticks(self.drawing, self._varied(number, p), terms=True)
+            ticks = self._ticks(number, p)
         except IllPosedLoopError:
             if p.size == 1:
                 return (np.full((1, max(2, len(self.drift.kept)), max(2, len(self.drift.kept))), np.nan),) * 2
@@ -249,6 +250,12 @@ class _Along:
             return tuple(np.concatenate(part) for part in zip(*each, strict=True))
         with np.errstate(all="ignore"):
             return tuple(np.broadcast_to(part, (p.size, *part.shape[-2:])) for part in errors_of_closed(ticks, self.drift))
+
+    def _ticks(self, number, p):
+        """The ticks with the sizes of their terms."""
+        if self.open_ticks:
+            return self.open_ticks.closed(number, p, terms=True)
+        return _ticks(self.drawing, self._varied(number, p), terms=True)
 
     def _varied(self, number, p):
         return selected(self.values, number) | {self.along: p}

@@ -24,19 +24,19 @@ def shaken(found: Intervals, span, period, errors) -> np.ndarray:
     and right eigenvector, to first order. An end that is ATTACHED to the span is exact, or as good as that of the span.
     """
     low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), span, strict=True))
-    lost = np.zeros(low.size, bool)
+    width, column, end = span[1] - span[0], found.column, np.concatenate([low, high])
+    omega = np.concatenate([found.low_omega, found.high_omega])
+    some = np.flatnonzero(~np.isnan(omega) & (end - span[0] > ATTACHED * width))
+    end, whose = end[some], some % column.size
+    least, at = np.abs(end) + NEAR_ZERO * width, on_circle(omega[some] * period[column[whose]])
     with np.errstate(all="ignore"):
-        for share in WITHIN:
-            lost |= _may_cross(*errors(found.column, (1 - share) * low + share * high))
-        for end, omega in ((low, found.low_omega), (high, found.high_omega)):
-            some = np.flatnonzero(~np.isnan(omega) & (end - span[0] > ATTACHED * (span[1] - span[0])))
-            if some.size:
-                column, p = found.column[some], end[some]
-                least = np.abs(p) + NEAR_ZERO * (span[1] - span[0])
-                E, dE = errors(column, p)
-                later, _ = errors(column, p + STEP * least)
-                at = on_circle(omega[some] * period[column])
-                lost[some] |= ~(_moved(E, dE, (later - E) / (STEP * least)[:, None, None], at) <= EXACT * least)
+        within = np.concatenate([(1 - share) * low + share * high for share in WITHIN])
+        owner = np.concatenate([np.tile(column, len(WITHIN)), np.tile(column[whose], 2)])
+        E, dE = errors(owner, np.concatenate([within, end, end + STEP * least]))
+        first, last = within.size, within.size + end.size
+        slope = (E[last:] - E[first:last]) / (STEP * least)[:, None, None]
+        lost = _may_cross(E[:first], dE[:first]).reshape(len(WITHIN), -1).any(0)
+        lost[whose[~(_moved(E[first:last], dE[first:last], slope, at) <= EXACT * least)]] = True
     return lost
 
 
@@ -45,7 +45,7 @@ def _may_cross(E, dE):
     finite = np.isfinite(E).all((-1, -2)) & np.isfinite(dE).all((-1, -2))
     E, dE = (np.where(finite[:, None, None], part, 0.0) for part in (E, dE))
     delta = np.linalg.eigvals(E).astype(complex)
-    return ~finite | may_have(E, dE, at_angles_of(delta, 1.0, np.argsort(np.abs(excess(delta)), axis=-1)))
+    return ~finite | may_have(E, dE, at_angles_of(delta, 1.0, np.abs(excess(delta))))
 
 
 def _moved(E, dE, slope, at):
