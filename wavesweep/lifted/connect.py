@@ -40,16 +40,18 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
         sizes = sized.loop(sized.followed(order, torn, states=False), torn)
         closed = [port for port, row in zip(net.ports, rows, strict=True) if max(row, default=0) >= len(net.E) + net.inputs]
         inverse, condition, pivot = _loop_inverse(net.loop(rows, torn), sizes, net.reached(rows, torn), name, closed)
-        rows = net.untorn(rows, torn, inverse)
+        with np.errstate(over="ignore", invalid="ignore"):
+            known = net.solved(rows, torn, inverse)
+        rows = net.untorn(rows, torn, known)
     for block in blocks:
         condition, pivot = condition * block.condition, pivot * block.pivot
     states = tuple(f"{block.name}.{state}" for block in blocks for state in block.states)
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
         parts = net.assembled(rows)
         if terms:
-            size = np.abs(inverse)
-            size = size @ (np.eye(len(torn)) + sizes) @ size if torn else size  # of what rounding of the loop does to it
-            terms = sized.assembled(sized.untorn(sized.followed(order, torn), torn, size))
+            rows = sized.followed(order, torn)
+            uncertain = _products(np.abs(inverse), sized.unsolved(rows, torn, list(map(_sizes, known)), 1.0)) if torn else []
+            terms = sized.assembled(sized.untorn(rows, torn, uncertain))
     facts = {"condition": condition, "pivot": pivot, "terms": terms or None}
     return Block(name, tuple(inputs), tuple(outputs), states, *parts, **facts)
 
@@ -160,14 +162,31 @@ class _Net:
             found = (found.astype(int) @ found) > 0
         return found
 
-    def untorn(self, rows, torn, inverse) -> list[Row]:
-        """Return every port as a sum over states and inputs alone; inverse: of the torn ports' return difference."""
-        first, solved = len(self.E) + self.inputs, []
-        for line in _entries(inverse, 0):
-            solved.append({})
-            for at, factor in line.items():
-                _add(solved[-1], {column: value for column, value in rows[torn[at]].items() if column < first}, factor)
-        found = []
+    def solved(self, rows, torn, inverse) -> list[Row]:
+        """Return the torn ports as sums over states and inputs; inverse: of their return difference.
+
+        One step of refinement leaves them as uncertain as rounding of the loop's equations makes them, entry by entry, although
+        the terms of a product with the inverse may cancel (R. D. Skeel, Math. Comp. 35, 1980). One port needs none.
+        """
+        found = _products(inverse, self.unsolved(rows, torn, [{} for _ in torn]))
+        again = _products(inverse, self.unsolved(rows, torn, found)) if len(torn) > 1 else []
+        for row, change in zip(found, again, strict=False):
+            _add(row, change, 1.0)
+        return found
+
+    def unsolved(self, rows, torn, known, sign=-1.0) -> list[Row]:
+        """Return what is left of the torn ports' equations, or the sum of its terms if sign is 1; known: values of the ports."""
+        first, found = len(self.E) + self.inputs, []
+        for port, own in zip(torn, known, strict=True):
+            found.append({column: value for column, value in rows[port].items() if column < first})
+            _add(found[-1], own, sign)
+            for at, factor in _part(rows[port], first).items():
+                _add(found[-1], known[at], factor)
+        return found
+
+    def untorn(self, rows, torn, solved) -> list[Row]:
+        """Return every port as a sum over states and inputs alone; solved: the torn ports."""
+        first, found = len(self.E) + self.inputs, []
         for port, row in enumerate(rows):
             if port in torn:
                 found.append(solved[torn.index(port)])
@@ -235,6 +254,16 @@ def _add(row, other, factor):
     for column, value in other.items():
         term = value if plain else factor * value
         row[column] = row[column] + term if column in row else term
+
+
+def _products(matrix, rows) -> list[Row]:
+    """Return a matrix times rows."""
+    found = []
+    for line in _entries(matrix, 0):
+        found.append({})
+        for at, factor in line.items():
+            _add(found[-1], rows[at], factor)
+    return found
 
 
 def _sizes(row) -> Row:

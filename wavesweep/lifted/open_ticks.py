@@ -89,8 +89,8 @@ def _sizes_closed(block, at, p, gain):
     *parts, direct = block.terms
     if not block.inputs:
         return _with_gain(parts, at, gain)
-    size = np.abs(gain)
-    through = np.abs(p) * (direct[at] if direct.ndim > 2 else direct)[..., 0, 0]
+    direct = np.where(block.D == 0, 0.0, direct)  # what cancels to nothing is nothing
+    size, through = np.abs(gain), np.abs(p) * (direct[at] if direct.ndim > 2 else direct)[..., 0, 0]
     return _with_gain(parts, at, size * (size / np.abs(p) * (1 + through)))
 
 
