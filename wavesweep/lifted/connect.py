@@ -175,7 +175,7 @@ class _Net:
         return found
 
     def unsolved(self, rows, torn, known, sign=-1.0) -> list[Row]:
-        """Return what is left of the torn ports' equations, or the sum of its terms if sign is 1; known: the ports' values."""
+        """Return residuals of the torn ports' equations, or sizes of their terms if sign is 1; known: values of the ports."""
         first, found = len(self.E) + self.inputs, []
         for port, own in zip(torn, known, strict=True):
             found.append({column: value for column, value in rows[port].items() if column < first})

@@ -1,12 +1,13 @@
 """Roots of critical functions to rounding: ends of stable intervals along any number, from the eigenvalues themselves."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wavesweep.analysis.intervals.boundary import ORDINARY
-from wavesweep.analysis.intervals.critical import CAUTION, ONE, PAIR, from_eigenvalues
+from wavesweep.analysis.intervals.critical import CAUTION, MINUS_ONE, ONE, PAIR, from_eigenvalues
 from wavesweep.analysis.intervals.frames import Frames
+from wavesweep.analysis.intervals.meeting import ROUNDED, function_of_two
 from wavesweep.analysis.intervals.panels import bracketed_roots
 from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import balance, eigenvalues, excess
@@ -15,13 +16,13 @@ from wavesweep.lifted.circle import inverse
 ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
 STEP = 1e3  # times what rounding may move an end by: how far a correction may go, and where its slope is taken from
 SHORT, LEAST = 0.05, 10.0  # of a disc, if that is nearer; and times that again at least
-ROUNDED = 4  # roundings of every entry that an end has to withstand
 LAST = 4.0  # times the last correction: what an end may be off by
 BESIDE = 1e-10  # of an eigenvalue, how far from it its vectors are looked for
 SECANT, SECANTS = 1e-3, 3  # of a disc, the first step from its middle; how many follow
 TRIES = 4  # steps of Newton from where a root was found
 CLEAR = 1e-10  # | |z|^2 - 1 | at an end, up to which the end is believed
 SAME = 1e-10  # of the span, how near two ends of overlapping panels are one
+MEETING = 1e-3  # angle from z = 1 or z = -1, up to which a pair may be the two that meet there
 FEW = 0.1  # of itself, the error of an interpolated function whose sign is believed
 
 
@@ -94,7 +95,8 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
     firm = (
         (np.maximum(moved, LAST * by) <= slack(x)) | ((kind == PAIR) & (theta == 0)) | (np.abs(x - span[0]) <= ATTACHED * width)
     )
-    return _distinct(Ends(column, kind, x, theta, miss, met & (np.abs(miss) <= CLEAR) & firm), SAME * width)
+    ends = Ends(column, kind, x, theta, miss, met & (np.abs(miss) <= CLEAR) & firm)
+    return _distinct(_where_two_meet(evaluate, ends, slack, reach), SAME * width)
 
 
 def _distinct(ends, apart):
@@ -103,6 +105,50 @@ def _distinct(ends, apart):
     new = np.ones(ends.value.size, bool)
     new[1:] = (np.diff(ends.column) != 0) | (np.diff(ends.function) != 0) | (np.diff(ends.value) > apart)
     return ends.take(new)
+
+
+def _where_two_meet(evaluate, ends, slack, reach):
+    """Return the ends, those at which two eigenvalues meet at z = 1 or z = -1 from what is known of both.
+
+    One of them crosses there. The root of PAIR at the same place is that of a reciprocal pair, whatever their angle is.
+    """
+    known, some = ends.good.copy(), np.flatnonzero(~ends.good)
+    value, theta, miss, good = (part.copy() for part in (ends.value, ends.theta, ends.miss, ends.good))
+    if some.size:
+        column, kind = ends.column[some], ends.function[some]
+        x, *_ = _of_two(evaluate, column, kind, value[some], slack, reach[some])
+        x, left, moved, by = _of_two(evaluate, column, kind, x, slack, reach[some])
+        met = (left <= CLEAR) & (np.maximum(moved, LAST * by) <= slack(x)) & (np.abs(x - value[some]) <= reach[some])
+        some, kind = some[met], kind[met]
+        value[some], miss[some], known[some], good[some] = x[met], left[met], True, kind != PAIR
+        theta[some] = np.where(kind == MINUS_ONE, np.pi, 0.0)
+    order = np.lexsort((value, ends.column))
+    single, place = (good & (ends.function != PAIR))[order], np.arange(order.size)
+    before = np.maximum.accumulate(np.where(single, place, -1))
+    after = np.minimum.accumulate(np.where(single, place, order.size)[::-1])[::-1]
+    beside = known & (ends.function == PAIR) & (np.minimum(theta, np.pi - theta) <= MEETING)
+    for other in (before, after):
+        there = np.flatnonzero((other >= 0) & (other < order.size) & beside[order])
+        one, two = order[there], order[other[there]]
+        apart = np.where(ends.column[one] == ends.column[two], np.abs(value[one] - value[two]), np.inf)
+        same = one[apart <= slack(value[one])]
+        theta[same], miss[same], good[same] = 0.0, 0.0, True
+    return replace(ends, value=value, theta=theta, miss=miss, good=good)
+
+
+def _of_two(evaluate, column, kind, x, slack, reach):
+    """Return what `_end` does, but for the angle, of roots at which two eigenvalues may meet at z = 1 or z = -1."""
+    step = np.clip(SHORT * reach, LEAST * slack(x), STEP * slack(x))
+    found = Frames.of(evaluate(np.tile(column, 2), np.concatenate([x, x + step])))
+    w, _ = eigenvalues(found.E[: x.size])
+    at_one, at_minus_one = (np.partition(np.abs(w - place), 1, axis=-1)[:, 1] for place in (0.0, -2.0))
+    place = np.where(kind == PAIR, np.where(at_one <= at_minus_one, 0.0, -2.0), np.where(kind == ONE, 0.0, -2.0))
+    value, unsure = (part.reshape(2, -1) for part in function_of_two(found.E, np.tile(kind, 2), np.tile(place, 2)))
+    with np.errstate(all="ignore"):
+        slope = (value[1] - value[0]) / step
+        by, moved = -value[0] / slope, unsure.max(0) / np.abs(slope) * np.maximum(1, found.condition[: x.size] / ORDINARY)
+    near = np.abs(by) <= np.maximum(step, reach)
+    return np.where(near, x + by, x), np.abs(value[0]), np.where(np.isfinite(moved), moved, np.inf), np.abs(by)
 
 
 def _by_secants(value, x, reach):

@@ -3,6 +3,8 @@
 import numpy as np
 
 from wavesweep.analysis.intervals.any_parameter import EXACT
+from wavesweep.analysis.intervals.critical import ONE
+from wavesweep.analysis.intervals.meeting import function_of_two
 from wavesweep.analysis.intervals.polishing import ATTACHED
 from wavesweep.analysis.intervals.regions import NEAR_ZERO
 from wavesweep.analysis.intervals.stable import Intervals
@@ -34,9 +36,9 @@ def shaken(found: Intervals, span, period, errors) -> np.ndarray:
         owner = np.concatenate([np.tile(column, len(WITHIN)), np.tile(column[whose], 2)])
         E, dE = errors(owner, np.concatenate([within, end, end + STEP * least]))
         first, last = within.size, within.size + end.size
-        slope = (E[last:] - E[first:last]) / (STEP * least)[:, None, None]
         lost = _may_cross(E[:first], dE[:first]).reshape(len(WITHIN), -1).any(0)
-        lost[whose[~(_moved(E[first:last], dE[first:last], slope, at) <= EXACT * least)]] = True
+        moved = _moved(E[first:last], dE[first:last], E[last:], STEP * least, at)
+        lost[whose[~(moved <= EXACT * least)]] = True
     return lost
 
 
@@ -48,11 +50,21 @@ def _may_cross(E, dE):
     return ~finite | may_have(E, dE, at_angles_of(delta, 1.0, np.abs(excess(delta))))
 
 
-def _moved(E, dE, slope, at):
+def _moved(E, dE, later, step, at):
     """By how much rounding within dE moves the value of the parameter at which an eigenvalue next to `1 + at` is on the circle.
 
-    slope: of E along the parameter. NaN if E is not finite.
+    later: E at a further step of the parameter. NaN if E is not finite.
     """
+    moved, slope = _moved_alone(E, dE, (later - E) / step[:, None, None], at), np.full(step.size, np.nan)
+    real = np.flatnonzero(at.imag == 0)
+    if real.size:  # two eigenvalues may meet there
+        place, kind = np.where(at[real].real < -1, -2.0, 0.0), np.full(real.size, ONE)
+        value, unsure = function_of_two(E[real], kind, place, dE[real])
+        slope[real] = unsure / np.abs(function_of_two(later[real], kind, place, dE[real])[0] - value) * step[real]
+    return np.fmin(moved, slope)
+
+
+def _moved_alone(E, dE, slope, at):
     finite = np.isfinite(E).all((-1, -2)) & np.isfinite(slope).all((-1, -2))
     delta, right = np.linalg.eig(np.where(finite[:, None, None], E, 0.0))
     index = np.argmin(np.abs(delta - at[:, None]), axis=-1)[:, None]
