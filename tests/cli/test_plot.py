@@ -1,7 +1,9 @@
 """`wavesweep plot`: the figure of a table again, in every format; and figures of every command."""
 
 import json
+import os
 import shutil
+from pathlib import Path
 
 import pytest
 from PIL import Image
@@ -139,3 +141,59 @@ def test_another_file_in_place_of_the_data_package_is_left_as_it_is(wavesweep, s
     assert wavesweep("plot", made / "zwidth.parquet")[0] == 0
     assert package.read_text() == "{"
     assert (made / "zwidth.png").exists()
+
+
+@pytest.mark.parametrize("thing", ["pipe", "folder", "link to nothing", "link to a file"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["init", "--force", "--out", "taken"],
+        ["explore", "SPEC", "--force", "--save", "taken"],
+        ["plot", "made/zwidth.csv", "--out", "figures"],
+        ["check", "SPEC", "--plot", "--out", "figures"],
+        ["export", "SPEC", "--force", "--out", "figures"],
+    ],
+    ids=lambda words: words[0],
+)
+def test_nothing_but_a_file_is_replaced(wavesweep, spec, tmp_path, monkeypatch, thing, words):
+    monkeypatch.chdir(tmp_path)
+    if words[0] == "plot":
+        assert wavesweep("zwidth", spec, "--no-plot", "--out", "made")[0] == 0
+    names = {"plot": "figures/zwidth.png", "check": "figures/diagram.png", "export": "figures/Makefile"}
+    place = tmp_path / names.get(words[0], "taken")
+    place.parent.mkdir(exist_ok=True)
+    (tmp_path / "mine.txt").write_text("mine")
+    if thing == "pipe":
+        os.mkfifo(place)
+    elif thing == "folder":
+        place.mkdir()
+    else:
+        place.symlink_to(tmp_path / ("nowhere" if thing == "link to nothing" else "mine.txt"))
+    before = place.lstat()
+    code, out, err = wavesweep(*(spec if word == "SPEC" else word for word in words))
+    assert (code, out) == (2, "")
+    assert f"{place.name}: expected a file or none, found a {thing.split()[0]}" in err
+    assert place.lstat() == before
+    assert (tmp_path / "mine.txt").read_text() == "mine"
+    assert sorted(each.name for each in place.parent.iterdir() if each.name.startswith(".")) == []
+
+
+def test_a_page_does_not_replace_its_spec(wavesweep, spec):
+    before = spec.read_text()
+    code, _, err = wavesweep("explore", spec, "--save", spec, "--force")
+    assert (code, spec.read_text()) == (2, before)
+    assert "the file is the spec" in err
+
+
+@pytest.mark.parametrize("command", ["zwidth", "bode", "compare", "why", "check --plot"])
+def test_names_of_files_and_units_are_drawn_as_they_stand(wavesweep, tmp_path, monkeypatch, command):
+    """A dollar sign begins a formula in the program that draws."""
+    monkeypatch.chdir(tmp_path)
+    name, *rest = command.split()
+    recipe = Path(__file__).parents[2] / "sweeps" / "recipes" / "two-rate-wall.toml"
+    (tmp_path / "x$b_{y$.toml").write_text(recipe.read_text().replace('unit = "N/m"', 'unit = "$N_{$m"'))
+    (tmp_path / "y$1 and $2.toml").write_text(recipe.read_text())
+    specs = ["x$b_{y$.toml", "y$1 and $2.toml"] if name == "compare" else ["x$b_{y$.toml"]
+    code, _, err = wavesweep(name, *specs, *rest, "--out", "made")
+    assert code == 0, err
+    assert list((tmp_path / "made").glob("*.png"))

@@ -50,7 +50,8 @@ def command(
     assumptions. A number that the spec does not give has its default, and is marked so.
 
     Then follow the states of the loop, the methods, the numbers of slices and workers, the estimated time, and the axes and
-    keys that are skipped, with the reason. Nothing is written, except with --plot the picture of the loop: diagram.png.
+    keys that are skipped, with the reason. Nothing is written, except with --plot the picture of the loop: diagram.png,
+    which replaces an earlier one.
 
     \b
     Examples:
@@ -115,10 +116,12 @@ def _patience(name: str, quiet: bool) -> Iterator[None]:
 def _picture(spec: Spec, out: str | None, formats: tuple[str, ...]) -> list[Path]:
     """Draw the loop and write the picture; gives the paths of the files."""
     from wavesweep import __version__, plots, results
+    from wavesweep.cli.output import refuse_other_things
     from wavesweep.plots.style import about_figure, save_all
 
     directory = Path(out or Path("results", spec.name))
     results.refuse_unusable(directory)
+    refuse_other_things(*(directory / f"diagram.{form}" for form in formats))
     plots.refuse_settings()
     facts = {"tool_version": __version__, "spec_name": spec.name, "spec_sha256": spec.sha256}
     return save_all(plots.diagram(spec), directory, "diagram", formats, about_figure("diagram", facts))

@@ -46,7 +46,7 @@ def command(spec: str, overrides: tuple[str, ...], save: str | None, force: bool
         raise click.UsageError("--save: expected the name of a file, found an empty text")
     loaded = load(spec, overrides)
     if save is not None:
-        _save(loaded, Path(save), force)
+        _save(loaded, spec, Path(save), force)
         return
     from wavesweep.explore.page import Page
     from wavesweep.explore.server import Server
@@ -70,12 +70,14 @@ def _has_screen() -> bool:
     return sys.platform == "darwin" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _save(spec, target: Path, force: bool) -> None:
-    if target.exists() and not force:
-        raise UsageError(f"{target}: the file exists; expected another name, or --force to replace it")
+def _save(spec, path: str, target: Path, force: bool) -> None:
     from wavesweep.cli.output import refuse_no_folder, write_whole
     from wavesweep.explore.page import saved_page
 
     refuse_no_folder(target)
+    if target.exists() and target.samefile(path):
+        raise UsageError(f"{target}: the file is the spec; expected another name for the page")
+    if target.exists() and not force:
+        raise UsageError(f"{target}: the file exists; expected another name, or --force to replace it")
     write_whole((target, saved_page(spec)))
     click.echo(str(target), err=True)

@@ -37,7 +37,7 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
     from wavesweep import results
     from wavesweep import spec as specs
     from wavesweep.cli.messages import say, show_json
-    from wavesweep.cli.output import write_whole
+    from wavesweep.cli.output import refuse_other_things, write_whole
     from wavesweep.export import exported
     from wavesweep.sweep.assumptions import assumes
 
@@ -47,6 +47,7 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
     results.refuse_unusable(folder)
     found = exported(loaded)
     paths = [folder / name for name in found]
+    refuse_other_things(*paths)
     _refuse_existing(paths, force)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(*zip(paths, found.values(), strict=True))

@@ -8,7 +8,7 @@ from textwrap import wrap
 
 import click
 
-from wavesweep.cli.output import write_whole
+from wavesweep.cli.output import refuse_no_folder, write_whole
 from wavesweep.controllers import CONTROLLERS, MEANINGS
 from wavesweep.errors import UsageError
 from wavesweep.spec.checking import nearest, show
@@ -64,6 +64,7 @@ def command(kind: str, device: str | None, out: str | None, force: bool, **_: bo
     if out == "-":
         click.echo(text, nl=False)
         return
+    refuse_no_folder(target)
     if target.exists() and not force:
         raise UsageError(f"{target}: the file exists; expected another --out FILE, or --force to replace it")
     write_whole((target, text))

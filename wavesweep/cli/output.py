@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -237,10 +238,23 @@ def _finish(table: Table, directory: Path, options: Options, main: bool) -> Fini
     return Finished(table.kind, notices, tally.numbers(table.facts), [*warnings, *tally.lines(table.facts)], paths)
 
 
+def refuse_other_things(*files: Path) -> None:
+    """Raise UsageError if something else than a file is in the place of one of these, or a name is too long."""
+    for path in files:
+        try:
+            mode = path.lstat().st_mode
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        except OSError as error:
+            raise UsageError(f"{str(path)[:60]}: {error.strerror}; choose another name") from error
+        if not stat.S_ISREG(mode):
+            found = "a link" if stat.S_ISLNK(mode) else "a folder" if stat.S_ISDIR(mode) else "a pipe or a device"
+            raise UsageError(f"{path}: expected a file or none, found {found}; move it away, or choose another name")
+
+
 def refuse_no_folder(target: Path) -> None:
-    """Raise UsageError for a file in a folder that does not exist, or that may not be written to."""
-    if target.is_dir():
-        raise UsageError(f"{target}: expected a file, found a folder of that name; move it away")
+    """Raise UsageError for a file in a folder that does not exist, or that may not be written to, or in place of no file."""
+    refuse_other_things(target)
     if target.parent.is_dir() and not os.access(target.parent, os.W_OK | os.X_OK):
         raise UsageError(f"{target}: the folder may not be written to; name a file in another one")
     if not target.parent.is_dir():
@@ -251,7 +265,7 @@ def write_whole(*files: tuple[Path, str]) -> None:
     """Write files whole, each given by its path and text, or none of them."""
     for target, _ in files:
         refuse_no_folder(target)
-    scratch = [target.with_name(f".{target.name}.{os.getpid()}") for target, _ in files]
+    scratch = [target.with_name(f".{number}.{os.getpid()}") for number, (target, _) in enumerate(files)]
     try:
         for each, (target, text) in zip(scratch, files, strict=True):  # noqa: B007 - the error names it
             each.write_text(text, encoding="utf-8")

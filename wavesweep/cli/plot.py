@@ -23,6 +23,7 @@ def command(table: str, formats: tuple[str, ...], out: str | None, **switches: b
     """
     from wavesweep import plots, results
     from wavesweep.cli.messages import say
+    from wavesweep.cli.output import refuse_other_things
     from wavesweep.plots.style import about_figure, save_all
 
     plots.refuse_settings()
@@ -30,6 +31,7 @@ def command(table: str, formats: tuple[str, ...], out: str | None, **switches: b
     directory = path.parent if out is None else Path(out)
     results.refuse_unusable(directory)
     kind, columns, facts = results.read_table(path)
+    refuse_other_things(*(directory / f"{path.stem}.{form}" for form in formats))
     figure = plots.figure_of(kind)(columns, facts)
     written = save_all(figure, directory, path.stem, formats, about_figure(kind, facts))
     package = directory / f"{path.stem}.datapackage.json"

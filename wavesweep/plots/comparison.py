@@ -11,6 +11,7 @@ from wavesweep.plots.responses import bode
 from wavesweep.plots.style import (
     DOUBTFUL,
     TWO_COLUMNS,
+    as_it_stands,
     distinct_colour,
     figure,
     label,
@@ -72,7 +73,7 @@ def _handles(specs: list[str]) -> tuple[list[Any], list[str]]:
     looks = [Line2D([], [], **_look(number)) for number in range(len(specs))]
     clipped = Line2D([], [], color="0.4", marker="o", markersize=3, markerfacecolor="white", linestyle="")
     lower = Line2D([], [], color="0.4", linestyle=":", linewidth=0.8)
-    return [*looks, clipped, lower], [*specs, "the swept range ends it", "lower end of a further interval"]
+    return [*looks, clipped, lower], [*map(as_it_stands, specs), "the swept range ends it", "lower end of a further interval"]
 
 
 def _look(number: int) -> dict[str, Any]:

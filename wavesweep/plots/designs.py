@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, figure, label, note_assumptions
+from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, as_it_stands, figure, label, note_assumptions
 from wavesweep.spec import find_key
 from wavesweep.spec.design import WISHES
 
@@ -97,5 +97,5 @@ def _draw_single(axes: Any, values: np.ndarray, own: float | None, name: str) ->
 
 def _label(name: str) -> str:
     kind = WISHES[name]
-    unit = "" if kind.unit == "1" else f" ({kind.unit})"
+    unit = "" if kind.unit == "1" else f" ({as_it_stands(kind.unit)})"
     return f"{NAMES[name]}{unit}, {'more' if kind.more else 'less'} is better"

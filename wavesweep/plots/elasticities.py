@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import TWO_COLUMNS, distinct_colour, figure, symbol
+from wavesweep.plots.style import TWO_COLUMNS, as_it_stands, assumed, distinct_colour, figure, symbol
 from wavesweep.sweep.table import Columns
 
 MOST = 12  # numbers of a panel that have bars
@@ -28,7 +28,7 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
     notes = [f"{_end(rows)}: no bars, as a per cent of 0 is nothing." for rows in panels if _nothing_to_draw(rows)][:PANELS]
     notes += [f"Shown: {PANELS} of {len(drawn)} ends."] if len(drawn) > PANELS else []
     notes += ["Stability sets no end of an interval in the range searched."] if not panels else []
-    notes += [f"Assumes: {facts['assumes']}."] if facts.get("assumes") else []
+    notes += [f"Assumes: {assumed(facts)}."] if facts.get("assumes") else []
     notes = [line for note in notes for line in wrap(note, _NOTE)]
     shown = [_sorted(rows) for rows in drawn[:PANELS]]
     across = min(2, len(shown))
@@ -117,7 +117,7 @@ def _title(rows: Columns) -> list[str]:
 
 
 def _end(rows: Columns) -> str:
-    unit = rows["unit"][0].replace("*", "·")
+    unit = as_it_stands(rows["unit"][0]).replace("*", "·")
     return f"{rows['end'][0]} end, {symbol(rows['along'][0])} = {rows['limit'][0]:.5g} {unit}".rstrip()
 
 

@@ -28,6 +28,7 @@ from wavesweep.plots.style import (
     TWO_COLUMNS,
     UNKNOWN,
     Look,
+    assumed,
     family_looks,
     figure,
     fitting,
@@ -118,6 +119,7 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
     return canvas
 
 
+_EDGE = 0.03  # of the axis, beyond the bars at its ends
 _BEST = {"marker": "*", "color": "black", "markersize": 6, "zorder": 5, "linestyle": "none", "clip_on": False}
 _OWN = {"marker": "x", "color": "black", "markersize": 6, "markeredgewidth": 1.4, "zorder": 5, "linestyle": "none"}
 
@@ -173,7 +175,11 @@ def _draw_panel(axes: Any, columns: Columns, facts: Mapping[str, Any], layout: L
         draw_region(axes, curve, view, look, filled=len(members) == 1, shift=shift)
         if felt:
             draw_felt(axes, curve, look)
-    axes.set_xlim(columns[layout.x].min(), columns[layout.x].max())
+    low, high = columns[layout.x].min(), columns[layout.x].max()
+    if "hand" in columns:  # bars at the first and the last value stay whole
+        more, factor = _EDGE * (high - low), (high / low) ** _EDGE if logarithmic else 1.0
+        low, high = (low / factor, high * factor) if logarithmic else (low - more, high + more)
+    axes.set_xlim(low, high)
 
 
 def _curves(members: Sequence[Columns], view: Any, facts: Mapping[str, Any], hands: bool) -> list[Curve]:
@@ -233,9 +239,9 @@ def _name_axes(canvas: Any, columns: Columns, layout: Layout, facts: Mapping[str
 
 def _assumed(facts: Mapping[str, Any]) -> str:
     """The controller, its wall, delay and velocity, as far as the figure has a single one of each."""
-    said, _, left = str(facts.get("assumes", "")).partition(";")
+    said, _, _ = assumed(facts).partition(":")  # what engines usually do follows
     kind = facts.get("spec", {}).get("controller", {}).get("kind")
-    return ", ".join([str(kind), said, *(["the defaults, kinder than usual engines"] if left else [])]) if said and kind else ""
+    return f"{kind}, {said}" if said and kind else ""
 
 
 def _entries(

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.chosen import Loops
-from wavesweep.plots.style import TWO_COLUMNS, distinct_colour, family_looks, figure, fitting, label, valued
+from wavesweep.plots.style import TWO_COLUMNS, assumed, distinct_colour, family_looks, figure, fitting, label, valued
 from wavesweep.sweep.table import Columns
 
 _TOLERANCE = 1e-10  # of the norm: what is nearer to 1 counts as passive
@@ -127,7 +127,7 @@ def _where(columns: Columns, wanted: Mapping[str, tuple]) -> dict[str, np.ndarra
 
 
 def _said(facts: Mapping[str, Any]) -> str:
-    return f"Assumes: {facts['assumes']}." if facts.get("assumes") else ""
+    return f"Assumes: {assumed(facts)}." if facts.get("assumes") else ""
 
 
 def _legend(canvas: Any, panel: Any) -> None:

@@ -14,6 +14,7 @@ from wavesweep.plots.style import (
     LINES,
     TWO_COLUMNS,
     Look,
+    as_it_stands,
     distinct_colour,
     family_looks,
     family_map,
@@ -238,7 +239,8 @@ def _curve(rows: dict[str, np.ndarray], spec: str, place: str, style: dict[str, 
     ideal, stable = rows["controller"][0] == "dc", rows["stable"].all()
     if ideal:
         style = {"color": IDEAL, "linestyle": "--", "zorder": 3}
-    words = [f"{spec} (ideal)" if ideal else spec, place, "" if stable else "unstable"]
+    name = as_it_stands(spec)
+    words = [f"{name} (ideal)" if ideal else name, place, "" if stable else "unstable"]
     return Curve(rows, ", ".join(filter(None, words)), style if stable else {**style, "alpha": 0.35})
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from wavesweep.results import fields
 from wavesweep.results.schema import unlike_units
+from wavesweep.sweep.disk import random_part
 
 ONE_COLUMN = 3.5  # inches: the column of a two-column paper
 TWO_COLUMNS = 7.0
@@ -107,7 +108,7 @@ def save_all(canvas: Any, directory: Path, stem: str, formats: Sequence[str], ab
     directory.mkdir(parents=True, exist_ok=True)
     written = [directory / f"{stem}.{form}" for form in dict.fromkeys(formats)]
     for each in written:
-        temporary = each.with_name(f".{each.name}.new{each.suffix}")
+        temporary = each.with_name(f".{random_part()}.new{each.suffix}")
         try:
             save(canvas, temporary, about)
             temporary.replace(each)
@@ -214,7 +215,7 @@ def note_assumptions(canvas: Any, facts: Mapping[str, Any], above: str = "", col
     """
     from textwrap import fill
 
-    lines = [fill(line, 165) for line in f"assumes: {facts['assumes']}".splitlines()] if facts.get("assumes") else []
+    lines = [fill(line, 165) for line in f"assumes: {assumed(facts)}".splitlines()] if facts.get("assumes") else []
     if above and not lines:
         canvas.suptitle(above, fontsize=8, color=colour)
     elif lines:
@@ -239,11 +240,21 @@ def unit(name: str, facts: Mapping[str, Any] | None = None) -> str:
     return printed([next(field.unit for field in fields("zwidth", [name], facts=facts) if field.name == name)])
 
 
+def as_it_stands(text: str) -> str:
+    """A text of a user, such as the name of a spec, without a meaning for the program that sets it."""
+    return text.replace("$", r"\$")
+
+
+def assumed(facts: Mapping[str, Any]) -> str:
+    """The sentences on wall, delay and velocity that a run is for, which name specs; empty if there are none."""
+    return as_it_stands(str(facts.get("assumes") or ""))
+
+
 def printed(units: Iterable[str]) -> str:
     """Units as a paper prints them, those of several specs with "or" between them; empty for a single one that is none."""
     import re
 
-    found = [re.sub(r"\^\((.*?)\)", r"$^{\1}$", each.replace("*", "·")) if each != "1" else "" for each in units]
+    found = [re.sub(r"\^\((.*?)\)", r"$^{\1}$", as_it_stands(each).replace("*", "·")) if each != "1" else "" for each in units]
     return found[0] if len(found) == 1 else " or ".join(each or "no unit" for each in found)
 
 

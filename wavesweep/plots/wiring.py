@@ -9,7 +9,7 @@ from wavesweep.diagram import draw
 from wavesweep.diagram.wiring import Part, Terms, Wiring, wiring_of_diagram, wiring_of_drawing
 from wavesweep.plots.layers import Box, lay_out
 from wavesweep.plots.routes import ROW, Routes, dots, route
-from wavesweep.plots.style import distinct_colour, family_colours, figure
+from wavesweep.plots.style import as_it_stands, distinct_colour, family_colours, figure
 from wavesweep.spec import Spec
 
 WIDEST = 10.5  # inch: the smallest letters have ten pixels at a width of 1280
@@ -31,7 +31,7 @@ def diagram(spec: Spec) -> Any:
     title = f"{spec.name}, {spec.kind}: frame of {frame}, {1e3 * loop.ticks * loop.tick_s:.6g} ms"
     wall = zip(("stiffness", "damping"), drawing.wall or (), strict=False) if drawing else ()
     named = " and ".join(f"{part} {name}" for part, name in wall)
-    return wiring(loop, _printed(f"{title}; wall of {named}" if named else title))
+    return wiring(loop, as_it_stands(f"{title}; wall of {named}" if named else title))
 
 
 def wiring(loop: Wiring, title: str) -> Any:
@@ -132,11 +132,6 @@ def _port_widths(part: Part) -> tuple[float, float]:
     return tuple(max((width + 0.08 for width in side), default=0.0) for side in widths)
 
 
-def _printed(text: str) -> str:
-    """A text of the spec without a meaning for the program that sets it."""
-    return text.replace("$", r"\$")
-
-
 def _gain(terms: Terms, gain: str) -> str:
     """A gain as it stands at a wire: a sign alone for one, and nothing at a wire that is not summed."""
     text = gain if len(gain) <= LONGEST else f"{gain[: LONGEST - 1]}…"
@@ -182,7 +177,7 @@ def _draw(axes, part, box, routes, number, wires, colour):
         levels.append(ys)
     if part.kind == "sum":
         _pill(axes, x, levels[0], colour)
-        axes.text(x, y + ROW / 2, _printed(part.name), fontsize=NAME, weight="bold", va="center", zorder=5)
+        axes.text(x, y + ROW / 2, as_it_stands(part.name), fontsize=NAME, weight="bold", va="center", zorder=5)
         axes.plot([x + PILL, x + box.width], [y + ROW * (box.outputs[0][0] + 0.5)] * 2, color=colour, linewidth=1.0, zorder=1)
         return
     inset, tint = (0.03, 0.82) if part.kind == "block" else (0.0, 0.95)
@@ -192,7 +187,7 @@ def _draw(axes, part, box, routes, number, wires, colour):
     texts = _texts(part)
     for n, (text, size, weight) in enumerate(texts):
         level = y + ROW * box.rows / 2 + 0.145 * (n - (len(texts) - 1) / 2)
-        axes.text(middle, level, _printed(text), fontsize=size, weight=weight, ha="center", va="center", zorder=5)
+        axes.text(middle, level, as_it_stands(text), fontsize=size, weight=weight, ha="center", va="center", zorder=5)
     free = iter(range(box.rows))
     for (name, terms), ys in zip(part.inputs, levels, strict=True):
         level = sum(ys) / len(ys) if ys else y + ROW * (next(free) + 0.5)
@@ -200,12 +195,12 @@ def _draw(axes, part, box, routes, number, wires, colour):
             _pill(axes, x, ys, colour)
             axes.annotate("", (left, level), (x + PILL, level), arrowprops=_arrow(colour), zorder=4)
         if name not in PLAIN_PORTS:
-            axes.text(left + 0.05, level, _printed(name), fontsize=SMALL, va="center", color="0.25", zorder=5)
+            axes.text(left + 0.05, level, as_it_stands(name), fontsize=SMALL, va="center", color="0.25", zorder=5)
     for (row, _), (name, _) in zip(box.outputs, part.outputs, strict=True):
         if name not in PLAIN_PORTS:
             level = y + ROW * (row + 0.5)
             axes.text(
-                left + width - 0.05, level, _printed(name), fontsize=SMALL, va="center", ha="right", color="0.25", zorder=5
+                left + width - 0.05, level, as_it_stands(name), fontsize=SMALL, va="center", ha="right", color="0.25", zorder=5
             )
 
 
@@ -215,7 +210,7 @@ def _end(axes, end, x, colour, text):
     if x > start:
         axes.plot([start, x], [level, level], color=colour, linewidth=1.0, zorder=1)
     axes.annotate("", (x, level), (x - 0.1, level), arrowprops=_arrow(colour), zorder=4)
-    axes.text(start - 0.12, level - 0.02, _printed(text), fontsize=SMALL, ha="right", va="bottom", zorder=5)
+    axes.text(start - 0.12, level - 0.02, as_it_stands(text), fontsize=SMALL, ha="right", va="bottom", zorder=5)
     return level
 
 
