@@ -211,9 +211,12 @@ def test_bash_itself_completes(tmp_path):
         'ask() { COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMPREPLY=()\n'
         '_wavesweep_completion wavesweep; echo "${COMPREPLY[*]}"; }\n'
         "ask wavesweep zwidth sw\nask wavesweep zwidth mine.toml --set controller.kind = dc-\n"
+        "ask wavesweep zwidth of\nask wavesweep zwidth '\"of'\n"
     )
+    Path("of two words.toml").touch()
     path = f"{program.parent}:{os.environ['PATH']}"
     shell = [shutil.which("bash"), "-c", script]
     done = subprocess.run(shell, env=os.environ | {"PATH": path}, capture_output=True, text=True, check=True)
-    assert done.stdout.splitlines() == ["sweeps/a.toml sweeps/deep/b.toml", "dc-slow dc-lm"]
+    names = [r"of\ two\ words.toml", "of two words.toml"]  # the second behind a quotation mark
+    assert done.stdout.splitlines() == ["sweeps/a.toml sweeps/deep/b.toml", "dc-slow dc-lm", *names]
     assert done.stderr == ""

@@ -196,7 +196,7 @@ def test_a_full_disk_leaves_no_part_of_the_files(words, wavesweep, spec, tmp_pat
     write = Path.write_text
 
     def full(path, text, *rest, **more):
-        if "example.c" in path.name:
+        if path.name.startswith(".3."):  # the fourth file, under its temporary name
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         return write(path, text, *rest, **more)
 
@@ -278,7 +278,10 @@ def test_a_second_table_that_stdout_does_not_take_is_named(wavesweep, tmp_path, 
             "simulate.frequency_hz: expected",
         ),
         (["zwidth", "wall.toml", "--out", "nothing"], "is a link to nothing"),
-        (["export", "wall.toml", "--to", "c", "--out", "there", "--force"], "vectors.csv: expected a file, found a folder"),
+        (
+            ["export", "wall.toml", "--to", "c", "--out", "there", "--force"],
+            "vectors.csv: expected a file or none, found",
+        ),
     ],
 )
 def test_what_would_fail_later_or_be_ignored_is_refused_first(arguments, message, wavesweep, spec, tmp_path):

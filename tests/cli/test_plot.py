@@ -197,3 +197,43 @@ def test_names_of_files_and_units_are_drawn_as_they_stand(wavesweep, tmp_path, m
     code, _, err = wavesweep(name, *specs, *rest, "--out", "made")
     assert code == 0, err
     assert list((tmp_path / "made").glob("*.png"))
+
+
+def test_a_comparison_is_drawn_again_with_its_responses(wavesweep, spec, tmp_path):
+    other, made = tmp_path / "other.toml", tmp_path / "made"
+    other.write_text(SPEC.replace('"pmw"', '"dc"'))
+    assert wavesweep("compare", spec, other, "--out", made)[0] == 0
+    assert wavesweep("plot", made / "compare.csv", "--out", tmp_path / "again")[0] == 0
+    assert (tmp_path / "again" / "compare.png").read_bytes() == (made / "compare.png").read_bytes()
+    (made / "compare-bode.csv").unlink()
+    assert wavesweep("plot", made / "compare.csv", "--out", tmp_path / "alone")[0] == 0
+    assert (tmp_path / "alone" / "compare.png").read_bytes() != (made / "compare.png").read_bytes()
+
+
+def test_a_table_of_the_paper_is_drawn_by_its_command(wavesweep, spec, tmp_path):
+    from wavesweep import results, sweep
+    from wavesweep.paper.figures import _named
+    from wavesweep.spec import load
+
+    results.publish(_named("fig2", sweep.responses([load(spec)]), None), tmp_path)
+    code, _, err = wavesweep("plot", tmp_path / "fig2.csv")
+    assert code == 2
+    assert "found one of wavesweep paper, which draws it" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["explore", "SPEC", "--save", "page.html", "--port", "99"], "--save: expected no --port beside it"),
+        (["explore", "SPEC", "--save", "page.html", "--no-browser"], "--save: expected no --no-browser beside it"),
+        (["explore", "SPEC", "--save", "-"], "--save -: expected the name of a file"),
+        (["check", "--verify", ".", "--json"], "--json: expected a SPEC, found --verify"),
+        (["check", "--verify", ".", "--set", "b=4"], "--set: expected a SPEC, found --verify"),
+    ],
+)
+def test_options_that_would_do_nothing_are_refused(wavesweep, spec, tmp_path, monkeypatch, words, message):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = wavesweep(*(spec if word == "SPEC" else word for word in words))
+    assert (code, out) == (2, "")
+    assert message in err
+    assert not (tmp_path / "page.html").exists()

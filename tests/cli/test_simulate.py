@@ -142,6 +142,13 @@ def test_a_loop_that_diverges_slowly_is_compared_with_no_steady_response(simulat
     assert missing == [name for name in columns if name.startswith("linear_")]
 
 
+def test_a_force_of_zero_has_no_response_to_compare(simulate):
+    code, _, err = simulate("frequency_hz=10", "amplitude=0")
+    assert code == 0
+    assert "not known, so there is nothing to compare with the linear loop" in err
+    assert "at most 0 (admittance)" not in err
+
+
 def test_what_happened_is_told(simulate):
     _, _, err = simulate("wall=0.0005", "late=3", "dropped=0.2", "amplitude=8", "jitter=0.1", device="omni")
     assert "contact made " in err

@@ -68,6 +68,7 @@ MISTAKES = [
     ({"for_all": {"hand": {"weight": [1]}}}, "design.for_all.hand.weight: expected one of mass, damping, stiffness", ""),
     ({"for_all": {"K_VE": [1]}}, "walls belong to the wishes", ""),
     ({"for_all": {"K_LM/K_VE": [-1]}}, "design.for_all.K_LM/K_VE[0]: expected a number > 0, found -1", ""),
+    ({"vary": {"controller.b": [5, 10]}}, "expected each key once, found the key of vary.b again", ""),
     ({"sed": 1}, "design.sed: expected one of vary, wish, for_all, seed", "did you mean `seed`?"),
     ({"seed": -1}, "design.seed: expected a whole number >= 0, found -1", ""),
 ]  # fmt: skip

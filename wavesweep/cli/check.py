@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from math import pi
 from pathlib import Path
@@ -58,16 +58,8 @@ def command(
       wavesweep check mine.toml --set environment.delay=20
       wavesweep check mine.toml --plot --format svg
     """
-    if (spec is None) == (verify is None):
-        raise click.UsageError(
-            "Missing argument 'SPEC'." if spec is None else "--verify: expected a folder alone, found a SPEC"
-        )
-    if plot and verify is not None:
-        raise click.UsageError("--plot: expected a SPEC, whose loop is drawn, found --verify")
-    if out is not None and not plot:
-        raise click.UsageError("--out: expected --plot, since nothing else is written, found none")
-    if not plot and click.get_current_context().get_parameter_source("formats") is not ParameterSource.DEFAULT:
-        raise click.UsageError("--format: expected --plot, since no other figure is drawn, found none")
+    given = [option for option, found in (("--json", switches["as_json"]), ("--set", overrides)) if found]
+    _refuse_at_odds(spec, verify, plot, out, given)
     if verify is not None:
         from wavesweep.cli.output import verified
 
@@ -93,6 +85,22 @@ def command(
 
             say(f"Wrote {', '.join(map(str, pictures))}")
     return 0
+
+
+def _refuse_at_odds(spec: str | None, verify: str | None, plot: bool, out: str | None, given: Sequence[str]) -> None:
+    """Raise UsageError for arguments that do not go together; given: names of options that need a SPEC."""
+    if (spec is None) == (verify is None):
+        raise click.UsageError(
+            "Missing argument 'SPEC'." if spec is None else "--verify: expected a folder alone, found a SPEC"
+        )
+    if plot and verify is not None:
+        raise click.UsageError("--plot: expected a SPEC, whose loop is drawn, found --verify")
+    if given and verify is not None:
+        raise click.UsageError(f"{given[0]}: expected a SPEC, found --verify")
+    if out is not None and not plot:
+        raise click.UsageError("--out: expected --plot, since nothing else is written, found none")
+    if not plot and click.get_current_context().get_parameter_source("formats") is not ParameterSource.DEFAULT:
+        raise click.UsageError("--format: expected --plot, since no other figure is drawn, found none")
 
 
 @contextmanager

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 @click.argument("specs", metavar="SPEC...", nargs=-1, required=True)
 @common
 def command(specs: tuple[str, ...], options: Options) -> None:
-    """Compare the Z-width and the responses of several specs, in one figure and one table.
+    """Compare the Z-width and the responses of several specs, in a figure and two tables.
 
     Each SPEC is a TOML file with its own [sweep] and [bode] tables. The table compare has a row per spec and stable interval of
     K_VE: the column spec, then the columns of zwidth. The table compare-bode has the responses, as bode writes them. The

@@ -24,12 +24,21 @@ STUDIES = ("sweep", "bode")
 DEEPEST, MOST_FOLDERS = 3, 200  # of the search for specs: a shell waits for it
 
 
-class Bash(BashComplete):
-    """Bash, which takes `--set KEY=VALUE` apart at the `=` and replaces only the part behind it."""
+QUOTED = """if [[ ${COMP_WORDS[COMP_CWORD]} == [\\"\\']* ]]; then
+                COMPREPLY+=("$value")
+            else
+                COMPREPLY+=("$(printf %%q "$value")")
+            fi"""
+NO_SPACE = "    [[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == *= ]] && compopt -o nospace\n\n    return 0\n"
 
-    source_template = BashComplete.source_template.replace(
-        "    return 0\n",
-        "    [[ ${#COMPREPLY[@]} -eq 1 && ${COMPREPLY[0]} == *= ]] && compopt -o nospace\n\n    return 0\n",
+
+class Bash(BashComplete):
+    """Bash, which takes `--set KEY=VALUE` apart at the `=` and replaces only the part behind it, as it stands."""
+
+    source_template = (
+        BashComplete.source_template.replace("    return 0\n", NO_SPACE)
+        .replace("COMPREPLY+=($value)", QUOTED)
+        .replace("read type", "read -r type")
     )
     _typed = ""
 

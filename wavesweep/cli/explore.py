@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
 from wavesweep.cli.options import debug, override
 from wavesweep.errors import UsageError
@@ -44,6 +45,11 @@ def command(spec: str, overrides: tuple[str, ...], save: str | None, force: bool
 
     if save is not None and not save.strip():
         raise click.UsageError("--save: expected the name of a file, found an empty text")
+    if save == "-":
+        raise click.UsageError("--save -: expected the name of a file, since a page does not go to stdout")
+    for name, option in (("port", "port"), ("browser", "no-browser")):
+        if save is not None and click.get_current_context().get_parameter_source(name) is not ParameterSource.DEFAULT:
+            raise click.UsageError(f"--save: expected no --{option} beside it, since nothing is served, found both")
     loaded = load(spec, overrides)
     if save is not None:
         _save(loaded, spec, Path(save), force)

@@ -36,10 +36,13 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
     """
     from wavesweep import results
     from wavesweep import spec as specs
+    from wavesweep.analysis.simulation import hand_force
     from wavesweep.cli.messages import say, show_json
     from wavesweep.cli.output import refuse_other_things, write_whole
+    from wavesweep.cli.summaries import unstable
     from wavesweep.export import exported
     from wavesweep.sweep.assumptions import assumes
+    from wavesweep.sweep.simulation_table import linear_loop
 
     started = time.perf_counter()
     loaded = specs.load(spec, overrides)
@@ -51,13 +54,20 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
     _refuse_existing(paths, force)
     folder.mkdir(parents=True, exist_ok=True)
     write_whole(*zip(paths, found.values(), strict=True))
+    simulated = loaded.as_simulated()
+    linear, wanted = linear_loop(simulated), len(hand_force(simulated).force)
     seconds, ticks = time.perf_counter() - started, found["vectors.csv"].count("\n") - 1
     if switches["as_json"]:
-        facts = {"specs": [loaded.name], "spec_sha256": loaded.as_simulated().sha256, "assumes": assumes(loaded)}
+        facts = {"specs": [loaded.name], "spec_sha256": simulated.sha256, "assumes": assumes(loaded)}
         files = [str(path) for path in paths]
-        show_json({"command": "export", **facts, "ticks": ticks, "files": files, "seconds": round(seconds, 3)})
+        facts |= {"ticks": ticks, "wanted_ticks": wanted, "linear_loop": linear}
+        show_json({"command": "export", **facts, "files": files, "seconds": round(seconds, 3)})
     elif not switches["quiet"]:
+        if not linear["stable"]:
+            say(unstable(linear), warning=True)
         say(f"{loaded.name}, {loaded.kind}: vectors of {ticks} ticks; `make -C {folder} check` compares every bit")
+        if ticks < wanted:
+            say(f"the vectors end after {ticks} of {wanted} ticks, where the run stops; simulate says why", warning=True)
         for line in filter(None, [assumes(loaded)]):
             say(f"assumes: {line}")
         say(f"Wrote {', '.join([str(paths[0]), *(path.name for path in paths[1:])])} in {seconds:.2f} s")

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from wavesweep.cli.options import debug, folder, formats, quiet
+from wavesweep.errors import UsageError, WavesweepError
+
+if TYPE_CHECKING:
+    from wavesweep.sweep.table import Columns
 
 
 @click.command("plot")
@@ -31,11 +38,27 @@ def command(table: str, formats: tuple[str, ...], out: str | None, **switches: b
     directory = path.parent if out is None else Path(out)
     results.refuse_unusable(directory)
     kind, columns, facts = results.read_table(path)
+    if by := facts.get("drawn_by"):
+        raise UsageError(f"{path}: expected a table that has a figure of its own, found one of wavesweep {by}, which draws it")
     refuse_other_things(*(directory / f"{path.stem}.{form}" for form in formats))
-    figure = plots.figure_of(kind)(columns, facts)
+    figure = plots.figure_of(kind)(columns, facts, *_responses(kind, path, facts))
     written = save_all(figure, directory, path.stem, formats, about_figure(kind, facts))
     package = directory / f"{path.stem}.datapackage.json"
     if package.exists() and directory.resolve() == path.parent.resolve():
         results.add_figures(package, kind, written)
     if not switches["quiet"]:
         say(f"Wrote {', '.join(map(str, written))}")
+
+
+def _responses(kind: str, path: Path, facts: Mapping[str, Any]) -> list[Columns]:
+    """The responses that a comparison is drawn with, if their table lies beside that of the walls and is of the same run."""
+    beside = path.with_name(f"{path.stem}-bode{path.suffix}")
+    if kind != "compare" or not beside.exists():
+        return []
+    from wavesweep.results import read_table
+
+    with suppress(WavesweepError, OSError):
+        other, columns, own = read_table(beside)
+        if other == "compare-bode" and own["spec_sha256"] == facts["spec_sha256"]:
+            return [columns]
+    return []

@@ -277,17 +277,20 @@ def simulated_response_lines(found: Numbers) -> Iterator[Line]:
         yield f"{where}: an unstable loop has no steady response to compare it with (doubt: unstable)", True
         return
     off = [found[f"largest_difference_{name}"] for name in ("admittance", "impedance")]
+    if None in off:
+        yield f"{where}: not known, so there is nothing to compare with the linear loop; is the force zero?", True
+        return
     yield (
         f"{where}: differs from the linear loop by at most {off[0]:.2g} (admittance) and {off[1]:.2g} (impedance), relative",
         False,
     )
 
 
-def _off(columns: Columns, name: str) -> float:
-    """Largest relative difference, over the frequencies at which both are known."""
+def _off(columns: Columns, name: str) -> float | None:
+    """Largest relative difference, over the frequencies at which both are known; None if there are none."""
     seen, linear = (columns[f"{kind}{name}_re"] + 1j * columns[f"{kind}{name}_im"] for kind in ("", "linear_"))
     off = np.abs(seen - linear) / np.abs(linear)
-    return float(np.max(off, initial=0.0, where=np.isfinite(off)))
+    return float(np.max(off, where=np.isfinite(off), initial=0.0)) if np.isfinite(off).any() else None
 
 
 def _range(values: np.ndarray) -> list[float] | None:

@@ -27,7 +27,8 @@ from wavesweep.sweep.table import facts_of
 
 def _named(name: str, table: Table, draw: Callable[[], Any] | None) -> Table:
     """Give a table of a kind that `results` knows a name of its own, and its figure."""
-    named = replace(table, kind=name, fields=fields_of(table.kind, table.columns))
+    facts = {**table.facts, "drawn_by": "paper"}
+    named = replace(table, kind=name, fields=fields_of(table.kind, table.columns), facts=facts)
     return named if draw is None else with_figure(named, draw)
 
 

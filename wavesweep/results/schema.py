@@ -279,7 +279,8 @@ def kind_of(names: Iterable[str], stem: str) -> str:
     if stem in fitting or (not fitting and stem in OTHER_TABLES):
         return stem
     if not fitting:
-        raise WavesweepError(f"expected the columns of a table with a figure ({', '.join(TABLES)}), found {', '.join(names)}")
+        known = ", ".join((*TABLES, *OTHER_TABLES))
+        raise WavesweepError(f"expected the columns of a table with a figure ({known}), found {', '.join(names)}")
     return max(fitting, key=lambda kind: len(TABLES[kind]))
 
 

@@ -155,6 +155,7 @@ class _Reader:
         self.leaves, self.names = leaves, names
         self.mistakes, self.settings = [], {}
         self.parts = {section: {} for section in SECTIONS}
+        self.first = {}
 
     def refuse(self, path, expected, found, suggestion="", leaf=None):
         leaf = leaf or next((leaf for at, leaf in self.leaves.items() if ".".join(at).startswith(path)), None)
@@ -216,6 +217,9 @@ class _Reader:
             return None
         axis, wrong = build_axis(f"design.{section}", name, parts, self.names)
         self.mistakes += wrong
+        path = self.names.find(name).path
+        if (first := self.first.setdefault((section, path), name)) != name:
+            self.refuse(f"{section}.{name}", "each key once", f"the key of {section}.{first} again")
         return axis
 
     def wished(self) -> Iterator[Wish]:

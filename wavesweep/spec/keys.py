@@ -229,7 +229,7 @@ AXIS_KEYS = MappingProxyType(
     {
         "start": Key("start", "number", None, "", "first value of the axis, in the unit of its key"),
         "stop": Key("stop", "number", None, "", "last value of the axis, in the unit of its key"),
-        "num": _whole("num", None, "how many values; without it the axis is a span to search", low=1, high=1_000_000),
+        "num": _whole("num", None, "how many values; without it an axis of [sweep] is a span", low=1, high=1_000_000),
         "scale": _choice("scale", "linear", "how the values are spaced", SCALES),
     }
 )

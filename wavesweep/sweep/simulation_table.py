@@ -77,6 +77,12 @@ def radius_of(spec: Spec) -> float:
     return float(spectral_radius(cut_at_wall(draw(spec.values)), *wall))
 
 
+def linear_loop(spec: Spec) -> dict[str, Any]:
+    """Whether the linear loop of the spec is stable, and its spectral radius per frame, None if it is not known."""
+    radius = radius_of(spec)
+    return {"stable": radius < 1, "spectral_radius": radius if isfinite(radius) else None}
+
+
 def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> dict[str, np.ndarray]:
     """The columns of the table `simulate-response`, a row per tone; see `estimate` for the accuracy.
 
@@ -130,8 +136,7 @@ def simulate(spec: Spec) -> list[Table]:
     hand = hand_force(spec)
     simulation = simulation_of(spec, hand.force)
     columns = table(simulation)
-    simulated_at, radius, drawn = time.perf_counter(), radius_of(spec), loop_of(spec) is not None
-    linear = {"stable": radius < 1, "spectral_radius": radius if isfinite(radius) else None}
+    simulated_at, linear, drawn = time.perf_counter(), linear_loop(spec), loop_of(spec) is not None
     methods, seconds = DRAWN_METHODS if drawn else METHODS, {"march_s": simulated_at - started}
     facts = _facts(spec, methods, seconds, list(_notices(spec))) | {"linear_loop": linear}
     rows = len(columns["tick"])

@@ -187,7 +187,7 @@ def test_no_force_at_all_is_an_experiment_too(values):
 @pytest.mark.parametrize(
     ("option", "text"),
     [
-        ({"jitter": 1.0}, "option jitter: expected a part of a tick below 1, found 1.0"),
+        ({"jitter": 1.0}, "option jitter: expected at most 0.9 of a tick, found 1.0"),
         ({"dropped": 1.5}, "option dropped: expected a probability of at most 1, found 1.5"),
         ({"late": 1.5}, "option late: expected a whole number of ticks, found 1.5"),
         ({"friction": -0.1}, "option friction: expected a number >= 0, found -0.1"),

@@ -15,6 +15,7 @@ import numpy as np
 from wavesweep.analysis.given import real_numbers
 from wavesweep.errors import UsageError
 
+MOST_JITTER = 0.9  # of a tick, as in a spec
 _EXACT_STEPS = 2.0**53  # beyond this many encoder steps every double is one
 
 
@@ -29,7 +30,7 @@ class Effects:
     `max_force` of the motors (N), None for no limit: the device exerts ``f_m`` cut off there, which the
     controller does not take into account;
     `friction` Coulomb's (N), the same at rest and in motion;
-    `jitter` (part of a tick, below 1): every fast tick is longer or shorter by up to that part, uniformly; the
+    `jitter` (part of a tick, at most 0.9): every fast tick is longer or shorter by up to that part, uniformly; the
     device moves for the real length, the controller uses the nominal one;
     `late` the largest delay of a slow result in ticks, uniformly from 0 to `late`;
     `dropped` the probability (0 to 1) that a slow result is lost: the fast loop holds the one before;
@@ -55,8 +56,8 @@ class Effects:
                 raise UsageError(f"option {field.name}: expected a finite number, found {value!r:.60}")
             if value is not None and field.name != "wall" and value < 0:
                 raise UsageError(f"option {field.name}: expected a number >= 0, found {value}")
-        if self.jitter >= 1:
-            raise UsageError(f"option jitter: expected a part of a tick below 1, found {self.jitter}")
+        if self.jitter > MOST_JITTER:
+            raise UsageError(f"option jitter: expected at most {MOST_JITTER} of a tick, found {self.jitter}")
         if self.dropped > 1:
             raise UsageError(f"option dropped: expected a probability of at most 1, found {self.dropped}")
         if self.late != int(self.late):
