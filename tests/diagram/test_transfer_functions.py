@@ -177,3 +177,27 @@ def test_poles_that_nearly_meet_are_not_counted_on_either_side_of_the_circle(p, 
     with using(kernel):
         table = loop({"type": "tf", "num": [1.0], "den": den}, 10, a=1.0).stable_intervals("K", (-1e-9, 1e-9))
     assert not table.certified.any()
+
+
+@pytest.mark.parametrize("name", ["leak", "a", "c", "f", "b"])
+def test_a_pole_at_one_in_coefficients_that_are_expressions(name):
+    """`1 - (2 - leak) + (1 - leak)` is 0, whatever rounding leaves of it; what it leaves depends on the numbers."""
+    spec = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {name: 1e-3, "K": 1.0},
+        "block": {
+            "p": {"type": "mass", "mass": 0.2, "damping": 10.0},
+            "pi": {"type": "tf", "discrete": True, "num": [0.001, 0], "den": [1, f"-(2-{name})", f"1-{name}"]},
+        },
+        "wire": {"pi.u": "p.v", "p.f": "-K*pi.y"},
+    }
+    table = wavesweep.compile(spec).stable_intervals("K", (0.0, 100.0))
+    assert table["certified"].all()
+    a = np.exp(-10e-3 / 0.2)
+    g = (1 - a) / 10
+
+    def radius(K):
+        return np.abs(np.roots(np.polyadd(np.polymul([1, -a], np.polymul([1, -1], [1, -(1 - 1e-3)])), [K * 1e-3 * g, 0]))).max()
+
+    high = table["high"][0]
+    assert radius(high * (1 - 1e-6)) < 1 < radius(high * (1 + 1e-6))

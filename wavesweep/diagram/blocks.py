@@ -3,10 +3,12 @@
 Numbers are scalars or arrays over a batch, real or complex. Matrices of `ss` are lists of rows of such numbers.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from wavesweep.diagram.block import Block, matrix, numbers
-from wavesweep.diagram.device import impulse_and_step
+from wavesweep.diagram.device import impulse_and_step_sized
 from wavesweep.diagram.filters import butterworth as sections
 from wavesweep.diagram.wave import avatar as cut_avatar
 from wavesweep.diagram.wave import local_model as closed_model
@@ -19,17 +21,23 @@ SIZE = 0.5
 def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
     """`m x'' + d x' + k x = f` with f held over the period: exact. `f` (N) -> `x` (m), `v` (m/s)."""
     m, d, k = numbers(mass), numbers(damping), numbers(stiffness)
-    s, g = impulse_and_step(d / m, k / m, period)
-    E = matrix([[-(d / m) * s - (k / m) * g, -(k / m) * s], [s, -(k / m) * g]])
-    return _block(name, ("f",), ("x", "v"), ("v", "x"), E, [[s / m], [g / m]], [[0, 1], [1, 0]], [[0], [0]])
+    s, g, of_s, of_g = impulse_and_step_sized(d / m, k / m, period)
+    E, C = matrix([[-(d / m) * s - (k / m) * g, -(k / m) * s], [s, -(k / m) * g]]), matrix([[0, 1], [1, 0]])
+    block = _block(name, ("f",), ("x", "v"), ("v", "x"), E, [[s / m], [g / m]], C, [[0], [0]])
+    if of_s is None:
+        return block
+    d, k, m = np.abs(d / m), np.abs(k / m), np.abs(m)
+    sizes = matrix([[d * of_s + k * of_g, k * of_s], [of_s, k * of_g]]), matrix([[of_s / m], [of_g / m]])
+    return replace(block, terms=(*sizes, C, 0 * block.D))
 
 
 def ss(name, period, A, B, C, D, inputs, outputs, discrete=False) -> Block:
     """State-space model with the ports `inputs` and `outputs`; continuous ones have their inputs held: exact."""
     n, m, p = len(A), len(inputs), len(outputs)
     A, B, C, D = (_matrix(rows, shape) for rows, shape in ((A, (n, n)), (B, (n, m)), (C, (p, n)), (D, (p, m))))
-    E, G = (A - np.eye(n), B) if discrete else held(A, B, period)
-    return _block(name, inputs, outputs, tuple(f"x{i}" for i in range(n)), E, G, C, D)
+    E, G, *sizes = (A - np.eye(n), B) if discrete else held(A, B, period)
+    block = _block(name, inputs, outputs, tuple(f"x{i}" for i in range(n)), E, G, C, D)
+    return replace(block, terms=(*sizes, np.abs(block.C), np.abs(block.D))) if sizes else block
 
 
 def tf(name, period, num, den, discrete=False) -> Block:
@@ -168,7 +176,9 @@ def local_model(name, period, b, K, B, integration="implicit") -> Block:
 def held(A, B, period):
     """`exp(A T) - 1` and `int_0^T exp(A s) ds B`: a Taylor series over T/2^k, then k doublings in delta form.
 
-    A `(..., n, n)`, B `(..., n, m)`. Accuracy: some roundings of each entry for matrices that are not far from normal.
+    A `(..., n, n)`, B `(..., n, m)`. If there is something to double, two more arrays are their changes by a rounding of each
+    term of all sums, in roundings; without, they are known to a few roundings of themselves. Accuracy: some roundings of
+    each entry for matrices that are not far from normal, unless they turn by much in a period.
     """
     T = numbers(period)[..., None, None]
     A, B = np.broadcast_arrays(A * T, np.zeros(1))[0], B * T
@@ -181,11 +191,17 @@ def held(A, B, period):
         E, G = E + power, G + force
         force = power @ (B * step) / (term + 1)
         power = power @ (A * step) / (term + 1)
+    if not halvings.any():
+        return E, G
+    of_E, of_G, eye = np.abs(E), np.abs(G), np.eye(E.shape[-1])
     with np.errstate(over="ignore", invalid="ignore"):
-        for turn in range(int(halvings.max(initial=0))):
-            more = (turn < halvings)[..., None, None]
+        for turn in range(int(halvings.max())):
+            more, size, one = (turn < halvings)[..., None, None], np.abs(E), np.abs(E + eye)
+            terms = 2 * np.abs(G) + size @ np.abs(G)
+            of_G = np.where(more, of_E @ np.abs(G) + np.abs(E + 2 * eye) @ of_G + terms, of_G)
+            of_E = np.where(more, of_E @ one + one @ of_E + 2 * size + size @ size, of_E)
             E, G = np.where(more, 2 * E + E @ E, E), np.where(more, 2 * G + E @ G, G)
-    return E, G
+    return E, G, of_E, of_G
 
 
 def _matrix(rows, shape):

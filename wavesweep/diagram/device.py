@@ -15,41 +15,46 @@ def device(values, period) -> Block:
     mass = values["device.mass"] + values["operator.mass"]
     damping = (values["device.damping"] + values["operator.damping"]) / mass
     stiffness = values["operator.stiffness"] / mass
-    s, g = impulse_and_step(damping, stiffness, period)
-    v_row = [-damping * s - stiffness * g, -stiffness * s]
-    x_row = [s, -stiffness * g]
-    if values["device.velocity"] == "exact":
-        return Block(
-            "device",
-            ("f",),
-            ("x", "v_hat", "dx"),
-            ("v", "x"),
-            E=matrix([v_row, x_row]),
-            B=matrix([[s / mass], [g / mass]]),
-            C=matrix([[0, 1], [1, 0], x_row]),
-            D=matrix([[0], [0], [g / mass]]),
-            labels=("device velocity", "device position"),
-        )
+    s, g, of_s, of_g = impulse_and_step_sized(damping, stiffness, period)
+    exact = values["device.velocity"] == "exact"
     # The encoder's difference is a state of its own, w = (x[k] - x[k-1])/T, so that a free device keeps no second copy
     # of its position, in which the drift would hide.
-    w_row = [s / period, -1, -stiffness * g / period]
-    return Block(
-        "device",
-        ("f",),
-        ("x", "v_hat", "dx"),
-        ("v", "w", "x"),
-        E=matrix([[v_row[0], 0, v_row[1]], w_row, [s, 0, -stiffness * g]]),
-        B=matrix([[s / mass], [g / (mass * period)], [g / mass]]),
-        C=matrix([[0, 0, 1], [0, 1, 0], [s, 0, -stiffness * g]]),
-        D=matrix([[0], [0], [g / mass]]),
-        labels=("device velocity", "measured velocity", "device position"),
-    )
+    arrays = _exact if exact else _by_difference
+    parts = arrays(s, g, -damping, -stiffness, mass, period, -1)
+    sizes = None if of_s is None else arrays(of_s, of_g, *map(np.abs, (damping, stiffness, mass, period)), 1)
+    states = ("v", "x") if exact else ("v", "w", "x")
+    names = {"v": "device velocity", "w": "measured velocity", "x": "device position"}
+    labels = tuple(names[state] for state in states)
+    return Block("device", ("f",), ("x", "v_hat", "dx"), states, *parts, terms=sizes, labels=labels)
+
+
+def _exact(s, g, damping, stiffness, mass, period, _):
+    """E, B, C and D with the exact velocity; the signs of damping and stiffness are those of their forces."""
+    del period
+    x_row = [s, stiffness * g]
+    E = matrix([[damping * s + stiffness * g, stiffness * s], x_row])
+    return E, matrix([[s / mass], [g / mass]]), matrix([[0, 1], [1, 0], x_row]), matrix([[0], [0], [g / mass]])
+
+
+def _by_difference(s, g, damping, stiffness, mass, period, before):
+    """The same with the velocity from the change of position; before: the share of its last value in its change."""
+    x_row = [s, 0, stiffness * g]
+    E = matrix([[damping * s + stiffness * g, 0, stiffness * s], [s / period, before, stiffness * g / period], x_row])
+    B = matrix([[s / mass], [g / (mass * period)], [g / mass]])
+    return E, B, matrix([[0, 0, 1], [0, 1, 0], x_row]), matrix([[0], [0], [g / mass]])
 
 
 def impulse_and_step(damping, stiffness, period):
-    """Position at `period` of `x'' + damping x' + stiffness x = u` after a unit impulse and under a unit step.
+    """`impulse_and_step_sized` without the sizes."""
+    return impulse_and_step_sized(damping, stiffness, period)[:2]
 
-    damping (1/s), stiffness (1/s^2), period (s): numbers or arrays. Returns (s, g) in s and s^2.
+
+def impulse_and_step_sized(damping, stiffness, period):
+    """Position at `period` of `x'' + damping x' + stiffness x = u` after a unit impulse and under a unit step, with sizes.
+
+    damping (1/s), stiffness (1/s^2), period (s): numbers or arrays. Returns (s, g) in s and s^2, and their changes by a
+    rounding of each term of all sums, in roundings; these are missing (None) if there is nothing to double, and then both are
+    known to a few roundings of themselves. After many turns of an oscillation s and g are much smaller than that.
     Equations: s = int_0^T e^{..}, g = int_0^T s; a Taylor series over T/2^p, then p doublings
     `g2 = g (2 - stiffness g) + s^2`, `s2 = s (2 - damping s - 2 stiffness g)`, which add only positive terms if the
     device is overdamped.
@@ -61,14 +66,24 @@ def impulse_and_step(damping, stiffness, period):
     tau = period * 0.5**doublings
     s, g = _taylor(damping * tau, stiffness * tau * tau)
     s, g = s * tau, g * tau * tau
+    if not doublings.any():
+        return s, g, None, None
+    of_s, of_g = np.abs(s), np.abs(g)
     with np.errstate(over="ignore", invalid="ignore"):  # damping below zero, where an end at zero is looked for, may explode
         for step in range(int(doublings.max(initial=0))):
             more = step < doublings
+            two_s, two_g = np.abs(2 - 2 * damping * s - 2 * stiffness * g), np.abs(2 - 2 * stiffness * g)
+            terms_s = np.abs(s) * (2 + np.abs(damping * s) + 2 * np.abs(stiffness * g))
+            terms_g = np.abs(g) * (2 + np.abs(stiffness * g)) + s * s
+            of_s, of_g = (
+                np.where(more, two_s * of_s + 2 * np.abs(stiffness * s) * of_g + terms_s, of_s),
+                np.where(more, two_g * of_g + 2 * np.abs(s) * of_s + terms_g, of_g),
+            )
             s, g = (
                 np.where(more, s * (2 - damping * s - 2 * stiffness * g), s),
                 np.where(more, g * (2 - stiffness * g) + s * s, g),
             )
-    return s, g
+    return s, g, of_s, of_g
 
 
 TERMS = 18  # exact to rounding for |damping| <= 1/2 and stiffness <= 1/16

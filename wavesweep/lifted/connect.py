@@ -34,7 +34,7 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     """
     net = _Net.of(blocks, sums, inputs, outputs)
     order, torn = net.order()
-    rows, sized = net.followed(order, torn), net.sized() if torn or terms else None
+    rows, sized = net.followed(order, torn), net.sized(blocks) if torn or terms else None
     inverse, condition, pivot = np.zeros((0, 0)), 1.0, 1.0
     if torn:
         sizes = sized.loop(sized.followed(order, torn, states=False), torn)
@@ -96,9 +96,16 @@ class _Net:
         shown = [ports.index(signal) if signal in ports else None for signal in outputs]
         return _Net(**parts, ports=ports, into=into, out=out, shown=shown, inputs=len(inputs), batch=batch, kind=kind)
 
-    def sized(self) -> "_Net":
-        """Return the net with every number replaced by its size."""
+    def sized(self, blocks) -> "_Net":
+        """Return the net with every number replaced by its size, those of blocks by the sizes of their terms if it has them."""
         parts = {part: [_sizes(row) for row in getattr(self, part)] for part in "EBCD"}
+        n = m = p = 0
+        for block in blocks:
+            if block.terms:
+                places = ("E", n, n), ("B", n, m), ("C", p, n), ("D", p, m)
+                for (part, row, column), size in zip(places, block.terms, strict=True):
+                    parts[part][row : row + size.shape[-2]] = _entries(size, column)
+            n, m, p = n + len(block.states), m + len(block.inputs), p + len(block.outputs)
         into, out = ([tuple(map(_sizes, pair)) for pair in pairs] for pairs in (self.into, self.out))
         return replace(self, **parts, into=into, out=out, kind=np.dtype(float))
 

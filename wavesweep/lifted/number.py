@@ -9,6 +9,7 @@ from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.elimination import ROUNDING
 from wavesweep.lifted.cut import Cut
 from wavesweep.lifted.periodic import GROWING, Ticks, growth_of, in_a_row, reach_of, reach_together, then, ticks_of
+from wavesweep.lifted.rounding import sizes_in_all
 from wavesweep.lifted.tick_drift import TickDrift, consistent_solution, counted_from_leads
 
 LEFT = 1e-10  # of the largest entry of a row, what rounding over a frame may leave of the change along a state that rests
@@ -41,9 +42,7 @@ class OpenFrame:
     def sizes(self) -> tuple[np.ndarray, ...]:
         """Sizes of the terms of the ticks' entries, in the form of E and B, of all ticks together, and of C and D."""
         count, head = self.ticks.kind.size, self.ticks.maps[self.ticks.kind[0]].terms
-        counts = np.bincount(self.ticks.kind, minlength=len(self.ticks.maps))
-        E, B = (sum(n * each.terms[part] for n, each in zip(counts, self.ticks.maps, strict=True)) for part in (0, 1))
-        B = B[..., self.inputs]
+        E, B = sizes_in_all(self.ticks), sizes_in_all(self.ticks, 1)[..., self.inputs]
         return E, np.concatenate([B, count * B[..., 1:]], axis=-1), head[2], _with_moment(head[3][..., self.inputs])
 
 

@@ -74,16 +74,26 @@ def _in_tick(block, runs, held):
     """
     if runs and not held:
         return block
-    n, h, rows = len(block.states), len(held), [block.outputs.index(port) for port in held]
-    batch, kind = (block.batch, np.result_type(block.E, block.B, block.C, block.D)) if runs else ((), float)
-    E, B = np.zeros((*batch, n + h, n + h), kind), np.zeros((*batch, n + h, len(block.inputs)), kind)
-    C, D = np.zeros((*batch, len(block.outputs), n + h), kind), np.zeros((*batch, len(block.outputs), len(block.inputs)), kind)
+    rows = [block.outputs.index(port) for port in held]
+    E, B, C, D = _holding((block.E, block.B, block.C, block.D), rows, runs, -1.0)
+    terms = _holding(block.terms, rows, runs, 1.0) if block.terms and runs else None
+    states = (*block.states, *(f"{port} held" for port in held))
+    return replace(block, states=states, E=E, B=B, C=C, D=D, labels=(), terms=terms)
+
+
+def _holding(parts, rows, runs, forgotten):
+    """Return E, B, C and D with states for the outputs `rows`; forgotten: of each if the block runs."""
+    (n, m), p, h = parts[1].shape[-2:], parts[2].shape[-2], len(rows)
+    batch = np.broadcast_shapes(*(part.shape[:-2] for part in parts)) if runs else ()
+    kind = np.result_type(*parts) if runs else float
+    E, B = np.zeros((*batch, n + h, n + h), kind), np.zeros((*batch, n + h, m), kind)
+    C, D = np.zeros((*batch, p, n + h), kind), np.zeros((*batch, p, m), kind)
     if runs:
-        E[..., :n, :n], B[..., :n, :], C[..., :n], D[...] = block.E, block.B, block.C, block.D
-        E[..., n:, :n], B[..., n:, :], E[..., n:, n:] = block.C[..., rows, :], block.D[..., rows, :], -np.eye(h)
+        E[..., :n, :n], B[..., :n, :], C[..., :n], D[...] = parts
+        E[..., n:, :n], B[..., n:, :], E[..., n:, n:] = parts[2][..., rows, :], parts[3][..., rows, :], forgotten * np.eye(h)
     else:
         C[..., rows, n:] = np.eye(h)
-    return replace(block, states=(*block.states, *(f"{port} held" for port in held)), E=E, B=B, C=C, D=D, labels=(), terms=None)
+    return E, B, C, D
 
 
 def frame_of(ticks: Ticks) -> np.ndarray:

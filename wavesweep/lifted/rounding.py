@@ -13,6 +13,8 @@ from wavesweep.lifted.periodic import GROWING, Ticks, in_a_row, then
 ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
 ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
 HIDDEN = 16.0  # times an entry: size of its terms, from which on its digits may be missed
+TURNED = 64.0  # times an entry of a frame: sum of the terms in its ticks, from which on its digits may be missed
+KEPT = 0.5  # of a state, what a frame keeps of it at least if it lives on
 TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
 NEAREST = 4  # number of eigenvalues that are examined
 
@@ -71,6 +73,23 @@ def hidden_in(ticks: Ticks, growth=1.0) -> np.ndarray:
         for at, part in enumerate("EBCD")
     ]
     return np.logical_or.reduce(np.broadcast_arrays(*found, np.asarray(growth) > GROWING))
+
+
+def turned(E, sizes) -> np.ndarray:
+    """Return in which loops a mode that lives on changes much less in a frame than in its ticks, `(...)`.
+
+    So it is if it turns once or more within the frame. It shows in an entry of the diagonal, or in a pair (i, j) and (j, i), of
+    states of which the frame keeps a share; units change neither. E: less identity; sizes: see `sizes_in_all`.
+    """
+    kept = np.abs(1 + np.diagonal(E, axis1=-2, axis2=-1)) >= KEPT
+    pairs, of_pairs = (np.sqrt(np.abs(part * np.swapaxes(part, -1, -2))) for part in (E, sizes))
+    return ((of_pairs > TURNED * pairs) & (kept[..., None, :] & kept[..., :, None])).any((-1, -2))
+
+
+def sizes_in_all(ticks: Ticks, part: int = 0) -> np.ndarray:
+    """Return the sum over all ticks of a frame of the sizes of their terms; part: 0 for E, 1 for B."""
+    counts = np.bincount(ticks.kind, minlength=len(ticks.maps))
+    return sum(n * each.terms[part] for n, each in zip(counts, ticks.maps, strict=True))
 
 
 def may_have(E, dE, points) -> np.ndarray:

@@ -48,6 +48,8 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> TickDrift:
     ticks = ticks_of(tame, watched, alone=True)
     at, (first, second) = {name: i for i, name in enumerate(ticks.states)}, (_shifts(each, watched) for each in (tame, other))
     moved, folded = [], []
+    if len(first) != len(second):  # what one of them has alone is an accident of its numbers, as rounding leaves 0 or nearly 0
+        first, second = _in_both(first, second)
     for one, two in zip(first, second, strict=True):
         lead, *rest = one
         if one.keys() == two.keys() and all(_alike(one[name], two[name]) for name in one):
@@ -71,6 +73,13 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> TickDrift:
     if ramp is None or _at_rest_anywhere(without_drift(frames[1], drift)) is None:
         return drift
     return replace(drift, ramp=kept[ramp])
+
+
+def _in_both(first, second):
+    """Return the shifts that have their lead in common."""
+    leads = [{next(iter(each)): each for each in some} for some in (first, second)]
+    common = [lead for lead in leads[0] if lead in leads[1]]
+    return [leads[0][lead] for lead in common], [leads[1][lead] for lead in common]
 
 
 def counted_from_leads(parts, drift, sign=-1) -> tuple[np.ndarray, ...]:

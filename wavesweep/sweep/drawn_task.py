@@ -24,8 +24,8 @@ from wavesweep.errors import IllPosedLoopError
 from wavesweep.lifted import Cut
 from wavesweep.lifted.number import OpenFrame, cut_of, open_frame
 from wavesweep.lifted.open_ticks import OpenTicks, facts_of
-from wavesweep.lifted.periodic import GROWN, LOST, growth_of, ticks_of
-from wavesweep.lifted.rounding import hidden_in
+from wavesweep.lifted.periodic import GROWN, LOST, frame_of, growth_of, ticks_of
+from wavesweep.lifted.rounding import hidden_in, sizes_in_all, turned
 from wavesweep.lifted.tick_drift import TickDrift, closed, errors_of_closed, filled, without_drift
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
@@ -152,9 +152,10 @@ class DrawnTask:
         if cut is not None:
             cut = with_batch(cut, size)
             found = stable_intervals(cut, "K_VE", self.span, np.zeros((size, 1)))
-            hidden = np.broadcast_to(hidden_in(opened.frame.ticks, opened.frame.growth), size)
+            hidden = np.broadcast_to(hidden_in(opened.frame.ticks, opened.frame.growth), size)[found.column]
+            hidden |= np.broadcast_to(turned(opened.frame.E, sizes_in_all(opened.frame.ticks)), size)[found.column]
             found = _doubted(found, cut.growth[found.column])
-            return self._unshaken(found, hidden[found.column], lambda: self._loops(values), cut.period)
+            return self._unshaken(found, hidden, lambda: self._loops(values), cut.period)
         loops = self._loops(values)
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
@@ -223,7 +224,7 @@ class _Along:
         return replace(found, pivots=np.concatenate([found.pivots, divisors.reshape(p.size, -1)], axis=-1))
 
     def examined(self, number, p) -> tuple[np.ndarray, np.ndarray]:
-        """The growth over a frame (see `growth_of`), and whether terms cancel in its ticks (see `hidden_in`).
+        """The growth over a frame (see `growth_of`), and whether terms cancel in its ticks or turn (see `hidden_in`, `turned`).
 
         Loops of direct terms without a solution have a growth of 1.
         """
@@ -236,7 +237,9 @@ class _Along:
             each = [self.examined(*one) for one in _one_by_one(number, p)]
             return tuple(np.reshape(part, p.shape) for part in zip(*each, strict=True))
         growth = growth_of(ticks.kind, [each.E for each in ticks.maps])
-        return np.broadcast_to(growth, p.shape), np.broadcast_to(hidden_in(ticks, growth), p.shape)
+        with np.errstate(all="ignore"):
+            hidden = hidden_in(ticks, growth) | turned(frame_of(ticks), sizes_in_all(ticks))
+        return np.broadcast_to(growth, p.shape), np.broadcast_to(hidden, p.shape)
 
     def errors(self, number, p) -> tuple[np.ndarray, np.ndarray]:
         """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution."""
