@@ -11,7 +11,7 @@ import wavesweep.sweep
 from wavesweep import plots
 from wavesweep.plots import chosen
 from wavesweep.plots.layout import lay_out
-from wavesweep.plots.style import about_figure, save, symbol
+from wavesweep.plots.style import about_figure, figure, note_assumptions, save, symbol
 
 pytestmark = pytest.mark.slow
 
@@ -145,3 +145,19 @@ def test_a_single_wish_is_a_bar_for_each_design():
     assert "N/m" in bars.get_xlabel()
     assert "N·s/m" in impedance.get_title()
     assert order.get_ylim() == (0.5, 1.5)
+
+
+@pytest.mark.parametrize(
+    "above", ["", "the spec's own design is not shown: its felt stiffness is not known, as where it is unstable"]
+)
+@pytest.mark.parametrize("width", [3.5, 7.0])
+def test_the_note_above_a_figure_is_not_cut_off(width, above):
+    said = wavesweep.compile({"controller": {"kind": "pmw"}}).spec
+    sentence = wavesweep.sweep.assumptions.assumes(said)
+    assert len(sentence) > 165
+    with figure(width, 3.0) as canvas:
+        canvas.subplots()
+        note_assumptions(canvas, {"assumes": sentence}, above)
+    box = canvas._suptitle.get_window_extent()
+    assert box.x0 >= 0
+    assert box.x1 <= canvas.get_figwidth() * canvas.dpi

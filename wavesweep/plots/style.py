@@ -215,11 +215,14 @@ def note_assumptions(canvas: Any, facts: Mapping[str, Any], above: str = "", col
     """
     from textwrap import fill
 
-    lines = [fill(line, 165) for line in f"assumes: {assumed(facts)}".splitlines()] if facts.get("assumes") else []
+    size = 7 if above else 5.5
+    letters = int(130 * canvas.get_figwidth() / size)
+    lines = [fill(line, letters) for line in f"assumes: {assumed(facts)}".splitlines()] if facts.get("assumes") else []
+    above = fill(above, int(130 * canvas.get_figwidth() / 8)) if above else ""
     if above and not lines:
         canvas.suptitle(above, fontsize=8, color=colour)
     elif lines:
-        canvas.suptitle("\n".join([above, *lines] if above else lines), fontsize=7 if above else 5.5, color=colour)
+        canvas.suptitle("\n".join([above, *lines] if above else lines), fontsize=size, color=colour)
 
 
 def fitting(texts: Sequence[str], width: float) -> int:
