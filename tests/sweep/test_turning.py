@@ -137,3 +137,36 @@ def test_a_built_in_device_on_a_spring_without_damping(kind, along, detuned):
                     for side in (1, -1)
                 )
                 assert inside == 0 < outside
+
+
+@pytest.mark.parametrize(("turns", "left", "lost"), [(100, 1e-7, 0.1), (10, -1e-7, 2e-3), (10, 1e-8, 0.01), (1, 1e-7, 1.1e-3)])
+def test_a_built_in_wave_line_on_a_stiff_hand(turns, left, lost):
+    """One rate, no filter, no Kp: the impedance cancels, and what remains is a device, its springs and a sum of velocities."""
+    mass, tick = 0.1, 1e-3
+    damping, spring = lost * mass / tick, mass * ((2 * np.pi * turns + left) / tick) ** 2
+    table = wavesweep.compile(
+        {
+            "rates": {"fast_hz": 1000.0, "ratio": 1},
+            "device": {"mass": mass, "damping": damping},
+            "operator": {"stiffness": spring},
+            "environment": {"K_VE": 1.0, "B_VE": 0.0, "integration": "explicit"},
+            "controller": {"kind": "pmw", "b": damping, "Kp": 0.0},
+            "filters": {"lp1": {"order": 0, "cutoff_hz": 10.0}},
+        }
+    ).stable_intervals("K_VE", (0.0, spring))
+    assert not table["certified"].any()
+
+
+@pytest.mark.parametrize(("along", "span"), [("K_VE", (0.0, 0.2)), ("B_VE", (0.0, 1e-3))])
+def test_a_built_in_damper_that_nearly_turns_the_velocity_over(along, span):
+    """Next to `b = 2 m/T` a tick has an eigenvalue -1, and ten ticks nearly none of its digits."""
+    table = wavesweep.compile(
+        {
+            "rates": {"fast_hz": 1000.0, "ratio": 10},
+            "device": {"mass": 0.89629, "damping": 0.0},
+            "environment": {"K_VE": 12.0, "B_VE": 4.17438e-7, "integration": "implicit"},
+            "controller": {"kind": "pmw", "b": 1792.579590902956, "Kp": 0.0},
+            "filters": {"lp1": {"order": 1, "cutoff_hz": 10.0}},
+        }
+    ).stable_intervals(along, span)
+    assert not table["certified"].any()

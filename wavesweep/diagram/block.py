@@ -78,6 +78,24 @@ class Block:
         return np.broadcast_shapes(*(a.shape[:-2] for a in (self.E, self.B, self.C, self.D)))
 
 
+KEPT = 0.5  # of a state, at least: its share after a step that counts as living on
+LARGEST_LOSS = 1e16
+
+
+def loss(E, sizes) -> np.ndarray:
+    """Return how much less a mode that lives on changes in a step than the terms of its change, `(...)`, 1 or more.
+
+    So it is if it turns by whole circles in the step: then the relative rounding of E is larger by as much. It shows in an
+    entry of the diagonal, or in a pair (i, j) and (j, i), of states of which the step keeps a share; units change neither.
+    E: less identity, `(..., n, n)`; sizes: of the terms of its entries.
+    """
+    with np.errstate(all="ignore"):
+        kept = np.abs(1 + np.diagonal(E, axis1=-2, axis2=-1)) >= KEPT
+        pairs, of_pairs = (np.sqrt(np.abs(part * np.swapaxes(part, -1, -2))) for part in (E, sizes))
+        ratio = np.where(kept[..., None, :] & kept[..., :, None] & (of_pairs > 0), of_pairs / pairs, 1.0)
+    return np.clip(np.nan_to_num(ratio, nan=1.0, posinf=LARGEST_LOSS).max((-1, -2), initial=1.0), 1.0, LARGEST_LOSS)
+
+
 def unit_delay(name: str, label: str = "") -> Block:
     """Delay of one period, `y[k] = u[k-1]`. label: a readable name of its state, if it has a better one than the block's."""
     one, labels = np.ones((1, 1)), (label or f"{name} of the last period",)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavesweep.diagram.block import Block, matrix, numbers
+from wavesweep.diagram.block import Block, loss, matrix, numbers
 
 
 def device(values, period) -> Block:
@@ -25,7 +25,8 @@ def device(values, period) -> Block:
     states = ("v", "x") if exact else ("v", "w", "x")
     names = {"v": "device velocity", "w": "measured velocity", "x": "device position"}
     labels = tuple(names[state] for state in states)
-    return Block("device", ("f",), ("x", "v_hat", "dx"), states, *parts, terms=sizes, labels=labels)
+    condition = 1.0 if sizes is None else loss(parts[0], sizes[0])
+    return Block("device", ("f",), ("x", "v_hat", "dx"), states, *parts, condition=condition, terms=sizes, labels=labels)
 
 
 def _exact(s, g, damping, stiffness, mass, period, _):

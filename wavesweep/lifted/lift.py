@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.diagram.block import Block, unit_delay
+from wavesweep.diagram.block import Block, loss, unit_delay
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import latch
 from wavesweep.lifted.batches import in_parts
@@ -65,6 +65,7 @@ def lift_held(fast: Block, ratio: int, delay: int, held, sampled) -> Block:
         held_early = early @ B
         old = held_early + fast.E @ (late @ held_early)  # A^(M-D) S_D B
         E, new = fast.E @ whole, late @ B
+        condition = fast.condition * loss(E, ratio * np.abs(fast.E)) if ratio > 1 else fast.condition
     parts = [("old", old, D)] if delay > 0 else []
     if delay < ratio:
         parts.append(("new", new, D if delay == 0 else np.zeros_like(D)))
@@ -77,7 +78,7 @@ def lift_held(fast: Block, ratio: int, delay: int, held, sampled) -> Block:
         B=np.concatenate([b for _, b, _ in parts], axis=-1),
         C=C,
         D=np.concatenate([d for _, _, d in parts], axis=-1),
-        condition=fast.condition,
+        condition=condition,
         pivot=fast.pivot,
     )
 

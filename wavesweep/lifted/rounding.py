@@ -6,6 +6,7 @@ have lost digits, and show no sign of it.
 
 import numpy as np
 
+from wavesweep.diagram.block import loss
 from wavesweep.lifted.batches import in_parts
 from wavesweep.lifted.circle import inverse
 from wavesweep.lifted.periodic import GROWING, Ticks, in_a_row, then
@@ -14,7 +15,6 @@ ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to th
 ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
 HIDDEN = 16.0  # times an entry: size of its terms, from which on its digits may be missed
 TURNED = 64.0  # times an entry of a frame: sum of the terms in its ticks, from which on its digits may be missed
-KEPT = 0.5  # of a state, what a frame keeps of it at least if it lives on
 TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
 NEAREST = 4  # number of eigenvalues that are examined
 
@@ -76,14 +76,11 @@ def hidden_in(ticks: Ticks, growth=1.0) -> np.ndarray:
 
 
 def turned(E, sizes) -> np.ndarray:
-    """Return in which loops a mode that lives on changes much less in a frame than in its ticks, `(...)`.
+    """Return in which loops a mode that lives on changes much less in a frame than in its ticks, `(...)`; see `loss`.
 
-    So it is if it turns once or more within the frame. It shows in an entry of the diagonal, or in a pair (i, j) and (j, i), of
-    states of which the frame keeps a share; units change neither. E: less identity; sizes: see `sizes_in_all`.
+    E: of the frame, less identity; sizes: see `sizes_in_all`.
     """
-    kept = np.abs(1 + np.diagonal(E, axis1=-2, axis2=-1)) >= KEPT
-    pairs, of_pairs = (np.sqrt(np.abs(part * np.swapaxes(part, -1, -2))) for part in (E, sizes))
-    return ((of_pairs > TURNED * pairs) & (kept[..., None, :] & kept[..., :, None])).any((-1, -2))
+    return loss(E, sizes) > TURNED
 
 
 def sizes_in_all(ticks: Ticks, part: int = 0) -> np.ndarray:

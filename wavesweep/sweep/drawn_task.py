@@ -182,9 +182,9 @@ class DrawnTask:
             return found
         return replace(found, low_omega=np.where(found.low == 0, 0.0, found.low_omega))
 
-    def _loops(self, values) -> "Along":
+    def _loops(self, values) -> "_Along":
         drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
-        return Along(self.drawing, self.along, values, drift, self._open_ticks(values))
+        return _Along(self.drawing, self.along, values, drift, self._open_ticks(values))
 
     def _unshaken(self, found, hidden, loops, period):
         """Intervals in doubt if rounding of terms that cancel could move them.
@@ -199,7 +199,7 @@ class DrawnTask:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Along:
+class _Along:
     """Loops of a batch at values p of the number `along`, `number` being those of the loops in the batch.
 
     open_ticks: the loops without the number in their ticks, if it is one scalar gain of them.
@@ -209,7 +209,7 @@ class Along:
     along: str
     values: Mapping[str, object]
     drift: TickDrift
-    open_ticks: OpenTicks | None = None
+    open_ticks: OpenTicks | None
 
     def frames(self, number, p) -> Frames:
         """The frames, number and p being broadcast together; NaN for loops of direct terms without a solution."""

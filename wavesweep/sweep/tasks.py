@@ -23,7 +23,6 @@ from wavesweep.lifted import Cut, close, cut_at_wall
 from wavesweep.lifted.cut import wall_pivot
 from wavesweep.lifted.lift import frame_at_rest
 from wavesweep.sweep.grid import groups, make_grid, selected
-from wavesweep.sweep.turning import examined
 
 WATCH = 0.5  # s between two looks at the parent
 
@@ -213,8 +212,6 @@ def solve(task: IntervalTask, drawn: dict[int, tuple] | None = None) -> Interval
             parts.append(_along_wall(task, values, own, number, drawn if task.felt else None))
         else:
             parts.append(_along_any_parameter(task, values, own))
-        if not task.ties:
-            parts[-1] = examined(parts[-1], task.along, task.span, values, own)
         slices.append(members[parts[-1].column // walls] * walls + parts[-1].column % walls)
     if len(parts) == 1:
         return replace(parts[0], column=slices[0])
