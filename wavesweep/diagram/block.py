@@ -39,10 +39,11 @@ class Block:
 
     inputs, outputs: port names; elsewhere the port `p` of the block `name` is the signal `"name.p"`.
     states: one name per state. waves: the input port and the output port that carry waves, if there are any.
-    condition: factor by which closing its algebraic loops may have multiplied the rounding of its entries, a number or an
-    array over the batch. pivot: the product of the determinants of these loops' return differences; it is zero where one of
-    them has no solution, and the entries have a pole. terms: for E, B, C and D, the sizes of the terms of each entry's sum, in
-    which a closed loop counts for all that rounding of its entries does to it; None if they are not known.
+    condition: factor by which closing its algebraic loops, or modes that turn by whole circles (see `loss`), may have
+    multiplied the rounding of its entries, a number or an array over the batch. pivot: the product of the determinants of these
+    loops' return differences; it is zero where one of them has no solution, and the entries have a pole. terms: for E, B, C and
+    D, the sizes of the terms of each entry's sum, in which a closed loop counts for all that rounding of its entries does to
+    it; None if they are not known.
     labels: a readable name per state for messages; by default the block's name and the state's.
     Errors: ValueError if an array or the labels do not fit the names.
     """
