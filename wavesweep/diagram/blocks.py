@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from wavesweep.diagram.block import Block, matrix, numbers
-from wavesweep.diagram.device import impulse_and_step_sized
+from wavesweep.diagram.device import impulse_and_step, motion
 from wavesweep.diagram.filters import butterworth as sections
 from wavesweep.diagram.wave import avatar as cut_avatar
 from wavesweep.diagram.wave import local_model as closed_model
@@ -20,15 +20,11 @@ SIZE = 0.5
 
 def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
     """`m x'' + d x' + k x = f` with f held over the period: exact. `f` (N) -> `x` (m), `v` (m/s)."""
-    m, d, k = numbers(mass), numbers(damping), numbers(stiffness)
-    s, g, of_s, of_g = impulse_and_step_sized(d / m, k / m, period)
-    E, C = matrix([[-(d / m) * s - (k / m) * g, -(k / m) * s], [s, -(k / m) * g]]), matrix([[0, 1], [1, 0]])
-    block = _block(name, ("f",), ("x", "v"), ("v", "x"), E, [[s / m], [g / m]], C, [[0], [0]])
-    if of_s is None:
-        return block
-    d, k, m = np.abs(d / m), np.abs(k / m), np.abs(m)
-    sizes = matrix([[d * of_s + k * of_g, k * of_s], [of_s, k * of_g]]), matrix([[of_s / m], [of_g / m]])
-    return replace(block, terms=(*sizes, C, 0 * block.D))
+    m, (d, k) = numbers(mass), (numbers(each) / numbers(mass) for each in (damping, stiffness))
+    s, g, of_s, of_g = impulse_and_step(d, k, period)
+    block = _block(name, ("f",), ("x", "v"), ("v", "x"), *motion(s, g, -d, -k, m), [[0, 1], [1, 0]], [[0], [0]])
+    sizes = None if of_s is None else (*motion(of_s, of_g, *map(np.abs, (d, k, m))), block.C, block.D)
+    return replace(block, terms=sizes)
 
 
 def ss(name, period, A, B, C, D, inputs, outputs, discrete=False) -> Block:

@@ -15,7 +15,7 @@ def device(values, period) -> Block:
     mass = values["device.mass"] + values["operator.mass"]
     damping = (values["device.damping"] + values["operator.damping"]) / mass
     stiffness = values["operator.stiffness"] / mass
-    s, g, of_s, of_g = impulse_and_step_sized(damping, stiffness, period)
+    s, g, of_s, of_g = impulse_and_step(damping, stiffness, period)
     exact = values["device.velocity"] == "exact"
     # The encoder's difference is a state of its own, w = (x[k] - x[k-1])/T, so that a free device keeps no second copy
     # of its position, in which the drift would hide.
@@ -30,11 +30,10 @@ def device(values, period) -> Block:
 
 
 def _exact(s, g, damping, stiffness, mass, period, _):
-    """E, B, C and D with the exact velocity; the signs of damping and stiffness are those of their forces."""
+    """E, B, C and D with the exact velocity; see `motion`."""
     del period
-    x_row = [s, stiffness * g]
-    E = matrix([[damping * s + stiffness * g, stiffness * s], x_row])
-    return E, matrix([[s / mass], [g / mass]]), matrix([[0, 1], [1, 0], x_row]), matrix([[0], [0], [g / mass]])
+    C = matrix([[0, 1], [1, 0], [s, stiffness * g]])
+    return *motion(s, g, damping, stiffness, mass), C, matrix([[0], [0], [g / mass]])
 
 
 def _by_difference(s, g, damping, stiffness, mass, period, before):
@@ -45,12 +44,12 @@ def _by_difference(s, g, damping, stiffness, mass, period, before):
     return E, B, matrix([[0, 0, 1], [0, 1, 0], x_row]), matrix([[0], [0], [g / mass]])
 
 
+def motion(s, g, damping, stiffness, mass):
+    """E and B of the states (v, x) under a force; the signs of damping and stiffness are those of their own forces."""
+    return matrix([[damping * s + stiffness * g, stiffness * s], [s, stiffness * g]]), matrix([[s / mass], [g / mass]])
+
+
 def impulse_and_step(damping, stiffness, period):
-    """`impulse_and_step_sized` without the sizes."""
-    return impulse_and_step_sized(damping, stiffness, period)[:2]
-
-
-def impulse_and_step_sized(damping, stiffness, period):
     """Position at `period` of `x'' + damping x' + stiffness x = u` after a unit impulse and under a unit step, with sizes.
 
     damping (1/s), stiffness (1/s^2), period (s): numbers or arrays. Returns (s, g) in s and s^2, and their changes by a
