@@ -161,3 +161,19 @@ def test_the_note_above_a_figure_is_not_cut_off(width, above):
     box = canvas._suptitle.get_window_extent()
     assert box.x0 >= 0
     assert box.x1 <= canvas.get_figwidth() * canvas.dpi
+
+
+def test_bars_of_hands_at_the_ends_of_the_axis_are_whole():
+    """A bar at the first and the last value of the damping is as wide as the others."""
+    table = wavesweep.zwidth(
+        {
+            "controller": {"kind": "dc-slow"},
+            "device": {"velocity": "difference"},
+            "sweep": {"K_VE": {"start": 0, "stop": 5000}, "B_VE": [1.0, 4.0]},
+        },
+        hand="passive",
+    )
+    (axes,) = plots.zwidth({name: table[name].to_numpy() for name in table}, {}).axes
+    left, right = axes.get_xlim()
+    assert left < 1.0
+    assert right > 4.0

@@ -176,3 +176,27 @@ def test_a_margin_of_ticks_that_cancel_each_other_is_right_or_missing(g):
 
     truth, found = margin(1.0), margin(g)
     assert np.isnan(found) if g > 1e6 else found == pytest.approx(truth, rel=1e-8)
+
+
+@pytest.mark.parametrize("impedances", [(1.0, 1.0), (10.0, 3.0), (1e4, 1e-4), (1e8, 1e-6)])
+def test_two_lines_in_a_row_have_the_end_of_one(impedances):
+    """Four ports are torn: the terms of a product with the inverse of their equations cancel."""
+    one = wavesweep.compile(line(1.0)).stable_intervals("B", (0, 1e4))
+    spec = line(impedances[0])
+    spec["numbers"]["c"] = impedances[1]
+    spec["block"] |= {
+        "between": {"type": "avatar", "b": "b", "integration": "implicit"},
+        "second": {"type": "wave", "b": "c"},
+        "avatar": {"type": "avatar", "b": "c", "integration": "implicit"},
+    }
+    spec["wire"] |= {
+        "end.in": "between.out",
+        "between.in": "end.out",
+        "between.f": "second.force",
+        "second.v": "between.v",
+        "second.in": "avatar.out",
+        "avatar.in": "second.out",
+    }
+    two = wavesweep.compile(spec).stable_intervals("B", (0, 1e4))
+    np.testing.assert_allclose(two["high"], one["high"], rtol=1e-12 * max(1.0, max(impedances) / 1e4))
+    assert two["certified"].all() or max(impedances) > 10
