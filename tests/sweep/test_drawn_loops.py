@@ -324,6 +324,57 @@ def test_a_range_without_a_loop_in_it_is_refused():
     assert len(loop.stable_intervals("kp", (0, 90), m=[0.1, 0.3])) >= 2
 
 
+SPRING = """
+[rates]
+tick_hz = 1000
+[numbers]
+K = 1.0
+[block.m]
+type = "mass"
+mass = 0.2
+damping = 2.0
+[block.seen]
+type = "hold"
+every = 20
+[block.force]
+type = "hold"
+every = 20
+[wire]
+"m.f" = "force.y"
+"seen.u" = "m.x"
+"force.u" = "-(K)*seen.y"
+"""
+
+
+@pytest.mark.parametrize(
+    ("gain", "along", "span", "offset", "slope"),
+    [
+        ("1000 + 1e-6*K - 1000", "K", (0, 1e9), 0, 1e-6),
+        ("5 + 1e-6*K", "K", (-1e6, 1e9), 5, 1e-6),
+        ("K*((1 + a) - 1)*1e10", "K", (0, 1000), 0, 1),
+        ("((1 + a) - 1)*1e10", "a", (1e-9, 1e-6), 0, 1e10),
+        ("(sqrt(1 + a) - 1)*(sqrt(1 + a) + 1)*1e10", "a", (1e-9, 1e-6), 0, 1e10),
+    ],
+)
+def test_a_gain_whose_terms_cancel_moves_no_end(gain, along, span, offset, slope):
+    plain = compiled(SPRING).stable_intervals("K", (0, 1000))
+    numbers = "\n".join(f"{name} = 1e-10" for name in "aK" if name in gain.replace("sqrt", ""))
+    rows = compiled(SPRING, ("-(K)", f"-({gain})"), ("K = 1.0", numbers)).stable_intervals(along, span)
+    assert rows.certified.all()
+    assert offset + slope * rows.high[0] == pytest.approx(plain.high[0], rel=1e-13)
+
+
+@pytest.mark.parametrize("width", [1e-4, 1e-6, 1e-10])
+def test_a_divisor_that_is_least_at_one_is_not_taken_to_vanish(width):
+    limit = compiled(SPRING).stable_intervals("K", (0, 1000)).high[0]
+    rows = compiled(SPRING, ("-(K)", f"-300/(1 + ((K - 0.3)/{width})**2)")).stable_intervals("K", (0.0, 1.0))
+    reach = width * (300 / limit - 1) ** 0.5
+    assert not ((rows.low < 0.3) & (rows.high > 0.3) & rows.certified).any()
+    assert width < 1e-6 or rows.certified.all()
+    if width >= 1e-6:
+        assert (rows.high[0], rows.low[1]) == pytest.approx((0.3 - reach, 0.3 + reach), abs=1e-12)
+
+
 def test_a_structural_number_is_no_axis_of_intervals():
     with pytest.raises(UsageError, match="sweep it as values"):
         compiled(WALL).stable_intervals("n", (0, 10))

@@ -11,10 +11,11 @@ from wavesweep.diagram.block import numbers
 from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.diagram.tame import SALTS, SPREAD, scattered
 from wavesweep.diagram.uneven import RATIO, Uneven
+from wavesweep.diagram.values import values_of
 from wavesweep.errors import UsageError
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.drawing import LEAST, NOTHING, Drawing, scalars
-from wavesweep.spec.expressions import degree, evaluate, names_in
+from wavesweep.spec.expressions import degree, names_in, with_number
 
 POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
 PRODUCT, FACTOR = "ports.product", "ports.factor"  # of a number that is taken out of its wire, and what it multiplies
@@ -33,7 +34,7 @@ def assembled(drawing: Drawing | Uneven, values: Mapping[str, object], out: str 
             return drawing.placed(values, out, (PRODUCT, FACTOR))
     known = {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}
     with np.errstate(all="ignore"):
-        tick = 1 / numbers(_at(drawing.tick_hz, known))
+        tick = 1 / numbers(values_of(drawing.tick_hz, known))
         placed = tuple(_placed(block, known, tick) for block in drawing.blocks)
         sums = {port: _gains(terms, known) for port, terms in drawing.wires}
         if out:
@@ -46,16 +47,12 @@ def assembled(drawing: Drawing | Uneven, values: Mapping[str, object], out: str 
     return Drawn(tick, placed, sums, (*inputs, PRODUCT) if out else inputs)
 
 
-def _at(tree, known):
-    return evaluate(tree, known, np.sqrt)
-
-
 def _gains(terms, known):
-    return {signal: _at(gain, known) for signal, gain in terms}
+    return {signal: values_of(gain, known) for signal, gain in terms}
 
 
 def _placed(block, known, tick):
-    every, phase = int(_at(block.every, known)), int(_at(block.phase, known))
+    every, phase = int(values_of(block.every, known)), int(values_of(block.phase, known))
     kinds = {name: TYPES[block.type].keys[name].type for name, _ in block.keys}
     keys = {PARAMETERS.get((block.type, name), name): _key(kinds[name], value, known) for name, value in block.keys}
     if block.type == "ss" and not keys["D"]:
@@ -65,12 +62,12 @@ def _placed(block, known, tick):
 
 def _key(kind, value, known):
     if kind == "number":
-        return _at(value, known)
+        return values_of(value, known)
     if kind == "integer":
-        return int(_at(value, known))
+        return int(values_of(value, known))
     if kind == "list":
-        return [_at(tree, known) for tree in value]
-    return [[_at(tree, known) for tree in row] for row in value] if kind == "rows" else value
+        return [values_of(tree, known) for tree in value]
+    return [[values_of(tree, known) for tree in row] for row in value] if kind == "rows" else value
 
 
 def _take_out(drawing, placed, sums, known, out):
@@ -91,8 +88,8 @@ def _take_out(drawing, placed, sums, known, out):
 
 def _parts(gain, known, out):
     """The constant part of a gain that is linear in a number, and the factor of the number."""
-    constant, total = (_at(gain, {**known, out: numbers(p)}) for p in (0.0, 1.0))
-    return constant, total - constant
+    constant, total = (with_number(gain, out, p) for p in (0.0, 1.0))
+    return values_of(constant, known), values_of(("-", total, constant, 0), known)
 
 
 def scalar_place(drawing: Drawing | Uneven, number: str) -> str:
@@ -177,7 +174,7 @@ def refuse_unsuitable(drawing: Drawing | Uneven, values: Mapping[str, object]) -
         known = {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}
         wrong = np.zeros(size, bool)
         for tree, low, above_low in _checked(drawing):
-            found = _at(tree, known)
+            found = values_of(tree, known)
             wrong |= np.logical_not(np.isfinite(found) & (found > low if above_low else found >= low))
         for block in drawing.blocks:
             wrong |= np.broadcast_to(_without_block(drawing, block, known), (size,))
@@ -192,12 +189,12 @@ def refuse_unsuitable(drawing: Drawing | Uneven, values: Mapping[str, object]) -
 def _without_block(drawing, block, known):
     """Whether numbers that are accepted by themselves make no such block together."""
     keys = dict(block.keys)
-    if block.type == "butterworth" and _at(keys["order"], known):
-        return ~(_at(keys["cutoff_hz"], known) < _at(drawing.tick_hz, known) / _at(block.every, known) / 2)
+    if block.type == "butterworth" and values_of(keys["order"], known):
+        return ~(values_of(keys["cutoff_hz"], known) < values_of(drawing.tick_hz, known) / values_of(block.every, known) / 2)
     if block.type == "tf":
-        return np.abs(_at(keys["den"][0], known)) < LEAST
+        return np.abs(values_of(keys["den"][0], known)) < LEAST
     if block.type == "local_model":
-        return np.abs(_at(block.divisor(drawing.tick_hz), known)) <= NOTHING * np.abs(_at(keys["b"], known))
+        return np.abs(values_of(block.divisor(drawing.tick_hz), known)) <= NOTHING * np.abs(values_of(keys["b"], known))
     return False
 
 

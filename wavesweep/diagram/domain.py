@@ -7,9 +7,10 @@ from functools import lru_cache
 import numpy as np
 
 from wavesweep.diagram.uneven import Uneven
+from wavesweep.diagram.values import values_of
 from wavesweep.errors import UsageError
 from wavesweep.spec.drawing import Drawing, scalars
-from wavesweep.spec.expressions import degree, evaluate, names_in, singular
+from wavesweep.spec.expressions import degree, names_in, singular
 
 
 def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tuple[float, float]) -> tuple[float, float]:
@@ -56,10 +57,10 @@ def _limits(key, guard, root, known, name, span):
     away = np.geomspace(1e-6, 1e3, 400) * (high - low)
     within = np.linspace(low, high, 401)
     with np.errstate(all="ignore"):
-        value = np.asarray(_value(guard, {**known, name: within})).reshape(-1, within.size)
+        value = np.asarray(values_of(guard, {**known, name: within})).reshape(-1, within.size)
         from_root = nothing = False
         if root:
-            at_low = np.asarray(_value(root, {**known, name: within[:1]})).reshape(-1)
+            at_low = np.asarray(values_of(root, {**known, name: within[:1]})).reshape(-1)
             value = np.array(np.broadcast_to(value, (max(len(value), at_low.size), within.size)))
             nothing, known_at_low = (value == 0).all(-1), np.isfinite(at_low)  # a root of 0 everywhere is 0
             value[nothing] = 1.0
@@ -74,7 +75,7 @@ def _limits(key, guard, root, known, name, span):
     for direction, end in ((-1, low), (1, high)):
         points = np.concatenate([[end], end + direction * away])
         with np.errstate(all="ignore"):
-            good = _keep_sign(np.asarray(_value(guard, {**known, name: points})).reshape(-1, points.size))
+            good = _keep_sign(np.asarray(values_of(guard, {**known, name: points})).reshape(-1, points.size))
         limit = (end + points[np.argmin(good, axis=-1)]) / 2
         found.append(np.where(good.all(-1) | nothing, direction * np.inf, limit))
     return tuple(np.broadcast_arrays(np.where(from_root, low, found[0]), found[1]))
@@ -100,13 +101,9 @@ def guards_at(drawing: Drawing | Uneven, values: Mapping[str, object], path: str
     if not isinstance(drawing, Uneven):
         known = scalars(values)
         for _, guard, _, root in _guards_of(drawing, name):
-            value = np.broadcast_to(_value(guard, known), shape)
+            value = np.broadcast_to(values_of(guard, known), shape)
             found.append(np.where(value == 0, 1.0, value) if root else value)  # a root of 0 everywhere is 0
     return np.stack(found, axis=-1) if found else np.ones((*shape, 0))
-
-
-def _value(tree, known):
-    return evaluate(tree, known, np.sqrt)
 
 
 def _keep_sign(value):
@@ -117,23 +114,25 @@ def _keep_sign(value):
 
 
 ZOOMS = 12  # towards a least size, each by ten
-VANISHED = 1e-12  # of the size at the points beside it, up to which a least size is 0
+NARROWEST = 40  # roundings of the number, about which a least size is examined
+VANISHED = 0.1  # of the size ten steps beside it, up to which a least size there is 0
 
 
 def _touches_zero(guard, known, name, points):
     """Whether a tree that keeps its sign vanishes between points nevertheless, as a square does."""
     with np.errstate(all="ignore"):
-        size = np.abs(_value(guard, {**known, name: points})).reshape(-1, points.size)
+        size = np.abs(values_of(guard, {**known, name: points})).reshape(-1, points.size)
         loop, at = np.nonzero((size[:, 1:-1] <= size[:, :-2]) & (size[:, 1:-1] < size[:, 2:]))
-        near = np.minimum(size[loop, at], size[loop, at + 2])
-        low, high = points[at], points[at + 2]
+        low, high, flat = points[at], points[at + 2], np.ones(at.size)
         own = {each: value[loop] if np.ndim(value) else value for each, value in known.items()}
         for _ in range(ZOOMS):
+            wide = high - low > NARROWEST * np.spacing(np.maximum(np.abs(low), np.abs(high)))
             among = np.linspace(low, high, 21, axis=-1)
-            size = np.abs(_value(guard, {**own, name: among}))
+            size = np.abs(values_of(guard, {**own, name: among}))
+            flat = np.where(wide, size.min(-1) / size[:, [0, -1]].min(-1), flat)
             best = np.clip(size.argmin(-1), 1, 19)
             low, high = (np.take_along_axis(among, best[:, None] + step, -1)[:, 0] for step in (-1, 1))
-        return bool((size.min(-1, initial=np.inf) <= VANISHED * near).any())
+        return bool((flat <= VANISHED).any())
 
 
 MOST = 1000  # loops at a time

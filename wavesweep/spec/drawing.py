@@ -12,7 +12,7 @@ from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.block_types import EVERY, PHASE, TICK_HZ, TYPES
 from wavesweep.spec.checking import Rejected, check, expectation
-from wavesweep.spec.expressions import ONE, Terms, Tree, evaluate, names_in
+from wavesweep.spec.expressions import ONE, Terms, Tree, names_in, value_of
 from wavesweep.spec.keys import AHEAD, LONGEST_FRAME, Key, Names
 from wavesweep.spec.reading import Leaf
 
@@ -99,7 +99,7 @@ class Drawing:
 
     def rate(self, values: Mapping[str, float]) -> float:
         """Return the rate of the tick in Hz."""
-        return evaluate(self.tick_hz, scalars(values))
+        return value_of(self.tick_hz, scalars(values))
 
     @property
     def shaping(self) -> frozenset[str]:
@@ -199,7 +199,7 @@ def scalars(values: Mapping[str, object]) -> dict[str, object]:
 
 def _value(tree: Tree, numbers: Mapping[str, float]) -> float | None:
     try:
-        value = evaluate(tree, numbers)
+        value = value_of(tree, numbers)
         return value if not isinstance(value, complex) and math.isfinite(value) else None
     except (ArithmeticError, ValueError):
         return None

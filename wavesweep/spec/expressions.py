@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 from wavesweep.spec.checking import nearest, show
@@ -272,6 +273,44 @@ def _power(base: Any, exponent: Any, tree: Tree) -> Any:
     for bit in f"{count:b}":
         total = total * total * base if bit == "1" else total * total
     return total if exponent >= 0 else 1 / total
+
+
+CANCELLED = 1 / 16  # of its first term, below which a sum has lost digits
+
+
+def value_of(tree: Tree, numbers: Mapping[str, float]) -> float:
+    """Return the value of a tree without signals, correct to a few roundings of itself, for numbers that are exact.
+
+    Where a sum of computed terms cancels, all is computed again in decimal arithmetic. Errors: those of `evaluate`.
+    """
+    rough = evaluate(tree, numbers)
+    for sign, *parts in computed_sums(tree):
+        one, other = (evaluate(part, numbers) for part in parts)
+        if abs(one + other if sign == "+" else one - other) < CANCELLED * abs(one):
+            from wavesweep.spec.exact import exactly
+
+            return exactly(tree, {name: numbers[name] for name, _ in names_in(tree)})
+    return rough
+
+
+@lru_cache(maxsize=1024)
+def computed_sums(tree: Tree) -> tuple[Tree, ...]:
+    """Return the sums in a tree with a term that is computed itself, without offsets; one of two numbers is rounded once."""
+    found = [each for part in tree[1:-1] if isinstance(part, tuple) for each in computed_sums(part)]
+    if tree[0] in ("+", "-") and not all(map(_is_given, tree[1:-1])):
+        found.append(tree[:-1])
+    return tuple(found)
+
+
+def _is_given(tree: Tree) -> bool:
+    return tree[0] in ("number", "name") or (tree[0] == "negative" and _is_given(tree[1]))
+
+
+def with_number(tree: Tree, name: str, number: float) -> Tree:
+    """Return the tree with a number in place of a name."""
+    if tree[:2] == ("name", name):
+        return ("number", number, tree[2])
+    return tuple(with_number(part, name, number) if isinstance(part, tuple) else part for part in tree)
 
 
 def singular(tree: Tree) -> Iterator[tuple[Tree, Tree | None]]:

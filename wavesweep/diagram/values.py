@@ -1,0 +1,41 @@
+"""Values of a drawn loop's expressions, for arrays of numbers, real or complex."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wavesweep.spec.expressions import CANCELLED, Tree, computed_sums, evaluate, names_in
+
+
+def values_of(tree: Tree, numbers: Mapping[str, Any]) -> Any:
+    """Return the value of a tree without signals, correct to a few roundings of itself; the numbers are exact.
+
+    numbers: name -> number, or array of numbers. Where a sum of computed terms cancels, the value is computed again in decimal
+    arithmetic, each element from its own numbers alone. A missing value is NaN or infinite.
+    """
+    rough = evaluate(tree, numbers, np.sqrt)
+    sums = computed_sums(tree)
+    if not sums:
+        return rough
+    with np.errstate(all="ignore"):
+        lost = np.zeros((), bool)
+        for sign, *parts in sums:
+            one, other = (np.asarray(evaluate(part, numbers, np.sqrt)) for part in parts)
+            lost = lost | (np.abs(one + other if sign == "+" else one - other) < CANCELLED * np.abs(one))
+        lost = lost & np.isfinite(rough)
+    return _again(tree, numbers, np.array(rough), lost) if lost.any() else rough
+
+
+def _again(tree, numbers, found, lost):
+    """Return the values, those that are lost from decimal arithmetic."""
+    from wavesweep.spec.exact import exactly
+
+    at = np.flatnonzero(np.broadcast_to(lost, found.shape))
+    names = dict(names_in(tree))
+    columns = [np.broadcast_to(numbers[name], found.shape).reshape(-1)[at].tolist() for name in names]
+    rows = zip(*columns, strict=True) if names else [()] * at.size
+    exact = np.array([exactly(tree, dict(zip(names, row, strict=True))) for row in rows])
+    whole = found.dtype.kind == "c" or exact.dtype.kind != "c"
+    found.reshape(-1)[at] = exact if whole else np.where(exact.imag == 0, exact.real, np.nan)
+    return found if found.shape else found.item()
