@@ -1,24 +1,16 @@
 """Connection of blocks of one rate through their summing junctions, with every algebraic loop closed exactly."""
 
 from dataclasses import dataclass, replace
-from math import prod
 
 import numpy as np
 
 from wavesweep.diagram.block import Block, numbers
 from wavesweep.errors import IllPosedLoopError
+from wavesweep.lifted.sparse import Row, add_to, between, plain_or_array, product, rows_of, sizes_of, stacked, summed
 
 WORST_CONDITION = 1e12  # beyond it a closed loop keeps fewer than 4 digits, which is no answer
 
 REFINED = 2  # steps of refinement of an inverse
-ROUNDING = 8 * np.finfo(float).eps  # of the terms of a sum, what is left of it when it should be zero
-
-Row = dict[int, object]
-"""A signal as a sum over columns: states, then inputs from outside, then torn ports; column -> number or array over the batch.
-
-Loops are sparse, and an entry that does not vary over a batch is a plain number here: dense products of small matrices cost
-ten times as much. Each sum is added up in an order that the structure alone decides, so a loop does not depend on its batch.
-"""
 
 
 def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Block:
@@ -50,7 +42,7 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
         parts = net.assembled(rows)
         if terms:
             rows = sized.followed(order, torn)
-            uncertain = _products(np.abs(inverse), sized.unsolved(rows, torn, list(map(_sizes, known)), 1.0)) if torn else []
+            uncertain = product(np.abs(inverse), sized.unsolved(rows, torn, list(map(sizes_of, known)), 1.0)) if torn else []
             terms = sized.assembled(sized.untorn(rows, torn, uncertain))
     facts = {"condition": condition, "pivot": pivot, "terms": terms or None}
     return Block(name, tuple(inputs), tuple(outputs), states, *parts, **facts)
@@ -90,7 +82,7 @@ class _Net:
         states = first_port = 0
         for block in blocks:
             for part, column in (("E", states), ("B", first_port), ("C", states), ("D", first_port)):
-                parts[part] += _entries(getattr(block, part), column)
+                parts[part] += rows_of(getattr(block, part), column)
             states, first_port = states + len(block.states), first_port + len(block.inputs)
         kind = np.result_type(float, *{array.dtype for array in (*arrays, *tracer.used)})
         shown = [ports.index(signal) if signal in ports else None for signal in outputs]
@@ -98,15 +90,15 @@ class _Net:
 
     def sized(self, blocks) -> "_Net":
         """Return the net with every number replaced by its size, those of blocks by the sizes of their terms if it has them."""
-        parts = {part: [_sizes(row) for row in getattr(self, part)] for part in "EBCD"}
+        parts = {part: [sizes_of(row) for row in getattr(self, part)] for part in "EBCD"}
         n = m = p = 0
         for block in blocks:
             if block.terms:
                 places = ("E", n, n), ("B", n, m), ("C", p, n), ("D", p, m)
                 for (part, row, column), size in zip(places, block.terms, strict=True):
-                    parts[part][row : row + size.shape[-2]] = _entries(size, column)
+                    parts[part][row : row + size.shape[-2]] = rows_of(size, column)
             n, m, p = n + len(block.states), m + len(block.inputs), p + len(block.outputs)
-        into, out = ([tuple(map(_sizes, pair)) for pair in pairs] for pairs in (self.into, self.out))
+        into, out = ([tuple(map(sizes_of, pair)) for pair in pairs] for pairs in (self.into, self.out))
         return replace(self, **parts, into=into, out=out, kind=np.dtype(float))
 
     def order(self) -> tuple[list[int], list[int]]:
@@ -150,15 +142,15 @@ class _Net:
                 if output not in known:
                     known[output] = dict(self.C[output]) if states else {}
                     for other, through in self.D[output].items():
-                        _add(known[output], unknown.get(other, rows[other]), through)
-                _add(row, known[output], gain)
+                        add_to(known[output], unknown.get(other, rows[other]), through)
+                add_to(row, known[output], gain)
             rows[port] = row
         return rows
 
     def loop(self, rows, torn):
         """Return the part of the torn ports that comes from torn ports, `(..., torn, torn)`."""
         first = len(self.E) + self.inputs
-        return _stacked([_part(rows[port], first) for port in torn], len(torn), self.batch, self.kind)
+        return stacked([between(rows[port], first) for port in torn], len(torn), self.batch, self.kind)
 
     def reached(self, rows, torn):
         """Return which torn ports each of them depends on, directly or through others, `(torn, torn)`."""
@@ -175,10 +167,10 @@ class _Net:
         One step of refinement leaves them as uncertain as rounding of the loop's equations makes them, entry by entry, although
         the terms of a product with the inverse may cancel (R. D. Skeel, Math. Comp. 35, 1980). One port needs none.
         """
-        found = _products(inverse, self.unsolved(rows, torn, [{} for _ in torn]))
-        again = _products(inverse, self.unsolved(rows, torn, found)) if len(torn) > 1 else []
+        found = product(inverse, self.unsolved(rows, torn, [{} for _ in torn]))
+        again = product(inverse, self.unsolved(rows, torn, found)) if len(torn) > 1 else []
         for row, change in zip(found, again, strict=False):
-            _add(row, change, 1.0)
+            add_to(row, change, 1.0)
         return found
 
     def unsolved(self, rows, torn, known, sign=-1.0) -> list[Row]:
@@ -186,9 +178,9 @@ class _Net:
         first, found = len(self.E) + self.inputs, []
         for port, own in zip(torn, known, strict=True):
             found.append({column: value for column, value in rows[port].items() if column < first})
-            _add(found[-1], own, sign)
-            for at, factor in _part(rows[port], first).items():
-                _add(found[-1], known[at], factor)
+            add_to(found[-1], own, sign)
+            for at, factor in between(rows[port], first).items():
+                add_to(found[-1], known[at], factor)
         return found
 
     def untorn(self, rows, torn, solved) -> list[Row]:
@@ -199,124 +191,29 @@ class _Net:
                 found.append(solved[torn.index(port)])
                 continue
             found.append({column: value for column, value in row.items() if column < first})
-            for at, factor in _part(row, first).items():
-                _add(found[-1], solved[at], factor)
+            for at, factor in between(row, first).items():
+                add_to(found[-1], solved[at], factor)
         return found
 
     def assembled(self, rows) -> tuple[np.ndarray, ...]:
         """Return E, B, C and D of the whole net from its ports."""
         n, found = len(self.E), []
         for base, ports in zip(self.E, self.B, strict=True):
-            found.append(_summed(dict(base), ports, rows, n))
+            found.append(summed(dict(base), ports, rows, n))
         for (outputs, outside), port in zip(self.out, self.shown, strict=True):
             base, ports = {n + column: gain for column, gain in outside.items()}, {}
             for output, gain in outputs.items():
-                _add(base, self.C[output], gain)
-                _add(ports, self.D[output], gain)
+                add_to(base, self.C[output], gain)
+                add_to(ports, self.D[output], gain)
             if port is not None:  # what is known of a port is better than its sum, whose terms may cancel
                 base, ports = {}, {port: 1.0}
-            found.append(_summed(base, ports, rows, n))
+            found.append(summed(base, ports, rows, n))
         whole = []
         for some in (found[:n], found[n:]):
             for first, width in ((0, n), (n, self.inputs)):
-                rows = [_part(row, first, first + width) for row in some]
-                whole.append(_stacked(rows, width, self.batch, self.kind))
+                rows = [between(row, first, first + width) for row in some]
+                whole.append(stacked(rows, width, self.batch, self.kind))
         return tuple(whole)
-
-
-def _entries(matrix, first) -> list[Row]:
-    """Return the entries of each row that are not zero in the whole batch, by their columns, the first of which is `first`."""
-    if matrix.ndim == 2 and matrix.dtype.kind != "c":
-        return [{first + at: each for at, each in enumerate(row) if each} for row in matrix.tolist()]
-    (*batch, height, width), found = matrix.shape, [{} for _ in range(matrix.shape[-2])]
-    flat = matrix.reshape(prod(batch), height * width)
-    filled = np.flatnonzero((flat != 0).any(0))
-    if not filled.size:
-        return found
-    some = np.ascontiguousarray(flat[:, filled].T)
-    one = some[:, 0]
-    plain = (some == one[:, None]).all(1) & (one.imag == 0)  # see `_number`
-    for at, place in enumerate(filled.tolist()):
-        found[place // width][first + place % width] = one[at].real.item() if plain[at] else some[at].reshape(batch)
-    return found
-
-
-def _number(each):
-    """Return a plain number if `each` is the same real number in the whole batch, and an array otherwise.
-
-    Complex numbers stay in arrays, since Python multiplies them differently.
-    """
-    if isinstance(each, int | float):
-        return float(each)
-    each = numbers(each)
-    flat = each.ravel()
-    if not flat.size or flat[0] != flat[-1] or flat[0].imag != 0 or not (flat == flat[0]).all():
-        return each
-    return flat[0].real.item()
-
-
-def _add(row, other, factor):
-    """Add `factor` times the other row to the row."""
-    plain = isinstance(factor, float) and factor == 1.0
-    for column, value in other.items():
-        term = value if plain else factor * value
-        row[column] = row[column] + term if column in row else term
-
-
-def _products(matrix, rows) -> list[Row]:
-    """Return a matrix times rows."""
-    found = []
-    for line in _entries(matrix, 0):
-        found.append({})
-        for at, factor in line.items():
-            _add(found[-1], rows[at], factor)
-    return found
-
-
-def _sizes(row) -> Row:
-    return {column: abs(value) for column, value in row.items()}
-
-
-def _part(row, first, end=np.inf) -> Row:
-    """Return the columns from `first` on up to `end`, counted from `first`."""
-    return {column - first: value for column, value in row.items() if first <= column < end}
-
-
-def _stacked(rows, width, batch, kind):
-    """Return rows as an array `(..., len(rows), width)`.
-
-    If the batch has several axes, each axis along which nothing varies has length 1.
-    """
-    if len(batch) > 1:
-        batch = np.broadcast_shapes((1,) * len(batch), *{np.shape(value) for row in rows for value in row.values()})
-    out = np.zeros((*batch, len(rows), width), kind)
-    for at, row in enumerate(rows):
-        for column, value in row.items():
-            out[..., at, column] = value
-    return out
-
-
-def _summed(row, ports, rows, states) -> Row:
-    """Return the row plus the sum of these ports; an entry of an input is 0 if it is only rounding of its terms.
-
-    With no filter and no delay in the line the wall's force reaches the avatar twice, by +1/b and -1/b. What rounding leaves of
-    that is eps/b, which is large if b is small.
-    """
-    sizes = {}  # of the terms, where there are several
-    for port, factor in ports.items():
-        for column, value in rows[port].items():
-            term = factor * value
-            if column in row and column >= states:
-                sizes[column] = (sizes[column] if column in sizes else abs(row[column])) + abs(term)
-            row[column] = row[column] + term if column in row else term
-    for column, size in sizes.items():
-        total = row[column]
-        if isinstance(size, float):
-            row[column] = 0.0 if abs(total) <= ROUNDING * size < np.inf else total
-        else:
-            with np.errstate(invalid="ignore"):
-                row[column] = np.where((np.abs(total) <= ROUNDING * size) & np.isfinite(size), 0.0, total)
-    return row
 
 
 class _Tracer:
@@ -347,7 +244,7 @@ class _Tracer:
             for source, gain in self.sums[signal].items():
                 if not isinstance(gain, int | float):
                     self.used.append(numbers(gain))
-                _add(total, self.trace(source), _number(gain))
+                add_to(total, self.trace(source), plain_or_array(gain))
             self.known[signal] = total
         return self.known[signal]
 
