@@ -5,8 +5,10 @@ The avatar follows the device, so nothing of the loop depends on the impedance, 
 
 import numpy as np
 import pytest
+from stress.drawings import monodromy
 
 import wavesweep
+from wavesweep.diagram.assembly import assembled
 
 IMPEDANCES = 10.0 ** np.arange(-4, 15, 2)
 USUAL = (IMPEDANCES >= 1) & (IMPEDANCES < 1e5)
@@ -178,16 +180,15 @@ def test_a_margin_of_ticks_that_cancel_each_other_is_right_or_missing(g):
     assert np.isnan(found) if g > 1e6 else found == pytest.approx(truth, rel=1e-8)
 
 
-@pytest.mark.parametrize("impedances", [(1.0, 1.0), (10.0, 3.0), (1e4, 1e-4), (1e8, 1e-6)])
-def test_two_lines_in_a_row_have_the_end_of_one(impedances):
-    """Four ports are torn: the terms of a product with the inverse of their equations cancel."""
-    one = wavesweep.compile(line(1.0)).stable_intervals("B", (0, 1e4))
-    spec = line(impedances[0])
-    spec["numbers"]["c"] = impedances[1]
+def two_lines(b, c, every, integration, wall, device):
+    """A line behind another one, the second's avatar at a slower rate."""
+    spec = line(b)
+    spec["numbers"] |= dict(zip(("K", "B", "m", "c"), (*wall, device[0], c), strict=True))
+    spec["block"]["device"]["damping"] = device[1]
     spec["block"] |= {
-        "between": {"type": "avatar", "b": "b", "integration": "implicit"},
+        "between": {"type": "avatar", "b": "b", "integration": integration},
         "second": {"type": "wave", "b": "c"},
-        "avatar": {"type": "avatar", "b": "c", "integration": "implicit"},
+        "avatar": {"type": "avatar", "b": "c", "integration": integration, "every": every},
     }
     spec["wire"] |= {
         "end.in": "between.out",
@@ -197,6 +198,39 @@ def test_two_lines_in_a_row_have_the_end_of_one(impedances):
         "second.in": "avatar.out",
         "avatar.in": "second.out",
     }
+    return spec
+
+
+@pytest.mark.parametrize(
+    ("along", "stop", "loop"),
+    [
+        ("B", 1e3, (413.6, 1.136, 10, "implicit", (1326.0, 0.1007), (0.3212, 0.2042))),
+        ("B", 1e3, (5.088, 9.107, 10, "implicit", (2510.0, 1.852), (0.3257, 0.05112))),
+        ("K", 1e5, (14.84, 247.6, 5, "trapezoidal", (138.5, 6.069), (0.5309, 6.653))),
+        ("B", 1e3, (14.84, 247.6, 5, "trapezoidal", (138.5, 6.069), (0.5309, 6.653))),
+        ("K", 1e5, (5.397, 299.4, 1, "trapezoidal", (10.44, 0.1395), (0.04186, 6.236))),
+    ],
+)
+def test_usual_lines_in_a_row_are_certified(along, stop, loop):
+    """To close a tick over the number loses more digits than to connect it with the number in its place, which tells."""
+    tables = two_lines(*loop)
+    found = wavesweep.compile(tables).stable_intervals(along, (0, stop))
+    assert found["certified"].tolist() == [True]
+
+    def radius(value):
+        spec = wavesweep.compile(tables | {"numbers": tables["numbers"] | {along: value}}).spec
+        z = np.linalg.eigvals(monodromy(assembled(spec.drawing, spec.values)))
+        return np.abs(z[np.abs(z - 1) > 1e-6]).max()
+
+    end = found["high"][0]
+    assert radius(end * (1 - 1e-6)) < 1 < radius(end * (1 + 1e-6))
+
+
+@pytest.mark.parametrize("impedances", [(1.0, 1.0), (10.0, 3.0), (1e4, 1e-4), (1e8, 1e-6)])
+def test_two_lines_in_a_row_have_the_end_of_one(impedances):
+    """Four ports are torn: the terms of a product with the inverse of their equations cancel."""
+    one = wavesweep.compile(line(1.0)).stable_intervals("B", (0, 1e4))
+    spec = two_lines(*impedances, 1, "implicit", (500.0, 1.0), (0.1, 1.5))
     two = wavesweep.compile(spec).stable_intervals("B", (0, 1e4))
     np.testing.assert_allclose(two["high"], one["high"], rtol=1e-12 * max(1.0, max(impedances) / 1e4))
     assert two["certified"].all() or max(impedances) > 10

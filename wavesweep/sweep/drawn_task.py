@@ -194,8 +194,11 @@ class DrawnTask:
         some = np.flatnonzero(hidden)
         if not some.size:
             return found
-        lost = shaken(found.take(some), self.span, period, loops().errors)
-        return _in_doubt(found, found.column[some], np.where(lost, ROUNDING, NONE))
+        loops = loops()
+        some = some[shaken(found.take(some), self.span, period, loops.errors)]
+        if some.size and loops.open_ticks:  # closing a tick may lose more than connecting it with the number in its place
+            some = some[shaken(found.take(some), self.span, period, replace(loops, open_ticks=None).errors)]
+        return _in_doubt(found, found.column[some], np.full(some.size, ROUNDING))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,13 +17,14 @@ STEP = 1e-6  # of an end, over which the slope of an eigenvalue is taken
 
 
 def shaken(found: Intervals, span, period, errors) -> np.ndarray:
-    """Return whether rounding could move an end of each element by more than EXACT, or an eigenvalue within it over the circle.
+    """Return whether rounding could move an end of each element by more than EXACT, or change the verdict within it.
 
     found: elements. span: (low, high). period: s of a frame, per column. errors(column, p): frames less identity `(k, n, n)` of
     these loops at these values of the parameter, and bounds on the errors of their entries.
 
-    An end moves by the change of the eigenvalue that crosses there, over its slope; the change is the bound between its left
-    and right eigenvector, to first order. An end that is ATTACHED to the span is exact, or as good as that of the span.
+    An end moves by the change of the eigenvalue that crosses there, over its slope. The change is its distance from the circle
+    in these frames, which may be made otherwise than those that gave the end, and the bound between its left and right
+    eigenvector, to first order. An end that is ATTACHED to the span is exact, or as good as that of the span.
     """
     low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), span, strict=True))
     width, column, end = span[1] - span[0], found.column, np.concatenate([low, high])
@@ -36,22 +37,23 @@ def shaken(found: Intervals, span, period, errors) -> np.ndarray:
         owner = np.concatenate([np.tile(column, len(WITHIN)), np.tile(column[whose], 2)])
         E, dE = errors(owner, np.concatenate([within, end, end + STEP * least]))
         first, last = within.size, within.size + end.size
-        lost = _may_cross(E[:first], dE[:first]).reshape(len(WITHIN), -1).any(0)
+        lost = _may_not_be(np.tile(found.count > 0, len(WITHIN)), E[:first], dE[:first]).reshape(len(WITHIN), -1).any(0)
         moved = _moved(E[first:last], dE[first:last], E[last:], STEP * least, at)
         lost[whose[~(moved <= EXACT * least)]] = True
     return lost
 
 
-def _may_cross(E, dE):
-    """Whether an eigenvalue may be on the other side of the circle than it is, or E is not finite."""
+def _may_not_be(stable, E, dE):
+    """Whether a loop may be stable or not otherwise than as given, an eigenvalue be beyond the circle, or E is not finite."""
     finite = np.isfinite(E).all((-1, -2)) & np.isfinite(dE).all((-1, -2))
     E, dE = (np.where(finite[:, None, None], part, 0.0) for part in (E, dE))
     delta = np.linalg.eigvals(E).astype(complex)
-    return ~finite | may_have(E, dE, at_angles_of(delta, 1.0, np.abs(excess(delta))))
+    verdict = (excess(delta) < 0).all(-1)
+    return ~finite | (verdict != stable) | may_have(E, dE, at_angles_of(delta, 1.0, np.abs(excess(delta))))
 
 
 def _moved(E, dE, later, step, at):
-    """By how much rounding within dE moves the value of the parameter at which an eigenvalue next to `1 + at` is on the circle.
+    """By how much the value of the parameter at which an eigenvalue next to `1 + at` is on the circle may be off.
 
     later: E at a further step of the parameter. NaN if E is not finite.
     """
@@ -60,7 +62,9 @@ def _moved(E, dE, later, step, at):
     if real.size:  # two eigenvalues may meet there
         place, kind = np.where(at[real].real < -1, -2.0, 0.0), np.full(real.size, ONE)
         value, unsure = function_of_two(E[real], kind, place, dE[real])
-        slope[real] = unsure / np.abs(function_of_two(later[real], kind, place, dE[real])[0] - value) * step[real]
+        slope[real] = (
+            (np.abs(value) + unsure) / np.abs(function_of_two(later[real], kind, place, dE[real])[0] - value) * step[real]
+        )
     return np.fmin(moved, slope)
 
 
@@ -70,6 +74,8 @@ def _moved_alone(E, dE, slope, at):
     index = np.argmin(np.abs(delta - at[:, None]), axis=-1)[:, None]
     left = np.take_along_axis(inverse(right), index[..., None], -2)
     right = np.take_along_axis(right, index[..., None], -1)
-    z = 1 + np.take_along_axis(delta, index, -1)[:, 0]
+    delta = (left @ E @ right)[:, 0, 0]  # a quotient of Rayleigh, which is as good as the entries
+    z = 1 + delta
     speed = (np.conj(z) * (left @ slope @ right)[:, 0, 0]).real
-    return np.where(finite, np.abs(z) * (np.abs(left) @ dE @ np.abs(right))[:, 0, 0] / np.abs(speed), np.nan)
+    off = np.abs(excess(delta)) / 2 + np.abs(z) * (np.abs(left) @ dE @ np.abs(right))[:, 0, 0]
+    return np.where(finite, off / np.abs(speed), np.nan)
