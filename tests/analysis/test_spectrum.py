@@ -1,8 +1,10 @@
-"""Units in which a matrix is balanced."""
+"""Units in which a matrix is balanced, and verdicts on the circle."""
 
 import numpy as np
+import pytest
 
-from wavesweep.analysis.spectrum import balance
+import wavesweep
+from wavesweep.analysis.spectrum import balance, is_stable, radius_of
 
 
 def test_balancing_changes_the_units_of_states_and_no_eigenvalue():
@@ -16,3 +18,34 @@ def test_balancing_changes_the_units_of_states_and_no_eigenvalue():
     assert np.abs(balanced).max() < 1e3
     for one, other in zip(np.linalg.eigvals(balanced), np.linalg.eigvals(E), strict=True):
         np.testing.assert_allclose(np.sort_complex(one), np.sort_complex(other), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("distance", "inside"), [(0.0, False), (1e-16, False), (1e-12, True), (-1e-12, False)])
+def test_what_rounding_alone_keeps_within_the_circle_is_not_stable(distance, inside):
+    """A rotation by any angle, in units of the states that are far apart."""
+    angle, units = np.linspace(0.01, 3.1, 40), np.array([1e8, 1.0])
+    turn = np.stack([np.stack([np.cos(angle), -np.sin(angle)], -1), np.stack([np.sin(angle), np.cos(angle)], -1)], -2)
+    E = ((1 - distance) * turn - np.eye(2)) * (units[None, :] / units[:, None])
+    assert (is_stable(E) == inside).all()
+    radius = radius_of(E)
+    assert ((radius < 1) == inside).all()
+    np.testing.assert_allclose(radius, 1 - distance, rtol=0, atol=1e-14)
+
+
+def test_an_undamped_mode_is_not_stable_at_any_stiffness():
+    """The sign of rounding decided: stable at some of them, with a steady response."""
+    spec = {"device": {"damping": 0.0}, "controller": {"kind": "dc-slow"}, "environment": {"B_VE": 0.0, "K_VE": 0.0}}
+    for stiffness in (10.0, 50.0, 100.0, 200.0, 500.0):
+        hand = spec | {"operator": {"stiffness": stiffness}, "bode": {"frequency_hz": [1.0]}}
+        assert wavesweep.bode(hand)["doubt"].tolist() == ["unstable"]
+        assert not wavesweep.passivity(hand)["stable"].any()
+
+
+def test_the_rate_that_direct_coupling_does_not_run_at_counts_for_its_frame():
+    spec = {"rates": {"fast_hz": 1000.0, "ratio": 2}, "controller": {"kind": "dc"}, "bode": {"frequency_hz": [60.0]}}
+    alone = [spec | {"rates": {"fast_hz": 1000.0, "ratio": ratio}} for ratio in (2, 3, 6)]
+    radii = wavesweep.compile(spec).spectral_radius(**{"rates.ratio": [2, 3, 6]})
+    assert radii.tolist() == [wavesweep.compile(each).spectral_radius() for each in alone]
+    swept = wavesweep.bode(spec | {"bode": {"frequency_hz": [60.0], "rates.ratio": [2, 3, 6]}})
+    for name in ("omega_Ts", "worst_gain"):
+        assert swept[name].tolist() == [wavesweep.bode(each)[name][0] for each in alone]

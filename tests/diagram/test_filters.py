@@ -65,3 +65,13 @@ def test_a_batch_of_cutoffs_is_the_same_one_by_one():
     for i, cutoff in enumerate(cutoffs):
         alone = butterworth("f", 5, cutoff, 1e-3)
         assert all(np.array_equal(getattr(together, part)[i], getattr(alone, part)) for part in "EBCD")
+
+
+@pytest.mark.parametrize("beside", [1e-2, 1e-5, 1e-8])
+def test_a_cutoff_next_to_half_the_rate_says_what_it_has_lost(beside):
+    block = butterworth("f", 2, np.array([20.0, 500 - beside]), 1e-3, highpass=True)
+    tangent = exact.mp.tan(exact.mp.pi * exact.mp.mpf(500 - beside) / 1000)
+    lost = abs(float(exact.mp.mpf(float(np.tan(np.pi * ((500 - beside) * 1e-3)))) / tangent - 1))
+    assert block.condition[0] == 1.0
+    assert lost <= 4 * np.finfo(float).eps * block.condition[1]
+    np.testing.assert_allclose(block.terms[1], block.condition[:, None, None] * np.abs(block.B))

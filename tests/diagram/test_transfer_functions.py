@@ -201,3 +201,27 @@ def test_a_pole_at_one_in_coefficients_that_are_expressions(name):
 
     high = table["high"][0]
     assert radius(high * (1 - 1e-6)) < 1 < radius(high * (1 + 1e-6))
+
+
+@pytest.mark.parametrize("leak", [1.2345e-3, 1.2345e-8, 1.2345e-10])
+@pytest.mark.parametrize(
+    "block",
+    [
+        {"type": "tf", "num": ["K"], "den": [1, "-(1 - leak)"]},
+        {"type": "ss", "A": [["1 - leak"]], "B": [["K"]], "C": [[1]], "D": [[0]], "inputs": ["u"], "outputs": ["y"]},
+    ],
+)
+def test_a_coefficient_keeps_its_distance_from_1(leak, block):
+    """A leaky integrator about a plain gain is stable up to K = leak, whatever the double nearest to 1 - leak is."""
+    spec = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 1e-12, "leak": leak},
+        "block": {"c": block | {"discrete": True}, "p": {"type": "hold"}},
+        "wire": {"c.u": "p.y", "p.u": "c.y"},
+    }
+    found = wavesweep.compile(spec).stable_intervals("K", (-leak, 8 * leak))
+    assert found["certified"].all()
+    np.testing.assert_allclose(found["high"], leak, rtol=1e-12)
+    swept = wavesweep.compile(spec | {"numbers": {"K": leak / 2, "leak": 0.1}}).stable_intervals("leak", (leak / 8, 4 * leak))
+    assert swept["certified"].all()
+    np.testing.assert_allclose(swept["low"], leak / 2, rtol=1e-12)

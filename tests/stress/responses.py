@@ -9,10 +9,10 @@ from stress.judge import Verdict
 from stress.specs import FAMILIES, maybe, spread, usual
 from support import balls
 
+from wavesweep.analysis.doubt import SPARED
 from wavesweep.analysis.response import prepare, respond
 from wavesweep.diagram import draw
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.sweep.response_table import SPARED
 
 BITS = (256, 512, 1024, 2048, 4096)
 STEP = arb(2) ** -83  # relative and exact, to either side of a frequency where the formula is 0/0

@@ -234,3 +234,34 @@ def test_two_lines_in_a_row_have_the_end_of_one(impedances):
     two = wavesweep.compile(spec).stable_intervals("B", (0, 1e4))
     np.testing.assert_allclose(two["high"], one["high"], rtol=1e-12 * max(1.0, max(impedances) / 1e4))
     assert two["certified"].all() or max(impedances) > 10
+
+
+def test_an_end_at_0_is_exact_where_a_drift_begins_there():
+    """What rounding of the notch leaves of a stiffness of 0 is more than the least end of such a range may be off."""
+    notch = {"num": [1, "4*pi*6", "(2*pi*60)**2"], "den": [1, "4*pi*60", "(2*pi*60)**2"]}
+    blocks = {name: {"type": "hold", "every": 32} for name in ("seen", "speed", "force")}
+    spec = {
+        "rates": {"tick_hz": 2000},
+        "numbers": {"K": 10.0},
+        "block": {
+            "handle": {"type": "mass", "mass": 0.15, "damping": 0.8},
+            "difference": {"type": "difference", "every": 2},
+            "low": {"type": "butterworth", "order": 2, "cutoff_hz": 80, "every": 2},
+            "notch": {"type": "tf"} | notch,
+            **blocks | {"force": blocks["force"] | {"phase": 2}},
+        },
+        "wire": {
+            "difference.u": "handle.x",
+            "low.u": "difference.y",
+            "seen.u": "handle.x",
+            "speed.u": "low.y",
+            "force.u": "K*seen.y + 2*speed.y",
+            "notch.u": "force.y",
+            "handle.f": "0.4*low.y - notch.y",
+        },
+    }
+    below, at = (wavesweep.compile(spec).stable_intervals("K", (low, 3000)) for low in (-100, 0))
+    assert at["certified"].all()
+    assert below["certified"].all()
+    assert below["low"].tolist() == [0.0]
+    np.testing.assert_allclose(below["high"], at["high"], rtol=1e-9)

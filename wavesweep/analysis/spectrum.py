@@ -40,7 +40,7 @@ def slowest(delta):
 
 def radius_of(E, hidden=False) -> np.ndarray:
     """Return the spectral radius of `I + E`; infinite if E is not finite, NaN if rounding could move it by a
-    thousandth of itself or of 1.
+    thousandth of itself or of 1, and 1 if it is below 1 by rounding alone.
 
     hidden: whether this is known already (see `telling_frame`). Otherwise only eigenvalues that nearly meet are so uncertain.
     Then the radius counts as known if no rounding of E makes one that is that much larger, by the smallest singular value there
@@ -48,7 +48,20 @@ def radius_of(E, hidden=False) -> np.ndarray:
     """
     delta, finite = eigenvalues(E)
     found = np.where(finite, _known(E, np.abs(1 + delta).max(-1, initial=0.0), delta), np.inf)
+    found = np.where(_is_rounding(1 - found, E), 1.0, found)
     return np.where(finite & hidden, np.nan, found)
+
+
+def _is_rounding(distance, E):
+    """Whether eigenvalues of `I + E` are inside the circle by that distance through rounding alone; NaN is not."""
+    n, distance = E.shape[-1], np.asarray(distance)
+    tolerance = BACKWARD * np.finfo(float).eps
+    found = (distance > 0) & (distance <= tolerance * np.maximum(1, np.abs(E).max((-1, -2), initial=0)))
+    some = np.flatnonzero(found)
+    if some.size:
+        balanced, _ = balance(E.reshape(-1, n, n)[some])  # whose entries are often much smaller
+        found.reshape(-1)[some] = distance.reshape(-1)[some] <= tolerance * np.maximum(1, np.abs(balanced).max((-1, -2)))
+    return found
 
 
 def _known(E, radius, delta):
@@ -85,9 +98,10 @@ def _outgrows(delta, size, radius):
 
 
 def is_stable(E) -> np.ndarray:
-    """Return whether every eigenvalue of `I + E` is inside the unit circle; false if E is not finite."""
+    """Return whether every eigenvalue of `I + E` is inside the unit circle by more than rounding; false if E is not finite."""
     delta, finite = eigenvalues(E)
-    return finite & (excess(delta) < 0).all(-1)
+    distance = -excess(delta).max(-1, initial=-1.0) / 2
+    return finite & (distance > 0) & ~_is_rounding(distance, np.where(finite[..., None, None], E, 0.0))
 
 
 def spectral_radius(cut: Cut, K_VE, B_VE) -> np.ndarray:

@@ -11,7 +11,7 @@ from wavesweep.diagram.block import numbers
 from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.diagram.tame import SALTS, SPREAD, scattered
 from wavesweep.diagram.uneven import RATIO, Uneven
-from wavesweep.diagram.values import values_of
+from wavesweep.diagram.values import rest_of, values_of
 from wavesweep.errors import UsageError
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.drawing import LEAST, NOTHING, Drawing, scalars
@@ -57,7 +57,17 @@ def _placed(block, known, tick):
     keys = {PARAMETERS.get((block.type, name), name): _key(kinds[name], value, known) for name, value in block.keys}
     if block.type == "ss" and not keys["D"]:
         keys["D"] = [[0.0] * len(keys["inputs"]) for _ in keys["outputs"]]
+    if keys.get("discrete"):
+        trees = dict(block.keys)
+        if block.type == "tf":
+            keys["rests"] = tuple(_rests(trees[name], keys[name], known) for name in ("num", "den"))
+        else:
+            keys["rests"] = [_rests(*row, known) for row in zip(trees["A"], keys["A"], strict=True)]
     return Placed(getattr(blocks, block.type)(block.name, every * tick, **keys), every, phase)
+
+
+def _rests(trees, values, known):
+    return [rest_of(tree, value, known) for tree, value in zip(trees, values, strict=True)]
 
 
 def _key(kind, value, known):

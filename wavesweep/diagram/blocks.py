@@ -27,25 +27,29 @@ def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
     return replace(block, terms=sizes)
 
 
-def ss(name, period, A, B, C, D, inputs, outputs, discrete=False) -> Block:
-    """State-space model with the ports `inputs` and `outputs`; continuous ones have their inputs held: exact."""
+def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) -> Block:
+    """State-space model with the ports `inputs` and `outputs`; continuous ones have their inputs held: exact.
+
+    rests: of a discrete one, what rounding has taken from the entries of A.
+    """
     n, m, p = len(A), len(inputs), len(outputs)
     A, B, C, D = (_matrix(rows, shape) for rows, shape in ((A, (n, n)), (B, (n, m)), (C, (p, n)), (D, (p, m))))
-    E, G, *sizes = (A - np.eye(n), B) if discrete else held(A, B, period)
+    rest = 0.0 if rests is None else _matrix(rests, (n, n))
+    E, G, *sizes = (A - np.eye(n) + rest, B) if discrete else held(A, B, period)
     block = _block(name, inputs, outputs, tuple(f"x{i}" for i in range(n)), E, G, C, D)
     return replace(block, terms=(*sizes, np.abs(block.C), np.abs(block.D))) if sizes else block
 
 
-def tf(name, period, num, den, discrete=False) -> Block:
+def tf(name, period, num, den, discrete=False, rests=None) -> Block:
     """Transfer function from coefficients of descending powers, in controllable form; `u` -> `y`.
 
     A discrete one is realised in powers of z - 1, or of z + 1 if its poles are plain numbers and nearer to -1, to which its
     coefficients are taken without rounding: in powers of z, the ticks of a long frame would grow and cancel. Poles that are
-    written as 0 are delays.
+    written as 0 are delays. rests: what rounding has taken from the coefficients of num and den of a discrete one.
     Accuracy: that of the coefficients, whose roots lose digits at high orders; `butterworth` and `ss` do not.
     """
     if discrete:
-        return _discrete_tf(name, num, den)
+        return _discrete_tf(name, num, den, *(rests or ([0.0] * len(num), [0.0] * len(den))))
     n, (A, B, C, D) = len(den) - 1, _controllable([numbers(each) for each in num], [numbers(each) for each in den])
     return ss(name, period, A if n else [], B if n else [], C, D, ("u",), ("y",))
 
@@ -59,12 +63,14 @@ def _controllable(num, den):
     return A[:n], [[1.0 if row == 0 else 0.0] for row in range(n)], C, [[b[0]]]
 
 
-def _discrete_tf(name, num, den):
+def _discrete_tf(name, num, den, of_num, of_den):
     """`num(z)/(z^k rest(z))`: the input goes through `1/rest` and then k delays, which the last k coefficients read."""
     k = next((at for at, each in enumerate(reversed(den)) if type(each) not in (int, float) or each), 0)
-    n, num = len(den) - 1 - k, [0.0] * (len(den) - len(num)) + list(num)
+    more = [0.0] * (len(den) - len(num))
+    n, num, of_num = len(den) - 1 - k, [*more, *num], [*more, *of_num]
     about = -1 if _near_minus_one(den[: n + 1]) else 1
-    A, B, C, D = _controllable(_about(about, num[: n + 1]), _about(about, den[: n + 1]))
+    shifted = (_about(about, each[: n + 1], rest[: n + 1]) for each, rest in ((num, of_num), (den, of_den)))
+    A, B, C, D = _controllable(*shifted)
     A = [[each + (about - 1) * (i == j) for j, each in enumerate(row)] for i, row in enumerate(A)]
     E = [[*row, *[0.0] * k] for row in A] + [[1.0 * (i == j - 1) - (i == j) for i in range(n + k)] for j in range(n, n + k)]
     B, C = [*B, *([1.0 * (j == 0)] for j in range(n, n + k))], [[*C[0], *(numbers(each) / den[0] for each in num[n + 1 :])]]
@@ -81,21 +87,23 @@ def _near_minus_one(den):
     """
     if not all(type(each) in (int, float) for each in den):
         return False
-    ones, minus = (np.abs(_about(at, den)) for at in (1, -1))
+    ones, minus = (np.abs(_about(at, den, [0.0] * len(den))) for at in (1, -1))
     far, near = (np.max((each[1:] / each[0]) ** (1 / np.arange(1, len(each))), initial=0.0) for each in (ones, minus))
     return near < far and ones[-1] > 0
 
 
-def _about(at, coefficients):
+def _about(at, coefficients, rests):
     """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it again and again.
 
-    The rounding of each sum is kept beside it (D. E. Knuth, TAOCP 2, 4.2.2, theorem B).
+    rests: what rounding has taken from the coefficients. That of each sum is kept beside it (D. E. Knuth, TAOCP 2, 4.2.2,
+    theorem B).
     """
     if at < 0:  # p(z) = q(-z), and z + 1 = -(-z - 1)
         signs = [(-1.0) ** i for i in range(len(coefficients))][::-1]
-        turned = _about(1, [sign * numbers(each) for sign, each in zip(signs, coefficients, strict=True)])
+        parts = ([sign * numbers(each) for sign, each in zip(signs, some, strict=True)] for some in (coefficients, rests))
+        turned = _about(1, *parts)
         return [sign * each for sign, each in zip(signs, turned, strict=True)]
-    sums, lost = [numbers(each) for each in coefficients], [0.0] * len(coefficients)
+    sums, lost = [numbers(each) for each in coefficients], list(rests)
     for end in range(len(sums), 1, -1):
         for i in range(1, end):
             total = sums[i] + sums[i - 1]

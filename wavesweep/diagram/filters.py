@@ -1,8 +1,12 @@
 """Digital Butterworth filters from normal-form sections, which are accurate at any order and cutoff."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from wavesweep.diagram.block import Block, matrix, numbers
+
+FEW = 64.0  # roundings that the distance of a cutoff from half the rate may lose without a word
 
 
 def butterworth(name: str, order: int, cutoff_hz, period, highpass: bool = False) -> Block:
@@ -13,13 +17,20 @@ def butterworth(name: str, order: int, cutoff_hz, period, highpass: bool = False
     Each pole pair is the bilinear image of `[[alpha, beta], [-beta, alpha]]`, inputs and outputs balanced, because a
     transfer function, and even direct-form sections, lose every digit at order 10 and a cutoff of 0.1 % of the rate.
     Source: A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 7.1; B. Gold, C. Rader 1967 (normal form).
-    Accuracy: response good to 1e-13 relative for orders to 12 and cutoffs from 0.1 % of the rate to its half.
+    Accuracy: response good to 1e-13 relative for orders to 12 and cutoffs from 0.1 % of the rate to its half, next to which the
+    cutoff's distance from it has lost digits: the block's condition, and the sizes of its terms, say how many.
     """
     if order == 0:
         return _assemble(name, [])
-    warped = np.tan(np.pi * numbers(cutoff_hz) * period)
+    share = numbers(cutoff_hz) * period
+    warped, lost = np.tan(np.pi * share), 1 / np.maximum(1 - 2 * share.real, np.finfo(float).tiny)
     sections = [_pair(warped, np.pi * (2 * k + order - 1) / (2 * order), highpass) for k in range(1, order // 2 + 1)]
-    return _assemble(name, sections + ([_single(warped, highpass)] if order % 2 else []))
+    filter_ = _assemble(name, sections + ([_single(warped, highpass)] if order % 2 else []))
+    if not np.any(lost > FEW):
+        return filter_
+    lost = np.where(lost > FEW, lost, 1.0)
+    sizes = (lost[..., None, None] * np.abs(getattr(filter_, part)) for part in "EBCD")
+    return replace(filter_, condition=lost, terms=tuple(sizes))
 
 
 def _single(warped, highpass):

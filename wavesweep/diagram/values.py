@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.spec.expressions import CANCELLED, Tree, computed_sums, evaluate, names_in
+from wavesweep.spec.expressions import CANCELLED, Tree, computed_sums, evaluate, is_given, names_in
+
+ROUNDED = "(rounded)"  # no number of a spec can have this name
 
 
 def values_of(tree: Tree, numbers: Mapping[str, Any]) -> Any:
@@ -25,6 +27,13 @@ def values_of(tree: Tree, numbers: Mapping[str, Any]) -> Any:
             lost = lost | (np.abs(one + other if sign == "+" else one - other) < CANCELLED * np.abs(one))
         lost = lost & np.isfinite(rough)
     return _again(tree, numbers, np.array(rough), lost) if lost.any() else rough
+
+
+def rest_of(tree: Tree, value: Any, numbers: Mapping[str, Any]) -> Any:
+    """Return what rounding has taken from the value of a tree; 0 for a number itself, and for complex values."""
+    if is_given(tree) or np.iscomplexobj(value):
+        return 0.0
+    return values_of(("-", tree, ("name", ROUNDED, 0), 0), {**numbers, ROUNDED: value})
 
 
 def _again(tree, numbers, found, lost):

@@ -297,13 +297,14 @@ def value_of(tree: Tree, numbers: Mapping[str, float]) -> float:
 def computed_sums(tree: Tree) -> tuple[Tree, ...]:
     """Return the sums in a tree with a term that is computed itself, without offsets; one of two numbers is rounded once."""
     found = [each for part in tree[1:-1] if isinstance(part, tuple) for each in computed_sums(part)]
-    if tree[0] in ("+", "-") and not all(map(_is_given, tree[1:-1])):
+    if tree[0] in ("+", "-") and not all(map(is_given, tree[1:-1])):
         found.append(tree[:-1])
     return tuple(found)
 
 
-def _is_given(tree: Tree) -> bool:
-    return tree[0] in ("number", "name") or (tree[0] == "negative" and _is_given(tree[1]))
+def is_given(tree: Tree) -> bool:
+    """Whether a tree is a number or a name, or the negative of one, which no rounding changes."""
+    return tree[0] in ("number", "name") or (tree[0] == "negative" and is_given(tree[1]))
 
 
 def with_number(tree: Tree, name: str, number: float) -> Tree:

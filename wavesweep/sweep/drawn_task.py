@@ -155,7 +155,7 @@ class DrawnTask:
             hidden = np.broadcast_to(hidden_in(opened.frame.ticks, opened.frame.growth), size)[found.column]
             hidden |= np.broadcast_to(turned(opened.frame.E, sizes_in_all(opened.frame.ticks)), size)[found.column]
             found = _doubted(found, cut.growth[found.column])
-            return self._unshaken(found, hidden, lambda: self._loops(values), cut.period)
+            return self._unshaken(found, hidden, lambda: self._loops(values), cut.period, values)
         loops = self._loops(values)
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
@@ -164,10 +164,10 @@ class DrawnTask:
         bounds = self.bounds if uneven else domains(self.drawing, values, self.along, self.span, size)
         found = stable_along_any(loops.frames, self.span, size, period, bounds, variable)
         if variable == FROM_ZERO:
-            found = self._beginning_at_one(found, values, loops.drift)
+            found = self._beginning_at_one(found, values)
         low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), self.span, strict=True))
         growth, hidden = loops.examined(found.column[:, None], np.stack([low, low / 2 + high / 2, high], axis=-1))
-        return self._unshaken(_doubted(found, growth.max(-1)), hidden.any(-1), lambda: loops, period)
+        return self._unshaken(_doubted(found, growth.max(-1)), hidden.any(-1), lambda: loops, period, values)
 
     def _variable(self):
         """How the number is followed; see `stable_along_any`."""
@@ -175,18 +175,22 @@ class DrawnTask:
             return BENT
         return FROM_ZERO if self.span[0] == 0 and bends_at_zero(self.drawing, self.along) else ""
 
-    def _beginning_at_one(self, found, values, drift):
+    def _beginning_at_one(self, found, values):
         """Intervals that begin at 0 with an eigenvalue 1, if a drift of the loop is stopped by the number alone."""
-        still = drift_of(self.drawing, values | {self.along: 0.0}, self.own)
-        if len(still.moved) + len(still.folded) == len(drift.moved) + len(drift.folded):
+        if not self._stops_drift(values):
             return found
         return replace(found, low_omega=np.where(found.low == 0, 0.0, found.low_omega))
+
+    def _stops_drift(self, values):
+        """Whether at 0 of the number, and only there, the loops have an eigenvalue that is exactly 1."""
+        with_, without = (drift_of(self.drawing, values | {self.along: value}, self.own) for value in (1.0, 0.0))
+        return len(without.moved) + len(without.folded) > len(with_.moved) + len(with_.folded)
 
     def _loops(self, values) -> "_Along":
         drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
         return _Along(self.drawing, self.along, values, drift, self._open_ticks(values))
 
-    def _unshaken(self, found, hidden, loops, period):
+    def _unshaken(self, found, hidden, loops, period, values):
         """Intervals in doubt if rounding of terms that cancel could move them.
 
         hidden: of which elements there are some; loops(): all loops of the batch.
@@ -194,10 +198,11 @@ class DrawnTask:
         some = np.flatnonzero(hidden)
         if not some.size:
             return found
-        loops = loops()
-        some = some[shaken(found.take(some), self.span, period, loops.errors)]
+        at_zero = (found.low[some] == 0) | (found.high[some] == 0)
+        loops, exact = loops(), 0.0 if at_zero.any() and self.span[0] < 0 and self._stops_drift(values) else np.nan
+        some = some[shaken(found.take(some), self.span, period, loops.errors, exact)]
         if some.size and loops.open_ticks:  # closing a tick may lose more than connecting it with the number in its place
-            some = some[shaken(found.take(some), self.span, period, replace(loops, open_ticks=None).errors)]
+            some = some[shaken(found.take(some), self.span, period, replace(loops, open_ticks=None).errors, exact)]
         return _in_doubt(found, found.column[some], np.full(some.size, ROUNDING))
 
 

@@ -137,7 +137,8 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: b
             "cannot depend on it; sweep a key that it reads (wavesweep check names them)"
         )
     _refuse_too_many("combinations", axes, MOST)
-    used = [axis for axis in axes if _is_read(axis.path, read)]
+    # Responses and radii are those of a frame, also if no part of the controller runs at the slow rate.
+    used = [axis for axis in axes if _is_read(axis.path, read) or axis.path in ("rates.ratio", "rates.slow_hz")]
     drawn = [axis for axis in used if not is_plain(spec, axis.path)]
     _refuse_too_many("combinations of the axes that the loop is drawn anew for", drawn, MOST_DRAWN)
     drawing = loop_of(spec, {axis.path: axis.values for axis in axes})

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING, UNSTABLE, words
+from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING, SPARED, UNSTABLE, words
 from wavesweep.analysis.response import Modal, circle, gain_of, prepare, respond
 from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.drawn_gain import MOST_TICKS, worst_gain_of_port
@@ -29,7 +29,6 @@ from wavesweep.sweep.running import Progress, Run, Work, in_memory, run
 from wavesweep.sweep.table import Columns, Table, facts_of, with_unlike_units
 
 KEPT = 200  # ticks of a frame up to which a prepared loop is remembered; it takes memory with their square
-SPARED = 1e-6  # relative error up to which a row has no doubt
 
 
 def doubt_of(errors, stable, lost) -> np.ndarray:

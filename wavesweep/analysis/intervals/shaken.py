@@ -16,11 +16,12 @@ WITHIN = 0.25, 0.5, 0.75  # of an interval, or of the span of a column without o
 STEP = 1e-6  # of an end, over which the slope of an eigenvalue is taken
 
 
-def shaken(found: Intervals, span, period, errors) -> np.ndarray:
+def shaken(found: Intervals, span, period, errors, exact=np.nan) -> np.ndarray:
     """Return whether rounding could move an end of each element by more than EXACT, or change the verdict within it.
 
     found: elements. span: (low, high). period: s of a frame, per column. errors(column, p): frames less identity `(k, n, n)` of
-    these loops at these values of the parameter, and bounds on the errors of their entries.
+    these loops at these values of the parameter, and bounds on the errors of their entries. exact: a value at which an
+    eigenvalue is exactly 1, by the structure of the loop.
 
     An end moves by the change of the eigenvalue that crosses there, over its slope. The change is its distance from the circle
     in these frames, which may be made otherwise than those that gave the end, and the bound between its left and right
@@ -29,7 +30,7 @@ def shaken(found: Intervals, span, period, errors) -> np.ndarray:
     low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), span, strict=True))
     width, column, end = span[1] - span[0], found.column, np.concatenate([low, high])
     omega = np.concatenate([found.low_omega, found.high_omega])
-    some = np.flatnonzero(~np.isnan(omega) & (end - span[0] > ATTACHED * width))
+    some = np.flatnonzero(~np.isnan(omega) & (end - span[0] > ATTACHED * width) & ~((end == exact) & (omega == 0)))
     end, whose = end[some], some % column.size
     least, at = np.abs(end) + NEAR_ZERO * width, on_circle(omega[some] * period[column[whose]])
     with np.errstate(all="ignore"):
