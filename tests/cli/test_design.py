@@ -131,7 +131,8 @@ def test_the_bytes_are_the_same_for_two_workers_and_after_a_stop(run, tmp_path, 
 
 
 def test_bounds_that_no_design_meets_name_the_nearest_miss(run):
-    code, text, results = run("--set", "design.wish={z_width={at_least=50000, B_VE=[1]}}")
+    walls = "sweep={K_VE={start=0, stop=60000}}"
+    code, text, results = run("--set", "design.wish={z_width={at_least=50000, B_VE=[1]}}", "--set", walls)
     assert code == 1
     assert "no design of 48 meets all bounds; the nearest has z_width" in text
     assert "(at least 50000) with device.mass=" in text
@@ -179,6 +180,10 @@ def test_the_library_has_the_same_table(run, tmp_path):
         (["design.vary={}"], "design.vary: expected at least one number to vary"),
         (["rates.slow_hz=60"], "expected a [controller] whose rates divide"),
         (["design.for_all={rates.fast_hz=[1000, 2000]}"], "design for one rate"),
+        (
+            ["design.wish={z_width={at_least=50000, B_VE=[1]}}"],
+            "design.wish.z_width.at_least: expected <= 20000 N/m, the stiffest wall that is searched; raise it: sweep.K_VE = ",
+        ),
     ],
 )
 def test_what_cannot_be_designed_is_refused(run, change, text):

@@ -53,6 +53,12 @@ def test_the_plane_of_a_drawn_wall(run):
     assert (code, "N*m/rad with K = " in text) == (0, True)
     fields, _ = described(results / "wall" / "zwidth.datapackage.json")
     assert {fields[name]["unit"] for name in ("low", "high", "felt_low", "felt_high")} == {"N*m/rad"}
+    code, text, results = run("why", "wall.toml", "--set", rotational)
+    assert (code, "felt there: 0 N*m/rad" in text, " N/m" in text) == (0, True, False)
+    rows = read(results / "wall" / "why.csv")
+    assert set(rows["unit"]) == {"N*m/rad"}
+    code, text, _ = run("zwidth", "wall.toml", "--set", "ports.wall={ stiffness='K', damping='K' }")
+    assert (code, 'ports.wall.damping: expected another number than the stiffness, found "K"' in text) == (2, True)
     code, text, _ = run("zwidth", "arm.toml")
     assert (code, "arm.toml:24:2: ports: expected wall = {" in text) == (2, True)
 

@@ -103,7 +103,7 @@ def test_the_figure_of_a_large_sweep_goes_through_the_best_design(panels):
     figure = plots.zwidth({**panels, "felt_high": felt}, {})
     (title,) = [axes.get_title() for axes in figure.axes if any(line.get_marker() == "*" for line in axes.lines)]
     assert "700" in title or "70 " in title
-    assert any("stiffest felt: 9000" in text.get_text() for text in figure.legends[0].get_texts())
+    assert any("stiffest felt, certified: 9000" in text.get_text() for text in figure.legends[0].get_texts())
 
 
 def test_what_is_not_known_is_hatched(plane, bars):
@@ -177,3 +177,52 @@ def test_bars_of_hands_at_the_ends_of_the_axis_are_whole():
     left, right = axes.get_xlim()
     assert left < 1.0
     assert right > 4.0
+
+
+def texts_of(canvas):
+    return [text.get_text() for legend in canvas.legends for text in legend.get_texts()]
+
+
+def test_a_value_that_an_axis_has_twice_is_drawn_once(family, tmp_path):
+    again = {name: np.concatenate([column, column[family["b"] == 40]]) for name, column in family.items()}
+    for name, columns in (("once.png", family), ("twice.png", again)):
+        save(plots.zwidth(columns, {}), tmp_path / name, about_figure("zwidth", {}))
+    assert (tmp_path / "once.png").read_bytes() == (tmp_path / "twice.png").read_bytes()
+
+
+def test_the_star_is_said_to_be_certified_if_others_are_not(plane):
+    """The island reaches further; where it is smallest it is not certified."""
+    doubted = plane | {"certified": plane["interval"] == 0}
+    assert [text for text in texts_of(plots.zwidth(doubted, {})) if "largest" in text] == ["largest certified: 2300 N/m"]
+    assert not any("certified" in text for text in texts_of(plots.zwidth(plane | {"certified": plane["low"] >= 0}, {})))
+
+
+WALL = {
+    "rates": {"tick_hz": 1000},
+    "numbers": {"K": 5.0, "B": 0.01},
+    "block": {"m": {"type": "mass", "mass": 0.2, "damping": 2.0}, "h": {"type": "hold", "every": 5}},
+    "wire": {"h.u": "m.x", "m.f": "hand - K*h.y - B*m.v"},
+    "ports": {"hand": {"force": "hand", "displacement": "m.x"}, "wall": {"stiffness": "K", "damping": "B"}},
+}
+
+
+FACTS = {"spec": {"numbers": {name: {"value": 1.0, "unit": "", "description": ""} for name in "KB"}}}
+
+
+def test_an_axis_that_goes_by_factors_is_drawn_so():
+    damping = {"B": {"start": 0.001, "stop": 10, "num": 12, "scale": "log"}}
+    passive = wavesweep.passivity(WALL | {"sweep": damping})
+    columns = {name: passive[name].to_numpy() for name in passive}
+    assert [axes.get_xscale() for axes in plots.passivity(columns, FACTS).axes] == ["log", "log"]
+    rows = wavesweep.zwidth(WALL | {"sweep": damping | {"K": {"start": 0, "stop": 1e5}}})
+    columns = {"spec": np.full(len(rows), "wall", object)} | {name: rows[name].to_numpy() for name in rows}
+    assert [axes.get_xscale() for axes in plots.compare(columns, FACTS).axes] == ["log", "log"]
+
+
+def test_the_legend_of_a_comparison_names_the_marks_that_are_there(plane):
+    columns = {"spec": np.full(plane["low"].size, "one", object)} | plane
+    assert texts_of(plots.compare(columns, {})) == ["one", "lower end of a further interval", "not certified"]
+    first = {name: column[columns["interval"] == 0] for name, column in columns.items()}
+    assert texts_of(plots.compare(first, {})) == ["one"]
+    clipped = first | {"high_omega": np.full(first["low"].size, np.nan)}
+    assert texts_of(plots.compare(clipped, {})) == ["one", "the swept range ends it"]

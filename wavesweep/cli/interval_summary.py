@@ -131,7 +131,7 @@ class IntervalTally:
     def _where(self, extreme: Extreme) -> dict[str, Any]:
         place = extreme.place()
         edges = [name for name, value in place.items() if _at_an_edge(value, self._axes.get(name, ()))]
-        return {"at": place, "at_the_edge_of": edges, "equal_rows": extreme.ties}
+        return {"at": place, "at_the_edge_of": edges, "equal_rows": extreme.ties, "certified": bool(extreme.row["certified"])}
 
     def counts(self, slices: Mapping[str, int]) -> str:
         """Text: the numbers of slices and of intervals."""
@@ -159,7 +159,8 @@ class IntervalTally:
             known = f"no {adjective} {self._along} found, but part of the swept range could not be decided"
             return known if self._doubts and self._hand not in SEARCHED else none.format(along=self._along)
         value = f"largest {adjective} {self._along}: {found['value']:.6g}{self._unit(self._along)}"
-        return f"{value}{self._gap(found['from'])}{self._place(found)}{ENDS[found['ended_by']]}{_ended_by(self._largest.row)}"
+        ended = f"{ENDS[found['ended_by']]}{_ended_by(self._largest.row)}"
+        return f"{value}{self._gap(found['from'])}{self._place(found)}{ended}{self._doubtful(found)}"
 
     def without_gap(self) -> str:
         """Text: the largest value up to which all are stable, and its place; empty if that is the largest stable one."""
@@ -167,7 +168,7 @@ class IntervalTally:
         if found is None or found["value"] == self._largest.value:
             return ""
         first = f"every {self._along} from {self._range[0]:.6g} on {adjective} up to"
-        return f"{first} {found['value']:.6g}{self._unit(self._along)}{self._place(found)}"
+        return f"{first} {found['value']:.6g}{self._unit(self._along)}{self._place(found)}{self._doubtful(found)}"
 
     def stiffest_felt(self) -> str:
         """Text: the largest static stiffness that the hand feels within the stable intervals, and its place; may be empty."""
@@ -175,11 +176,15 @@ class IntervalTally:
         if found is None:
             return ""
         wall = f" with {self._along} = {found['with']:.6g}{self._unit(self._along)}{self._gap(self._felt.row['low'])}"
-        return f"stiffest wall as the hand feels it: {found['value']:.6g} {found['unit']}{wall}{self._place(found)}"
+        felt = f"stiffest wall as the hand feels it: {found['value']:.6g} {found['unit']}"
+        return f"{felt}{wall}{self._place(found)}{self._doubtful(found)}"
 
     def feels_the_wall(self) -> bool:
         """Whether the stiffest wall and the stiffest felt are the same, as with direct coupling."""
         return bool(self._largest.row) and np.isclose(self._felt.value, self._largest.value, rtol=1e-9)
+
+    def _doubtful(self, found: Mapping[str, Any]) -> str:
+        return "" if found["certified"] or self._hand in SEARCHED else ", not certified"
 
     def _gap(self, low: float) -> str:
         """Text: where an interval begins, if that is not at the start of the range."""

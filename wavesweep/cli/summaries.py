@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from wavesweep.analysis.doubt import SPARED
 from wavesweep.cli.design_summary import design, design_lines
 from wavesweep.cli.interval_summary import HandTally, SpecTally, count
 from wavesweep.cli.messages import Line, Numbers
@@ -48,7 +49,7 @@ class BodeTally:
     """Counts the rows of a table of responses: curves, frequencies, unstable loops, and rows with other doubts."""
 
     def __init__(self, _: Mapping[str, Any]) -> None:
-        self._rows = self._curves = self._diverging = self._doubted = 0
+        self._rows = self._curves = self._diverging = self._doubted = self._gains = 0
         self._frequencies, self._last = np.empty(0), None
         self._unstable: set[str] = set()
         self._doubts: set[str] = set()
@@ -65,7 +66,8 @@ class BodeTally:
         doubted = np.isin(columns["doubt"].astype(str), ["", "unstable"], invert=True)
         self._rows, self._curves = self._rows + new.size, self._curves + int(new.sum())
         self._diverging += int((new & ~columns["stable"]).sum())
-        self._doubted += int(doubted.sum())
+        known = (columns["admittance_error"] <= SPARED) & (columns["impedance_error"] <= SPARED)
+        self._doubted, self._gains = self._doubted + int(doubted.sum()), self._gains + int((doubted & known).sum())
         self._frequencies = np.union1d(self._frequencies, columns["frequency_hz"])
         self._unstable.update(columns["spec"][~columns["stable"]].tolist())
         self._doubts.update(columns["doubt"][doubted].tolist())
@@ -79,6 +81,7 @@ class BodeTally:
             "unstable_curves": self._diverging,
             "unstable_specs": sorted(self._unstable),
             "doubted_rows": self._doubted,
+            "doubted_worst_gains": self._gains,
             "doubts": sorted(self._doubts),
         }
 
@@ -102,7 +105,11 @@ def bode_lines(found: Numbers) -> Iterator[Line]:
         yield f"{share} unstable, without a steady response (of {', '.join(found['unstable_specs'])})", True
     if found["doubted_rows"]:
         words = ", ".join(found["doubts"])
-        yield f"{count(found['doubted_rows'], 'row')} without a reliable value ({words}), see the column doubt", True
+        rest = found["doubted_rows"] - found["doubted_worst_gains"]
+        if found["doubted_worst_gains"]:
+            yield f"{count(found['doubted_worst_gains'], 'row')} without a reliable worst gain, the rest of them reliable", True
+        if rest:
+            yield f"{count(rest, 'row')} without a reliable value ({words}), see the column doubt", True
 
 
 class PassivityTally:

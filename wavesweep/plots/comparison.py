@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.responses import bode
+from wavesweep.plots.layout import is_logarithmic
+from wavesweep.plots.responses import bode, rounded
 from wavesweep.plots.style import (
     DOUBTFUL,
     TWO_COLUMNS,
@@ -28,6 +29,10 @@ _WALLS = ((("high", "low"), f"ends of stable {symbol('K_VE')}"), (("felt_high", 
 _RESPONSES = (("admittance_abs", "admittance (mm/N)"), ("impedance_abs", "impedance (N/m)"))
 _MARKERS = "os^Dv<>P"
 _DASHES = ("-", (0, (5, 1.5)), (0, (3, 1, 1, 1)))
+_CLIPPED = {"marker": "o", "markersize": 3, "markerfacecolor": "white", "linestyle": ""}
+_LOWER = {"linestyle": ":", "linewidth": 0.8}
+_DOUBTED = {"marker": "x", "markersize": 3, "color": DOUBTFUL, "linestyle": ""}
+_FAINT = 0.35  # opacity
 _FEW = 25  # samples of a curve up to which each is marked
 
 
@@ -57,7 +62,8 @@ def compare(columns: Columns, facts: Mapping[str, Any], responses: Columns | Non
         for axes in grid.flat:
             axes.grid(visible=True, color="0.9", linewidth=0.5)
         canvas.align_ylabels()
-        canvas.legend(*_handles(specs), loc="outside lower center", ncols=min(4, len(specs) + 2))
+        handles, labels = _handles(specs, columns, responses)
+        canvas.legend(handles, labels, loc="outside lower center", ncols=min(4, len(handles)))
         note_assumptions(canvas, facts)
     return canvas
 
@@ -67,13 +73,21 @@ def compare_bode(columns: Columns, facts: Mapping[str, Any]) -> Any:
     return bode(columns, facts)
 
 
-def _handles(specs: list[str]) -> tuple[list[Any], list[str]]:
+def _handles(specs: list[str], columns: Columns, responses: Columns | None) -> tuple[list[Any], list[str]]:
+    """The entries of the legend: the specs, and those of the other marks that the figure has."""
     from matplotlib.lines import Line2D
 
-    looks = [Line2D([], [], **_look(number)) for number in range(len(specs))]
-    clipped = Line2D([], [], color="0.4", marker="o", markersize=3, markerfacecolor="white", linestyle="")
-    lower = Line2D([], [], color="0.4", linestyle=":", linewidth=0.8)
-    return [*looks, clipped, lower], [*map(as_it_stands, specs), "the swept range ends it", "lower end of a further interval"]
+    stable, grey = columns["intervals"] > 0, {"color": "0.4"}
+    marks = [
+        (stable & np.isnan(columns["high_omega"]), _CLIPPED | grey, "the swept range ends it"),
+        (stable & (columns["low"] > 0), _LOWER | grey, "lower end of a further interval"),
+        (~columns["certified"] & stable, _DOUBTED, "not certified"),
+    ]
+    if responses is not None:
+        marks.append((~responses["stable"], grey | {"alpha": _FAINT}, "faint: unstable"))
+    entries = [(_look(number), as_it_stands(spec)) for number, spec in enumerate(specs)]
+    entries += [(look, said) for rows, look, said in marks if rows.any()]
+    return [Line2D([], [], **look) for look, _ in entries], [said for _, said in entries]
 
 
 def _look(number: int) -> dict[str, Any]:
@@ -135,6 +149,8 @@ def _walls(axes: Any, columns: Columns, places: Mapping[str, np.ndarray], names:
             if both:
                 across = np.repeat([known.min(), known.max()], count)
             _ends(axes, across, {key: np.tile(each, 2) if both else each for key, each in curve.items()}, names, _look(number))
+    if is_logarithmic(known):
+        axes.set_xscale("log")
     axes.set_ylim(0, 1.06 * max(np.nanmax(columns[names[0]], initial=0.0), 1e-3))
     if not known.size:
         axes.set_xticks(range(len(places)), list(places))
@@ -153,19 +169,26 @@ def _split(rows: Columns, others: list[str]) -> Iterator[Columns]:
 
 
 def _ends(axes: Any, across: np.ndarray, curve: Columns, names: tuple[str, str], style: Mapping[str, Any]) -> None:
-    """Draw upper and lower ends; samples with different numbers of intervals are not joined: one begins or ends in between."""
+    """Draw upper and lower ends.
+
+    Samples are not joined if they have different numbers of intervals, or intervals apart: one begins or ends in between.
+    """
     few = len(np.unique(across)) <= _FEW
     for number in range(int(curve["intervals"].max(initial=0))):
         here = np.flatnonzero((curve["interval"] == number) & (curve["intervals"] > 0))
         here = here[np.argsort(across[here], kind="stable")]
         at, clipped = across[here], np.isnan(curve["high_omega"][here])
         ordinal = np.searchsorted(np.unique(across), at)
-        cuts = np.flatnonzero((np.diff(curve["intervals"][here]) != 0) | (np.diff(ordinal) > 1)) + 1
+        low, high = curve["low"][here], curve["high"][here]
+        apart = (low[1:] > high[:-1]) | (high[1:] < low[:-1])
+        cuts = np.flatnonzero((np.diff(curve["intervals"][here]) != 0) | (np.diff(ordinal) > 1) | apart) + 1
         for part in np.split(np.arange(len(at)), cuts):
             marker = style["marker"] if few or len(part) == 1 else ""
             axes.plot(at[part], curve[names[0]][here][part], **{**style, "marker": marker})
-            below = np.where(curve["low"][here] > 0, curve[names[1]][here], np.nan)[part]
-            axes.plot(at[part], below, color=style["color"], linestyle=":", linewidth=0.8, marker=marker and ".", markersize=2)
+            below = np.where(low > 0, curve[names[1]][here], np.nan)[part]
+            axes.plot(at[part], below, **_LOWER, color=style["color"], marker=marker and ".", markersize=2)
+        lost = ~curve["certified"][here]
+        axes.plot(at[lost], curve[names[0]][here][lost], **_DOUBTED)
         shown = clipped if few else clipped & (np.arange(len(at)) % max(1, len(at) // _FEW) == 0)
         axes.plot(at[shown], curve[names[0]][here][shown], **{**style, "linestyle": "", "markerfacecolor": "white"})
 
@@ -179,9 +202,9 @@ def _curves(axes: Any, columns: Columns, specs: list[str], name: str) -> None:
         rows = {key: column[columns["spec"] == spec] for key, column in columns.items()}
         for curve in _split(rows, others):
             shown = (curve["frequency_hz"] > 0) & (curve[name] > 0)
-            alpha = 1.0 if curve["stable"].all() else 0.35
+            alpha = 1.0 if curve["stable"].all() else _FAINT
             line = {**_look(number), "alpha": alpha} | ({"marker": ""} if shown.sum() > 1 else {})
             axes.plot(curve["frequency_hz"][shown], curve[name][shown], **line)
-            doubted = shown & np.isin(curve["doubt"], ["", "unstable"], invert=True)
-            axes.plot(curve["frequency_hz"][doubted], curve[name][doubted], "x", color=DOUBTFUL, markersize=3)
+            doubted = shown & rounded(curve, name)
+            axes.plot(curve["frequency_hz"][doubted], curve[name][doubted], **_DOUBTED)
     axes.set_xlabel("frequency (Hz)")

@@ -88,7 +88,15 @@ class Picture(Kept):
     def draw(self, facts: Mapping[str, Any]) -> Any:
         """Draw the figure."""
         layout = lay_out(self._axes, self._best, self._hands)
-        return _draw(self.where(lambda columns, _: layout.shows(columns)), facts, layout, self._best)
+        return _draw(_once(self.where(lambda columns, _: layout.shows(columns))), facts, layout, self._best)
+
+
+def _once(columns: Columns) -> Columns:
+    """The rows without those that are there again, as an axis has a value twice."""
+    names = list(columns)[: list(columns).index("along")]
+    labels = [np.unique(columns[name], return_inverse=True)[1].ravel() for name in (*names, "interval")]
+    rows = np.sort(np.unique(np.stack(labels, axis=1), axis=0, return_index=True)[1])
+    return {name: column[rows] for name, column in columns.items()}
 
 
 def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapping[str, Any]) -> Any:
@@ -251,6 +259,7 @@ def _entries(
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
+    certain = bool((columns["certified"] | promised(columns)).all())
     handles = hand_handles(columns) if "hand" in columns else []
     if layout.x is not None and layout.family is not None:
         rows, bottom = (
@@ -263,10 +272,10 @@ def _entries(
         alone = HANDS["free"][0].colour if layout.family is None else "0.3"
         handles.append(Line2D([], [], color=alone, linestyle=FELT_LINE, linewidth=0.8, label="stiffness felt at the limit"))
     if best:
-        handles.append(Line2D([], [], **_BEST, label=_in_words(best, facts)))
+        handles.append(Line2D([], [], **_BEST, label=_in_words(best, facts, "" if certain else " certified")))
     if own[0]:
         handles.append(Line2D([], [], **_OWN, label="the spec's own"))
-    if not (columns["certified"] | promised(columns)).all():
+    if not certain:
         handles.append(Line2D([], [], color=DOUBTFUL, linestyle="--", label="not certified"))
     if incomplete(columns).any():
         handles.append(Patch(**UNKNOWN, label="not known outside the intervals"))
@@ -275,14 +284,15 @@ def _entries(
     return handles
 
 
-def _in_words(best: Mapping[str, Any], facts: Mapping[str, Any]) -> str:
-    """The largest value and, for a wall, the stiffness that the hand feels."""
+def _in_words(best: Mapping[str, Any], facts: Mapping[str, Any], sure: str) -> str:
+    """The largest value and, for a wall, the stiffness that the hand feels; sure: after the word, if others are in doubt."""
+    sure = sure if best["certified"] else ""
     along = str(best["along"])
     over = "" if best["high_omega"] == best["high_omega"] else "over "
     felt = best.get("felt_high", np.nan)
     if along != "K_VE" or not abs(felt - best["high"]) > 0.005 * best["high"]:
-        return f"largest: {over}{best['high']:.5g} {unit(along, facts)}".rstrip()
-    return f"stiffest felt: {felt:.4g} N/m, of a wall of {over}{best['high']:.5g}"
+        return f"largest{sure}: {over}{best['high']:.5g} {unit(along, facts)}".rstrip()
+    return f"stiffest felt{sure and ','}{sure}: {felt:.4g} N/m, of a wall of {over}{best['high']:.5g}"
 
 
 def draw_bars(axes: Any, members: Sequence[Columns], names: Sequence[str], colours: Sequence[Any] = ()) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from wavesweep.plots.chosen import Loops
+from wavesweep.plots.layout import is_logarithmic
 from wavesweep.plots.style import TWO_COLUMNS, assumed, distinct_colour, family_looks, figure, fitting, label, valued
 from wavesweep.sweep.table import Columns
 
@@ -53,6 +54,8 @@ def _draw_lines(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any
             for panel, values in ((channel, _excess(rows)), (port, rows["port_margin"])):
                 panel.plot(rows[x][order], values[order], label=name, **style)
         for panel in (channel, port):
+            if is_logarithmic(columns[x]):
+                panel.set_xscale("log")
             panel.set_xlim(columns[x].min(), columns[x].max())
         _finish(channel.yaxis, port.yaxis, (channel, port), columns)
         _legend(canvas, port)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.analysis.doubt import SPARED
 from wavesweep.plots.chosen import Curves
 from wavesweep.plots.style import (
     IDEAL,
@@ -107,7 +108,7 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str) -> None:
     for curve in curves:
         places, values = curve.rows[x], curve.rows[name]
         order = np.argsort(places, kind="stable")
-        places, values, doubt = places[order], values[order], curve.rows["doubt"][order]
+        places, values, lost = places[order], values[order], rounded(curve.rows, name)[order]
         static = places == 0 if logarithmic and x == "frequency_hz" else np.zeros(len(places), bool)
         alone = {"marker": "o", "markersize": 3} if (~static).sum() == 1 else {}
         line = (places[~static], values[~static])
@@ -115,7 +116,7 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str) -> None:
         edge = {key: curve.style[key] for key in ("color", "alpha") if key in curve.style}
         if static.any():
             axes.plot(positive, values[static][0], marker="<", markersize=4, clip_on=False, zorder=4, **edge)
-        crossed = (doubt == "rounding") & ~static
+        crossed = lost & ~static
         if crossed.any():
             axes.plot(places[crossed], values[crossed], "x", markersize=4, **edge)
     if logarithmic:
@@ -127,6 +128,11 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str) -> None:
     if everywhere.max() > everywhere.min():
         axes.set_xlim(positive if logarithmic else everywhere.min(), everywhere.max())
     axes.grid(which="major", **_GRID)
+
+
+def rounded(rows: Columns, name: str) -> np.ndarray:
+    """Flags of the rows whose doubt is about this quantity, and not about the worst gain alone."""
+    return (rows["doubt"] == "rounding") & ~(rows[f"{name.partition('_')[0]}_error"] <= SPARED)
 
 
 def _is_logarithmic(values: np.ndarray) -> bool:

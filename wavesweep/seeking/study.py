@@ -12,7 +12,7 @@ import numpy as np
 
 from wavesweep.analysis.passivity import HandBox
 from wavesweep.analysis.passivity.hand import OPERATOR
-from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.errors import SpecError, UsageError, WavesweepError
 from wavesweep.seeking.family import Scenario, scenarios_of
 from wavesweep.seeking.genes import designs_of, genes_of
 from wavesweep.seeking.search import Judged, generations, spread, undominated
@@ -20,6 +20,7 @@ from wavesweep.seeking.verdicts import judged, miss
 from wavesweep.seeking.wishes import evaluate
 from wavesweep.spec import Spec
 from wavesweep.spec.design import HAND
+from wavesweep.spec.reading import Leaf
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.sweep.checkpoint import checkpoint_of
 from wavesweep.sweep.grid import keys_of, loop_of, make_grid, no_controller
@@ -224,6 +225,11 @@ def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
     grid, settings = make_grid(spec.as_designed(), ()), asked.settings
     axis = next((axis for axis in spec.sweep if axis.path == "environment.K_VE"), None)
     stop = float(axis.stop if axis else K_VE_SPAN[1])
+    unseen = next((wish for wish in asked.wishes if wish.name == "z_width" and (wish.bound or 0) > stop), None)
+    if unseen:
+        searched = f"<= {stop:g} N/m, the stiffest wall that is searched; raise it: sweep.K_VE = {{ stop = ... }}"
+        mistake = Leaf(None, unseen.places["at_least"]).mistake("design.wish.z_width.at_least", searched, f"{unseen.bound:g}")
+        raise SpecError([mistake])
     finer = next(some for between in (1, 0) if len(some := scenarios_of(asked, between)) <= FINER or not between)
     chunks = Chunks(settings["generations"] + 1, max(settings["population"], FRONT), 1, CHUNK)
     return DesignJob(grid, chunks, {}, {}, scenarios_of(asked), finer, stop, box_of(spec) if hand == "box" else None)

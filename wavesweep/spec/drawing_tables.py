@@ -230,6 +230,8 @@ class _TableReader(KeyReader):
                 self.refuse(
                     leaf, f"ports.wall.{part}", "the name of a number in [numbers]", show(leaf.value), hint, of_key=False
                 )
+            elif leaf.value in found:
+                self.refuse(leaf, f"ports.wall.{part}", "another number than the stiffness", show(leaf.value), of_key=False)
             found.append(leaf.value)
         return tuple(found) or None
 
