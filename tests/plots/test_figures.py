@@ -44,7 +44,7 @@ def test_a_figure_has_a_papers_width_and_the_same_bytes_each_time(table, draw, i
 def test_a_table_without_anything_stable_is_drawn(plane):
     one = {name: column[:1] for name, column in plane.items()}
     nothing = {**one, "intervals": np.zeros(1, int), "low": np.full(1, np.nan), "high": np.full(1, np.nan)}
-    assert plots.zwidth(nothing, {}).axes
+    assert plots.zwidth(nothing, {}).axes[0].get_xlim() == (0, 20000)
 
 
 @pytest.mark.parametrize(("along", "shown"), [("K_VE", False), ("spring_k", True)])

@@ -10,9 +10,8 @@ import numpy as np
 
 from wavesweep.analysis.doubt import DOUBTS, INCOMPLETE
 from wavesweep.cli.messages import Line
-from wavesweep.results.schema import felt_unit, numbers_of
+from wavesweep.results.schema import felt_unit, numbers_of, swept_range
 from wavesweep.spec import find_key
-from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.sweep.table import Columns
 
 Axes = Mapping[str, Sequence[float]]
@@ -192,11 +191,7 @@ class IntervalTally:
 
     @property
     def _range(self) -> tuple[float, float]:
-        """Both ends of the swept range; infinite if they are not known."""
-        own = K_VE_SPAN if self._along == "K_VE" else (-np.inf, np.inf)
-        axis = self._facts.get("spec", {}).get("sweep", {}).get(self._along, dict(zip(("start", "stop"), own, strict=True)))
-        ends = (axis["start"], axis["stop"]) if isinstance(axis, Mapping) else (np.min(axis), np.max(axis))
-        return float(ends[0]), float(ends[1])
+        return swept_range(self._facts, self._along)
 
     def _unit(self, name: str) -> str:
         """The unit of an axis with a space before it; empty if it has none."""

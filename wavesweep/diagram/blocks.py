@@ -30,7 +30,7 @@ def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
 def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) -> Block:
     """State-space model with the ports `inputs` and `outputs`; continuous ones have their inputs held: exact.
 
-    rests: of a discrete one, what rounding has taken from the entries of A.
+    rests: of a discrete one, the parts of the entries of A that rounding has taken.
     """
     n, m, p = len(A), len(inputs), len(outputs)
     A, B, C, D = (_matrix(rows, shape) for rows, shape in ((A, (n, n)), (B, (n, m)), (C, (p, n)), (D, (p, m))))
@@ -45,7 +45,7 @@ def tf(name, period, num, den, discrete=False, rests=None) -> Block:
 
     A discrete one is realised in powers of z - 1, or of z + 1 if its poles are plain numbers and nearer to -1, to which its
     coefficients are taken without rounding: in powers of z, the ticks of a long frame would grow and cancel. Poles that are
-    written as 0 are delays. rests: what rounding has taken from the coefficients of num and den of a discrete one.
+    written as 0 are delays. rests: the parts of the coefficients that rounding has taken.
     Accuracy: that of the coefficients, whose roots lose digits at high orders; `butterworth` and `ss` do not.
     """
     if discrete:
@@ -95,7 +95,7 @@ def _near_minus_one(den):
 def _about(at, coefficients, rests):
     """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it again and again.
 
-    rests: what rounding has taken from the coefficients. That of each sum is kept beside it (D. E. Knuth, TAOCP 2, 4.2.2,
+    rests: the parts of the coefficients that rounding has taken. That of each sum is kept beside it (D. E. Knuth, TAOCP 2, 4.2.2,
     theorem B).
     """
     if at < 0:  # p(z) = q(-z), and z + 1 = -(-z - 1)

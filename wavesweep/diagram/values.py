@@ -30,7 +30,7 @@ def values_of(tree: Tree, numbers: Mapping[str, Any]) -> Any:
 
 
 def rest_of(tree: Tree, value: Any, numbers: Mapping[str, Any]) -> Any:
-    """Return what rounding has taken from the value of a tree; 0 for a number itself, and for complex values."""
+    """Return the part of the value of a tree that rounding has taken; 0 for a number itself, and for complex values."""
     if is_given(tree) or np.iscomplexobj(value):
         return 0.0
     return values_of(("-", tree, ("name", ROUNDED, 0), 0), {**numbers, ROUNDED: value})

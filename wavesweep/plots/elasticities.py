@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import TWO_COLUMNS, as_it_stands, assumed, distinct_colour, figure, symbol
+from wavesweep.plots.style import TWO_COLUMNS, assumed, distinct_colour, figure, printed, symbol
 from wavesweep.sweep.table import Columns
 
 MOST = 12  # numbers of a panel that have bars
@@ -17,7 +17,7 @@ ROUNDED = 1e-9  # an elasticity up to which a number has no effect but that of r
 _BAR = 0.17  # inches of the figure's height for a number
 _ROOM = 0.95  # and for the title and the axis of a panel
 _LINE = 0.14  # and for a line of notes
-_LETTERS, _NOTE = 58, 100  # of a line above a panel, and of a note
+_LETTERS, _NOTE = 46, 100  # of a line above a panel, and of a note
 _QUANTITIES = {"end": "the limit", "felt": "the stiffness felt there"}
 
 
@@ -117,8 +117,7 @@ def _title(rows: Columns) -> list[str]:
 
 
 def _end(rows: Columns) -> str:
-    unit = as_it_stands(rows["unit"][0]).replace("*", "·")
-    return f"{rows['end'][0]} end, {symbol(rows['along'][0])} = {rows['limit'][0]:.5g} {unit}".rstrip()
+    return f"{rows['end'][0]} end, {symbol(rows['along'][0])} = {rows['limit'][0]:.5g} {printed(rows['unit'][:1])}".rstrip()
 
 
 def _kinds(rows: Columns) -> list[str]:

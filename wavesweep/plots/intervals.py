@@ -37,6 +37,7 @@ from wavesweep.plots.style import (
     unit,
     valued,
 )
+from wavesweep.results.schema import swept_range
 from wavesweep.sweep.table import Columns
 
 _PANEL_HEIGHT = 2.3  # inches
@@ -118,7 +119,7 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
             axes.plot(*_own_points(facts, layout, [value]), **_OWN)
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
-        _limit(grid[0, 0], columns, bars=layout.x is None)
+        _limit(grid[0, 0], columns, facts, bars=layout.x is None)
         for axes in grid.flat[: len(panels)]:
             mark_range(axes, columns, bars=layout.x is None)
         _name_axes(canvas, columns, layout, facts)
@@ -201,8 +202,8 @@ def _shows_felt(columns: Columns, layout: Layout) -> bool:
     return layout.x == "B_VE" and str(columns["along"][0]) == "K_VE" and "hand" not in columns and felt_differs(columns)
 
 
-def _limit(axes: Any, columns: Columns, bars: bool) -> None:
-    """Show every interval of the table; all panels share these limits, so that they can be compared.
+def _limit(axes: Any, columns: Columns, facts: Mapping[str, Any], bars: bool) -> None:
+    """Show every interval of the table, or the swept range if there is none; all panels share the limits, to be compared.
 
     There is room beyond the largest value, and below the least one if the swept range ends there.
     """
@@ -211,7 +212,10 @@ def _limit(axes: Any, columns: Columns, bars: bool) -> None:
     lowest = range_end(columns, "low")
     if lowest is not None:
         bottom = min(bottom, lowest - room if lowest <= 0 else max(lowest - room, 0.0))
-    limits = (float(bottom), float(top + room) if top > bottom else 1.0)
+    limits = (float(bottom), float(top + room))
+    if top <= bottom:
+        swept = swept_range(facts, str(columns["along"][0]))
+        limits = swept if np.isfinite(swept).all() else (limits[0], 1.0)
     (axes.set_xlim if bars else axes.set_ylim)(limits)
 
 

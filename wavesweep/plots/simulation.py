@@ -88,7 +88,7 @@ def _mark(axes: Any, times: np.ndarray) -> None:
 
 def _forces_of_the_hand(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
     del facts
-    _line(axes, columns, "f_h", "hand", distinct_colour(2))
+    _line(axes, columns, "f_h", "hand", distinct_colour(2), held=True)
 
 
 def _positions(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
@@ -128,9 +128,12 @@ def _line(axes: Any, columns: Columns, name: str, label: str, colour: str, *, he
     values = columns[name]
     if np.isnan(values).all():
         return
-    style = {"drawstyle": "steps-post"} if held and len(values) <= _MOST_POINTS else {}
+    times, style = columns["time_s"], {}
+    if held and 1 < len(values) <= _MOST_POINTS:  # the last value is held for a tick as well
+        times, values = np.append(times, 2 * times[-1] - times[-2]), np.append(values, values[-1])
+        style = {"drawstyle": "steps-post"}
     dashes = LINES[len(axes.get_lines()) % len(LINES)]
-    axes.plot(*_extremes(columns["time_s"], values), color=colour, linestyle=dashes, label=label, linewidth=0.9, **style)
+    axes.plot(*_extremes(times, values), color=colour, linestyle=dashes, label=label, linewidth=0.9, **style)
 
 
 def _extremes(times: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

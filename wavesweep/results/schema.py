@@ -12,6 +12,7 @@ import numpy as np
 from wavesweep.analysis.doubt import OF_DERIVATIVES, OF_INTERVALS, OF_RESPONSES
 from wavesweep.errors import WavesweepError
 from wavesweep.spec import KEYS, SYMBOLS
+from wavesweep.spec.spec import K_VE_SPAN
 
 FieldKind = Literal["number", "integer", "boolean", "string"]
 _DTYPES = {"number": np.float64, "integer": np.int64, "boolean": np.bool_, "string": np.object_}
@@ -249,6 +250,14 @@ def felt_unit(facts: Mapping[str, Any] | None) -> str:
     wall = (facts or {}).get("spec", {}).get("ports", {}).get("wall", {})
     number = numbers_of(facts).get(wall.get("stiffness", ""))
     return (number and number.unit) or "N/m"
+
+
+def swept_range(facts: Mapping[str, Any] | None, along: str) -> tuple[float, float]:
+    """Give both ends of the range in which stable intervals were wanted; infinite if they are not known."""
+    own = K_VE_SPAN if along == "K_VE" else (-np.inf, np.inf)
+    axis = (facts or {}).get("spec", {}).get("sweep", {}).get(along, dict(zip(("start", "stop"), own, strict=True)))
+    ends = (axis["start"], axis["stop"]) if isinstance(axis, Mapping) else (np.min(axis), np.max(axis))
+    return float(ends[0]), float(ends[1])
 
 
 def numbers_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:

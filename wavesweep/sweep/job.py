@@ -155,8 +155,12 @@ def _refuse_unsuitable(grid: Grid, resolved: dict) -> None:
     from wavesweep.diagram.assembly import refuse_unsuitable
 
     index = some_loops(grid)
+    place = grid.loop_axes[0].place.location() if len(grid.loop_axes) == 1 else ""  # of several it is not known which
     for _, values in groups(grid.spec, grid.loop_values(index), index.size, resolved):
-        refuse_unsuitable(grid.drawing, values)
+        try:
+            refuse_unsuitable(grid.drawing, values)
+        except UsageError as error:
+            raise UsageError(f"{place}: {error}" if place else str(error)) from error
 
 
 def some_loops(grid: Grid) -> np.ndarray:
