@@ -95,8 +95,8 @@ def _near_minus_one(den):
 def _about(at, coefficients, rests):
     """Coefficients of descending powers of z - at, for 1 or -1, from those of z: division by it again and again.
 
-    rests: the parts of the coefficients that rounding has taken. That of each sum is kept beside it (D. E. Knuth, TAOCP 2, 4.2.2,
-    theorem B).
+    rests: the parts of the coefficients that rounding has taken. Those of the sums are kept beside them (D. E. Knuth, TAOCP 2,
+    4.2.2, theorem B).
     """
     if at < 0:  # p(z) = q(-z), and z + 1 = -(-z - 1)
         signs = [(-1.0) ** i for i in range(len(coefficients))][::-1]
