@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.spec.expressions import CANCELLED, Tree, computed_sums, evaluate, is_given, names_in
+from wavesweep.spec.expressions import CANCELLED, Tree, evaluate, is_given, names_in
 
 ROUNDED = "(rounded)"  # no number of a spec can have this name
 
@@ -16,17 +16,19 @@ def values_of(tree: Tree, numbers: Mapping[str, Any]) -> Any:
     numbers: name -> number, or array of numbers. Where a sum of computed terms cancels, the value is computed again in decimal
     arithmetic, each element from its own numbers alone. A missing value is NaN or infinite.
     """
-    rough = evaluate(tree, numbers, np.sqrt)
-    sums = computed_sums(tree)
-    if not sums:
+    cancelling = []
+
+    def watch(first, total):
+        with np.errstate(all="ignore"):
+            lost = np.abs(total) < CANCELLED * np.abs(first)
+        if lost.any():
+            cancelling.append(lost)
+
+    rough = evaluate(tree, numbers, np.sqrt, watch)
+    if not cancelling:
         return rough
-    with np.errstate(all="ignore"):
-        lost = np.zeros((), bool)
-        for sign, *parts in sums:
-            one, other = (np.asarray(evaluate(part, numbers, np.sqrt)) for part in parts)
-            lost = lost | (np.abs(one + other if sign == "+" else one - other) < CANCELLED * np.abs(one))
-        lost = lost & np.isfinite(rough)
-    return _again(tree, numbers, np.array(rough), lost) if lost.any() else rough
+    lost = np.logical_or.reduce(np.broadcast_arrays(*cancelling)) & np.isfinite(rough)
+    return _again(tree, numbers, np.array(rough), lost)
 
 
 def rest_of(tree: Tree, value: Any, numbers: Mapping[str, Any]) -> Any:

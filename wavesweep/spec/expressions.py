@@ -10,9 +10,9 @@ A tree is nested tuples (operation, operands, offset in the text), so that it ca
 from __future__ import annotations
 
 import math
+import operator
 import re
 from collections.abc import Callable, Iterator, Mapping
-from functools import lru_cache
 from typing import Any
 
 from wavesweep.spec.checking import nearest, show
@@ -240,10 +240,16 @@ def _times(operation: str, gain: Tree, factor: Tree, at: int) -> Tree:
     return (operation, gain, factor, at)
 
 
-def evaluate(tree: Tree, numbers: Mapping[str, Any], sqrt: Callable[[Any], Any] = math.sqrt) -> Any:
+def evaluate(
+    tree: Tree,
+    numbers: Mapping[str, Any],
+    sqrt: Callable[[Any], Any] = math.sqrt,
+    watch: Callable[[Any, Any], None] | None = None,
+) -> Any:
     """Return the value of a tree without signals.
 
-    numbers: name -> number, or array of numbers, real or complex. sqrt: the root of such a value.
+    numbers: name -> number, or array of numbers, real or complex. sqrt: the root of such a value. watch: is called with the
+    first term and the value of every sum that has a computed term; a sum of two numbers is rounded once.
     Errors: those of Python's arithmetic for single numbers, such as ZeroDivisionError.
     """
     operation = tree[0]
@@ -251,7 +257,7 @@ def evaluate(tree: Tree, numbers: Mapping[str, Any], sqrt: Callable[[Any], Any] 
         return tree[1]
     if operation == "name":
         return numbers[tree[1]]
-    first, *others = (evaluate(part, numbers, sqrt) for part in tree[1:-1])
+    first, *others = (evaluate(part, numbers, sqrt, watch) for part in tree[1:-1])
     if operation == "negative":
         return -first
     if operation == "sqrt":
@@ -259,9 +265,13 @@ def evaluate(tree: Tree, numbers: Mapping[str, Any], sqrt: Callable[[Any], Any] 
     (second,) = others
     if operation == "**":
         return _power(first, second, tree[2])
-    return {"+": lambda: first + second, "-": lambda: first - second, "*": lambda: first * second, "/": lambda: first / second}[
-        operation
-    ]()
+    found = _OPERATIONS[operation](first, second)
+    if watch and operation in ("+", "-") and not all(map(is_given, tree[1:-1])):
+        watch(first, found)
+    return found
+
+
+_OPERATIONS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": operator.truediv}
 
 
 def _power(base: Any, exponent: Any, tree: Tree) -> Any:
@@ -283,23 +293,13 @@ def value_of(tree: Tree, numbers: Mapping[str, float]) -> float:
 
     Where a sum of computed terms cancels, all is computed again in decimal arithmetic. Errors: those of `evaluate`.
     """
-    rough = evaluate(tree, numbers)
-    for sign, *parts in computed_sums(tree):
-        one, other = (evaluate(part, numbers) for part in parts)
-        if abs(one + other if sign == "+" else one - other) < CANCELLED * abs(one):
-            from wavesweep.spec.exact import exactly
+    lost: list[bool] = []
+    rough = evaluate(tree, numbers, watch=lambda first, total: lost.append(abs(total) < CANCELLED * abs(first)))
+    if not any(lost):
+        return rough
+    from wavesweep.spec.exact import exactly
 
-            return exactly(tree, {name: numbers[name] for name, _ in names_in(tree)})
-    return rough
-
-
-@lru_cache(maxsize=1024)
-def computed_sums(tree: Tree) -> tuple[Tree, ...]:
-    """Return the sums in a tree with a term that is computed itself, without offsets; one of two numbers is rounded once."""
-    found = [each for part in tree[1:-1] if isinstance(part, tuple) for each in computed_sums(part)]
-    if tree[0] in ("+", "-") and not all(map(is_given, tree[1:-1])):
-        found.append(tree[:-1])
-    return tuple(found)
+    return exactly(tree, {name: numbers[name] for name, _ in names_in(tree)})
 
 
 def is_given(tree: Tree) -> bool:
