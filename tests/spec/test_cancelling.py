@@ -101,3 +101,11 @@ def test_what_has_no_value_is_not_made_one():
         found = values_of(parse("sqrt((1 + a) - 1)/((1 + a) - 1)"), {"a": a})
     assert np.isnan(found[:2]).all()
     assert found[2] == pytest.approx(1e-9**-0.5, rel=1e-14)
+
+
+def test_the_layout_of_an_array_does_not_matter():
+    a = 10 ** np.random.default_rng(2).uniform(-12, -6, (3, 5))
+    tree = parse("(1 + a) - 1")
+    found = values_of(tree, {"a": a.T})
+    np.testing.assert_array_equal(found, values_of(tree, {"a": np.ascontiguousarray(a.T)}))
+    np.testing.assert_allclose(found, a.T, rtol=1e-14)

@@ -28,7 +28,7 @@ def values_of(tree: Tree, numbers: Mapping[str, Any]) -> Any:
     if not cancelling:
         return rough
     lost = np.logical_or.reduce(np.broadcast_arrays(*cancelling)) & np.isfinite(rough)
-    return _again(tree, numbers, np.array(rough), lost)
+    return _again(tree, numbers, np.array(rough, order="C"), lost)
 
 
 def rest_of(tree: Tree, value: Any, numbers: Mapping[str, Any]) -> Any:
