@@ -137,7 +137,7 @@ def test_the_lines_of_the_figure_go_through_the_ends_and_bridge_no_gap(compare, 
     from wavesweep.plots import comparison
 
     drawn = []
-    monkeypatch.setattr(comparison, "_handles", lambda specs: drawn.append(specs) or ([], []))
+    monkeypatch.setattr(comparison, "_handles", lambda specs, *_: drawn.append(specs) or ([], []))
     seen = []
     walls = comparison._walls
     monkeypatch.setattr(comparison, "_walls", lambda axes, *more: (walls(axes, *more), seen.append(axes)))

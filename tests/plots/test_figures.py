@@ -190,6 +190,16 @@ def test_a_value_that_an_axis_has_twice_is_drawn_once(family, tmp_path):
     assert (tmp_path / "once.png").read_bytes() == (tmp_path / "twice.png").read_bytes()
 
 
+def test_every_hand_of_a_table_is_drawn(plane):
+    hands = ["free", "operator", "passive"]
+    columns = {name: np.tile(column, len(hands)) for name, column in plane.items()}
+    at = list(columns).index("along") + 1
+    hand = {"hand": np.repeat(np.array(hands, object), plane["low"].size)}
+    columns = dict([*list(columns.items())[:at], *hand.items(), *list(columns.items())[at:]])
+    said = texts_of(plots.zwidth(columns, {}))
+    assert [text for text in said if "device" in text or "hand" in text or "operator" in text] == said[: len(hands)]
+
+
 def test_the_star_is_said_to_be_certified_if_others_are_not(plane):
     """The island reaches further; where it is smallest it is not certified."""
     doubted = plane | {"certified": plane["interval"] == 0}

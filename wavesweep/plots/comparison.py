@@ -63,7 +63,7 @@ def compare(columns: Columns, facts: Mapping[str, Any], responses: Columns | Non
             axes.grid(visible=True, color="0.9", linewidth=0.5)
         canvas.align_ylabels()
         handles, labels = _handles(specs, columns, responses)
-        canvas.legend(handles, labels, loc="outside lower center", ncols=min(4, len(handles)))
+        canvas.legend(handles, labels, loc="outside lower center", ncols=min(4, len(specs) + 2))
         note_assumptions(canvas, facts)
     return canvas
 

@@ -94,7 +94,7 @@ class Picture(Kept):
 
 def _once(columns: Columns) -> Columns:
     """The rows without those that are there again, as an axis has a value twice."""
-    names = list(columns)[: list(columns).index("along")]
+    names = list(columns)[: list(columns).index("intervals")]  # the hand is among them
     labels = [np.unique(columns[name], return_inverse=True)[1].ravel() for name in (*names, "interval")]
     rows = np.sort(np.unique(np.stack(labels, axis=1), axis=0, return_index=True)[1])
     return {name: column[rows] for name, column in columns.items()}
