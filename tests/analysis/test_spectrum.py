@@ -30,6 +30,7 @@ def test_what_rounding_alone_keeps_within_the_circle_is_not_stable(distance, ins
     radius = radius_of(E)
     assert ((radius < 1) == inside).all()
     np.testing.assert_allclose(radius, 1 - distance, rtol=0, atol=1e-14)
+    assert [float(radius_of(each)) for each in E] == radius.tolist()  # alone as in a batch
 
 
 def test_an_undamped_mode_is_not_stable_at_any_stiffness():

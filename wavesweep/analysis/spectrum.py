@@ -56,7 +56,7 @@ def _is_rounding(distance, E):
     """Whether eigenvalues of `I + E` are inside the circle by that distance through rounding alone; NaN is not."""
     n, distance = E.shape[-1], np.asarray(distance)
     tolerance = BACKWARD * np.finfo(float).eps
-    found = (distance > 0) & (distance <= tolerance * np.maximum(1, np.abs(E).max((-1, -2), initial=0)))
+    found = np.array((distance > 0) & (distance <= tolerance * np.maximum(1, np.abs(E).max((-1, -2), initial=0))))
     some = np.flatnonzero(found)
     if some.size:
         balanced, _ = balance(E.reshape(-1, n, n)[some])  # whose entries are often much smaller

@@ -183,8 +183,8 @@ class DrawnTask:
 
     def _stops_drift(self, values):
         """Whether at 0 of the number, and only there, the loops have an eigenvalue that is exactly 1."""
-        with_, without = (drift_of(self.drawing, values | {self.along: value}, self.own) for value in (1.0, 0.0))
-        return len(without.moved) + len(without.folded) > len(with_.moved) + len(with_.folded)
+        held, free = (drift_of(self.drawing, values | {self.along: value}, self.own) for value in (1.0, 0.0))
+        return len(free.moved) + len(free.folded) > len(held.moved) + len(held.folded)
 
     def _loops(self, values) -> "_Along":
         drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)

@@ -63,9 +63,8 @@ def _moved(E, dE, later, step, at):
     if real.size:  # two eigenvalues may meet there
         place, kind = np.where(at[real].real < -1, -2.0, 0.0), np.full(real.size, ONE)
         value, unsure = function_of_two(E[real], kind, place, dE[real])
-        slope[real] = (
-            (np.abs(value) + unsure) / np.abs(function_of_two(later[real], kind, place, dE[real])[0] - value) * step[real]
-        )
+        change = function_of_two(later[real], kind, place, dE[real])[0] - value
+        slope[real] = (np.abs(value) + unsure) / np.abs(change) * step[real]
     return np.fmin(moved, slope)
 
 
