@@ -154,7 +154,7 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
     if found["delay"] and radius is not None:
         yield f"  {_delay(found['delay'])}"
     if found["stable"] and found["felt"]:
-        stiffness, damping = _units_felt(spec)
+        stiffness, damping = spec.units_felt
         wall = spec.drawing is None or spec.drawing.wall is not None
         yield f"  felt at low frequency: {_felt(found['felt'], stiffness, damping, wall=wall)}"
     if found["stable"]:
@@ -217,14 +217,6 @@ def _delay(delay: Facts) -> str:
         return f"{here}: stable up to a whole frame"
     least = "at least " if delay["most"] == delay["tried"] else ""
     return f"{here}: stable up to {least}{delay['most']} ticks"
-
-
-def _units_felt(spec: Spec) -> list[str]:
-    """Units of the stiffness and of the damping that are felt; a drawn loop whose wall has others may turn, and not slide."""
-    if spec.drawing is None or not spec.drawing.wall:
-        return ["N/m", "N*s/m"]
-    units = [spec.names.find(name).unit for name in spec.drawing.wall]
-    return [unit or usual for unit, usual in zip((*units, ""), ("N/m", "N*s/m"), strict=False)]
 
 
 def _felt(felt: Facts, *units: str, wall: bool = True) -> str:

@@ -91,6 +91,14 @@ class Spec:
         """The rate of the ticks, the fast rate, in Hz."""
         return self.drawing.rate(self._values) if self.drawing else self._values["rates.fast_hz"]
 
+    @property
+    def units_felt(self) -> tuple[str, str]:
+        """Units of the stiffness and damping that are felt; a drawn loop whose wall has others may turn, and not slide."""
+        wall = (self.drawing.wall if self.drawing else None) or ()
+        units = [self.names.find(name).unit for name in wall]
+        stiffness, damping, *_ = (*units, "", "")
+        return stiffness or "N/m", damping or "N*s/m"
+
     def own(self, path: str) -> float | int | str | None:
         """Return the own value of the key `path`; None if others stand for it, as order and cutoff of a filter for its band."""
         if path == "rates.slow_hz":

@@ -234,12 +234,6 @@ def _unit(spec, path):
     return spec.names.find(path).unit
 
 
-def _felt_unit(spec):
-    """That of the wall of a drawn loop, which may turn and not slide."""
-    wall = spec.drawing.wall if spec.drawing else None
-    return (wall and _unit(spec, f"numbers.{wall[0]}")) or "N/m"
-
-
 def _rows(loops, found, ends, members) -> dict:
     """The columns of some ends, and `at`: the end of each row."""
     row, upper, p = ends.row[members], ends.upper[members], ends.value[members]
@@ -331,7 +325,7 @@ def _quantity(loops, known, value, doubt, quantity, limit, slope, error) -> dict
     texts = {
         "along": loops.axis.name,
         "quantity": quantity,
-        "unit": _felt_unit(spec) if quantity == "felt" else _unit(spec, loops.axis.path),
+        "unit": spec.units_felt[0] if quantity == "felt" else _unit(spec, loops.axis.path),
     }
     names = {"number": [_name(spec, path) for path in numbers], "number_unit": [_unit(spec, path) for path in numbers]}
     return (
