@@ -8,6 +8,7 @@ import pytest
 from support.drawn import ARM, WALL
 
 from wavesweep.cli import check, main
+from wavesweep.cli.summaries import BodeTally
 from wavesweep.results import read
 from wavesweep.spec import load
 
@@ -214,3 +215,21 @@ def test_two_numbers_that_make_no_loop_together_are_found_before_the_work(run, t
     assert (code, text, results.exists()) == (2, f"Error: {said}", False)
     code, text, _ = run("check", "divided.toml")
     assert (code, f"  {command}: not possible with this spec: {said}" in text) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("doubt", "error", "said"),
+    [
+        ("rounding", 1e-9, "2 rows without a reliable worst gain, the rest of them reliable"),
+        ("rounding", 1e-3, "2 rows without a reliable value (rounding), see the column doubt"),
+        ("overflow", 1e-9, "2 rows without a reliable value (overflow), see the column doubt"),
+    ],
+)
+def test_a_row_whose_worst_gain_alone_is_not_known_is_told_apart(doubt, error, said):
+    """If the ticks cancel to rounding, the loop's stability is not known, whatever the bounds are."""
+    tally = BodeTally({})
+    columns = {name: np.full(2, value) for name, value in (("admittance_error", error), ("impedance_error", 1e-9))}
+    words = {"spec": "one", "controller": "drawn", "doubt": doubt}
+    columns |= {"frequency_hz": np.array([1.0, 2.0]), "stable": np.ones(2, bool)}
+    tally.add({name: np.full(2, word, object) for name, word in words.items()} | columns)
+    assert [line for line, _ in tally.lines({})][1:] == [said]

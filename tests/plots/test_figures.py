@@ -236,3 +236,18 @@ def test_the_legend_of_a_comparison_names_the_marks_that_are_there(plane):
     assert texts_of(plots.compare(first, {})) == ["one"]
     clipped = first | {"high_omega": np.full(first["low"].size, np.nan)}
     assert texts_of(plots.compare(clipped, {})) == ["one", "the swept range ends it"]
+
+
+def test_intervals_that_lie_apart_are_not_joined_in_a_comparison(plane):
+    """One ends where another begins, both alone at their damping."""
+    some = {name: column[plane["B_VE"] > 6] for name, column in plane.items()}  # a single interval everywhere
+    above = some["B_VE"] > 10
+    columns = {"spec": np.full(above.size, "one", object)} | some | {"low": np.where(above, 5000.0, 0.0)}
+    columns["high"] = some["high"] + 5000.0 * above
+
+    def longest(columns):
+        walls = plots.compare(columns, {}).axes[0]
+        return max(len(line.get_xdata()) for line in walls.lines if line.get_linestyle() == "-")
+
+    assert longest(columns) == max(above.sum(), (~above).sum())
+    assert longest(columns | {"low": some["low"], "high": some["high"]}) == above.size
