@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted import Cut, close
 from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.rounding import TELLING
@@ -11,6 +12,7 @@ BACKWARD = 16  # of the largest entry of a balanced matrix, what its computed ei
 NEIGHBOURHOOD = 1e-3  # from the circle, where two eigenvalues may lose most of their digits when they nearly meet
 MEETING = 4  # number of the nearest ones that are examined
 BALANCING = 3  # sweeps
+MOST_BY_SIGNS = 12  # eigenvalues; coefficients of more crowd, and signs of sums of them are seldom sure
 
 
 def eigenvalues(E):
@@ -120,8 +122,22 @@ def count_outside(E):
     small. Eigenvalues that nearly meet keep only a root of the digits. So if several are near the circle, or so near to each
     other that this could bring them there (`may_cross`), those nearest to it also count as within rounding of it if a rounding
     of E could move them onto the circle: if the smallest singular value of `z I - (I + E)` at the nearest z of the circle is
-    that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1).
+    that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1). If the kernel is chosen, the count
+    follows from signs where these are sure, which needs no eigenvalues (see `compiled.counting`).
     """
+    if chosen() == NUMPY or not 0 < E.shape[-1] <= MOST_BY_SIGNS or not E.size or np.iscomplexobj(E):
+        return _by_eigenvalues(E)
+    from wavesweep.analysis.intervals.compiled import counting
+
+    count = counting.count_outside(E)
+    clear, rest = np.ones(count.size, bool), np.flatnonzero(count < 0)
+    if rest.size:
+        count[rest], clear[rest] = _by_eigenvalues(E[rest])
+    return count, clear
+
+
+def _by_eigenvalues(E):
+    """Return `count_outside` from computed eigenvalues."""
     delta, finite = eigenvalues(E)
     outside = excess(delta)
     tolerance = ROUNDINGS * np.finfo(float).eps * np.maximum(1, np.abs(E).max((-1, -2), initial=0))

@@ -21,14 +21,12 @@ from wavesweep.analysis.intervals.compiled.curve import (
 from wavesweep.analysis.intervals.compiled.isolating import _roots
 from wavesweep.analysis.intervals.compiled.labelling import (
     LEFT,
-    NEAR,
     OPEN,
     _asked,
     _closed,
     _cut,
     _followed,
     _intervals,
-    _outside,
     _screened,
 )
 from wavesweep.analysis.intervals.compiled.lanes import LANES
@@ -63,12 +61,8 @@ def proved(cut: Cut, owner, along: str, fixed, span) -> tuple[Intervals, np.ndar
             some = region[open_]
             value = bounds[0, some] + share * (bounds[1, some] - bounds[0, some])
             A, known = _closed(*arrays, *facts, *columns, column[open_], value)
-            count = _outside(A, np.linalg.eigvals(A).astype(complex), known)
-            near = np.flatnonzero(count == NEAR)
-            if near.size:
-                beside, sure = count_outside(A[near])
-                count[near] = np.where(sure, beside, -1)
-            seen[open_] = count
+            count, sure = count_outside(A)
+            seen[open_] = count = np.where(sure & known, count, -1)
             open_ = open_[count < 0]
             if not open_.size:
                 break
@@ -126,7 +120,7 @@ def _of_loop(own, condition, scale, low, high, tables, state, fixed, ends, above
     """Store the crossings of the columns of one loop, and return their number."""
     (transform, change, farthest), n, total, integrates = tables, len(own[0]) + own[4], 0, own[4]
     curve, over, noise, at_ends = np.zeros((2, n)), np.zeros((3, n + 1)), np.zeros(5), np.empty((2, 3))
-    pieces = np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64), np.empty((64, n))
+    pieces = np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64), np.empty((64, n)), np.empty((2, n))
     c, values, slopes = np.empty((3, n))
     _polynomial(own, scale, transform, curve, over, noise, room)
     _at_ends(own, room, at_ends)

@@ -59,22 +59,27 @@ def _monotone(b, width, noise, rounding, steep):
 
 
 @compiled
-def _root(b):
-    """Return the root in (0, 1) of Bernstein coefficients that change their sign once, by Newton's method between bounds."""
-    n, turn = len(b), np.sign(b[-1])
-    after = 0
-    for i in range(n):
-        after += turn * b[i] <= 0
+def _root(b, weights):
+    """Return the root in (0, 1) of Bernstein coefficients that change their sign once, by Newton's method between bounds.
+
+    weights: `(2, n)`, for the terms of the polynomial and of its slope.
+    """
+    n, turn, after, choose, fewer = len(b), np.sign(b[-1]), 0, 1.0, 1.0
+    for k in range(n):
+        after += turn * b[k] <= 0
+        weights[0, k] = choose * b[k]
+        choose = choose * (n - 1 - k) / (k + 1)
+    for k in range(n - 1):
+        weights[1, k] = fewer * (b[k + 1] - b[k])
+        fewer = fewer * (n - 2 - k) / (k + 1)
     before, behind = turn * b[after - 1], turn * b[after]
     t, low, high = (after - 1 + before / (before - behind)) / (n - 1), 0.0, 1.0
     for _ in range(STEPS):
-        power, value, slope, s, choose, fewer = 1.0, b[0], b[1] - b[0], 1 - t, 1.0, 1.0
-        for k in range(1, n):
-            power, choose = power * t, choose * (n - k) / k
-            value = value * s + choose * b[k] * power
-            if k < n - 1:
-                fewer = fewer * (n - 1 - k) / k
-                slope = slope * s + fewer * (b[k + 1] - b[k]) * power
+        power, value, slope, s = 1.0, weights[0, 0], weights[1, 0], 1 - t
+        for k in range(1, n - 1):
+            power *= t
+            value, slope = value * s + weights[0, k] * power, slope * s + weights[1, k] * power
+        value = value * s + weights[0, n - 1] * (power * t)
         value, slope = turn * value, turn * (n - 1) * slope
         if value <= 0:
             low = t
@@ -98,20 +103,22 @@ def _roots(c, noise, change, farthest, steep, pieces, values, slopes):
     size. steep: if only the slope of the noise is known, the largest slope over its size. The other of the two is 0.
     """
     n, found, open_ = len(c), 0, 1
-    low, high, depth, unsure, b = pieces
+    low, high, depth, unsure, b, weights = pieces
     low[0], high[0], depth[0], unsure[0] = -1.0, 1.0, 0, _whole(c, change, b[0])
     if not (np.isfinite(unsure[0]) and min(abs(b[0, 0]), abs(b[0, n - 1])) > noise + unsure[0]):
         return -1
     while open_:
         at = open_ - 1
         piece, left, right, rounding = b[at], low[at], high[at], unsure[at]
-        least, most = piece.min(), piece.max()
+        least = most = piece[0]
+        for i in range(1, n):
+            least, most = min(least, piece[i]), max(most, piece[i])
         if least > noise + rounding or most < -noise - rounding:
             open_ -= 1
         elif found < len(values) and (
             _monotone(piece, right - left, noise, rounding, steep) if steep else _once(piece, farthest * noise + rounding)
         ):
-            values[found], slopes[found] = left + (right - left) * _root(piece), np.sign(piece[n - 1])
+            values[found], slopes[found] = left + (right - left) * _root(piece, weights), np.sign(piece[n - 1])
             found, open_ = found + 1, open_ - 1
         elif depth[at] == HALVINGS - 1 or max(-least, most) <= noise + rounding:
             return -1
@@ -127,7 +134,7 @@ def _roots(c, noise, change, farthest, steep, pieces, values, slopes):
 def _of_rows(c, noise, change, steep, values, within, slopes, counts):
     """Store the roots of every row, distances within which no other root is, and their number; -1 if signs do not decide."""
     n = c.shape[1]
-    pieces = np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64), np.empty((64, n))
+    pieces = np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64), np.empty((64, n)), np.empty((2, n))
     found, slope = np.empty((2, n))
     for row in range(len(c)):
         counts[row] = _roots(c[row], noise[row], change, 0.0, steep, pieces, found, slope)

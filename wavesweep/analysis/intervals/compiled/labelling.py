@@ -7,12 +7,10 @@ import numpy as np
 
 from wavesweep.analysis.intervals.compiled.solving import compiled
 from wavesweep.analysis.intervals.regions import BEYOND_ORDER, NARROW, TRACE_ROUNDING
-from wavesweep.analysis.spectrum import BALANCING, NEIGHBOURHOOD, ROUNDINGS
+from wavesweep.analysis.spectrum import BALANCING
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V
 
 OPEN, EXCLUDED, LEFT = 0, 1, 2  # a column: to be done; unstable throughout, by its trace; left to numpy's way
-NEAR = -2  # a count that eigenvalues alone do not decide
-EPS = float(np.finfo(float).eps)
 
 
 @compiled
@@ -135,38 +133,6 @@ def _closed(E, B, C, D, integrates, along_k, owner, fixed, column, value):
         if not np.isfinite(A[at].sum()):
             A[at], known[at] = 0.0, False
     return A, known
-
-
-@compiled
-def _outside(A, w, known):
-    """Return the number of the eigenvalues w outside the circle, see `spectrum.count_outside`.
-
-    It is -1 if that is not known, and NEAR if several are so near to the circle, or to each other, that they do not decide it.
-    """
-    count = np.full(len(A), -1)
-    for at in range(len(A)):
-        largest, least, near, outside = 1.0, np.inf, 0, 0
-        for i in range(A.shape[1]):
-            for j in range(A.shape[1]):
-                largest = max(largest, abs(A[at, i, j]))
-            excess = 2 * w[at, i].real + w[at, i].real ** 2 + w[at, i].imag ** 2
-            least, near, outside = min(least, abs(excess)), near + (abs(excess) < NEIGHBOURHOOD), outside + (excess > 0)
-        if known[at] and least > ROUNDINGS * EPS * largest:
-            met = _may_cross(w[at], largest) and _may_cross(w[at], _balanced_size(A[at].copy()))
-            count[at] = NEAR if near > 1 or met else outside
-    return count
-
-
-@compiled
-def _may_cross(w, size):
-    """See `spectrum.may_cross`."""
-    for i in range(len(w)):
-        far, m = abs(abs(1 + w[i]) - 1), 0
-        for j in range(len(w)):
-            m += abs(w[j] - w[i]) <= 2 * far
-        if m > 1 and far < size * (ROUNDINGS * EPS) ** (1 / m):
-            return True
-    return False
 
 
 @compiled
