@@ -92,9 +92,10 @@ def loss(E, sizes) -> np.ndarray:
     """
     with np.errstate(all="ignore"):
         kept = np.abs(1 + np.diagonal(E, axis1=-2, axis2=-1)) >= KEPT
-        pairs, of_pairs = (np.sqrt(np.abs(part * np.swapaxes(part, -1, -2))) for part in (E, sizes))
-        ratio = np.where(kept[..., None, :] & kept[..., :, None] & (of_pairs > 0), of_pairs / pairs, 1.0)
-    return np.clip(np.nan_to_num(ratio, nan=1.0, posinf=LARGEST_LOSS).max((-1, -2), initial=1.0), 1.0, LARGEST_LOSS)
+        pairs, of_pairs = (np.abs(part * np.swapaxes(part, -1, -2)) for part in (E, sizes))
+        square = np.where(kept[..., None, :] & kept[..., :, None] & (of_pairs > 0), of_pairs / pairs, 1.0)
+        found = np.sqrt(np.fmax.reduce(square, (-1, -2), initial=1.0))
+    return np.minimum(found, LARGEST_LOSS)
 
 
 def unit_delay(name: str, label: str = "") -> Block:

@@ -31,40 +31,43 @@ def _growth(E, ticks):
 
 
 def steps(E, B, ticks: int):
-    """Return the states after `ticks` ticks from rest under a constant unit input, and under an input that grows by 1 a tick.
+    """Return `growth(E, ticks)`, and the states after `ticks` ticks from rest under a constant 1 and under 1 more each tick.
 
-    They are `sum_i (I+E)^(ticks-1-i) B` and `sum_i i (I+E)^(ticks-1-i) B`, `(..., n, m)` each, computed by doubling.
+    These are `sum_i (I+E)^(ticks-1-i) B` and `sum_i i (I+E)^(ticks-1-i) B`, `(..., n, m)` each, computed by doubling.
     """
     total, constant, growing, done = np.zeros_like(E), np.zeros_like(B), np.zeros_like(B), 0
     with np.errstate(over="ignore", invalid="ignore"):
         for bit in f"{ticks:b}":
             if done:  # S the sum of the powers: what has grown grows on, and from here by more
-                growing = 2 * growing + E @ (total @ growing) + done * constant
-                constant = 2 * constant + E @ (total @ constant)
-                total, done = 2 * total + total @ E @ total, 2 * done
+                change = total @ E
+                growing = 2 * growing + change @ growing + done * constant
+                constant = 2 * constant + change @ constant
+                total, done = 2 * total + change @ total, 2 * done
             if bit == "1":
                 growing = growing + constant
                 constant = constant + E @ constant + B
                 total, done = total + E @ total + np.eye(E.shape[-1]), done + 1
-    return constant, growing
+    return total, constant, growing
 
 
-def lift_held(fast: Block, ratio: int, delay: int, held, sampled) -> Block:
+def lift_held(fast: Block, ratio: int, delay: int, held, sampled, whole=None) -> Block:
     """Return one frame of `fast` as a block of the slow rate.
 
     held: input signals that change once a frame, at phase `delay`; each becomes two inputs, `old` (its value before that phase)
     and `new` (from then on). sampled: output signals whose value at phase 0 is the output. Other inputs are left at zero. The
-    input `name` is called `name.old` or `name.new` if the corresponding part of the frame exists.
+    input `name` is called `name.old` or `name.new` if the corresponding part of the frame exists. whole: `growth` over the
+    frame, if it is known.
     """
     columns = [fast.inputs.index(name) for name in held]
     rows = [fast.outputs.index(name) for name in sampled]
     B, C, D = fast.B[..., columns], fast.C[..., rows, :], fast.D[..., rows, :][..., columns]
     with np.errstate(over="ignore", invalid="ignore"):
-        late, early = growth(fast.E, ratio - delay), growth(fast.E, delay) if delay else np.zeros_like(fast.E)
-        whole = early + late + late @ fast.E @ early if delay else late
-        held_early = early @ B
-        old = held_early + fast.E @ (late @ held_early)  # A^(M-D) S_D B
-        E, new = fast.E @ whole, late @ B
+        late, old = whole if whole is not None and not delay else growth(fast.E, ratio - delay), None
+        if delay:
+            early = growth(fast.E, delay)
+            whole, held_early = early + late + late @ fast.E @ early, early @ B
+            old = held_early + fast.E @ (late @ held_early)  # A^(M-D) S_D B
+        E, new = fast.E @ (whole if delay else late), late @ B
         condition = fast.condition * loss(E, ratio * np.abs(fast.E)) if ratio > 1 else fast.condition
     parts = [("old", old, D)] if delay > 0 else []
     if delay < ratio:
@@ -170,12 +173,13 @@ def frame_at_rest(diagram: Diagram) -> Block:
     """
     hand = diagram.hand
     fast = fast_side(diagram, tuple(dict.fromkeys((hand.position, hand.reaction, *diagram.samples.values()))))
-    frame = lift_held(fast, diagram.ratio, diagram.delay, tuple(diagram.holds), fast.outputs)
+    total, *moved = steps(fast.E, fast.B[..., :1], diagram.ratio)
+    frame = lift_held(fast, diagram.ratio, diagram.delay, tuple(diagram.holds), fast.outputs, total)
     constant = fast.D[..., :1] + np.zeros((*frame.D.shape[:-1], 1))
     frame = replace(
         frame,
         inputs=(*frame.inputs, "force", "growing"),
-        B=np.concatenate([frame.B, *steps(fast.E, fast.B[..., :1], diagram.ratio)], -1),
+        B=np.concatenate([frame.B, *moved], -1),
         D=np.concatenate([frame.D, constant, 0 * constant], -1),
     )
     sums = slow_sums(diagram) | {"frame.force": {"force": 1}, "frame.growing": {"growing": 1}}

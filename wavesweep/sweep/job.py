@@ -14,7 +14,8 @@ from wavesweep.sweep.tasks import Task, certified_slices
 
 SECONDS = 0.3  # that a chunk should take: if it takes longer, a crash loses more; if shorter, handing it out costs more
 CHECKED = 100_000  # loops whose numbers are checked before anything is computed; those of more are checked chunk by chunk
-FEWEST, MOST = 16, 4096  # slices of a chunk; more would leave the processor's cache
+FEWEST, MANY, MOST = 16, 4096, 8192  # slices of a chunk; more would leave the processor's cache
+ENOUGH = 32  # chunks, from which on they may have more than MANY slices: the last ones leave no worker idle for long
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +124,7 @@ class Job(ABC):
 
 def cut_up(loops: int, walls: int, cost: float) -> Chunks:
     """The slices in chunks of about `SECONDS`; cost: expected s per slice."""
-    slices = int(np.clip(SECONDS / cost, FEWEST, MOST))
+    slices = int(np.clip(SECONDS / cost, FEWEST, np.clip(loops * walls // ENOUGH, MANY, MOST)))
     if walls > slices:
         return Chunks(loops, walls, 1, slices)
     return Chunks(loops, walls, slices // walls, walls)

@@ -209,7 +209,7 @@ def test_what_rounding_moves_is_bounded_and_no_more_than_numpy_says(seed, along)
 
 @pytest.mark.parametrize("n", [2, 5, 9, 16])
 def test_signs_decide_as_they_do_in_numpy(n):
-    from wavesweep.analysis.intervals.compiled.isolating import _roots
+    from wavesweep.analysis.intervals.compiled.isolating import _pieces, _roots
 
     random = np.random.default_rng(n)
     rows = random.normal(size=(400, n)) * 0.5 ** np.arange(n)
@@ -217,7 +217,7 @@ def test_signs_decide_as_they_do_in_numpy(n):
     rows /= np.abs(rows).max(-1, keepdims=True)
     noise = 10.0 ** random.uniform(-16, -3, 400)
     (row, value, _, slope), complete = roots_by_sign(rows, noise)
-    pieces = np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64), np.empty((64, n)), np.empty((2, n))
+    pieces = _pieces(n)
     for i in range(400):
         values, slopes = np.empty(n), np.empty(n)
         count = _roots(rows[i].copy(), noise[i], change_of_basis(n), largest_bernstein(n - 1), 0.0, pieces, values, slopes)

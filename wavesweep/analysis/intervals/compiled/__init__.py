@@ -18,7 +18,7 @@ from wavesweep.analysis.intervals.compiled.curve import (
     _scale,
     _transform,
 )
-from wavesweep.analysis.intervals.compiled.isolating import _roots
+from wavesweep.analysis.intervals.compiled.isolating import _pieces, _roots
 from wavesweep.analysis.intervals.compiled.labelling import (
     LEFT,
     OPEN,
@@ -120,7 +120,7 @@ def _of_loop(own, condition, scale, low, high, tables, state, fixed, ends, above
     """Store the crossings of the columns of one loop, and return their number."""
     (transform, change, farthest), n, total, integrates = tables, len(own[0]) + own[4], 0, own[4]
     curve, over, noise, at_ends = np.zeros((2, n)), np.zeros((3, n + 1)), np.zeros(5), np.empty((2, 3))
-    pieces = np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64), np.empty((64, n)), np.empty((2, n))
+    pieces = _pieces(n)
     c, values, slopes = np.empty((3, n))
     _polynomial(own, scale, transform, curve, over, noise, room)
     _at_ends(own, room, at_ends)
@@ -202,7 +202,7 @@ def _coefficients(curve, y, c):
 
     Returns the number that they were divided by, and the polynomial at 1 and at -1.
     """
-    size, at_one, at_minus_one = 0.0, 0.0, 0.0
+    size, at_one, at_minus_one, turn = 0.0, 0.0, 0.0, 1.0
     for k in range(len(c)):
         c[k] = curve[0, k] + y * curve[1, k]
         size = max(size, abs(c[k]))
@@ -210,7 +210,8 @@ def _coefficients(curve, y, c):
     for k in range(len(c)):
         c[k] /= size
         at_one += c[k] * (k + 1)
-        at_minus_one += c[k] * (k + 1) * (-1.0) ** k
+        at_minus_one += turn * (c[k] * (k + 1))
+        turn = -turn
     return size, at_one, at_minus_one
 
 

@@ -15,6 +15,7 @@ from wavesweep.analysis.intervals.compiled.solving import (
     _largest,
     _missed,
     _missed_transposed,
+    _modulus,
     _order,
     _over,
     _solved,
@@ -221,7 +222,7 @@ def _polished(own, y, theta, value, good, scale, room):
             w, (one, solved, other), (d_one, d_solved, d_other) = _in_lane(own, room, lane, G, dG)
             now = _over(one - y[lane] * other, solved)
             slope = _over(d_one - y[lane] * d_other - now * d_solved, solved) * (1j * (1 + w))
-            far = abs(now) > scale
+            far = _modulus(now) > scale
             if far:
                 now, slope = _over(1.0 + 0j, now), -_over(slope, now * now)
             step, at = -now.imag / slope.imag, theta[lane]
@@ -282,10 +283,11 @@ def _end(own, condition, y, p, theta, residual, moved, usual, room):
         at, (unit, solved, other), (d_unit, d_solved, d_other) = _in_lane(own, room, lane, G, dG)
         exact, on_axis = _over(unit - y[lane] * other, solved), theta[lane] == 0.0 or theta[lane] == np.pi
         turned = _over(d_unit - y[lane] * d_other - exact * d_solved, solved) * (1j * (1 + at))
-        whole[lane] = abs(unit) + abs(y[lane] * other) + abs(exact * solved)
-        moves[lane] = (1.0 if on_axis else abs(turned) / abs(turned.imag)) / abs(solved)
-        left_over = abs(unit - p[lane] * solved - y[lane] * other)
-        residual[lane] = left_over / (abs(unit) + abs(p[lane] * solved) + abs(y[lane] * other))
+        on_one, on_solved, on_other = _modulus(unit), _modulus(solved), abs(y[lane]) * _modulus(other)
+        whole[lane] = on_one + on_other + _modulus(exact) * on_solved
+        moves[lane] = (1.0 if on_axis else _modulus(turned) / abs(turned.imag)) / on_solved
+        left_over = _modulus(unit - p[lane] * solved - y[lane] * other)
+        residual[lane] = left_over / (on_one + abs(p[lane]) * on_solved + on_other)
         if integrates and at == 0:
             residual[lane] = 0.0  # the equation is 0 = 0 at K_VE = 0, by structure
         on_x, on_v = (exact, y[lane] + 0j) if along_k else (y[lane] + 0j, exact)

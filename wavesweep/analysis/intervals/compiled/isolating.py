@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from wavesweep.analysis.intervals.bernstein import CLOSE, HALVINGS, SHARE, STEPS, change_of_basis
+from wavesweep.analysis.intervals.bernstein import HALVINGS, SHARE, STEPS, change_of_basis
 from wavesweep.analysis.intervals.compiled.solving import compiled
 
 HALF = 0.5  # of the distance to the next root
+CUBIC = 1e-5  # of a piece, a step of Halley's method that is the last: its error is the third power of that
 EPS = float(np.finfo(float).eps)
 
 
@@ -59,34 +60,47 @@ def _monotone(b, width, noise, rounding, steep):
 
 
 @compiled
-def _root(b, weights):
-    """Return the root in (0, 1) of Bernstein coefficients that change their sign once, by Newton's method between bounds.
+def _pieces(n):
+    """Return memory for `_roots` of n coefficients: ends, depth, rounding and coefficients of pieces; weights; binomials."""
+    binomials = np.ones((3, n))
+    for row in range(3):
+        for k in range(1, n - row):
+            binomials[row, k] = binomials[row, k - 1] * (n - row - k) / k
+    return np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64), np.empty((64, n)), np.empty((3, n)), binomials
 
-    weights: `(2, n)`, for the terms of the polynomial and of its slope.
-    """
-    n, turn, after, choose, fewer = len(b), np.sign(b[-1]), 0, 1.0, 1.0
+
+@compiled
+def _at(weights, n, t):
+    """Return the polynomial in t with the first n weights, binomials times Bernstein coefficients (Horner's rule)."""
+    power, value, s = 1.0, weights[0], 1 - t
+    for k in range(1, n):
+        power *= t
+        value = value * s + weights[k] * power
+    return value
+
+
+@compiled
+def _root(b, weights, binomials):
+    """Return the root in (0, 1) of Bernstein coefficients that change their sign once, by Halley's method between bounds."""
+    n, turn, after = len(b), np.sign(b[-1]), 0
     for k in range(n):
         after += turn * b[k] <= 0
-        weights[0, k] = choose * b[k]
-        choose = choose * (n - 1 - k) / (k + 1)
+        weights[0, k] = turn * binomials[0, k] * b[k]
     for k in range(n - 1):
-        weights[1, k] = fewer * (b[k + 1] - b[k])
-        fewer = fewer * (n - 2 - k) / (k + 1)
+        weights[1, k] = turn * binomials[1, k] * (b[k + 1] - b[k]) * (n - 1)
+    weights[2, 0] = 0.0
+    for k in range(n - 2):
+        weights[2, k] = turn * binomials[2, k] * (b[k + 2] - 2 * b[k + 1] + b[k]) * ((n - 1) * (n - 2))
     before, behind = turn * b[after - 1], turn * b[after]
     t, low, high = (after - 1 + before / (before - behind)) / (n - 1), 0.0, 1.0
     for _ in range(STEPS):
-        power, value, slope, s = 1.0, weights[0, 0], weights[1, 0], 1 - t
-        for k in range(1, n - 1):
-            power *= t
-            value, slope = value * s + weights[0, k] * power, slope * s + weights[1, k] * power
-        value = value * s + weights[0, n - 1] * (power * t)
-        value, slope = turn * value, turn * (n - 1) * slope
+        value, slope, bend = _at(weights[0], n, t), _at(weights[1], n - 1, t), _at(weights[2], n - 2, t)
         if value <= 0:
             low = t
         else:
             high = t
-        step = -value / slope
-        last, following = abs(step) <= CLOSE, t + step
+        step = -2 * value * slope / (2 * slope * slope - value * bend)
+        last, following = abs(step) <= CUBIC, t + step
         if not low < following < high:
             following = min(max(following, low), high) if last else (low + high) / 2
         t = following
@@ -103,7 +117,7 @@ def _roots(c, noise, change, farthest, steep, pieces, values, slopes):
     size. steep: if only the slope of the noise is known, the largest slope over its size. The other of the two is 0.
     """
     n, found, open_ = len(c), 0, 1
-    low, high, depth, unsure, b, weights = pieces
+    low, high, depth, unsure, b, weights, binomials = pieces
     low[0], high[0], depth[0], unsure[0] = -1.0, 1.0, 0, _whole(c, change, b[0])
     if not (np.isfinite(unsure[0]) and min(abs(b[0, 0]), abs(b[0, n - 1])) > noise + unsure[0]):
         return -1
@@ -118,7 +132,7 @@ def _roots(c, noise, change, farthest, steep, pieces, values, slopes):
         elif found < len(values) and (
             _monotone(piece, right - left, noise, rounding, steep) if steep else _once(piece, farthest * noise + rounding)
         ):
-            values[found], slopes[found] = left + (right - left) * _root(piece, weights), np.sign(piece[n - 1])
+            values[found], slopes[found] = left + (right - left) * _root(piece, weights, binomials), np.sign(piece[n - 1])
             found, open_ = found + 1, open_ - 1
         elif depth[at] == HALVINGS - 1 or max(-least, most) <= noise + rounding:
             return -1
@@ -134,8 +148,7 @@ def _roots(c, noise, change, farthest, steep, pieces, values, slopes):
 def _of_rows(c, noise, change, steep, values, within, slopes, counts):
     """Store the roots of every row, distances within which no other root is, and their number; -1 if signs do not decide."""
     n = c.shape[1]
-    pieces = np.empty(64), np.empty(64), np.empty(64, np.int64), np.empty(64), np.empty((64, n)), np.empty((2, n))
-    found, slope = np.empty((2, n))
+    pieces, (found, slope) = _pieces(n), np.empty((2, n))
     for row in range(len(c)):
         counts[row] = _roots(c[row], noise[row], change, 0.0, steep, pieces, found, slope)
         order = np.argsort(found[: max(counts[row], 0)])

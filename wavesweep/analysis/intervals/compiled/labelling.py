@@ -145,7 +145,7 @@ def _balanced_size(A):
             for j in range(n):
                 if j != k:
                     row, column = row + abs(A[k, j]), column + abs(A[j, k])
-            if row > 0 and column > 0 and np.isfinite(row / column):
+            if not 0.5 <= row / column <= 2 and row > 0 and column > 0 and np.isfinite(row / column):  # or the factor is 1
                 factor = 2.0 ** np.round(np.log2(row / column) / 2)
                 for j in range(n):
                     A[j, k] *= factor
