@@ -1,15 +1,17 @@
 """What cannot be answered is refused before anything is computed; `check` says what would be."""
 
+from dataclasses import replace
+
 import pytest
 
 import wavesweep
 from wavesweep import sweep
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
-from wavesweep.sweep import estimates, grid, workers
+from wavesweep.sweep import estimates, grid, running, workers
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds, refuse_full_disk
 from wavesweep.sweep.interval_job import job_of
-from wavesweep.sweep.workers import choose
+from wavesweep.sweep.workers import WORTH, choose
 
 
 def spec_of(kind="pmw", **axes):
@@ -76,6 +78,15 @@ def test_check_says_slices_chunks_workers_and_why(mixed, long):
     assert "4 chunks, about" in "\n".join(sweep.plan(long))
     refused = "\n".join(sweep.plan(spec_of(along="rates.ratio", **{"rates.ratio": {"start": 1, "stop": 9}})))
     assert "stability-region: not possible with this spec: intervals along rates.ratio" in refused
+
+
+def test_work_that_is_surely_worth_workers_is_not_measured(long, monkeypatch):
+    job, measured = job_of(long), []
+    monkeypatch.setattr(running, "expected_seconds", lambda each: measured.append(each) or 5.0)
+    assert running._expected(job) == 5.0
+    many = replace(job, chunks=replace(job.chunks, loops=10_000_000))
+    assert running._expected(many) > WORTH
+    assert measured == [job]
 
 
 def test_a_disk_that_is_too_small_is_refused_before_the_work(long, tmp_path, monkeypatch):

@@ -123,7 +123,7 @@ def count_outside(E):
     other that this could bring them there (`may_cross`), those nearest to it also count as within rounding of it if a rounding
     of E could move them onto the circle: if the smallest singular value of `z I - (I + E)` at the nearest z of the circle is
     that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1). If the kernel is chosen, the count
-    follows from signs where these are sure, which needs no eigenvalues (see `compiled.counting`).
+    follows from signs if these are sure, which needs no eigenvalues (see `compiled.counting`).
     """
     if chosen() == NUMPY or not 0 < E.shape[-1] <= MOST_BY_SIGNS or not E.size or np.iscomplexobj(E):
         return _by_eigenvalues(E)

@@ -30,18 +30,29 @@ class ParquetFile:
             pyarrow.field(f.name, types[f.kind], metadata={"unit": f.unit, "description": f.description}) for f in fields
         ]
         text = json.dumps(facts, sort_keys=True, allow_nan=False)
-        self._schema = pyarrow.schema(columns, metadata={"wavesweep": text})
-        self._writer = pyarrow.parquet.ParquetWriter(path.absolute(), self._schema, compression="zstd")  # it expands ~
+        self._path, self._schema, self._writer = path.absolute(), pyarrow.schema(columns, metadata={"wavesweep": text}), None
 
     def append(self, columns: Mapping[str, np.ndarray]) -> None:
         """Write checked columns as one row group."""
         import pyarrow
 
+        if self._writer is None:
+            self._open(columns)
         arrays = [_array(column) for column in columns.values()]
         self._writer.write_table(pyarrow.Table.from_arrays(arrays, schema=self._schema), row_group_size=GROUP_ROWS)
 
+    def _open(self, columns: Mapping[str, np.ndarray]) -> None:
+        """Open the file for columns like those of the first group: numbers that repeat are kept once, in a dictionary."""
+        import pyarrow.parquet
+
+        many = [name for name, each in columns.items() if each.dtype == np.float64 and np.unique(each).size > len(each) // 2]
+        few = [name for name in columns if name not in many]
+        self._writer = pyarrow.parquet.ParquetWriter(self._path, self._schema, compression="zstd", use_dictionary=few)
+
     def close(self) -> None:
         """Write the footer; without it the file cannot be read."""
+        if self._writer is None:
+            self._open({})
         try:
             self._writer.close()
         finally:

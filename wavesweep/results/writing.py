@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, nullcontext
 from itertools import chain
@@ -18,6 +19,7 @@ from wavesweep.results.placing import abandon, new_folder, put_in_place
 from wavesweep.results.schema import Field, checked, fields_of
 from wavesweep.sweep.table import Columns, Table, joined
 
+AHEAD = 2  # groups that threads turn into text and Parquet while the rows of the next one are gathered
 OWN_FACTS = ("timings", "warnings", "spec_place")  # facts of one run, which differ between runs that give the same rows
 
 
@@ -109,7 +111,7 @@ def _opened(table: Table) -> tuple[tuple[Field, ...], Iterable[Columns]]:
 
 
 def _write_rows(stem: Path, fields: tuple[Field, ...], facts: Mapping[str, Any], blocks: Iterable[Columns]) -> None:
-    """Write both files, each in a thread of its own if there are several groups: Arrow leaves Python to the next group then."""
+    """Write both files, in threads if there are several groups: Arrow leaves Python to the next group then."""
     parquet = ParquetFile(stem.with_suffix(".parquet"), fields, facts)
     with closing(parquet), stem.with_suffix(".csv").open("wb") as csv:
         csv.write(csv_header(fields))
@@ -122,15 +124,14 @@ def _write_rows(stem: Path, fields: tuple[Field, ...], facts: Mapping[str, Any],
             return
         from concurrent.futures import ThreadPoolExecutor
 
-        with ThreadPoolExecutor(1) as of_csv, ThreadPoolExecutor(1) as of_parquet:
-            before: tuple = ()
-            for group in chain([first, second], groups):
-                now = of_csv.submit(lambda rows: csv.write(csv_rows(rows)), group), of_parquet.submit(parquet.append, group)
-                for each in before:  # no more than two groups are in memory
-                    each.result()
-                before = now
-            for each in before:
-                each.result()
+        with ThreadPoolExecutor(2) as of_csv, ThreadPoolExecutor(1) as of_parquet:
+            begun: deque = deque()
+            for group in chain([first, second], groups, (None,) * AHEAD):
+                begun.append(group and (of_csv.submit(csv_rows, group), of_parquet.submit(parquet.append, group)))
+                done = begun.popleft() if len(begun) > AHEAD else None
+                if done:
+                    csv.write(done[0].result())
+                    done[1].result()
 
 
 def _groups(fields: tuple[Field, ...], blocks: Iterable[Columns], partition: int | None = None) -> Iterator[Columns]:

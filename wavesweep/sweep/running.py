@@ -16,8 +16,9 @@ from wavesweep.sweep.checkpoint import DamagedError, MemoryCheckpoint, blocks, c
 from wavesweep.sweep.estimates import expected_seconds, refuse_full_disk
 from wavesweep.sweep.job import Job
 from wavesweep.sweep.table import Columns, joined
-from wavesweep.sweep.workers import Workers, choose, results
+from wavesweep.sweep.workers import WORTH, Workers, choose, results
 
+LEAST = 1e-6  # s of a slice: none takes less
 Progress = Callable[[int, int, int | None], None]
 
 
@@ -127,7 +128,9 @@ def run(jobs: Mapping[str, Job], work: Work = Work()) -> Run:
 
 
 def _expected(job):
-    return expected_seconds(job) - job.ready
+    """Seconds of work; not more than there are, and not measured, if already these are worth workers."""
+    least = LEAST * job.slices - job.ready
+    return least if least > WORTH else expected_seconds(job) - job.ready
 
 
 def _continued(progress, total, before):

@@ -32,7 +32,7 @@ def _quotient(a, da, b, db):
 
 @compiled
 def _counts(E, change):
-    """Return the number of eigenvalues of `I + E` outside the circle, `(matrices,)`, -1 where rounding could change it."""
+    """Return the number of eigenvalues of `I + E` outside the circle, `(matrices,)`, -1 if rounding could change it."""
     n, counts = E.shape[1], np.full(len(E), -1)
     A, R = np.empty((2, n, n))
     leading, beside = np.empty((2, n + 1, n + 1))
@@ -122,7 +122,7 @@ def _changes(leading, beside, size, change):
 
 
 def count_outside(E):
-    """Return the number of eigenvalues of `I + E` outside the unit circle for each matrix, -1 where it is not sure.
+    """Return the number of eigenvalues of `I + E` outside the unit circle for each matrix, -1 if it is not sure.
 
     E: `(matrices, n, n)`, real. The numbers that are sure hold for all matrices whose entries, in units in which they are
     balanced, differ from these by no more than BACKWARD roundings of the largest one.
