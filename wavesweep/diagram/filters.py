@@ -1,6 +1,7 @@
 """Digital Butterworth filters from normal-form sections, which are accurate at any order and cutoff."""
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -20,6 +21,12 @@ def butterworth(name: str, order: int, cutoff_hz, period, highpass: bool = False
     Accuracy: response good to 1e-13 relative for orders to 12 and cutoffs from 0.1 % of the rate to its half, next to which the
     cutoff's distance from it has lost digits: the block's condition, and the sizes of its terms, say how many.
     """
+    plain = isinstance(cutoff_hz, int | float) and isinstance(period, int | float)
+    return (_known if plain else _filter)(name, order, cutoff_hz, period, highpass)
+
+
+def _filter(name, order, cutoff_hz, period, highpass) -> Block:
+    """The filter, see `butterworth`."""
     if order == 0:
         return _assemble(name, [])
     share = numbers(cutoff_hz) * period
@@ -31,6 +38,9 @@ def butterworth(name: str, order: int, cutoff_hz, period, highpass: bool = False
     lost = np.where(lost > FEW, lost, 1.0)
     sizes = (lost[..., None, None] * np.abs(getattr(filter_, part)) for part in "EBCD")
     return replace(filter_, condition=lost, terms=tuple(sizes))
+
+
+_known = lru_cache(maxsize=64)(_filter)  # the loops of a sweep mostly share their filters
 
 
 def _single(warped, highpass):
