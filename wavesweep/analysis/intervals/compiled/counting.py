@@ -9,7 +9,7 @@ import numpy as np
 from wavesweep.analysis.intervals.compiled.labelling import _balanced_size
 from wavesweep.analysis.intervals.compiled.solving import _largest, _swapped, compiled
 from wavesweep.analysis.intervals.critical import _powers
-from wavesweep.analysis.spectrum import BACKWARD
+from wavesweep.analysis.spectrum import ROUNDINGS
 
 EPS = float(np.finfo(float).eps)
 
@@ -40,7 +40,7 @@ def _counts(E, change):
         A[:] = E[at]
         size = 2.0 ** np.ceil(np.log2(max(1.0, _balanced_size(A))))
         A /= size
-        R[:] = BACKWARD * EPS
+        R[:] = ROUNDINGS * EPS
         if _hessenberg(A, R):
             _characteristic(A, R, leading, beside)
             counts[at] = _changes(leading, beside, size, change)
@@ -125,6 +125,6 @@ def count_outside(E):
     """Return the number of eigenvalues of `I + E` outside the unit circle for each matrix, -1 if it is not sure.
 
     E: `(matrices, n, n)`, real. The numbers that are sure hold for all matrices whose entries, in units in which they are
-    balanced, differ from these by no more than BACKWARD roundings of the largest one.
+    balanced, differ from these by no more than ROUNDINGS roundings of the largest one.
     """
     return _counts(np.ascontiguousarray(E), _powers(E.shape[-1]))
