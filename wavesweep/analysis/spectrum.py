@@ -9,8 +9,9 @@ from wavesweep.lifted.rounding import TELLING
 
 ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
 BACKWARD = 16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
-NEIGHBOURHOOD = 1e-3  # from the circle, where two eigenvalues may lose most of their digits when they nearly meet
-MEETING = 4  # number of the nearest ones that are examined
+NEIGHBOURHOOD = 1e-3  # from the circle, where the digits that an eigenvalue may have lost matter
+LARGE = 1e3  # of an entry of a balanced matrix, beyond which eigenvalues anywhere may have lost many digits
+MEETING = 4  # number of the nearest ones that are examined, and all others in the neighbourhood
 BALANCING = 3  # sweeps
 MOST_BY_SIGNS = 12  # eigenvalues; coefficients of more crowd, and signs of sums of them are seldom sure
 
@@ -78,7 +79,7 @@ def _known(E, radius, delta):
     which, eigenvalue = np.nonzero(_outgrows(delta, size, found[some]))
     further = found[some[which]] + TELLING * np.maximum(found[some[which]], 1)
     points = further * np.exp(1j * np.angle(1 + delta[which, eigenvalue])) - 1
-    lost = _nearest(E[which], points[:, None]) <= BACKWARD * np.finfo(float).eps * size[which]
+    lost = _smallest(E[which], points[:, None])[:, 0] <= BACKWARD * np.finfo(float).eps * size[which]
     found[some[which[lost]]] = np.nan
     return found.reshape(np.shape(radius))
 
@@ -119,11 +120,12 @@ def count_outside(E):
     """Return the number of eigenvalues of `I + E` outside the unit circle, and whether none lies within rounding of it.
 
     The count is -1 if E is not finite. An eigenvalue is within rounding of the circle if its computed distance from it is that
-    small. Eigenvalues that nearly meet keep only a root of the digits. So if several are near the circle, or so near to each
-    other that this could bring them there (`may_cross`), those nearest to it also count as within rounding of it if a rounding
-    of E could move them onto the circle: if the smallest singular value of `z I - (I + E)` at the nearest z of the circle is
-    that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1). If the kernel is chosen, the count
-    follows from signs if these are sure, which needs no eigenvalues (see `compiled.counting`).
+    small. Eigenvalues that nearly meet keep only a root of the digits, and others of a matrix with large entries may lose many.
+    So if one is near the circle, if some are so near to each other that this could bring them there (`may_cross`), or if
+    entries are large in any units, those nearest to the circle also count as within rounding of it if a rounding of E could
+    move them onto it: if the smallest singular value of `z I - (I + E)` at the nearest z of the circle is that small (L. N.
+    Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1). If the kernel is chosen, the count follows from signs
+    if these are sure, which needs no eigenvalues (see `compiled.counting`).
     """
     if chosen() == NUMPY or not 0 < E.shape[-1] <= MOST_BY_SIGNS or not E.size or np.iscomplexobj(E):
         return _by_eigenvalues(E)
@@ -140,38 +142,45 @@ def _by_eigenvalues(E):
     """Return `count_outside` from computed eigenvalues."""
     delta, finite = eigenvalues(E)
     outside = excess(delta)
-    tolerance = ROUNDINGS * np.finfo(float).eps * np.maximum(1, np.abs(E).max((-1, -2), initial=0))
+    size = np.abs(E).max((-1, -2), initial=0)
+    tolerance = ROUNDINGS * np.finfo(float).eps * np.maximum(1, size)
     count = np.where(finite, (outside > 0).sum(-1), -1)
     distance = np.abs(outside)
     clear = finite & (distance.min(-1, initial=np.inf) > tolerance)
-    near = clear & ((distance < NEIGHBOURHOOD).sum(-1) > 1)
-    met = np.flatnonzero(clear & ~near & may_cross(delta, np.abs(E).max((-1, -2), initial=0)))
-    near[met] = may_cross(delta[met], np.abs(balance(E[met])[0]).max((-1, -2), initial=0)) if met.size else False
+    near = clear & (distance.min(-1, initial=np.inf) < NEIGHBOURHOOD)
+    some = np.flatnonzero(clear & ~near & (may_cross(delta, size) | (size > LARGE)))
+    if some.size:
+        size = np.abs(balance(E[some])[0]).max((-1, -2), initial=0)
+        near[some] = may_cross(delta[some], size) | (size > LARGE)
     near = np.flatnonzero(near)
     if near.size:
-        closest = np.take_along_axis(delta[near], np.argsort(distance[near], axis=-1)[:, :MEETING], axis=-1)
+        order = np.argsort(distance[near], axis=-1)
+        closest, far = (np.take_along_axis(part[near], order, axis=-1) for part in (delta, distance >= NEIGHBOURHOOD))
+        far[:, :MEETING] = False
+        most = (~far).sum(-1).max()
         balanced, _ = balance(E[near])
         rounding = BACKWARD * np.finfo(float).eps * np.abs(balanced).max((-1, -2))
-        clear[near] = _nearest(balanced, on_circle(np.abs(np.angle(1 + closest)))) > rounding
+        smallest = _smallest(balanced, on_circle(np.abs(np.angle(1 + closest[:, :most]))))
+        clear[near] = np.where(far[:, :most], np.inf, smallest).min(-1) > rounding
     return count, clear
 
 
 def may_cross(delta, size) -> np.ndarray:
     """Return whether rounding might move eigenvalues onto the circle that are nearer to each other than to it.
 
-    delta: eigenvalues less 1, `(matrices, n)`; size: of the largest entry, `(matrices,)`. If m of them are within twice the
-    distance of one of them from the circle, a relative rounding of e moves that one by up to the size times e^(1/m), as it does
-    for a Jordan block.
+    delta: eigenvalues less 1, `(matrices, n)`; size: of the largest entry, `(matrices,)`. If m of them are within four times
+    the distance of one of them from the circle, a relative rounding of e moves that one by up to the size times e^(1/m), as it
+    does for a Jordan block, which becomes m eigenvalues around a circle.
     """
     far = np.abs(np.abs(1 + delta) - 1)
-    m = (np.abs(delta[..., None, :] - delta[..., :, None]) <= 2 * far[..., :, None]).sum(-1)
+    m = (np.abs(delta[..., None, :] - delta[..., :, None]) <= 4 * far[..., :, None]).sum(-1)
     return ((m > 1) & (far < np.asarray(size)[..., None] * (ROUNDINGS * np.finfo(float).eps) ** (1 / m))).any(-1)
 
 
-def _nearest(E, delta):
-    """Smallest singular value of `delta I - E`, `(matrices,)`, over the points delta = z - 1, `(matrices, points)`."""
+def _smallest(E, delta):
+    """Smallest singular values of `delta I - E` at the points delta = z - 1, `(matrices, points)`."""
     A = delta[..., None, None] * np.eye(E.shape[-1]) - E[:, None]
-    return np.linalg.svd(A, compute_uv=False)[..., -1].min(-1)
+    return np.linalg.svd(A, compute_uv=False)[..., -1]
 
 
 def balance(E, sweeps: int = BALANCING):

@@ -355,9 +355,7 @@ def test_eigenvalues_counted_by_signs_are_those_of_ball_arithmetic(n):
             E = np.linalg.solve(change, own @ change)
             found = counting.count_outside(E[None])[0]
             told.append(found >= 0)
-            whole = flint.arb_mat(n, n, [flint.arb(each) for each in E.ravel()]) + flint.arb_mat(
-                n, n, np.eye(n).ravel().tolist()
-            )
+            whole = flint.arb_mat(n, n, E.ravel().tolist()) + flint.arb_mat(n, n, np.eye(n).ravel().tolist())
             if found >= 0:
                 assert found == certified.count_outside(whole.charpoly())
     finally:
