@@ -51,7 +51,7 @@ def proved(cut: Cut, owner, along: str, fixed, span) -> tuple[Intervals, np.ndar
         state[state == OPEN] = LEFT
     change, farthest = (change_of_basis(n), largest_bernstein(n - 1)) if 2 <= n <= MOST else (np.zeros((0, 0)), np.inf)
     condition = np.broadcast_to(cut.condition, (loops,)).astype(float)
-    *found, above = _crossings(*arrays, condition, *facts, *columns, low, high, change, farthest, state)
+    *found, orders, above = _crossings(*arrays, *facts, *columns, low, high, change, farthest, state)
     bounds, rise, start = _cut(low, high, *found, state)
     width = high - low
 
@@ -75,6 +75,7 @@ def proved(cut: Cut, owner, along: str, fixed, span) -> tuple[Intervals, np.ndar
     if claimed.size:
         column = np.searchsorted(start, claimed, side="right") - 1
         state[column[counted(column, claimed) != begins[column] + rise[claimed]]] = LEFT
+    _judged_ends(*arrays, *facts, orders, *columns, condition, width, state, start, bounds, rise, begins)
     (column, index, count), (*ends, low_theta, high_theta, residual) = _intervals(state, start, bounds, rise, begins)
     period = np.broadcast_to(cut.period, (loops,))[owner[column]]
     omega = low_theta / period, high_theta / period
@@ -90,15 +91,15 @@ def _arrays(cut):
 
 
 @compiled
-def _crossings(E, B, C, D, condition, integrates, along_k, owner, fixed, low, high, change, farthest, state):
+def _crossings(E, B, C, D, integrates, along_k, owner, fixed, low, high, change, farthest, state):
     """Return the crossings of the columns that are OPEN; a column becomes LEFT if the signs do not prove them. See `crossings`.
 
-    Returns the column of each crossing between z = 1 and -1, sorted; `(4, crossings)` of their value, angle, jump and residual
-    from `_judged`; `(3, 2, columns)` of the value, the jump and the residual of those at z = 1 and -1; and `above`.
+    Returns the column of each crossing between z = 1 and -1, sorted; `(3, crossings)` of their value, angle and jump; `(2, 2,
+    columns)` of the value and the jump of those at z = 1 and -1; `(loops, n)`, the order of rows of each loop; and `above`.
     """
-    columns, n = len(fixed), E.shape[1] + integrates
-    found, inner = np.empty(columns * n, np.int64), np.empty((4, columns * n))
-    ends, above, room = np.empty((3, 2, columns)), np.zeros(columns), _room(E.shape[1])
+    columns, n, orders = len(fixed), E.shape[1] + integrates, np.empty(E.shape[:2], np.int64)
+    found, inner = np.empty(columns * n, np.int64), np.empty((3, columns * n))
+    ends, above, room = np.empty((2, 2, columns)), np.zeros(columns), _room(E.shape[1])
     tables, first, total = (_transform(n + SPARE), change, farthest), 0, 0
     while first < columns:
         loop, after = owner[first], first + 1
@@ -106,17 +107,18 @@ def _crossings(E, B, C, D, condition, integrates, along_k, owner, fixed, low, hi
             after += 1
         if (state[first:after] == OPEN).any():
             scale = _scale(E[loop])
-            own = E[loop], B[loop], C[loop], D[loop], integrates, along_k, _row_order(E[loop], scale)
+            orders[loop] = _row_order(E[loop], scale)
+            own = E[loop], B[loop], C[loop], D[loop], integrates, along_k, orders[loop]
             here = state[first:after], fixed[first:after], ends[:, :, first:after], above[first:after]
-            count = _of_loop(own, condition[loop], scale, low, high, tables, *here, found[total:], inner[:, total:], room)
+            count = _of_loop(own, scale, low, high, tables, *here, found[total:], inner[:, total:], room)
             found[total : total + count] += first
             total += count
         first = after
-    return found[:total], inner[:, :total], ends, above
+    return found[:total], inner[:, :total], ends, orders, above
 
 
 @compiled
-def _of_loop(own, condition, scale, low, high, tables, state, fixed, ends, above, found, inner, room):
+def _of_loop(own, scale, low, high, tables, state, fixed, ends, above, found, inner, room):
     """Store the crossings of the columns of one loop, and return their number."""
     (transform, change, farthest), n, total, integrates = tables, len(own[0]) + own[4], 0, own[4]
     curve, over, noise, at_ends = np.zeros((2, n)), np.zeros((3, n + 1)), np.zeros(5), np.empty((2, 3))
@@ -148,15 +150,23 @@ def _of_loop(own, condition, scale, low, high, tables, state, fixed, ends, above
             found[total], inner[2, total] = column, -2.0 * slopes[i]
             inner[1, total] = 2 * np.arctan2(scale * np.sqrt(1 - values[i]), np.sqrt(1 + values[i]))
             total += 1
-    _settled(own, condition, low, high, state, fixed, above, found[:total], inner[:, :total], room)
-    _settled_ends(own, condition, low, high, state, fixed, ends, above, room)
+    _settled(own, low, high, state, fixed, above, found[:total], inner[:, :total], room)
+    _add_growth(low, high, state, ends, above)
     return total
 
 
 @compiled
-def _settled(own, condition, low, high, state, fixed, above, found, inner, room):
-    """Polish the crossings between z = 1 and -1 from their seeds, a lane each, and judge them."""
-    most, (y, theta, seed, value, residual), good = max(abs(low), abs(high)), np.empty((5, LANES)), np.empty(LANES, np.bool_)
+def _add_growth(low, high, state, ends, above):
+    """Add the parts of the crossings at z = 1 and -1."""
+    for column in range(len(state)):
+        for side in range(2 if state[column] == OPEN else 0):
+            above[column] += _growth(ends[0, side, column], ends[1, side, column], low, max(abs(low), abs(high)))
+
+
+@compiled
+def _settled(own, low, high, state, fixed, above, found, inner, room):
+    """Polish the crossings between z = 1 and -1 from their seeds, a lane each."""
+    most, (y, theta, seed, value), good = max(abs(low), abs(high)), np.empty((4, LANES)), np.empty(LANES, np.bool_)
     for first in range(0, len(found), LANES):
         count = min(LANES, len(found) - first)
         for lane in range(LANES):
@@ -164,36 +174,46 @@ def _settled(own, condition, low, high, state, fixed, above, found, inner, room)
             y[lane], theta[lane] = fixed[found[at]], inner[1, at]
         seed[:] = theta
         _polished(own, y, theta, value, good, most, room)
-        _judged(own, condition, y, value, theta, high - low, residual, room)
         for lane in range(count):
             at = first + lane
             column = found[at]
-            inner[0, at], inner[1, at], inner[3, at] = value[lane], theta[lane], residual[lane]
+            inner[0, at], inner[1, at] = value[lane], theta[lane]
             if not (good[lane] and abs(theta[lane] - seed[lane]) <= NEAR_SEED * min(seed[lane], np.pi - seed[lane])):
                 state[column] = LEFT
             above[column] += _growth(value[lane], inner[2, at], low, most)
 
 
 @compiled
-def _settled_ends(own, condition, low, high, state, fixed, ends, above, room):
-    """Judge the crossings at z = 1 and -1 that are inside the span, a lane each."""
-    most, (y, theta, value, residual), waiting = max(abs(low), abs(high)), np.empty((4, LANES)), 0
-    names = np.empty((2, LANES), np.int64)
+def _judged_ends(E, B, C, D, integrates, along_k, orders, owner, fixed, condition, width, state, start, bounds, rise, begins):
+    """Store the residuals of the inner ends of stable regions in bounds (see `_cut`), a lane each; orders: see `_crossings`."""
+    room, (y, value, theta, residual), places = _room(E.shape[1]), np.empty((4, LANES)), np.empty((2, LANES), np.int64)
+    waiting, last = 0, len(fixed) - 1
     for column in range(len(fixed)):
-        for side in range(2):
-            p = ends[0, side, column]
-            if state[column] == OPEN and low < p < high:
-                names[0, waiting], names[1, waiting] = side, column
-                y[waiting], theta[waiting], value[waiting] = fixed[column], np.pi * side, p
+        loop = owner[column]
+        own = E[loop], B[loop], C[loop], D[loop], integrates, along_k, orders[loop]
+        for region in range(start[column], start[column + 1] if state[column] == OPEN else start[column]):
+            for side in range(2 if begins[column] + rise[region] == 0 else 0):
+                if region == (start[column + 1] - 1 if side else start[column]):
+                    continue
+                places[0, waiting], places[1, waiting] = 4 + side, region
+                y[waiting], value[waiting], theta[waiting] = fixed[column], bounds[side, region], bounds[2 + side, region]
                 waiting += 1
-            if state[column] == OPEN:
-                above[column] += _growth(p, ends[1, side, column], low, most)
-            if waiting == LANES or (waiting and column == len(fixed) - 1 and side == 1):
-                y[waiting:], theta[waiting:], value[waiting:] = y[0], theta[0], value[0]
-                _judged(own, condition, y, value, theta, high - low, residual, room)
-                for lane in range(waiting):
-                    ends[2, names[0, lane], names[1, lane]] = residual[lane]
-                waiting = 0
+                if waiting == LANES:
+                    waiting = _judged_lanes(
+                        own, condition[loop], y, value, theta, width, residual, room, waiting, places, bounds
+                    )
+        if waiting and (column == last or owner[column + 1] != loop):
+            waiting = _judged_lanes(own, condition[loop], y, value, theta, width, residual, room, waiting, places, bounds)
+
+
+@compiled
+def _judged_lanes(own, condition, y, value, theta, width, residual, room, waiting, places, bounds):
+    """Judge the crossings in the first lanes, store their residuals in bounds, and return 0, the number of those that wait."""
+    y[waiting:], value[waiting:], theta[waiting:] = y[0], value[0], theta[0]
+    _judged(own, condition, y, value, theta, width, residual, room)
+    for lane in range(waiting):
+        bounds[places[0, lane], places[1, lane]] = residual[lane]
+    return 0
 
 
 @compiled

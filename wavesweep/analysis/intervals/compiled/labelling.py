@@ -55,13 +55,13 @@ def _screened(E, B, C, D, integrates, along_k, owner, fixed, low, high):
 def _cut(low, high, found, inner, ends, state):
     """Return the regions of all columns that are OPEN, and the first region of each column; see `regions.cut_span`.
 
-    found, inner, ends: see `_crossings`. For each region the result has its ends, their angles, and the residuals of the
-    equation at both, `(6, regions)`, and the growth of the count since the first region.
+    found, inner, ends: see `_crossings`. For each region the result has its ends, their angles, and zeros for the residuals of
+    the equation at both, `(6, regions)`, and the growth of the count since the first region.
     """
     columns, at, region = len(state), 0, 0
     most = len(found) + 3 * columns
     bounds, rise, start = np.empty((6, most)), np.empty(most), np.empty(columns + 1, np.int64)
-    sorted_ = np.empty((4, len(found) + 2))
+    sorted_ = np.empty((3, len(found) + 2))
     for column in range(columns):
         start[column], first = region, at
         while at < len(found) and found[at] == column:
@@ -74,10 +74,10 @@ def _cut(low, high, found, inner, ends, state):
             risen += sorted_[2, i - 1] if i else 0.0
             for side in range(2):
                 if side <= i < count + side:
-                    value, theta, left = sorted_[0, i - side], sorted_[1, i - side], sorted_[3, i - side]
+                    value, theta = sorted_[0, i - side], sorted_[1, i - side]
                 else:
-                    value, theta, left = (low, at_low, 0.0) if side else (high, np.nan, 0.0)
-                bounds[1 - side, region], bounds[3 - side, region], bounds[5 - side, region] = value, theta, left
+                    value, theta = (low, at_low) if side else (high, np.nan)
+                bounds[1 - side, region], bounds[3 - side, region], bounds[5 - side, region] = value, theta, 0.0
             rise[region] = risen
             region += 1
     start[columns] = region
@@ -93,19 +93,19 @@ def _sorted(low, high, inner, ends, found):
     count, at_low, arcs = 0, np.nan, inner.shape[1]
     for i in range(arcs + 2):
         if i < arcs:
-            p, theta, jump, left = inner[0, i], inner[1, i], inner[2, i], inner[3, i]
+            p, theta, jump = inner[0, i], inner[1, i], inner[2, i]
         else:
-            p, theta, jump, left = ends[0, i - arcs], np.pi * (i - arcs), ends[1, i - arcs], ends[2, i - arcs]
+            p, theta, jump = ends[0, i - arcs], np.pi * (i - arcs), ends[1, i - arcs]
         larger = max(abs(low), abs(p))
         if abs(p - low) <= 4 * (np.nextafter(larger, np.inf) - larger):
             at_low = theta
         elif low < p < high:
             place = count
             while place > 0 and found[0, place - 1] > p:
-                for part in range(4):
+                for part in range(3):
                     found[part, place] = found[part, place - 1]
                 place -= 1
-            found[0, place], found[1, place], found[2, place], found[3, place] = p, theta, jump, left
+            found[0, place], found[1, place], found[2, place] = p, theta, jump
             count += 1
     return count, at_low
 
