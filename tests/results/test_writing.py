@@ -56,6 +56,19 @@ def test_blocks_leave_no_trace(columns, facts, tmp_path, length, many):
         assert out.getvalue() == whole.getvalue(), sizes
 
 
+def test_numbers_that_hardly_repeat_have_no_dictionary(columns, facts, tmp_path):
+    """They would fill one, which costs time and place, before Arrow gives it up."""
+    import pyarrow.parquet
+
+    publish(Table.of("zwidth", columns, facts), tmp_path)
+    with pyarrow.parquet.ParquetFile(tmp_path / "zwidth.parquet") as file:
+        group = file.metadata.row_group(0)
+    parts = [group.column(number) for number in range(group.num_columns)]
+    coded = {part.path_in_schema for part in parts if part.has_dictionary_page}
+    assert {"along", "intervals", "residual", "doubt"} <= coded
+    assert coded.isdisjoint({"high", "low", "B_VE", "high_omega"})
+
+
 def test_a_table_without_rows_is_a_table(columns, facts, same, tmp_path):
     empty = {name: column[:0] for name, column in columns.items()}
     publish(Table.of("zwidth", empty, facts), tmp_path)

@@ -10,7 +10,6 @@ from wavesweep.lifted.rounding import TELLING
 ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
 BACKWARD = 16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
 NEIGHBOURHOOD = 1e-3  # from the circle, where the digits that an eigenvalue may have lost matter
-LARGE = 1e3  # of an entry of a balanced matrix, beyond which eigenvalues anywhere may have lost many digits
 MEETING = 4  # number of the nearest ones that are examined, and all others in the neighbourhood
 BALANCING = 3  # sweeps
 MOST_BY_SIGNS = 12  # eigenvalues; coefficients of more crowd, and signs of sums of them are seldom sure
@@ -120,12 +119,11 @@ def count_outside(E):
     """Return the number of eigenvalues of `I + E` outside the unit circle, and whether none lies within rounding of it.
 
     The count is -1 if E is not finite. An eigenvalue is within rounding of the circle if its computed distance from it is that
-    small. Eigenvalues that nearly meet keep only a root of the digits, and others of a matrix with large entries may lose many.
-    So if one is near the circle, if some are so near to each other that this could bring them there (`may_cross`), or if
-    entries are large in any units, those nearest to the circle also count as within rounding of it if a rounding of E could
-    move them onto it: if the smallest singular value of `z I - (I + E)` at the nearest z of the circle is that small (L. N.
-    Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1). If the kernel is chosen, the count follows from signs
-    if these are sure, which needs no eigenvalues (see `compiled.counting`).
+    small. Eigenvalues that nearly meet keep only a root of the digits, and others may lose many. So if one is near the circle,
+    or if some are so near to each other that this could bring them there (`may_cross`), those nearest to it also count as
+    within rounding of it if a rounding of E could move them onto it: if the smallest singular value of `z I - (I + E)` at the
+    nearest z of the circle is that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1). If the
+    kernel is chosen, the count follows from signs if these are sure, which needs no eigenvalues (see `compiled.counting`).
     """
     if chosen() == NUMPY or not 0 < E.shape[-1] <= MOST_BY_SIGNS or not E.size or np.iscomplexobj(E):
         return _by_eigenvalues(E)
@@ -148,10 +146,8 @@ def _by_eigenvalues(E):
     distance = np.abs(outside)
     clear = finite & (distance.min(-1, initial=np.inf) > tolerance)
     near = clear & (distance.min(-1, initial=np.inf) < NEIGHBOURHOOD)
-    some = np.flatnonzero(clear & ~near & (may_cross(delta, size) | (size > LARGE)))
-    if some.size:
-        size = np.abs(balance(E[some])[0]).max((-1, -2), initial=0)
-        near[some] = may_cross(delta[some], size) | (size > LARGE)
+    some = np.flatnonzero(clear & ~near & may_cross(delta, size))
+    near[some] = may_cross(delta[some], np.abs(balance(E[some])[0]).max((-1, -2), initial=0)) if some.size else False
     near = np.flatnonzero(near)
     if near.size:
         order = np.argsort(distance[near], axis=-1)

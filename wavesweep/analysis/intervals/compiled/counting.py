@@ -53,8 +53,6 @@ def _hessenberg(A, R):
     n = len(A)
     for k in range(1, n - 1):
         at = _largest(A, k, k - 1)
-        if A[at, k - 1] == 0 and R[k:, k - 1].max() == 0:
-            continue
         if not abs(A[at, k - 1]) > R[at, k - 1]:
             return False
         for part in (A, R):
@@ -63,8 +61,6 @@ def _hessenberg(A, R):
                 part[i, k], part[i, at] = part[i, at], part[i, k]
         for i in range(k + 1, n):
             factor, off = _quotient(A[i, k - 1], R[i, k - 1], A[k, k - 1], R[k, k - 1])
-            if factor == 0 and off == 0:
-                continue
             A[i, k - 1], R[i, k - 1] = 0.0, 0.0
             for j in range(k, n):
                 A[i, j], R[i, j] = _less(A[i, j], R[i, j], factor, off, A[k, j], R[k, j])
