@@ -3,9 +3,12 @@
 import subprocess
 import sys
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
+from flint import arb_mat, ctx
+from support import certified
 from support.specs import nested, random_values
 
 import wavesweep
@@ -340,13 +343,10 @@ def test_closed_loops_and_their_counts_are_those_of_numpy(kind, along):
 @pytest.mark.parametrize("n", [1, 2, 5, 9])
 def test_eigenvalues_counted_by_signs_are_those_of_ball_arithmetic(n):
     """They are next to the circle; the ill-conditioned ones are not sure, and none that is sure is wrong."""
-    flint = pytest.importorskip("flint")
-    from support import certified
-
     from wavesweep.analysis.intervals.compiled import counting
 
-    random, told, before = np.random.default_rng(n), [], flint.ctx.prec
-    flint.ctx.prec = 2000
+    random, told, before = np.random.default_rng(n), [], ctx.prec
+    ctx.prec = 2000
     try:
         for _ in range(60):
             radius = 1 + random.choice([-1, 1], n) * 10.0 ** random.uniform(-16 / n, 0, n)
@@ -355,11 +355,11 @@ def test_eigenvalues_counted_by_signs_are_those_of_ball_arithmetic(n):
             E = np.linalg.solve(change, own @ change)
             found = counting.count_outside(E[None])[0]
             told.append(found >= 0)
-            whole = flint.arb_mat(n, n, E.ravel().tolist()) + flint.arb_mat(n, n, np.eye(n).ravel().tolist())
+            whole = arb_mat(n, n, E.ravel().tolist()) + arb_mat(n, n, np.eye(n).ravel().tolist())
             if found >= 0:
                 assert found == certified.count_outside(whole.charpoly())
     finally:
-        flint.ctx.prec = before
+        ctx.prec = before
     assert 10 <= sum(told) < 60
 
 
@@ -374,6 +374,24 @@ def test_a_count_by_signs_that_is_not_sure_is_left_to_eigenvalues():
         count, sure = count_outside(apart)
     assert sure.tolist() == [True, False, False, True]
     assert count[sure].tolist() == [1, 1]
+
+
+def test_both_ends_of_a_stable_interval_are_judged_before_the_kernel_proves_it():
+    """If rounding of the loop may be large, a column with an end inside the range is left, whichever end it is."""
+    from wavesweep.analysis.intervals import compiled
+
+    owner, alone = np.zeros(5, int), {"low": 0, "high": 0}
+    for seed, along in product(range(40), SPANS):
+        cut = cut_at_wall(draw(random_values(7000 + seed))).at(np.newaxis)
+        given, (low, high) = (owner, along, FIXED[along][0] + 0.1, SPANS[along]), SPANS[along]
+        found, _ = compiled.proved(cut, *given)
+        left = compiled.proved(replace(cut, condition=1e12), *given)[1]
+        one = (found.count == 1) & (found.column < 5)
+        for name, inner, outer in (("low", found.low > low, found.high == high), ("high", found.high < high, found.low == low)):
+            single = found.column[one & inner & outer]
+            alone[name] += single.size
+            assert np.isin(single, left).all()
+    assert min(alone.values()) >= 3
 
 
 @pytest.mark.parametrize(("last", "agreed"), [(3, 4.0), (2, np.nan), (-1, np.nan)])

@@ -63,6 +63,17 @@ def test_two_eigenvalues_that_nearly_meet_next_to_the_circle_are_not_counted(apa
     assert count_outside(1e4 * distance * np.array([[[-1.0, 1e-3], [0.0, -1.5]]]))[1][0]
 
 
+def test_an_eigenvalue_that_has_lost_its_digits_is_found_behind_four_nearer_ones():
+    E = np.zeros((1, 6, 6))
+    for at, angle in ((0, 0.5), (2, 1.5)):
+        c, s = (1 - 1e-10) * np.array([np.cos(angle), np.sin(angle)])
+        E[0, at : at + 2, at : at + 2] = [[c - 1, -s], [s, c - 1]]
+    E[0, 4:, 4:] = [[-1e-8, 0.0], [0.0, -1e-8]]
+    assert count_outside(E)[1][0]
+    E[0, 4, 5] = 1.0
+    assert not count_outside(E)[1][0]
+
+
 @pytest.mark.parametrize("n", [5, 8])
 def test_a_count_that_is_clear_is_that_of_ball_arithmetic(n):
     """Many eigenvalues are next to the circle, and the nearest one may not be the one that has lost most digits."""
