@@ -60,6 +60,36 @@ def test_a_sum_that_cancels_keeps_its_digits(text, turn):
     assert alone == found.tolist()
 
 
+LARGE = (  # with n of 1e7
+    "(1 + a)**n",
+    "(1 - a)**-n",
+    "(1 + a)**1e6",
+    "(1 + a*c)**(0.5*n)",
+    "1e-200*(c*1e-200)*1e300*(1e100*c)",
+    "(a*1e-300)*1e300",
+    "(b*1e-160)*(a*1e-160)/1e-300",
+)
+
+
+@pytest.mark.parametrize("text", LARGE)
+def test_large_powers_and_tiny_products_keep_their_digits(text):
+    tree, a = parse(text), 10 ** np.random.default_rng(8).uniform(-12, -8, 20)
+    numbers = {"a": a, "b": 1.5 * a, "c": 1 + a, "n": np.full(20, 1e7)}
+    rows = [dict(zip(numbers, row, strict=True)) for row in zip(*(each.tolist() for each in numbers.values()), strict=True)]
+    wanted = np.array([float(reference(tree, row)) for row in rows])
+    found = values_of(tree, numbers)
+    np.testing.assert_allclose(found, wanted, rtol=2e-15)
+    assert [value_of(tree, row) for row in rows] == found.tolist()
+    rough = np.array([evaluate(tree, row) for row in rows])
+    assert np.abs(rough / wanted - 1).max() > 1e-14
+
+
+def test_a_large_power_of_a_complex_number_keeps_its_digits():
+    tree, a = parse("(1 + a)**1e6"), 1e-7 * np.exp(1j * np.linspace(0.1, 3, 7))
+    wanted = [complex(reference(tree, {"a": value})) for value in a.tolist()]
+    np.testing.assert_allclose(values_of(tree, {"a": a}), wanted, rtol=1e-15)
+
+
 def test_the_same_sums_lose_digits_without_it():
     numbers = {"a": 1e-9, "b": 1e-9 * (1 + 1e-9), "c": 1 + 1e-9}
     lost = [abs(evaluate(parse(text), numbers) / complex(reference(parse(text), numbers)) - 1) for text in CANCELLING]

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.spec.expressions import CANCELLED, Tree, evaluate, is_given, names_in
+from wavesweep.spec.expressions import Tree, evaluate, is_given, lost_digits, names_in
 
 ROUNDED = "(rounded)"  # no number of a spec can have this name
 
@@ -13,21 +13,21 @@ ROUNDED = "(rounded)"  # no number of a spec can have this name
 def values_of(tree: Tree, numbers: Mapping[str, Any]) -> Any:
     """Return the value of a tree without signals, correct to a few roundings of itself; the numbers are exact.
 
-    numbers: name -> number, or array of numbers. Where a sum of computed terms cancels, the value is computed again in decimal
-    arithmetic, each element from its own numbers alone. A missing value is NaN or infinite.
+    numbers: name -> number, or array of numbers. Where digits are lost, as in sums that cancel, the value is computed again in
+    decimal arithmetic, each element from its own numbers alone. A missing value is NaN or infinite.
     """
-    cancelling = []
+    without = []
 
-    def watch(first, total):
+    def watch(*operation):
         with np.errstate(all="ignore"):
-            lost = np.abs(total) < CANCELLED * np.abs(first)
+            lost = np.asarray(lost_digits(*operation))
         if lost.any():
-            cancelling.append(lost)
+            without.append(lost)
 
     rough = evaluate(tree, numbers, np.sqrt, watch)
-    if not cancelling:
+    if not without:
         return rough
-    lost = np.logical_or.reduce(np.broadcast_arrays(*cancelling)) & np.isfinite(rough)
+    lost = np.logical_or.reduce(np.broadcast_arrays(*without)) & np.isfinite(rough)
     return _again(tree, numbers, np.array(rough, order="C"), lost)
 
 

@@ -1,21 +1,23 @@
-"""Values of expressions from decimal arithmetic of 60 digits, for sums that cancel: terms may be thirty powers of ten apart."""
+"""Values of expressions from 60 decimal digits, where doubles lose some: terms may be thirty powers of ten apart."""
 
 import decimal
 from collections.abc import Iterator, Mapping
 from decimal import Decimal
 from functools import lru_cache
 
-from wavesweep.spec.expressions import Tree, evaluate
+from wavesweep.spec.expressions import Tree, evaluate, is_constant
 
 # What has no value is NaN or infinite, and raises nothing.
 _CONTEXT = decimal.Context(prec=60, Emax=decimal.MAX_EMAX, Emin=decimal.MIN_EMIN, traps=[])
 _NOTHING = Decimal(0)
+_WHOLE = 2**53  # from here on doubles are no whole numbers that somebody meant
 
 
 def exactly(tree: Tree, numbers: Mapping[str, float | complex]) -> float | complex:
     """Return the value of a tree without signals, rounded once, for numbers that are exact; NaN or infinite if there is none.
 
-    It is complex if it is not real. Powers whose exponents are no whole numbers are rounded themselves.
+    It is complex if it is not real. Powers of other than positive numbers are rounded themselves if their exponents are no
+    whole numbers.
     """
     known = {constant: constant for constant in _constants(tree)} | dict(numbers)
     with decimal.localcontext(_CONTEXT):
@@ -25,11 +27,11 @@ def exactly(tree: Tree, numbers: Mapping[str, float | complex]) -> float | compl
 
 @lru_cache(maxsize=1024)
 def _named(tree):
-    """The tree with a name in place of each constant, the constant itself, except for exponents."""
+    """The tree with a name in place of each constant, the constant itself, except for exponents that are constants."""
     if tree[0] == "number":
         return ("name", tree[1], tree[2])
     parts = [_named(part) if isinstance(part, tuple) else part for part in tree[1:-1]]
-    return (tree[0], parts[0], *tree[2:]) if tree[0] == "**" else (tree[0], *parts, tree[-1])
+    return (tree[0], parts[0], *tree[2:]) if tree[0] == "**" and is_constant(tree[2]) else (tree[0], *parts, tree[-1])
 
 
 def _constants(tree) -> Iterator[float]:
@@ -79,12 +81,23 @@ class _Decimals:
         return self.of(other) / self
 
     def __pow__(self, exponent):
-        base, exponent = complex(self), complex(self.of(exponent))
+        exponent = self.of(exponent)
+        if exponent.im == self.im == 0 < self.re:
+            return _Decimals(self.re**exponent.re)
+        if exponent.im == 0 and exponent.re == exponent.re.to_integral_value() and abs(exponent.re) < _WHOLE:
+            return self._to_whole(int(exponent.re))
+        base, exponent = complex(self), complex(exponent)
         try:
             real = base.imag == exponent.imag == 0 <= base.real
             return self.of(base.real**exponent.real if real else base**exponent)
         except ArithmeticError:
             return _Decimals(Decimal("nan"))
+
+    def _to_whole(self, exponent):
+        total = _Decimals(Decimal(1))
+        for bit in f"{abs(exponent):b}":
+            total = total * total * self if bit == "1" else total * total
+        return total if exponent >= 0 else 1 / total
 
     def sqrt(self):
         """The principal square root."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import operator
 import re
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -244,12 +245,12 @@ def evaluate(
     tree: Tree,
     numbers: Mapping[str, Any],
     sqrt: Callable[[Any], Any] = math.sqrt,
-    watch: Callable[[Any, Any], None] | None = None,
+    watch: Callable[[Tree, Any, Any, Any], None] | None = None,
 ) -> Any:
     """Return the value of a tree without signals.
 
-    numbers: name -> number, or array of numbers, real or complex. sqrt: the root of such a value. watch: is called with the
-    first term and the value of every sum that has a computed term; a sum of two numbers is rounded once.
+    numbers: name -> number, or array of numbers, real or complex. sqrt: the root of such a value. watch: is called with
+    every operation on two terms, their values and its own.
     Errors: those of Python's arithmetic for single numbers, such as ZeroDivisionError.
     """
     operation = tree[0]
@@ -263,11 +264,9 @@ def evaluate(
     if operation == "sqrt":
         return sqrt(first)
     (second,) = others
-    if operation == "**":
-        return _power(first, second, tree[2])
-    found = _OPERATIONS[operation](first, second)
-    if watch and operation in ("+", "-") and not all(map(is_given, tree[1:-1])):
-        watch(first, found)
+    found = _power(first, second, tree[2]) if operation == "**" else _OPERATIONS[operation](first, second)
+    if watch:
+        watch(tree, first, second, found)
     return found
 
 
@@ -276,8 +275,7 @@ _OPERATIONS = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": ope
 
 def _power(base: Any, exponent: Any, tree: Tree) -> Any:
     """A small whole exponent is written out, so that it is exact for negative and complex numbers."""
-    literal = tree[1][0] == "number" if tree[0] == "negative" else tree[0] == "number"
-    if not (literal and exponent == int(exponent) and abs(exponent) <= EXPANDED):
+    if not (is_constant(tree) and exponent == int(exponent) and abs(exponent) <= EXPANDED):
         return base**exponent
     total, count = 1.0, abs(int(exponent))
     for bit in f"{count:b}":
@@ -286,15 +284,27 @@ def _power(base: Any, exponent: Any, tree: Tree) -> Any:
 
 
 CANCELLED = 1 / 16  # of its first term, below which a sum has lost digits
+RAISED = 16  # exponent beyond which a power multiplies the rounding of its base by more than a few
+SUBNORMAL = sys.float_info.min  # below which doubles have fewer digits
+
+
+def lost_digits(tree: Tree, first: Any, second: Any, found: Any) -> Any:
+    """Return whether an operation on two terms leaves more than a few roundings of it unknown, for each of its values."""
+    operation, computed = tree[0], [not is_given(part) for part in tree[1:3]]
+    if operation in ("+", "-"):  # a sum of two numbers is rounded once
+        return (abs(found) < CANCELLED * abs(first)) & any(computed)
+    if operation == "**":
+        return (abs(second) > RAISED) & computed[0]
+    return (abs(found) < SUBNORMAL) & (abs(first) >= SUBNORMAL) & (abs(second) >= SUBNORMAL)
 
 
 def value_of(tree: Tree, numbers: Mapping[str, float]) -> float:
     """Return the value of a tree without signals, correct to a few roundings of itself, for numbers that are exact.
 
-    Where a sum of computed terms cancels, all is computed again in decimal arithmetic. Errors: those of `evaluate`.
+    Where digits are lost, as in sums that cancel, all is computed again in decimal arithmetic. Errors: those of `evaluate`.
     """
     lost: list[bool] = []
-    rough = evaluate(tree, numbers, watch=lambda first, total: lost.append(abs(total) < CANCELLED * abs(first)))
+    rough = evaluate(tree, numbers, watch=lambda *operation: lost.append(lost_digits(*operation)))
     if not any(lost):
         return rough
     from wavesweep.spec.exact import exactly
@@ -305,6 +315,11 @@ def value_of(tree: Tree, numbers: Mapping[str, float]) -> float:
 def is_given(tree: Tree) -> bool:
     """Whether a tree is a number or a name, or the negative of one, which no rounding changes."""
     return tree[0] in ("number", "name") or (tree[0] == "negative" and is_given(tree[1]))
+
+
+def is_constant(tree: Tree) -> bool:
+    """Whether a tree is a number as it is written, or the negative of one."""
+    return tree[0] == "number" or (tree[0] == "negative" and tree[1][0] == "number")
 
 
 def with_number(tree: Tree, name: str, number: float) -> Tree:
