@@ -33,7 +33,7 @@ def identity(values) -> tuple:
 
 def items_of(values) -> tuple:
     """The pairs of flat `values`; arrays of one as tuples."""
-    return tuple((path, tuple(value.tolist()) if np.ndim(value) else value) for path, value in values.items())
+    return tuple((path, tuple(value.tolist()) if isinstance(value, np.ndarray) else value) for path, value in values.items())
 
 
 @lru_cache(maxsize=1024)
