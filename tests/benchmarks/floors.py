@@ -4,8 +4,10 @@
 
 For 200 columns of each problem of `wavesweep bench`, in turn, medians of 15: D-decomposition on 180 angles, a refined batched
 grid, this tool, and of that compiling the loops, which every method begins with, and the DataFrame. Then slices along numbers:
-the time in which frames are made, which a search without them cannot be below. --study: the sweep of two million slices with
-two workers as well, and what two processors need at least for the processor seconds that it used.
+the time in which frames are made, which a search without them cannot be below; and of all that, two parts which no faster
+drawing and no faster search would save: the products of ticks, and characteristic polynomials or eigenvalues. --study: the
+sweep of two million slices with two workers as well, and what two processors need at least for the processor seconds that it
+used.
 """
 
 import argparse
@@ -21,9 +23,11 @@ import numpy as np
 from panel_speed import CASES, seconds
 
 import wavesweep
+from wavesweep.analysis.intervals import interpolated
 from wavesweep.bench import rivals, this_tool
 from wavesweep.bench.problems import PROBLEMS, bundles
 from wavesweep.library import frame
+from wavesweep.lifted import lift, open_ticks, periodic
 from wavesweep.sweep import drawn_task, tasks
 
 STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
@@ -66,28 +70,47 @@ def comparisons():
 
 def frames():
     """Slices along numbers, and the share of making frames: drawing, connecting, lifting and closing loops."""
-    spent = [0.0, 0]
+    spent = dict.fromkeys(("frames", "ticks", "polynomials"), 0.0)
+    count = [0]
 
-    def timed(find, evaluate, *given, **options):
-        def counted(column, p):
-            started = time.perf_counter()
-            found = evaluate(column, p)
-            spent[0], spent[1] = spent[0] + time.perf_counter() - started, spent[1] + p.size
-            return found
+    def timed(part, work, *given, **options):
+        started = time.perf_counter()
+        try:
+            return work(*given, **options)
+        finally:
+            spent[part] += time.perf_counter() - started
 
-        return find(counted, *given, **options)
+    def counted(find, evaluate, *given, **options):
+        def made(column, p):
+            count[0] += p.size
+            return timed("frames", evaluate, column, p)
+
+        return find(made, *given, **options)
 
     for module in (tasks, drawn_task):
-        module.stable_along_any = partial(timed, module.stable_along_any)
-    print("| loop | along | over | ms a slice | frames a slice | their time (ms) |")
-    print("| --- | --- | --- | --- | --- | --- |")
+        module.stable_along_any = partial(counted, module.stable_along_any)
+    for part, module, name in (
+        ("ticks", lift, "growth"),
+        ("ticks", periodic, "in_a_row"),
+        ("ticks", open_ticks, "in_a_row"),
+        ("polynomials", interpolated, "characteristic"),
+        ("polynomials", np.linalg, "eigvals"),
+    ):
+        setattr(module, name, partial(timed, part, getattr(module, name)))
+    print("| loop | along | over | ms a slice | frames a slice | their time (ms) | products of ticks, polynomials (ms) |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
     for name, source, along, span, axes in CASES:
         loop, rows = wavesweep.compile(source), []
         for _ in range(4):
-            spent[:] = 0.0, 0
-            rows.append((seconds(partial(loop.stable_intervals, along, span, **axes)), *spent))
-        whole, made, count = np.median(rows[1:], axis=0)
-        print(f"| {name} | {along} | {', '.join(axes)} | {10 * whole:.2f} | {count / 100:.0f} | {10 * made:.2f} |", flush=True)
+            spent.update(dict.fromkeys(spent, 0.0))
+            count[0] = 0
+            rows.append((seconds(partial(loop.stable_intervals, along, span, **axes)), *spent.values(), count[0]))
+        whole, made, ticks, polynomials, frames = np.median(rows[1:], axis=0)
+        print(
+            f"| {name} | {along} | {', '.join(axes)} | {10 * whole:.2f} | {frames / 100:.0f} | {10 * made:.2f} | "
+            f"{10 * ticks:.2f}, {10 * polynomials:.2f} |",
+            flush=True,
+        )
 
 
 def two_millions():
