@@ -144,6 +144,7 @@ def test_the_summary_names_intervals_holes_and_the_largest_stiffness(wavesweep, 
     [
         ("zwidth", "B_VE=2", "--set B_VE=2 has no effect here: B_VE is swept; --set sweep.B_VE=... changes its values\n"),
         ("zwidth", "environment.K_VE=2", "--set environment.K_VE=2 has no effect here"),
+        ("zwidth", "environment.B_VE=2", "has no effect here: B_VE is swept; --set sweep.B_VE=... changes its values\n"),
         ("zwidth", "device.mass=2", ""),
         ("bode", "B_VE=2", ""),
     ],

@@ -185,6 +185,17 @@ def test_settings_of_matplotlib_that_are_no_text_are_named_before_the_work(words
     assert not (tmp_path / "results").exists()
 
 
+def test_a_backend_of_matplotlib_that_is_not_there_does_not_matter(spec, tmp_path):
+    """A notebook sets this for the commands that it calls, and its package may be in another environment."""
+    words = [sys.executable, "-m", "wavesweep", "check", str(tmp_path / spec), "--plot", "--out", str(tmp_path)]
+    done = subprocess.run(
+        words, env=os.environ | {"MPLBACKEND": "module://nowhere"}, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr.startswith("Wrote ")) == (0, True), done.stderr
+    done = subprocess.run(words, env=os.environ | {"MPLBACKEND": "nonsense"}, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+
+
 def test_an_override_is_one_line(wavesweep, spec):
     code, _, err = wavesweep("check", spec, "--set", "[device]\nmass=2")
     assert code == 2

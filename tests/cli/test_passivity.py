@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.specs import values_of
 
-from wavesweep import results
+from wavesweep import results, sweep
 from wavesweep.analysis.passivity import port_damping_needed, port_margin
 
 pytestmark = pytest.mark.slow
@@ -61,6 +61,17 @@ def test_a_controller_without_waves_has_a_row_too(wavesweep, filters):
     assert all(line.split(",")[2:4] == ["NaN", "NaN"] for line in lines[1:])
     assert all(line.split(",")[6] == "1" for line in lines[1:])
     assert "dc has no wave channel" in err
+
+
+def test_rates_that_do_not_divide_have_no_filter_choices_and_no_norm(wavesweep, filters, tmp_path, monkeypatch):
+    monkeypatch.setattr(sweep, "passivity", None)  # the refusal comes before the work
+    code, _, err = wavesweep("passivity", filters, "--filters", "--set", "rates.slow_hz=60")
+    assert (code, err.startswith("Error: filters: expected a [controller] whose rates divide")) == (2, True)
+    assert not (tmp_path / "results").exists()
+    _, out, _ = wavesweep("check", filters, "--set", "rates.slow_hz=60")
+    assert "hand's port of 6 loops; method" in out
+    assert "    not computed for rates of which one does not divide: the wave channel (channel_passive 0)" in out
+    assert "norm of 3 wave channels" in wavesweep("check", filters)[1]
 
 
 def test_the_filter_choices_are_a_second_table(wavesweep, filters, tmp_path):

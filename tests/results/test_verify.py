@@ -195,6 +195,12 @@ def test_a_folder_is_needed_and_no_spec(tmp_path, capfd):
     assert "Missing argument 'SPEC'" in capfd.readouterr().err
 
 
+def test_a_table_whose_package_is_lost_is_a_difference(folder):
+    shutil.copy(folder / "zwidth.csv", folder / "bode.csv")
+    (folder / "notes.csv").write_text("of somebody else")
+    assert verify(folder).differences == (f"{folder / 'bode.csv'}: its data package is missing",)
+
+
 def test_of_a_table_without_a_spec_only_the_files_are_checked(facts, tmp_path):
     fields = (results.Field("slope", "number", "1", "slope"),)
     publish(Table.of("own", {"slope": np.array([1.0, 2.0])}, facts, fields=fields), tmp_path)

@@ -150,6 +150,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # A BLAS reads these when numpy loads it. Workers have one thread, and last digits of responses depend on the number.
         for name in ONE_THREAD:
             os.environ.setdefault(name, "1")
+        # A notebook names its own, and matplotlib does not even start if it cannot find it. No window is ever opened here.
+        os.environ.pop("MPLBACKEND", None)
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     debug, stopped = "--debug" in arguments, False
     try:

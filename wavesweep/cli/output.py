@@ -92,13 +92,14 @@ def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Itera
     from wavesweep.spec import SYMBOLS
 
     table = "bode" if command == "bode" else "sweep"
-    swept = {axis.path for axis in getattr(spec, table) if axis.values or command in INTERVALS}
-    swept |= {SYMBOLS["K_VE"]} if command == "zwidth" else set()
+    swept = {axis.path: axis.name for axis in getattr(spec, table) if axis.values or command in INTERVALS}
+    swept = ({SYMBOLS["K_VE"]: "K_VE"} if command == "zwidth" else {}) | swept
     for each in overrides if command in (*INTERVALS, "bode", "passivity") else ():
         name = each.partition("=")[0].strip()
         key = spec.names.find(name)
         if key is not None and key.path in swept:
-            yield f"--set {each} has no effect here: {name} is swept; --set {table}.{name}=... changes its values"
+            axis = swept[key.path]
+            yield f"--set {each} has no effect here: {axis} is swept; --set {table}.{axis}=... changes its values"
 
 
 def _report(

@@ -50,9 +50,7 @@ def command(spec: str, options: Options, filters: bool, tolerance: float) -> Non
 
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
         (asked,) = specs
-        return [
-            sweep.passivity(asked, tolerance, **work),
-            *([sweep.filter_choices(asked, tolerance)] if filters else []),
-        ]
+        choices = [sweep.filter_choices(asked, tolerance)] if filters else []  # first, since a spec may have none
+        return [sweep.passivity(asked, tolerance, **work), *choices]
 
     produce(["passivity", *(["passivity-filters"] if filters else [])], [spec], options, compute)

@@ -15,6 +15,7 @@ from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results.files import in_short, read, read_rows, unreadable
 from wavesweep.results.folder import SUFFIXES
 from wavesweep.results.package import file_facts, packaged_facts
+from wavesweep.results.schema import TABLES
 from wavesweep.sweep.table import Columns
 
 if TYPE_CHECKING:
@@ -46,7 +47,9 @@ def verify(directory: str | Path, rows: int = ROWS, seed: int = SEED) -> Verific
     packages = sorted(Path(directory).glob(f"*{SUFFIXES[-1]}"))
     if not packages:
         raise UsageError(f"{directory}: expected results with their data package, found none")
-    checked, differences = [], []
+    stems = {package.name.removesuffix(SUFFIXES[-1]) for package in packages}
+    alone = (path for suffix in SUFFIXES[:2] for path in Path(directory).glob(f"*{suffix}") if path.stem not in stems)
+    checked, differences = [], [f"{path}: its data package is missing" for path in sorted(alone) if path.stem in TABLES]
     for package in packages:
         for text, different in _of_package(package, rows, seed):
             (differences if different else checked).append(text)

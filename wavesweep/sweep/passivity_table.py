@@ -244,6 +244,16 @@ def _inner(grid, inside, slices):
     return loop
 
 
+def not_computed(grid: Grid) -> list[str]:
+    """A sentence about the columns that loops assembled tick by tick do not have, if the grid has such loops."""
+    if not grid.drawing:
+        return []
+    waves = _has_waves(grid.spec) if grid.spec.drawing else draw(grid.spec.values).waves is not None
+    channel = "the wave channel (channel_passive 0), and " if waves else ""
+    where = "a drawn loop" if grid.spec.drawing else "rates of which one does not divide"
+    return [f"not computed for {where}: {channel}damping_needed unless it is 0"]
+
+
 def _notices(grid) -> Iterator[str]:
     """Yield notices about axes that are not swept, and about a missing channel."""
     kind, values = grid.spec.kind, grid.spec.values
@@ -251,12 +261,8 @@ def _notices(grid) -> Iterator[str]:
     for axis in grid.spec.sweep:
         if not axis.values:
             yield f"{axis.name} has a span and no values: not swept, {held(grid.spec, axis.path)}"
-    waves = _has_waves(grid.spec) if grid.spec.drawing else draw(values).waves is not None
-    if grid.drawing:
-        channel = "the wave channel (channel_passive 0), and " if waves else ""
-        where = "a drawn loop" if grid.spec.drawing else "rates of which one does not divide"
-        yield f"not computed for {where}: {channel}damping_needed unless it is 0"
-    if not waves and not grid.spec.drawing:
+    yield from not_computed(grid)
+    if not grid.spec.drawing and draw(values).waves is None:
         yield f"{kind} has no wave channel: its norm is missing, and what is not there adds no energy (channel_passive 1)"
 
 

@@ -15,7 +15,7 @@ from wavesweep.sweep.estimates import expected_bytes, expected_seconds
 from wavesweep.sweep.grid import loop_of, make_grid
 from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.interval_table import method
-from wavesweep.sweep.passivity_table import jobs_of
+from wavesweep.sweep.passivity_table import jobs_of, not_computed
 from wavesweep.sweep.response_table import response_job
 from wavesweep.sweep.workers import choose
 
@@ -113,10 +113,11 @@ def _passivity_lines(spec):
     except (SpecError, UsageError) as error:
         return [f"  passivity: not possible with this spec: {error}"]
     channels = jobs["channel"].slices if "channel" in jobs else 0
-    norm = "" if spec.drawing else f", norm of {_count(channels, 'wave channel')}"
+    left_out = not_computed(jobs["port"].grid)
+    norm = "" if left_out else f", norm of {_count(channels, 'wave channel')}"
     what = f"  passivity: hand's port of {_count(jobs['port'].slices, 'loop')}{norm}"
     how = "method: level sets of the frame's energy balance, without a frequency grid"
-    return [f"{what}; {how}", *_long_lines(jobs.values())]
+    return [f"{what}; {how}", *(f"    {line}" for line in left_out), *_long_lines(jobs.values())]
 
 
 def _long_lines(jobs):

@@ -170,7 +170,10 @@ def compute(
             if progress:
                 progress(min(tally.done, job.slices), job.slices, tally.certified if job.proves else None)
     except BaseException as error:
-        if store.place and store.place.is_dir():
+        if isinstance(error, UsageError) and not tally.done:
+            with suppress(OSError):
+                store.remove()
+        elif store.place and store.place.is_dir():
             kept = f"{min(tally.done, job.slices)} of {job.slices} {job.noun} are kept in {store.place}"
             error.add_note(f"{kept}; the same command goes on from there.")
         raise

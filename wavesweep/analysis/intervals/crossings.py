@@ -94,7 +94,7 @@ def angle(cosine, scale):
 
 
 OCTAVES = 2.0 ** -np.arange(48)  # of an angle, at which the wall parameter is evaluated
-SLIVER = 1e-12  # of the span, at either end of it, in which a crossing next to z = +-1 does not matter
+SLIVER = 1e-14  # of the span, at either end of it, in which a crossing next to z = +-1 does not matter: so are ends promised
 
 
 @dataclass(frozen=True, slots=True)
