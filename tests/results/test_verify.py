@@ -195,6 +195,16 @@ def test_a_folder_is_needed_and_no_spec(tmp_path, capfd):
     assert "Missing argument 'SPEC'" in capfd.readouterr().err
 
 
+def test_what_was_found_as_json(folder, capfd):
+    assert main(["check", "--verify", str(folder), "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert (found["differences"], found["checked"]) == ([], list(verify(folder).checked))
+    change_a_number(folder)
+    assert main(["check", "--verify", str(folder), "--json"]) == 1
+    out, err = capfd.readouterr()
+    assert (len(json.loads(out)["differences"]) > 0, err) == (True, "")
+
+
 def test_a_table_whose_package_is_lost_is_a_difference(folder):
     shutil.copy(folder / "zwidth.csv", folder / "bode.csv")
     (folder / "notes.csv").write_text("of somebody else")

@@ -58,12 +58,11 @@ def command(
       wavesweep check mine.toml --set environment.delay=20
       wavesweep check mine.toml --plot --format svg
     """
-    given = [option for option, found in (("--json", switches["as_json"]), ("--set", overrides)) if found]
-    _refuse_at_odds(spec, verify, plot, out, given)
+    _refuse_at_odds(spec, verify, plot, out, overrides)
     if verify is not None:
         from wavesweep.cli.output import verified
 
-        return verified(verify, switches["quiet"])
+        return verified(verify, switches["quiet"], switches["as_json"])
     from wavesweep import spec as specs
     from wavesweep import sweep
     from wavesweep.sweep.verdict import verdict
@@ -87,16 +86,16 @@ def command(
     return 0
 
 
-def _refuse_at_odds(spec: str | None, verify: str | None, plot: bool, out: str | None, given: Sequence[str]) -> None:
-    """Raise UsageError for arguments that do not go together; given: names of options that need a SPEC."""
+def _refuse_at_odds(spec: str | None, verify: str | None, plot: bool, out: str | None, overrides: Sequence[str]) -> None:
+    """Raise UsageError for arguments that do not go together."""
     if (spec is None) == (verify is None):
         raise click.UsageError(
             "Missing argument 'SPEC'." if spec is None else "--verify: expected a folder alone, found a SPEC"
         )
     if plot and verify is not None:
         raise click.UsageError("--plot: expected a SPEC, whose loop is drawn, found --verify")
-    if given and verify is not None:
-        raise click.UsageError(f"{given[0]}: expected a SPEC, found --verify")
+    if overrides and verify is not None:
+        raise click.UsageError("--set: expected a SPEC, found --verify")
     if out is not None and not plot:
         raise click.UsageError("--out: expected --plot, since nothing else is written, found none")
     if not plot and click.get_current_context().get_parameter_source("formats") is not ParameterSource.DEFAULT:

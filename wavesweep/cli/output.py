@@ -159,12 +159,15 @@ def produce_intervals(kind: str, source: str, options: Options, along: str | Non
     produce([kind], [source], options, compute, name=kind if hands is None else f"{kind}-hands")
 
 
-def verified(directory: str, quiet: bool) -> int:
+def verified(directory: str, quiet: bool, as_json: bool = False) -> int:
     """Hold a folder of results against its data packages, print the result, and return the exit code: 1 for differences."""
     from wavesweep.results.verify import verify
 
     found = verify(directory)
-    if not quiet:
+    if as_json:
+        show_json({"command": "check", "folder": directory, "checked": found.checked, "differences": found.differences})
+        return 1 if found.differences else 0
+    if found.checked and not quiet:
         click.echo("\n".join(found.checked))
     for difference in found.differences:
         say(f"differs: {difference}", warning=True)
