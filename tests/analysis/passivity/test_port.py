@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 from support.march import march
+from support.specs import random_values as random_loop
 
+from wavesweep.analysis.passivity import port_damping_needed
 from wavesweep.analysis.passivity.port import TOLERANCE, PortResponse, port_loop, port_margin
 from wavesweep.diagram import draw
 from wavesweep.lifted.frame import lifted_system
@@ -97,6 +99,36 @@ def test_a_force_that_takes_energy_out_of_a_loop_that_is_not_passive(values):
     seen = march(v, force)
     work = np.cumsum(force[:-1] * np.diff(seen.x))
     assert work[-1] < -1e-6
+
+
+FADING = {  # a margin of -1e-9 of the mean eigenvalue at rest; 320-bit arithmetic says that no damping lifts it above zero
+    "Kp": 0.0, "b": 1.15, "ratio": 3, "mass": 0.0855, "damping": 5.9, "K_VE": 380.0, "B_VE": 0.0, "integration": "explicit",
+    "delay": 1, "lp1_order": 2, "lp1_cutoff_hz": 2.5,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("more", "margin"), [(0.0, -6.549e-14), (92.1203, -4.130e-15), (921.0, -2.648e-16), (1e4, -2.1e-17)])
+def test_a_margin_that_is_hardly_below_zero_is_no_passive_port(values, more, margin):
+    found = port_margin(values("pmw", **FADING | {"damping": 5.9 + more}))
+    assert found.margin == pytest.approx(margin, rel=0.03)
+    assert (found.stable, found.passive) == (True, False)
+
+
+def test_the_damping_that_is_needed_is_known_to_a_thousandth(values):
+    """That of 320-bit arithmetic: the margin is -1.063e-15 m/N at 1.0621 N*s/m and zero near 1.073; and there is none above."""
+    loop = {"b": 47.5, "Kp": 1.23, "ratio": 1, "mass": 0.04, "damping": 0.02, "K_VE": 880.0, "B_VE": 0.227, "lp1_order": 0}
+    assert port_damping_needed(values("pmw", **loop, integration="explicit")) == pytest.approx(1.0732, rel=1e-3)
+    assert np.isnan(port_damping_needed(values("pmw", **FADING)))
+
+
+@pytest.mark.slow
+def test_a_margin_that_is_zero_by_structure_is_not_negative():
+    """Rounding leaves up to 1e-11 of the mean eigenvalue; what is negative beyond it is so in arithmetic of 320 bits, too."""
+    negative = {370, 346, 1109, 98, 512, 250}
+    for seed in (*negative, 1409, 840, 283, 591, 317, 39, 107, 650, 1201, 294, 567, 1182, 803, 108, 464, 983, 1344):
+        found = port_margin(random_loop(seed))
+        assert -1e-10 * found.mean < found.margin < 0
+        assert (found.negative, found.passive) == (seed in negative, bool(found.stable) and seed not in negative)
 
 
 def test_loops_in_a_batch_are_those_one_by_one(values):

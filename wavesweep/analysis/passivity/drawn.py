@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from wavesweep.analysis.passivity.hinf import Element, angles, peak_by_levels, then, tick
-from wavesweep.analysis.passivity.port import SLACK, PortMargin
+from wavesweep.analysis.passivity.port import SLACK, TOLERANCE, PortMargin
 from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.port import Port, frame_of_port
 from wavesweep.analysis.spectrum import balance, is_stable
@@ -33,7 +33,7 @@ def drawn_port_margin(port: Port) -> PortMargin:
     mean = float(np.mean(np.diagonal(toeplitz)))
     n, unknown = E.shape[-1], np.array([np.nan])
     if not np.isfinite(E).all():
-        return PortMargin(unknown, unknown, np.array([mean]), np.array([False]), np.array([False]))
+        return PortMargin(unknown, unknown, np.array([mean]), *np.zeros((3, 1), bool))
 
     def smallest(_, theta):
         w = on_circle(theta)[:, None, None]
@@ -57,7 +57,8 @@ def drawn_port_margin(port: Port) -> PortMargin:
     period = port.period * M
     margin = np.where(np.isfinite(peak.value) & _known(given, peak.theta / period), -peak.value, np.nan)
     omega = np.where(np.isnan(margin), np.nan, peak.theta / period)
-    return PortMargin(margin, omega, np.array([mean]), np.array([bool(is_stable(E))]), peak.certified)
+    negative = margin < -TOLERANCE * mean
+    return PortMargin(margin, omega, np.array([mean]), np.array([bool(is_stable(E))]), peak.certified, negative)
 
 
 def _known(port, omega):
