@@ -59,6 +59,28 @@ def test_the_largest_impedance_beside_a_mass_is_certified(every):
     np.testing.assert_allclose(table["high"], 1.5 * (1 + a) / (1 - a), rtol=1e-9)
 
 
+@pytest.mark.parametrize("span", [(-0.1, 14.0), (-0.11078307313546859, 13.616621741204757), (-0.11, 13.6)])
+def test_an_end_at_which_a_position_and_its_integral_lose_their_springs_is_exact(span):
+    """Both springs are proportional to the number, so that two eigenvalues are next to z = 1 beside 0."""
+    loop = {
+        "rates": {"tick_hz": 100},
+        "numbers": {"p": 2.0},
+        "block": {
+            "m": {"type": "mass", "mass": 1.0},
+            "i": {"type": "integrator", "every": 5, "method": "implicit"},
+            "h": {"type": "hold", "every": 10},
+        },
+        "wire": {
+            "i.u": "m.x",
+            "h.u": "m.x",
+            "m.f": "(-65.53129134442632*p)*h.y + (-11.003307386028977*p)*i.y + (-7.358146857439756)*m.v",
+        },
+    }
+    (row,) = wavesweep.compile(loop).stable_intervals("p", span).to_dict("records")
+    assert (row["certified"], row["low_omega"]) == (True, 0)
+    assert abs(row["low"]) < 1e-14 * (span[1] - span[0])
+
+
 def spread(values, seed=3):
     """A matrix with a block of these two eigenvalues that nearly has one vector, and others well inside."""
     (one, two), T = values, np.linalg.qr(np.random.default_rng(seed).normal(size=(6, 6)))[0]

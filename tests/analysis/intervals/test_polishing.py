@@ -43,7 +43,7 @@ def test_two_real_eigenvalues_next_to_one_hide_no_crossing(slow, off):
 
 def test_a_frame_that_is_not_known_is_no_end():
     """Newton's method may meet a value at which the loop has no frame; LAPACK would raise an error."""
-    _, miss, _ = _nearest(np.full((2, 3, 3), np.nan), np.array([PAIR, ONE]))
+    _, miss, *_ = _nearest(np.full((2, 3, 3), np.nan), np.array([PAIR, ONE]))
     assert (miss == np.inf).all()
 
 

@@ -23,6 +23,7 @@ TRIES = 4  # steps of Newton from where a root was found
 CLEAR = 1e-10  # | |z|^2 - 1 | at an end, up to which the end is believed
 SAME = 1e-10  # of the span, how near two ends of overlapping panels are one
 MEETING = 1e-3  # angle from z = 1 or z = -1, up to which a pair may be the two that meet there
+BOTH = 1e-4  # distance from there, up to which a second eigenvalue makes vectors of the first one too uncertain
 FEW = 0.1  # of itself, the error of an interpolated function whose sign is believed
 
 
@@ -68,7 +69,7 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
     def end(at):
         return _end(evaluate, column[at], kind[at], x[at], slack, reach[at])
 
-    ends, rest = np.zeros((4, x.size)), np.arange(x.size)
+    ends, rest = np.zeros((5, x.size)), np.arange(x.size)
     for _ in range(TRIES):
         if rest.size:
             x[rest], *ends[:, rest] = end(rest)
@@ -90,12 +91,12 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
         low, high, least = found.x - reach, found.x + reach, span[0] + ATTACHED / 4 * width
         x[rest], met[rest] = bracketed_roots(value, low[rest], high[rest], found.x[rest], least)
         x[rest], *ends[:, rest] = end(rest)
-    miss, theta, moved, by = ends
+    miss, theta, moved, by, other = ends
     # A reciprocal pair of real eigenvalues crosses nothing, wherever it is.
     firm = (
         (np.maximum(moved, LAST * by) <= slack(x)) | ((kind == PAIR) & (theta == 0)) | (np.abs(x - span[0]) <= ATTACHED * width)
     )
-    ends = Ends(column, kind, x, theta, miss, met & (np.abs(miss) <= CLEAR) & firm)
+    ends = Ends(column, kind, x, theta, miss, met & (np.abs(miss) <= CLEAR) & firm & (other > BOTH))
     return _distinct(_where_two_meet(evaluate, ends, slack, reach), SAME * width)
 
 
@@ -173,30 +174,32 @@ def _end(evaluate, column, kind, x, slack, reach):
     """Return better values of the roots x, no farther than `reach`, and measures of their quality.
 
     These are the distance of the eigenvalue from its place at x itself, its angle there, the movement of the root by rounding,
-    which is infinite if x is not next to the root, and the size of the correction that was needed.
+    which is infinite if x is not next to the root, the size of the correction that was needed, and the distance of a second
+    eigenvalue from z = 1 or z = -1, infinite for PAIR.
 
     The slope is taken over a step that is short compared to the distance to the next root, since two roots may nearly merge.
     """
     step = np.clip(SHORT * reach, LEAST * slack(x), STEP * slack(x))
     found = Frames.of(evaluate(np.tile(column, 2), np.concatenate([x, x + step])))
     E = found.E
-    w, miss, theta = _nearest(E[: x.size], kind)
+    w, miss, theta, other = _nearest(E[: x.size], kind)
     by, moved = _correction(E, w, step)
     moved = moved * np.maximum(1, found.condition[: x.size] / ORDINARY)
     pairs = np.flatnonzero((kind == PAIR) & (theta == 0))
     if pairs.size:  # of reciprocal eigenvalues, which cross nothing: the slope of their product will do
-        _, later, _ = _nearest(E[x.size + pairs], kind[pairs])
+        _, later, *_ = _nearest(E[x.size + pairs], kind[pairs])
         with np.errstate(all="ignore"):
             by[pairs], moved[pairs] = -miss[pairs] * step[pairs] / (later - miss[pairs]), 0.0
     moved = np.where(np.abs(by) <= STEP * slack(x), moved, np.inf)
-    return np.where(np.abs(by) <= np.maximum(step, reach), x + by, x), miss, theta, moved, np.abs(by)
+    return np.where(np.abs(by) <= np.maximum(step, reach), x + by, x), miss, theta, moved, np.abs(by), other
 
 
 def _nearest(E, kind):
     """Return the eigenvalue w = z - 1 of that kind that is nearest to its place on the circle, its distance, and its angle.
 
     The distance is 1 - |z|^2, or 1/z_i - z_j of a reciprocal pair whose larger one is z_i, which makes z_j rough;
-    |z|^2 - 1 at z = +-1. The angle is 0 for a reciprocal pair.
+    |z|^2 - 1 at z = +-1. The angle is 0 for a reciprocal pair. A fourth array has the distance of the second nearest from z = 1
+    or z = -1, infinite for PAIR.
     """
     w, known = eigenvalues(E)
     w = np.concatenate([w, np.full((len(w), 1), -1.0)], axis=-1)  # z = 0, which makes a pair for a single eigenvalue
@@ -204,11 +207,13 @@ def _nearest(E, kind):
     pair = -(w[:, i] + w[:, j] + w[:, i] * w[:, j])
     best = np.argmin(np.abs(pair), axis=-1)[:, None]
     first, second = (np.take_along_axis(w[:, part], best, -1)[:, 0] for part in (i, j))
-    single = np.take_along_axis(w, np.argmin(np.where(kind[:, None] == ONE, np.abs(w), np.abs(w + 2)), -1)[:, None], -1)[:, 0]
+    apart = np.where(kind[:, None] == ONE, np.abs(w), np.abs(w + 2))
+    single = np.take_along_axis(w, np.argmin(apart, -1)[:, None], -1)[:, 0]
+    other = np.where(kind == PAIR, np.inf, np.partition(apart, 1, axis=-1)[:, 1])
     larger = np.where(first.imag == 0, np.maximum(1.0, np.maximum(np.abs(1 + first), np.abs(1 + second))), 1.0)
     miss = np.where(kind == PAIR, np.take_along_axis(pair, best, -1)[:, 0].real / larger, excess(single))
     theta = np.where(kind == PAIR, np.abs(np.angle(1 + first)) * (first.imag != 0), np.where(kind == ONE, 0.0, np.pi))
-    return np.where(kind == PAIR, first, single), np.where(known, miss, np.inf), theta
+    return np.where(kind == PAIR, first, single), np.where(known, miss, np.inf), theta, other
 
 
 def _correction(E, w, step):
