@@ -48,6 +48,23 @@ def test_one_frequency_is_drawn_over_the_axis_that_varies():
     assert "at 5 Hz" in figure.get_suptitle()
 
 
+def test_points_that_no_line_joins_are_marks():
+    """Stable and unstable loops by turns, as lines of one point each, would be invisible."""
+    wall = {"environment": {"integration": "explicit", "delay": 1}, "device": {"velocity": "difference"}}
+    columns, figure = figure_of(bode={"frequency_hz": [3.0], "b": [1.0, 10.0, 100.0]}, **wall)
+    assert columns["stable"].tolist() == [False, True, False]
+    marked = [(line.get_marker(), line.get_markevery()) for line in figure.axes[0].lines]
+    assert marked == [("o", [1]), ("o", [0, 2])]
+
+
+@pytest.mark.parametrize("frequencies", [[3.0, 4.0], [3.0, 3.1], [1.0, 25.0]])
+def test_a_phase_that_hardly_varies_has_two_ticks_at_least(frequencies):
+    _, figure = figure_of(bode={"frequency_hz": frequencies, "b": [10.0, 20.0]})
+    for axes in figure.axes[2:4]:
+        low, high = axes.get_ylim()
+        assert sum(low <= tick <= high for tick in axes.get_yticks()) >= 2
+
+
 def test_more_than_a_dozen_curves_have_a_scale_of_colours():
     for count, legend in ((12, 13), (13, 2)):
         _, figure = figure_of(bode={"frequency_hz": [0.1, 1.0, 30.0], "b": {"start": 5, "stop": 200, "num": count}})

@@ -189,15 +189,16 @@ def _followed(curve: Curve) -> tuple[list[Chain], list[Line], list[Line], Chain]
     growing: dict[int, Chain] = dict(enumerate([[(found[0][0], each)] for each in found[0][1]]))
     chains, jumps, seams, bars = [], [], [], []
     alone = True
-    for (left, before, _), (right, after, _) in pairwise(found):
+    for (left, before, *less), (right, after, *more) in pairwise(found):
         gap = curve.gaps.get((left, right))
         kept = {}
         if gap == KNOWN:
             kept = {index: index for index in range(len(after))}
         elif gap == NARROW:
             kept = _partners(before, after)
-            jumps += _jumps(left, before, right, after)
-            seams += _seams(left, before, right, after, kept)
+            if not any(less + more):  # an interval that is not known has not ended
+                jumps += _jumps(left, before, right, after)
+                seams += _seams(left, before, right, after, kept)
         else:
             bars += [(left, each) for each in before] * alone + [(right, each) for each in after]
         alone = gap is not None

@@ -110,9 +110,10 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str) -> None:
         order = np.argsort(places, kind="stable")
         places, values, lost = places[order], values[order], rounded(curve.rows, name)[order]
         static = places == 0 if logarithmic and x == "frequency_hz" else np.zeros(len(places), bool)
-        alone = {"marker": "o", "markersize": 3} if (~static).sum() == 1 else {}
         line = (places[~static], values[~static])
-        axes.plot(*(_broken(*line) if name.endswith("_deg") else line), label=curve.label or None, **curve.style, **alone)
+        line = _broken(*line) if name.endswith("_deg") else line
+        alone = {"marker": "o", "markersize": 3, "markevery": _alone(line[1])}
+        axes.plot(*line, label=curve.label or None, **curve.style, **(alone if alone["markevery"] else {}))
         edge = {key: curve.style[key] for key in ("color", "alpha") if key in curve.style}
         if static.any():
             axes.plot(positive, values[static][0], marker="<", markersize=4, clip_on=False, zorder=4, **edge)
@@ -130,6 +131,12 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str) -> None:
     axes.grid(which="major", **_GRID)
 
 
+def _alone(values: np.ndarray) -> list[int]:
+    """Indices of the values that no line joins with another."""
+    known = np.concatenate([[False], ~np.isnan(values), [False]])
+    return np.flatnonzero(known[1:-1] & ~known[:-2] & ~known[2:]).tolist()
+
+
 def rounded(rows: Columns, name: str) -> np.ndarray:
     """Flags of the rows whose doubt is about this quantity, and not about the worst gain alone."""
     return (rows["doubt"] == "rounding") & ~(rows[f"{name.partition('_')[0]}_error"] <= SPARED)
@@ -144,11 +151,13 @@ def _is_logarithmic(values: np.ndarray) -> bool:
 
 
 def _in_degrees(axes: Any) -> None:
-    """Ticks every 45 or 90 degrees, or finer if a phase varies by less."""
+    """Ticks every 45 or 90 degrees, or finer if a phase varies by less; matplotlib's own if it hardly varies."""
     from matplotlib.ticker import MultipleLocator
 
     low, high = axes.get_ylim()
-    step = next((step for step in (1, 5, 15, 45) if high - low <= 6 * step), 90)
+    if high - low < 3:
+        return
+    step = next((step for step in (1, 2, 5, 15, 45) if high - low <= 6 * step), 90)
     axes.yaxis.set_major_locator(MultipleLocator(step))
     if high - low > 180:
         axes.set_ylim(-190, 190)
