@@ -164,6 +164,16 @@ def test_it_is_told_where_the_spec_stands_before_the_preset(simulate):
     assert "the preset omni adds to the linear loop: resolution = 5.5e-05, max_force = 3.3\n" in err
 
 
+def test_at_rates_that_do_not_divide_the_effects_of_a_preset_are_left_out(simulate):
+    code, _, err = simulate(device="omni", **{"rates.slow_hz": 60})
+    assert (code, "the preset's friction = 0.26, resolution = 5.5e-05, max_force = 3.3 are left out: at rates" in err) == (
+        0,
+        True,
+    )
+    code, _, err = simulate("friction=0.1", device="omni", **{"rates.slow_hz": 60})
+    assert (code, "the linear loop alone is simulated, found simulate.friction; leave" in err) == (2, True)
+
+
 def test_a_recorded_force_is_read_and_vouched_for(simulate):
     Path("push.csv").write_text("force_N\n" + "1.5\n" * 60)
     assert simulate("input=record", "record=push.csv", "duration_s=0.05")[0] == 0

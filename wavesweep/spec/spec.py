@@ -131,16 +131,20 @@ class Spec:
         return MappingProxyType(self._experiment().values)
 
     def _experiment(self) -> Experiment:
-        device = self._given.device()
+        device = None if self._uneven() else self._given.device()  # whose effects are left out then
         return self._studies.experiment.on(device) if device else self._studies.experiment
+
+    def _uneven(self) -> bool:
+        """Whether the rates do not divide."""
+        return isinstance(self._values.get("rates.ratio"), float)
 
     def as_simulated(self) -> Spec:
         """Return the spec of `simulate`, whose digest covers [simulate] too.
 
         Errors: SpecError if the experiment does not fit the fast rate, or if a drawn loop has no hand; UsageError if the rates
-        do not divide and a device is to have effects beyond the linear loop.
+        do not divide and [simulate] gives effects beyond the linear loop. Those of a preset are left out then.
         """
-        if isinstance(self._values.get("rates.ratio"), float):
+        if self._uneven():
             self._refuse_effects()
         rate = RATE if self.drawing else "rates.fast_hz"
         mistakes = [*self._studies.experiment.beyond_limits(self.tick_hz, rate), *self.without_hand()]

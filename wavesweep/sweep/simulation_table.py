@@ -182,8 +182,11 @@ def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float],
 def _notices(spec: Spec) -> Iterator[str]:
     """Yield notices about values that a user may not expect."""
     options = spec.simulate
-    if spec.preset:
-        limits = DEVICES[spec.preset].simulation().items()
+    limits = DEVICES[spec.preset].simulation().items() if spec.preset else ()
+    if limits and isinstance(spec.values.get("rates.ratio"), float):
+        left_out = [f"{name} = {value:g}" for name, value in limits if value]
+        yield f"the preset's {', '.join(left_out)} are left out: at rates that do not divide the linear loop alone is simulated"
+    elif spec.preset:
         beyond = [f"{name} = {value:g}" for name, value in limits if value and options[name] == value]
         if beyond:
             yield f"the preset {spec.preset} adds to the linear loop: {', '.join(beyond)}"
