@@ -113,7 +113,7 @@ def _title(rows: Columns) -> list[str]:
     axes = list(rows)[: list(rows).index("along")]
     swept = [", ".join(f"{symbol(name)} = {first[name]:.5g}" for name in axes)] if axes else []
     states = wrap(first["states"].replace(" %", "\u00a0%"), _LETTERS)
-    return [*swept, f"{_end(rows)}{corner}", mode, *states]
+    return [*swept, f"{_end(rows)}{corner}", *wrap(mode, _LETTERS), *states]
 
 
 def _end(rows: Columns) -> str:
