@@ -102,6 +102,48 @@ DRIFTING = {  # with a damping from differences of the velocity
 }
 
 
+UNEVEN = {  # the slow results come after irregular numbers of ticks, and velocities are differences of positions
+    "rates": {"fast_hz": 1000.0, "slow_hz": 60.0},
+    "device": {"mass": 0.045, "damping": 0.5, "velocity": "difference"},
+    "environment": {"K_VE": 400.0, "B_VE": 2.0, "integration": "explicit", "delay": 16},
+    "filters": {"lp1": {"order": 3, "cutoff_hz": 12.0}, "hp": {"order": 3, "cutoff_hz": 17.0}},
+    "local_model": {"K_LM": 400.0, "B_LM": 1.0, "integration": "explicit"},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("free", [False, True])
+@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
+def test_the_bound_of_a_long_frame_is_small_and_covers_rounding(kind, free):
+    """The map of the same ticks at 60 digits; its largest singular value loses no digits."""
+    tables = UNEVEN | {"controller": {"kind": kind, "b": 20.0, "Kp": 10.0}}
+    tables |= {"environment": {"K_VE": 0.0, "B_VE": 0.0}} if free else {}
+    port, frequency = ports_of_loop(load(tables), Uneven(kind)), np.array([0.1, 5.0, 29.0])
+    found, error = drawn_gain.worst_gain_of_port(port, frequency)
+    assert error.max() < 1e-9
+    with mpmath.workdps(60):
+        n, ticks = port.maps[0][0].shape[0], port.kind.size
+        maps = [[mpmath.matrix(part.tolist()) for part in each] for each in port.maps]
+        state, rows, moved = mpmath.zeros(n, n + ticks), [], mpmath.zeros(1, n + ticks)
+        for i in range(n):
+            state[i, i] = 1
+        for tick, which in enumerate(port.kind.tolist()):
+            E, B, C, D = maps[which]
+            rows.append(moved if port.position is None else mpmath.matrix(port.position.tolist()) * state)
+            if port.position is None:
+                moved = moved + C[0, :] * state
+                moved[n + tick] += D[0, 0]
+            state += E * state
+            state[:, n + tick] = B
+        for at, each in enumerate(frequency):
+            z = mpmath.expjpi(2 * mpmath.mpf(each) * port.period * ticks)
+            X = mpmath.inverse(z * mpmath.eye(n) - state[:, :n]) * state[:, n:]
+            drift = (moved[:, :n] * X + moved[:, n:]) / (z - 1)
+            whole = [row[:, :n] * X + row[:, n:] + drift for row in rows]
+            exact = np.linalg.svd(np.array([[complex(value) for value in row] for row in whole]), compute_uv=False)[0]
+            assert abs(found[at] / exact - 1) <= error[at]
+
+
 @pytest.mark.parametrize("frequency", [1e-3, 0.1, 3.0])
 @pytest.mark.parametrize("tables", [DRIFTING, LOOP, *map(random_tables, range(12))])
 def test_a_bound_covers_what_rounding_does_to_the_ticks(tables, frequency):

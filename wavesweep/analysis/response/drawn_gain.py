@@ -42,14 +42,20 @@ def lifted_map(port: Port) -> Lifted:
     state, size = np.zeros((2, n, n + ticks))
     state[:, :n], size[:, :n] = np.eye(n), np.eye(n)
     rows, sizes = np.zeros((2, ticks, n + ticks))
+    seen = []  # of each tick: what rounding of it adds to the state after it and to the position read before it, over `rough`
     for tick, kind in enumerate(port.kind.tolist()):
         (E, B, C, D), (of_E, of_B, of_C, of_D) = port.maps[kind], port.sizes[kind]
         reads, of_reads = (C[:1], of_C[:1]) if port.position is None else (port.position, np.abs(port.position))
         rows[tick], sizes[tick] = (reads @ state)[0], (of_reads @ size)[0]
         if port.position is None:
             rows[tick, n + tick], sizes[tick, n + tick] = D[0, 0], of_D[0, 0]
-        state, size = state + E @ state, np.maximum(np.abs(np.eye(n) + E), of_E) @ size
-        state[:, n + tick], size[:, n + tick] = B[:, 0], of_B[:, 0]
+        entries, known = np.maximum(np.abs(np.eye(n) + E), of_E), np.abs(state)
+        seen.append((E, reads, entries @ known, (of_reads @ known)[0]))
+        state, size = state + E @ state, entries @ size
+        state[:, n + tick], size[:, n + tick], seen[-1][2][:, n + tick] = B[:, 0], of_B[:, 0], of_B[:, 0]
+        if port.position is None:
+            seen[-1][3][n + tick] = of_D[0, 0]
+    sizes, size = _less(seen, sizes, size)
     changes, of_terms = ([each[0] for each in parts] for parts in (port.maps, port.sizes))
     frame, dE = frame_errors(port.kind, changes, of_terms)
     if port.position is None:
@@ -63,6 +69,25 @@ def lifted_map(port: Port) -> Lifted:
     if port.position is None:
         O, dO = np.hstack([O, np.ones((ticks, 1))]), np.pad(dO, ((0, 0), (0, 1)))
     return Lifted((frame, dE), (O, dO), (state[:, n:], rough * size[:, n:]), (T, rough * sizes[:, n:]))
+
+
+def _less(seen, sizes, size):
+    """Return sizes of the errors of the rows and of the last state, over `Port.rough`, that are no larger than those given.
+
+    Those given are products of the sizes of all ticks, which grow where velocities are differences of positions, although the
+    products themselves do not. What rounding of a tick adds to the state is taken through the ticks after it, and added up:
+    the state is the sum of these, and no higher order is left out but that of the products, which are rounded in their turn.
+    """
+    ticks, n = len(seen), len(size)
+    later, total = np.concatenate([np.zeros((ticks, n)), np.eye(n)]), np.zeros((ticks + n, size.shape[1]))
+    for tick in reversed(range(ticks)):
+        E, reads, of_state, of_row = seen[tick]
+        total += np.abs(later) @ of_state
+        total[tick] += of_row
+        later += later @ E
+        later[tick] = reads[0]
+    found = 2 * total  # since the products that carry it are rounded themselves
+    return np.minimum(found[:ticks], sizes), np.minimum(found[ticks:], size)
 
 
 def _gain(lifted, points):
