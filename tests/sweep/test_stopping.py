@@ -56,9 +56,10 @@ def contents(folder):
     return [(folder / name).read_bytes() for name in FILES]
 
 
-def wait_for_parts(folder, number):
+def wait_for_parts(process, folder, number):
     patience = time.monotonic() + 30
     while len(list(folder.glob(".zwidth-*.parts/*.records"))) < number:
+        assert process.poll() is None, finish(process)
         assert time.monotonic() < patience, "no finished chunk in 30 s"
         time.sleep(0.005)
 
@@ -96,7 +97,7 @@ def test_a_run_killed_at_random_moments_gives_the_same_bytes(start, tmp_path, un
 def test_a_run_that_is_stopped_says_so_in_a_line_and_goes_on(start, tmp_path, undisturbed, number, code, word, options):
     out = tmp_path / "out"
     process = start(out, *options)
-    wait_for_parts(out, 1)
+    wait_for_parts(process, out, 1)
     os.killpg(process.pid, number) if number == signal.SIGINT else process.send_signal(number)
     found, said = finish(process)
     # click leaves the line that the terminal has written ^C on.
