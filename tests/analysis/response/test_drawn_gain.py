@@ -135,6 +135,14 @@ def test_the_bound_of_a_long_frame_is_small_and_covers_rounding(kind, free):
                 moved[n + tick] += D[0, 0]
             state += E * state
             state[:, n + tick] = B
+        lifted = drawn_gain.lifted_map(port)
+        for (part, bound), exact in (
+            (lifted.T, np.array([[row[n + i] for i in range(ticks)] for row in rows])),
+            (lifted.G, np.array([[state[i, n + k] for k in range(ticks)] for i in range(n)])),
+        ):
+            off = np.abs(part[: len(exact)] - exact).astype(float)
+            assert (off <= bound[: len(exact)]).all()
+            assert off.max() > 0
         for at, each in enumerate(frequency):
             z = mpmath.expjpi(2 * mpmath.mpf(each) * port.period * ticks)
             X = mpmath.inverse(z * mpmath.eye(n) - state[:, :n]) * state[:, n:]
