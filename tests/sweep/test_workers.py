@@ -46,12 +46,12 @@ def test_a_dask_cluster_of_two_processes_gives_the_same_bits(long, long_table, s
 
 
 @pytest.mark.slow
-def test_a_scheduler_that_is_not_there_is_named_and_nothing_is_left(mixed, monkeypatch, tmp_path):
+def test_a_scheduler_that_is_not_there_is_named_and_nothing_is_left(mixed, long, monkeypatch, tmp_path):
     monkeypatch.setattr(workers, "PATIENCE", 1.0)
     with pytest.raises(UsageError, match=r"--scheduler tcp://127\.0\.0\.1:9: no dask scheduler answers there"):
         sweep.intervals(mixed, backend="dask", scheduler="tcp://127.0.0.1:9")
     with pytest.raises(UsageError, match="give the scheduler's address") as refused:
-        sweep.intervals(mixed, backend="dask", checkpoint=tmp_path / "parts")
+        sweep.intervals(long, backend="dask", checkpoint=tmp_path / "parts")
     assert getattr(refused.value, "__notes__", []) == list(tmp_path.iterdir()) == []
 
 
