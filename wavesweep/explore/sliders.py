@@ -53,7 +53,7 @@ def _paths(spec):
     # A gain of zero may leave a branch out of the loop, whose other numbers come in with it.
     raised = {path: 1.0 if value == 0 and isinstance(value, float) else value for path, value in spec.values.items()}
     read = keys_read(spec.values) | keys_read(raised)
-    if isinstance(spec.values["rates.ratio"], float):
+    if spec.uneven:
         read = (read - {"rates.ratio"}) | {"rates.slow_hz"}
     found = []
     for path in spec.names.numeric:

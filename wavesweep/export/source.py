@@ -52,7 +52,7 @@ def exported(spec: Spec) -> dict[str, str]:
     """
     if spec.drawing:
         return exported_drawn(spec)
-    if isinstance(spec.values["rates.ratio"], float):
+    if spec.uneven:
         raise UsageError(f"{spec.name}: export expects rates.fast_hz divided by a whole number; set another slow rate")
     spec = spec.as_simulated()
     loop = compile_loop(spec.values, spec.simulate["wall"])

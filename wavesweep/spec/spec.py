@@ -131,11 +131,12 @@ class Spec:
         return MappingProxyType(self._experiment().values)
 
     def _experiment(self) -> Experiment:
-        device = None if self._uneven() else self._given.device()  # whose effects are left out then
+        device = None if self.uneven else self._given.device()  # whose effects are left out then
         return self._studies.experiment.on(device) if device else self._studies.experiment
 
-    def _uneven(self) -> bool:
-        """Whether the rates do not divide."""
+    @property
+    def uneven(self) -> bool:
+        """Whether the fast rate is no whole multiple of the slow one; never so for a drawn loop, which has a common tick."""
         return isinstance(self._values.get("rates.ratio"), float)
 
     def as_simulated(self) -> Spec:
@@ -144,7 +145,7 @@ class Spec:
         Errors: SpecError if the experiment does not fit the fast rate, or if a drawn loop has no hand; UsageError if the rates
         do not divide and [simulate] gives effects beyond the linear loop. Those of a preset are left out then.
         """
-        if self._uneven():
+        if self.uneven:
             self._refuse_effects()
         rate = RATE if self.drawing else "rates.fast_hz"
         mistakes = [*self._studies.experiment.beyond_limits(self.tick_hz, rate), *self.without_hand()]
@@ -207,7 +208,7 @@ class Spec:
     def _with_band_edges(self) -> dict[str, float | int | str]:
         edges = {path: float(leaf.value) for path, leaf in self._given.leaves.items() if path.startswith("filters.")}
         known = {**edges, **self._values}
-        if isinstance(known["rates.ratio"], float):
+        if self.uneven:
             del known["rates.ratio"]
             known["rates.slow_hz"] = float(self._given.leaves["rates.slow_hz"].value)
         return {path: known[path] for path in KEYS if path in known}

@@ -112,7 +112,7 @@ def loop_of(spec: Spec, changes: Mapping[str, Iterable] = MappingProxyType({})) 
         return spec.drawing
     rates = {path: tuple(changes[path]) for path in ("rates.fast_hz", "rates.slow_hz") if path in changes}
     several = (spec.with_values(dict(zip(rates, values, strict=True))) for values in product(*rates.values()) if values)
-    if not any(isinstance(each.values["rates.ratio"], float) for each in (several if rates else [spec])):
+    if not any(each.uneven for each in (several if rates else [spec])):
         return None
     from wavesweep.diagram.uneven import Uneven
 

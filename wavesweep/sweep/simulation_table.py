@@ -183,7 +183,7 @@ def _notices(spec: Spec) -> Iterator[str]:
     """Yield notices about values that a user may not expect."""
     options = spec.simulate
     limits = DEVICES[spec.preset].simulation().items() if spec.preset else ()
-    if limits and isinstance(spec.values.get("rates.ratio"), float):
+    if limits and spec.uneven:
         left_out = [f"{name} = {value:g}" for name, value in limits if value]
         yield f"the preset's {', '.join(left_out)} are left out: at rates that do not divide the linear loop alone is simulated"
     elif spec.preset:
