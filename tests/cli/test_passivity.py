@@ -72,6 +72,9 @@ def test_rates_that_do_not_divide_have_no_filter_choices_and_no_norm(wavesweep, 
     assert "hand's port of 6 loops; method" in out
     assert "    not computed for rates of which one does not divide: the wave channel (channel_passive 0)" in out
     assert "norm of 3 wave channels" in wavesweep("check", filters)[1]
+    out = wavesweep("check", filters, "--set", "sweep.rates.slow_hz=[50,60]")[1]
+    assert "hand's port of 12 loops, norm of 6 wave channels; method" in out
+    assert "    not computed where one rate does not divide the other: the wave channel (channel_passive 0)" in out
 
 
 def test_the_filter_choices_are_a_second_table(wavesweep, filters, tmp_path):

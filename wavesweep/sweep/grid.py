@@ -110,13 +110,18 @@ def loop_of(spec: Spec, changes: Mapping[str, Iterable] = MappingProxyType({})) 
     """
     if spec.drawing:
         return spec.drawing
-    rates = {path: tuple(changes[path]) for path in ("rates.fast_hz", "rates.slow_hz") if path in changes}
-    several = (spec.with_values(dict(zip(rates, values, strict=True))) for values in product(*rates.values()) if values)
-    if not any(each.uneven for each in (several if rates else [spec])):
+    if not any(rates_of(spec, changes)):
         return None
     from wavesweep.diagram.uneven import Uneven
 
     return Uneven(spec.kind)
+
+
+def rates_of(spec: Spec, changes: Mapping[str, Iterable] = MappingProxyType({})) -> Iterator[bool]:
+    """Yield whether the rates of the spec's controller do not divide, for each combination of the values that `changes` has."""
+    rates = {path: tuple(changes[path]) for path in ("rates.fast_hz", "rates.slow_hz") if path in changes}
+    several = (spec.with_values(dict(zip(rates, values, strict=True))) for values in product(*rates.values()) if values)
+    yield from (each.uneven for each in (several if rates else [spec]))
 
 
 def keys_of(spec: Spec) -> frozenset[str]:

@@ -18,7 +18,7 @@ from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
 from wavesweep.sweep.checkpoint import gather, stretches
 from wavesweep.sweep.drawn_loops import ports_of, ports_of_groups
-from wavesweep.sweep.grid import Grid, groups, loop_of, make_grid, no_controller, refuse_rows
+from wavesweep.sweep.grid import Grid, groups, loop_of, make_grid, no_controller, rates_of, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
 from wavesweep.sweep.running import Progress, Run, Work, run
 from wavesweep.sweep.table import Columns, Table, facts_of, held, joined
@@ -249,9 +249,18 @@ def not_computed(grid: Grid) -> list[str]:
     if not grid.drawing:
         return []
     waves = _has_waves(grid.spec) if grid.spec.drawing else draw(grid.spec.values).waves is not None
-    channel = "the wave channel (channel_passive 0), and " if waves else ""
+    channel, damping = "the wave channel (channel_passive 0)", "damping_needed unless it is 0"
+    if with_norm(grid):
+        return [f"not computed where one rate does not divide the other: {channel}", f"not computed in any row: {damping}"]
     where = "a drawn loop" if grid.spec.drawing else "rates of which one does not divide"
-    return [f"not computed for {where}: {channel}damping_needed unless it is 0"]
+    return [f"not computed for {where}: {channel + ', and ' if waves else ''}{damping}"]
+
+
+def with_norm(grid: Grid) -> bool:
+    """Whether the loops have wave channels, and the rates of at least one of them divide."""
+    if grid.spec.drawing or draw(grid.spec.values).waves is None:
+        return False
+    return not all(rates_of(grid.spec, {axis.path: axis.values for axis in grid.axes}))
 
 
 def _notices(grid) -> Iterator[str]:
