@@ -94,3 +94,16 @@ def test_a_check_that_takes_long_says_that_it_is_at_work(wavesweep, tmp_path, mo
     for quiet in ((), ("--quiet",)):
         code, _, err = wavesweep("check", str(tmp_path / "mine.toml"), *quiet)
         assert (code, "still at work" in err) == (0, not quiet)
+
+
+def test_the_plan_says_how_long_passivity_of_several_chunks_takes(check):
+    """A short table, which is one chunk, has no such line."""
+    lines = check("sweep.b=[5,10]").splitlines()
+    assert not any(line.startswith("    work") for line in _after(lines, "  passivity"))
+    lines = check("sweep.b={start=5,stop=50,num=100}").splitlines()
+    assert re.fullmatch(r"    work: \d+ chunks, about [\d.]+ s; disk: about [\d.]+ MB until .*", _after(lines, "  passivity")[0])
+
+
+def _after(lines, start):
+    """The line after the one that begins so, in a list."""
+    return lines[next(number for number, line in enumerate(lines) if line.startswith(start)) + 1 :][:1]

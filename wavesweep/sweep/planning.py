@@ -120,12 +120,16 @@ def _passivity_lines(spec):
 
 
 def _long_lines(jobs):
-    """The chunks and the disk of a table of several chunks; otherwise nothing is kept on the way."""
+    """The chunks, the time and the disk of a table of several chunks; otherwise it is there at once, and nothing is kept."""
     advice = [line for job in jobs for line in _parts_lines(job)]
     if all(len(job.chunks) == 1 for job in jobs):
         return advice
-    chunks, size = sum(len(job.chunks) for job in jobs), _size(sum(map(expected_bytes, jobs)))
-    return [f"    work: {_count(chunks, 'chunk')}; disk: about {size} until the results are in place", *advice]
+    chunks, size, seconds = sum(len(job.chunks) for job in jobs), _size(sum(map(expected_bytes, jobs))), 0.0
+    for job in jobs:
+        expected = cache(partial(expected_seconds, job))
+        seconds += expected() / choose(None, None, None, len(job.chunks), expected).count
+    work = f"{_count(chunks, 'chunk')}, about {_duration(seconds)}"
+    return [f"    work: {work}; disk: about {size} until the results are in place", *advice]
 
 
 def _drawn_plan(spec):
