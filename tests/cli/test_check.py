@@ -101,7 +101,9 @@ def test_the_plan_says_how_long_passivity_of_several_chunks_takes(check):
     lines = check("sweep.b=[5,10]").splitlines()
     assert not any(line.startswith("    work") for line in _after(lines, "  passivity"))
     lines = check("sweep.b={start=5,stop=50,num=100}").splitlines()
-    assert re.fullmatch(r"    work: \d+ chunks, about [\d.]+ s; disk: about [\d.]+ MB until .*", _after(lines, "  passivity")[0])
+    assert re.fullmatch(
+        r"    work: \d+ chunks, about [\d.]+ s; disk: about [\d.]+ MB until .*", _after(lines, "  passivity")[0]
+    )
 
 
 def _after(lines, start):

@@ -145,7 +145,9 @@ def data_of(text):
 
 @pytest.mark.slow
 def test_a_saved_page_has_the_sweep_in_it():
-    data = data_of(saved_page(load(HOLE)))
+    heard = []
+    data = data_of(saved_page(load(HOLE), lambda *report: heard.append(report)))
+    assert heard == [(done, 4) for done in range(5)]  # two designs and two tables
     assert data["stops"] == {"controller.b": [20.0, 25.0]}
     assert [design["values"]["controller.b"] for design in data["designs"]] == [20.0, 25.0]
     intervals, responses = data["report"]

@@ -77,6 +77,7 @@ def _has_screen() -> bool:
 
 
 def _save(spec, path: str, target: Path, force: bool) -> None:
+    from wavesweep.cli.messages import progress
     from wavesweep.cli.output import refuse_no_folder, write_whole
     from wavesweep.explore.page import saved_page
 
@@ -85,5 +86,7 @@ def _save(spec, path: str, target: Path, force: bool) -> None:
         raise UsageError(f"{target}: the file is the spec; expected another name for the page")
     if target.exists() and not force:
         raise UsageError(f"{target}: the file exists; expected another name, or --force to replace it")
-    write_whole((target, saved_page(spec)))
+    with progress(quiet=False) as report:
+        text = saved_page(spec, report)
+    write_whole((target, text))
     click.echo(str(target), err=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict
 from html import escape
@@ -155,12 +155,14 @@ def _sentence(error: str) -> str:
     return " ".join(error.split())
 
 
-def saved_page(spec: Spec) -> str:
+def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -> str:
     """The page with the results of the spec's sweep in it: figures, table, spec and facts. It asks no server.
+
+    progress: a function of (done, total), the designs and tables of the page.
 
     Of a sweep over other axes than those of the plane each combination is a stop of their sliders, up to MOST_DESIGNS of them.
     """
-    page = Page(spec)
+    page, report = Page(spec), progress or (lambda *_: None)
     data = page._data()  # noqa: SLF001 - the same page
     others = [slider for slider in page.sliders if slider.values and (not page.plane or slider.path not in _axes(page.plane))]
     stops = {slider.path: sorted({*slider.values, float(slider.value)}) for slider in others}
@@ -171,12 +173,21 @@ def saved_page(spec: Spec) -> str:
         stops, left = {}, count
     else:
         left = 0
-    designs = []
-    for values in product(*stops.values()):
+    asked, designs = list(product(*stops.values())), []
+    total = len(asked) + len(TABLES)
+    for done, values in enumerate(asked):
+        report(done, total)
         with suppress(WavesweepError):  # a combination that makes no loop, such as a delay beyond the frame
             designs.append(_design(page, dict(zip(stops, values, strict=True))))
-    data["first"] = None
-    return page_text(data | {"designs": designs, "stops": stops, "left": left, "report": _report(spec)})
+    data["first"], tables = None, []
+    for done, (title, make) in enumerate(TABLES.items(), len(asked)):
+        report(done, total)
+        found = []
+        with suppress(WavesweepError):
+            found = [make(spec)]
+        tables += [_table(title, table) for table in found]
+    report(total, total)
+    return page_text(data | {"designs": designs, "stops": stops, "left": left, "report": tables})
 
 
 def _axes(plane):
@@ -197,16 +208,19 @@ def _design(page, values):
     return found | {"ranges": [stable_ranges(spec, path, search[path]) for path in along]}
 
 
-def _report(spec):
-    """The tables of the sweep: rows, facts and figures."""
+def _intervals(spec):
     from wavesweep import sweep
 
-    tables = []
-    with suppress(WavesweepError):
-        tables.append(("Stable intervals", sweep.intervals(spec, spec.along or None)))
-    with suppress(WavesweepError):
-        tables.append(("Responses", sweep.responses([spec])))
-    return [_table(title, table) for title, table in tables]
+    return sweep.intervals(spec, spec.along or None)
+
+
+def _responses(spec):
+    from wavesweep import sweep
+
+    return sweep.responses([spec])
+
+
+TABLES = {"Stable intervals": _intervals, "Responses": _responses}
 
 
 def _table(title, table):
