@@ -1,5 +1,6 @@
 """The library as its users call it."""
 
+import re
 import subprocess
 import sys
 
@@ -105,6 +106,7 @@ def test_displacements_have_no_pole_of_a_drift(kind, changes):
         (lambda loop: loop.stable_intervals(B_V=[1.0]), "did you mean B_VE"),
         (lambda loop: loop.stable_intervals(along="K_LM", span=(0, 1)), "does not read"),
         (lambda loop: loop.stable_intervals(along="b"), "span"),
+        (lambda loop: loop.stable_intervals(along=""), "name of a numeric key"),
         (lambda loop: loop.stable_intervals(span=(5, 5)), "low < high"),
         (lambda loop: loop.stable_intervals(B_VE=[]), "at least one value"),
         (lambda loop: loop.stable_intervals(B_VE=[-1.0]), "B_VE"),
@@ -132,3 +134,29 @@ def test_values_of_any_kind_of_float_are_taken(hole):
     expected = hole.spectral_radius(b=[10.0, 20.0])
     for kind in (np.longdouble, np.float32, np.int8):
         np.testing.assert_array_equal(hole.spectral_radius(b=kind([10, 20])), expected)
+
+
+@pytest.mark.parametrize(
+    ("axes", "says"),
+    [
+        ({"rates.fast_hz": [300.0, 1000.0], "filters.lp1.cutoff_hz": [10.0, 310.0]}, "a number < 150.0"),
+        ({"rates.fast_hz": 200.0, "filters.lp1.cutoff_hz": [200.0]}, "a number < 100.0"),
+        ({"rates.ratio": [20, 40], "environment.delay": [0, 30]}, "a whole number <= 20"),
+        ({"rates.fast_hz": [1000.0, 4000.0], "along": "filters.lp1.cutoff_hz", "span": (5, 800)}, "a number < 500.0"),
+        ({"filters.lp1.cutoff_hz": 310.0, "along": "rates.fast_hz", "span": (100, 4000)}, "a number < 50.0"),
+    ],
+)
+def test_combinations_that_a_spec_would_refuse_are_refused(hole, axes, says):
+    """Each value alone suits the spec's own other values, or the other way round."""
+    with pytest.raises(SpecError, match=re.escape(says)):
+        hole.stable_intervals(**axes)
+
+
+def test_values_that_suit_each_other_but_not_the_specs_own_are_taken(hole):
+    calls = ({"rates.fast_hz": 4000.0, "filters.lp1.cutoff_hz": 800.0}, {"rates.ratio": 40, "environment.delay": 30})
+    for axes in calls:
+        changed = wavesweep.compile(hole.spec.with_values(axes))
+        assert hole.stable_intervals(**axes).high.tolist() == changed.stable_intervals().high.tolist()
+        assert hole.spectral_radius(**axes) == changed.spectral_radius()
+    along = hole.stable_intervals("filters.lp1.cutoff_hz", (5, 800), **{"rates.fast_hz": 4000.0})
+    assert along.certified.all()

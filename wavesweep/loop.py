@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 from math import isnan
 
 import numpy as np
@@ -18,6 +19,7 @@ from wavesweep.lifted.tick_drift import drift_of_drawn
 from wavesweep.spec import SYMBOLS, Axis, Spec, load
 from wavesweep.spec.axes import NARROWEST_SPAN
 from wavesweep.spec.checking import nearest
+from wavesweep.spec.resolving import LIMITS
 from wavesweep.sweep.drawn_loops import refuse_singular
 from wavesweep.sweep.grid import keys_of, loop_of, make_grid, no_controller
 
@@ -73,14 +75,14 @@ class Loop:
         along: name of the axis; by default K_VE or, of a drawn loop, the spec's own. span: (low, high) in its unit; by default
         (0, 20000) along K_VE, and the spec's own along an axis of its [sweep] if the loop is drawn. axes: the others, see
         `Loop`. Columns as in the table of `wavesweep zwidth`: each axis given, along, intervals, interval, low, high,
-        low_omega, high_omega (rad/s), certified, residual, doubt. Errors: UsageError if a spec would not accept a name or a
-        value.
+        low_omega, high_omega (rad/s), certified, residual, doubt, felt_low, felt_high. Errors: UsageError if a spec
+        would not accept a name, SpecError if it would not accept a value or a combination.
         Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md; see `analysis.intervals`.
         """
         from wavesweep.sweep.interval_job import job_over
         from wavesweep.sweep.running import in_memory
 
-        axis = self._along(along or self._usual, span)
+        axis = self._along(self._usual if along is None else along, span)
         grid = make_grid(self.spec, self._axes(axes, axis), axis.path, self.read)
         return self._frame("zwidth", in_memory(job_over(grid, axis, None if grid.loop_axes else self.cut)))
 
@@ -94,7 +96,7 @@ class Loop:
         """
         from wavesweep.sweep.why_table import sensitivities
 
-        axis = self._along(along or self._usual, span)
+        axis = self._along(self._usual if along is None else along, span)
         grid = make_grid(self.spec, self._axes(axes, axis), axis.path, self.read)
         return self._frame("why", sensitivities(grid, axis, None if grid.loop_axes else self.cut))
 
@@ -147,7 +149,7 @@ class Loop:
 
         along, span, axes: as for `stable_intervals`. Intervals between the values given are computed for the figure.
         """
-        along = along or self._usual
+        along = self._usual if along is None else along
         columns = self.stable_intervals(along, span, **axes)
         axis = self._along(along, span)
         swept = {"along": along, **{name: np.atleast_1d(values).tolist() for name, values in axes.items()}}
@@ -245,8 +247,6 @@ class Loop:
             raise UsageError(
                 f"span: expected finite (low, high), low < high, at least {NARROWEST_SPAN:g} apart, found ({low!r}, {high!r})"
             )
-        for end in (low, high):
-            _accept(self.spec, key.path, end)
         return Axis(name, key.path, (), low, high, key.structural, "linear")
 
     def _axes(self, axes: Mapping, along: Axis | None = None) -> tuple[Axis, ...]:
@@ -258,7 +258,23 @@ class Loop:
                 raise UsageError(
                     f"{axis.name}: expected other axes than {along.name}, which the intervals are along; give a span"
                 )
+        self._refuse_values((along, *found) if along else found)
         return found
+
+    def _refuse_values(self, axes):
+        """Raise SpecError for values that a spec would refuse; every combination is computed."""
+        together, limited = [], {} if self.spec.drawing else LIMITS
+        linked = {*limited, *(path for limits in limited.values() for path in limits)}
+        for axis in axes:
+            # NaN is neither the least nor the largest, and is refused on its own.
+            ends = tuple(dict.fromkeys((axis.start, axis.stop, *filter(isnan, axis.values))))
+            if axis.path in linked:
+                together.append((axis.path, ends))
+                continue
+            for end in ends:
+                _accept(self.spec, (axis.path,), end)
+        for values in product(*(ends for _, ends in together)):
+            _accept(self.spec, tuple(path for path, _ in together), *values)
 
     def _axis(self, name, values) -> Axis:
         key = self._key(name)
@@ -269,8 +285,6 @@ class Loop:
             raise UsageError(f"{name}: expected at least one value, found none")
         numbers = np.atleast_1d(numbers)
         plain = tuple(numbers.tolist() if numbers.dtype.kind != "f" else numbers.astype(float).tolist())
-        for extreme in (min(plain), max(plain), *filter(isnan, plain)):
-            _accept(self.spec, key.path, extreme)
         plain = plain if key.type == "integer" else tuple(map(float, plain))
         return Axis(name, key.path, plain, min(plain), max(plain), key.structural)
 
@@ -285,9 +299,9 @@ class Loop:
 
 
 @lru_cache(maxsize=256, typed=True)  # a compiled loop is asked about the same ranges again and again
-def _accept(spec, path, value):
-    """Raise SpecError for a value that a spec would refuse."""
-    spec.with_values({path: value})
+def _accept(spec, paths, *values):
+    """Raise SpecError for values that a spec would refuse, one for each path."""
+    spec.with_values(dict(zip(paths, values, strict=True)))
 
 
 def _figure(kind, table, spec, swept=None):
