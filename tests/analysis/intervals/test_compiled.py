@@ -1,5 +1,6 @@
 """The compiled kernel against numpy, which is its reference; a run that uses it says so, others do not load it."""
 
+import errno
 import subprocess
 import sys
 from dataclasses import replace
@@ -498,3 +499,43 @@ def test_numba_is_loaded_only_if_it_is_chosen(monkeypatch):
         monkeypatch.setenv(kernel.VARIABLE, word)
         said.append(subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout.strip())
     assert said == ["False", "True"]
+
+
+def test_compiled_code_belongs_to_all_sources_of_the_package(tmp_path):
+    """A constant of any module may be in it."""
+    from wavesweep.analysis.intervals.compiled import solving
+
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "inner" / "constants.py").write_text("BALANCING = 3\n")
+    before = solving._place(tmp_path)
+    assert solving._place(tmp_path) == before
+    (tmp_path / "inner" / "constants.py").write_text("BALANCING = 0\n")
+    assert solving._place(tmp_path) != before
+    assert solving._place() == solving.PLACE
+
+
+def test_a_full_disk_and_a_user_without_a_home_do_not_stop_the_kernel(monkeypatch):
+    from numba.core import caching
+
+    from wavesweep.analysis.intervals.compiled import solving
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(caching.Cache, "save_overload", full)
+
+    def double(x):
+        return 2 * x
+
+    assert solving.compiled(double)(3) == 6
+    monkeypatch.setattr(solving, "PLACE", None)
+    assert solving.compiled(double)(3.5) == 7.0
+
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(solving.os, "access", lambda *_: False)
+    monkeypatch.setattr(solving.config, "CACHE_DIR", "")
+    monkeypatch.setattr(solving.Path, "home", homeless)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    assert solving._place() is None
