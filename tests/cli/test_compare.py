@@ -5,10 +5,13 @@ import re
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import wavesweep as library
-from wavesweep import results
+from wavesweep import results, sweep
+from wavesweep.spec import load
+from wavesweep.sweep import workers
 
 WAVES = """
 [controller]
@@ -274,3 +277,23 @@ def test_the_figure_names_all_units_of_an_axis(compare, both, monkeypatch):
         found = [(axes.get_xlabel(), axes.get_ylabel()) for axes in seen]
         titles = (r"ends of stable $K_\mathrm{VE}$", "felt there")
         assert found == [(f"B ({units[0]})", f"{title} ({units[1]})") for title in titles]
+
+
+@pytest.mark.usefixtures("compare")
+def test_its_responses_take_the_same_workers_and_go_on_where_they_stopped(tmp_path):
+    many = ("bode.frequency_hz={ start = 1, stop = 20, num = 100 }", "bode.b={ start = 5, stop = 50, num = 100 }")
+    kept, specs = tmp_path / "kept", [load("waves.toml", many), load("direct.toml")]
+
+    def stop(*report):
+        if report[-1] is None:  # responses, of which none is certified
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        sweep.compare(specs, jobs=1, progress=stop, checkpoint=kept)
+    walls, both = sweep.compare(specs, jobs=2, backend="threading", checkpoint=kept)
+    assert both.facts["timings"]["slices_from_checkpoint"] > 0
+    assert both.facts["timings"]["workers"] == min(2, workers.processors())
+    walls.forget()  # as after each table that is written
+    assert pd.DataFrame(both.columns).equals(pd.DataFrame(sweep.responses(specs).columns))
+    both.forget()
+    assert not kept.exists()

@@ -144,7 +144,7 @@ def _again(package: Path, facts: Mapping[str, Any]) -> _Again | None:
         return _intervals(load(facts["spec"]), kind, facts)
     if kind == "bode":
         specs = [_named(load(tables), name) for name, tables in facts.get("specs", {_stem(package): facts["spec"]}).items()]
-        table = sweep.responses(specs)
+        table = sweep.responses(specs, jobs=1)
         return _Again(table.facts["spec_sha256"], table.blocks)
     tolerance = {"tolerance": facts["tolerance"]} if "tolerance" in facts else {}
     calls: dict[str, Callable[[Spec], Table]] = {

@@ -1,6 +1,7 @@
 """Several specs beside each other: the stable intervals of the wall's stiffness, and the responses, as two tables."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -27,22 +28,26 @@ def compare(
 
     specs: their names differ. The first table has a row per spec and stable interval along K_VE: the column `spec`, the axes
     of all sweeps, and the columns of `zwidth`. A spec without one of the axes has its own value in that column, or a missing
-    one if its controller does not read it. jobs, backend, scheduler, checkpoint, force: as for `intervals`. progress: is
-    called with the counts of one spec after the other.
+    one if its controller does not read it. The second is that of `responses`. jobs, backend, scheduler, checkpoint, force: as
+    for `intervals`. progress: is called with the counts of one spec after the other, and with those of all responses.
     """
-    checkpoint = Work(jobs, backend, scheduler, progress, checkpoint, force).checkpoint
+    folder = Work(jobs, backend, scheduler, progress, checkpoint, force).checkpoint
+    walls, rest = (folder and folder / name for name in ("walls", "responses"))
     work = {"jobs": jobs, "backend": backend, "scheduler": scheduler, "progress": progress, "force": force}
     found = [
-        intervals(spec, "K_VE", checkpoint=checkpoint and checkpoint / spec.name, **work) for spec in specs
+        intervals(spec, "K_VE", checkpoint=walls and walls / spec.name, **work) for spec in specs
     ]  # in turn: each uses all workers
     axes = [axis for spec in specs for axis in sweep_axes(spec, "K_VE")[1]]
     names = list(dict.fromkeys(axis.name for axis in axes))
     columns = joined([_with_spec(spec, table.columns, names) for spec, table in zip(specs, found, strict=True)])
     units = {name: units_in([(spec, sweep_axes(spec, "K_VE")[1]) for spec in specs], name) for name in names}
     facts = with_unlike_units(_facts(specs, found, [axis.path for axis in axes]), units | _units_of_walls(specs))
-    both = responses(specs)
-    forget = _forgetting(found, checkpoint)
-    return [Table.of("compare", columns, facts, forget=forget), replace(both, kind="compare-bode")]
+    both = responses(specs, checkpoint=rest, **work)
+    forget = _forgetting(found, (walls, folder))
+    return [
+        Table.of("compare", columns, facts, forget=forget),
+        replace(both, kind="compare-bode", forget=_forgetting([both], (folder,))),
+    ]
 
 
 def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
@@ -69,11 +74,14 @@ def _notices(specs, facts) -> Iterator[str]:
         yield from (f"{spec.name}: {notice}" for notice in each["notices"])
 
 
-def _forgetting(tables, folder):
+def _forgetting(tables, folders):
+    """A function that removes the checkpoints of tables, and these folders if nothing else is in them."""
+
     def forget():
         for table in tables:
             table.forget()
-        if folder and folder.exists():
-            folder.rmdir()
+        for folder in filter(None, folders):
+            with suppress(OSError):
+                folder.rmdir()
 
     return forget
