@@ -6,6 +6,8 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -204,19 +206,21 @@ def test_an_override_is_one_line(wavesweep, spec):
 
 @pytest.mark.parametrize("words", [("export", "--to", "c"), ("check", "--plot")])
 def test_a_full_disk_leaves_no_part_of_the_files(words, wavesweep, spec, tmp_path, monkeypatch):
-    write = Path.write_text
+    make, made = os.open, []
 
-    def full(path, text, *rest, **more):
-        if path.name.startswith(".3."):  # the fourth file, under its temporary name
+    def full(path, *rest, **more):
+        temporary = str(path).endswith(".tmp")
+        made.extend([path] if temporary else [])
+        if temporary and len(made) == 4:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        return write(path, text, *rest, **more)
+        return make(path, *rest, **more)
 
     def full_bytes(path, content):
         with path.open("wb") as file:
             file.write(content[:10])
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(os, "open", full)
     monkeypatch.setattr(Path, "write_bytes", full_bytes)
     code, _, err = wavesweep(words[0], spec, *words[1:], "--out", "there")
     assert code == 1
@@ -346,6 +350,35 @@ def test_a_response_beyond_double_precision_is_missing(wavesweep, spec, tmp_path
     code, _, err = wavesweep("simulate", spec, "--set", "device.mass=1e308", "--no-plot", "--out", "here")
     assert (code, "fault of wavesweep" in err) == (0, False)
     assert (tmp_path / "here" / "simulate-response.csv").exists()
+
+
+@pytest.mark.parametrize(("command", "kind", "work"), [("bench", "bench", "measure"), ("paper", "statements", "tables")])
+def test_bench_and_paper_are_refused_before_the_work_too(command, kind, work, wavesweep, monkeypatch):
+    monkeypatch.setattr(f"wavesweep.{command}.{work}", None)
+    with results.at_work([kind], "here"):
+        code, _, err = wavesweep(command, "--out", "here")
+    assert (code, err.startswith(f"Error: here: another run is at work on {kind} here")) == (1, True)
+
+
+@pytest.mark.parametrize(("quiet", "said"), [([], 1), (["--quiet"], 0)])
+def test_a_figure_waits_for_the_run_that_writes_its_table(quiet, said, wavesweep, spec):
+    assert wavesweep("zwidth", spec, "--no-plot", "--out", "here")[0] == 0
+    held, released = threading.Event(), threading.Event()
+
+    def hold():
+        with results.at_work(["zwidth"], "here"):
+            held.set()
+            time.sleep(0.5)
+        released.set()
+
+    other = threading.Thread(target=hold)
+    other.start()
+    held.wait()
+    code, _, err = wavesweep("plot", "here/zwidth.csv", *quiet)
+    assert (code, released.is_set()) == (0, True)
+    other.join()
+    assert err.count("another run is at work on zwidth here") == said
+    assert not results.verify("here").differences
 
 
 @pytest.mark.parametrize(("quiet", "said"), [([], 1), (["--quiet"], 0)])

@@ -37,16 +37,15 @@ def command(quick: bool, options: Options) -> None:
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     from wavesweep import bench
     from wavesweep.cli.messages import progress, say, show_json, where
-    from wavesweep.results import refuse_unusable, stream
+    from wavesweep.cli.output import alone
+    from wavesweep.results import stream
 
-    if not options.to_stdout:
-        refuse_unusable(options.out or FOLDER)
     started = time.perf_counter()
-    with progress(options.quiet) as report:
+    with alone(["bench"], Path(options.out or FOLDER), options), progress(options.quiet) as report:
         run = bench.measure(quick=quick, progress=report)
+        written = [] if options.to_stdout else _write(run, options)
     if options.to_stdout:
         stream(run, sys.stdout.buffer)
-    written = [] if options.to_stdout else _write(run, options)
     if options.as_json:
         lines, files = list(bench.lines(run.columns)), [str(path) for path in written]
         show_json({"command": "bench", "lines": lines, "files": files, "seconds": round(time.perf_counter() - started, 3)})
@@ -62,4 +61,4 @@ def _write(run, options: Options) -> list[Path]:
     from wavesweep.plots import drawn
     from wavesweep.results import publish
 
-    return publish(drawn(run), Path(options.out or FOLDER), options.force, options.formats)
+    return publish(drawn(run), Path(options.out or FOLDER), options.force, options.formats, locked=True)

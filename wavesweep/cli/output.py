@@ -8,7 +8,7 @@ import stat
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
 from itertools import chain
@@ -19,6 +19,7 @@ import click
 
 from wavesweep.cli.messages import Line, progress, say, show_json, where
 from wavesweep.cli.options import Options
+from wavesweep.disk import write_files
 from wavesweep.errors import UsageError
 
 if TYPE_CHECKING:
@@ -56,13 +57,10 @@ def produce(
         from wavesweep import plots
 
         plots.refuse_settings()
-    busy = (lambda _: None) if options.quiet else partial(say, warning=True)
-    with ExitStack() as opened:
-        if not options.to_stdout:
-            opened.enter_context(results.at_work(kinds, directory, options.wait, busy))
-            # Before the work as well as after it: a refusal should not cost a long run.
-            for kind in kinds if not options.force else ():
-                results.refuse_other_spec(kind, directory, digest_of(specs), place)
+    with alone(kinds, directory, options):
+        # Before the work as well as after it: a refusal should not cost a long run.
+        for kind in kinds if not (options.force or options.to_stdout) else ():
+            results.refuse_other_spec(kind, directory, digest_of(specs), place)
         prepare_work(options)
         work = {name: getattr(options, name) for name in ("jobs", "backend", "scheduler", "force")}
         kept = None if options.to_stdout else parts_of(name or kinds[0], specs, options)
@@ -85,6 +83,16 @@ def produce(
     if notices := [line for each in specs for line in _without_effect(kinds[0], each, options.overrides)]:
         finished[0] = finished[0]._replace(notices=[*dict.fromkeys(notices), *finished[0].notices])
     _report(kinds[0], specs, options, tables[0].facts, finished, changed, time.perf_counter() - started)
+
+
+def alone(kinds: Sequence[str], directory: Path, options: Options) -> AbstractContextManager[None]:
+    """Be the only run that writes these tables, from before the work on, if they go to files; see `results.at_work`."""
+    from wavesweep import results
+
+    if options.to_stdout:
+        return nullcontext()
+    busy = (lambda _: None) if options.quiet else partial(say, warning=True)
+    return results.at_work(kinds, directory, options.wait, busy)
 
 
 def _without_effect(command: str, spec: Spec, overrides: Sequence[str]) -> Iterator[str]:
@@ -266,17 +274,7 @@ def refuse_no_folder(target: Path) -> None:
 
 
 def write_whole(*files: tuple[Path, str]) -> None:
-    """Write files whole, each given by its path and text, or none of them."""
+    """Write files whole, each given by its path and text; none of them is touched if one does not fit the disk."""
     for target, _ in files:
         refuse_no_folder(target)
-    scratch = [target.with_name(f".{number}.{os.getpid()}") for number, (target, _) in enumerate(files)]
-    try:
-        for each, (target, text) in zip(scratch, files, strict=True):  # noqa: B007 - the error names it
-            each.write_text(text, encoding="utf-8")
-        for each, (target, _) in zip(scratch, files, strict=True):
-            each.replace(target)
-    except OSError as error:  # which names the scratch file, or none if the disk is full
-        raise OSError(error.errno, error.strerror or str(error), str(target)) from error
-    finally:
-        for each in scratch:
-            each.unlink(missing_ok=True)
+    write_files({target: [text.encode()] for target, text in files})

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import nullcontext, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,15 +38,19 @@ def command(table: str, formats: tuple[str, ...], out: str | None, **switches: b
     path = Path(table)
     directory = path.parent if out is None else Path(out)
     results.refuse_unusable(directory)
-    kind, columns, facts = results.read_table(path)
-    if by := facts.get("drawn_by"):
-        raise UsageError(f"{path}: expected a table that has a figure of its own, found one of wavesweep {by}, which draws it")
     refuse_other_things(*(directory / f"{path.stem}.{form}" for form in formats))
-    figure = plots.figure_of(kind)(columns, facts, *_responses(kind, path, facts))
-    written = save_all(figure, directory, path.stem, formats, about_figure(kind, facts))
-    package = directory / f"{path.stem}.datapackage.json"
-    if package.exists() and directory.resolve() == path.parent.resolve():
-        results.add_figures(package, kind, written)
+    # A run that replaces the table meanwhile would be given this figure. Without a table there is nothing to hold.
+    busy = (lambda _: None) if switches["quiet"] else partial(say, warning=True)
+    with results.at_work([path.stem], directory, wait=True, say=busy) if path.exists() else nullcontext():
+        kind, columns, facts = results.read_table(path)
+        if by := facts.get("drawn_by"):
+            expected = f"expected a table that has a figure of its own, found one of wavesweep {by}, which draws it"
+            raise UsageError(f"{path}: {expected}")
+        figure = plots.figure_of(kind)(columns, facts, *_responses(kind, path, facts))
+        written = save_all(figure, directory, path.stem, formats, about_figure(kind, facts))
+        package = directory / f"{path.stem}.datapackage.json"
+        if package.exists() and directory.resolve() == path.parent.resolve():
+            results.add_figures(package, kind, written)
     if not switches["quiet"]:
         say(f"Wrote {', '.join(map(str, written))}")
 

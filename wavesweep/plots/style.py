@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.disk import random_part
 from wavesweep.results import fields
 from wavesweep.results.schema import unlike_units
-from wavesweep.sweep.disk import random_part
 
 ONE_COLUMN = 3.5  # inches: the column of a two-column paper
 TWO_COLUMNS = 7.0

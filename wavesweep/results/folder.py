@@ -9,10 +9,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from wavesweep.disk import is_folder, put_away, remove_folder
 from wavesweep.errors import UsageError
 from wavesweep.results.package import PART, packaged_facts
 from wavesweep.spec import SYMBOLS
-from wavesweep.sweep.disk import is_folder, put_away, remove_folder
 
 FIGURES = (".png", ".svg", ".pdf")
 SUFFIXES = (".csv", ".parquet", *FIGURES, ".datapackage.json")

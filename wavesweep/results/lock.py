@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import stat
 import time
@@ -11,15 +12,10 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from wavesweep.analysis.given import boolean
+from wavesweep.disk import OPEN, make_folders, sync
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results.folder import refuse_unusable
 from wavesweep.results.placing import refuse_folders, settle
-from wavesweep.sweep.disk import OPEN, make_folders, sync
-
-try:
-    import fcntl
-except ImportError:  # not on this system
-    fcntl = None
 
 WORD = "wavesweep: "  # which a lock file of this program begins with
 _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.ENOTSUP, errno.EINVAL)
@@ -111,8 +107,6 @@ def _locked(descriptor, path, kind, wait, say) -> bool:
 
 
 def _flock(descriptor, wait):
-    if fcntl is None:
-        raise OSError(errno.ENOSYS, "no locks on this system")
     fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
 
 

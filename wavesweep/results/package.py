@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from wavesweep.disk import write_file
 from wavesweep.results.schema import Field, FieldKind
 
 _DIALECT = {"delimiter": ",", "lineTerminator": "\n", "quoteChar": '"', "doubleQuote": True, "header": True}
@@ -113,7 +114,7 @@ def packaged_fault(csv: Path, package: Path) -> str:
 def add_figures(package: Path, kind: str, figures: Sequence[Path]) -> None:
     """Enter figures in an existing data package, in place of older ones of the same format; another file is left as it is.
 
-    package: its path. kind: of the table. figures: paths of the files, beside the package.
+    package: its path. kind: of the table. figures: paths of the files, beside the package. The caller is `at_work` there.
     """
     if not packaged_facts(package):
         return
@@ -121,9 +122,7 @@ def add_figures(package: Path, kind: str, figures: Sequence[Path]) -> None:
     new = [figure_resource(kind, known["wavesweep"], figure) for figure in figures]
     names = {each["name"] for each in new}
     known["resources"] = [each for each in known["resources"] if each["name"] not in names] + new
-    written = package.with_name(f".{package.name}.new")
-    written.write_text(_as_text(known), encoding="utf-8")
-    written.replace(package)
+    write_file(package, _as_text(known).encode())
 
 
 def _as_text(package: Mapping[str, Any]) -> str:

@@ -19,9 +19,9 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
+from wavesweep.disk import folders_named, is_folder, random_part, read_file, remove_folder, remove_old, sync
 from wavesweep.errors import UsageError
 from wavesweep.results.folder import FIGURES, PARTS, SUFFIXES, are_parts, existing_facts
-from wavesweep.sweep.disk import folders_named, is_folder, random_part, read_file, remove_folder, remove_old, sync
 
 JOURNAL = "journal.json"
 REPLACED = "replaced"  # the name, in the folder of new files, of a folder of parts whose place is needed

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from wavesweep.disk import make_folders, write_file
 from wavesweep.spec import Spec
 from wavesweep.spec.writing import as_toml
-from wavesweep.sweep.disk import make_folders, write_file
 from wavesweep.sweep.table import Table
 
 MOST = 10

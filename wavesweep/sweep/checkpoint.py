@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from wavesweep import kernel
+from wavesweep.disk import TEMPORARY, is_folder, make_folders, put_away, read_file, remove_folder, remove_old, write_file
 from wavesweep.errors import CheckpointError
-from wavesweep.sweep.disk import TEMPORARY, is_folder, make_folders, put_away, read_file, remove_folder, remove_old, write_file
 from wavesweep.sweep.job import Job
 from wavesweep.sweep.tasks import RECORD
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from wavesweep.disk import free_bytes
 from wavesweep.errors import UsageError
-from wavesweep.sweep.disk import free_bytes
 from wavesweep.sweep.job import Job, cut_otherwise
 
 AXIS_BYTES = 12  # of an axis in a row of CSV and Parquet file together

@@ -8,7 +8,7 @@ import errno
 import os
 import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -39,26 +39,37 @@ def read_file(path: Path) -> bytes:
 
 def write_file(path: Path, *pieces: bytes) -> None:
     """Write a file under a temporary name and rename it, so that it is there whole or not at all."""
-    temporary = path.with_name(f"{path.name}.{random_part()}.tmp")
-    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN, 0o666)
+    write_files({path: pieces})
+
+
+def write_files(files: Mapping[Path, Iterable[bytes]]) -> None:
+    """Write files under temporary names, and rename them once all are written, so that each is there whole or not at all.
+
+    Raises OSError with the path of the file that could not be written.
+    """
+    temporary, path = {}, None
     try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.writelines(pieces)
-        temporary.replace(path)
-    except BaseException:
-        with suppress(OSError):
-            temporary.unlink()
-        raise
+        for path, pieces in files.items():
+            scratch = path.with_name(f"{path.name}.{random_part()}.tmp")
+            descriptor = os.open(scratch, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN, 0o666)
+            temporary[path] = scratch
+            with os.fdopen(descriptor, "wb") as file:
+                file.writelines(pieces)
+        for path in files:
+            temporary[path].replace(path)
+            del temporary[path]
+    except OSError as error:  # which names the temporary file, or none if the disk is full
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+    finally:
+        for scratch in temporary.values():
+            with suppress(OSError):
+                scratch.unlink()
 
 
 def free_bytes(folder: Path) -> int:
     """Bytes that are free for us on the disk of a folder."""
-    if hasattr(os, "statvfs"):
-        found = os.statvfs(folder)
-        return found.f_bavail * found.f_frsize
-    import shutil  # which loads compression
-
-    return shutil.disk_usage(folder).free
+    found = os.statvfs(folder)
+    return found.f_bavail * found.f_frsize
 
 
 def make_folders(folder: Path) -> list[Path]:
