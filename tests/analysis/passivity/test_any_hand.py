@@ -5,9 +5,12 @@ import pytest
 from support.published import colgate_schenkel
 from support.search import worst_hand
 
+from wavesweep.analysis.passivity import passive_hand
 from wavesweep.analysis.passivity.hand import HandBox, worst_modes
+from wavesweep.analysis.passivity.hinf import smallest_hermitian
 from wavesweep.analysis.passivity.passive_hand import any_hand_walls, damping_needed, port_passive_walls
-from wavesweep.analysis.passivity.port import port_margin
+from wavesweep.analysis.passivity.port import PortResponse, port_loop, port_margin
+from wavesweep.diagram import draw
 
 ENCODER = {"device.velocity": "difference"}
 
@@ -83,3 +86,34 @@ def test_walls_that_are_passive_end_at_the_bound(values):
     inside, outside = (values("dc", K_VE=held.high[0] * (1 + by), **ENCODER) for by in (-1e-8, 1e-6))
     assert port_margin(inside).passive
     assert not port_margin(outside).passive
+
+
+@pytest.mark.parametrize("gain", [0.3, 0.05, 0.01])
+def test_a_weak_position_feedback_asks_for_damping_at_the_lowest_frequencies(values, gain):
+    """The slow mode turns with some mrad/s or less: heavy masses find it, and the weaker condition at the port does too."""
+    v = values("pmw", Kp=gain, **{"device.damping": 40.0, "rates.ratio": 1} | ENCODER)
+    high = any_hand_walls(v, (0.0, 2000.0)).high[0]
+    assert high <= port_passive_walls(v, (0.0, 2000.0)).high[0] <= high * (1 + 1e-4)
+    masses = np.geomspace(1e2, 1e10, 200)
+    hands = np.stack([masses, 0 * masses, 0 * masses], axis=-1)
+    inside, outside = (worst_modes(v, hands, high * share, v["environment.B_VE"])[0].max() for share in (0.99, 1.2))
+    assert inside < 1
+    assert outside > 1 + 5e-11
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_map_next_to_rest_is_that_of_the_aliases(random_values, seed):
+    """Where the pole of the position cancels few digits; and it goes on to zero frequency."""
+    v = random_values(seed) | ENCODER | ({"controller.Kp": 10.0 ** (seed % 7 - 5)} if seed % 2 else {"controller.Kp": 25.0})
+    diagram = passive_hand._without_device(draw(v))
+    loop = port_loop(diagram, v["environment.K_VE"], v["environment.B_VE"], diagram.hand.reaction)
+    if not passive_hand._responsive(loop).all():
+        return
+    found = passive_hand.NearRest(loop)
+    theta = np.array([3.0, 0.3, 1e-2, 1e-3])
+    owner = np.zeros(theta.size, int)
+    expected = smallest_hermitian(*PortResponse(loop).parts(owner, theta))
+    scale = np.abs(expected).max() + v["environment.K_VE"]
+    np.testing.assert_allclose(found.smallest(owner, theta), expected, rtol=0, atol=1e-8 * scale)
+    near, rest = found.smallest(owner[:2], np.array([1e-14, 0.0]))
+    assert near == pytest.approx(rest, rel=1e-6, abs=1e-6 * scale)

@@ -150,7 +150,7 @@ def outward_peak(channel: Channel, loops: int) -> Peak:
     response = response_of(channel.outward, loops)
     root = np.sqrt(channel.ratio)
 
-    def value(owner, theta):
+    def value(owner, theta, _):
         gain = np.abs(response.at(owner, alias_angles(theta, channel.ratio))[..., 0]) ** 2
         return largest(gain[..., 1] if gain.shape[-1] > 1 else 0 * gain[..., 0], gain[..., 0])
 
@@ -168,7 +168,7 @@ def inward_peak(channel: Channel, loops: int) -> Peak:
     """Square of the norm of `(v_s, v_l) -> v_m`: `diag|LP2|^2 + c c*`, c the aliases of the held wave, of length 1."""
     response = response_of(channel.inward, loops) if channel.inward else None
 
-    def value(owner, theta):
+    def value(owner, theta, _):
         phi = alias_angles(theta, channel.ratio)
         hold = _hold_power(theta, phi, channel.ratio)
         own = np.abs(response.at(owner, phi)[..., 0, 0]) ** 2 if response else 0 * hold

@@ -49,7 +49,7 @@ def drawn_port_margin(port: Port) -> PortMargin:
         return angles(_level_frame(port, float(level[0])))
 
     peak = peak_by_levels(
-        lambda owner, theta: np.nan_to_num(-smallest(owner, theta), nan=-np.inf),
+        lambda owner, theta, _: np.nan_to_num(-smallest(owner, theta), nan=-np.inf),
         lambda owner, level: met(owner, -level),
         1,
         lambda _, level: SLACK * (np.abs(level) + mean),

@@ -23,19 +23,22 @@ class Peak:
     certified: np.ndarray
 
 
-def peak_by_levels(value_at, angles_at, loops: int, slack) -> Peak:
+def peak_by_levels(value_at, angles_at, loops: int, slack, more=()) -> Peak:
     """Maximise over the angle, for `loops` loops at once.
 
-    value_at(owner, theta): the response of the loops `owner` at `theta`, both `(points,)`.
+    value_at(owner, theta, floor): the response of the loops `owner` at `theta`, all `(points,)`; anything below the floor, the
+    largest value so far, is as good as the response that is below it.
     angles_at(owner, level): angles at which a level may be met, `(owners, any)` with NaN for none.
-    slack(owner, value): distance of the level that is shown to be out of reach above the value.
+    slack(owner, value): distance of the level that is shown to be out of reach above the value. more: further
+    angles that are tried first.
     Source: S. Boyd, V. Balakrishnan, Systems & Control Letters 15 (1990); N. Bruinsma, M. Steinbuch, ibid. 14 (1990):
     between two neighbouring angles at which a level is met the response is on one side of it, so their middle tells
     which, and the next level is what was found there. Quadratic convergence: 2 to 5 rounds.
     """
     value, theta = np.full(loops, -np.inf), np.zeros(loops)
     certified, active = np.zeros(loops, bool), np.arange(loops)
-    _raise(value, theta, value_at, active, np.broadcast_to(START, (loops, START.size)))
+    for some in (START, more):
+        _raise(value, theta, value_at, active, np.broadcast_to(some, (loops, len(some))))
     for _ in range(RAISES):
         level = value[active] + slack(active, value[active])
         _raise(value, theta, value_at, active, _with_middles(angles_at(active, level)))
@@ -57,8 +60,10 @@ def _with_middles(found):
 def _raise(value, theta, value_at, owners, candidates):
     """Replace the value of each owner by that of its best candidate, if that is larger."""
     row, column = np.nonzero(np.isfinite(candidates))
+    if not row.size:
+        return
     at = np.full(candidates.shape, -np.inf)
-    at[row, column] = value_at(owners[row], candidates[row, column])
+    at[row, column] = value_at(owners[row], candidates[row, column], value[owners[row]])
     best = np.argmax(at, axis=-1)[:, None]
     found, where = (np.take_along_axis(part, best, -1)[:, 0] for part in (at, candidates))
     better = found > value[owners]
@@ -195,7 +200,27 @@ def smallest_hermitian(diagonal, left, right):
     return _bisect(diagonal.real, left, np.swapaxes(right.conj(), -1, -2))
 
 
+def some_below(diagonal, left, right, level):
+    """Whether the Hermitian part of `diag(d) + left right` has an eigenvalue below the level, `(...)`.
+
+    See `smallest_hermitian`, of whose work on a large matrix this is one of BISECTIONS steps.
+    """
+    return _counter(diagonal.real, left, np.swapaxes(right.conj(), -1, -2))[0](level)
+
+
 def _bisect(diagonal, left, right):
+    below, reach = _counter(diagonal, left, right)
+    low = diagonal.min(-1) - reach
+    high = diagonal.min(-1) + reach
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        found = below(middle)
+        low, high = np.where(found, low, middle), np.where(found, middle, high)
+    return (low + high) / 2
+
+
+def _counter(diagonal, left, right):
+    """A function of x that tells whether there is an eigenvalue below it, and how far they are from the diagonal at most."""
     rank = left.shape[-1]
     balance = (_size(right) / np.where(_size(left) > 0, _size(left), 1))[..., None, :] ** 0.25
     balance = np.where(balance > 0, balance, 1)
@@ -203,18 +228,16 @@ def _bisect(diagonal, left, right):
     pairs = W.conj()[..., :, None] * W[..., None, :]
     inverse = 2 * np.roll(np.eye(2 * rank), rank, axis=0)
     reach = np.sqrt(_size(left) * _size(right)).sum(-1)
-    low = diagonal.min(-1) - reach
-    high = diagonal.min(-1) + reach
     floor = np.finfo(float).eps * (np.abs(diagonal).max(-1) + reach)[..., None]
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        gap = diagonal - middle[..., None]
+
+    def below(x):
+        gap = diagonal - x[..., None]
         gap = np.where(np.abs(gap) < floor, floor, gap)  # too close to an entry to tell: within the accuracy stated
         small = inverse + (pairs / gap[..., None, None]).sum(-3)
         positive = (np.linalg.eigvalsh(small) > 0).sum(-1)
-        some_below = (gap < 0).sum(-1) + positive - rank > 0
-        low, high = np.where(some_below, low, middle), np.where(some_below, middle, high)
-    return (low + high) / 2
+        return (gap < 0).sum(-1) + positive - rank > 0
+
+    return below, reach
 
 
 def _size(columns):

@@ -5,14 +5,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.analysis.passivity.hinf import angles, peak_by_levels
-from wavesweep.analysis.passivity.port import PortResponse, level_frame, port_loop, port_margin
+from wavesweep.analysis.passivity.port import (
+    AtRest,
+    PortLoop,
+    PortResponse,
+    level_frame,
+    parts_of_frame,
+    port_loop,
+    port_margin,
+)
+from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.spectrum import is_stable
 from wavesweep.diagram import WALL, draw
 from wavesweep.diagram.block import Block, matrix
 
 SLACK = 1e-10  # of the damping and of 1 N*s/m, within which no frequency needs more
 SURE = 1e-7  # of the same, for rounding at the lowest frequency, where the position's pole cancels, with room
-LOWEST = 1e-4  # rad per frame, in place of zero frequency, where the position has its pole
+LOWEST = 1e-3  # rad per frame, below which the position's pole is set apart
+# A weak position feedback leaves a slow mode; the level's eigenvalues next to z = 1 are not known well enough to find it.
+SOFT = np.pi * 10.0 ** np.arange(-9, -3, 0.5)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,30 +59,82 @@ def damping_needed(values) -> DampingNeeded | None:
     interfaces, Journal of Robotic Systems 14(1), 37-47, 1997). The condition at the port for held forces (`port_margin`) is
     weaker: it asks nothing of hands whose force moves within the tick, and lets the device's mass help.
     Waves without position feedback need infinite damping at any LP1: a motion at a multiple of the slow rate aliases to
-    a wave that moves the avatar, and the force that this builds up stays.
-    Accuracy: 1e-10 of d* and of 1 N*s/m; 1e-8 if zero frequency needs d*, since the position's pole is near.
+    a wave that moves the avatar, and the force that this builds up stays. So they are not responsive. At one rate there are
+    no such motions.
+    Accuracy: 1e-10 of d* and of 1 N*s/m, at zero frequency as well.
     """
     if values["device.velocity"] != "difference":
         return None
     diagram = _without_device(draw(values))
     loop = port_loop(diagram, values["environment.K_VE"], values["environment.B_VE"], diagram.hand.reaction)
     period = np.broadcast_to(diagram.period, loop.batch).reshape(-1)
-    response = PortResponse(loop, LOWEST, to_rest=False)
+    response = PortResponse(loop, LOWEST, NearRest)
     peak = peak_by_levels(
-        lambda owner, theta: -period[owner] * response.smallest(owner, theta),
+        lambda owner, theta, floor: -period[owner] * response.smallest(owner, theta, -floor / period[owner]),
         lambda owner, level: angles(level_frame(loop, owner, -level / period[owner])),
         loop.loops,
         lambda _, level: SLACK * (1 + np.abs(level)),
+        SOFT,
     )
-    needed = np.where(_builds_up(response, loop.loops), np.inf, peak.value)
-    batch = loop.batch
+    responsive, batch = _responsive(loop) & loop.finite, loop.batch
+    needed = np.where(responsive | (loop.ratio == 1), peak.value, np.inf)
     frame = period * diagram.ratio
     return DampingNeeded(
         needed.reshape(batch),
         (peak.theta / frame).reshape(batch),
-        (_responsive(loop) & loop.finite).reshape(batch),
+        responsive.reshape(batch),
         (peak.certified & loop.finite).reshape(batch),
     )
+
+
+class NearRest(AtRest):
+    """The map from displacements to forces at low frequencies, its pole at z = 1 set apart.
+
+    Nothing moves the position x but the displacements, and every other state of a responsive loop settles at R times x, so
+    the states less R x follow `w s = E s + (G - R G_x) u`, without x. The force for a constant position is the stiffness k,
+    the same in every tick, so that x adds `k/w 11^T`, whose Hermitian part is `-k/2 11^T` at every frequency.
+    """
+
+    def __init__(self, loop: PortLoop):
+        fast, every = loop.fast, np.arange(loop.loops)
+        tick, moved, shown = parts_of_frame(loop, every)
+        frame, seen, into, impulse = _unrolled(tick, moved, shown, loop.ratio, loop.delay)
+        position = loop.source[0].hand.position
+        x = [i for i, name in enumerate(fast.states) if name == position]
+        rest = [i for i in range(frame.shape[-1]) if i not in x]
+        E = (frame - np.eye(frame.shape[-1]))[:, rest]
+        of_rest, stiffness = E[..., rest], np.zeros(loop.loops)
+        states = seen[..., rest], into[:, rest]
+        if x:
+            with np.errstate(all="ignore"):
+                settled = -solved(of_rest, 0 * of_rest, E[..., x], np.zeros((len(rest), 1)))[0]
+                stiffness = (seen[..., x] + seen[..., rest] @ settled).mean((-1, -2))
+            states = seen[..., rest], into[:, rest] - settled * into[:, x]
+        impulse = np.concatenate([fast.D[:, :1, 0], impulse], axis=-1)
+        impulse[~_responsive(loop)] = np.nan  # what does not settle is looked at from LOWEST on
+        self._put(impulse, of_rest, 0 * of_rest, *states, -stiffness / 2)
+
+
+def _unrolled(tick, moved, shown, ratio, delay):
+    """The frame, the outputs of its ticks for its first state, its last state for their inputs, and what a tick does later.
+
+    tick, moved, shown: see `parts_of_frame`. Arrays `(loops, n, n)`, `(loops, ratio, n)`, `(loops, n, ratio)` and `(loops,
+    ratio - 1)`.
+    """
+    A, B, C = tick
+    last = np.eye(A.shape[-1]) if shown is None or delay < ratio else shown
+    seen, into, later, frame, rest, moving = [], [], [], moved, last, B
+    with np.errstate(over="ignore", invalid="ignore"):
+        for number in range(ratio):
+            frame = shown @ frame if shown is not None and number == delay else frame
+            seen.append(C @ frame)
+            frame = A @ frame
+            into.insert(0, rest @ B)
+            rest = rest @ A
+            rest = rest @ shown if shown is not None and number == ratio - 1 - delay else rest
+            later.append(C @ moving)
+            moving = A @ moving
+    return last @ frame, np.concatenate(seen, -2), np.concatenate(into, -1), np.concatenate(later, -1)[:, 0, : ratio - 1]
 
 
 def _without_device(diagram):
@@ -90,19 +153,6 @@ def _without_device(diagram):
     fast = tuple(ruler if block.name == hand.device else block for block in diagram.fast)
     structure = diagram.structure and _without_device(diagram.structure)
     return replace(diagram, fast=fast, sums=dict(diagram.sums) | {hand.push: {hand.force: 1}}, structure=structure)
-
-
-def _builds_up(response, loops):
-    """Whether motion at multiples of the slow rate leaves a force behind: a pole z = 1 between different aliases."""
-    if response.ratio == 1:
-        return np.zeros(loops, bool)
-    sizes = []
-    for theta in (LOWEST, 1e-2 * LOWEST):
-        _, left, right = response.parts(np.arange(loops), np.full(loops, theta))
-        steady = (response.ratio - 1) // 2  # the alias at theta itself
-        row = np.abs(left[:, steady : steady + 1] @ right)[:, 0]
-        sizes.append(np.delete(row, steady, axis=-1).max(-1))
-    return sizes[1] > 50 * sizes[0]
 
 
 def _responsive(loop):

@@ -6,7 +6,18 @@ from functools import cached_property
 
 import numpy as np
 
-from wavesweep.analysis.passivity.hinf import Element, angles, passage, peak_by_levels, repeated, smallest_hermitian, then, tick
+from wavesweep.analysis.passivity.hinf import (
+    DENSE,
+    Element,
+    angles,
+    passage,
+    peak_by_levels,
+    repeated,
+    smallest_hermitian,
+    some_below,
+    then,
+    tick,
+)
 from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.response.frame import prepare
 from wavesweep.analysis.spectrum import is_stable
@@ -103,6 +114,7 @@ def _event(diagram, fast, held, sources, wall) -> Block:
 
 
 OVERFLOW = 1e100  # entries of a frame that overflows, or nearly
+MOST = 5_000_000  # complex numbers of the points that are computed together
 LOWEST = 1e-7  # rad per frame below which shares are 0/0 and a drift has its pole
 
 
@@ -114,8 +126,8 @@ class PortResponse:
     by p is to shift the state x by p, and that is an input (z - 1) p of the closed loop.
     """
 
-    def __init__(self, loop: PortLoop, lowest: float = LOWEST, *, to_rest: bool = True):
-        self.to_rest = to_rest  # whether there is anything below `lowest` to look at
+    def __init__(self, loop: PortLoop, lowest: float = LOWEST, near_rest: "type[AtRest] | None" = None):
+        self.near_rest = near_rest or AtRest  # the map below `lowest`
         self.loop, self.ratio, self.delay, self.lowest = loop, loop.ratio, loop.delay, lowest
         fast, slow = loop.fast, loop.slow
         hand = loop.source[0].hand
@@ -137,19 +149,23 @@ class PortResponse:
             right = np.concatenate([right, shift[:, None, :]], axis=1)
         return fast[..., 0, 0], left, right
 
-    def smallest(self, owner, theta):
-        """Smallest eigenvalue of the Hermitian part (m/N) of the loops `owner` at `theta` (rad per frame)."""
-        found = smallest_hermitian(*self.parts(owner, np.maximum(theta, self.lowest)))
-        low = np.flatnonzero((theta < self.lowest) & self.to_rest)
+    def smallest(self, owner, theta, ceiling=None):
+        """Smallest eigenvalue of the Hermitian part (m/N) of the loops `owner` at `theta` (rad per frame).
+
+        ceiling: `(points,)`, next to rest infinity may stand for what is not below it.
+        """
+        found, low = np.full(theta.size, np.nan), np.flatnonzero(theta < self.lowest)
         if low.size:
-            seen = self.at_rest.smallest(owner[low], theta[low])
-            found[low] = np.where(np.isfinite(seen), seen, found[low])
+            found[low] = self.at_rest.smallest(owner[low], theta[low], None if ceiling is None else ceiling[low])
+        rest = np.flatnonzero(np.isnan(found))
+        if rest.size:
+            found[rest] = smallest_hermitian(*self.parts(owner[rest], np.maximum(theta[rest], self.lowest)))
         return found
 
     @cached_property
     def at_rest(self) -> "AtRest":
         """The map for angles below `lowest`."""
-        return AtRest(self.loop)
+        return self.near_rest(self.loop)
 
 
 class AtRest:
@@ -165,23 +181,51 @@ class AtRest:
         E = frame.E.copy()
         if frame.lead is not None:  # if nothing reads the scene's position, its pole at 0 is in no response
             E[..., frame.lead, frame.lead] = np.where(frame.free, -1.0, E[..., frame.lead, frame.lead])
-        lag = np.abs(np.subtract.outer(*[np.arange(loop.ratio)] * 2))
-        toeplitz = frame.shown.impulse[0][..., 0, :][..., lag] * np.where(lag == 0, 1.0, 0.5)
-        lost = ~np.isfinite(toeplitz).all((-1, -2), keepdims=True) | frame.lost[..., None, None]
-        diagonal, vectors = np.linalg.eigh(np.where(lost, 0.0, toeplitz))
-        left, right = np.swapaxes(vectors, -1, -2) @ frame.shown.seen[0][..., 0, :, :], frame.shown.left[0] @ vectors
-        parts = E, frame.dE, np.where(lost, np.nan, diagonal[..., None, :]), left, right
-        self.E, self.dE, self.diagonal, self.left, self.right = (_flattened(part, loop) for part in parts)
+        impulse = np.where(frame.lost[..., None], np.nan, frame.shown.impulse[0][..., 0, :])
+        states = E, frame.dE, frame.shown.seen[0][..., 0, :, :], frame.shown.left[0]
+        self._put(_flattened(impulse[..., None, :], loop)[:, 0], *(_flattened(part, loop) for part in states))
 
-    def smallest(self, owner, theta):
-        """Smallest eigenvalue of the Hermitian part (m/N) of the loops `owner` at `theta` (rad per frame)."""
-        w = on_circle(theta)[:, None, None]
+    def _put(self, impulse, E, dE, seen, into, constant=None):
+        """Keep the low rank and what no frequency changes, an array of all loops each.
+
+        constant: `(loops,)`, a multiple of the matrix of ones beside T.
+        """
+        ratio = impulse.shape[-1]
+        lag = np.abs(np.subtract.outer(*[np.arange(ratio)] * 2))
+        known = np.isfinite(impulse).all(-1)
+        different, which = np.unique(np.where(known[:, None], impulse, 0.0), axis=0, return_inverse=True)
+        if constant is not None:
+            seen = np.concatenate([seen, constant[:, None, None] + np.zeros((len(seen), ratio, 1))], axis=-1)
+            into = np.concatenate([into, np.ones((len(into), 1, ratio))], axis=-2)
+        self.E, self.dE, self.diagonal = E, dE, np.full((len(E), ratio), np.nan)
+        self.left, self.right = np.empty_like(seen), np.empty_like(into)
+        for number, each in enumerate(different):  # loops often share it
+            diagonal, vectors = np.linalg.eigh(each[lag] * np.where(lag == 0, 1.0, 0.5))
+            loops = np.flatnonzero(which.reshape(-1) == number)
+            self.diagonal[loops], self.left[loops], self.right[loops] = diagonal, vectors.T @ seen[loops], into[loops] @ vectors
+        self.diagonal[~known] = np.nan
+
+    def smallest(self, owner, theta, ceiling=None):
+        """Smallest eigenvalue of the Hermitian part (m/N) of the loops `owner` at `theta` (rad per frame).
+
+        ceiling: infinity may stand for what is not below it.
+        """
+        step = max(1, MOST // (self.left.shape[-2] * (2 * self.left.shape[-1]) ** 2))
+        parts = [slice(first, first + step) for first in range(0, owner.size, step)]
+        each = [self._smallest(owner[part], theta[part], None if ceiling is None else ceiling[part]) for part in parts]
+        return np.concatenate([*each, np.zeros(0)])
+
+    def _smallest(self, owner, theta, ceiling):
+        w, n = on_circle(theta)[:, None, None], self.E.shape[-1]
         with np.errstate(all="ignore"):
-            A, right = w * np.eye(self.E.shape[-1]) - self.E[owner], self.right[owner] + 0 * w
-            state, _ = solved(A, self.dE[owner], right, np.zeros(right.shape))
-            parts = self.diagonal[owner][:, 0] + 0j, self.left[owner] + 0j, state
+            A, right = w * np.eye(n) - self.E[owner], self.right[owner] + 0 * w
+            state, _ = solved(A, self.dE[owner], right[:, :n], np.zeros((len(right), n, right.shape[-1])))
+            parts = self.diagonal[owner] + 0j, self.left[owner] + 0j, np.concatenate([state, right[:, n:]], axis=-2)
             good = np.logical_and.reduce([(np.abs(part) < OVERFLOW).all(tuple(range(1, part.ndim))) for part in parts])
             found = np.full(owner.size, np.nan)
+            if ceiling is not None and good.any() and self.left.shape[-2] > DENSE:
+                found[good] = np.inf
+                good[good] = some_below(*(part[good] for part in parts), ceiling[good])
             if good.any():
                 found[good] = smallest_hermitian(*(part[good] for part in parts))
             return found
@@ -296,7 +340,7 @@ def lowest_eigenvalue(loop: PortLoop):
     """(margin, angle in rad per frame, certified, negative beyond rounding) of each loop."""
     response = PortResponse(loop)
     peak = peak_by_levels(
-        lambda owner, theta: -response.smallest(owner, theta),
+        lambda owner, theta, _: -response.smallest(owner, theta),
         lambda owner, level: angles(level_frame(loop, owner, -level)),
         loop.loops,
         lambda owner, level: SLACK * (np.abs(level) + loop.mean[owner]),
@@ -326,9 +370,19 @@ def _below_zero(response, margin, theta):
 
 
 def level_frame(loop: PortLoop, owner, level) -> Element:
-    """One frame with the balance `2 f (x+ - x) - 2 level f^2`.
+    """One frame with the balance `2 f (x+ - x) - 2 level f^2`."""
+    (A, B, C), moved, shown = parts_of_frame(loop, owner)
+    every = tick(A, B, 0 * A, np.swapaxes(C, -1, -2), 2 * (loop.fast.D[owner][:, :1, :1] - level[:, None, None]))
+    if shown is None:
+        return then(passage(moved), repeated(every, loop.ratio))
+    first, second = repeated(every, loop.delay), repeated(every, loop.ratio - loop.delay)
+    return then(then(passage(moved), first), then(passage(shown), second))
 
-    Its state: that of the fast side, held signals, that of the slow side, pending signals. Phase 0 makes new values of
+
+def parts_of_frame(loop: PortLoop, owner):
+    """A tick (A, B, C) of the loops `owner`, and what phase 0 and, if there is a delay, phase `delay` do to the state.
+
+    The state: that of the fast side, held signals, that of the slow side, pending signals. Phase 0 makes new values of
     the held signals, which are pending until phase `delay`.
     """
     fast, event = loop.fast, loop.event
@@ -341,7 +395,6 @@ def level_frame(loop: PortLoop, owner, level) -> Element:
     A[:, own, own] += fast.E[owner]
     A[:, own, held], B[:, own] = fast.B[owner][..., 1:], fast.B[owner][..., :1]
     C[..., own], C[..., held] = fast.C[owner][:, :1], fast.D[owner][:, :1, 1:]
-    every = tick(A, B, 0 * A, np.swapaxes(C, -1, -2), 2 * (fast.D[owner][:, :1, :1] - level[:, None, None]))
     moved = np.zeros((k, size, size))
     moved[:] = np.eye(size)
     both = np.r_[own, slow]
@@ -350,12 +403,11 @@ def level_frame(loop: PortLoop, owner, level) -> Element:
     moved[:, target] = 0
     moved[:, target, both] = event.C[owner]
     if not pending:
-        return then(passage(moved), repeated(every, loop.ratio))
+        return (A, B, C), moved, None
     moved[:, both, held] = event.B[owner]
     moved[:, target, held] = event.D[owner]
     shown = np.zeros((k, size, size))
     shown[:] = np.eye(size)
     shown[:, held] = 0
     shown[:, held, late] = np.eye(h)
-    first, second = repeated(every, loop.delay), repeated(every, loop.ratio - loop.delay)
-    return then(then(passage(moved), first), then(passage(shown), second))
+    return (A, B, C), moved, shown
