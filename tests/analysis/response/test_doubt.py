@@ -123,3 +123,18 @@ def test_an_admittance_without_an_inverse_in_double_precision_has_no_impedance()
     table = wavesweep.compile(spec).response([1.0, 10.0])
     assert not np.isinf(table[["admittance_re", "impedance_re", "impedance_im", "impedance_abs"]]).any(axis=None)
     assert (table.doubt != "").all()
+
+
+@pytest.mark.parametrize("order", [5, 6, 12])
+def test_a_filter_that_turns_by_half_circles_in_a_frame_makes_no_algebraic_loop(order):
+    """Its poles lie on the imaginary axis, and two ticks take digits of its frame; the wall's delay is a whole frame."""
+    filters = {"lp1": {"order": order, "cutoff_hz": 250.0}}
+    tables = {"controller": {"kind": "pmw"}, "rates": {"ratio": 2}, "environment": {"delay": 2}, "filters": filters}
+    loop = wavesweep.compile(tables)
+    near = wavesweep.compile(tables | {"filters": {"lp1": {"order": order, "cutoff_hz": 250.0000001}}})
+    found, expected = (each.response([1.0, 10.0]) for each in (loop, near))
+    known = found["admittance_re"].notna()
+    assert (known | (found["doubt"] != "")).all()
+    np.testing.assert_allclose(found["admittance_re"][known], expected["admittance_re"][known], rtol=1e-6)
+    assert loop.spectral_radius() == pytest.approx(near.spectral_radius(), rel=1e-6)
+    assert loop.passivity()["port_margin"][0] == pytest.approx(near.passivity()["port_margin"][0], rel=1e-6)

@@ -111,12 +111,12 @@ class NearRest(AtRest):
                 stiffness = (seen[..., x] + seen[..., rest] @ settled).mean((-1, -2))
             states = seen[..., rest], into[:, rest] - settled * into[:, x]
         impulse = np.concatenate([fast.D[:, :1, 0], impulse], axis=-1)
-        impulse[~_responsive(loop)] = np.nan  # what does not settle is looked at from LOWEST on
+        impulse[~_responsive(loop)] = np.nan  # a loop that does not settle is looked at from LOWEST on
         self._put(impulse, of_rest, 0 * of_rest, *states, -stiffness / 2)
 
 
 def _unrolled(tick, moved, shown, ratio, delay):
-    """The frame, the outputs of its ticks for its first state, its last state for their inputs, and what a tick does later.
+    """The frame, the outputs of its ticks for its first state, its last state for their inputs, and their later outputs.
 
     tick, moved, shown: see `parts_of_frame`. Arrays `(loops, n, n)`, `(loops, ratio, n)`, `(loops, n, ratio)` and `(loops,
     ratio - 1)`.

@@ -152,7 +152,7 @@ class PortResponse:
     def smallest(self, owner, theta, ceiling=None):
         """Smallest eigenvalue of the Hermitian part (m/N) of the loops `owner` at `theta` (rad per frame).
 
-        ceiling: `(points,)`, next to rest infinity may stand for what is not below it.
+        ceiling: `(points,)`; next to rest infinity may stand for a value that is not below it.
         """
         found, low = np.full(theta.size, np.nan), np.flatnonzero(theta < self.lowest)
         if low.size:
@@ -208,7 +208,7 @@ class AtRest:
     def smallest(self, owner, theta, ceiling=None):
         """Smallest eigenvalue of the Hermitian part (m/N) of the loops `owner` at `theta` (rad per frame).
 
-        ceiling: infinity may stand for what is not below it.
+        ceiling: infinity may stand for a value that is not below it.
         """
         step = max(1, MOST // (self.left.shape[-2] * (2 * self.left.shape[-1]) ** 2))
         parts = [slice(first, first + step) for first in range(0, owner.size, step)]
@@ -380,7 +380,7 @@ def level_frame(loop: PortLoop, owner, level) -> Element:
 
 
 def parts_of_frame(loop: PortLoop, owner):
-    """A tick (A, B, C) of the loops `owner`, and what phase 0 and, if there is a delay, phase `delay` do to the state.
+    """A tick (A, B, C) of the loops `owner`, and the change of the state at phase 0 and, if there is a delay, at phase `delay`.
 
     The state: that of the fast side, held signals, that of the slow side, pending signals. Phase 0 makes new values of
     the held signals, which are pending until phase `delay`.

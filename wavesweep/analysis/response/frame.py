@@ -198,7 +198,8 @@ def _closed(diagram, fast, samples, sizes, wall) -> dict:
     if lead is not None:  # these entries are exact
         E_terms[..., lead] = C_terms[..., lead] = 0
     K, F = (np.asarray(value, float)[..., None, None] for value in wall)
-    read, dread = _force_of_wall((K, F), C, block, (C_terms, D_terms), unsure)
+    of_loops = block.condition / frame.condition * fast.condition  # without that of modes which turn by whole circles
+    read, dread = _force_of_wall((K, F), C, block, (C_terms, D_terms), (unsure, of_loops))
     H, rows = C[..., 2:, :] + block.D[..., 2:, :] * read, E + block.B * read
     dH = C_terms[..., 2:, :] + D_terms[..., 2:, :] * np.abs(read) + np.abs(block.D[..., 2:, :]) * dread
     drows = E_terms + B_terms * np.abs(read) + np.abs(block.B) * dread
@@ -230,12 +231,12 @@ def _closed(diagram, fast, samples, sizes, wall) -> dict:
 def _force_of_wall(wall, C, block, terms, unsure):
     """Return the row that gives the force of the closed wall from the states, and the errors of its entries.
 
-    terms: errors of C and of the block's D.
+    terms: errors of C and of the block's D. unsure: rounding of entries, and the condition of the block's algebraic loops.
     """
-    (K, F), (C_terms, D_terms) = wall, terms
+    (K, F), (C_terms, D_terms), (unsure, condition) = wall, terms, unsure
     (x, v), (D_x, D_v) = (C[..., :1, :], C[..., 1:2, :]), (block.D[..., :1, :], block.D[..., 1:2, :])
     through, size = 1 - K * D_x - F * D_v, 1 + np.abs(K * D_x) + np.abs(F * D_v)
-    _refuse_ill_posed(block.condition, size / np.abs(through))
+    _refuse_ill_posed(condition, size / np.abs(through))
     read = (K * x + F * v) / through
     vague = K * D_terms[..., :1, :] + F * D_terms[..., 1:2, :] + unsure * size
     error = (K * C_terms[..., :1, :] + F * C_terms[..., 1:2, :] + unsure * (np.abs(K * x) + np.abs(F * v))) / np.abs(through)
