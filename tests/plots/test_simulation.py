@@ -71,3 +71,22 @@ def test_a_response_is_drawn_over_the_linear_one(count):
     rng = np.random.default_rng(0)
     columns = {field.name: rng.uniform(1, 2, count) for field in fields("simulate-response")}
     assert struct.unpack(">II", plots.simulate_response(columns, {})._repr_png_()[16:24])[0] == 1400
+
+
+@pytest.mark.parametrize("size", [4.18408, 0.921, 238.226])
+def test_values_that_agree_to_rounding_lie_on_one_another(size):
+    """On axes that show some per cent or degrees, with ticks that differ."""
+    columns = {field.name: np.full(1, size) for field in fields("simulate-response")}
+    columns |= {name: column * (1 + 1e-13) for name, column in columns.items() if name.startswith("linear_")}
+    figure = plots.simulate_response(columns, {})
+    figure.canvas.draw()
+    for axes in figure.axes:
+        low, high = axes.get_ylim()
+        assert high - low >= (1.0 if "phase" in axes.get_ylabel() else 0.02 * size)
+        drawn = np.concatenate([line.get_ydata() for line in axes.lines])
+        assert np.ptp(drawn) < 1e-9 * (high - low)
+        ticks = [
+            tick.get_text() for place, tick in zip(axes.get_yticks(), axes.get_yticklabels(), strict=True) if low < place < high
+        ]
+        assert len(set(ticks)) == len(ticks) >= 2
+        assert axes.yaxis.get_offset_text().get_text() == ""

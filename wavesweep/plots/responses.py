@@ -33,6 +33,8 @@ _PANELS = (
     ("admittance_deg", "phase of admittance (deg)"),
     ("impedance_deg", "phase of impedance (deg)"),
 )
+ALIKE = 2.6  # times the least value, below which an axis by factors could be without a tick
+LEAST, DEGREE = 0.02, 1.0  # of the largest value, and degrees, that an axis shows at least
 _NEAR_ZERO = 0.3  # of the largest: an axis whose values come that close to 0 begins there
 _MOST_CURVES = 12  # that a legend can tell apart; more have a scale of colours
 _MARKS = "osv^D<>p"
@@ -156,6 +158,7 @@ def _in_degrees(axes: Any) -> None:
 
     low, high = axes.get_ylim()
     if high - low < 3:
+        _at_least(axes, DEGREE)
         return
     step = next((step for step in (1, 2, 5, 15, 45) if high - low <= 6 * step), 90)
     axes.yaxis.set_major_locator(MultipleLocator(step))
@@ -360,17 +363,33 @@ def _draw_band(axes: Any, lines: Sequence[Line], panel: Panel) -> None:
 
 
 def _by_factors(axes: Any) -> None:
-    """Set a logarithmic scale. Over less than two decades it has plain numbers at 1, 2, 5, since powers of ten are too few."""
+    """Set a logarithmic scale. Over less than two decades it has plain numbers at 1, 2, 5, since powers of ten are too few.
+
+    Values that are much alike have a linear one.
+    """
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    if not any((np.asarray(line.get_ydata()) > 0).any() for line in axes.lines):
+    values = np.concatenate([np.zeros(0), *(np.asarray(line.get_ydata(), float) for line in axes.lines)])
+    values = values[values > 0]
+    if not values.size:
         return  # nothing is known, or all is 0, as the static impedance of free space
+    if values.max() < ALIKE * values.min():  # there may be no 1, 2 or 5 in it
+        _at_least(axes, LEAST * values.max())
+        return
     axes.set_yscale("log")
     low, high = axes.get_ylim()
     if high < 100 * low:
         axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _at_least(axes: Any, span: float) -> None:
+    """Show no less than this span about the middle, with plain numbers, so that rounding is not taken for a difference."""
+    low, high = axes.get_ylim()
+    if high - low < span:
+        axes.set_ylim((low + high - span) / 2, (low + high + span) / 2)
+    axes.ticklabel_format(axis="y", useOffset=False)
 
 
 def _look(line: Line, looks: list[Look]) -> dict[str, Any]:
