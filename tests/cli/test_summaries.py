@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wavesweep import sweep
-from wavesweep.cli.interval_summary import IntervalTally
+from wavesweep.cli.interval_summary import Extreme, IntervalTally
 from wavesweep.cli.summaries import tally_of
 from wavesweep.spec import load
 
@@ -84,3 +84,16 @@ def test_nothing_is_called_unstable_everywhere_that_is_in_doubt(doubt, said):
     tally = IntervalTally()
     tally.add(columns)
     assert tally.largest() == said
+
+
+@pytest.mark.parametrize("size", [5, 2, 1])
+def test_values_that_differ_by_rounding_are_alike(size):
+    """The first of them has the place, and the others are counted."""
+    felt, place = np.array([3.0, 20000.0, np.nan, 20000.00000001, 19999.99999999]), np.arange(5.0)
+    alike, exact = Extreme(1e-9), Extreme()
+    for start in range(0, 5, size):
+        part = slice(start, start + size)
+        for each in (alike, exact):
+            each.add(felt[part], {"b": place[part], "along": place[part]})
+    assert (alike.place(), alike.ties, alike.value) == ({"b": 1.0}, 3, 20000.0)
+    assert (exact.place(), exact.ties, exact.value) == ({"b": 3.0}, 1, 20000.00000001)

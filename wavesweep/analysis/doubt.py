@@ -17,6 +17,7 @@ OF_DERIVATIVES = (*OF_INTERVALS, "defective")
 INCOMPLETE = ("counts", "crowded", "search", "overflow")
 """If a row has one of these, part of its range may be neither known to be stable nor known to be unstable."""
 
+FELT_ALIKE = 1e-9  # relative difference of stiffnesses felt, below which none of them is the larger one
 SPARED = 1e-6  # relative error of a response up to which a row has no doubt
 
 NONE, ROUNDING, COUNTS, CROWDED, SEARCH, OVERFLOW, UNSTABLE, DEFECTIVE = range(len(DOUBTS))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.analysis.doubt import DOUBTS, INCOMPLETE
+from wavesweep.analysis.doubt import DOUBTS, FELT_ALIKE, INCOMPLETE
 from wavesweep.cli.messages import Line
 from wavesweep.results.schema import felt_unit, numbers_of, swept_range
 from wavesweep.spec import find_key
@@ -30,22 +30,27 @@ ENDS = {"stability": "", "range": ", where the swept range ends", "unknown": ", 
 
 
 class Extreme:
-    """The largest value seen so far, the row that has it, and the number of rows that have it."""
+    """The largest value seen so far, the row that has it, and the number of rows that have it.
 
-    def __init__(self) -> None:
-        self.value, self.row, self.ties = -np.inf, {}, 0
+    rounding: share of a value by which one has to be larger than another one, to be so by more than rounding.
+    """
+
+    def __init__(self, rounding: float = 0.0) -> None:
+        self.value, self.row, self.ties, self._rounding = -np.inf, {}, 0, rounding
 
     def add(self, values: np.ndarray, columns: Columns) -> None:
         """Take the values of a block of rows; missing ones are passed over."""
-        if not (values >= self.value).any():
+        alike = self.value - self._rounding * abs(self.value) if self.row else self.value
+        if not (values >= alike).any():
             return
-        row = int(np.nanargmax(values))
-        if values[row] > self.value:
+        most = np.nanmax(values)
+        if most > self.value + (self._rounding * abs(self.value) if self.row else 0.0):
+            row = int(np.argmax(values >= most - self._rounding * abs(most)))
             self.value, self.ties = float(values[row]), 0
             self.row = {
                 name: column[row].item() if hasattr(column[row], "item") else column[row] for name, column in columns.items()
             }
-        self.ties += int(np.sum(values == self.value))
+        self.ties += int(np.sum(np.abs(values - self.value) <= self._rounding * abs(self.value)))
 
     def place(self) -> dict[str, float]:
         """The axes' values in that row, without those that the loop does not read."""
@@ -65,7 +70,7 @@ class IntervalTally:
         self._rows = self._intervals = self._split = 0
         self._doubts: Counter[str] = Counter()
         self._along = "?"
-        self._largest, self._without_gap, self._felt = Extreme(), Extreme(), Extreme()
+        self._largest, self._without_gap, self._felt = Extreme(), Extreme(), Extreme(FELT_ALIKE)
 
     def add(self, columns: Columns) -> None:
         """Count a block of rows."""

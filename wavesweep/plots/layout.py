@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.analysis.doubt import FELT_ALIKE
+
 # What a person can still read in one figure.
 MOST_MEMBERS = 8
 MOST_PANELS = 6
@@ -125,7 +127,8 @@ def best_row(columns: Mapping[str, np.ndarray]) -> dict[str, Any]:
     if not rows.any():
         return {}
     merit = np.where(rows, _merit(columns), -np.inf)
-    row = int(np.nanargmax(merit))
+    most = np.nanmax(merit)
+    row = int(np.argmax(merit >= most - FELT_ALIKE * abs(most)))  # the first of those that are alike but for rounding
     return {name: column[row] for name, column in columns.items()} | {"merit": merit[row]}
 
 
