@@ -9,7 +9,9 @@ import pandas
 import pytest
 
 import wavesweep
+from wavesweep import sweep
 from wavesweep.errors import UsageError
+from wavesweep.spec import load
 
 SPEC = {
     "controller": {"kind": "pmw"},
@@ -212,11 +214,35 @@ def test_a_file_that_is_no_table_is_refused(text, tmp_path):
             lambda: wavesweep.compile({"controller": {"kind": "dc"}}).spectral_radius(**{"controller.kind": ["dc"]}),
             r"controller\.kind: expected the name of a numeric key, did you mean controller\.(?!kind)",
         ),
+        (lambda: _direct().simulate([0.0] * 10, resolution=None), "option resolution: expected a finite number, found None"),
+        (lambda: _direct().simulate([0.0] * 10, seed=1.5), "option seed: expected a whole number, found 1.5"),
+        (lambda: _publish(partition=0), "partition: expected a whole number of rows >= 1, found 0"),
+        (lambda: _publish(partition=2.5), r"partition: expected a whole number of rows >= 1, found 2\.5"),
     ],
 )
 def test_what_is_no_path_and_no_number_is_refused_in_a_sentence(call, message):
     with pytest.raises(wavesweep.UsageError, match=message):
         call()
+
+
+def _direct():
+    return wavesweep.compile({"controller": {"kind": "dc"}})
+
+
+def _publish(**options):
+    wavesweep.results.publish(sweep.responses([load({"controller": {"kind": "dc"}})]), "nowhere", **options)
+
+
+def test_no_force_at_all_gives_no_ticks():
+    assert len(_direct().simulate([], jitter=0.1)) == len(_direct().simulate([])) == 0
+
+
+def test_specs_that_are_called_alike_have_rows_that_can_be_told_apart():
+    tables = [{"controller": {"kind": "pmw", "b": b}, "bode": {"frequency_hz": [1.0]}} for b in (10.0, 20.0, 30.0)]
+    found = wavesweep.bode(*tables)
+    assert found["spec"].tolist() == ["spec", "spec 2", "spec 3"]
+    assert list(found.attrs["facts"]["specs"]) == ["spec", "spec 2", "spec 3"]
+    assert found["admittance_abs"][1] == wavesweep.bode(tables[1])["admittance_abs"][0]
 
 
 def test_a_path_may_be_bytes(tmp_path):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -83,11 +85,21 @@ def stability_region(source: Source, along: str | None = None, **options: Any) -
 def bode(*sources: Source, **work: Any) -> DataFrame:
     """Admittance (m/N), impedance (N/m) and worst-case gain over the [bode] axes, as `wavesweep bode` computes them.
 
-    sources: specs, paths, or nested tables. work: as for `zwidth`.
+    sources: specs, paths, or nested tables; of several that are called alike, the second and further ones have a number in the
+    column `spec`. work: as for `zwidth`.
     """
     from wavesweep import sweep
 
-    return _framed(sweep.responses([_spec(source) for source in sources], **work))
+    return _framed(sweep.responses(_numbered([_spec(source) for source in sources]), **work))
+
+
+def _numbered(specs: list[Spec]) -> list[Spec]:
+    """The specs under different names, which label their rows."""
+    names: list[str] = []
+    for spec in specs:
+        tries = (f"{spec.name} {number}" if number > 1 else spec.name for number in count(1))
+        names.append(next(name for name in tries if name not in names))
+    return [replace(spec, name=name) for spec, name in zip(specs, names, strict=True)]
 
 
 def design(source: Source, **work: Any) -> DataFrame:

@@ -14,6 +14,7 @@ from wavesweep.seeking.study import job_of
 from wavesweep.seeking.verdicts import miss
 from wavesweep.spec import load
 from wavesweep.sweep import running, workers
+from wavesweep.sweep.checkpoint import DamagedError, FolderCheckpoint
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.tasks import HAND_RECORD
 
@@ -262,3 +263,19 @@ def test_a_box_that_cannot_be_checked_is_refused(run, tmp_path, change, text):
     (tmp_path / "mine.toml").write_text(lm.replace(*change), encoding="utf-8")
     code, said, _ = run("--hand", "box")
     assert (code, text in said) == (2, True), said
+
+
+@pytest.mark.slow
+def test_a_chunk_that_is_damaged_during_the_search_is_computed_again(tmp_path, monkeypatch):
+    (tmp_path / "mine.toml").write_text(SPEC, encoding="utf-8")
+    expected, load_chunk, damaged = wavesweep.design(tmp_path / "mine.toml"), FolderCheckpoint.load, []
+
+    def once(store, number):
+        if not damaged:
+            damaged.append(number)
+            raise DamagedError("it is cut off")
+        return load_chunk(store, number)
+
+    monkeypatch.setattr(FolderCheckpoint, "load", once)
+    assert wavesweep.design(tmp_path / "mine.toml", checkpoint=tmp_path / "kept").equals(expected)
+    assert damaged

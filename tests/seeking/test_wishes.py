@@ -229,3 +229,12 @@ def test_the_felt_stiffness_is_left_out_where_nobody_wishes_for_it():
     assert np.isfinite(with_it["felt_high"]).all()
     assert np.isnan(without["felt_high"]).all()
     np.testing.assert_array_equal(with_it["high"], without["high"])
+
+
+def test_a_delay_margin_whose_radius_rounding_hides_is_not_certified(monkeypatch):
+    spec = wishes(delay_margin={"at_least": 1, "walls": [100]})
+    sure = values_of(spec)["delay_margin"]
+    monkeypatch.setattr("wavesweep.seeking.wishes.spectral_radius", lambda _, K, B: np.full(np.broadcast(K, B).shape, np.nan))
+    hidden = values_of(spec)["delay_margin"]
+    assert sure.certified.all()
+    assert not hidden.certified.any()

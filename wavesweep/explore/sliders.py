@@ -9,6 +9,7 @@ from wavesweep.diagram import WALL, keys_read
 from wavesweep.errors import SpecError
 from wavesweep.spec import SYMBOLS, Key, Spec
 from wavesweep.spec.keys import BAND_EDGES
+from wavesweep.spec.resolving import longest_delay
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.spec.writing import as_toml
 from wavesweep.sweep.grid import is_plain, loop_of
@@ -120,7 +121,7 @@ def number_of(spec: Spec, path: str) -> float:
 def _most(spec, key):
     """The largest value that the spec accepts, with the others as they are."""
     if key.path == "environment.delay":
-        return int(spec.values["rates.ratio"])
+        return longest_delay(spec.values["rates.ratio"])
     if key.path.endswith("_hz") and key.path.startswith("filters."):
         return spec.values["rates.fast_hz"] / 2 * (1 - 1e-9)
     if key.choices:

@@ -7,10 +7,12 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, nullcontext
 from itertools import chain
+from numbers import Integral
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from wavesweep.analysis.given import boolean
+from wavesweep.errors import UsageError
 from wavesweep.results.files import GROUP_ROWS, ParquetFile, ParquetParts, csv_header, csv_rows
 from wavesweep.results.folder import FIGURES, existing_facts, refuse_other_spec
 from wavesweep.results.lock import at_work
@@ -45,10 +47,12 @@ def publish(
     locked     the caller is `at_work` on this table; if not, the call waits until no other run is
     partition  rows of each file of a folder `KIND.parquet`, which then takes the place of both files; None: both files
 
-    Raises UsageError if the directory holds results of another spec, WavesweepError if the columns do not fit the
-    fields or a number is infinite, OSError if a file cannot be written.
+    Raises UsageError if the directory holds results of another spec or `partition` is no number of rows, WavesweepError if the
+    columns do not fit the fields or a number is infinite, OSError if a file cannot be written.
     """
     force, locked = boolean("force", force), boolean("locked", locked)
+    if partition is not None and not (isinstance(partition, Integral) and partition >= 1):
+        raise UsageError(f"partition: expected a whole number of rows >= 1, found {partition!r:.60}")
     directory, facts = Path(directory), dict(table.facts)
     fields, blocks = _opened(table)
     with nullcontext() if locked else at_work([table.kind], directory, wait=True):

@@ -22,7 +22,7 @@ from wavesweep.spec import Spec
 from wavesweep.spec.design import HAND
 from wavesweep.spec.reading import Leaf
 from wavesweep.spec.spec import K_VE_SPAN
-from wavesweep.sweep.checkpoint import checkpoint_of
+from wavesweep.sweep.checkpoint import checkpoint_of, records_of
 from wavesweep.sweep.grid import keys_of, loop_of, make_grid, no_controller
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.job import Chunk, Chunks, Job
@@ -289,13 +289,13 @@ class _Run:
         """The records of a generation, from the checkpoint as far as it has them."""
         numbers = self.job.chunks_of(generation)
         compute(self.job, self.store, self.workers, self.progress, numbers, self.tally)
-        return np.concatenate([self.store.load(number) for number in numbers])
+        return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
 
     def everything(self) -> np.ndarray:
         """Return the records of all generations of the search."""
         last = self.job.chunks.loops - 1
         numbers = [number for number in self.store.finished() if number < self.job.chunks_of(last).start]
-        return np.concatenate([self.store.load(number) for number in numbers])
+        return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
 
 
 def _seconds(job):

@@ -219,19 +219,20 @@ def _delay_margin(spec, wish, points):
     """Ticks of further delay of the slow result up to which every delay is stable; -1 if the loop is unstable without any."""
     del wish
     delay = np.broadcast_to(points.changes.get(DELAY, spec.values[DELAY]), (points.size,)).astype(int)
-    value, open_ = np.full(points.size, -1.0), np.arange(points.size)
+    value, open_, known = np.full(points.size, -1.0), np.arange(points.size), np.ones(points.size, bool)
     for more in range(longest_delay(spec.values["rates.ratio"]) + 1):
         open_ = open_[delay[open_] + more <= longest_delay(spec.values["rates.ratio"])]
         if not open_.size:
             break
         changes = {path: column[open_] for path, column in points.changes.items()} | {DELAY: delay[open_] + more}
         some = Points(changes, (), (open_.size, 1, 1))
-        stable = np.zeros(open_.size, bool)
+        radius = np.full(open_.size, np.inf)
         for members, values in _batches(spec, some):
-            stable[members] = spectral_radius(cut_at_wall(draw(values)), *_walls(values, members.size)) < 1
-        open_ = open_[stable]
+            radius[members] = spectral_radius(cut_at_wall(draw(values)), *_walls(values, members.size))
+        known[open_[np.isnan(radius)]] = False  # rounding could make it stable or unstable
+        open_ = open_[radius < 1]
         value[open_] = more
-    return value, np.ones(points.size, bool)
+    return value, known
 
 
 _MEASURES = {

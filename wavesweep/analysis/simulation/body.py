@@ -40,7 +40,7 @@ def zero_order_hold(mass: float, damping: float, stiffness: float, lengths) -> n
 
 def _exponential_minus_one(generator: np.ndarray) -> np.ndarray:
     """Compute ``exp(G) - 1`` for a stack of square matrices, small entries kept to relative rounding."""
-    size = np.abs(generator).sum(axis=-1).max()
+    size = np.abs(generator).sum(axis=-1).max(initial=1e-300)
     doublings = max(0, int(np.ceil(np.log2(size))) + 2)
     small = generator / 2.0**doublings
     increment = np.zeros_like(small)

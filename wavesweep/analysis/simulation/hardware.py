@@ -52,16 +52,18 @@ class Effects:
         """Reject a value out of range; the message names the effect, the value found and the values expected."""
         for field in fields(self):
             value, number = getattr(self, field.name), real_numbers(getattr(self, field.name))
-            if value is not None and (number is None or number.ndim or not np.isfinite(number)):
+            absent = value is None and field.default is None
+            if not absent and (number is None or number.ndim or not np.isfinite(number)):
                 raise UsageError(f"option {field.name}: expected a finite number, found {value!r:.60}")
-            if value is not None and field.name != "wall" and value < 0:
+            if not absent and field.name != "wall" and value < 0:
                 raise UsageError(f"option {field.name}: expected a number >= 0, found {value}")
         if self.jitter > MOST_JITTER:
             raise UsageError(f"option jitter: expected at most {MOST_JITTER} of a tick, found {self.jitter}")
         if self.dropped > 1:
             raise UsageError(f"option dropped: expected a probability of at most 1, found {self.dropped}")
-        if self.late != int(self.late):
-            raise UsageError(f"option late: expected a whole number of ticks, found {self.late}")
+        for name, what in (("late", "a whole number of ticks"), ("seed", "a whole number")):
+            if getattr(self, name) != int(getattr(self, name)):
+                raise UsageError(f"option {name}: expected {what}, found {getattr(self, name)}")
 
 
 def changed(effects: Effects, changes: Mapping[str, float | None]) -> Effects:
