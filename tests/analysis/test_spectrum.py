@@ -5,6 +5,7 @@ import pytest
 
 import wavesweep
 from wavesweep.analysis.spectrum import balance, is_stable, radius_of
+from wavesweep.cli.check import verdict_lines
 
 
 def test_balancing_changes_the_units_of_states_and_no_eigenvalue():
@@ -34,11 +35,11 @@ def test_what_rounding_alone_keeps_within_the_circle_is_not_stable(distance, ins
 
 
 def test_an_undamped_mode_is_not_stable_at_any_stiffness():
-    """The sign of rounding decided: stable at some of them, with a steady response."""
+    """The sign of rounding decided: stable at some of them, with a steady response. Doubles cannot tell 1 from less."""
     spec = {"device": {"damping": 0.0}, "controller": {"kind": "dc-slow"}, "environment": {"B_VE": 0.0, "K_VE": 0.0}}
     for stiffness in (10.0, 50.0, 100.0, 200.0, 500.0):
         hand = spec | {"operator": {"stiffness": stiffness}, "bode": {"frequency_hz": [1.0]}}
-        assert wavesweep.bode(hand)["doubt"].tolist() == ["unstable"]
+        assert wavesweep.bode(hand)[["stable", "doubt"]].values.tolist() == [[False, "rounding"]]
         assert not wavesweep.passivity(hand)["stable"].any()
 
 
@@ -50,3 +51,13 @@ def test_the_rate_that_direct_coupling_does_not_run_at_counts_for_its_frame():
     swept = wavesweep.bode(spec | {"bode": {"frequency_hz": [60.0], "rates.ratio": [2, 3, 6]}})
     for name in ("omega_Ts", "worst_gain"):
         assert swept[name].tolist() == [wavesweep.bode(each)[name][0] for each in alone]
+
+
+@pytest.mark.parametrize(("gain", "doubt"), [(1e-12, "rounding"), (1e-6, "")])
+def test_a_radius_that_is_1_but_for_rounding_is_not_called_unstable(gain, doubt):
+    """It is `1 - 2.83e-3 Kp`."""
+    loop = wavesweep.compile({"controller": {"kind": "pmw-lm", "Kp": gain}})
+    assert loop.response([5.0])["doubt"].tolist() == [doubt]
+    assert wavesweep.verdict(loop.spec)["stable"] is (doubt == "")
+    said = next(verdict_lines(loop.spec, wavesweep.verdict(loop.spec)))
+    assert ("not known whether it is stable (spectral radius 1 per frame of 20 ms, but for rounding)" in said) == bool(doubt)

@@ -31,6 +31,8 @@ def test_limits_that_hang_on_the_filters_and_on_the_local_models_delay(paper):
     assert paper.limit_families("fig6", BASE, walls)[0] == pytest.approx([np.inf, 5415, 7978, np.inf, np.inf], rel=1e-4)
     walls = [{"K_LM": K, "filters.lp2.cutoff_hz": 80} for K in (0, 500, 1000, 2000, 3000)]
     assert paper.limit_families("fig6", BASE, walls)[0] == pytest.approx([5300, 5163, 6452, 9988, 6196], rel=1e-4)
+    between = [{**each, "K_LM": K} for each, K in zip(walls, (200, 2800), strict=False)]
+    assert paper.limit_families("fig6", BASE, between)[0] == pytest.approx([4687, 16737], rel=1e-4)
     prompt = {"environment.integration": "explicit", "local_model.delay": 0}
     both = paper.limit_families("fig6", BASE, [prompt, {**prompt, "filters.lp2.order": 0}])
     assert both[0] == pytest.approx([435.4, 686.6], abs=0.05)

@@ -2,14 +2,16 @@
 
 import pathlib
 import struct
+import threading
 
+import matplotlib
 import numpy as np
 import pytest
 
 import wavesweep
 import wavesweep.sweep
 from wavesweep import plots
-from wavesweep.plots import chosen
+from wavesweep.plots import chosen, style
 from wavesweep.plots.layout import lay_out
 from wavesweep.plots.style import about_figure, figure, note_assumptions, save, symbol
 
@@ -251,3 +253,20 @@ def test_intervals_that_lie_apart_are_not_joined_in_a_comparison(plane):
 
     assert longest(columns) == max(above.sum(), (~above).sum())
     assert longest(columns | {"low": some["low"], "high": some["high"]}) == above.size
+
+
+def test_one_thread_after_the_other_has_the_settings_of_figures():
+    """They are those of the process, and would stay if two threads put back those of each other."""
+    entered, before = threading.Event(), dict(matplotlib.rcParams)
+
+    def draw():
+        with style._style():
+            entered.set()
+
+    other = threading.Thread(target=draw)
+    with style._style():
+        other.start()
+        assert not entered.wait(0.2)
+    other.join()
+    assert entered.is_set()
+    assert dict(matplotlib.rcParams) == before

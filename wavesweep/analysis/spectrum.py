@@ -42,7 +42,7 @@ def slowest(delta):
 
 def radius_of(E, hidden=False) -> np.ndarray:
     """Return the spectral radius of `I + E`; infinite if E is not finite, NaN if rounding could move it by a
-    thousandth of itself or of 1, and 1 if it is below 1 by rounding alone.
+    thousandth of itself or of 1, and 1 if it differs from 1 by rounding alone.
 
     hidden: whether this is known already (see `telling_frame`). Otherwise only eigenvalues that nearly meet are so uncertain.
     Then the radius counts as known if no rounding of E makes one that is that much larger, by the smallest singular value there
@@ -50,12 +50,12 @@ def radius_of(E, hidden=False) -> np.ndarray:
     """
     delta, finite = eigenvalues(E)
     found = np.where(finite, _known(E, np.abs(1 + delta).max(-1, initial=0.0), delta), np.inf)
-    found = np.where(_is_rounding(1 - found, E), 1.0, found)
+    found = np.where(_is_rounding(np.abs(1 - found), E), 1.0, found)
     return np.where(finite & hidden, np.nan, found)
 
 
 def _is_rounding(distance, E):
-    """Whether eigenvalues of `I + E` are inside the circle by that distance through rounding alone; NaN is not."""
+    """Whether eigenvalues of `I + E` are beside the circle by that distance through rounding alone; NaN is not."""
     n, distance = E.shape[-1], np.asarray(distance)
     tolerance = BACKWARD * np.finfo(float).eps
     found = np.array((distance > 0) & (distance <= tolerance * np.maximum(1, np.abs(E).max((-1, -2), initial=0))))

@@ -138,10 +138,11 @@ def verdict_lines(spec: Spec, found: Facts) -> Iterator[str]:
     """Yield the verdict on the spec's own design, in about eight lines."""
     frame = 1e3 * found["period_s"]
     radius = found["spectral_radius"]
-    said = "stable" if found["stable"] else "UNSTABLE" if radius is not None else "not known whether it is stable"
+    known = radius is not None and radius != 1  # 1 also stands for a radius that is below it by rounding alone
+    said = "stable" if found["stable"] else "UNSTABLE" if known else "not known whether it is stable"
     why = "numbers overflow, or rounding hides them"
     if radius is not None:
-        why = f"spectral radius {_text(radius)} per frame of {frame:.6g} ms"
+        why = f"spectral radius {_text(radius)} per frame of {frame:.6g} ms{'' if known else ', but for rounding'}"
     yield f"{spec.name}, {spec.kind}: {said} ({why})"
     bounded = [each for each in found["limits"] if _bounded(each)]
     yield from (f"  {_limit(spec, each)}" for each in bounded)

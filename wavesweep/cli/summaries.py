@@ -258,6 +258,8 @@ def unstable(linear: Numbers) -> str:
     radius = linear["spectral_radius"]
     if radius is None:
         return "the linear loop is not known to be stable (numbers overflow, or rounding hides them)"
+    if radius == 1:
+        return "the linear loop is not known to be stable (spectral radius 1 per frame, but for rounding)"
     return f"UNSTABLE: the linear loop diverges (spectral radius {radius:.6g} per frame)"
 
 

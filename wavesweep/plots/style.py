@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,7 @@ _NAMES = {
     **{f"filters.{name}.{part}_hz": f"{name.upper()} {part}" for name in ("lp1", "hp", "lp2") for part in _EDGES},
     **{f"filters.{name}.order": f"{name.upper()} order" for name in ("lp1", "hp", "lp2")},
 }
+_ALONE = RLock()  # held while the settings are those of a figure
 _STYLE = {
     "font.size": 8,
     "axes.labelsize": 8,
@@ -74,7 +76,7 @@ def incomplete(columns: Mapping[str, np.ndarray]) -> np.ndarray:
 def figure(width: float, height: float) -> Iterator[Any]:
     """Give a matplotlib `Figure` to draw in, `width` by `height` inches, and settle its layout at the end.
 
-    It belongs to no window and to no global state. A notebook shows it.
+    It belongs to no window, and leaves no settings behind. A notebook shows it.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -142,11 +144,16 @@ def _png(canvas: Any, about: Mapping[str, str]) -> bytes:
     return file.getvalue()
 
 
-def _style() -> Any:
-    """The settings of every figure. No matplotlibrc is read, so that a figure looks the same everywhere."""
+@contextmanager
+def _style() -> Iterator[None]:
+    """The settings of every figure. No matplotlibrc is read, so that a figure looks the same everywhere.
+
+    The settings are those of the process, so one thread after the other draws, and the user's are there again afterwards.
+    """
     import matplotlib
 
-    return matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE, "backend": "agg"})
+    with _ALONE, matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE, "backend": "agg"}):
+        yield
 
 
 def about_figure(kind: str, facts: Mapping[str, Any]) -> dict[str, str]:

@@ -31,18 +31,20 @@ from wavesweep.sweep.table import Columns, Table, facts_of, with_unlike_units
 KEPT = 200  # ticks of a frame up to which a prepared loop is remembered; it takes memory with their square
 
 
-def doubt_of(errors, stable, lost) -> np.ndarray:
+def doubt_of(errors, stable, lost, marginal=False) -> np.ndarray:
     """The word of each row (see `DOUBTS`); errors: bounds on relative errors, NaN if a number is not known.
 
     An unstable loop has no steady response, even if its digits are good; one that overflows within a frame has no number.
+    marginal: see `_doubts`.
     """
-    return words(_doubts(errors, stable, lost))
+    return words(_doubts(errors, stable, lost, marginal))
 
 
-def _doubts(errors, stable, lost):
-    """The codes of the words."""
+def _doubts(errors, stable, lost, marginal=False):
+    """The codes of the words. marginal: the spectral radius is below 1 by rounding alone, or 1."""
     rounded = ~np.logical_and.reduce([error <= SPARED for error in errors])
-    codes = np.where(lost, OVERFLOW, np.where(stable, np.where(rounded, ROUNDING, NONE), UNSTABLE))
+    certain = np.where(stable, np.where(rounded, ROUNDING, NONE), np.where(marginal, ROUNDING, UNSTABLE))
+    codes = np.where(lost, OVERFLOW, certain)
     return np.broadcast_to(codes, rounded.shape)
 
 
@@ -246,7 +248,7 @@ def _seen(port, ticks, frequency, radius):
     columns |= {"worst_gain": gain, "worst_gain_error": np.where(np.isnan(gain), np.nan, gain_error), "stable": stable}
     columns |= {f"{name}_error": error for name, error in errors.items()}
     known = [*errors.values(), *([gain_error] if whole.kind.size <= MOST_TICKS else [])]
-    return columns | {"doubt": _doubts(known, np.full(frequency.shape, stable), lost)}
+    return columns | {"doubt": _doubts(known, np.full(frequency.shape, stable), lost, radius == 1)}
 
 
 def own_value(spec, name, read):
@@ -290,7 +292,8 @@ def _block(values, frequency):
     columns |= {"worst_gain": gain, "stable": stable}
     # A gain without bound is missing, and that is known.
     columns |= {f"{name}_error": np.where(np.isnan(columns.get(name, error)), np.nan, error) for name, error in errors.items()}
-    return columns | {"doubt": _doubts(errors.values(), stable, (loop.lost | np.isnan(radius))[..., None])}
+    marginal = (radius == 1)[..., None]
+    return columns | {"doubt": _doubts(errors.values(), stable, (loop.lost | np.isnan(radius))[..., None], marginal)}
 
 
 @lru_cache(maxsize=4)  # a compiled loop is asked again and again

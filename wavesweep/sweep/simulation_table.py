@@ -105,7 +105,7 @@ def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> 
         columns |= {name: np.full(len(tones), np.nan) for name in columns if name.startswith("linear_")}
     # What is beyond double precision is missing.
     columns = {name: part if part.dtype == object else np.where(np.isinf(part), np.nan, part) for name, part in columns.items()}
-    return columns | {"doubt": doubt_of(errors, stable, lost | isnan(radius))}
+    return columns | {"doubt": doubt_of(errors, stable, lost | isnan(radius), radius == 1)}
 
 
 def _linear(spec, frequency):

@@ -55,7 +55,7 @@ def fills_figure_4(paper: PaperLoops) -> Finding:
 
 
 def fills_figure_5(paper: PaperLoops) -> Finding:
-    """Stiffest stable walls for K_LM from 0 to 3000 N/m and for Kp from 0 to 40: whether the largest is within an axis
+    """Stiffest stable walls for five K_LM from 0 to 3000 N/m and four Kp from 0 to 40: whether the largest is within an axis
     to 3000 N/m and beyond its half. A region without limit has no boundary to draw. The numbers say under how many of
     these readings K_LM, or Kp, matters little as well."""
     found = [paper.limit_families("fig6", PMW_LM, each) for each in (STIFFNESSES, GAINS)]
@@ -73,12 +73,13 @@ def _fills(largest: float) -> bool:
 
 
 def local_stiffness_matters_little(paper: PaperLoops) -> Finding:
-    """Stiffest stable wall for K_LM from 0 to 3000 N/m, Kp = 20: whether its extremes are within 10 % of each other."""
+    """Stiffest stable wall for K_LM = 0, 500, 1000, 2000 and 3000 N/m, Kp = 20: whether its extremes are within 10 % of each
+    other. Between these values it may be lower."""
     return over(PMW_LM, lambda found: _spread(found, "K_LM"), paper.limit_families("fig6", PMW_LM, STIFFNESSES))
 
 
 def gain_matters_little(paper: PaperLoops) -> Finding:
-    """Stiffest stable wall for Kp from 0 to 40, K_LM = 500 N/m: whether its extremes are within 10 % of each other."""
+    """Stiffest stable wall for Kp = 0, 10, 20 and 40, K_LM = 500 N/m: whether its extremes are within 10 % of each other."""
     return over(PMW_LM, lambda found: _spread(found, "Kp"), paper.limit_families("fig6", PMW_LM, GAINS))
 
 
