@@ -94,6 +94,8 @@ def test_times_at_the_fast_rate_are_accepted(record, start):
         ("force_N\n1\nabc\n", ":3: force_N: expected a number, found abc"),
         ("force_N\n1\nnan\n", ":3: force_N: expected a number, found nan"),
         ("a,force_N\n1,1\n1\n", ":3: force_N: expected a number, found nothing"),
+        ("force_N\n1\n\n2\n", ":3: force_N: expected a number, found nothing"),
+        ("time_s,force_N\n0,1\n\n0.001,2\n\n", ":3: force_N: expected a number, found nothing"),
         ("time_s,force_N\n0,1\n0.001,1\n0.003,1\n", r":4: time_s: expected 0.002, a row every 0.001 s .* found 0.003"),
     ],
 )

@@ -7,7 +7,6 @@ import io
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -147,8 +146,9 @@ def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") ->
     """Read a record of hand force from a CSV file with a header line.
 
     Column ``force_N`` holds the force of each fast tick (N). If there is a column ``time_s``, its times must increase by
-    one fast period from row to row, within 1 % of it; they may start at any time. Other columns are ignored. rate: the
-    key of the fast rate, for messages.
+    one fast period from row to row, within 1 % of it; they may start at any time. Other columns are ignored. Blank lines may
+    stand at the end alone, since each other one would move all forces after it by a tick. rate: the key of the fast rate, for
+    messages.
 
     Errors: `UsageError` naming the file, the line, the value found and the values expected.
     """
@@ -156,10 +156,11 @@ def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") ->
         text = read_bytes(path, MOST_BYTES).decode("utf-8-sig")
         rows = csv.reader(io.StringIO(text, newline=""), strict=True)
         header = [name.strip() for name in next(rows, [])]
-        filled = ((rows.line_num, row) for row in rows if any(map(str.strip, row)))
-        lines = list(islice(filled, MOST_TICKS + 1))
+        lines = [(rows.line_num, row) for row in rows]
     except (UnicodeDecodeError, csv.Error) as error:
         raise UsageError(f"{path}: expected a CSV file in UTF-8, found: {error}") from error
+    while lines and not any(map(str.strip, lines[-1][1])):
+        lines.pop()
     if header.count("force_N") != 1 or header.count("time_s") > 1:
         found = ", ".join(header)[:MOST_SHOWN] or "nothing"
         raise UsageError(f"{path}:1: expected one column force_N and at most one time_s in the header, found {found}")
