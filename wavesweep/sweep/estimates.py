@@ -42,15 +42,15 @@ FEW_DRAWN = 8  # loops of a sample that share no drawing
 LONGEST = 0.3  # s; no further sample after that
 
 
-def expected_seconds(job: Job) -> float:
-    """Seconds of work in one process for the whole job, estimated from a small part of it."""
+def expected_seconds(job: Job, longest: float = LONGEST) -> float:
+    """Seconds of work in one process for the whole job, estimated from a small part of it; longest: for the samples, s."""
     samples = _samples(job)
     samples[0][0].records()  # the first call of everything costs more than it will later
     started, seconds, slices = time.perf_counter(), 0.0, 0
     for sample, size in samples:
         sample.records()
         seconds, slices = time.perf_counter() - started, slices + size
-        if seconds > LONGEST:
+        if seconds > longest:
             break
     return seconds / slices * job.slices
 

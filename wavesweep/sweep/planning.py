@@ -19,6 +19,7 @@ from wavesweep.sweep.passivity_table import jobs_of, not_computed, with_norm
 from wavesweep.sweep.response_table import response_job
 from wavesweep.sweep.workers import choose
 
+PATIENCE = 5.0  # s for samples of work whose parts take unlike times, as at several rates
 MANY = 30_000_000  # rows: some 5 GB of CSV
 
 
@@ -126,7 +127,7 @@ def _long_lines(jobs):
         return advice
     chunks, size, seconds = sum(len(job.chunks) for job in jobs), _size(sum(map(expected_bytes, jobs))), 0.0
     for job in jobs:
-        expected = cache(partial(expected_seconds, job))
+        expected = cache(partial(expected_seconds, job, PATIENCE))
         seconds += expected() / choose(None, None, None, len(job.chunks), expected).count
     work = f"{_count(chunks, 'chunk')}, about {_duration(seconds)}"
     return [f"    work: {work}; disk: about {size} until the results are in place", *advice]
