@@ -294,7 +294,8 @@ class Loop:
             raise UsageError(f"frequency_hz: expected a number or a list of numbers, found {frequency_hz!r:.60}")
         frequency = found.astype(float).ravel()
         if not frequency.size or not np.all((frequency >= 0) & np.isfinite(frequency)):
-            raise UsageError("frequency_hz: expected finite numbers >= 0" + ("" if frequency.size else ", found none"))
+            wrong = frequency[~((frequency >= 0) & np.isfinite(frequency))]
+            raise UsageError(f"frequency_hz: expected finite numbers >= 0, found {wrong[0] if wrong.size else 'none'}")
         return frequency
 
 

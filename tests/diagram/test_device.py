@@ -6,6 +6,7 @@ import scipy.linalg
 from support import exact
 from support.specs import values_of
 
+import wavesweep
 from wavesweep.diagram.device import device
 
 # mass (kg), damping (N*s/m), stiffness (N/m), period (s): the paper's; free of friction; heavily overdamped; with a
@@ -80,3 +81,12 @@ def test_the_operator_adds_to_the_device():
     whole = values_of("dc", mass=0.5, damping=4.0)
     assert np.array_equal(device(split, 1e-3).E, device(whole, 1e-3).E)
     assert np.array_equal(device(split, 1e-3).B, device(whole, 1e-3).B)
+
+
+@pytest.mark.parametrize("mass", [1e-310, 1e-300])
+def test_a_mass_next_to_nothing_gives_a_loop_in_doubt_and_no_warning(mass):
+    """Its damping by the mass is infinite, or nearly."""
+    loop = wavesweep.compile({"controller": {"kind": "dc"}, "device": {"mass": mass}})
+    table = loop.stable_intervals(span=(0.0, 5.0))
+    assert not table["certified"].any()
+    assert table["doubt"][0] in ("overflow", "counts")

@@ -188,7 +188,7 @@ def held(A, B, period):
     A, B = np.broadcast_arrays(A * T, np.zeros(1))[0], B * T
     size = np.abs(A).sum(-1).max(-1, initial=0.0)
     with np.errstate(divide="ignore"):
-        halvings = np.maximum(0, np.ceil(np.log2(size / SIZE))).astype(int)
+        halvings = np.maximum(0, np.ceil(np.log2(np.minimum(size, np.finfo(float).max) / SIZE))).astype(int)
     step = 0.5 ** halvings[..., None, None]
     E, G, power, force = 0.0, 0.0, A * step, B * step
     for term in range(1, TERMS):

@@ -62,9 +62,10 @@ def impulse_and_step(damping, stiffness, period):
     damping, stiffness, period = np.broadcast_arrays(*(numbers(a) for a in (damping, stiffness, period)))
     reach = np.maximum(np.abs(damping * period), 2 * np.sqrt(np.abs(stiffness)) * np.abs(period))
     # Each element has its own number of doublings: its bits must not depend on what else is in the batch.
-    doublings = np.where(reach > 0.5, np.ceil(np.log2(np.maximum(reach, 0.5))) + 1, 0).astype(int)
+    doublings = np.where(reach > 0.5, np.ceil(np.log2(np.clip(reach, 0.5, np.finfo(float).max))) + 1, 0).astype(int)
     tau = period * 0.5**doublings
-    s, g = _taylor(damping * tau, stiffness * tau * tau)
+    with np.errstate(invalid="ignore"):  # a mass next to 0 makes an infinite damping, whose frame is not known
+        s, g = _taylor(damping * tau, stiffness * tau * tau)
     s, g = s * tau, g * tau * tau
     if not doublings.any():
         return s, g, None, None

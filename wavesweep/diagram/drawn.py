@@ -81,6 +81,7 @@ class Drawn:
         wrong = [name for name in self.sums if name not in ports and name.rpartition(".")[0] in names]
         rings = [name for name in self.sums if _comes_back(name, self.sums)]
         for found, expected in (
+            ([] if blocks else ["none"], "at least one block"),
             (twice, "blocks of different names"),
             (unknown, "sources that are outputs of blocks, junctions or inputs"),
             (wrong, "the block's own inputs as ports"),

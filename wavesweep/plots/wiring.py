@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 from wavesweep.diagram import draw
@@ -144,7 +144,7 @@ def _label_width(terms: Terms, gain: str) -> float:
     return 0.16 + _width(_gain(terms, gain), SMALL)
 
 
-@cache
+@lru_cache(maxsize=4096)  # texts of users
 def _width(text: str, size: float, weight: str = "normal") -> float:
     """Width of a text in inches."""
     from matplotlib.font_manager import FontProperties

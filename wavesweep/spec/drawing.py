@@ -21,7 +21,6 @@ RATE = "rates.tick_hz"
 STRUCTURE = ("every", "phase", "steps", "order")  # keys that decide how a loop is built
 
 Path = tuple[str, ...]
-Leaves = Mapping[str, Leaf]
 
 NOTHING = 1e-12  # of b, by which a local model does not divide
 LEAST = 1e-300  # size of a number that others are divided by
