@@ -50,6 +50,12 @@ def test_a_stable_design_is_told_its_room_and_its_feel(check):
     ]
 
 
+def test_the_states_have_words_at_rates_that_do_not_divide_too(check):
+    line = next(line for line in check("rates.slow_hz=60", "Kp=20").splitlines() if "states: " in line)
+    assert "states: device velocity, measured velocity, " in line
+    assert ", filter lp1, avatar position, avatar v held, " in line
+
+
 def test_the_ends_in_the_lines_are_those_of_stability(check):
     """The spectral radius, computed by another way, crosses 1 at each end that a line names."""
     loop = library.compile("mine.toml")

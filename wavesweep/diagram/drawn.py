@@ -71,6 +71,15 @@ class Drawn:
             )
         object.__setattr__(self, "ticks", ticks)
 
+    def labels(self) -> dict[str, str]:
+        """Readable labels of the states of blocks and of outputs that are held, by their names in `TickDrift`."""
+        found = {}
+        for block in (each.block for each in self.placed):
+            readable = block.labels or [f"{block.name} {state}" for state in block.states]
+            found |= {f"{block.name}.{state}": label for state, label in zip(block.states, readable, strict=True)}
+            found |= {f"{block.name}.{port} held": f"{block.name} {port} held" for port in block.outputs}
+        return found
+
     def refuse_wrong_names(self) -> None:
         """Raise UsageError for names or junctions that make no loop, or another one than was meant."""
         blocks = [each.block for each in self.placed]

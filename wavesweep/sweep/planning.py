@@ -41,7 +41,8 @@ def _uneven_lines(spec):
     frame = f"{_count(drawn.ticks, 'tick')} and {_count(steps, 'slow step')}, {1e3 * drawn.ticks * float(drawn.period):.6g} ms"
     yield f"  loop: the rates do not divide; both are in step again after a frame of {frame}"
     yield "    a slow step reads the last fast tick before it, and its result is there in the next one"
-    yield from _state_lines(drift)
+    labels = drawn.labels()
+    yield from _state_lines(drift, [labels[name] for name in drift.states])
 
 
 def _loop_lines(spec):
@@ -137,12 +138,12 @@ def _drawn_plan(spec):
     """The same lines for a drawn loop: when its blocks run, its drift, and the method by which each number is swept."""
     refuse_singular(spec, spec.drawing)
     drawing, drawn = spec.drawing, assembled(spec.drawing, spec.values)
-    period = 1e3 * float(drawn.period)
+    period, drift = 1e3 * float(drawn.period), drift_of(drawing, spec.values, spec.values)
     lines = [
         f"{spec.source or spec.name}: valid, a drawn loop of {_count(len(drawing.blocks), 'block')}",
         f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms",
         *_runs_lines(drawing, drawn),
-        *_state_lines(drift_of(drawing, spec.values, spec.values)),
+        *_state_lines(drift, [name.replace(".", " ") for name in drift.states]),
         *_number_lines(spec),
     ]
     for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
@@ -162,8 +163,8 @@ def _runs_lines(drawing, drawn):
         yield f"  runs {ticks}: {', '.join(blocks)}"
 
 
-def _state_lines(drift):
-    names = [name.replace(".", " ") for name in drift.states]
+def _state_lines(drift, names):
+    """names: of all states, as they are shown."""
     yield f"  {_count(len(drift.kept), 'state')}: {_listed([names[i] for i in drift.kept])}"
     for lead, others in drift.moved:
         along = _listed([names[index] for index, _ in others])

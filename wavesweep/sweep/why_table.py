@@ -200,13 +200,8 @@ class _Loops:
         from wavesweep.sweep.drawn_loops import drift_of
 
         drawn, drift = assembled(self.drawing, first), drift_of(self.drawing, self._tame(), self.spec.values)
-        labels = {
-            f"{each.block.name}.{state}": label
-            for each in drawn.placed
-            for state, label in zip(each.block.states, each.block.labels, strict=False)
-        }
-        names = [drift.states[index] for index in drift.kept]
-        return np.real(drawn.period * drawn.ticks), [labels.get(name, name.replace(".", " ")) for name in names]
+        labels = drawn.labels()
+        return np.real(drawn.period * drawn.ticks), [labels[drift.states[index]] for index in drift.kept]
 
 
 def _smooth(spec) -> list[str]:
