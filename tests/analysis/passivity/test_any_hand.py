@@ -7,7 +7,7 @@ from support.search import worst_hand
 
 from wavesweep.analysis.passivity import passive_hand
 from wavesweep.analysis.passivity.hand import HandBox, worst_modes
-from wavesweep.analysis.passivity.hinf import smallest_hermitian
+from wavesweep.analysis.passivity.hinf import peak_by_levels, smallest_hermitian
 from wavesweep.analysis.passivity.passive_hand import any_hand_walls, damping_needed, port_passive_walls
 from wavesweep.analysis.passivity.port import PortResponse, port_loop, port_margin
 from wavesweep.diagram import draw
@@ -117,3 +117,18 @@ def test_the_map_next_to_rest_is_that_of_the_aliases(random_values, seed):
     np.testing.assert_allclose(found.smallest(owner, theta), expected, rtol=0, atol=1e-8 * scale)
     near, rest = found.smallest(owner[:2], np.array([1e-14, 0.0]))
     assert near == pytest.approx(rest, rel=1e-6, abs=1e-6 * scale)
+
+
+@pytest.mark.parametrize("slow", [1e-7, 3e-5])
+def test_a_slow_peak_is_found_without_the_eigenvalues_of_its_level(slow):
+    """The angles that are tried first lie half a decade apart; the others are decades away."""
+
+    def value(_, theta, floor):
+        assert floor.shape == theta.shape
+        return 1 / (1 + (np.log10(np.maximum(theta, 1e-30) / slow)) ** 2)
+
+    def found(more):
+        return peak_by_levels(value, lambda owner, _: np.full((owner.size, 1), np.nan), 1, lambda *_: 1e-3, more).value[0]
+
+    assert found(()) < 0.3
+    assert found(passive_hand.SOFT) > 0.9

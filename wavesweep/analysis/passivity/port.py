@@ -6,20 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from wavesweep.analysis.passivity.hinf import (
-    DENSE,
-    Element,
-    angles,
-    passage,
-    peak_by_levels,
-    repeated,
-    smallest_hermitian,
-    some_below,
-    then,
-    tick,
-)
-from wavesweep.analysis.response.bordered import solved
-from wavesweep.analysis.response.frame import prepare
+from wavesweep.analysis.passivity.at_rest import AtRest
+from wavesweep.analysis.passivity.hinf import Element, angles, passage, peak_by_levels, repeated, smallest_hermitian, then, tick
 from wavesweep.analysis.spectrum import is_stable
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
@@ -113,8 +101,6 @@ def _event(diagram, fast, held, sources, wall) -> Block:
     return connect("event", (reader, *diagram.slow), sums, shown, sources)
 
 
-OVERFLOW = 1e100  # entries of a frame that overflows, or nearly
-MOST = 5_000_000  # complex numbers of the points that are computed together
 LOWEST = 1e-7  # rad per frame below which shares are 0/0 and a drift has its pole
 
 
@@ -126,8 +112,8 @@ class PortResponse:
     by p is to shift the state x by p, and that is an input (z - 1) p of the closed loop.
     """
 
-    def __init__(self, loop: PortLoop, lowest: float = LOWEST, near_rest: "type[AtRest] | None" = None):
-        self.near_rest = near_rest or AtRest  # the map below `lowest`
+    def __init__(self, loop: PortLoop, lowest: float = LOWEST, near_rest: type[AtRest] = AtRest):
+        self.near_rest = near_rest  # the map below `lowest`
         self.loop, self.ratio, self.delay, self.lowest = loop, loop.ratio, loop.delay, lowest
         fast, slow = loop.fast, loop.slow
         hand = loop.source[0].hand
@@ -163,77 +149,9 @@ class PortResponse:
         return found
 
     @cached_property
-    def at_rest(self) -> "AtRest":
+    def at_rest(self) -> AtRest:
         """The map for angles below `lowest`."""
         return self.near_rest(self.loop)
-
-
-class AtRest:
-    """The same map without aliases, `T + O (w - E)^-1 G` of the closed loop, which stays finite down to zero frequency.
-
-    T is a Toeplitz matrix that no frequency changes (see `response.frame.Shown`): its symmetric part is diagonal in its own
-    eigenvectors, found once, and the rest is of low rank.
-    """
-
-    def __init__(self, loop: PortLoop):
-        diagram, K_VE, B_VE = loop.source
-        frame = prepare(diagram, K_VE, B_VE, (diagram.hand.displacement,))
-        E = frame.E.copy()
-        if frame.lead is not None:  # if nothing reads the scene's position, its pole at 0 is in no response
-            E[..., frame.lead, frame.lead] = np.where(frame.free, -1.0, E[..., frame.lead, frame.lead])
-        impulse = np.where(frame.lost[..., None], np.nan, frame.shown.impulse[0][..., 0, :])
-        states = E, frame.dE, frame.shown.seen[0][..., 0, :, :], frame.shown.left[0]
-        self._put(_flattened(impulse[..., None, :], loop)[:, 0], *(_flattened(part, loop) for part in states))
-
-    def _put(self, impulse, E, dE, seen, into, constant=None):
-        """Keep the low rank and what no frequency changes, an array of all loops each.
-
-        constant: `(loops,)`, a multiple of the matrix of ones beside T.
-        """
-        ratio = impulse.shape[-1]
-        lag = np.abs(np.subtract.outer(*[np.arange(ratio)] * 2))
-        known = np.isfinite(impulse).all(-1)
-        different, which = np.unique(np.where(known[:, None], impulse, 0.0), axis=0, return_inverse=True)
-        if constant is not None:
-            seen = np.concatenate([seen, constant[:, None, None] + np.zeros((len(seen), ratio, 1))], axis=-1)
-            into = np.concatenate([into, np.ones((len(into), 1, ratio))], axis=-2)
-        self.E, self.dE, self.diagonal = E, dE, np.full((len(E), ratio), np.nan)
-        self.left, self.right = np.empty_like(seen), np.empty_like(into)
-        for number, each in enumerate(different):  # loops often share it
-            diagonal, vectors = np.linalg.eigh(each[lag] * np.where(lag == 0, 1.0, 0.5))
-            loops = np.flatnonzero(which.reshape(-1) == number)
-            self.diagonal[loops], self.left[loops], self.right[loops] = diagonal, vectors.T @ seen[loops], into[loops] @ vectors
-        self.diagonal[~known] = np.nan
-
-    def smallest(self, owner, theta, ceiling=None):
-        """Smallest eigenvalue of the Hermitian part (m/N) of the loops `owner` at `theta` (rad per frame).
-
-        ceiling: infinity may stand for a value that is not below it.
-        """
-        step = max(1, MOST // (self.left.shape[-2] * (2 * self.left.shape[-1]) ** 2))
-        parts = [slice(first, first + step) for first in range(0, owner.size, step)]
-        each = [self._smallest(owner[part], theta[part], None if ceiling is None else ceiling[part]) for part in parts]
-        return np.concatenate([*each, np.zeros(0)])
-
-    def _smallest(self, owner, theta, ceiling):
-        w, n = on_circle(theta)[:, None, None], self.E.shape[-1]
-        with np.errstate(all="ignore"):
-            A, right = w * np.eye(n) - self.E[owner], self.right[owner] + 0 * w
-            state, _ = solved(A, self.dE[owner], right[:, :n], np.zeros((len(right), n, right.shape[-1])))
-            parts = self.diagonal[owner] + 0j, self.left[owner] + 0j, np.concatenate([state, right[:, n:]], axis=-2)
-            good = np.logical_and.reduce([(np.abs(part) < OVERFLOW).all(tuple(range(1, part.ndim))) for part in parts])
-            found = np.full(owner.size, np.nan)
-            if ceiling is not None and good.any() and self.left.shape[-2] > DENSE:
-                found[good] = np.inf
-                good[good] = some_below(*(part[good] for part in parts), ceiling[good])
-            if good.any():
-                found[good] = smallest_hermitian(*(part[good] for part in parts))
-            return found
-
-
-def _flattened(array, loop):
-    """An array of matrices with its batch, broadcast to that of the loop, in one axis."""
-    return np.broadcast_to(array, (*loop.batch, *array.shape[-2:])).reshape(loop.loops, *array.shape[-2:])
 
 
 def _drifts(fast, hand):

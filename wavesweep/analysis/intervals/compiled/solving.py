@@ -12,14 +12,13 @@ from shutil import rmtree
 import numpy as np
 from numba import config, njit
 
-from wavesweep import errors
 from wavesweep.analysis.intervals.compiled.lanes import LANES, inverted, less, more, outgrown, put, times
 
 WIDE = 2 * LANES  # numbers of a vector of lanes
 PREFERRED = 0.1  # of the largest entry of a column, down to which a row stays the pivot row that all lanes prefer
 
 
-def _place(package: Path = Path(errors.__file__).parent) -> Path | None:
+def _place(package: Path = Path(__file__).parents[3]) -> Path | None:
     """Return a folder for compiled code that belongs to exactly these sources of the package; None if there is no place.
 
     The folder depends on all sources, since numba checks only the file of a function, and not those that it calls or takes
