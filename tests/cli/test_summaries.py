@@ -6,6 +6,7 @@ import pytest
 from wavesweep import sweep
 from wavesweep.cli.interval_summary import Extreme, IntervalTally
 from wavesweep.cli.summaries import tally_of
+from wavesweep.plots.layout import best_row
 from wavesweep.spec import load
 
 AXES = {"b": [10.0, 40.0], "K_LM": [100.0, 200.0]}
@@ -97,3 +98,15 @@ def test_values_that_differ_by_rounding_are_alike(size):
             each.add(felt[part], {"b": place[part], "along": place[part]})
     assert (alike.place(), alike.ties, alike.value) == ({"b": 1.0}, 3, 20000.0)
     assert (exact.place(), exact.ties, exact.value) == ({"b": 3.0}, 1, 20000.00000001)
+
+
+def test_walls_that_feel_alike_are_one_place_in_summary_and_figure():
+    """Of three walls the last feels stiffer by rounding alone."""
+    spec = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 2000}, "b": [10.0, 20.0, 30.0]}}
+    table = sweep.intervals(load(spec), "K_VE")
+    columns = table.columns | {"felt_high": 2000 * (1 + np.array([0.0, -1e-14, 1e-14])), "certified": np.ones(3, bool)}
+    tally = tally_of(table)
+    tally.add(columns)
+    felt = tally.numbers(table.facts)["stiffest_felt"]
+    assert (felt["at"], felt["equal_rows"]) == ({"b": 10.0}, 3)
+    assert best_row(columns)["b"] == 10.0
