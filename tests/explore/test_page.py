@@ -178,6 +178,15 @@ def test_a_saved_page_of_other_loops(source):
 
 
 @pytest.mark.slow
+def test_a_saved_page_says_which_table_cannot_be_had_and_why():
+    drawn = tomllib.loads(ARM_TEXT)
+    intervals, responses = data_of(saved_page(load(drawn)))["report"]
+    assert intervals["rows"] == 1
+    assert (responses["title"], "kind" in responses) == ("Responses", False)
+    assert "expected hand = {" in responses["error"]
+
+
+@pytest.mark.slow
 def test_text_from_a_spec_cannot_leave_its_place(tmp_path):
     path = tmp_path / "a<b>&c.toml"
     path.write_text(ARM_TEXT)

@@ -182,10 +182,10 @@ def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -
     data["first"], tables = None, []
     for done, (title, make) in enumerate(TABLES.items(), len(asked)):
         report(done, total)
-        found = []
-        with suppress(WavesweepError):
-            found = [make(spec)]
-        tables += [_table(title, table) for table in found]
+        try:
+            tables.append(_table(title, make(spec)))
+        except WavesweepError as error:
+            tables.append({"title": title, "error": _sentence(str(error))})
     report(total, total)
     return page_text(data | {"designs": designs, "stops": stops, "left": left, "report": tables})
 
