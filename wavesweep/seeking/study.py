@@ -5,8 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from wavesweep.sweep.checkpoint import checkpoint_of, records_of
 from wavesweep.sweep.grid import keys_of, loop_of, make_grid, no_controller
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.job import Chunk, Chunks, Job
-from wavesweep.sweep.running import Progress, Tally, Work, compute
+from wavesweep.sweep.running import Tally, Work, compute
 from wavesweep.sweep.table import Table, facts_of
 from wavesweep.sweep.workers import choose
 
@@ -160,26 +159,21 @@ class DesignTask:
 
 def design(
     spec: Spec,
-    jobs: int | None = None,
-    backend: str | None = None,
-    scheduler: str | None = None,
-    progress: Progress | None = None,
-    checkpoint: Path | str | None = None,
-    force: bool = False,
     hand: str = "vertices",
+    **given: Any,
 ) -> Table:
     """Search for the designs that meet the wishes of a spec's [design].
 
     Returns the front if some wishes have no bound, otherwise the best design, as a table. hand: "box" to check the front for
-    every hand between the ends of the ranges as well, "vertices" for finer values alone. jobs, backend, scheduler, progress,
-    checkpoint, force: see `Work`. The result depends on the seed and not on the workers.
+    every hand between the ends of the ranges as well, "vertices" for finer values alone. given: jobs, backend, scheduler,
+    progress, checkpoint and force, see `Work`. The result depends on the seed and not on the workers.
     Errors: UsageError for a loop that cannot be designed, WavesweepError if no design meets all bounds, and the errors of a
     run.
     """
-    started, work = time.perf_counter(), Work(jobs, backend, scheduler, progress, checkpoint, force)
+    started, work = time.perf_counter(), Work(**given)
     job = job_of(spec, hand)
-    run = _Run(job, checkpoint_of(job, work.checkpoint, force, warnings := []), progress)
-    run.workers = choose(jobs, backend, scheduler, len(job.chunks), partial(_seconds, job))
+    run = _Run(job, checkpoint_of(job, work.checkpoint, work.force, warnings := []), work.progress)
+    run.workers = choose(work.jobs, work.backend, work.scheduler, len(job.chunks), partial(_seconds, job))
     asked, settings = spec.design, spec.design.settings
     first = genes_of(asked.vary, spec.values)[None]
     choices = [len(axis.values or ()) for axis in asked.vary]

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,29 +11,21 @@ from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.grid import keys_of
 from wavesweep.sweep.interval_table import intervals
 from wavesweep.sweep.response_table import METHODS, own_value, responses, units_in
-from wavesweep.sweep.running import Progress, Work
+from wavesweep.sweep.running import Work
 from wavesweep.sweep.table import Columns, Table, facts_of, joined, with_unlike_units
 
 
-def compare(
-    specs: Sequence[Spec],
-    jobs: int | None = None,
-    backend: str | None = None,
-    scheduler: str | None = None,
-    progress: Progress | None = None,
-    checkpoint: Path | str | None = None,
-    force: bool = False,
-) -> list[Table]:
+def compare(specs: Sequence[Spec], **work: Any) -> list[Table]:
     """The tables `compare` and `compare-bode` of several specs, each with its own sweep and its own frequencies.
 
     specs: their names differ. The first table has a row per spec and stable interval along K_VE: the column `spec`, the axes
     of all sweeps, and the columns of `zwidth`. A spec without one of the axes has its own value in that column, or a missing
-    one if its controller does not read it. The second is that of `responses`. jobs, backend, scheduler, checkpoint, force: as
-    for `intervals`. progress: is called with the counts of one spec after the other, and with those of all responses.
+    one if its controller does not read it. The second is that of `responses`. work: as for `intervals`;
+    its progress is called with the counts of one spec after the other, and with those of all responses.
     """
-    folder = Work(jobs, backend, scheduler, progress, checkpoint, force).checkpoint
+    folder = Work(**work).checkpoint
     walls, rest = (folder and folder / name for name in ("walls", "responses"))
-    work = {"jobs": jobs, "backend": backend, "scheduler": scheduler, "progress": progress, "force": force}
+    work.pop("checkpoint", None)
     found = [
         intervals(spec, "K_VE", checkpoint=walls and walls / spec.name, **work) for spec in specs
     ]  # in turn: each uses all workers

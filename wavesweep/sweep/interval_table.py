@@ -3,8 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from wavesweep.spec import Axis, Spec
 from wavesweep.sweep.grid import distinct_rows, groups, loop_of, no_controller
 from wavesweep.sweep.interval_job import IntervalJob, bounds_within, job_of, task_over
 from wavesweep.sweep.job import cut_otherwise
-from wavesweep.sweep.running import Progress, Work, run
+from wavesweep.sweep.running import Work, run
 from wavesweep.sweep.table import Columns, Table, facts_of
 from wavesweep.sweep.tasks import END_HANDS, FELT, RECORD
 
@@ -30,23 +29,18 @@ def intervals(
     spec: Spec,
     along: str | None = None,
     hands: "Hands | None" = None,
-    jobs: int | None = None,
-    backend: str | None = None,
-    scheduler: str | None = None,
-    progress: Progress | None = None,
-    checkpoint: Path | None = None,
-    force: bool = False,
+    **work: Any,
 ) -> Table:
     """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
 
     hands: adds the column `hand` and rows for other hands. Its words are "free" for the device alone, "operator" for the
     spec's operator if it has one, "passive" and "box" (see `Hands`), and "port" for the intervals in which the spec's own
     loop is stable and passive at the hand's port. If only the port is added, the other rows are those of the spec's loop.
-    jobs, backend, scheduler, progress, checkpoint, force: see `Work`.
+    work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`.
     Raises UsageError, CheckpointError (torn, or of another run), WavesweepError (a worker process died).
     """
     stages = stages_of(spec, along, hands)
-    work = Work(jobs, backend, scheduler, progress, checkpoint, force)
+    work = Work(**work)
     found = run({stage.hand: stage.job for stage in stages}, work)
     timings = {name: number for name, number in found.timings.items() if hands is None or name != "workers"}
     facts = _facts(spec, hands, stages, found.certified, timings) | {"warnings": found.warnings}

@@ -5,9 +5,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 from numbers import Real
-from pathlib import Path
 from types import SimpleNamespace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from wavesweep.sweep.checkpoint import gather, stretches
 from wavesweep.sweep.drawn_loops import ports_of, ports_of_groups
 from wavesweep.sweep.grid import Grid, groups, loop_of, make_grid, no_controller, rates_of, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
-from wavesweep.sweep.running import Progress, Run, Work, run
+from wavesweep.sweep.running import Run, Work, run
 from wavesweep.sweep.table import Columns, Table, facts_of, held, joined
 from wavesweep.sweep.tasks import PORT, PortTask
 
@@ -40,22 +39,18 @@ METHODS = {
 def passivity(
     spec: Spec,
     tolerance: float = TOLERANCE,
-    jobs: int | None = None,
-    backend: str | None = None,
-    scheduler: str | None = None,
-    progress: Progress | None = None,
-    checkpoint: Path | None = None,
-    force: bool = False,
+    **work: Any,
 ) -> Table:
     """Channel norm and port margin for every combination of the axes of [sweep] that have values.
 
     An axis that has only a span is not swept. Nothing is computed twice: the norm depends on filters and rates, the
     margin on the keys that the controller reads. tolerance: J per J sent that aliasing may add, for the verdicts of the
-    summary. jobs, backend, scheduler, progress, checkpoint, force: see `Work`. Raises UsageError, and the errors of `run`.
+    summary. work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError, and the errors
+    of `run`.
     """
     _refuse_tolerance(tolerance)
     axes = tuple(axis for axis in spec.sweep if axis.values)
-    found = run(jobs_of(spec, axes), Work(jobs, backend, scheduler, progress, checkpoint, force))
+    found = run(jobs_of(spec, axes), Work(**work))
     grid = found.jobs["port"].grid
     counts = {"computed": grid.slices, "skipped": grid.size - grid.slices, "certified": _certified(found)}
     methods = METHODS | ({"damping_needed": NOT_COMPUTED} if grid.drawing else {})

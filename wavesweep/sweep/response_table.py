@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -25,7 +24,7 @@ from wavesweep.spec.studies import beyond_half
 from wavesweep.sweep.drawn_loops import drift_of, ports_of, ports_of_groups, telling_frames
 from wavesweep.sweep.grid import keys_of, make_grid, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
-from wavesweep.sweep.running import Progress, Run, Work, in_memory, run
+from wavesweep.sweep.running import Run, Work, in_memory, run
 from wavesweep.sweep.table import Columns, Table, facts_of, with_unlike_units
 
 KEPT = 200  # ticks of a frame up to which a prepared loop is remembered; it takes memory with their square
@@ -69,25 +68,20 @@ WIDE = 10_000  # frequencies of a chunk: the last digits depend on those that ar
 
 def responses(
     specs,
-    jobs: int | None = None,
-    backend: str | None = None,
-    scheduler: str | None = None,
-    progress: Progress | None = None,
-    checkpoint: Path | None = None,
-    force: bool = False,
+    **work: Any,
 ) -> Table:
     """Admittance, impedance, worst-case gain and verdict of all specs, for every combination of their [bode] axes.
 
     A spec without one of the axes has its own value in that column, or NaN if its controller does not read it.
-    jobs, backend, scheduler, progress, checkpoint, force: see `Work`. Raises UsageError for a frequency beyond half the fast
-    rate, and the errors of `run`.
+    work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`. Raises UsageError for a frequency beyond
+    half the fast rate, and the errors of `run`.
     """
     if not specs:
         raise UsageError("responses: expected at least one spec, found none")
     names = tuple(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
     several = [response_job(spec, spec.bode, spec.frequency_hz, names) for spec in specs]
     asked = {f"spec-{number}" if len(several) > 1 else "": job for number, job in enumerate(several)}
-    found = run(asked, Work(jobs, backend, scheduler, progress, checkpoint, force))
+    found = run(asked, Work(**work))
     grids = [job.grid for job in asked.values()]
     drawn = all(grid.drawing for grid in grids)
     computed = sum(grid.slices for grid in grids)
