@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import prod
@@ -139,10 +139,12 @@ def _merit(columns: Mapping[str, np.ndarray]) -> np.ndarray:
     return np.where(np.isnan(felt), -np.inf, felt)
 
 
-def best_of(found: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """The best of some rows; certified ones come first."""
+def best_of(found: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
+    """The best of some rows, the first of those that are alike but for rounding; certified ones come first."""
     known = [row for row in found if row]
-    return dict(max(known, key=lambda row: (bool(row["certified"]), row["merit"]))) if known else {}
+    known = [row for row in known if row["certified"]] or known
+    most = max((row["merit"] for row in known), default=0.0)
+    return next((dict(row) for row in known if row["merit"] >= most - FELT_ALIKE * abs(most)), {})
 
 
 def is_logarithmic(values: np.ndarray) -> bool:
