@@ -57,9 +57,9 @@ def processors() -> int:
 def refuse_backend(backend: str | None) -> None:
     """Raise UsageError for a backend that is unknown, whose package is missing, or that cannot keep its promises."""
     if backend == "multiprocessing":
-        raise UsageError("--backend multiprocessing: its pool never notices that a worker has died; use loky")
+        raise UsageError("backend multiprocessing: its pool never notices that a worker has died; use loky")
     if backend is not None and backend not in BACKENDS:
-        raise UsageError(f"--backend {backend}: expected one of {', '.join(sorted(BACKENDS))}")
+        raise UsageError(f"backend {backend}: expected one of {', '.join(sorted(BACKENDS))}")
     if backend in EXTRAS:
         _import(backend, EXTRAS[backend])
 
@@ -292,16 +292,16 @@ def _client(distributed, address, opened):
         try:
             return distributed.get_client()
         except ValueError as error:
-            raise UsageError("--backend dask: give the scheduler's address, --scheduler tcp://host:8786") from error
+            raise UsageError("backend dask: give the scheduler's address, e.g. tcp://host:8786") from error
     found = re.fullmatch(r"(?:(?:tcp|tls|wss?)://)?(\[[^\]]+\]|[^][:/\s]+):(\d{1,5})/?", address)
     if not found:
-        raise UsageError(f"--scheduler {address}: expected an address such as tcp://host:8786")
+        raise UsageError(f"scheduler {address}: expected an address such as tcp://host:8786")
     try:
         # Nobody there: dask would say so after a long time, and in many lines.
         socket.create_connection((found[1].strip("[]"), int(found[2])), PATIENCE).close()
         return opened.enter_context(distributed.Client(address, timeout=PATIENCE, set_as_default=False))
     except (OSError, ValueError, OverflowError) as error:
-        raise UsageError(f"--scheduler {address}: no dask scheduler answers there ({error})") from error
+        raise UsageError(f"scheduler {address}: no dask scheduler answers there ({error})") from error
 
 
 @contextmanager
@@ -337,7 +337,7 @@ def _import(backend, module):
         return import_module(module)
     except ImportError as error:
         raise UsageError(
-            f"--backend {backend}: the package {EXTRAS[backend]} is missing; install it with pip install 'wavesweep[{backend}]'"
+            f"backend {backend}: the package {EXTRAS[backend]} is missing; install it with pip install 'wavesweep[{backend}]'"
         ) from error
 
 
