@@ -62,6 +62,7 @@ def test_only_the_unstable_part_of_a_curve_is_faint():
 
 
 def test_the_caption_says_of_a_wall_what_the_loop_has():
+    assert wavesweep.compile({"controller": {"kind": "dc"}, "simulate": {"wall": 0.001}}).plot_simulate(np.ones(20), wall=None)
     figure = wavesweep.compile({"controller": {"kind": "dc-slow"}}).plot_zwidth(span=(0, 4000), B_VE=[0.0, 1.0])
     assert "implicit" not in figure.get_supxlabel()
     assert "without integration" in figure.get_supxlabel().replace("\n", " ")

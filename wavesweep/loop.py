@@ -175,7 +175,9 @@ class Loop:
         force, options: as for `simulate`.
         """
         tables = self.spec.as_simulated().tables()
-        used = load(tables | {"simulate": tables["simulate"] | options}).as_simulated()
+        off = [name for name, value in options.items() if value is None]
+        keys = {name: value for name, value in (tables["simulate"] | options).items() if name not in off}
+        used = load(tables | {"simulate": keys}).as_simulated()
         return _figure("simulate", self.simulate(force, **options), used)
 
     def plot_diagram(self):

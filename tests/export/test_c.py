@@ -151,6 +151,20 @@ def test_a_wall_without_a_solution_leaves_the_wave_loop_open(tmp_path):
     assert made(tmp_path, "example", "gcc", "-O2") == (0, "2.5 1\n")  # b v, as if nothing came back
 
 
+@pytest.mark.parametrize(("stiffness", "fault"), [(1.0, 0), (5e4, 1)])
+def test_a_one_sided_wall_that_is_both_met_and_not_is_told_to_the_host(tmp_path, stiffness, fault):
+    need("gcc")
+    filters = {f"{name}_order": 0 for name in ("lp1", "lp2")}
+    written(experiment("pmw-lm", b=4.0, K_VE=1.0, B_VE=0.0, local_model__K_LM=1e4, local_model__delay=0, **filters), tmp_path)
+    program = (
+        '#include <stdio.h>\n#include "controller.h"\nint main(void) { ws_state s; ws_init(&s, 0.0);\n'
+        f"s.wall.one_sided = 1; s.wall.K_VE = {stiffness}; ws_fast_tick(&s, 0.0, 0.1);\n"
+        'printf("%d\\n", s.ill_posed); return 0; }\n'
+    )
+    (tmp_path / "example.c").write_text(program)
+    assert made(tmp_path, "example", "gcc", "-O2") == (0, f"{fault}\n")
+
+
 def test_the_header_is_one_of_cpp_too(tmp_path):
     if not shutil.which("g++"):
         pytest.skip("no g++")

@@ -489,6 +489,8 @@ def test_a_sine_that_is_its_own_image_is_noticed():
     assert notice.startswith("at 250 Hz, a multiple of half the frame's rate, a sine is its own image")
     found = response.admittance_re[0] + 1j * response.admittance_im[0]
     assert abs(found) == pytest.approx(response.linear_admittance_abs[0], rel=0.01)
+    own = wavesweep.simulate({"controller": {"kind": "pmw"}, "simulate": {"frequency_hz": 50.0, "duration_s": 3.0}})[1]
+    assert own.attrs["facts"]["notices"][0].startswith("at 50 Hz, a multiple of half the frame's rate")
 
 
 def test_a_loop_that_diverges_stops_and_says_so():

@@ -63,9 +63,9 @@ def test_an_address_that_can_be_none_is_refused_in_a_line(mixed, address, capfd)
 
 
 def test_a_backend_that_is_unknown_or_keeps_no_promise_is_refused(mixed, tmp_path):
-    with pytest.raises(UsageError, match="^backend lokky: expected one of dask, loky, ray, threading"):
+    with pytest.raises(UsageError, match=r"^backend lokky: expected one of dask, loky, ray, threading"):
         sweep.intervals(mixed, backend="lokky", checkpoint=tmp_path / "parts")
-    with pytest.raises(UsageError, match="^backend multiprocessing: its pool never notices that a worker has died"):
+    with pytest.raises(UsageError, match=r"^backend multiprocessing: its pool never notices that a worker has died"):
         sweep.intervals(mixed, backend="multiprocessing", checkpoint=tmp_path / "parts")
     assert not list(tmp_path.iterdir())
 

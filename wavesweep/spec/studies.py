@@ -66,9 +66,11 @@ class Experiment:
             name = "frequency_hz" if self.values["duration_s"] is None else "duration_s"
             expected = f"at most {most:g} s ({MOST_TICKS} ticks at {rate})"
             yield self._leaf(name).mistake(f"simulate.{name}", expected, f"{seconds:g} s")
-        sets_in = self.values["at_s"]
-        if self.values["input"] in ("step", "pulse") and sets_in >= seconds:
+        sets_in, width = self.values["at_s"], self.values["width_s"]
+        if self.values["input"] in ("step", "pulse") and not min(sets_in, most) * fast_hz + 0.5 < min(seconds, most) * fast_hz:
             yield self._leaf("at_s").mistake("simulate.at_s", f"a number < {seconds!r} (simulate.duration_s)", show(sets_in))
+        if self.values["input"] == "pulse" and width * fast_hz <= 0.5:
+            yield self._leaf("width_s").mistake("simulate.width_s", f"at least a tick ({1 / fast_hz:g} s)", show(width))
 
     def _leaf(self, name: str) -> Leaf:
         """Return the given leaf of a key, or an empty one at the place of its table."""
@@ -127,8 +129,12 @@ def _frequencies(parts: dict[str, Leaf]) -> tuple[Axis | None, list[Mistake]]:
 def _fit(kind: str, axis: Axis | None, parts: dict[str, Leaf]) -> tuple[tuple[float, ...], list[Mistake]]:
     """Return the frequencies of this input, and a mistake if they are too many or only a span."""
     if kind == "chirp":
-        return (axis.start, axis.stop), []
-    if kind == "sine" and len(axis.values) != 1:
+        ends = axis.values or (axis.start, axis.stop)
+        if len(ends) <= 2 and ends[0] <= ends[-1]:
+            return (ends[0], ends[-1]), []
+        expected = "one or two frequencies for a chirp, the lower one first"
+        found = f"{len(ends)} frequencies" if len(ends) > 2 else " and ".join(map(repr, ends))
+    elif kind == "sine" and len(axis.values) != 1:
         found = f"{len(axis.values)} frequencies" if axis.values else "a span"
         expected = 'one frequency for a sine (several are for input = "stepped-sine")'
     elif kind == "stepped-sine" and not axis.values:

@@ -54,7 +54,12 @@ def simulation_of(spec: Spec, force=None, **changes: Any) -> Simulation:
     drawn = assembled(drawing, spec.values)
     drawn = with_velocity(drawn, drawing) if spec.drawing else drawn
     velocity = VELOCITY if VELOCITY in drawn.sums else ""
-    return simulate_drawn(drawn, force, ports.force, ports.position, velocity, ports.reaction)
+    found = simulate_drawn(drawn, force, ports.force, ports.position, velocity, ports.reaction)
+    if spec.drawing:
+        return found
+    wall = np.ones(len(found.signals["touching"]), bool)  # a built-in loop's is there on both sides of 0
+    wall.flags.writeable = False
+    return replace(found, signals=found.signals | {"touching": wall})
 
 
 VELOCITY = "ports.hand.velocity"
@@ -150,7 +155,7 @@ def simulate(spec: Spec) -> list[Table]:
         response = seen_response(spec, simulation, tones)
         timings = {"estimate_s": time.perf_counter() - simulated_at}
         methods = DRAWN_RESPONSE_METHODS if drawn else RESPONSE_METHODS
-        notices = list(_images(tones, 1 / spec.tick_hz, simulation.frame)) if drawn else []
+        notices = list(_images(tones, 1 / spec.tick_hz, simulation.frame))
         facts = _facts(spec, methods, timings, notices) | {"linear_loop": linear}
         tables.append(Table.of("simulate-response", response, facts))
     return tables
@@ -183,6 +188,8 @@ def _notices(spec: Spec) -> Iterator[str]:
     """Yield notices about values that a user may not expect."""
     options = spec.simulate
     limits = DEVICES[spec.preset].simulation().items() if spec.preset else ()
+    if spec.uneven:
+        yield "at rates that do not divide the table shows the hand and the device; the controller's own signals are left out"
     if limits and spec.uneven:
         left_out = [f"{name} = {value:g}" for name, value in limits if value]
         yield f"the preset's {', '.join(left_out)} are left out: at rates that do not divide the linear loop alone is simulated"

@@ -3,13 +3,13 @@ import math
 import numpy as np
 import pytest
 from support.march import march
-from support.specs import KINDS
+from support.specs import KINDS, values_of
 
 from wavesweep import diagram
 from wavesweep.analysis.simulation import CONTROLLERS, Effects, simulate
 from wavesweep.analysis.simulation.both_loops import FARTHEST, STRONGEST
 from wavesweep.diagram.direct import dc_slow
-from wavesweep.errors import UsageError
+from wavesweep.errors import IllPosedLoopError, UsageError
 
 
 @pytest.fixture
@@ -33,6 +33,18 @@ def test_with_everything_off_it_is_the_linear_march(values, push, kind, velocity
             assert np.array_equal(getattr(plain, name), experiment.signals[name][::step])
     assert experiment.stopped == ""
     assert len(experiment.signals["x"]) == len(push)
+
+
+@pytest.mark.parametrize(("K_VE", "answer"), [(5e4, "no single value"), (1.0, "")])
+def test_a_contact_without_one_answer_is_refused(push, K_VE, answer):
+    """One plus the part of a wave that comes back is -0.42 pressed and 1.57 off the wall: at some waves neither holds, at
+    some both."""
+    loop = values_of("pmw-lm", b=4.0, K_LM=1e4, K_VE=K_VE, B_VE=0.0, lp1_order=0, lp2_order=0, local_model__delay=0)
+    if answer:
+        with pytest.raises(IllPosedLoopError, match=answer):
+            simulate(loop, push, Effects(wall=0.0))
+        loop["local_model.delay"] = 1
+    assert len(simulate(loop, push, Effects(wall=0.0)).signals["x"]) > 1
 
 
 @pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm"])

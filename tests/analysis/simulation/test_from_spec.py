@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from wavesweep.analysis.simulation import hand_force, simulated, table
-from wavesweep.errors import UsageError
+from wavesweep.errors import SpecError, UsageError
 from wavesweep.results import fields
 from wavesweep.spec import load
 
@@ -40,6 +40,47 @@ def test_a_stepped_sine_lasts_as_long_as_it_takes_unless_told():
     assert np.array_equal(long.force, np.append(whole.force, np.zeros(1000)))
 
 
+@pytest.mark.parametrize(
+    "steps", [{"settle_s": 1e300}, {"settle_s": 0.5, "frequency_hz": [5e-324]}, {"frequency_hz": [10, 1e-9], "settle_s": 0}]
+)
+def test_of_steps_beyond_the_simulated_time_nothing_is_made(steps):
+    made = hand_force(spec(input="stepped-sine", **{"frequency_hz": [10]} | steps, duration_s=1.5))
+    assert (len(made.force), len(made.tones)) == (1500, len(steps.get("frequency_hz", [])) - 1 if steps["settle_s"] == 0 else 0)
+
+
+@pytest.mark.parametrize("given", [{"input": "sine", "settle_s": 1e308}, {"input": "sine", "frequency_hz": 5e-324}])
+def test_a_sine_that_never_settles_has_no_tone(given):
+    assert hand_force(spec(**given)).tones == ()
+
+
+def test_the_seed_of_a_call_is_that_of_the_noise_too():
+    first, second, named = (
+        simulated(spec(input="noise", **seed), **of).signals["f_h"]
+        for seed, of in (({}, {"seed": 1}), ({}, {"seed": 2}), ({"seed": 1}, {}))
+    )
+    assert np.array_equal(first, named)
+    assert not np.array_equal(first, second)
+
+
+def test_a_force_of_its_own_needs_no_experiment_that_fits():
+    quick = load({"controller": {"kind": "dc"}, "rates": {"fast_hz": 1e6}})  # of which 10 s are too many ticks
+    assert len(simulated(quick, np.ones(3)).signals["x"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"input": "chirp", "frequency_hz": [50, 1]}, "the lower one first, found 50.0 and 1.0"),
+        ({"input": "chirp", "frequency_hz": [1, 7, 50]}, "one or two frequencies for a chirp.* found 3"),
+        ({"input": "pulse", "width_s": 0.0004}, r"simulate.width_s: expected at least a tick \(0.001 s\), found 0.0004"),
+        ({"input": "step", "at_s": 0.4996}, r"simulate.at_s: expected a number < 0.5"),
+    ],
+)
+def test_an_input_that_would_be_another_one_or_none_is_a_mistake(given, words):
+    with pytest.raises(SpecError, match=words):
+        simulated(spec(**given))
+
+
 def test_a_record_is_found_beside_the_spec(tmp_path, monkeypatch):
     (tmp_path / "push.csv").write_text("force_N\n1\n2\n3\n")
     (tmp_path / "a.toml").write_text('[controller]\nkind = "dc"\n[simulate]\ninput = "record"\nrecord = "push.csv"\n')
@@ -69,6 +110,8 @@ def test_force_and_options_of_a_call_stand_before_the_specs():
         ([1.0, np.nan], {}, "found some that are not finite"),
         ([1.0], {"fricton": 1.0}, "option fricton: expected some of wall, resolution"),
         ([1.0], {"friction": -1.0}, "option friction: expected a number >= 0"),
+        ([1.0], {"late": 1e19}, "option late: expected at most 1000000 ticks"),
+        ([1.0], {"max_force": 0}, "option max_force: expected a number > 0, or None"),
     ],
 )
 def test_a_call_that_makes_no_sense_is_refused(force, changes, words):

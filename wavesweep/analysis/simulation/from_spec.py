@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -23,9 +24,9 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
     Errors: `SpecError` if the experiment does not fit the fast rate, `UsageError` for a record that cannot be read,
     a force that is not a vector of finite numbers, or an option that does not exist or is out of range.
     """
-    spec = spec.as_simulated()
-    force = hand_force(spec).force if force is None else inputs.given(force).force
-    return simulate(spec.values, force, changed(effects_of(spec), changes))
+    effects = changed(effects_of(spec), changes)
+    force = hand_force(spec.as_simulated(), effects.seed).force if force is None else inputs.given(force).force
+    return simulate(spec.values, force, effects)
 
 
 def effects_of(spec: Spec) -> Effects:
@@ -33,10 +34,10 @@ def effects_of(spec: Spec) -> Effects:
     return Effects(**{field.name: spec.simulate[field.name] for field in fields(Effects)})
 
 
-def hand_force(spec: Spec) -> Input:
-    """Return the force of the hand over the simulated time of the spec."""
+def hand_force(spec: Spec, seed: int | None = None) -> Input:
+    """Return the force of the hand over the simulated time of the spec; seed: of noise, by default the spec's."""
     values, fast_hz = spec.simulate, spec.tick_hz
-    record = _made(spec, fast_hz)
+    record = _made(spec, fast_hz, values["seed"] if seed is None else int(seed))
     seconds = values["duration_s"]
     return record if seconds is None else inputs.lasting(record, round(seconds * fast_hz))
 
@@ -46,18 +47,20 @@ def record_path(spec: Spec) -> Path:
     return Path(spec.source or "").parent / spec.simulate["record"]
 
 
-def _made(spec: Spec, fast_hz: float) -> Input:
+def _made(spec: Spec, fast_hz: float, seed: int) -> Input:
     """Return the input of this name."""
     values = spec.simulate
     size, seconds, at = (values[name] for name in ("amplitude", "duration_s", "at_s"))
     frequencies, settle = values["frequency_hz"], values["settle_s"]
     makers = {
         "sine": lambda: inputs.sine(fast_hz, *frequencies, size, seconds, settle),
-        "stepped-sine": lambda: inputs.stepped_sine(fast_hz, frequencies, size, settle, values["periods"]),
+        "stepped-sine": lambda: inputs.stepped_sine(
+            fast_hz, frequencies, size, settle, values["periods"], most=math.inf if seconds is None else seconds
+        ),
         "chirp": lambda: inputs.chirp(fast_hz, *frequencies, size, seconds),
         "step": lambda: inputs.step(fast_hz, size, seconds, at),
         "pulse": lambda: inputs.pulse(fast_hz, size, seconds, at, values["width_s"]),
-        "noise": lambda: inputs.noise(fast_hz, size, seconds, values["seed"]),
+        "noise": lambda: inputs.noise(fast_hz, size, seconds, seed),
         "record": lambda: inputs.read_force(record_path(spec), fast_hz, "rates.tick_hz" if spec.drawing else "rates.fast_hz"),
     }
     return makers[values["input"]]()

@@ -16,6 +16,7 @@ from wavesweep.analysis.given import real_numbers
 from wavesweep.errors import UsageError
 
 MOST_JITTER = 0.9  # of a tick, as in a spec
+MOST_LATE = 1_000_000  # ticks, as in a spec
 _EXACT_STEPS = 2.0**53  # beyond this many encoder steps every double is one
 
 
@@ -59,6 +60,10 @@ class Effects:
                 raise UsageError(f"option {field.name}: expected a number >= 0, found {value}")
         if self.jitter > MOST_JITTER:
             raise UsageError(f"option jitter: expected at most {MOST_JITTER} of a tick, found {self.jitter}")
+        if self.late > MOST_LATE:
+            raise UsageError(f"option late: expected at most {MOST_LATE} ticks, found {self.late}")
+        if self.max_force == 0:
+            raise UsageError("option max_force: expected a number > 0, or None for no limit, found 0")
         if self.dropped > 1:
             raise UsageError(f"option dropped: expected a probability of at most 1, found {self.dropped}")
         for name, what in (("late", "a whole number of ticks"), ("seed", "a whole number")):

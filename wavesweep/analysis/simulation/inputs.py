@@ -18,6 +18,7 @@ from wavesweep.spec.studies import MOST_TICKS
 
 MOST_BYTES = 40 * MOST_TICKS  # of a record; times and forces with all their digits take 40 bytes a row
 MOST_SHOWN = 60  # characters of a file that an error repeats
+_MOST = 2.0**53  # ticks; more cannot be counted by doubles
 _TOLERANCE = 0.01  # of a tick: times rounded to a few digits pass, a clock that drifts or loses samples does not
 
 
@@ -49,10 +50,10 @@ def sine(fast_hz: float, frequency_hz: float, amplitude: float = 1.0, seconds: f
     """
     settled, ticks = _ticks(fast_hz, settle), _ticks(fast_hz, seconds)
     _check(fast_hz, frequency_hz)
-    periods = int((ticks - settled) * frequency_hz / fast_hz + 1e-9)  # a last period is whole in spite of rounding
+    periods = max(0, int((ticks - settled) * frequency_hz / fast_hz + 1e-9))  # a last period is whole in spite of rounding
     force = amplitude * np.sin(2 * np.pi * frequency_hz / fast_hz * np.arange(ticks))
-    tone = Tone(frequency_hz, settled, settled + round(periods * fast_hz / frequency_hz))
-    return Input(force, (tone,) if periods >= 1 else ())
+    tone = Tone(frequency_hz, settled, settled + (round(periods * fast_hz / frequency_hz) if periods else 0))
+    return Input(force, (tone,) if periods else ())
 
 
 def stepped_sine(
@@ -62,20 +63,25 @@ def stepped_sine(
     settle: float = 2.0,
     periods: int = 5,
     least: float = 1.0,
+    most: float = np.inf,
 ) -> Input:
     """Return one sine after the other without a jump in phase, as a measured sine sweep does.
 
     Parameters: `frequencies_hz` above 0 and below half the fast rate, `amplitude` (N), `settle` seconds before each
-    measurement, which then takes `periods` (at least 1) whole periods and at least `least` seconds of them.
+    measurement, which then takes `periods` (at least 1) whole periods and at least `least` seconds of them. No force is made
+    after `most` seconds, and no section that ends later is told.
 
     Errors: `UsageError` for a frequency out of range.
     """
-    phases, tones, first, phase = [], [], 0, 0.0
+    phases, tones, first, phase, end = [], [], 0, 0.0, _ticks(fast_hz, min(most, _MOST / fast_hz))
     for frequency in map(float, frequencies_hz):
         _check(fast_hz, frequency)
         turns = max(periods, int(np.ceil(least * frequency)))
         settled = first + _ticks(fast_hz, settle)
-        last = settled + round(turns * fast_hz / frequency)
+        last = settled + _ticks(fast_hz, min(turns / frequency, _MOST))
+        if last > end:
+            phases.append(phase + 2 * np.pi * frequency / fast_hz * np.arange(end - first))
+            break
         phases.append(phase + 2 * np.pi * frequency / fast_hz * np.arange(last - first))
         phase += 2 * np.pi * frequency / fast_hz * (last - first)
         tones.append(Tone(frequency, settled, last))
@@ -88,7 +94,7 @@ def chirp(fast_hz: float, start_hz: float = 0.1, stop_hz: float = 50.0, amplitud
     if start_hz <= 0 or stop_hz <= 0:
         raise UsageError(f"chirp: expected two frequencies above 0 Hz, found {start_hz} and {stop_hz}")
     t = np.arange(_ticks(fast_hz, seconds)) / fast_hz
-    octaves = np.log(stop_hz / start_hz) / seconds
+    octaves = np.log(stop_hz / start_hz) / seconds if len(t) else 0.0
     turns = start_hz * (np.expm1(octaves * t) / octaves if octaves else t)
     return Input(amplitude * np.sin(2 * np.pi * turns))
 
@@ -139,7 +145,7 @@ def _check(fast_hz: float, frequency_hz: float) -> None:
 def _ticks(fast_hz: float, seconds: float) -> int:
     if not 0.0 <= seconds < np.inf:
         raise UsageError(f"duration: expected 0 s or more, found {seconds} s")
-    return round(seconds * fast_hz)
+    return round(min(seconds * fast_hz, _MOST))
 
 
 def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") -> Input:

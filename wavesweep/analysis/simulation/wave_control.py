@@ -157,11 +157,19 @@ def _outgoing(law: WaveLaw, memory: WaveMemory, x: float, sent: float, *, closes
 
     For each way of meeting the wall ``v_m`` is affine in ``u_m``: its slope is the part of a unit wave that a loop at rest
     returns. The first way that its own solution allows is taken; they are tried in the order in which `contact` decides.
-    Returns the wave, and the way if the slow loop is part of it.
+    There is exactly one if `1 + slope` has the same sign for all of them.
+    Returns the wave, and the way if the slow loop is part of it. Errors: IllPosedLoopError if there is none, or several.
     """
     if not closes and law.local_delay:
         return sent - _returned(law, memory, x, 0.0, None), None
     ways = (pressed, free, grazing) if closes and law.wall.one_sided else (pressed if closes else None,)
+    if len(ways) > 1 and law.wall.ahead > 0:  # else the gap alone decides
+        shares = [1 + _slope(law, memory, meets) for meets in (ways if law.wall.B else ways[:2])]
+        if min(shares) < 0 < max(shares):
+            raise IllPosedLoopError(
+                "within the tick the avatar both touches the one-sided wall and does not, or neither: u_m has no single value; "
+                "give the environment or the local model a delay"
+            )
     for meets in ways:
         slope = _slope(law, memory, meets)
         if slope == -1.0 and meets is grazing:

@@ -104,7 +104,7 @@ typedef struct {
     int late;        /* the host's: 1 if the next frame's slow step is not made within the tick */
 @end
 @if wave_loop
-    int ill_posed;   /* 1 once the wave loop within a tick had no solution; that tick took it as open */
+    int ill_posed;   /* 1 once the wave loop within a tick had no solution, or several */
 @end
     /* signals of the last tick, to look at */
     double f_m;      /* control force, N */

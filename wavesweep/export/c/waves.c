@@ -150,11 +150,20 @@ static double slope(const ws_state *s, int way)
 }
 
 /* u_m + v_m(u_m) = sqrt(2b) v, where v_m is affine in u_m for each way of meeting the wall; the first way that its own
- * solution allows is taken. */
+ * solution allows is taken. There is exactly one if 1 + slope has the same sign for all ways. */
 static double solved(ws_state *s, double x, double sent, int *way)
 {
     const int several = *way != LATER && s->wall.one_sided;
     double u_m = 0.0;
+@if delay0
+    if (several && wall_port(s).ahead > 0.0) {
+        const double in = 1.0 + slope(s, PRESSED), off = 1.0 + slope(s, APART);
+        const double on = s->wall.B_VE == 0.0 ? off : 1.0 + slope(s, GRAZING);
+        const int below = in < 0.0 || off < 0.0 || on < 0.0;
+        if (below && (in > 0.0 || off > 0.0 || on > 0.0))
+            s->ill_posed = 1;
+    }
+@end
     for (;; ++*way) {
         double part = slope(s, *way);
         if (part == -1.0) {
