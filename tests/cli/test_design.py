@@ -1,16 +1,21 @@
 """`design`: a front that every other command confirms, the same bytes for all workers and after a stop, and misses in words."""
 
 import json
+import re
 import tomllib
 
 import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.analysis.passivity import HandBox
 from wavesweep.cli import main
+from wavesweep.errors import WavesweepError
 from wavesweep.results import read
-from wavesweep.seeking.family import Scenario
-from wavesweep.seeking.study import job_of
+from wavesweep.seeking import study
+from wavesweep.seeking.family import Scenario, scenarios_of
+from wavesweep.seeking.genes import designs_of
+from wavesweep.seeking.study import DesignTask, box_of, job_of
 from wavesweep.seeking.verdicts import miss
 from wavesweep.spec import load
 from wavesweep.sweep import running, workers
@@ -175,6 +180,21 @@ def test_the_library_has_the_same_table(run, tmp_path):
     assert table.attrs["units"]["z_width"] == "N/m"
 
 
+@pytest.mark.slow
+def test_the_nearest_miss_is_one_of_all_that_has_to_hold():
+    """Between the ends of the hand's mass walls are less stiff: designs judged before that was known are no misses."""
+    tables = {"controller": {"kind": "pmw", "Kp": 40.0}, "environment": {"integration": "explicit", "delay": 9}}
+    tables |= {"device": {"velocity": "difference"}, "filters": {"lp1": {"order": 0}}}
+    hand = {"mass": [0.0, 0.08], "damping": [2.0], "stiffness": [800.0]}
+    wanted = {"vary": {"b": {"start": 24.9, "stop": 25.1}}, "wish": {"z_width": {"at_least": 80.0, "B_VE": [1]}}}
+    tables |= {"design": wanted | {"for_all": {"hand": hand}, "population": 8, "generations": 10}}
+    with pytest.raises(WavesweepError) as error:
+        wavesweep.design(tables)
+    value, place = re.search(r"has z_width (\S+) N/m \(at least 80\) with operator.mass=(\S+),", str(error.value)).groups()
+    assert float(value) < 80
+    assert 0 < float(place) < 0.08
+
+
 @pytest.mark.parametrize(
     ("change", "text"),
     [
@@ -203,6 +223,58 @@ def test_the_last_generation_is_checked_between_the_ends_of_the_ranges():
     assert [each.values["device.mass"] for each in job.scenarios] == [0.08, 0.125]
     assert [each.values["device.mass"] for each in job.finer] == pytest.approx([0.08, 0.1025, 0.125])
     assert workers.choose(1, None, None, 3, lambda: 1.0).count == 1
+
+
+def test_of_whole_numbers_all_between_the_ends_are_checked():
+    """With trapezoidal integration and delays of 0 and 20 ticks some walls are stable; with 15 ticks none is."""
+    tables = {"controller": {"kind": "pmw", "Kp": 40.0}, "environment": {"integration": "trapezoidal"}}
+    tables |= {"filters": {"lp1": {"order": 1, "cutoff_hz": 40.0}}}
+    wanted = {"vary": {"b": {"start": 14.0, "stop": 16.0}}, "wish": {"z_width": {"B_VE": [1]}}, "population": 8}
+    tables |= {"design": wanted | {"for_all": {"environment.delay": [0, 20]}, "generations": 1}}
+    job = job_of(load(tables))
+    assert [each.values["environment.delay"] for each in job.finer] == list(range(21))
+    tables["design"]["wish"] = {"z_width": {"at_least": 1000.0, "B_VE": [1]}}
+    found = wavesweep.design(tables)
+    assert (found.holds.any(), found.z_width[0]) == (False, 0)
+    assert found.z_width_scenario[0] not in ("environment.delay=0", "environment.delay=20")
+
+
+def test_a_choice_too_large_to_check_between_the_ends_says_so():
+    tables = tomllib.loads(SPEC)
+    tables["design"]["for_all"] = {"device.mass": list(np.linspace(0.1, 0.2, 2100)), "hand": {"stiffness": [800.0]}}
+    job = job_of(load(tables))
+    assert len(job.finer) == 2100
+    assert "values between the ends of the ranges were not checked" in list(study._notices(job))[1]
+
+
+@pytest.mark.parametrize(
+    ("change", "box"),
+    [
+        (
+            {"for_all": {"operator.mass": [0, 0.6], "hand": {"stiffness": [800.0, 810.0]}}},
+            HandBox((0, 0.6), (2, 2), (800, 810)),
+        ),
+        ({"vary": {"operator.damping": {"start": 1, "stop": 3}}}, HandBox((0, 0), (2.5, 2.5), (100, 600))),
+    ],
+)
+def test_the_box_is_of_all_hands_that_a_design_has_to_hold_for(change, box, monkeypatch):
+    """Also of what is said of the operator itself; a design that varies the hand has its own."""
+    seen = []
+
+    def kept(self, _values, _along, span):
+        seen.append(self.box)
+        found = np.zeros(1, HAND_RECORD)
+        found["intervals"], found["high"], found["settled"] = 1, span[1], True
+        return found
+
+    monkeypatch.setattr(Guarantee, "records", kept)
+    tables = tomllib.loads(SPEC) | {"operator": {"damping": 2.0}}
+    tables["design"] |= {"for_all": {"hand": {"stiffness": [100.0, 600.0]}}, "wish": {"z_width": {"B_VE": [1]}}} | change
+    spec = load(tables)
+    genes = np.full((1, len(spec.design.vary)), 0.75)
+    designs, kind = designs_of(spec.design.vary, genes), job_of(spec, "box").dtype
+    DesignTask(spec, scenarios_of(spec.design), designs, 1, 2e4, kind, box_of(spec)).records()
+    assert set(seen) == {box}
 
 
 @pytest.mark.slow

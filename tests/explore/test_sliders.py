@@ -63,6 +63,16 @@ def test_a_slow_rate_that_does_not_divide_is_varied_itself():
     assert load(tomllib.loads(text_of(spec))).sha256 == spec.sha256
 
 
+def test_the_copied_text_is_one_that_every_command_takes():
+    """Frequencies, a swept cutoff and a sine that the lower rate rules out."""
+    tables = {"controller": {"kind": "pmw"}, "bode": {"frequency_hz": {"start": 0.1, "stop": 400.0, "num": 9, "scale": "log"}}}
+    tables |= {"sweep": {"filters.lp1.cutoff_hz": [10.0, 300.0]}, "simulate": {"frequency_hz": 300.0}}
+    again = load(tomllib.loads(text_of(changed(load(tables), {"rates.fast_hz": 500.0}))))
+    assert (again.frequency_hz[-1], len(again.frequency_hz), again.sweep) == (250.0, 9, ())
+    few = changed(load(tables | {"bode": {"frequency_hz": [1.0, 300.0]}}), {"rates.fast_hz": 500.0})
+    assert load(tomllib.loads(text_of(few))).frequency_hz == (1.0,)
+
+
 @pytest.mark.parametrize("path", SPECS, ids=lambda path: path.stem)
 def test_the_copied_text_is_the_same_request(path):
     spec = load(path)

@@ -129,6 +129,36 @@ def test_margins_of_port_damping_and_delay_are_those_of_each_loop():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("order", [("K_LM/K_VE", "B_LM/K_LM"), ("B_LM/K_LM", "K_LM/K_VE")])
+def test_a_ratio_to_a_number_that_follows_the_wall_follows_the_wall_too(order):
+    ratios = {"K_LM/K_VE": [0.5], "B_LM/K_LM": [0.01]}
+    tables = TABLES["design"] | {"for_all": {name: ratios[name] for name in order}, "wish": {"z_width": {"B_VE": [1]}}}
+    spec = load(TABLES | {"design": tables})
+    designs = {"controller.b": np.array([20.0])}
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec.design), designs, 2000.0)["z_width"]
+    assert found.certified[0]
+    loop = wavesweep.compile(spec.with_values({"b": 20.0, "B_VE": 1.0}))
+    for share, stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
+        K = share * float(found.value[0])
+        assert (loop.spectral_radius(K_VE=K, K_LM=0.5 * K, B_LM=0.005 * K) < 1) == stable
+
+
+@pytest.mark.slow
+def test_an_unstable_loop_is_the_one_that_leaves_a_design_without_transparency():
+    """Between the ends of the mass, 0.15 kg is unstable."""
+    tables = {"controller": {"kind": "pmw", "Kp": 10.0}, "environment": {"integration": "explicit", "delay": 8}}
+    tables |= {"device": {"velocity": "difference"}, "filters": {"lp1": {"order": 0}}}
+    hand = {"mass": [0, 0.15, 0.3], "damping": [0.3], "stiffness": [800]}
+    design = {"vary": {"b": {"start": 49, "stop": 51}}, "wish": {"transparency": {"walls": [2]}}, "for_all": {"hand": hand}}
+    spec = load(tables | {"design": design})
+    designs = {"controller.b": np.array([49.0])}
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec.design), designs, 2000.0)["transparency"]
+    assert np.isnan(found.value[0])
+    assert scenarios_of(spec.design)[found.scenario[0]].values["operator.mass"] == 0.15
+    assert not found.certified[0]
+
+
+@pytest.mark.slow
 def test_a_number_that_follows_the_wall_follows_it_at_every_stiffness():
     """With K_LM twice K_VE, a wall just below the limit is stable, and one just above it is not."""
     tables = TABLES["design"] | {"for_all": {"K_LM/K_VE": [2.0]}, "wish": {"z_width": {"B_VE": [1]}}}

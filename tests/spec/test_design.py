@@ -68,6 +68,20 @@ MISTAKES = [
     ({"for_all": {"hand": {"weight": [1]}}}, "design.for_all.hand.weight: expected one of mass, damping, stiffness", ""),
     ({"for_all": {"K_VE": [1]}}, "walls belong to the wishes", ""),
     ({"for_all": {"K_LM/K_VE": [-1]}}, "design.for_all.K_LM/K_VE[0]: expected a number > 0, found -1", ""),
+    ({"for_all": {"K_VE/K_LM": [1]}}, "for_all.K_VE/K_LM: expected a ratio of a number that is neither a wall nor whole", ""),
+    ({"for_all": {"B_VE/B_LM": [1]}}, "neither a wall nor whole, found environment.B_VE", ""),
+    ({"for_all": {"environment.delay/rates.ratio": [0.3]}}, "neither a wall nor whole, found environment.delay", ""),
+    ({"for_all": {"B_LM/B_LM": [1]}}, "lead to a number of the spec, found local_model.B_LM to local_model.B_LM", ""),
+    ({"for_all": {"B_LM/Kp": [1], "Kp/B_LM": [1]}}, "found local_model.B_LM to controller.Kp to local_model.B_LM", ""),
+    ({"for_all": {"K_LM": [1]}}, "expected each number once, found local_model.K_LM", ""),
+    ({"vary": {"K_LM": [1, 2]}}, "for_all.K_LM/K_VE: expected a number that is not varied, found local_model.K_LM", ""),
+    ({"for_all": {"operator.mass": [1]}}, "hand.mass: expected each number once, found operator.mass", ""),
+    ({"vary": {"operator.mass": [0, 1]}}, "hand.mass: expected a number that is not varied, found operator.mass", ""),
+    ({"vary": {"filters.lp1.cutoff_hz": {"start": 10, "stop": 1200}}}, "500.0 (half of rates.fast_hz), found 1200", ""),
+    ({"vary": {"environment.delay": [0, 40]}}, "design.vary.environment.delay: expected a whole number <= 20", ""),
+    ({"for_all": {"environment.delay": [0, 21]}}, "design.for_all.environment.delay: expected a whole number <= 20", ""),
+    ({"for_all": {"filters.lp1.cutoff_hz/filters.hp.cutoff_hz": [60]}}, "500.0 (half of rates.fast_hz), found 600", ""),
+    ({"vary": {"filters.lp1.passband_hz": {"start": 1, "stop": 2}}}, "the order or the cutoff of a filter", ""),
     ({"vary": {"controller.b": [5, 10]}}, "expected each key once, found the key of vary.b again", ""),
     ({"sed": 1}, "design.sed: expected one of vary, wish, for_all, seed", "did you mean `seed`?"),
     ({"seed": -1}, "design.seed: expected a whole number >= 0, found -1", ""),
@@ -83,6 +97,14 @@ def test_each_mistake_has_its_text(change, text, hint):
         load(LOOP | {"design": tables})
     assert text in str(error.value)
     assert hint in str(error.value)
+
+
+def test_order_and_cutoff_of_a_filter_given_by_its_band_are_not_varied():
+    band = {"passband_hz": 8.0, "stopband_hz": 40.0, "passband_db": 1.0, "stopband_db": 20.0}
+    with pytest.raises(
+        SpecError, match=r"design.vary.filters.lp1.order: expected an axis that fits filters.lp1, given by its band"
+    ):
+        load(LOOP | {"filters": {"lp1": band}, "design": DESIGN})
 
 
 def test_nothing_to_vary_and_nothing_wished_for_are_mistakes():

@@ -16,18 +16,24 @@ from wavesweep.sweep.table import Columns
 def design(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """The best of each wish, the spec's own design, and what was searched."""
     wishes = facts["spec"]["design"]["wish"]
-    better = {name: np.nanargmax if WISHES[name].more else np.nanargmin for name in wishes}
-    best = {name: int(better[name](columns[name])) for name in wishes}
+    sizes = {
+        name: np.where(np.isnan(columns[name]), -np.inf, columns[name] * (1 if WISHES[name].more else -1)) for name in wishes
+    }
+    best = {name: int(np.argmax(size)) for name, size in sizes.items()}
     return {
         "designs": len(columns["certified"]),
         "certified": int(columns["certified"].sum()),
         "bounds_hold_between": int(columns["holds"].sum()),
         "searched": facts["slices"]["computed"],
         "scenarios": facts["scenarios"],
-        "best": {name: {wish: float(columns[wish][row]) for wish in wishes} for name, row in best.items()},
+        "best": {name: {wish: _known(columns[wish][row]) for wish in wishes} for name, row in best.items()},
         "own": dict(facts["own"]),
         "files": list(facts.get("best", ())),
     } | _box(columns)
+
+
+def _known(value):
+    return None if np.isnan(value) else float(value)
 
 
 def _box(columns):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from wavesweep.diagram import WALL, keys_read
 from wavesweep.errors import SpecError
-from wavesweep.spec import SYMBOLS, Key, Spec
+from wavesweep.spec import SYMBOLS, Key, Spec, load
 from wavesweep.spec.keys import BAND_EDGES
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.spec.spec import K_VE_SPAN
@@ -172,14 +172,36 @@ def changed(spec: Spec, values: Mapping[str, float]) -> Spec:
 
 
 def text_of(spec: Spec) -> str:
-    """The spec as TOML, with the keys that its loop reads and those that it gives."""
+    """The spec as TOML, with the keys that its loop reads and those that it gives.
+
+    Frequencies of [bode] end at half the rate. What else of [sweep], [bode] and [simulate] its numbers rule out is left out.
+    """
     tables = spec.tables()
+    tables["bode"]["frequency_hz"] = _below(tables["bode"]["frequency_hz"], spec.tick_hz / 2)
     if not spec.drawing:
         kept = {*keys_read(spec.values), *_paths(spec), *spec.given}
         tables = _only(tables, kept, {path for path in spec.given if path.rpartition(".")[2] in BAND_EDGES})
     given = {name: spec.simulate[name] for path in spec.given for table, name in [path.split(".", 1)] if table == "simulate"}
     simulated = {name: list(value) if isinstance(value, tuple) else value for name, value in given.items()}
-    return as_toml({**tables, **({"simulate": simulated} if simulated else {})})
+    tables = {**tables, **({"simulate": simulated} if simulated else {})}
+    try:
+        load(tables)
+    except SpecError as error:
+        for mistake in error.mistakes:
+            table, _, name = mistake.key.partition(".")
+            if table in ("sweep", "bode"):
+                tables[table].pop(name, None)
+            elif table == "simulate":
+                tables.pop(table, None)
+    return as_toml(tables)
+
+
+def _below(frequencies, most):
+    """Frequencies, as a spec gives them, up to `most`."""
+    if not isinstance(frequencies, Mapping):
+        return [each for each in frequencies if each <= most] or [most]
+    start, stop = (frequencies[name] for name in ("start", "stop"))
+    return frequencies if stop <= most else {**frequencies, "start": start if start < most else most / 1e3, "stop": most}
 
 
 def _only(tables, kept, edges):

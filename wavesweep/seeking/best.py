@@ -7,6 +7,7 @@ import numpy as np
 
 from wavesweep.disk import make_folders, write_file
 from wavesweep.spec import Spec
+from wavesweep.spec.keys import BAND_EDGES
 from wavesweep.spec.writing import as_toml
 from wavesweep.sweep.table import Table
 
@@ -27,11 +28,13 @@ def spec_of(spec: Spec, row: dict[str, object]) -> Spec:
 def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     """Return the spec of a design as text.
 
-    Its [sweep] is over everything that the design holds for, so that the worst row of `zwidth` has the value of the table.
+    Its [sweep] is over everything that the design holds for, so that the worst row of `zwidth` has the value of the table,
+    but for ratios, which no [sweep] has.
     """
     design, tables = spec.design, spec_of(spec, row).tables()
     own = (spec.values["environment.B_VE"],)
-    damping = next((wish.options["B_VE"] for wish in design.wishes if "B_VE" in wish.options), own)
+    walls = sorted(design.wishes, key=lambda wish: wish.name not in ("z_width", "felt"))
+    damping = walls[0].options.get("B_VE", own)
     sweep = {"along": "K_VE", "K_VE": {"start": 0.0, "stop": stop}, "B_VE": list(damping)}
     sweep |= {axis.path: list(axis.values) for axis in design.for_all}
     sweep |= {f"operator.{part}": list(values) for part, values in design.hand.items()}
@@ -40,7 +43,13 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     sweep |= {path: sorted({*sweep[path], float(value)}) for path, value in worst.items() if path in sweep}
     tables = {name: table for name, table in tables.items() if name not in ("sweep", "bode", "design", "simulate")}
     said = ", ".join(f"{wish.name} {row[wish.name]:.6g} {wish.kind.unit}".removesuffix(" 1") for wish in design.wishes)
-    return f"{HEADER}{said}, at their worst.\n{as_toml(tables | {'sweep': sweep})}"
+    for path in spec.given:
+        *_, name, last = path.split(".")
+        if last in BAND_EDGES:  # the order and the cutoff follow from them
+            tables["filters"][name] = {part: each for part, each in tables["filters"][name].items() if part in BAND_EDGES}
+    ratios = ", ".join(f"{one}/{other}" for one, other, _ in design.ratios)
+    left = f"# No [sweep] has the ratios that it holds for: {ratios}.\n" if ratios else ""
+    return f"{HEADER}{said}, at their worst.\n{left}{as_toml(tables | {'sweep': sweep})}"
 
 
 def with_best(table: Table, spec: Spec) -> Table:

@@ -28,7 +28,7 @@ class Scenario:
 def scenarios_of(design: Design, between: int = 0) -> list[Scenario]:
     """Return every combination of values that a design has to hold for.
 
-    between: number of further values between two neighbouring values of each range.
+    between: number of further values between two neighbouring values of each range; of whole numbers all are.
     """
     choices = [[(axis.path, value) for value in _filled(axis.values, between, axis.structural)] for axis in design.for_all]
     for part in HAND:
@@ -45,10 +45,12 @@ def scenarios_of(design: Design, between: int = 0) -> list[Scenario]:
 
 
 def _filled(values, between, structural):
-    """Return the values, with `between` further ones between each two neighbours."""
+    """Return the values, with `between` further ones between each two neighbours, or all whole numbers."""
     ordered = sorted(set(values))
-    if structural or not between or len(ordered) < 2:
+    if not between or len(ordered) < 2:
         return ordered
+    if structural:
+        return list(range(int(ordered[0]), int(ordered[-1]) + 1))
     parts = [np.linspace(a, b, between + 2)[:-1] for a, b in pairwise(ordered)]
     return [*np.concatenate(parts).tolist(), ordered[-1]]
 
@@ -108,11 +110,21 @@ def points_of(
     for place, path in enumerate(walls):
         changes[path] = np.array([each[place] for each in combinations])[wall]
     ties = []
-    for path, (other, _) in scenarios[0].ratios.items():
+    for path in _in_order({path: other for path, (other, _) in scenarios[0].ratios.items()}):
+        other = scenarios[0].ratios[path][0]
         factor = np.array([each.ratios[path][1] for each in scenarios])[scenario]
         if other == WALL_STIFFNESS and other not in changes:
             ties.append(path)
             changes[path] = factor
         else:
+            ties += [path] if other in ties else []
             changes[path] = factor * changes.get(other, own[other])
     return Points(changes, tuple(ties), shape)
+
+
+def _in_order(ratios):
+    """Return the numbers of ratios, number -> that which it follows, each after the one that it follows."""
+    ordered = []
+    while len(ordered) < len(ratios):
+        ordered += [one for one, other in ratios.items() if one not in ordered and (other not in ratios or other in ordered)]
+    return ordered

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from typing import Any, ClassVar
@@ -33,7 +33,7 @@ CHUNK = 48  # designs of a task at most: those of one structure are the faster, 
 FRONT = 48  # designs of the table at most
 BOX, SETTLED = "z_width_box", "box_settled"
 ADDED = 4  # combinations at a time that the search holds for besides
-FINER = 1000  # combinations that a design of the front is checked over at most
+FINER = 4096  # combinations that a design of the front is checked over at most
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -151,7 +151,10 @@ class DesignTask:
                 continue
             for device, damping in product(devices, wish.options.get("B_VE", (spec.values["environment.B_VE"],))):
                 values = dict(spec.with_values(own | dict(device) | {"environment.B_VE": damping}).values)
-                rows = Guarantee("box", self.box).records(values, "environment.K_VE", (0.0, float(record["z_width"])))
+                varied = {part: (float(values[path]),) * 2 for part in HAND if (path := f"operator.{part}") in own}
+                rows = Guarantee("box", replace(self.box, **varied)).records(
+                    values, "environment.K_VE", (0.0, float(record["z_width"]))
+                )
                 first = rows[(rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)]
                 record[BOX] = min(record[BOX], *first["high"].tolist()) if first.size else 0.0
                 record[SETTLED] &= bool(first.size and first["settled"][0])
@@ -242,6 +245,7 @@ def box_of(spec: Spec) -> HandBox:
     if asked.ratios:
         raise UsageError("hand box: expected a wall that nothing follows, found ratios in [design.for_all]")
     own = {part: (spec.values[f"operator.{part}"],) for part in HAND}
+    own |= {part: axis.values for axis in asked.for_all for part in HAND if axis.path == f"operator.{part}"}
     return HandBox(**{part: (float(min(values)), float(max(values))) for part, values in (own | dict(asked.hand)).items()})
 
 
@@ -251,10 +255,11 @@ class _Run:
     def __init__(self, job, store, progress):
         self.job, self.store, self.progress = job, store, progress
         self.workers, self.tally, self.forget = None, Tally(), store.remove
+        self.latest = self.since = 0  # generations: the last one, and the first that was judged over all that is held for now
 
     def judge(self, generation: int, genes: np.ndarray) -> Judged:
         """Return the designs of a generation, judged; those of one structure are computed together."""
-        asked = self.job.grid.spec.design
+        asked, self.latest = self.job.grid.spec.design, generation
         values = designs_of(asked.vary, genes)
         choices = [values[axis.path] for axis in asked.vary if axis.values]
         order = np.lexsort(choices) if choices else np.arange(len(genes))
@@ -277,6 +282,7 @@ class _Run:
         order = [job.finer[at] for at in np.argsort(-worst, kind="stable")[: np.count_nonzero(worst)].tolist()]
         new = [each for each in order if each not in job.scenarios][:ADDED]
         job.scenarios.extend(new)
+        self.since = self.latest + 1 if new else self.since
         return bool(new)
 
     def records(self, generation: int) -> np.ndarray:
@@ -286,9 +292,9 @@ class _Run:
         return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
 
     def everything(self) -> np.ndarray:
-        """Return the records of all generations of the search."""
-        last = self.job.chunks.loops - 1
-        numbers = [number for number in self.store.finished() if number < self.job.chunks_of(last).start]
+        """Return the records of the search, of all generations that were judged over the same scenarios as the last one."""
+        first, last = (self.job.chunks_of(each).start for each in (self.since, self.job.chunks.loops - 1))
+        numbers = [number for number in self.store.finished() if first <= number < last]
         return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
 
 
@@ -346,7 +352,10 @@ def _fields(spec, columns):
 def _notices(job):
     ends = len(scenarios_of(job.grid.spec.design))
     more = f" and {len(job.scenarios) - ends} between that were worse" if len(job.scenarios) > ends else ""
-    yield f"each design holds for {ends} combinations{more}; those of the front were checked over {len(job.finer)}"
+    several = f"{ends} combination{'s' * (ends != 1)}{more}"
+    yield f"each design holds for {several}; those of the front were checked over {len(job.finer)}"
+    if len(job.finer) == ends and len(scenarios_of(job.grid.spec.design, 1)) > FINER:
+        yield f"values between the ends of the ranges were not checked: with them there are more than {FINER} combinations"
     unread = [axis.name for axis in job.grid.spec.design.vary if axis.path not in keys_of(job.grid.spec)]
     if unread:
         yield f"{', '.join(unread)}: not read by {job.grid.spec.kind}, varied for nothing"

@@ -97,14 +97,14 @@ def _walls(values, size):
 def _transparency(spec, wish, points):
     """Root mean square of |ln(H/H_dc)| over the logarithm of the frequency; missing if a loop is unstable.
 
-    A design with an unstable loop has no value, and its other loops are left out.
+    A design with an unstable loop has no value, and its other loops are left out: they count as 0.
     """
     ends = np.log(wish.options.get("band_hz", BAND_HZ))
     stable = np.empty(points.size, bool)
     for members, values in _batches(spec, points):
         stable[members] = spectral_radius(cut_at_wall(draw(values)), *_walls(values, members.size)) < 1
     open_ = np.flatnonzero(np.repeat(points.all_of(stable), points.size // points.shape[0]))
-    value, certified = np.full(points.size, np.nan), np.ones(points.size, bool)
+    value, certified = np.where(stable, 0.0, np.nan), stable.copy()
     for pieces in PIECES:
         if not open_.size:
             break

@@ -10,13 +10,14 @@ from types import MappingProxyType
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, build_axis
 from wavesweep.spec.checking import Rejected, check, nearest, show
-from wavesweep.spec.keys import KEYS, Key, Names
+from wavesweep.spec.keys import BAND_EDGES, KEYS, Key, Names
 from wavesweep.spec.reading import Leaf, Place
 
 MOST_CHOICES = 1000  # whole numbers of a key that is varied
 MOST_SCENARIOS = 4096
 HAND = ("mass", "damping", "stiffness")
 SECTIONS = ("vary", "wish", "for_all")
+NO_RATIO = ("environment.K_VE", "environment.B_VE")  # walls belong to the wishes
 NOT_VARIED = ("environment.K_VE", "environment.B_VE", "rates.fast_hz", "rates.slow_hz", "rates.ratio")
 
 DESIGN_KEYS = MappingProxyType(
@@ -113,6 +114,13 @@ class Design:
                 path, expected = f"design.wish.{wish.name}.band_hz", f"numbers <= {hz / 2:g} (half of {rate})"
                 yield Leaf(None, wish.places["band_hz"]).mistake(path, expected, f"{stop:g}")
 
+    def followers(self, values: Mapping) -> Iterator[Axis]:
+        """Yield the ranges of numbers that ratios set, of numbers that no other ratio sets; values: the spec's own."""
+        known = {axis.path: (axis.start, axis.stop) for axis in (*self.vary, *self.for_all)}
+        for one, other, factors in self.ratios:
+            start, stop = (end(known.get(other, (values[other],))) * end(factors) for end in (min, max))
+            yield Axis(f"{one}/{other}", one, (), start, stop, False, None, self.place)
+
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
         for_all = {axis.name: list(axis.values) for axis in self.for_all}
@@ -200,7 +208,9 @@ class _Reader:
             axis = self._axis("vary", name, parts)
             if axis is None:
                 continue
-            if axis.path in NOT_VARIED:
+            if axis.path.rpartition(".")[2] in BAND_EDGES:
+                self.refuse(f"vary.{name}", "the order or the cutoff of a filter", "an edge of its band")
+            elif axis.path in NOT_VARIED:
                 self.refuse(f"vary.{name}", "a number of the device or the controller", "one of the wall or the rates")
             elif axis.structural and not axis.values:
                 if axis.stop - axis.start >= MOST_CHOICES:
@@ -273,12 +283,37 @@ class _Reader:
                 elif axis is not None:
                     ends = axis.values or (axis.start, axis.stop)
                     axes.append(Axis(axis.name, axis.path, ends, axis.start, axis.stop, axis.structural, None, axis.place))
-        twice = {axis.path for axis in axes} & {
-            self.names.find(name).path for name in self.parts["vary"] if self.names.find(name)
-        }
-        for path in sorted(twice):
-            self.refuse(f"for_all.{path}", "a number that is not varied", "one of [design.vary]")
+        self._refuse_twice(axes, ratios, hand)
         return tuple(axes), tuple(ratios), hand
+
+    def _refuse_twice(self, axes, ratios, hand):
+        """Refuse numbers of which more than one thing is said, and ratios that lead to no number."""
+        varied = {self.names.find(name).path for name in self.parts["vary"] if self.names.find(name)}
+        said = dict.fromkeys(varied, "[design.vary]")
+        hands = [f"operator.{part}" for part in hand]
+        for path in [*(axis.path for axis in axes), *hands, *(one for one, *_ in ratios)]:
+            if path in said:
+                expected = "a number that is not varied" if path in varied else "each number once"
+                self.refuse(f"for_all.{self._written(path, ratios, hands)}", expected, f"{path}, one of {said[path]}")
+            said.setdefault(path, "[design.for_all] already")
+        follows = {one: other for one, other, _ in ratios}
+        for one, other, _ in ratios:
+            name = self._written(one, ratios, ())
+            if one in NO_RATIO or self.names.keys[one].structural:
+                self.refuse(f"for_all.{name}", "a ratio of a number that is neither a wall nor whole", one)
+            passed, last = [one], other
+            while last in follows and last not in passed:
+                passed.append(last)
+                last = follows[last]
+            if last in passed:
+                self.refuse(f"for_all.{name}", "ratios that lead to a number of the spec", " to ".join([*passed, last]))
+
+    def _written(self, path, ratios, hands):
+        """The key of [design.for_all] that says something of the number."""
+        if path in hands:
+            return f"hand.{path.rpartition('.')[2]}"
+        ends = [name for name in self.parts["for_all"] if "/" in name and self.names.find(name.split("/")[0]).path == path]
+        return ends[0] if ends and path in [one for one, *_ in ratios] else path
 
     def _hand(self, parts):
         found = {}

@@ -100,7 +100,8 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     studies, wrong_studies = build_studies(belongs, given)
     mistakes = [*mistakes, *belongs.mistakes.values(), *wrong, *wrong_studies]
     if not wrong:
-        mistakes += [*beyond_limits("sweep", studies.sweep, values), *beyond_limits("bode", studies.bode, values)]
+        axes = (*studies.axes, ("design.for_all", studies.design.followers(values) if studies.design else ()))
+        mistakes += [m for study, some in axes for m in beyond_limits(study, tuple(some), values)]
     if not any(mistake.key.startswith("rates.") for mistake in wrong):
         mistakes += _beyond_rate(studies, values["rates.fast_hz"], "rates.fast_hz")
     if mistakes:

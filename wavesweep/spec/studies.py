@@ -158,7 +158,8 @@ class Studies:
     @property
     def axes(self) -> tuple[tuple[str, tuple[Axis, ...]], ...]:
         """The axes of each study by its name."""
-        return ("sweep", self.sweep), ("bode", self.bode)
+        designed = (("design.vary", self.design.vary), ("design.for_all", self.design.for_all)) if self.design else ()
+        return ("sweep", self.sweep), ("bode", self.bode), *designed
 
 
 def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tuple[Studies, list[Mistake]]:
@@ -175,6 +176,8 @@ def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tupl
     bode = tuple(axis for axis in axes["bode"] if axis not in frequencies)
     experiment, wrong = build_experiment(leaves, names is not BUILT_IN)
     design, wrong_design = build_design(leaves.design, names)
+    for section, of_design in (("vary", design.vary), ("for_all", design.for_all)) if design else ():
+        wrong_design += _at_odds_with_filters(f"design.{section}", of_design, given)
     frequency = (*frequencies, DEFAULT_FREQUENCIES)[0]
     return Studies(along, tuple(axes["sweep"]), bode, frequency, experiment, design), mistakes + wrong + wrong_design
 
