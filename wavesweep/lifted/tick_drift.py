@@ -152,7 +152,8 @@ def without_drift(E: np.ndarray, drift: TickDrift, sizes=None) -> np.ndarray:
     folded = np.array([index.index(lead) for lead in drift.folded], int)
     rest = np.array([i for i in range(len(index)) if i not in folded], int)
     V = consistent_solution(E[..., rest], -E[..., folded])
-    found = found[..., rest[:, None], rest] + (-V if sign < 0 else np.abs(V)) @ found[..., folded[:, None], rest]
+    with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
+        found = found[..., rest[:, None], rest] + (-V if sign < 0 else np.abs(V)) @ found[..., folded[:, None], rest]
     kept = [i for i, at in enumerate(rest.tolist()) if index[at] not in drift.unread]
     return found[..., kept, :][..., kept]
 

@@ -5,6 +5,7 @@ import pytest
 from support.march import march
 from support.specs import random_values as random_loop
 
+import wavesweep
 from wavesweep.analysis.passivity import port_damping_needed
 from wavesweep.analysis.passivity.port import TOLERANCE, PortResponse, port_loop, port_margin
 from wavesweep.diagram import draw
@@ -119,6 +120,88 @@ def test_the_damping_that_is_needed_is_known_to_a_thousandth(values):
     loop = {"b": 47.5, "Kp": 1.23, "ratio": 1, "mass": 0.04, "damping": 0.02, "K_VE": 880.0, "B_VE": 0.227, "lp1_order": 0}
     assert port_damping_needed(values("pmw", **loop, integration="explicit")) == pytest.approx(1.0732, rel=1e-3)
     assert np.isnan(port_damping_needed(values("pmw", **FADING)))
+
+
+def slow_integrator(tick, device, lp, every, phases, **numbers):
+    """A position and a velocity feedback, and an integrator of the position at a slow rate."""
+    fast, slow = every
+    return {
+        "rates": {"tick_hz": tick},
+        "numbers": numbers,
+        "block": {
+            "m": {"type": "mass", **dict(zip(("mass", "damping", "stiffness"), device, strict=True))},
+            "h": {"type": "hold", "every": fast, "phase": phases[0]},
+            "s": {"type": "tf", "discrete": True, "num": ["a", "-a"], "den": [1, "-(1-a)"], "every": fast},
+            "i": {"type": "integrator", "every": slow, "method": "explicit"},
+            "o": {"type": "hold", "every": slow, "phase": phases[1]},
+            "lp": {"type": "butterworth", "order": lp[0], "cutoff_hz": lp[1]},
+        },
+        "wire": {
+            "h.u": "m.x",
+            "s.u": "h.y",
+            "lp.u": f"s.y*{tick / fast!r}",
+            "i.u": "ki*h.y",
+            "o.u": "K*h.y + B*lp.y + i.y",
+            "m.f": "hand - o.y",
+        },
+        "ports": {"hand": {"force": "hand", "displacement": "m.x"}},
+    }
+
+
+@pytest.mark.parametrize(
+    ("tables", "lowest", "mean"),
+    [
+        (
+            slow_integrator(
+                1e4,
+                (0.0229151, 0.0854363, 74.2528),
+                (6, 69.4794),
+                (1, 5),
+                (0, 4),
+                K=26.5638,
+                B=0.0256935,
+                ki=0.0550945,
+                a=0.0338909,
+            ),
+            -5.41241930386e-10,
+            2.18e-7,
+        ),
+        (
+            slow_integrator(
+                3e3,
+                (0.503046, 0.0257843, 1138741.0882444947),
+                (1, 11.1613),
+                (5, 5),
+                (0, 3),
+                K=6.72151,
+                B=0.924689,
+                ki=0.00173084,
+                a=0.00273953,
+            ),
+            -1.5485851056781743e-15,
+            1.02e-10,
+        ),
+        (
+            slow_integrator(
+                1e4,
+                (0.613466, 0.0140077, 699498.1972526183),
+                (2, 8.38711),
+                (1, 50),
+                (0, 37),
+                K=4.80876,
+                B=0.126534,
+                ki=1.14318,
+                a=0.204641,
+            ),
+            -6.547798245647756e-14,
+            5.21e-12,
+        ),
+    ],
+)
+def test_crossings_of_a_level_that_nearly_meet_are_not_missed(tables, lowest, mean):
+    """Next to z = 1, and next to a resonance. lowest: an eigenvalue of the map there in 256 bits. mean: of all."""
+    found = wavesweep.compile(tables).passivity().iloc[0]
+    assert found.port_margin == pytest.approx(lowest, rel=2e-10, abs=2e-10 * mean)
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wavesweep.analysis.passivity.hinf import Element, angles, peak_by_levels, then, tick
+from wavesweep.analysis.passivity.hinf import SOFT, Element, angles, peak_by_levels, then, tick
 from wavesweep.analysis.passivity.port import SLACK, TOLERANCE, PortMargin
 from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.port import Port, frame_of_port
@@ -53,6 +53,7 @@ def drawn_port_margin(port: Port) -> PortMargin:
         lambda owner, level: met(owner, -level),
         1,
         lambda _, level: SLACK * (np.abs(level) + mean),
+        SOFT,
     )
     period = port.period * M
     margin = np.where(np.isfinite(peak.value) & _known(given, peak.theta / period), -peak.value, np.nan)

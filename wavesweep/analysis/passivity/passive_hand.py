@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.analysis.passivity.at_rest import AtRest
-from wavesweep.analysis.passivity.hinf import angles, peak_by_levels
+from wavesweep.analysis.passivity.hinf import SOFT, angles, peak_by_levels
 from wavesweep.analysis.passivity.port import PortLoop, PortResponse, level_frame, parts_of_frame, port_loop, port_margin
 from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.spectrum import is_stable
@@ -15,8 +15,6 @@ from wavesweep.diagram.block import Block, matrix
 SLACK = 1e-10  # of the damping and of 1 N*s/m, within which no frequency needs more
 SURE = 1e-7  # of the same, for rounding, with room
 LOWEST = 1e-3  # rad per frame, below which the position's pole is set apart
-# A weak position feedback leaves a slow mode; eigenvalues of a level next to z = 1 are known to some 1e-8, and could miss it.
-SOFT = np.pi * 10.0 ** np.arange(-9, -3, 0.5)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

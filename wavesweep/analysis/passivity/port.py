@@ -7,7 +7,17 @@ from functools import cached_property
 import numpy as np
 
 from wavesweep.analysis.passivity.at_rest import AtRest
-from wavesweep.analysis.passivity.hinf import Element, angles, passage, peak_by_levels, repeated, smallest_hermitian, then, tick
+from wavesweep.analysis.passivity.hinf import (
+    SOFT,
+    Element,
+    angles,
+    passage,
+    peak_by_levels,
+    repeated,
+    smallest_hermitian,
+    then,
+    tick,
+)
 from wavesweep.analysis.spectrum import is_stable
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
@@ -262,6 +272,7 @@ def lowest_eigenvalue(loop: PortLoop):
         lambda owner, level: angles(level_frame(loop, owner, -level)),
         loop.loops,
         lambda owner, level: SLACK * (np.abs(level) + loop.mean[owner]),
+        SOFT,
     )
     margin = np.where(loop.finite, -peak.value, np.nan)
     return margin, peak.theta, peak.certified & loop.finite, _below_zero(response, margin, peak.theta)
