@@ -8,7 +8,6 @@ import numpy as np
 
 from wavesweep.analysis.passivity.at_rest import AtRest
 from wavesweep.analysis.passivity.hinf import (
-    SOFT,
     Element,
     angles,
     passage,
@@ -272,7 +271,6 @@ def lowest_eigenvalue(loop: PortLoop):
         lambda owner, level: angles(level_frame(loop, owner, -level)),
         loop.loops,
         lambda owner, level: SLACK * (np.abs(level) + loop.mean[owner]),
-        SOFT,
     )
     margin = np.where(loop.finite, -peak.value, np.nan)
     return margin, peak.theta, peak.certified & loop.finite, _below_zero(response, margin, peak.theta)
