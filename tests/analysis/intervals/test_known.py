@@ -5,7 +5,9 @@ import pytest
 from support.intervals import intervals_of, pairs
 from support.specs import KINDS, values_of
 
+import wavesweep
 from wavesweep.analysis.intervals import stable_intervals
+from wavesweep.analysis.intervals.crossings import poles_at_one
 from wavesweep.diagram import draw
 from wavesweep.lifted import cut_at_wall
 
@@ -134,3 +136,41 @@ def test_an_end_of_the_range_has_no_frequency():
     found = intervals_of(values_of("dc-slow"), span=(50, 200), fixed=1.0)
     assert pairs(found) == [(50, 200)]
     assert np.isnan([found.low_omega[0], found.high_omega[0]]).all()
+
+
+PI = {
+    "rates": {"tick_hz": 1000},
+    "numbers": {"p": 1.0, "share": 0.3},
+    "block": {"m": {"type": "mass", "mass": 0.15, "damping": 1.0}, "i": {"type": "integrator"}},
+    "wire": {"i.u": "m.x", "m.f": "hand - p*m.x - 2*m.v - share*p*i.y"},
+    "ports": {"hand": {"force": "hand", "displacement": "m.x"}},
+}
+
+
+@pytest.mark.parametrize("start", [0.0, 1e-9, -1.0, 1.0])
+def test_a_gain_in_front_of_an_integrator_and_a_free_mass_is_certified_from_0(start):
+    """Two eigenvalues meet z = 1 where the gain is 0. The end: the determinant of the marched frame in 256 bits."""
+    loop = wavesweep.compile(PI)
+    found = loop.stable_intervals("p", (start, 20000.0))
+    assert (found.certified.all(), len(found)) == (True, 1)
+    assert found.low[0] == pytest.approx(max(start, 0.0), abs=1e-12)
+    assert found.high[0] == pytest.approx(5918.0351622651, rel=1e-12)
+
+
+@pytest.mark.parametrize("share", [19.0, 21.0])
+def test_beside_z_1_the_eigenvalues_go_where_they_go(share):
+    """m s^3 + 3 s^2 + p s + share p: small gains are stable if 3 > share m, as Routh says of the continuous loop."""
+    loop = wavesweep.compile(PI | {"numbers": {"p": 1.0, "share": share}})
+    found = loop.stable_intervals("p", (-1.0, 100.0))
+    assert found.certified.all()
+    assert found["intervals"][0] == (share < 20)
+    for p, stable in ((-1e-3, False), (1e-3, share < 20), (1.0, share < 20)):
+        assert (loop.spectral_radius(p=p) < 1) == stable
+
+
+def test_poles_at_1_are_counted_by_structure():
+    E = np.array([[-0.1, 0, 0, 0], [0.1, 0, 0, 0], [0, 0.1, 0, 0.3], [0, 0, 0, 1e-300]])
+    assert poles_at_one(E) == 2
+    assert poles_at_one(np.stack([E, E + np.diag([0, 0, 1.0, 0])])) == 1
+    E[0, 2] = 1.0  # a loop of the first three
+    assert poles_at_one(E) == 0

@@ -50,6 +50,9 @@ def sampled_polynomial(cut: Cut, along: str, scale) -> Polynomial:
     The warp is the Moebius map `zeta = (z - a)/(1 - a z)`, `a = (1 - r)/(1 + r)`, which maps the circle to itself.
     `f(phi) = Im[(one - y fixed) conj(solved)] |d|^2`, d the pole polynomial, is a sine polynomial of degree n (the order of the
     closed loop): n + SPARE samples give its coefficients through an orthogonal transform.
+
+    If m poles are exactly 1, as those of a mass under an integrator, d has the factor (z - 1)^m, and f, if there is only one
+    parameter, `(1 - cos phi)^(m // 2)`. It is divided out, since a root at z = 1 itself would hide others next to it.
     """
     count = cut.order + SPARE
     phi = np.pi * np.arange(1, count + 1) / (count + 1)
@@ -57,10 +60,26 @@ def sampled_polynomial(cut: Cut, along: str, scale) -> Polynomial:
     transform = np.sin(np.outer(phi, np.arange(1, count + 1))) * (2 / (count + 1))
     on_one, on_fixed = one * solved.conj(), fixed * solved.conj()
     size = [np.abs(part).max(-1) for part in (on_one, on_fixed, solved)]
-    curve, noise = _sines([on_one.imag, -on_fixed.imag], size[:2], transform, cut.order)
+    factors = 0 if np.any(fixed) else (poles_at_one(cut.E) + cut.integrates) // 2
+    divided = [part / (1 - np.cos(phi)) ** factors for part in (on_one, on_fixed)] if factors else (on_one, on_fixed)
+    sizes = [np.abs(part).max(-1) for part in divided] if factors else size[:2]
+    curve, noise = _sines([divided[0].imag, -divided[1].imag], sizes, transform, cut.order - factors)
     real = [part * np.sin(phi) for part in (on_one.real, on_fixed.real, np.abs(solved) ** 2)]
     value, value_noise = _sines(real, [*size[:2], size[2] ** 2], transform, cut.order + 1)
     return Polynomial(curve[..., 0, :], curve[..., 1, :], noise, value, value_noise, scale)
+
+
+def poles_at_one(E) -> int:
+    """Return how many eigenvalues of `E` are exactly 0 in every loop because of where its entries are not zero.
+
+    E: `(..., n, n)`. States that depend on each other, directly or through others, are a block of a triangular matrix. One that
+    depends on itself in no way is a block of its own, whose eigenvalue is its diagonal entry, 0.
+    """
+    n = E.shape[-1]
+    reach = (E != 0).reshape(-1, n, n).any(0)
+    for _ in range(n.bit_length()):
+        reach = reach | ((reach.astype(int) @ reach) > 0)
+    return int((~np.diagonal(reach)).sum())
 
 
 def _sines(samples, size, transform, degree):
