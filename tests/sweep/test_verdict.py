@@ -96,3 +96,21 @@ def test_no_damping_is_felt_as_none(kind):
             "local_model": {"K_LM": 0.0, "B_LM": 0.0},
         }
         assert wavesweep.verdict(spec)["felt"] == {"stiffness": K, "damping": 0.0}
+
+
+def test_a_range_ends_where_the_spec_takes_no_more():
+    """A cutoff of 30 Hz is followed up to half its rate, 200 Hz, and not up to 300 Hz."""
+    tables = {
+        "rates": {"tick_hz": 400},
+        "numbers": {"fc": 30.0, "g": 0.0},
+        "block": {
+            "m": {"type": "mass", "mass": "1.0 + sqrt(1 - g)", "damping": 1.0},
+            "lp": {"type": "butterworth", "order": 1, "cutoff_hz": "fc"},
+        },
+        "wire": {"lp.u": "m.x", "m.f": "-5*lp.y - 3*m.v"},
+    }
+    limits = {each["name"]: each for each in wavesweep.verdict(tables)["limits"]}
+    assert limits["fc"]["to"] == pytest.approx(200, rel=1e-6)
+    assert limits["fc"]["to"] < 200
+    assert limits["fc"]["certified"]
+    assert limits["g"]["to"] == pytest.approx(1, rel=1e-6)

@@ -24,7 +24,8 @@ def values_of(tree: Tree, numbers: Mapping[str, Any]) -> Any:
         if lost.any():
             without.append(lost)
 
-    rough = evaluate(tree, numbers, np.sqrt, watch)
+    with np.errstate(all="ignore"):
+        rough = evaluate(tree, numbers, np.sqrt, watch)
     if not without:
         return rough
     lost = np.logical_or.reduce(np.broadcast_arrays(*without)) & np.isfinite(rough)

@@ -1,5 +1,6 @@
 """The verdict on a spec's own design: stability, the room that each number has, and the feel."""
 
+from contextlib import suppress
 from functools import lru_cache
 
 import numpy as np
@@ -9,7 +10,7 @@ from wavesweep.analysis.response.drawn import respond_port, static_port_response
 from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, radius_of, slowest
 from wavesweep.diagram import WALL, draw
 from wavesweep.diagram.assembly import assembled
-from wavesweep.errors import WavesweepError
+from wavesweep.errors import SpecError, WavesweepError
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
@@ -22,6 +23,7 @@ from wavesweep.sweep.running import in_memory
 
 FAR = 10.0  # factor up to which a number is followed
 USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}  # followed up to FAR times that, from 0
+HALVINGS = 30  # towards the end of what a spec takes
 DELAYS = 200  # ticks of delay that are tried
 CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on, see `channel_norm`
 SLOW_SHARE = 1e-4  # of the slow rate: a frequency so low that the impedance is that of a spring and a damper, as a rule
@@ -76,27 +78,31 @@ def limits(spec: Spec, cut=None) -> list[dict]:
     """For each symbol that the loop reads: value, the ends of the stable interval about it, and the factors to them.
 
     low, high: None if the interval goes on to the end of the range that was searched (`from`, `to`): 0 or a tenth of the
-    value, and ten times the value. intervals: all stable intervals in that range. certified: whether they are.
+    value, and ten times the value, as far as the spec takes these. intervals: all stable intervals in that range. certified:
+    whether they are.
     """
     read = keys_of(spec)
     names = {name: path for name, path in spec.names.symbols.items() if path in read and not spec.names.keys[path].structural}
     return [_limit(spec, name, path, cut) for name, path in names.items()]
 
 
-def _limit(spec, name, path, cut, lowest=-np.inf):
+def _limit(spec, name, path, cut, span=None):
     value = spec.values[path]
     wall = [f"numbers.{number}" for number in spec.drawing.wall or ()] if spec.drawing else WALL
     usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
     start = 0.0 if path in wall or not (value or spec.drawing) else value / FAR or -FAR * usual
     far = np.clip(FAR * (value or usual), -LARGEST, LARGEST)
-    span = tuple(sorted((max(start, lowest), float(far))))
+    span = span or tuple(sorted((start, float(far))))
     axis = Axis(name, path, (), *span, False, "linear")
     found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
     try:
         rows = in_memory(job_over(make_grid(spec, (), path), axis, cut))
     except WavesweepError as error:
         if value == 0 and span[0] < 0:  # a number that may not be negative
-            return _limit(spec, name, path, cut, lowest=0.0)
+            return _limit(spec, name, path, cut, (0.0, span[1]))
+        less = tuple(_reached(spec, path, value, end) for end in span)
+        if less != span and less[0] < less[1]:
+            return _limit(spec, name, path, cut, less)
         return found | {"stable": None, "doubt": str(error), "certified": False}
     inside = (rows["low"] <= value) & (value <= rows["high"])
     pairs = zip(rows["low"].tolist(), rows["high"].tolist(), strict=True)
@@ -109,6 +115,24 @@ def _limit(spec, name, path, cut, lowest=-np.inf):
         if not np.isnan(rows[f"{end}_omega"][row]):
             found[end] = float(rows[end][row])
     return found
+
+
+def _reached(spec, path, value, end):
+    """The value nearest to an end of a range that the spec takes, by halving from its own on."""
+    inside, beyond = float(value), float(end)
+    if _takes(spec, path, beyond):
+        return beyond
+    for _ in range(HALVINGS):
+        middle = (inside + beyond) / 2
+        inside, beyond = (middle, beyond) if _takes(spec, path, middle) else (inside, middle)
+    return inside
+
+
+def _takes(spec, path, value):
+    with suppress(SpecError):
+        spec.with_values({path: value})
+        return True
+    return False
 
 
 def _delays(spec):
