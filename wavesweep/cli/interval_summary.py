@@ -24,6 +24,7 @@ HANDS = {
     "box": ("stable with every hand of the box", "stable", "nowhere stable with every hand of the box in the swept range"),
     "port": ("hand's port passive, forces held over a tick", "passive", "nowhere passive in the swept range"),
 }
+MOST_SHOWN = 12  # slices whose intervals are shown one by one
 # Their rows are never proved as a whole: a doubt says nothing about the range outside of their intervals.
 SEARCHED = ("passive", "box", "port")
 ENDS = {"stability": "", "range": ", where the swept range ends", "unknown": ", beyond which stability is not known"}
@@ -71,6 +72,7 @@ class IntervalTally:
         self._doubts: Counter[str] = Counter()
         self._along = "?"
         self._largest, self._without_gap, self._felt = Extreme(), Extreme(), Extreme(FELT_ALIKE)
+        self._slices: list[tuple[dict[str, float], list[str]]] = []  # values of the axes, and intervals, of the first few
 
     def add(self, columns: Columns) -> None:
         """Count a block of rows."""
@@ -78,6 +80,7 @@ class IntervalTally:
             return
         stable = columns["intervals"] > 0
         self._along = str(columns["along"][0])
+        self._list(columns)
         self._rows += len(stable)
         self._intervals += int(stable.sum())
         # Every slice has exactly one row numbered 0.
@@ -88,6 +91,26 @@ class IntervalTally:
         self._without_gap.add(np.where(begins, columns["high"], np.nan), columns)
         for end in ("low", "high"):
             self._felt.add(columns[f"felt_{end}"], {**columns, "value": columns[end]})
+
+    def _list(self, columns: Columns) -> None:
+        """Keep the intervals of up to one slice more than are shown."""
+        names = [name for name in list(columns)[: list(columns).index("along")] if len(self._axes.get(name, ())) > 1]
+        for row, first in enumerate((columns["interval"] == 0).tolist()):
+            if first and len(self._slices) > MOST_SHOWN:
+                return
+            if first:
+                self._slices.append(({name: columns[name][row] for name in names}, []))
+            if columns["intervals"][row]:
+                self._slices[-1][1].append(f"{columns['low'][row]:.6g} to {columns['high'][row]:.6g}")
+
+    def slices(self) -> Iterator[str]:
+        """Yield texts: the stable intervals of each slice, if these are few and say more than the largest value."""
+        if len(self._slices) > MOST_SHOWN or self._intervals <= 1:
+            return
+        for values, intervals in self._slices:
+            at = ", ".join(f"{name} = {value:g}{self._unit(name)}" for name, value in values.items() if not np.isnan(value))
+            found = f"{' and '.join(intervals)}{self._unit(self._along)}" if intervals else "none"
+            yield f"  {at}{': ' if at else ''}{self._along} {found}"
 
     def numbers(self) -> dict[str, Any]:
         """The summary as numbers and words."""
@@ -269,6 +292,7 @@ class HandTally:
         """Yield the lines, each with a flag that is true for a warning."""
         if not self._tallies:
             yield self._plain.counts(facts["slices"]), False
+            yield from ((text, False) for text in self._plain.slices())
             yield self._plain.largest(), False
             yield from ((text, False) for text in (self._plain.without_gap(), self._plain.stiffest_felt()) if text)
             yield self._plain.certified()
