@@ -66,7 +66,9 @@ def test_another_axis_and_a_drawn_loop(wavesweep, hole, tmp_path):
     code, _, err = wavesweep("why", hole, "--along", "b", "--set", "sweep.b={start=5, stop=200}", "--no-plot")
     assert code == 0
     assert re.search(r"end, b = [\d.]+ N\*s/m: set by", err)
-    assert wavesweep("why", hole, "--along", "b")[0] == 2
+    code, _, err = wavesweep("why", hole, "--along", "b", "--no-plot", "--force")
+    assert (code, "b has no span in [sweep]: searched from " in err) == (0, True)
+    assert wavesweep("why", hole, "--along", "operator.mass")[0] == 2
     (tmp_path / "arm.toml").write_text(ARM)
     code, out, _ = wavesweep("why", "arm.toml", "--json", "--no-plot")
     found = json.loads(out)["tables"]["why"]

@@ -212,11 +212,6 @@ def test_stiffness_has_a_span_of_its_own():
     [
         ({"along": "B_VE"}, None, "sweep.B_VE: expected a span to search"),
         ({"B_VE": [3]}, "B_VE", "sweep.B_VE: expected a span to search"),
-        (
-            {"b": {"start": 1, "stop": 2}},
-            None,
-            "sweep.b: expected num beside start and stop, or a list, found only a span",
-        ),
         ({}, "BVE", 'along: expected the name of a numeric key, found "BVE"; did you mean `B_VE`?'),
         (
             {},
@@ -236,4 +231,19 @@ def test_the_refusal_points_into_the_file(tmp_path):
     path.write_text('[controller]\nkind = "pmw"\n[sweep]\nalong = "Kp"\nb = { start = 1, stop = 2 }\n')
     with pytest.raises(SpecError) as error:
         sweep_axes(load(path))
-    assert [mistake.location for mistake in error.value.mistakes] == [f"{path}:5:1", f"{path}:3:2"]
+    assert [mistake.location for mistake in error.value.mistakes] == [f"{path}:3:2"]
+
+
+def test_an_axis_that_has_only_a_span_is_not_swept():
+    held = spec({"K_VE": {"start": 0, "stop": 900}, "b": {"start": 1, "stop": 2}, "Kp": [1, 2]})
+    axis, others = sweep_axes(held, "b")
+    assert (axis.start, axis.stop, [other.name for other in others]) == (1, 2, ["Kp"])
+    assert [other.name for other in sweep_axes(held, "b", swept=False)[1]] == ["K_VE", "Kp"]
+
+
+def test_without_a_span_a_number_that_is_explained_is_searched_about_its_value():
+    axis, _ = sweep_axes(spec({}), "device.mass", swept=False)
+    assert (axis.start, axis.stop) == pytest.approx((0.01, 1.0))
+    for name in ("device.mass", "operator.stiffness", "environment.delay"):  # one that is 0, and a whole number
+        with pytest.raises(SpecError, match="expected a span to search"):
+            sweep_axes(spec({}), name, swept=name == "device.mass")

@@ -223,7 +223,7 @@ def test_requests_that_cannot_be_met_say_why():
     ):
         loop.sensitivity("kd", (0.01, 2000), value=[1.0, 2.0])
     with pytest.raises(SpecError, match="a span to search"):
-        wavesweep.why({"controller": {"kind": "pmw"}}, "b")
+        wavesweep.why({"controller": {"kind": "pmw"}}, "operator.damping")  # ten times 0 is no range
 
 
 @pytest.mark.parametrize(("along", "span", "end"), [("b", (5, 1000), "high"), ("Kp", (0, 50), "low")])
@@ -235,3 +235,13 @@ def test_where_a_frame_does_not_say_what_is_felt_there_are_no_derivatives_of_it(
     assert (rows.doubt == "rounding").all()
     assert rows.elasticity.isna().all()
     assert (rows.limit > 300).all()
+
+
+def test_a_range_that_the_spec_does_not_give_is_named():
+    sweep_of = {"controller": {"kind": "pmw"}, "sweep": {"b": [10.0, 20.0]}}
+    notices = wavesweep.why(sweep_of, "b").attrs["facts"]["notices"]
+    assert "b has no span in [sweep]: searched from 10 to 20" in notices
+    assert not any("no span" in each for each in wavesweep.why(sweep_of, "K_VE").attrs["facts"]["notices"])
+    grid = {"controller": {"kind": "pmw"}, "sweep": {"b": {"start": 10.0, "stop": 20.0}, "K_VE": {"start": 0, "stop": 99}}}
+    table = wavesweep.stability_region(grid, "b")
+    assert "K_VE has a span and no values: not swept, held at the spec's 500" in table.attrs["facts"]["notices"]

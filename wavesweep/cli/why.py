@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 @click.option(
     "--along",
     metavar="NAME",
-    help="The axis whose stable intervals are explained [default: sweep.along]. It needs a span in [sweep], unless it is K_VE.",
+    help="The axis whose stable intervals are explained [default: sweep.along]. Without a span in [sweep] it is searched from "
+    "a tenth of its value to ten times that; K_VE from 0 to 20000.",
 )
 @common
 def command(spec: str, options: Options, along: str | None) -> None:

@@ -14,7 +14,7 @@ from wavesweep.spec.drawing import RATE, Drawing, resolve_drawn, written
 from wavesweep.spec.keys import BUILT_IN, DEVICE_EFFECTS, KEYS, SIMULATE_KEYS, SYMBOLS, Names
 from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.resolving import Given, resolve
-from wavesweep.spec.studies import Experiment, Studies, axis_fault, need_values
+from wavesweep.spec.studies import Experiment, Studies, axis_fault
 
 K_VE_SPAN = (0.0, 20000.0)  # N/m, where K_VE is wanted and the spec gives it no span
 
@@ -245,23 +245,21 @@ class Spec:
 def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tuple[Axis, tuple[Axis, ...]]:
     """Return the axis of [sweep] along which intervals are wanted (`spec.along` by default), and the other axes.
 
-    along: a symbol or a path. K_VE has a default span if the spec gives none. swept: whether the others are swept.
-    Errors: SpecError if `along` is no numeric key or has no span, or if another axis that is swept has a span without values.
+    along: a symbol or a path. K_VE has a default span if the spec gives none. swept: whether the others are swept; then those
+    that have only a span are left out. If they are not, a number without a span has one from a tenth of its value to ten times
+    it. Errors: SpecError if `along` is no numeric key or has no span.
     """
     name = _name_of(spec, along)
     fault = axis_fault(name, spec.names)
     if fault:
         raise SpecError([Mistake("", "along", "the name of a numeric key", *fault)])
     path = spec.names.find(name).path
-    others = tuple(axis for axis in spec.sweep if axis.path != path)
-    mistakes = [need_values("sweep", axis) for axis in others if swept and not axis.values]
-    wanted = [axis for axis in spec.sweep if axis.path == path] or _default_axes(spec, name, path)
+    others = tuple(axis for axis in spec.sweep if axis.path != path and (axis.values or not swept))
+    wanted = [axis for axis in spec.sweep if axis.path == path] or _default_axes(spec, name, path, about=not swept)
     if not wanted or not wanted[0].start < wanted[0].stop:
         expected = f"a span to search, `{name} = {{ start = ..., stop = ... }}` in [sweep]"
         place = wanted[0].place if wanted else spec.source_place.under(("sweep",))
-        mistakes.append(Leaf(None, place).mistake(f"sweep.{name}", expected, "a single value" if wanted else "none"))
-    if mistakes:
-        raise SpecError(mistakes)
+        raise SpecError([Leaf(None, place).mistake(f"sweep.{name}", expected, "a single value" if wanted else "none")])
     return wanted[0], others
 
 
@@ -283,6 +281,12 @@ def _name_of(spec: Spec, along: str | None) -> str:
     return name
 
 
-def _default_axes(spec: Spec, name: str, path: str) -> list[Axis]:
-    stiffness = f"numbers.{spec.drawing.wall[0]}" if spec.drawing and spec.drawing.wall else SYMBOLS["K_VE"]
-    return [Axis(name, path, (), *K_VE_SPAN, spec.names.keys[path].structural, "linear")] if path == stiffness else []
+def _default_axes(spec: Spec, name: str, path: str, about: bool) -> list[Axis]:
+    """The range of an axis that the spec does not sweep; about: also of others than the wall's stiffness."""
+    stiffness, structural = SYMBOLS["K_VE"], spec.names.keys[path].structural
+    if spec.drawing and spec.drawing.wall:
+        stiffness = f"numbers.{spec.drawing.wall[0]}"
+    if path == stiffness:
+        return [Axis(name, path, (), *K_VE_SPAN, structural, "linear")]
+    own = spec.own(path) if about and not structural else None
+    return [Axis(name, path, (), *sorted((own / 10, own * 10)), structural, "linear")] if own else []

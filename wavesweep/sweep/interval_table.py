@@ -14,7 +14,7 @@ from wavesweep.sweep.grid import distinct_rows, groups, loop_of, no_controller
 from wavesweep.sweep.interval_job import IntervalJob, bounds_within, job_of, task_over
 from wavesweep.sweep.job import cut_otherwise
 from wavesweep.sweep.running import Work, run
-from wavesweep.sweep.table import Columns, Table, facts_of
+from wavesweep.sweep.table import Columns, Table, facts_of, spans_held
 from wavesweep.sweep.tasks import END_HANDS, FELT, RECORD
 
 if TYPE_CHECKING:
@@ -183,7 +183,7 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     counts = {"computed": computed, "skipped": sum(stage.job.grid.size for stage in stages) - computed, "certified": certified}
     methods = {stage.hand or "intervals": stage.method for stage in stages}
     own = stages[0].job
-    notices = [*own.grid.notices, *(hands.notices(own) if hands else ())]
+    notices = [*own.grid.notices, *spans_held(spec, own.axis.path), *(hands.notices(own) if hands else ())]
     swept = [own.axis.path, *(axis.path for axis in own.grid.axes)]
     facts = facts_of(spec, methods, counts, timings, notices, swept)
     return facts | (hands.facts() if hands else {})

@@ -20,7 +20,7 @@ from wavesweep.sweep.drawn_loops import ports_of, ports_of_groups
 from wavesweep.sweep.grid import Grid, groups, loop_of, make_grid, no_controller, rates_of, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
 from wavesweep.sweep.running import Run, Work, run
-from wavesweep.sweep.table import Columns, Table, facts_of, held, joined
+from wavesweep.sweep.table import Columns, Table, facts_of, joined, spans_held
 from wavesweep.sweep.tasks import PORT, PortTask
 
 TOLERANCE = 1e-3  # J per J sent that aliasing may add for the channel to pass for passive in a verdict
@@ -262,9 +262,7 @@ def _notices(grid) -> Iterator[str]:
     """Yield notices about axes that are not swept, and about a missing channel."""
     kind, values = grid.spec.kind, grid.spec.values
     yield from grid.notices
-    for axis in grid.spec.sweep:
-        if not axis.values:
-            yield f"{axis.name} has a span and no values: not swept, {held(grid.spec, axis.path)}"
+    yield from spans_held(grid.spec)
     yield from not_computed(grid)
     if not grid.spec.drawing and draw(values).waves is None:
         yield f"{kind} has no wave channel: its norm is missing, and what is not there adds no energy (channel_passive 1)"

@@ -107,6 +107,13 @@ def with_unlike_units(facts: dict, units: Mapping[str, Iterable[tuple[str, str]]
     return facts | ({"notices": facts["notices"] + said, "unlike_units": unlike} if unlike else {})
 
 
+def spans_held(spec, along: str = "") -> Iterator[str]:
+    """Yield notices of the axes of [sweep] that have only a span, but for the path `along`."""
+    for axis in spec.sweep:
+        if not axis.values and axis.path != along:
+            yield f"{axis.name} has a span and no values: not swept, {held(spec, axis.path)}"
+
+
 def held(spec, path: str) -> str:
     """Words for an axis that is not swept."""
     own = spec.own(path)
