@@ -1,13 +1,16 @@
 """The verdict on a spec's own design, against the library's own answers and laws of the model."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 from support.specs import KINDS, nested, values_of
 
 import wavesweep
-from wavesweep.spec import SYMBOLS
+from wavesweep.spec import SYMBOLS, load
+
+ROOT = Path(__file__).parents[2]
 
 WAVES = values_of("pmw", integration="explicit", velocity="difference", delay=1, b=10.0)
 
@@ -114,3 +117,27 @@ def test_a_range_ends_where_the_spec_takes_no_more():
     assert limits["fc"]["to"] < 200
     assert limits["fc"]["certified"]
     assert limits["g"]["to"] == pytest.approx(1, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("examples/first-hour", {"b": 90.5}),  # sampled damping of the waves, at 251 Hz: 8.7 Hz once a frame
+        ("examples/first-hour", {}),
+        ("recipes/wheel", {"rates.tick_hz": 1000}),
+        ("paper/pmw", {"rates.slow_hz": 60.0, "K_VE": 2000.0}),
+    ],
+)
+def test_the_slowest_mode_has_the_frequency_that_is_seen_within_the_frame(name, changes):
+    """The peak of the spectrum of the displacements after a pulse, once faster modes have gone."""
+    spec = load(ROOT / f"sweeps/{name}.toml").with_values(changes)
+    slowest = wavesweep.verdict(spec)["slowest"]
+    ticks = int(10 * slowest["time_constant_s"] * spec.tick_hz)
+    linear = {"wall": None} if name.startswith("examples") else {}
+    moved = np.diff(wavesweep.compile(spec).simulate(np.eye(1, ticks)[0], **linear).x.to_numpy())[ticks // 2 :]
+    frequency = np.fft.rfftfreq(moved.size, 1 / spec.tick_hz)
+    line = np.abs(np.fft.rfft(moved * np.hanning(moved.size)))
+    found = frequency[1 + np.argmax(line[1:] / frequency[1:])]
+    assert slowest["omega"] / (2 * np.pi) == pytest.approx(found, abs=2 * frequency[1])
+    s = complex(-1 / slowest["time_constant_s"], slowest["omega"])
+    assert slowest["damping_ratio"] == pytest.approx(-s.real / abs(s), rel=1e-9)

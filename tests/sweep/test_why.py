@@ -1,6 +1,7 @@
 """Elasticities of limits against differences in 50 digits, against limits computed again, and against closed forms."""
 
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from support.specs import nested, random_values, values_of
 import wavesweep
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.spec import load
+
+ROOT = Path(__file__).parents[2]
 
 ALL_FEATURES = {
     "integration": "explicit", "delay": 3, "velocity": "difference", "Kp": 20.0, "stiffness": 40.0, "K_LM": 800.0, "B_LM": 0.7,
@@ -245,3 +248,14 @@ def test_a_range_that_the_spec_does_not_give_is_named():
     grid = {"controller": {"kind": "pmw"}, "sweep": {"b": {"start": 10.0, "stop": 20.0}, "K_VE": {"start": 0, "stop": 99}}}
     table = wavesweep.stability_region(grid, "b")
     assert "K_VE has a span and no values: not swept, held at the spec's 500" in table.attrs["facts"]["notices"]
+
+
+def test_a_mode_has_its_strongest_line_within_the_frame():
+    """The sampled damping of the waves turns the velocity over every other tick; once a frame that looks slow."""
+    facts = wavesweep.why(load(ROOT / "sweeps/examples/first-hour.toml", ["sweep.b={start=8,stop=200}"]), "b").attrs["facts"]
+    assert facts["lines_hz"] == [pytest.approx(251.2, abs=0.1)]
+    policy = wavesweep.why(load(ROOT / "sweeps/recipes/policy.toml"))  # PD in every fifth tick of 1 ms, alternating
+    assert policy.attrs["facts"]["lines_hz"][-1] == pytest.approx(100, rel=1e-6)
+    assert policy.omega.iloc[-1] == 0
+    free = wavesweep.why(load(ROOT / "sweeps/recipes/wheel.toml"))
+    assert free.attrs["facts"]["lines_hz"][0] == 0  # the wheel that nothing holds

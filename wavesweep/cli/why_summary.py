@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from math import isnan, pi
+from math import isclose, isnan, pi
 from typing import Any
 
 import numpy as np
@@ -20,12 +20,13 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     names = ("interval", "end", "crossing")
     keys = list(zip(*(columns[name].tolist() for name in names), strict=True))
     ends = []
-    for key in dict.fromkeys(keys):
+    for key, line in zip(dict.fromkeys(keys), facts["lines_hz"], strict=True):
         rows = np.array([each == key for each in keys])
         quantities = {"limit": "end", "felt": "felt"}
         limits = {name: _limit(columns, rows & (columns["quantity"] == quantity)) for name, quantity in quantities.items()}
         first = int(np.flatnonzero(rows)[0])
         mode = {name: columns[name][first] for name in ("omega", "damping_ratio", "states", "corner")}
+        mode |= {"line_hz": line}
         ends.append(dict(zip(names, key, strict=True)) | {name: _plain(value) for name, value in mode.items()} | limits)
     return {
         "along": dict(facts["along"]),
@@ -82,7 +83,12 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
     frequency = f"{end['omega']:.5g} rad/s ({end['omega'] / (2 * pi):.4g} Hz)" if end["omega"] else ""
     mode = f"an oscillation of {frequency}" if end["omega"] else "a mode without oscillation from frame to frame"
     mode = "a mode that is not known" if end["omega"] is None else mode
-    damped = "" if end["damping_ratio"] is None else f", damping ratio {end['damping_ratio']:.3g} beside it"
+    within = end["omega"] is not None and not isclose(2 * pi * end["line_hz"], end["omega"], rel_tol=1e-6, abs_tol=1e-9)
+    if within:
+        once = f"once a frame {end['omega'] / (2 * pi):.4g} Hz" if end["omega"] else "none from frame to frame"
+        mode = f"an oscillation of {end['line_hz']:.4g} Hz within the frame ({once})"
+    beside = " from frame to frame" if within else " beside it"
+    damped = "" if end["damping_ratio"] is None else f", damping ratio {end['damping_ratio']:.3g}{beside}"
     yield f"{end['end']} end, {name} = {limit['value']:.6g}{_unit(limit['unit'])}{corner}: set by {mode}{damped}", False
     if end["states"]:
         yield f"  states that take part: {end['states']}", False

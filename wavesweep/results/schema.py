@@ -160,7 +160,7 @@ _WHY = (
     Field("quantity", "string", "", "the limit: end, or felt, the static stiffness that the hand feels at this end"),
     Field("limit", "number", "", "value of the limit, in its unit"),
     Field("unit", "string", "", "unit of the limit"),
-    Field("omega", "number", "rad/s", "frequency of the mode that crosses there"),
+    Field("omega", "number", "rad/s", "frequency of the mode that crosses there, from frame to frame"),
     Field("damping_ratio", "number", "1", "its damping ratio a tenth of the end inside, half-way into a narrow interval"),
     Field("states", "string", "", "states that take part in this mode most, with their participation"),
     Field("number", "string", "", "name of a number that the loop reads"),

@@ -7,6 +7,7 @@ import numpy as np
 
 from wavesweep.analysis.response import felt, felt_map, prepare, respond
 from wavesweep.analysis.response.drawn import respond_port, static_port_response
+from wavesweep.analysis.response.lines import shown_in_ticks, strongest_turns
 from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, radius_of, slowest
 from wavesweep.diagram import WALL, draw
 from wavesweep.diagram.assembly import assembled
@@ -48,8 +49,9 @@ def own_design(spec: Spec, cut=None, loop=None) -> dict:
 
     stable, spectral_radius (per frame; missing after overflow or if rounding hides it, and then it is not known to be stable),
     period_s (of the frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as the hand
-    feels it at low frequency; slowest: time constant (s) and damping ratio of the slowest mode; channel_norm: of
-    the wave channel, 1 or less if it is passive.
+    feels it at low frequency; slowest: time constant (s), damping ratio and frequency (rad/s) of the slowest mode, at its
+    strongest line in the hand's position (see `strongest_turns`), or as it is seen once a frame if there is no hand;
+    channel_norm: of the wave channel, 1 or less if it is passive.
     A drawn loop has no channel that a spec would name, and is felt at the hand's port if it has one.
     cut, loop: the compiled loop and the one prepared for responses, if they are known already.
     """
@@ -62,7 +64,37 @@ def own_design(spec: Spec, cut=None, loop=None) -> dict:
     radius = float(radius_of(E, hidden))
     found = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period, "assumes": assumes(spec)}
     channel = None if drawing else _channel_norm(values)
-    return found | {"felt": _felt(spec, loop), "slowest": _slowest(eigenvalues(E)[0], period), "channel_norm": channel}
+    delta = eigenvalues(E)[0]
+    turns = turns_of(spec, slowest(delta), loop) if found["stable"] and delta.size else 0
+    return found | {"felt": _felt(spec, loop), "slowest": _slowest(delta, period, turns), "channel_norm": channel}
+
+
+def turns_of(spec: Spec, delta: complex, loop=None) -> int:
+    """The whole turns per frame of a mode's strongest line in the hand's position, 0 if it is not known.
+
+    delta: eigenvalue less 1 of the mode. loop: prepared for responses, if it is known already.
+    """
+    if spec.drawing and spec.drawing.hand is None:
+        return 0
+    with suppress(WavesweepError, np.linalg.LinAlgError):
+        if loop_of(spec):
+            loop = ports_of_loop(spec, loop_of(spec))
+        elif loop is None:
+            loop = prepare(draw(spec.values), *(spec.values[path] for path in WALL))
+        E, shown = shown_in_ticks(loop)
+        if np.isfinite(E).all() and np.isfinite(shown).all():
+            return strongest_turns(E, shown, delta)
+    return 0
+
+
+def line_hz(spec: Spec, omega: float) -> float:
+    """The frequency in Hz of the strongest line, in the hand's position, of the mode that is next to z = exp(j omega T).
+
+    omega: rad/s, from frame to frame. Without a hand, or if the frame is not known, the frequency is that of omega itself.
+    """
+    period = float(cut_at_wall(draw(spec.values)).period) if loop_of(spec) is None else _frame_of(spec)[2]
+    turns = turns_of(spec, complex(np.expm1(1j * omega * period)))
+    return abs(omega / (2 * np.pi) + turns / period)
 
 
 def _frame_of(spec):
@@ -191,14 +223,15 @@ def _damping(impedance, low):
     return found[1 + best] if off[best] <= ROUGHLY else np.nan
 
 
-def _slowest(delta, period):
-    """Of the mode that decays most slowly: s per factor e, damping ratio, and rad/s."""
+def _slowest(delta, period, turns):
+    """Of the mode that decays most slowly: s per factor e, damping ratio, and rad/s of the line that makes so many turns."""
     if not delta.size or np.abs(1 + delta).max() >= 1:
         return None
     mode = slowest(delta)
     with np.errstate(divide="ignore", invalid="ignore"):  # a mode of 0 is over after one frame
-        s = np.log1p(mode) / period
-        found = {"time_constant_s": -1 / s.real, "damping_ratio": float(damping_ratio(mode)), "omega": abs(s.imag)}
+        s = (np.log1p(mode) + 2j * np.pi * turns) / period
+        ratio = damping_ratio(mode) if turns == 0 else -s.real / abs(s)
+        found = {"time_constant_s": -1 / s.real, "damping_ratio": float(ratio), "omega": abs(s.imag)}
     return {name: _number(value) for name, value in found.items()}
 
 

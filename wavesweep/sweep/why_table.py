@@ -23,6 +23,7 @@ from wavesweep.sweep.interval_table import method
 from wavesweep.sweep.running import in_memory
 from wavesweep.sweep.table import Table, facts_of, held
 from wavesweep.sweep.tasks import TINY, with_batch
+from wavesweep.sweep.verdict import line_hz
 
 METHOD = (
     "implicit function theorem at the crossing eigenvalue; derivatives of the frame by a complex step of 1e-30, with one of "
@@ -65,7 +66,28 @@ def why(spec: Spec, along: str | None = None) -> Table:
     spans = [{"low": low, "high": high} for low, high in _spans(found)]
     doubts = [word for word in dict.fromkeys(found["doubt"].tolist()) if word]
     searched = {"name": axis.name, "unit": _unit(spec, axis.path), "from": axis.start, "to": axis.stop}
-    return Table.of("why", columns, facts | {"along": searched, "intervals": spans, "doubts": doubts})
+    facts |= {"along": searched, "intervals": spans, "doubts": doubts, "lines_hz": _lines(spec, axis, columns)}
+    return Table.of("why", columns, facts)
+
+
+def _lines(spec, axis, columns):
+    """The frequency in Hz of the strongest line of each crossing in the hand's position, in the order of the table.
+
+    In the frame a mode has lines at every multiple of the frame's rate beside its frequency from frame to frame; see
+    `strongest_turns`. The table's frequency if there is no hand.
+    """
+    found = {}
+    for key, limit, omega in zip(*(_crossings(columns), columns["limit"].tolist(), columns["omega"].tolist()), strict=True):
+        if key in found or np.isnan(omega):
+            found.setdefault(key, None)
+            continue
+        found[key] = line_hz(spec.with_values({axis.path: limit}), omega)
+    return list(found.values())
+
+
+def _crossings(columns):
+    """Interval, end and crossing of each row; a stiffness that is felt has the crossing of the end."""
+    return list(zip(*(columns[name].tolist() for name in ("interval", "end", "crossing")), strict=True))
 
 
 def _spans(found):

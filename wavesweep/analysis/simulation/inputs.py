@@ -68,8 +68,8 @@ def stepped_sine(
     """Return one sine after the other without a jump in phase, as a measured sine sweep does.
 
     Parameters: `frequencies_hz` above 0 and below half the fast rate, `amplitude` (N), `settle` seconds before each
-    measurement, which then takes `periods` (at least 1) whole periods and at least `least` seconds of them. No force is made
-    after `most` seconds, and no section that ends later is told.
+    measurement, which then takes `periods` (at least 1) whole periods and at least `least` seconds of them. There is no
+    force after `most` seconds, and no section that ends later.
 
     Errors: `UsageError` for a frequency out of range.
     """
