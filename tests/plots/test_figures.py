@@ -270,3 +270,18 @@ def test_one_thread_after_the_other_has_the_settings_of_figures():
     other.join()
     assert entered.is_set()
     assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize(("own", "marked"), [(2.0, [(40.0, 1)]), (2.5, []), (3.0, [(40.0, 2)])])
+def test_the_bar_of_the_specs_own_design_has_its_cross(own, marked):
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"k": 40.0, "d": own},
+        "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.0}, "h": {"type": "hold", "every": 20}},
+        "wire": {"h.u": "-k*m.x - d*m.v", "m.f": "h.y"},
+        "sweep": {"along": "k", "k": {"start": 0, "stop": 1500}, "d": [1.0, 2.0, 3.0]},
+    }
+    table = wavesweep.sweep.intervals(wavesweep.load(tables))
+    axes = plots.stability_region(table.columns, table.facts).axes[0]
+    crosses = [line for line in axes.lines if line.get_marker() == "x"]
+    assert [point for line in crosses for point in zip(*line.get_data(), strict=True)] == marked

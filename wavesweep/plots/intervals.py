@@ -143,18 +143,22 @@ def _mark_best(axes: Any, layout: Layout, best: Mapping[str, Any], panel: float)
 
 
 def _own_points(facts: Mapping[str, Any], layout: Layout, panels: Sequence[float]) -> tuple[list[float], list[float]]:
-    """The spec's own design in the plane of the figure, if one of these panels shows it."""
+    """The spec's own design in the plane of the figure, or on its bar, if one of these panels shows it."""
     spec = spec_of(facts)
-    if spec is None or layout.x is None:
+    if spec is None or (layout.x is None and facts.get("hands")):  # bars of hands are none of designs
         return [], []
-    along = facts.get("along", spec.along)
-    names = (along, layout.x, layout.panels, layout.family, *layout.fixed)
+    along, bars = facts.get("along", spec.along), layout.bars[0] if layout.x is None else ()
+    names = (along, layout.x, layout.panels, layout.family, *bars, *layout.fixed)
     own = {name: spec.own(spec.names.find(name).path) for name in names if name}
     if None in own.values():  # an edge of a filter's band, which its order and cutoff follow from
         return [], []
     there = layout.panels is None or own[layout.panels] in panels
     there = there and (layout.family is None or own[layout.family] in layout.members)
     there = there and all(own[name] == value for name, value in layout.fixed.items())
+    if layout.x is None:
+        bar, (low, high) = {name: own[name] for name in bars}, swept_range(facts, along)
+        there = there and bar in layout.bars and low <= own[along] <= high
+        return ([own[along]], [layout.bars.index(bar)]) if there else ([], [])
     x = own[layout.x]
     return ([x], [own[along]]) if there and layout.points[0] <= x <= layout.points[-1] else ([], [])
 
