@@ -285,3 +285,12 @@ def test_the_bar_of_the_specs_own_design_has_its_cross(own, marked):
     axes = plots.stability_region(table.columns, table.facts).axes[0]
     crosses = [line for line in axes.lines if line.get_marker() == "x"]
     assert [point for line in crosses for point in zip(*line.get_data(), strict=True)] == marked
+
+
+def test_space_that_is_not_swept_does_not_pass_for_unstable():
+    """No interval reaches 5 N*s/m: the axis begins there, and a design of 50 N*s/m beyond its end has no cross."""
+    source = pathlib.Path(wavesweep.__file__).parents[1] / "sweeps" / "examples" / "impedance.toml"
+    table = wavesweep.sweep.intervals(wavesweep.load(source, ["sweep.b={start=5, stop=18}"]))
+    axes = plots.stability_region(table.columns, table.facts).axes[0]
+    assert axes.get_ylim()[0] == 5
+    assert not [line for line in axes.lines if line.get_marker() == "x" and len(line.get_xdata())]

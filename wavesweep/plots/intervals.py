@@ -155,9 +155,11 @@ def _own_points(facts: Mapping[str, Any], layout: Layout, panels: Sequence[float
     there = layout.panels is None or own[layout.panels] in panels
     there = there and (layout.family is None or own[layout.family] in layout.members)
     there = there and all(own[name] == value for name, value in layout.fixed.items())
+    low, high = swept_range(facts, along)
+    there = there and low <= own[along] <= high
     if layout.x is None:
-        bar, (low, high) = {name: own[name] for name in bars}, swept_range(facts, along)
-        there = there and bar in layout.bars and low <= own[along] <= high
+        bar = {name: own[name] for name in bars}
+        there = there and bar in layout.bars
         return ([own[along]], [layout.bars.index(bar)]) if there else ([], [])
     x = own[layout.x]
     return ([x], [own[along]]) if there and layout.points[0] <= x <= layout.points[-1] else ([], [])
@@ -209,16 +211,19 @@ def _shows_felt(columns: Columns, layout: Layout) -> bool:
 def _limit(axes: Any, columns: Columns, facts: Mapping[str, Any], bars: bool) -> None:
     """Show every interval of the table, or the swept range if there is none; all panels share the limits, to be compared.
 
-    There is room beyond the largest value, and below the least one if the swept range ends there.
+    There is room beyond the largest value, and below the least one if the swept range ends there. Space that is not swept is
+    not shown otherwise: it would pass for unstable.
     """
+    swept = swept_range(facts, str(columns["along"][0]))
     bottom, top = np.nanmin(columns["low"], initial=0.0), np.nanmax(columns["high"], initial=0.0)
     room = 0.06 * (top - bottom)
     lowest = range_end(columns, "low")
     if lowest is not None:
         bottom = min(bottom, lowest - room if lowest <= 0 else max(lowest - room, 0.0))
+    elif 0 < swept[0] < top:
+        bottom = swept[0]
     limits = (float(bottom), float(top + room))
     if top <= bottom:
-        swept = swept_range(facts, str(columns["along"][0]))
         limits = swept if np.isfinite(swept).all() else (limits[0], 1.0)
     (axes.set_xlim if bars else axes.set_ylim)(limits)
 
