@@ -299,8 +299,12 @@ class HandTally:
             yield from self._plain.meanings()
         for hand, tally in self._tallies.items():
             felt = "" if tally.feels_the_wall() else tally.stiffest_felt()
-            parts = [tally.largest(), tally.without_gap(), felt, tally.certified()[0]]
+            # Of rows that are searched none is certified by design: those of a box are proved or not.
+            known = "" if hand in SEARCHED else tally.certified()[0]
+            parts = [tally.largest(), tally.without_gap(), felt, known]
             yield f"{HANDS[hand][0]} ({hand}): {'; '.join(part for part in parts if part)}", False
+        if "box" in self._tallies and not self._unsettled:
+            yield "every row of the box is proved (settled 1)", False
         if self._unsettled:
             rows = count(self._unsettled, "row")
             yield f"{rows} of the box not proved (settled 0): a hand that the search missed may be unstable", True
