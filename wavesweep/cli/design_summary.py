@@ -15,7 +15,7 @@ from wavesweep.sweep.table import Columns
 
 def design(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """The best of each wish, the spec's own design, and what was searched."""
-    wishes = facts["spec"]["design"]["wish"]
+    wishes, varied = facts["spec"]["design"]["wish"], facts["spec"]["design"]["vary"]
     sizes = {
         name: np.where(np.isnan(columns[name]), -np.inf, columns[name] * (1 if WISHES[name].more else -1)) for name in wishes
     }
@@ -27,6 +27,7 @@ def design(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "searched": facts["slices"]["computed"],
         "scenarios": facts["scenarios"],
         "best": {name: {wish: _known(columns[wish][row]) for wish in wishes} for name, row in best.items()},
+        "numbers": {name: {axis: columns[axis][row].item() for axis in varied} for name, row in best.items()},
         "own": dict(facts["own"]),
         "files": list(facts.get("best", ())),
     } | _box(columns)
@@ -53,8 +54,11 @@ def design_lines(found: Numbers) -> Iterator[Line]:
     yield f"{count(found['searched'], 'design')} evaluated, each at its worst over {over}", False
     yield f"{count(found['designs'], 'design')} on the front" if len(found["best"]) > 1 else "the best design", False
     for name, values in found["best"].items():
-        yield f"best {name}: {_wishes(values)}", False
+        numbers = ", ".join(f"{axis} = {value:.5g}" for axis, value in found["numbers"][name].items())
+        yield f"best {name}: {_wishes(values)}, with {numbers}", False
     yield f"the spec's own design: {_wishes(found['own'])}", False
+    if found["files"]:
+        yield f"as specs: {' to '.join(dict.fromkeys([found['files'][0], found['files'][-1]]))}", False
     if "box" in found:
         kept, of = found["box"], count(found["designs"], "design")
         worst = f"; the worst keeps {100 * kept['least']:.3g} %" if kept["kept"] < found["designs"] else ""
