@@ -245,6 +245,8 @@ def test_a_choice_too_large_to_check_between_the_ends_says_so():
     job = job_of(load(tables))
     assert len(job.finer) == 2100
     assert "values between the ends of the ranges were not checked" in list(study._notices(job))[1]
+    assert not study._checked(job)
+    assert study._checked(job_of(load(tomllib.loads(SPEC))))
 
 
 @pytest.mark.parametrize(

@@ -112,3 +112,25 @@ def test_nothing_to_vary_and_nothing_wished_for_are_mistakes():
         load(LOOP | {"design": {"seed": 3}})
     assert "design.vary: expected at least one number to vary, found none" in str(error.value)
     assert "design.wish: expected at least one of z_width" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("varied", "ratios", "fault"),
+    [
+        ("Kp", {"filters.lp1.cutoff_hz/b": [0.04], "filters.hp.cutoff_hz/filters.lp1.cutoff_hz": [60]}, ""),
+        ("Kp", {"filters.hp.cutoff_hz/filters.lp1.cutoff_hz": [8], "filters.lp1.cutoff_hz/b": [4]}, "half of rates.fast_hz"),
+        ("Kp", {"filters.lp1.cutoff_hz/B_VE": [10]}, "half of rates.fast_hz"),
+        ("Kp", {"filters.lp1.cutoff_hz/K_VE": [0.05]}, "half of rates.fast_hz"),
+        ("Kp", {"B_LM/K_VE": [0.05]}, ""),
+        ("b", {"device.damping/Kp": [1]}, ""),
+        ("b", {"device.mass/Kp": [1]}, "device.mass/controller.Kp: expected a number > 0, found 0.0 of device.mass"),
+    ],
+)
+def test_numbers_that_ratios_set_stay_in_their_ranges(varied, ratios, fault):
+    design = {"vary": {varied: [1, 2]}, "wish": {"z_width": {"B_VE": [1, 100]}}, "for_all": ratios}
+    tables = {"controller": {"kind": "pmw-lm", "b": 20.0}, "design": design}
+    if fault:
+        with pytest.raises(SpecError, match=fault):
+            load(tables)
+    else:
+        assert load(tables).design.ratios

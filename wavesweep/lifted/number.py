@@ -12,6 +12,7 @@ from wavesweep.lifted.periodic import GROWING, Ticks, growth_of, in_a_row, reach
 from wavesweep.lifted.rounding import sizes_in_all
 from wavesweep.lifted.tick_drift import TickDrift, consistent_solution, counted_from_leads
 
+FAR = 1e-6  # of the change along a state that rests, what rounding of the frame may add to it through the other states
 LEFT = 1e-10  # of the largest entry of a row, what rounding over a frame may leave of the change along a state that rests
 
 
@@ -173,7 +174,7 @@ def _cut(E, B, c, d, drift, period, condition):
     read = _read_after(E, C, [kept.index(state) for state in drift.plain if state in kept])
     left = (*leads, *(kept[i] for i in range(len(kept)) if i not in read))
     E, B, C, kept = E[..., read, :][..., read], B[..., read, :], C[..., read], [kept[i] for i in read]
-    if drift.ramp in kept:
+    if drift.ramp in kept and not set(kept) & set(drift.unread):  # these were left out when the ramp was found
         E, B, C = _counted_from(kept.index(drift.ramp), E, B, C)
     names, left = (tuple(drift.states[i] for i in some) for some in (kept, left))
     return Cut(E, B, C, D, integrates, period=period, states=names, unread=left, condition=condition)
@@ -190,6 +191,9 @@ def _counted_from(ramp, E, B, C):
     left = np.abs(column + (E[..., others] * V[..., None, :]).sum(-1))
     size = np.abs(E).max(-1) * np.maximum(np.abs(V).max(-1, initial=0.0), 1.0)[..., None]
     rests = (left <= LEFT * size).all(-1, keepdims=True)
+    with np.errstate(all="ignore"):  # a solution so large rests on rounded zeros
+        far = np.finfo(float).eps * np.abs(E).max((-1, -2)) * np.abs(V).max(-1, initial=0.0)
+        rests &= (far <= FAR * np.abs(column).max(-1))[..., None]
     V = np.where(rests, V, 0.0)
     E, B, C = (part.copy() for part in (E, B, C))
     E[..., ramp] = np.where(rests, 0.0, column)

@@ -6,7 +6,7 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from wavesweep.spec.design import HAND, Design
+from wavesweep.spec.design import HAND, Design, in_order
 
 WALL_STIFFNESS = "environment.K_VE"
 
@@ -110,8 +110,7 @@ def points_of(
     for place, path in enumerate(walls):
         changes[path] = np.array([each[place] for each in combinations])[wall]
     ties = []
-    for path in _in_order({path: other for path, (other, _) in scenarios[0].ratios.items()}):
-        other = scenarios[0].ratios[path][0]
+    for path, other, _ in in_order([(path, other, None) for path, (other, _) in scenarios[0].ratios.items()]):
         factor = np.array([each.ratios[path][1] for each in scenarios])[scenario]
         if other == WALL_STIFFNESS and other not in changes:
             ties.append(path)
@@ -120,11 +119,3 @@ def points_of(
             ties += [path] if other in ties else []
             changes[path] = factor * changes.get(other, own[other])
     return Points(changes, tuple(ties), shape)
-
-
-def _in_order(ratios):
-    """Return the numbers of ratios, number -> that which it follows, each after the one that it follows."""
-    ordered = []
-    while len(ordered) < len(ratios):
-        ordered += [one for one, other in ratios.items() if one not in ordered and (other not in ratios or other in ordered)]
-    return ordered

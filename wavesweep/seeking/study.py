@@ -327,7 +327,7 @@ def _columns(spec, job, genes, records):
         columns[wish.name] = records[wish.name]
         texts = [job.finer[at].described() or "the spec's own" for at in records[f"{wish.name}_scenario"].tolist()]
         columns[f"{wish.name}_scenario"] = np.array(texts, dtype=object)
-    columns["certified"], columns["holds"] = np.logical_and.reduce(flags), violation == 0
+    columns["certified"], columns["holds"] = np.logical_and.reduce(flags), (violation == 0) & _checked(job)
     if job.box:
         columns |= {name: records[name] for name in (BOX, SETTLED)}
     order = np.lexsort(objectives.T[::-1])
@@ -349,12 +349,17 @@ def _fields(spec, columns):
     return tuple(field for field in found if field.name in columns)
 
 
+def _checked(job):
+    """Whether the front is checked between the ends of the ranges, if there is anything between."""
+    return len(job.finer) == len(scenarios_of(job.grid.spec.design, 1))
+
+
 def _notices(job):
     ends = len(scenarios_of(job.grid.spec.design))
     more = f" and {len(job.scenarios) - ends} between that were worse" if len(job.scenarios) > ends else ""
     several = f"{ends} combination{'s' * (ends != 1)}{more}"
     yield f"each design holds for {several}; those of the front were checked over {len(job.finer)}"
-    if len(job.finer) == ends and len(scenarios_of(job.grid.spec.design, 1)) > FINER:
+    if not _checked(job):
         yield f"values between the ends of the ranges were not checked: with them there are more than {FINER} combinations"
     unread = [axis.name for axis in job.grid.spec.design.vary if axis.path not in keys_of(job.grid.spec)]
     if unread:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -114,12 +114,19 @@ class Design:
                 path, expected = f"design.wish.{wish.name}.band_hz", f"numbers <= {hz / 2:g} (half of {rate})"
                 yield Leaf(None, wish.places["band_hz"]).mistake(path, expected, f"{stop:g}")
 
-    def followers(self, values: Mapping) -> Iterator[Axis]:
-        """Yield the ranges of numbers that ratios set, of numbers that no other ratio sets; values: the spec's own."""
-        known = {axis.path: (axis.start, axis.stop) for axis in (*self.vary, *self.for_all)}
-        for one, other, factors in self.ratios:
-            start, stop = (end(known.get(other, (values[other],))) * end(factors) for end in (min, max))
-            yield Axis(f"{one}/{other}", one, (), start, stop, False, None, self.place)
+    def followers(self, values: Mapping, stop: float) -> Iterator[Axis]:
+        """Yield the ranges of numbers that ratios set; values: the spec's own; stop: the largest stiffness of a wall."""
+        known = {path: (value, value) for path, value in values.items() if isinstance(value, (int, float))}
+        known |= {axis.path: (axis.start, axis.stop) for axis in (*self.vary, *self.for_all)}
+        known |= {f"operator.{part}": (min(given), max(given)) for part, given in self.hand.items()}
+        dampings = [damping for wish in self.wishes for damping in wish.options.get("B_VE", known["environment.B_VE"])]
+        stiffnesses = [wall for wish in self.wishes for wall in wish.options.get("walls", known["environment.K_VE"])]
+        searched = (0.0, stop) if any(wish.name in ("z_width", "felt") for wish in self.wishes) else ()
+        known["environment.B_VE"] = min(dampings), max(dampings)
+        known["environment.K_VE"] = tuple(end((*stiffnesses, *searched)) for end in (min, max))
+        for one, other, factors in in_order(self.ratios):
+            known[one] = tuple(end(known[other]) * end(factors) for end in (min, max))
+            yield Axis(f"{one}/{other}", one, (), *known[one], False, None, self.place)
 
     def written(self) -> dict[str, object]:
         """Return the table as a spec could give it."""
@@ -132,6 +139,16 @@ class Design:
             "wish": {wish.name: wish.written() for wish in self.wishes},
             **({"for_all": for_all} if for_all else {}),
         }
+
+
+def in_order(ratios: Sequence[tuple[str, str, object]]) -> list[tuple[str, str, object]]:
+    """Return ratios (number, the number that it follows, values) so that each comes after the one that it follows."""
+    ordered, waiting = [], list(ratios)
+    while waiting:
+        open_ = {one for one, *_ in waiting}
+        ordered += [each for each in waiting if each[1] not in open_]
+        waiting = [each for each in waiting if each[1] in open_]
+    return ordered
 
 
 def _varied(axis: Axis) -> object:

@@ -8,13 +8,15 @@ from dataclasses import replace
 from itertools import islice
 
 from wavesweep.errors import Mistake, SpecError, UsageError
+from wavesweep.spec.axes import Axis
+from wavesweep.spec.checking import Rejected, check, show
 from wavesweep.spec.drawing import MARKS, RATE, names_of
 from wavesweep.spec.drawing_tables import read_drawing
-from wavesweep.spec.keys import SYMBOLS
+from wavesweep.spec.keys import KEYS, SYMBOLS
 from wavesweep.spec.reading import Leaf, Place, file_stem, read_dict, read_file, read_override
 from wavesweep.spec.resolving import Given, resolve
 from wavesweep.spec.sorting import Path, leaves_of, normal_path, sort_leaves
-from wavesweep.spec.spec import Spec
+from wavesweep.spec.spec import K_VE_SPAN, Spec
 from wavesweep.spec.studies import DEFAULT_FREQUENCIES, Studies, beyond_half, beyond_limits, build_studies
 
 MOST_KEYS = 1000  # that a spec gives; each one that is wrong takes a millisecond
@@ -100,13 +102,34 @@ def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     studies, wrong_studies = build_studies(belongs, given)
     mistakes = [*mistakes, *belongs.mistakes.values(), *wrong, *wrong_studies]
     if not wrong:
-        axes = (*studies.axes, ("design.for_all", studies.design.followers(values) if studies.design else ()))
-        mistakes += [m for study, some in axes for m in beyond_limits(study, tuple(some), values)]
+        followers = _followers(studies, values)
+        axes = (*studies.axes, ("design.for_all", followers))
+        mistakes += [m for study, some in axes for m in beyond_limits(study, some, values)]
+        mistakes += _out_of_range(followers)
     if not any(mistake.key.startswith("rates.") for mistake in wrong):
         mistakes += _beyond_rate(studies, values["rates.fast_hz"], "rates.fast_hz")
     if mistakes:
         raise SpecError(_in_order(mistakes))
     return Spec(name, path, values, studies, given)
+
+
+def _followers(studies: Studies, values: Mapping) -> tuple[Axis, ...]:
+    """Return the ranges of the numbers that ratios of [design.for_all] set."""
+    if studies.design is None:
+        return ()
+    axis = next((axis for axis in studies.sweep if axis.path == "environment.K_VE"), None)
+    return tuple(studies.design.followers(values, axis.stop if axis else K_VE_SPAN[1]))
+
+
+def _out_of_range(axes: Iterable[Axis]) -> Iterator[Mistake]:
+    for axis in axes:
+        for end in (axis.start, axis.stop):
+            try:
+                check(KEYS[axis.path], float(end))
+            except Rejected as error:
+                leaf = Leaf(None, axis.place)
+                yield leaf.mistake(f"design.for_all.{axis.name}", error.expected, f"{show(end)} of {axis.path}", of_key=True)
+                break
 
 
 def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: list[Mistake]) -> Spec:

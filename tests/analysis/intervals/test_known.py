@@ -174,3 +174,35 @@ def test_poles_at_1_are_counted_by_structure():
     assert poles_at_one(np.stack([E, E + np.diag([0, 0, 1.0, 0])])) == 1
     E[0, 2] = 1.0  # a loop of the first three
     assert poles_at_one(E) == 0
+
+
+@pytest.mark.parametrize("every", [1, 2, 5])
+@pytest.mark.parametrize("method", ["trapezoidal", "explicit"])
+def test_a_chain_of_integrators_that_only_the_gain_reads_is_no_drift(every, method):
+    """Unstable below, stable within a narrow range, unstable above, by the marched frame in 384 bits."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"p": 1.0},
+        "block": {
+            "m": {"type": "mass", "mass": 0.2},
+            "i0": {"type": "integrator", "method": method},
+            "i1": {"type": "integrator", "method": "implicit"},
+            "lk": {"type": "tf", "discrete": True, "num": [0.0, 1.0], "den": [1.0, -0.999]},
+            "q": {"type": "hold", "every": every},
+        },
+        "wire": {
+            "i0.u": "m.x",
+            "i1.u": "i0.y",
+            "lk.u": "m.x",
+            "q.u": "p*(m.x + 0.01*i0.y + 0.5*i1.y + 0.3*lk.y)",
+            "m.f": "hand - q.y - 0.03*m.v",
+        },
+        "ports": {"hand": {"force": "hand", "displacement": "m.x"}},
+    }
+    loop = wavesweep.compile(tables)
+    found = loop.stable_intervals("p", (0.0, 100.0))
+    assert found.certified.all()
+    low, high = found.low[0], found.high[0]
+    assert (low, high) == (pytest.approx(9.8e-5, rel=0.01), pytest.approx(1.145e-4, rel=0.01))
+    sides = [loop.spectral_radius(p=p) < 1 for p in (low * 0.99, low * 1.01, high * 0.99, high * 1.01)]
+    assert sides == [False, True, True, False]

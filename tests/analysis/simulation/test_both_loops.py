@@ -47,6 +47,13 @@ def test_a_contact_without_one_answer_is_refused(push, K_VE, answer):
     assert len(simulate(loop, push, Effects(wall=0.0)).signals["x"]) > 1
 
 
+def test_a_grazing_avatar_that_leaves_a_share_of_0_but_for_rounding_is_not_refused(push):
+    """Without LP1 the wave of a grazing avatar comes back as its own negative."""
+    wall = {"K_VE": 784.2740879159779, "B_VE": 4.621697253144502, "Kp": 5.0, "lp1_order": 0}
+    loop = values_of("pmw", b=8.45289308729526, **wall)
+    assert np.isfinite(simulate(loop, push, Effects(wall=0.001)).signals["F_s"]).all()
+
+
 @pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm"])
 def test_a_direct_wall_is_felt_inside_only(values, push, kind):
     seen = simulate(values(kind, K_VE=150.0), push, Effects(wall=0.001)).signals

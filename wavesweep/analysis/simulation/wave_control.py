@@ -23,6 +23,8 @@ from wavesweep.analysis.simulation.cascade import Section, State, advance, at_re
 from wavesweep.analysis.simulation.hardware import Mail, collect, post
 from wavesweep.errors import IllPosedLoopError
 
+ROUNDING = 1e-12  # of a wave, by which a share of it may be off: without LP1 a grazing avatar leaves a share of 0
+
 
 class WaveLaw(NamedTuple):
     """The constants of a wave controller; `local` is None for `pmw`."""
@@ -165,7 +167,7 @@ def _outgoing(law: WaveLaw, memory: WaveMemory, x: float, sent: float, *, closes
     ways = (pressed, free, grazing) if closes and law.wall.one_sided else (pressed if closes else None,)
     if len(ways) > 1 and law.wall.ahead > 0:  # else the gap alone decides
         shares = [1 + _slope(law, memory, meets) for meets in (ways if law.wall.B else ways[:2])]
-        if min(shares) < 0 < max(shares):
+        if min(shares) < -ROUNDING and max(shares) > ROUNDING:
             raise IllPosedLoopError(
                 "within the tick the avatar both touches the one-sided wall and does not, or neither: u_m has no single value; "
                 "give the environment or the local model a delay"

@@ -159,8 +159,8 @@ static double solved(ws_state *s, double x, double sent, int *way)
     if (several && wall_port(s).ahead > 0.0) {
         const double in = 1.0 + slope(s, PRESSED), off = 1.0 + slope(s, APART);
         const double on = s->wall.B_VE == 0.0 ? off : 1.0 + slope(s, GRAZING);
-        const int below = in < 0.0 || off < 0.0 || on < 0.0;
-        if (below && (in > 0.0 || off > 0.0 || on > 0.0))
+        const int below = in < -1e-12 || off < -1e-12 || on < -1e-12; /* but for rounding */
+        if (below && (in > 1e-12 || off > 1e-12 || on > 1e-12))
             s->ill_posed = 1;
     }
 @end
