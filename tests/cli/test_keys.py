@@ -128,3 +128,14 @@ def test_the_tables_of_design_are_explained(wavesweep):
         assert f"design.{name}" in out
     for name in ("design.vary.b", "numbers.kp", "ports.hand", "design.for_all"):
         assert wavesweep("keys", name)[0] == 0
+
+
+def test_a_table_of_keys_fits_a_terminal(wavesweep, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    _, narrow, _ = wavesweep("keys", "simulate")
+    monkeypatch.delenv("COLUMNS")
+    _, wide, _ = wavesweep("keys", "simulate")
+    rows = narrow.split("\nColumns:")[0].splitlines()
+    assert max(map(len, rows[: rows.index("")])) <= 80
+    assert max(map(len, wide.splitlines())) > 100
+    assert narrow.split() == wide.split()

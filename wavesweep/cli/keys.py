@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from shutil import get_terminal_size
+from textwrap import wrap
 from typing import Any
 
 import click
@@ -16,6 +19,7 @@ from wavesweep.spec.design import DESIGN_KEYS
 from wavesweep.spec.devices import DEVICES, HapticDevice
 from wavesweep.spec.keys import AXIS_KEYS, KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
 
+NARROWEST = 24  # letters of a meaning in a line
 STUDIES = ("sweep", "bode")
 AXES = {f"{study}.AXIS.{part}": key for study in STUDIES for part, key in AXIS_KEYS.items()}
 TABLES = ("sweep", "bode", "simulate")
@@ -92,7 +96,9 @@ def _table(keys: Mapping[str, Key]) -> Iterator[str]:
     """Lines with a row for each key under the name of its table."""
     rows = [(path, _unit(key), _default(key)) for path, key in keys.items()]
     widths = [max(len(row[column]) for row in rows) for column in range(3)]
-    table = None
+    table, indent = None, sum(widths) + 6
+    across = get_terminal_size((sys.maxsize, 0)).columns  # what is no terminal has lines of any length
+    room = max(across - indent, NARROWEST)
     for (path, key), row in zip(keys.items(), rows, strict=True):
         if path.partition(".")[0] != table:
             if table is not None:
@@ -102,7 +108,9 @@ def _table(keys: Mapping[str, Key]) -> Iterator[str]:
             if any(".AXIS." in other for other in keys if other.startswith(f"{table}.")):
                 yield EACH_AXIS
         values = "" if _takes(key) in ("number", "string") else f" ({_takes(key)})"
-        yield "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)) + f"  {key.description}{values}"
+        words = wrap(f"{key.description}{values}", room, break_on_hyphens=False)
+        yield "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)) + f"  {words[0]}"
+        yield from (" " * indent + line for line in words[1:])
     yield ""
     yield "[design] has the tables vary, wish and for_all besides: `wavesweep keys design.vary` and so on."
     yield "A spec can draw its loop in place of [controller]: `wavesweep keys block`, numbers, wire, ports, rates.tick_hz."

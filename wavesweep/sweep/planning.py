@@ -89,11 +89,16 @@ def _parts_lines(job):
 
 
 def _size(count):
-    return f"{count / 1e6:.2g} MB" if count < 1e9 else f"{count / 1e9:.3g} GB"
+    return f"{_short(count / 1e6)} MB" if count < 1e9 else f"{_short(count / 1e9)} GB"
 
 
 def _duration(seconds):
-    return f"{seconds:.2g} s" if seconds < 100 else f"{seconds / 60:.3g} min"
+    return f"{_short(seconds)} s" if seconds < 100 else f"{_short(seconds / 60)} min"
+
+
+def _short(number):
+    """A number with two digits, or as a whole one."""
+    return f"{number:.2g}" if number < 99.5 else f"{number:.0f}"
 
 
 def _bode_lines(spec):
