@@ -353,3 +353,15 @@ def test_a_chunk_that_is_damaged_during_the_search_is_computed_again(tmp_path, m
     monkeypatch.setattr(FolderCheckpoint, "load", once)
     assert wavesweep.design(tmp_path / "mine.toml", checkpoint=tmp_path / "kept").equals(expected)
     assert damaged
+
+
+def test_check_says_what_the_search_would_do(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(SPEC, encoding="utf-8")
+    assert main(["check", "mine.toml"]) == 0
+    text = capfd.readouterr().out
+    assert (
+        "\n  design: 48 designs, each over 2 combinations that it has to hold for; the front over 3\n    work: about " in text
+    )
+    assert main(["check", "mine.toml", "--set", "rates.slow_hz=60"]) == 0
+    assert "  design: not possible with this spec: " in capfd.readouterr().out

@@ -70,6 +70,10 @@ def command(
     loaded = specs.load(spec, overrides)
     with _patience(loaded.name, switches["quiet"]):
         found, lines = verdict(loaded), sweep.plan(loaded)
+        if loaded.design:
+            from wavesweep.seeking import study
+
+            lines += study.plan(loaded)
     pictures = _picture(loaded, out, formats) if plot else []
     if switches["as_json"]:
         from wavesweep.cli.messages import show_json

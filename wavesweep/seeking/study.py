@@ -3,7 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from itertools import product
 from typing import Any, ClassVar
 
@@ -25,6 +25,7 @@ from wavesweep.sweep.checkpoint import checkpoint_of, records_of
 from wavesweep.sweep.grid import keys_of, loop_of, make_grid, no_controller
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.job import Chunk, Chunks, Job
+from wavesweep.sweep.planning import duration
 from wavesweep.sweep.running import Tally, Work, compute
 from wavesweep.sweep.table import Table, facts_of
 from wavesweep.sweep.workers import choose
@@ -200,6 +201,24 @@ def design(
     facts |= {"own": own_design(spec, job), "stop": job.stop}
     facts |= {"scenarios": len(job.scenarios), "checked_scenarios": len(job.finer)}
     return Table("design", lambda: (columns,), facts, fields=_fields(spec, columns), forget=run.forget)
+
+
+def plan(spec: Spec) -> list[str]:
+    """Lines for `wavesweep check`: what `design` would do, and how long it would take; none without [design]."""
+    if spec.drawing or spec.design is None:
+        return []
+    try:
+        job = job_of(spec)
+    except UsageError as error:
+        return [f"  design: not possible with this spec: {error}"]
+    expected = cache(partial(_seconds, job))
+    workers = choose(None, None, None, len(job.chunks), expected)
+    over = f"{len(job.scenarios)} combination{'s' * (len(job.scenarios) != 1)}"
+    who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
+    return [
+        f"  design: {job.slices} designs, each over {over} that it has to hold for; the front over {len(job.finer)}",
+        f"    work: about {duration(expected() / workers.count)}; {who} ({workers.why})",
+    ]
 
 
 METHODS = {

@@ -75,7 +75,7 @@ def _interval_lines(spec, command, along):
     return [
         f"  {command}: stable intervals along {axis.name} in {span} for {product}: {slices}",
         f"    method: {method(job)}",
-        f"    work: {_count(len(job.chunks), 'chunk')}, about {_duration(expected() / workers.count)}; {who} ({workers.why})",
+        f"    work: {_count(len(job.chunks), 'chunk')}, about {duration(expected() / workers.count)}; {who} ({workers.why})",
         f"    disk: about {_size(expected_bytes(job))} until the results are in place",
         *_parts_lines(job),
     ]
@@ -92,7 +92,8 @@ def _size(count):
     return f"{_short(count / 1e6)} MB" if count < 1e9 else f"{_short(count / 1e9)} GB"
 
 
-def _duration(seconds):
+def duration(seconds: float) -> str:
+    """Seconds, or minutes, in words."""
     return f"{_short(seconds)} s" if seconds < 100 else f"{_short(seconds / 60)} min"
 
 
@@ -135,7 +136,7 @@ def _long_lines(jobs):
     for job in jobs:
         expected = cache(partial(expected_seconds, job, PATIENCE))
         seconds += expected() / choose(None, None, None, len(job.chunks), expected).count
-    work = f"{_count(chunks, 'chunk')}, about {_duration(seconds)}"
+    work = f"{_count(chunks, 'chunk')}, about {duration(seconds)}"
     return [f"    work: {work}; disk: about {size} until the results are in place", *advice]
 
 
