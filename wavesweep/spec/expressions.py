@@ -125,6 +125,8 @@ class _Reader:
             return ("number", float(text), at)
         if kind == "name" and text != "sqrt":
             self.next()
+            if self.text == "(":
+                raise Fault(at, "sqrt, the only function", show(text))
             return ("number", math.pi, at) if text == "pi" else ("name", text, at)
         if text not in ("sqrt", "("):
             raise Fault(at, "a number, a name or a parenthesis", show(text) if text else "the end")
