@@ -28,6 +28,7 @@ from wavesweep.lifted.periodic import GROWN, LOST, frame_of, growth_of, ticks_of
 from wavesweep.lifted.rounding import hidden_in, sizes_in_all, turned
 from wavesweep.lifted.tick_drift import TickDrift, closed, errors_of_closed, filled, without_drift
 from wavesweep.spec.drawing import Drawing
+from wavesweep.sweep.apart import apart, common
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
 from wavesweep.sweep.grid import selected
 from wavesweep.sweep.tasks import FELT, TINY, felt_at_ends, records_of, with_batch
@@ -148,6 +149,14 @@ class DrawnTask:
         return None
 
     def _intervals(self, values, size, opened):
+        parts = () if isinstance(self.drawing, Uneven) else apart(self.drawing)
+        if len(parts) <= 1:
+            return self.connected(values, size, opened)
+        alone = [(replace(self, drawing=part), open_loops(part, values, self.own, self.number)) for part in parts]
+        return common([task.connected(values, size, each) for task, each in alone])
+
+    def connected(self, values, size, opened) -> Intervals:
+        """The intervals of loops that are one piece; opened: without the number, see `open_loops`."""
         cut = opened and cut_of(opened.frame, opened.drift)
         if cut is not None:
             cut = with_batch(cut, size)

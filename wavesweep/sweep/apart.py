@@ -1,0 +1,79 @@
+"""Loops drawn in one spec that nothing connects: each by itself, and the values at which all of them are stable."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from wavesweep.analysis.intervals import Intervals
+from wavesweep.spec.drawing import Drawing
+
+
+@lru_cache(maxsize=64)
+def apart(drawing: Drawing) -> tuple[Drawing, ...]:
+    """Return the parts of a drawing between which there is no wire, in the order of their blocks.
+
+    Two equal joints of a robot cross the unit circle at the same value of a gain, which cannot be told from a single crossing
+    that touches it; by themselves they are simple crossings.
+    """
+    part = {block.name: block.name for block in drawing.blocks}
+    for port, terms in drawing.wires:
+        for signal, _ in terms:
+            ends = [part.get(each.partition(".")[0]) for each in (port, signal)]
+            if None not in ends:
+                part = {name: ends[0] if root == ends[1] else root for name, root in part.items()}
+    roots = list(dict.fromkeys(part.values()))
+    return tuple(_part(drawing, {name for name, root in part.items() if root == each}) for each in roots)
+
+
+def _part(drawing, names):
+    """The drawing of these blocks; the hand belongs to the part that it moves."""
+    force, place, _ = drawing.hand or ("", (), None)
+    held = any(signal.partition(".")[0] in names for signal, _ in place)
+    wires = [(port, terms) for port, terms in drawing.wires if port.partition(".")[0] in names]
+    if not held:
+        wires = [(port, tuple(term for term in terms if term[0] != force)) for port, terms in wires]
+    blocks = tuple(block for block in drawing.blocks if block.name in names)
+    return replace(drawing, blocks=blocks, wires=tuple(wires), hand=drawing.hand if held else None, wall=None)
+
+
+def common(found: Sequence[Intervals]) -> Intervals:
+    """Return the intervals in which all of several loops are stable, for every column; a doubt of one is one of the column.
+
+    found: of each loop, the same columns.
+    """
+    rows = [_by_column(each) for each in found]
+    whole = {name: [] for name in ("column", "index", "count", "low", "high", "low_omega", "high_omega", "doubt", "residual")}
+    for column in rows[0]:
+        shared = rows[0][column][0]
+        for other in rows[1:]:
+            shared = [both for one in shared for two in other[column][0] if (both := _overlap(one, two)) is not None]
+        doubt = max(each[column][1] for each in rows)
+        for index, interval in enumerate(shared or [(np.nan, np.nan, np.nan, np.nan, 0.0)]):
+            facts = (column, index if shared else -1, len(shared), *interval[:4], doubt, interval[4])
+            for name, value in zip(whole, facts, strict=True):
+                whole[name].append(value)
+    kinds = {name: getattr(found[0], name).dtype for name in whole}
+    return Intervals(**{name: np.array(values, kinds[name]) for name, values in whole.items()})
+
+
+def _by_column(found):
+    """Column -> its intervals as (low, high, low_omega, high_omega, residual), and its doubt."""
+    columns = {}
+    for at in range(found.column.size):
+        intervals, _ = columns.setdefault(int(found.column[at]), ([], int(found.doubt[at])))
+        if found.index[at] >= 0:
+            intervals.append(
+                tuple(float(getattr(found, name)[at]) for name in ("low", "high", "low_omega", "high_omega", "residual"))
+            )
+    return dict(sorted(columns.items()))
+
+
+def _overlap(one, two):
+    """The part that two intervals have in common, each end with its frequency; None if there is none."""
+    begins = max(one, two, key=lambda each: each[0])
+    ends = min(one, two, key=lambda each: each[1])
+    if begins[0] >= ends[1]:
+        return None
+    return begins[0], ends[1], begins[2], ends[3], max(one[4], two[4])
