@@ -15,7 +15,8 @@ from wavesweep.spec.keys import AXIS_KEYS
 EVERY = {**KEYS, **STUDY_KEYS}
 
 
-def test_every_key_is_listed_with_unit_default_and_meaning(wavesweep):
+def test_every_key_is_listed_with_unit_default_and_meaning(wavesweep, monkeypatch):
+    monkeypatch.delenv("COLUMNS", raising=False)
     code, out, err = wavesweep("keys")
     assert (code, err) == (0, "")
     rows = {line.split()[0]: line for line in out.splitlines() if line}
@@ -133,7 +134,7 @@ def test_the_tables_of_design_are_explained(wavesweep):
 def test_a_table_of_keys_fits_a_terminal(wavesweep, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     _, narrow, _ = wavesweep("keys", "simulate")
-    monkeypatch.delenv("COLUMNS")
+    monkeypatch.delenv("COLUMNS", raising=False)
     _, wide, _ = wavesweep("keys", "simulate")
     rows = narrow.split("\nColumns:")[0].splitlines()
     assert max(map(len, rows[: rows.index("")])) <= 80

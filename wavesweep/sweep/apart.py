@@ -14,8 +14,8 @@ from wavesweep.spec.drawing import Drawing
 def apart(drawing: Drawing) -> tuple[Drawing, ...]:
     """Return the parts of a drawing between which there is no wire, in the order of their blocks.
 
-    Two equal joints of a robot cross the unit circle at the same value of a gain, which cannot be told from a single crossing
-    that touches it; by themselves they are simple crossings.
+    Two equal joints of a robot cross the unit circle at the same value of a gain, which looks like one that only touches
+    it; by themselves they are simple crossings.
     """
     part = {block.name: block.name for block in drawing.blocks}
     for port, terms in drawing.wires:
