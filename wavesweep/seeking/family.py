@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise, product
+from math import prod
 
 import numpy as np
 
@@ -30,6 +31,20 @@ def scenarios_of(design: Design, between: int = 0) -> list[Scenario]:
 
     between: number of further values between two neighbouring values of each range; of whole numbers all are.
     """
+    found = []
+    for combination in product(*_choices(design, between)):
+        values = {path: value for path, value in combination if not isinstance(value, tuple)}
+        found.append(Scenario(values, {path: value for path, value in combination if isinstance(value, tuple)}))
+    return found
+
+
+def count_of(design: Design, between: int = 0) -> int:
+    """Return the number of `scenarios_of`, without making them."""
+    return prod(map(len, _choices(design, between)))
+
+
+def _choices(design, between):
+    """Return the choices of each number, as pairs of its path and a value, or of the other path and a ratio."""
     choices = [[(axis.path, value) for value in _filled(axis.values, between, axis.structural)] for axis in design.for_all]
     for part in HAND:
         if part in design.hand:
@@ -37,11 +52,7 @@ def scenarios_of(design: Design, between: int = 0) -> list[Scenario]:
             choices.append([(f"operator.{part}", value) for value in values])
     for one, other, values in design.ratios:
         choices.append([(one, (other, value)) for value in _filled(values, between, False)])
-    found = []
-    for combination in product(*choices):
-        values = {path: value for path, value in combination if not isinstance(value, tuple)}
-        found.append(Scenario(values, {path: value for path, value in combination if isinstance(value, tuple)}))
-    return found
+    return choices
 
 
 def _filled(values, between, structural):

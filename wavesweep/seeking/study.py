@@ -12,7 +12,7 @@ import numpy as np
 from wavesweep.analysis.passivity import HandBox
 from wavesweep.analysis.passivity.hand import OPERATOR
 from wavesweep.errors import SpecError, UsageError, WavesweepError
-from wavesweep.seeking.family import Scenario, scenarios_of
+from wavesweep.seeking.family import Scenario, count_of, scenarios_of
 from wavesweep.seeking.genes import designs_of, genes_of
 from wavesweep.seeking.search import Judged, generations, spread, undominated
 from wavesweep.seeking.verdicts import judged, miss
@@ -246,7 +246,7 @@ def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
         searched = f"<= {stop:g} N/m, the stiffest wall that is searched; raise it: sweep.K_VE = {{ stop = ... }}"
         mistake = Leaf(None, unseen.places["at_least"]).mistake("design.wish.z_width.at_least", searched, f"{unseen.bound:g}")
         raise SpecError([mistake])
-    finer = next(some for between in (1, 0) if len(some := scenarios_of(asked, between)) <= FINER or not between)
+    finer = scenarios_of(asked, between=int(count_of(asked, 1) <= FINER))
     chunks = Chunks(settings["generations"] + 1, max(settings["population"], FRONT), 1, CHUNK)
     return DesignJob(grid, chunks, {}, {}, scenarios_of(asked), finer, stop, box_of(spec) if hand == "box" else None)
 
@@ -370,11 +370,11 @@ def _fields(spec, columns):
 
 def _checked(job):
     """Whether the front is checked between the ends of the ranges, if there is anything between."""
-    return len(job.finer) == len(scenarios_of(job.grid.spec.design, 1))
+    return len(job.finer) == count_of(job.grid.spec.design, 1)
 
 
 def _notices(job):
-    ends = len(scenarios_of(job.grid.spec.design))
+    ends = count_of(job.grid.spec.design)
     more = f" and {len(job.scenarios) - ends} between that were worse" if len(job.scenarios) > ends else ""
     several = f"{ends} combination{'s' * (ends != 1)}{more}"
     yield f"each design holds for {several}; those of the front were checked over {len(job.finer)}"

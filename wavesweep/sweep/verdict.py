@@ -64,27 +64,25 @@ def own_design(spec: Spec, cut=None, loop=None) -> dict:
     radius = float(radius_of(E, hidden))
     found = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period, "assumes": assumes(spec)}
     channel = None if drawing else _channel_norm(values)
-    delta = eigenvalues(E)[0]
-    turns = turns_of(spec, slowest(delta), loop) if found["stable"] and delta.size else 0
+    loop, delta = loop or _prepared(spec), eigenvalues(E)[0]
+    turns = _turns(loop, slowest(delta)) if found["stable"] and delta.size else 0
     return found | {"felt": _felt(spec, loop), "slowest": _slowest(delta, period, turns), "channel_norm": channel}
 
 
-def turns_of(spec: Spec, delta: complex, loop=None) -> int:
-    """The whole turns per frame of a mode's strongest line in the hand's position, 0 if it is not known.
+def _prepared(spec):
+    """The loop prepared for responses at the hand; None if a drawn loop names no hand."""
+    drawing = loop_of(spec)
+    if drawing is None:
+        return prepare(draw(spec.values), *(spec.values[path] for path in WALL))
+    return None if spec.drawing and spec.drawing.hand is None else ports_of_loop(spec, drawing)
 
-    delta: eigenvalue less 1 of the mode. loop: prepared for responses, if it is known already.
-    """
-    if spec.drawing and spec.drawing.hand is None:
+
+def _turns(loop, delta):
+    """The whole turns per frame of a mode's strongest line in the hand's position, 0 if it is not known."""
+    if loop is None:
         return 0
-    with suppress(WavesweepError, np.linalg.LinAlgError):
-        if loop_of(spec):
-            loop = ports_of_loop(spec, loop_of(spec))
-        elif loop is None:
-            loop = prepare(draw(spec.values), *(spec.values[path] for path in WALL))
-        E, shown = shown_in_ticks(loop)
-        if np.isfinite(E).all() and np.isfinite(shown).all():
-            return strongest_turns(E, shown, delta)
-    return 0
+    E, shown = shown_in_ticks(loop)
+    return strongest_turns(E, shown, delta) if np.isfinite(E).all() and np.isfinite(shown).all() else 0
 
 
 def line_hz(spec: Spec, omega: float) -> float:
@@ -93,7 +91,7 @@ def line_hz(spec: Spec, omega: float) -> float:
     omega: rad/s, from frame to frame. Without a hand, or if the frame is not known, the frequency is that of omega itself.
     """
     period = float(cut_at_wall(draw(spec.values)).period) if loop_of(spec) is None else _frame_of(spec)[2]
-    turns = turns_of(spec, complex(np.expm1(1j * omega * period)))
+    turns = _turns(_prepared(spec), complex(np.expm1(1j * omega * period)))
     return abs(omega / (2 * np.pi) + turns / period)
 
 
@@ -190,22 +188,19 @@ def _closed(values):
 
 def _felt(spec, loop):
     values = spec.values
-    if spec.drawing and spec.drawing.hand is None:
+    if loop is None:
         return None
     if loop_of(spec):
-        return _felt_at(spec)
-    K, B = (values[path] for path in WALL)
-    loop = loop or prepare(draw(values), K, B)
+        return _felt_at(loop)
     low = SLOW_SHARE * values["rates.fast_hz"] / values["rates.ratio"]
     damping = _damping(lambda frequency: respond(loop, frequency).impedance, low)
-    return {"stiffness": _number(float(felt(felt_map(loop.diagram), K))), "damping": _number(damping)}
+    return {"stiffness": _number(float(felt(felt_map(loop.diagram), values[WALL[0]]))), "damping": _number(damping)}
 
 
-def _felt_at(spec):
+def _felt_at(port):
     """Stiffness and damping at the hand's port of a drawn loop."""
-    port = ports_of_loop(spec, loop_of(spec))
     stiffness = float(static_port_response(port)[1].real[0])
-    damping = _damping(lambda frequency: respond_port(port, frequency).impedance, SLOW_SHARE / _frame_of(spec)[2])
+    damping = _damping(lambda frequency: respond_port(port, frequency).impedance, SLOW_SHARE / (port.period * port.kind.size))
     return {"stiffness": _number(stiffness), "damping": _number(damping)}
 
 

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +13,7 @@ from wavesweep.analysis.spectrum import damping_ratio, eigenvalues
 from wavesweep.diagram import WALL, draw, state_labels
 from wavesweep.diagram import drift_of as drift_of_diagram
 from wavesweep.diagram.assembly import assembled
-from wavesweep.errors import UsageError
+from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.spec import Axis, Spec, sweep_axes
 from wavesweep.spec.drawing import decides
@@ -77,17 +78,15 @@ def _lines(spec, axis, columns):
     `strongest_turns`. The table's frequency if there is no hand.
     """
     found = {}
-    for key, limit, omega in zip(*(_crossings(columns), columns["limit"].tolist(), columns["omega"].tolist()), strict=True):
+    keys = zip(*(columns[name].tolist() for name in ("interval", "end", "crossing")), strict=True)
+    for key, limit, omega in zip(keys, columns["limit"].tolist(), columns["omega"].tolist(), strict=True):
         if key in found or np.isnan(omega):
             found.setdefault(key, None)
             continue
-        found[key] = line_hz(spec.with_values({axis.path: limit}), omega)
+        found[key] = omega / (2 * np.pi)
+        with suppress(WavesweepError):  # a limit may be no value of a spec
+            found[key] = line_hz(spec.with_values({axis.path: limit}), omega)
     return list(found.values())
-
-
-def _crossings(columns):
-    """Interval, end and crossing of each row; a stiffness that is felt has the crossing of the end."""
-    return list(zip(*(columns[name].tolist() for name in ("interval", "end", "crossing")), strict=True))
 
 
 def _spans(found):

@@ -46,11 +46,8 @@ class AtRest:
             diagonal, vectors = np.linalg.eigh(each[lag] * np.where(lag == 0, 1.0, 0.5))
             loops = np.flatnonzero(which.reshape(-1) == number)
             with np.errstate(over="ignore", invalid="ignore"):  # of a frame that overflows; see `_smallest`
-                self.diagonal[loops], self.left[loops], self.right[loops] = (
-                    diagonal,
-                    vectors.T @ seen[loops],
-                    into[loops] @ vectors,
-                )
+                self.left[loops], self.right[loops] = vectors.T @ seen[loops], into[loops] @ vectors
+            self.diagonal[loops] = diagonal
         self.diagonal[~known] = np.nan
 
     def smallest(self, owner, theta, ceiling=None):
