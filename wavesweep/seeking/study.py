@@ -3,7 +3,7 @@
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from itertools import product
 from typing import Any, ClassVar
 
@@ -209,15 +209,15 @@ def plan(spec: Spec) -> list[str]:
         return []
     try:
         job = job_of(spec)
-    except UsageError as error:
+        seconds = _seconds(job)
+    except WavesweepError as error:
         return [f"  design: not possible with this spec: {error}"]
-    expected = cache(partial(_seconds, job))
-    workers = choose(None, None, None, len(job.chunks), expected)
+    workers = choose(None, None, None, len(job.chunks), lambda: seconds)
     over = f"{len(job.scenarios)} combination{'s' * (len(job.scenarios) != 1)}"
     who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
     return [
         f"  design: {job.slices} designs, each over {over} that it has to hold for; the front over {len(job.finer)}",
-        f"    work: about {duration(expected() / workers.count)}; {who} ({workers.why})",
+        f"    work: about {duration(seconds / workers.count)}; {who} ({workers.why})",
     ]
 
 

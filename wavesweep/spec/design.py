@@ -10,7 +10,7 @@ from types import MappingProxyType
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, build_axis
 from wavesweep.spec.checking import Rejected, check, nearest, show
-from wavesweep.spec.keys import BAND_EDGES, KEYS, Key, Names
+from wavesweep.spec.keys import BAND_EDGES, KEYS, VALUE_PATHS, Key, Names
 from wavesweep.spec.reading import Leaf, Place
 
 MOST_CHOICES = 1000  # whole numbers of a key that is varied
@@ -181,6 +181,7 @@ class _Reader:
         self.mistakes, self.settings = [], {}
         self.parts = {section: {} for section in SECTIONS}
         self.first = {}
+        self.written = {}  # path of a number that a ratio sets -> the ratio's key
 
     def refuse(self, path, expected, found, suggestion="", leaf=None):
         leaf = leaf or next((leaf for at, leaf in self.leaves.items() if ".".join(at).startswith(path)), None)
@@ -290,6 +291,10 @@ class _Reader:
                 hand = self._hand(parts)
             elif "/" in name and all(map(self.names.find, name.split("/"))) and name.count("/") == 1:
                 one, other = (self.names.find(each).path for each in name.split("/"))
+                self.written[one] = name
+                if not self.names.keys[other].numeric or other not in VALUE_PATHS:
+                    self.refuse(f"for_all.{name}", "a ratio to a number that every spec has", other)
+                    continue
                 key = Key(f"design.for_all.{name}", "number", None, "1", "", low=0.0, above_low=True)
                 values = self._numbers(f"for_all.{name}", next(iter(parts.values())), key, None)
                 ratios.append((one, other, values))
@@ -311,11 +316,12 @@ class _Reader:
         for path in [*(axis.path for axis in axes), *hands, *(one for one, *_ in ratios)]:
             if path in said:
                 expected = "a number that is not varied" if path in varied else "each number once"
-                self.refuse(f"for_all.{self._written(path, ratios, hands)}", expected, f"{path}, one of {said[path]}")
+                key = f"hand.{path.rpartition('.')[2]}" if path in hands else self.written.get(path, path)
+                self.refuse(f"for_all.{key}", expected, f"{path}, one of {said[path]}")
             said.setdefault(path, "[design.for_all] already")
         follows = {one: other for one, other, _ in ratios}
         for one, other, _ in ratios:
-            name = self._written(one, ratios, ())
+            name = self.written[one]
             if one in NO_RATIO or self.names.keys[one].structural:
                 self.refuse(f"for_all.{name}", "a ratio of a number that is neither a wall nor whole", one)
             passed, last = [one], other
@@ -324,13 +330,6 @@ class _Reader:
                 last = follows[last]
             if last in passed:
                 self.refuse(f"for_all.{name}", "ratios that lead to a number of the spec", " to ".join([*passed, last]))
-
-    def _written(self, path, ratios, hands):
-        """The key of [design.for_all] that says something of the number."""
-        if path in hands:
-            return f"hand.{path.rpartition('.')[2]}"
-        ends = [name for name in self.parts["for_all"] if "/" in name and self.names.find(name.split("/")[0]).path == path]
-        return ends[0] if ends and path in [one for one, *_ in ratios] else path
 
     def _hand(self, parts):
         found = {}

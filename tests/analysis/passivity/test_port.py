@@ -122,12 +122,12 @@ def test_the_damping_that_is_needed_is_known_to_a_thousandth(values):
     assert np.isnan(port_damping_needed(values("pmw", **FADING)))
 
 
-def slow_integrator(tick, device, lp, every, phases, **numbers):
+def slow_integrator(tick, device, lp, every, phases, gains):
     """A position and a velocity feedback, and an integrator of the position at a slow rate."""
     fast, slow = every
     return {
         "rates": {"tick_hz": tick},
-        "numbers": numbers,
+        "numbers": dict(zip(("K", "B", "ki", "a"), gains, strict=True)),
         "block": {
             "m": {"type": "mass", **dict(zip(("mass", "damping", "stiffness"), device, strict=True))},
             "h": {"type": "hold", "every": fast, "phase": phases[0]},
@@ -148,59 +148,18 @@ def slow_integrator(tick, device, lp, every, phases, **numbers):
     }
 
 
-@pytest.mark.parametrize(
-    ("tables", "lowest", "mean"),
-    [
-        (
-            slow_integrator(
-                1e4,
-                (0.0229151, 0.0854363, 74.2528),
-                (6, 69.4794),
-                (1, 5),
-                (0, 4),
-                K=26.5638,
-                B=0.0256935,
-                ki=0.0550945,
-                a=0.0338909,
-            ),
-            -5.41241930386e-10,
-            2.18e-7,
-        ),
-        (
-            slow_integrator(
-                3e3,
-                (0.503046, 0.0257843, 1138741.0882444947),
-                (1, 11.1613),
-                (5, 5),
-                (0, 3),
-                K=6.72151,
-                B=0.924689,
-                ki=0.00173084,
-                a=0.00273953,
-            ),
-            -1.5485851056781743e-15,
-            1.02e-10,
-        ),
-        (
-            slow_integrator(
-                1e4,
-                (0.613466, 0.0140077, 699498.1972526183),
-                (2, 8.38711),
-                (1, 50),
-                (0, 37),
-                K=4.80876,
-                B=0.126534,
-                ki=1.14318,
-                a=0.204641,
-            ),
-            -6.547798245647756e-14,
-            5.21e-12,
-        ),
-    ],
-)
-def test_crossings_of_a_level_that_nearly_meet_are_not_missed(tables, lowest, mean):
-    """Next to z = 1, and next to a resonance. lowest: an eigenvalue of the map there in 256 bits. mean: of all."""
-    found = wavesweep.compile(tables).passivity().iloc[0]
+# An eigenvalue of the map, next to z = 1 and next to resonances, in 256 bits; and the mean of all.
+SLOW_INTEGRATORS = [
+    (1e4, (0.0229151, 0.0854363, 74.2528), (6, 69.4794), (1, 5), (0, 4), (26.5638, 0.0256935, 0.0550945, 0.0338909)),
+    (3e3, (0.503046, 0.0257843, 1138741.0882444947), (1, 11.1613), (5, 5), (0, 3), (6.72151, 0.924689, 0.00173084, 0.00273953)),
+    (1e4, (0.613466, 0.0140077, 699498.1972526183), (2, 8.38711), (1, 50), (0, 37), (4.80876, 0.126534, 1.14318, 0.204641)),
+]
+LOWEST = [(-5.41241930386e-10, 2.18e-7), (-1.5485851056781743e-15, 1.02e-10), (-6.547798245647756e-14, 5.21e-12)]
+
+
+@pytest.mark.parametrize(("numbers", "expected"), list(zip(SLOW_INTEGRATORS, LOWEST, strict=True)))
+def test_crossings_of_a_level_that_nearly_meet_are_not_missed(numbers, expected):
+    found, (lowest, mean) = wavesweep.compile(slow_integrator(*numbers)).passivity().iloc[0], expected
     assert found.port_margin == pytest.approx(lowest, rel=2e-10, abs=2e-10 * mean)
 
 
