@@ -26,6 +26,11 @@ def test_two_equal_joints_have_the_limit_of_one():
     assert found.high[0] == pytest.approx(250.8361148086, rel=1e-11)
 
 
+def test_joints_that_are_stable_at_different_gains_are_never_both_stable():
+    found = wavesweep.compile(joints(gain="(p - c)*hb.y", c=300.0)).stable_intervals("p", (0.0, 2000.0))
+    assert (found.certified.all(), found["intervals"].tolist()) == (True, [0])
+
+
 def test_parts_keep_the_hand_where_it_moves_something():
     one, other = apart(load(joints()).drawing)
     assert ([block.name for block in one.blocks], [block.name for block in other.blocks]) == (["a", "ha"], ["b", "hb"])
