@@ -173,7 +173,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
         (
             [("[sweep]", "[sweep]\nq = [1]")],
             "28:1: sweep.q",
-            "along, one of kp, kd, c",
+            "along, one of kp, kd, c or the path of a number in a block",
             "an unknown axis",
         ),
         ([('along = "c"', 'along = "arm"')], "28:9: sweep.along", "the name of a numeric key", '"arm"'),
@@ -351,7 +351,44 @@ def test_an_unknown_axis_is_one_mistake_and_its_numbers_are_offered():
         load(tables)
     (mistake,) = refused.value.mistakes
     assert mistake.expected.startswith("along, one of ")
-    assert "path" not in mistake.expected
+    assert mistake.expected.endswith(" or the path of a number in a block")
+
+
+def test_a_number_in_a_block_is_an_axis_by_its_path():
+    tables = tomllib.loads(ARM)
+    assert "block.net.every" not in load(tables).values
+    tables["sweep"] = {
+        "block.net.every": [20, 40],
+        "along": "block.arm.mass",
+        "block": {"arm": {"mass": {"start": 1, "stop": 5}}},
+    }
+    spec = load(tables)
+    assert [axis.path for axis in spec.sweep] == ["block.net.every", "block.arm.mass"]
+    assert spec.along == spec.names.find("block.arm.mass").path
+    assert spec.values["block.net.every"] == spec.tables()["block"]["net"]["every"] == 20
+    assert (spec.names.find("block.net.every").type, spec.names.find("block.net.every").structural) == ("integer", True)
+    assert load(spec.tables()).sha256 == spec.sha256
+    assert spec.with_values({"block.net.every": 40}).tables()["block"]["net"]["every"] == 40
+    with pytest.raises(SpecError, match=r"block\.net\.every: expected a whole number >= 1, found 0"):
+        spec.with_values({"block.net.every": 0})
+
+
+def test_a_key_that_has_its_default_is_an_axis_too():
+    tables = tomllib.loads(ARM)
+    tables["sweep"]["block.arm.stiffness"] = [0, 10]
+    assert load(tables).values["block.arm.stiffness"] == 0.0
+
+
+@pytest.mark.parametrize(
+    "axis", ["block.arm.mas", "block.arm.type", "block.other.mass", "block.arm", "block", "block.arm.damping"]
+)
+def test_what_is_no_number_in_a_block_is_no_axis(axis):
+    tables = tomllib.loads(ARM)
+    tables["sweep"][axis] = [1, 2]
+    tables["block"]["arm"]["damping"] = "kd"
+    with pytest.raises(SpecError) as refused:
+        load(tables)
+    assert [(mistake.key, mistake.found) for mistake in refused.value.mistakes] == [(f"sweep.{axis}", "an unknown axis")]
 
 
 def test_a_rate_in_quotes_is_an_expression_that_no_axis_changes():

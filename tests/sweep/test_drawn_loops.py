@@ -55,6 +55,30 @@ def test_pd_on_a_mass():
     np.testing.assert_allclose(ends(table), [[0.05, 200], [0.05, 400]], rtol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("key", "value", "values", "unit"),
+    [("arm.mass", 0.2, [0.1, 0.2, 0.4], "kg"), ("net.steps", 1, [0, 1, 3], "1"), ("net.every", 20, [11, 20], "tick")],
+)
+def test_a_number_in_a_block_is_swept_like_one_with_a_name(key, value, values, unit):
+    """Every column but the axis's own is the same to the last bit, and so are the answers if intervals along it are wanted."""
+    block, _, name = key.partition(".")
+    named, own = tomllib.loads(ARM), tomllib.loads(ARM)
+    named["numbers"]["n"] = value
+    named["block"][block][name] = "n"
+    sweep = {"along": "c", "c": {"start": -1, "stop": 20}}
+    for tables, axis in ((named, "n"), (own, f"block.{key}")):
+        tables["sweep"] = {**sweep, axis: values}
+    first, second = wavesweep.stability_region(named), wavesweep.stability_region(own)
+    assert first.rename(columns={"n": f"block.{key}"}).equals(second)
+    assert second.attrs["units"][f"block.{key}"] == unit
+    if name == "mass":
+        span = {"start": 0.01, "stop": 1.0}
+        tables = [{**each, "sweep": {"along": axis, axis: span}} for each, axis in ((named, "n"), (own, f"block.{key}"))]
+        first, second = (wavesweep.stability_region(each).drop(columns="along") for each in tables)
+        assert first.equals(second)
+        assert first.certified.all()
+
+
 def test_a_joint_of_a_physics_engine():
     """Semi-implicit Euler, kp explicit, kd implicit: kp < (4 I + 2 h kd)/h^2, also if the step is swept."""
     table = compiled(JOINT).stable_intervals(h=[1e-3, 2e-3])

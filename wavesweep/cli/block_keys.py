@@ -18,7 +18,8 @@ LISTS = {
     "boolean": "true or false",
 }
 TABLES = {
-    "numbers": "numbers of a drawn loop: NAME = value, or { value = ..., unit = ..., description = ... }; each may be an axis",
+    "numbers": "numbers of a drawn loop: NAME = value, or { value = ..., unit = ..., description = ... }; each may be an axis, "
+    'and so may a number in a block, "block.NAME.KEY"',
     "wire": 'wires: "block.port" = "expression", linear in the outputs of blocks ("block.port") and the force of the hand',
     "ports": (
         "hand = { force = NAME, displacement = expression, reaction = expression } for bode, passivity and simulate; "

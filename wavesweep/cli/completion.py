@@ -14,9 +14,9 @@ from click.shell_completion import BashComplete, CompletionItem, add_completion_
 
 from wavesweep.controllers import CONTROLLERS, MEANINGS
 from wavesweep.errors import WavesweepError
-from wavesweep.spec.block_types import EVERY, PHASE, TICK_HZ, TYPES
+from wavesweep.spec.block_types import TICK_HZ, TYPES
 from wavesweep.spec.devices import DEVICES
-from wavesweep.spec.drawing import MARKS, RATE
+from wavesweep.spec.drawing import MARKS, RATE, keys_of_block
 from wavesweep.spec.keys import DEVICE_EFFECTS, KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
 from wavesweep.spec.reading import read_file
 
@@ -102,8 +102,9 @@ def _keys_of(tables: Mapping[str, object]) -> dict[str, Key]:
         found |= {name: key, key.path: key} | {f"{study}.{name}": key for study in STUDIES}
     for name, given in blocks.items():
         kind = TYPES.get(given.get("type")) if isinstance(given, dict) else None
-        own = {**kind.keys, "every": EVERY, "phase": PHASE} if kind else {}
-        found |= {f"block.{name}.{key}": row for key, row in own.items()}
+        own = {f"block.{name}.{key}": row for key, row in (keys_of_block(given["type"]) if kind else {}).items()}
+        axes = [path for path, row in own.items() if row.type in ("number", "integer")]
+        found |= own | {f"{study}.{path}": own[path] for path in axes for study in STUDIES}
     return found
 
 

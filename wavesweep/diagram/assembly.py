@@ -14,7 +14,7 @@ from wavesweep.diagram.uneven import RATIO, Uneven
 from wavesweep.diagram.values import rest_of, values_of
 from wavesweep.errors import UsageError
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.drawing import LEAST, NOTHING, Drawing, scalars
+from wavesweep.spec.drawing import LEAST, NOTHING, RATE, Drawing, name_of, path_of, scalars
 from wavesweep.spec.expressions import degree, names_in, with_number
 
 POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
@@ -141,7 +141,7 @@ def tame_pair(
         words = (str, int, type(None))
         shape = {path: value if isinstance(value, words) else bool(np.any(value)) for path, value in values.items()}
         return _uneven_pair(drawing, tuple((shape | {RATIO: values[RATIO]}).items()))
-    kept = {"rates.tick_hz", *(f"numbers.{name}" for name in drawing.shaping)}
+    kept = {RATE, *map(path_of, drawing.shaping)}
     kept |= {path for path, value in values.items() if actual and np.ndim(value) == 0}
     # As keys True and 1.0 are the same, and a number of its own is another thing than one that is not zero.
     fixed = tuple((path, path in kept, value if path in kept else bool(np.any(value))) for path, value in values.items())
@@ -191,7 +191,7 @@ def refuse_unsuitable(drawing: Drawing | Uneven, values: Mapping[str, object]) -
     if wrong.any():
         at = int(np.flatnonzero(wrong)[0])
         loop = {path: float(arrays[path][at]) if path in arrays else value for path, value in values.items()}
-        named = ", ".join(f"{path.removeprefix('numbers.')} = {loop[path]:g}" for path in arrays)
+        named = ", ".join(f"{name_of(path)} = {loop[path]:g}" for path in arrays)
         path, expected, found = next(drawing.faults(loop), ("a key", "another value", "none"))
         raise UsageError(f"{named} makes no loop: {path}: expected {expected}, found {found}")
 

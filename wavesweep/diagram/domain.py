@@ -9,7 +9,7 @@ import numpy as np
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.diagram.values import values_of
 from wavesweep.errors import UsageError
-from wavesweep.spec.drawing import Drawing, scalars
+from wavesweep.spec.drawing import Drawing, name_of, scalars
 from wavesweep.spec.expressions import degree, names_in, singular
 
 
@@ -21,7 +21,7 @@ def domain(drawing: Drawing, values: Mapping[str, object], path: str, span: tupl
     below, above = -np.inf, np.inf
     for key, guard, known, root in _known_guards(drawing, values, path):
         rows, _ = _different(known, MOST)
-        low, high = _limits(key, guard, root, rows, path.removeprefix("numbers."), span)
+        low, high = _limits(key, guard, root, rows, name_of(path), span)
         below, above = max(below, low.max()), min(above, high.min())
     return float(below), float(above)
 
@@ -36,7 +36,7 @@ def domains(drawing: Drawing, values: Mapping[str, object], path: str, span: tup
     """
     below, above = np.full(size, -np.inf), np.full(size, np.inf)
     for key, guard, known, root in _known_guards(drawing, values, path):
-        (rows, row), name = _different(known), path.removeprefix("numbers.")
+        (rows, row), name = _different(known), name_of(path)
         blocks = (_rows_of(rows, slice(at, at + MOST)) for at in range(0, 1 + row.max(initial=0), MOST))
         parts = [_limits(key, guard, root, block, name, span) for block in blocks]
         low, high = (np.concatenate(part) for part in zip(*parts, strict=True))
@@ -47,7 +47,7 @@ def domains(drawing: Drawing, values: Mapping[str, object], path: str, span: tup
 def _known_guards(drawing, values, path):
     """Yield the path of a key, a guard that reads the number, the other numbers that it reads, and its root."""
     known = scalars({**values, path: 0.0})
-    for key, guard, read, root in _guards_of(drawing, path.removeprefix("numbers.")):
+    for key, guard, read, root in _guards_of(drawing, name_of(path)):
         yield key, guard, {name: value for name, value in known.items() if name in read}, root
 
 
@@ -87,7 +87,7 @@ def bends_at_zero(drawing: Drawing | Uneven, path: str) -> bool:
 
     The number is read by a root, or in a power: `2*sqrt(K*m)` is not analytic at 0, and `K**2` has a double zero there.
     """
-    name = path.removeprefix("numbers.")
+    name = name_of(path)
     if isinstance(drawing, Uneven):
         return False
     return any(root for *_, root in _guards_of(drawing, name)) or any(
@@ -97,7 +97,7 @@ def bends_at_zero(drawing: Drawing | Uneven, path: str) -> bool:
 
 def guards_at(drawing: Drawing | Uneven, values: Mapping[str, object], path: str, shape: tuple[int, ...]) -> np.ndarray:
     """What must not vanish for the loops to be analytic in a number, at values of it, real or complex: `(*shape, guards)`."""
-    found, name = [], path.removeprefix("numbers.")
+    found, name = [], name_of(path)
     if not isinstance(drawing, Uneven):
         known = scalars(values)
         for _, guard, _, root in _guards_of(drawing, name):

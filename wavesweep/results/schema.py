@@ -12,6 +12,7 @@ import numpy as np
 from wavesweep.analysis.doubt import OF_DERIVATIVES, OF_INTERVALS, OF_RESPONSES
 from wavesweep.errors import WavesweepError
 from wavesweep.spec import KEYS, SYMBOLS
+from wavesweep.spec.drawing import keys_of_block
 from wavesweep.spec.spec import K_VE_SPAN
 
 FieldKind = Literal["number", "integer", "boolean", "string"]
@@ -261,9 +262,14 @@ def swept_range(facts: Mapping[str, Any] | None, along: str) -> tuple[float, flo
 
 
 def numbers_of(facts: Mapping[str, Any] | None) -> dict[str, Field]:
-    """Give the fields of the numbers that the drawn loops of a run have, by their names as axes."""
+    """Give the fields of the numbers that the drawn loops of a run have, in [numbers] and in blocks, by their names as axes."""
     found = {}
     specs = [(facts or {}).get("spec", {}), *(facts or {}).get("specs", {}).values()]
+    for name, block in ((name, block) for spec in specs for name, block in spec.get("block", {}).items()):
+        for key in keys_of_block(block["type"]).values():
+            axis = f"block.{name}.{key.path}"
+            if key.type in ("number", "integer"):
+                found.setdefault(axis, Field(axis, key.type, key.unit, f"{key.description}, of {name}"))
     for name, number in ((name, number) for spec in specs for name, number in spec.get("numbers", {}).items()):
         kind = "integer" if isinstance(number["value"], int) else "number"
         for axis in (name, f"numbers.{name}"):

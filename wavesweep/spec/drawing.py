@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
 
@@ -18,6 +18,7 @@ from wavesweep.spec.reading import Leaf
 
 MARKS = ("numbers", "block", "wire", "ports")  # a spec that has one of these draws its loop
 RATE = "rates.tick_hz"
+OF_NUMBERS = "numbers."  # begins the paths of numbers; trees have the rest as a name, and of other keys the whole path
 STRUCTURE = ("every", "phase", "steps", "order")  # keys that decide how a loop is built
 
 Path = tuple[str, ...]
@@ -148,7 +149,7 @@ class Drawing:
         """
         firsts = [(block.name, dict(block.keys)["den"][0]) for block in self.blocks if block.type == "tf"]
         for axis, (block, tree) in product(axes, firsts):
-            name = axis.path.removeprefix("numbers.")
+            name = name_of(axis.path)
             if not any(name == each for each, _ in names_in(tree)):
                 continue
             numbers = scalars(values)
@@ -183,17 +184,38 @@ def _shaping(drawing: Drawing) -> frozenset[str]:
 def _names(drawing: Drawing) -> Names:
     keys = {}
     if drawing.tick_hz == ("name", RATE, 0):
-        keys[RATE] = Key(RATE, "number", None, "Hz", TICK_HZ.description, low=0.0, above_low=True, shaping=True)
+        keys[RATE] = replace(TICK_HZ, path=RATE, required=False, shaping=True)
     for name, unit, description in drawing.numbers:
         kind = "integer" if name in drawing.whole else "number"
-        path = f"numbers.{name}"
+        path = path_of(name)
         keys[path] = Key(path, kind, None, unit, description, shaping=name in drawing.shaping)
-    return Names(keys, {name: f"numbers.{name}" for name, _, _ in drawing.numbers})
+    for block in drawing.blocks:
+        of_type = keys_of_block(block.type)
+        for name, tree in block.trees():
+            path = f"block.{block.name}.{name}"
+            if tree == ("name", path, 0):
+                keys[path] = replace(of_type[name], path=path, required=False, shaping=path in drawing.shaping)
+    return Names(keys, {name: path_of(name) for name, _, _ in drawing.numbers})
+
+
+def keys_of_block(kind: str) -> dict[str, Key]:
+    """Return the keys of a block of this type, and those that every block has."""
+    return {**TYPES[kind].keys, "every": EVERY, "phase": PHASE}
+
+
+def path_of(name: str) -> str:
+    """Return the path of the key that trees call by this name."""
+    return name if "." in name else OF_NUMBERS + name
+
+
+def name_of(path: str) -> str:
+    """Return the name that trees have for the key at this path."""
+    return path.removeprefix(OF_NUMBERS)
 
 
 def scalars(values: Mapping[str, object]) -> dict[str, object]:
     """Return the values of a drawn spec by the names that trees have for them."""
-    return {path.removeprefix("numbers."): value for path, value in values.items()}
+    return {name_of(path): value for path, value in values.items()}
 
 
 def _value(tree: Tree, numbers: Mapping[str, float]) -> float | None:
@@ -206,7 +228,7 @@ def _value(tree: Tree, numbers: Mapping[str, float]) -> float | None:
 
 def _unsuitable(block: DrawnBlock, known: Mapping[str, float | None], tick_hz: float | None) -> Iterator[tuple[str, str]]:
     """Yield name and expected text of each key that the block does not accept."""
-    keys = {**TYPES[block.type].keys, "every": EVERY, "phase": PHASE}
+    keys = keys_of_block(block.type)
     wrong = set()
     for name, value in known.items():
         if value is None or keys[name].type not in ("number", "integer"):
@@ -268,12 +290,13 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
     """Return the resolved tables by path, as a spec could give them. given: a `Given`."""
     found: dict[Path, object] = {("rates", "tick_hz"): values.get(RATE) or given.leaves[RATE].value}
     for name, unit, description in drawing.numbers:
-        found["numbers", name] = {"value": values[f"numbers.{name}"], "unit": unit, "description": description}
+        found["numbers", name] = {"value": values[path_of(name)], "unit": unit, "description": description}
     for block in drawing.blocks:
         found["block", block.name, "type"] = block.type
-        for name, key in {**TYPES[block.type].keys, "every": EVERY, "phase": PHASE}.items():
-            leaf = given.leaves.get(f"block.{block.name}.{name}")
-            value = leaf.value if leaf else key.default
+        for name, key in keys_of_block(block.type).items():
+            path = f"block.{block.name}.{name}"
+            leaf = given.leaves.get(path)
+            value = values.get(path, leaf.value if leaf else key.default)
             found["block", block.name, name] = list(value) if isinstance(value, tuple) else value
     for path, leaf in given.leaves.items():
         table, _, rest = path.partition(".")
@@ -285,5 +308,15 @@ def written(drawing: Drawing, values: Mapping[str, float], given) -> dict[Path, 
 def names_of(leaves: Mapping[Path, Leaf]) -> Names:
     """Return the names of a drawing with mistakes, with which its axes can be checked."""
     numbers = dict.fromkeys(path[1] for path in leaves if path[0] == "numbers" and len(path) > 1)
-    keys = {RATE: TICK_HZ} | {f"numbers.{name}": Key(f"numbers.{name}", "number", None, "", "") for name in numbers}
-    return Names(keys, {name: f"numbers.{name}" for name in numbers})
+    keys = {RATE: TICK_HZ} | {path_of(name): Key(path_of(name), "number", None, "", "") for name in numbers}
+    keys |= {path: Key(path, "number", None, "", "") for path in own_axes(leaves)}
+    return Names(keys, {name: path_of(name) for name in numbers})
+
+
+def own_axes(leaves: Mapping[Path, Leaf]) -> frozenset[str]:
+    """Return the paths of the keys of blocks that [sweep] and [bode] take for axes."""
+    named = [path[1:4] for path in leaves if path[0] in ("sweep", "bode")]
+    along = leaves.get(("sweep", "along"))
+    if along and isinstance(along.value, str):
+        named.append(tuple(along.value.split(".")))
+    return frozenset(".".join(each) for each in named if len(each) == 3 and each[0] == "block")

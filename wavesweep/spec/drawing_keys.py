@@ -6,9 +6,9 @@ import re
 from collections.abc import Mapping
 
 from wavesweep.errors import Mistake
-from wavesweep.spec.block_types import EVERY, PHASE, TYPES
+from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
-from wavesweep.spec.drawing import DrawnBlock
+from wavesweep.spec.drawing import DrawnBlock, keys_of_block
 from wavesweep.spec.expressions import Fault, Terms, Tree, linear, names_in, parse, unknown
 from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import VALUE_WORDS, Leaf, Place
@@ -19,12 +19,15 @@ NAME = "a name of letters, digits and _ that is no value, as nan, inf, none, nul
 class KeyReader:
     """A reading of keys and expressions, which collects the mistakes, the leaves by path, and the names that are read.
 
-    numbers: the names in [numbers]. signals: outputs of blocks and the hand's force. broken: blocks that have a
-    mistake themselves.
+    axes: paths of keys other than numbers that are axes; those that are written as a number are names in trees, and have a
+    value in `own`. numbers: the names in [numbers]. signals: outputs of blocks and the hand's force. broken: blocks that have
+    a mistake themselves.
     """
 
-    def __init__(self, source: Place) -> None:
+    def __init__(self, source: Place, axes: frozenset[str]) -> None:
         self.source = source
+        self.axes = axes
+        self.own: dict[str, float | int] = {}
         self.mistakes: list[Mistake] = []
         self.leaves: dict[str, Leaf] = {}
         self.read: set[str] = set()  # names in trees
@@ -53,12 +56,19 @@ class KeyReader:
         if isinstance(leaf.value, str):
             return self.read_text(path, leaf)
         try:
-            return ("number", float(check(key, leaf.value)), 0)
+            return self.number(path, check(key, leaf.value))
         except Rejected as error:
             self.mistakes.append(
                 leaf.mistake(path, error.expected.replace("number", "number, or an expression,", 1).rstrip(","), error.found)
             )
             return None
+
+    def number(self, path: str, value: float) -> Tree:
+        """The tree of a key that is a number and no expression."""
+        if path not in self.axes:
+            return ("number", float(value), 0)
+        self.own[path] = value
+        return ("name", path, 0)
 
     def read_text(self, path: str, leaf: Leaf, signals: bool = False) -> Tree | None:
         """Parse an expression and check its names."""
@@ -113,7 +123,7 @@ class KeyReader:
         if kind is None:  # its numbers are not known to be unread
             self.read.update(re.findall(r"\w+", " ".join(str(leaf.value) for leaf in given.values())))
             return None
-        keys = {**TYPES[kind].keys, "every": EVERY, "phase": PHASE}
+        keys = keys_of_block(kind)
         for key, leaf in given.items():
             if key not in keys and key not in ("", "type"):
                 known = ("type", *keys)
@@ -162,7 +172,7 @@ class KeyReader:
             named = {"list": "a list of numbers", "rows": "a list of rows"}.get(key.type) or expectation(key)
             self.refuse(self.leaf(path.rpartition(".")[0]), path, named, "nothing (it has no default)")
         elif key.type in ("number", "integer"):
-            return ("number", float(key.default), 0)
+            return self.number(path, key.default)
         return key.default
 
     def read_other(self, path: str, key: Key, leaf: Leaf) -> object:

@@ -9,7 +9,7 @@ from types import MappingProxyType
 from wavesweep.errors import Mistake
 from wavesweep.spec.block_types import COLUMNS, TICK_HZ
 from wavesweep.spec.checking import Rejected, check, expectation, nearest, show
-from wavesweep.spec.drawing import RATE, Drawing, decides
+from wavesweep.spec.drawing import RATE, Drawing, decides, own_axes, path_of
 from wavesweep.spec.drawing_keys import NAME, KeyReader, is_name
 from wavesweep.spec.expressions import RESERVED, Terms, Tree, names_in
 from wavesweep.spec.keys import Key
@@ -32,7 +32,7 @@ def read_drawing(
 
     leaves: those of the whole spec, of which the studies are left to others. source: place of the spec.
     """
-    reader = _TableReader(source)
+    reader = _TableReader(source, own_axes(leaves) | {RATE})
     tables = reader.grouped(leaves)
     drawing, values = reader.drawing(tables)
     for path, expected, found in (*drawing.faults(values), *drawing.displaced(values)):
@@ -78,7 +78,7 @@ class _TableReader(KeyReader):
         force = tables["ports"].get("hand", {}).get("force")
         self.force = force.value if force else None
         numbers, values = self.read_numbers(tables["numbers"])
-        tick = self.read_rate(tables["rates"], values)
+        tick = self.read_rate(tables["rates"])
         found = {name: self.read_block(name, keys) for name, keys in tables["block"].items()}
         self.broken = {name for name, block in found.items() if block is None}
         blocks = tuple(block for block in found.values() if block is not None)
@@ -93,17 +93,18 @@ class _TableReader(KeyReader):
         hand, wall = self.read_ports(tables["ports"])
         self.unconnected(tables["wire"])
         self.unread()
+        values |= self.own
         tick = tick or ("name", RATE, 0)
         drawing = Drawing(tick, numbers, frozenset(), blocks, wires, hand, wall)
         deciding = {name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
-        whole = frozenset(name for name in deciding if values.get(f"numbers.{name}", 0.5).is_integer())
-        values |= {f"numbers.{name}": int(values[f"numbers.{name}"]) for name in whole}
+        whole = frozenset(name for name in deciding if float(values.get(path_of(name), 0.5)).is_integer())
+        values |= {path_of(name): int(values[path_of(name)]) for name in whole}
         return dataclasses.replace(drawing, whole=whole), values
 
     def read_numbers(self, table: Mapping[str, dict[str, Leaf]]) -> tuple[tuple, dict[str, float]]:
         numbers, values = [], {}
         for name, parts in table.items():
-            path, first = f"numbers.{name}", next(iter(parts.values()))
+            path, first = path_of(name), next(iter(parts.values()))
             place = Leaf(None, first.place if "" in parts else first.place.parent())
             if not is_name(name) or name in RESERVED or name in COLUMNS or name in ("along", "frequency_hz"):
                 expected = f"{NAME}, and neither pi nor sqrt nor the name of a column"
@@ -132,7 +133,7 @@ class _TableReader(KeyReader):
             numbers.append((name, words[0], words[1] or f"number {name} of the drawing"))
         return tuple(numbers), values
 
-    def read_rate(self, table: Mapping[str, Leaf], values: dict[str, float]) -> Tree | None:
+    def read_rate(self, table: Mapping[str, Leaf]) -> Tree | None:
         for name, leaf in table.items():
             if name != "tick_hz":
                 self.refuse(
@@ -142,11 +143,7 @@ class _TableReader(KeyReader):
         if leaf is None:
             self.refuse(self.leaf(RATE), RATE, expectation(TICK_HZ), "nothing (it has no default)")
             return None
-        tree = self.read_number(RATE, TICK_HZ, leaf)
-        if tree is not None and tree[0] == "number" and not isinstance(leaf.value, str):
-            values[RATE] = tree[1]
-            return ("name", RATE, 0)
-        return tree
+        return self.read_number(RATE, TICK_HZ, leaf)
 
     def read_wire(self, port: str, leaf: Leaf) -> Terms | None:
         path = f"wire.{port}"
@@ -240,8 +237,8 @@ class _TableReader(KeyReader):
         for name in self.numbers:
             if name not in self.read:
                 self.refuse(
-                    self.leaf(f"numbers.{name}"),
-                    f"numbers.{name}",
+                    self.leaf(path_of(name)),
+                    path_of(name),
                     "a number that an expression reads",
                     "one that nothing reads",
                 )

@@ -10,7 +10,7 @@ from itertools import islice
 from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import Rejected, check, show
-from wavesweep.spec.drawing import MARKS, RATE, names_of
+from wavesweep.spec.drawing import MARKS, RATE, names_of, path_of
 from wavesweep.spec.drawing_tables import read_drawing
 from wavesweep.spec.keys import KEYS, SYMBOLS
 from wavesweep.spec.reading import Leaf, Place, file_stem, read_dict, read_file, read_override
@@ -58,7 +58,7 @@ def _collect(tables: dict, place: Place, overrides: Iterable[str]) -> tuple[dict
         if path in leaves:  # an axis written both as "device.mass" and as device.mass
             mistakes.append(leaf.mistake(".".join(path), "each key once", "the same key again", of_key=True))
         leaves[path] = leaf
-    symbols = {name: f"numbers.{name}" for path in leaves if (name := path[1:] and path[1]) and path[0] == "numbers"}
+    symbols = {name: path_of(name) for path in leaves if (name := path[1:] and path[1]) and path[0] == "numbers"}
     for typed in overrides:
         try:
             path, value, where = read_override(typed, symbols if any(path[0] in MARKS for path in leaves) else SYMBOLS)

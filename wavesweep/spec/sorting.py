@@ -125,7 +125,7 @@ def _sort_study(path: Path, leaf: Leaf, result: Sorted, names: Names) -> None:
 
 
 def _sort_axis(study: str, parts: Path, leaf: Leaf, result: Sorted, names: Names) -> None:
-    tables = TABLES if names is BUILT_IN else ("numbers", "rates")
+    tables = TABLES if names is BUILT_IN else _tables_of(names)
     for length in range(1, len(parts) + 1):
         name = ".".join(parts[:length])
         if names.find(name) or (study == "bode" and name == "frequency_hz"):
@@ -137,7 +137,13 @@ def _sort_axis(study: str, parts: Path, leaf: Leaf, result: Sorted, names: Names
     else:
         if leaf.value == {}:
             return
-    _refuse_axis(study, name, leaf, result, names)
+    _refuse_axis(study, ".".join(parts[:3]) if parts[0] == "block" else name, leaf, result, names)
+
+
+def _tables_of(names: Names) -> set[str]:
+    """The tables of a drawn loop in which keys are that may be axes."""
+    of_numbers = {"numbers", "rates"}
+    return of_numbers | {path.rsplit(".", n)[0] for path in names.keys for n in (1, 2) if path.startswith("block.")}
 
 
 def _sort_part(axis: str, rest: Path, leaf: Leaf, parts: dict[str, Leaf], result: Sorted) -> None:
@@ -150,7 +156,7 @@ def _sort_part(axis: str, rest: Path, leaf: Leaf, parts: dict[str, Leaf], result
 
 def _refuse_axis(study: str, name: str, leaf: Leaf, result: Sorted, names: Names) -> None:
     own = ("frequency_hz",) if study == "bode" else ("along",)
-    paths = " or the path of a numeric key" if names is BUILT_IN else ""
+    paths = f" or the path of a {'numeric key' if names is BUILT_IN else 'number in a block'}"
     expected = f"{own[0]}, one of {', '.join(names.symbols) or 'no number'}{paths}"
     suggestion = nearest(name, (*own, *names.symbols)) or nearest(name, names.numeric)
     if any(known == f"{study}.{name}" for known, _ in result.mistakes):

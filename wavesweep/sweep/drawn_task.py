@@ -27,7 +27,7 @@ from wavesweep.lifted.open_ticks import OpenTicks, facts_of
 from wavesweep.lifted.periodic import GROWN, LOST, frame_of, growth_of, ticks_of
 from wavesweep.lifted.rounding import hidden_in, sizes_in_all, turned
 from wavesweep.lifted.tick_drift import TickDrift, closed, errors_of_closed, filled, without_drift
-from wavesweep.spec.drawing import Drawing
+from wavesweep.spec.drawing import Drawing, name_of, path_of
 from wavesweep.sweep.apart import apart, common
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
 from wavesweep.sweep.grid import selected
@@ -60,7 +60,7 @@ def open_loops(
     """The loops without a number that is one scalar gain of a frame; None if it is not one. felt: whether to see their hand."""
     if isinstance(drawing, Uneven) or not scalar_place(drawing, number):
         return None
-    path = f"numbers.{number}"
+    path = path_of(number)
     values, own = {**values, path: 1.0}, {**own, path: 1.0}
     if drift_of(drawing, values, own).folded:  # a conserved combination, which the cut loop would take for a crossing
         return None
@@ -126,7 +126,7 @@ class DrawnTask:
     @property
     def number(self) -> str:
         """Name of the number in the drawing."""
-        return self.along.removeprefix("numbers.")
+        return name_of(self.along)
 
     def _resting(self, values) -> Resting | None:
         """The loops at rest, if the number is one scalar gain of them."""

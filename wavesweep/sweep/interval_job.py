@@ -11,6 +11,7 @@ from wavesweep.diagram import WALL, draw, identity, items_of
 from wavesweep.errors import UsageError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.spec import KEYS, Axis, Spec, sweep_axes
+from wavesweep.spec.drawing import name_of
 from wavesweep.sweep.grid import Grid, groups, make_grid
 from wavesweep.sweep.job import Chunk, Job, cut_up, resolve_all, some_loops
 from wavesweep.sweep.tasks import HAND_RECORD, RECORD, IntervalTask, Task
@@ -118,7 +119,7 @@ def _order_of_drawing(drawing, path, items, own):
     from wavesweep.sweep.drawn_task import exact_cut
 
     values, own = ({path: np.array(v) if isinstance(v, tuple) else v for path, v in some} for some in (items, own))
-    cut = exact_cut(drawing, values, own, path.removeprefix("numbers."))
+    cut = exact_cut(drawing, values, own, name_of(path))
     if cut is not None:
         return cut.order, True
     return frames(drawing, values, drift_of(drawing, values, own)).shape[-1], False

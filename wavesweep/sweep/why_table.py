@@ -16,7 +16,7 @@ from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.spec import Axis, Spec, sweep_axes
-from wavesweep.spec.drawing import decides
+from wavesweep.spec.drawing import decides, path_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.sweep.grid import Grid, groups, keys_of, make_grid, selected
 from wavesweep.sweep.interval_job import job_over
@@ -232,7 +232,7 @@ def _smooth(spec) -> list[str]:
     read = keys_of(spec)
     deciding = {"rates.ratio"}
     if spec.drawing:
-        deciding |= {f"numbers.{name}" for path, tree in spec.drawing.trees() if decides(path) for name, _ in names_in(tree)}
+        deciding |= {path_of(name) for path, tree in spec.drawing.trees() if decides(path) for name, _ in names_in(tree)}
     return [path for path, value in spec.values.items() if path in read and isinstance(value, float) and path not in deciding]
 
 
