@@ -2,7 +2,9 @@
 
 import pickle
 import re
+import tomllib
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pandas
@@ -20,6 +22,7 @@ SPEC = {
     "bode": {"frequency_hz": [0.0, 1.0]},
     "simulate": {"duration_s": 0.5},
 }
+WHEEL = Path(__file__).parents[1] / "sweeps" / "recipes" / "wheel.toml"
 VARIED = {"b": {"start": 5.0, "stop": 80.0}}
 WISHED = {
     "controller": {"kind": "pmw"},
@@ -42,6 +45,47 @@ def test_the_spec_s_own_sweep_is_a_table_with_units_and_facts():
     alone = wavesweep.compile(SPEC).stable_intervals(B_VE=[0.5, 1.0], b=[10.0, 25.0], span=(0, 2000))
     pandas.testing.assert_frame_equal(table, alone, check_like=True)
     assert alone.attrs["units"] == table.attrs["units"]
+
+
+def turning(path, **more):
+    """The tables of a spec of the wheel, with the units of those that the functions return."""
+    tables = tomllib.loads(Path(path).read_text())
+    tables["bode"] = {"frequency_hz": [1.0, 5.0]}
+    tables["simulate"] = {"duration_s": 0.5, "input": "pulse"}
+    return tables | more
+
+
+def test_the_hand_of_a_loop_that_turns_has_torques_and_angles():
+    """The numbers are those of the same loop that slides: only the units differ."""
+    turned, slid = turning(WHEEL), turning(WHEEL)
+    assert slid["ports"]["hand"].pop("turns")
+    for function, units, same in (
+        (wavesweep.bode, {"admittance_abs": "rad/(N*m)", "impedance_re": "N*m/rad", "worst_gain": "rad/(N*m)"}, []),
+        (
+            wavesweep.passivity,
+            {"port_margin": "rad/(N*m)", "damping_needed": "N*m*s/rad", "port_omega": "rad/s"},
+            ["port_omega"],
+        ),
+        (
+            lambda source: wavesweep.simulate(source)[0],
+            {"f_h": "N*m", "x": "rad", "v": "rad/s", "energy_hand": "J", "time_s": "s"},
+            ["energy_hand", "time_s"],
+        ),
+    ):
+        first, second = function(turned), function(slid)
+        assert {name: first.attrs["units"][name] for name in units} == units
+        assert [name for name, unit in units.items() if second.attrs["units"][name] == unit] == same
+        pandas.testing.assert_frame_equal(first, second)
+    assert wavesweep.bode(turned, slid).attrs["units"]["admittance_abs"] == ""
+    assert wavesweep.bode(turned, turned).attrs["units"]["admittance_abs"] == "rad/(N*m)"
+
+
+def test_what_is_felt_of_a_wall_without_a_unit_is_of_a_torque():
+    tables = turning(WHEEL, sweep={"along": "K", "K": {"start": 0, "stop": 400}})
+    tables["numbers"] |= {"K": 10.0, "B": 0.0}
+    tables["ports"]["wall"] = {"stiffness": "K", "damping": "B"}
+    assert wavesweep.zwidth(tables).attrs["units"]["felt_high"] == "N*m/rad"
+    assert load(tables).units_felt == ("N*m/rad", "N*m*s/rad")
 
 
 def test_a_column_shares_what_is_known_of_its_table():

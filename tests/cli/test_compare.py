@@ -247,7 +247,10 @@ def test_a_column_whose_unit_is_another_in_each_spec_has_none_and_a_notice(compa
     assert [units[name] for name in ("B", "low", "high", "felt_low", "felt_high", "low_omega")] == [""] * 5 + ["rad/s"]
     assert facts["unlike_units"]["B"] == {"N*m*s/rad": ["wheel"], "N*s/m": ["long-delay"]}
     units, facts = units_of("results/wheel+long-delay/compare-bode.datapackage.json")
-    assert (units["B"], facts["notices"]) == ("", [dampings.strip()])
+    assert (units["B"], units["admittance_abs"], units["admittance_deg"]) == ("", "", "deg")
+    admittance = "admittance_re, admittance_im, admittance_abs, worst_gain: rad/(N*m) in wheel, m/N in long-delay; each row"
+    assert facts["notices"][0] == dampings.strip()
+    assert facts["notices"][1].startswith(admittance)
     assert library.bode(*both).attrs["units"]["B"] == ""
 
 

@@ -1,5 +1,7 @@
 """The figure of responses: phases, the static limit, many curves, one frequency."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -141,3 +143,18 @@ def test_the_slow_nyquist_frequency_is_that_of_the_slow_rate_where_rates_do_not_
     columns, figure = figure_of(bode={"frequency_hz": [1.0, 40.0]}, rates={"slow_hz": 60.0})
     np.testing.assert_allclose(columns["omega_Ts"], 2 * np.pi * columns["frequency_hz"] / 60, rtol=1e-12)
     assert "slow Nyquist frequency, 30 Hz" in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_axes_at_the_hand_have_the_units_of_a_loop_that_turns():
+    from wavesweep.sweep import responses
+
+    paths = [Path(__file__).parents[2] / "sweeps" / "recipes" / f"{name}.toml" for name in ("wheel", "engine")]
+    bode = ["bode.frequency_hz=[1, 2]"]
+    for specs, titles in (
+        (paths[:1], ["admittance (mrad/(N·m))", "impedance (N·m/rad)"]),
+        (paths[1:], ["admittance (mm/N)", "impedance (N/m)"]),
+        (paths, ["admittance\n(mrad/(N·m) or mm/N)", "impedance\n(N·m/rad or N/m)"]),
+    ):
+        table = responses([wavesweep.load(path, bode) for path in specs])
+        figure = plots.bode(table.columns, table.facts)
+        assert [axes.get_ylabel() for axes in figure.axes[:2]] == titles

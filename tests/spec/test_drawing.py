@@ -108,6 +108,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
         ([("mass = 0.2\n", "")], "10:2: block.arm.mass", "a number > 0", "nothing (it has no default)"),
         ([("mass = 0.2", "mass = -1")], "12:8: block.arm.mass", "a number, or an expression, > 0", "-1"),
         ([("damping = 0.063", "damping = true")], "13:11: block.arm.damping", "a number, or an expression", "true"),
+        ([('"arm.x" }', '"arm.x", turns = "yes" }')], "25:58: ports.hand.turns", "true or false", '"yes"'),
         ([("mass = 0.2", "mass = []")], "12:8: block.arm.mass", "a number, or an expression, > 0", "an empty list"),
         ([("mass = 0.2", 'mass = "kd - 3"')], "12:8: block.arm.mass", "a number > 0", '"kd - 3": 0'),
         (

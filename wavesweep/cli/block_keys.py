@@ -22,7 +22,8 @@ TABLES = {
     'and so may a number in a block, "block.NAME.KEY"',
     "wire": 'wires: "block.port" = "expression", linear in the outputs of blocks ("block.port") and the force of the hand',
     "ports": (
-        "hand = { force = NAME, displacement = expression, reaction = expression } for bode, passivity and simulate; "
+        "hand = { force = NAME, displacement = expression, reaction = expression, turns = true or false } for bode, "
+        "passivity and simulate; it turns if they are a torque and an angle; "
         "wall = { stiffness = number, damping = number } for zwidth"
     ),
     "design.vary": "numbers that the search may change: NAME = { start, stop, scale } or a list of choices",

@@ -13,6 +13,7 @@ from wavesweep.cli.design_summary import design, design_lines
 from wavesweep.cli.interval_summary import HandTally, SpecTally, count
 from wavesweep.cli.messages import Line, Numbers
 from wavesweep.cli.why_summary import why, why_lines
+from wavesweep.results.schema import at_port
 from wavesweep.sweep.table import Columns
 
 if TYPE_CHECKING:
@@ -148,22 +149,23 @@ class PassivityTally:
 
     def lines(self, facts: Mapping[str, Any]) -> Iterator[Line]:
         """Yield the lines, each with a flag that is true for a warning."""
-        yield from passivity_lines(self.numbers(facts))
+        yield from passivity_lines(self.numbers(facts), facts)
 
 
-def passivity_lines(found: Numbers) -> Iterator[Line]:
+def passivity_lines(found: Numbers, facts: Mapping[str, Any]) -> Iterator[Line]:
     """Yield the lines, each with a flag that is true for a warning."""
     rows = count(found["rows"], "row")
     if found["channel_norm"]:
         within = f"{100 * found['tolerance']:g} % of energy in {found['channel_passive_within_tolerance']} of {rows}"
         norm = _span(found["channel_norm"])
         yield f"wave channel: passive to within {within}, strictly in {found['channel_passive']}; norm {norm}", False
-    reach = f"; margin {_span(found['port_margin'])} m/N" if found["port_margin"] else ""
+    reach = f"; margin {_span(found['port_margin'])} {at_port('m/N', facts)}" if found["port_margin"] else ""
     yield f"hand's port: passive in {found['port_passive']} of {rows}{reach}", False
     if found["margin_unknown"]:
         yield f"margin lost in rounding or overflow, and not known to be passive: {count(found['margin_unknown'], 'row')}", True
     if found["damping_needed"]:
-        yield f"further damping of the device that makes it passive: {_span(found['damping_needed'], 3)} N*s/m", False
+        needed, unit = _span(found["damping_needed"], 3), at_port("N*s/m", facts)
+        yield f"further damping of the device that makes it passive: {needed} {unit}", False
     if found["no_damping_is_enough"]:
         yield f"no damping of the device makes it passive in {count(found['no_damping_is_enough'], 'row')}", False
     if found["unstable"]:

@@ -72,6 +72,7 @@ class Page:
             "wall": [] if loop_of(spec) else list(WALL),
             "slow": bool(loop_of(spec)),
             "hand": self.first["response"] is not None,
+            "units": {"felt": spec.units_felt, "admittance": spec.at_port("m/N"), "impedance": spec.at_port("N/m")},
             "first": self.first,
         }
 

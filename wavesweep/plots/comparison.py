@@ -13,6 +13,7 @@ from wavesweep.plots.style import (
     DOUBTFUL,
     TWO_COLUMNS,
     as_it_stands,
+    at_hand,
     distinct_colour,
     figure,
     label,
@@ -26,7 +27,7 @@ from wavesweep.spec.keys import KEYS
 from wavesweep.sweep.table import Columns
 
 _WALLS = ((("high", "low"), f"ends of stable {symbol('K_VE')}"), (("felt_high", "felt_low"), "felt there"))
-_RESPONSES = (("admittance_abs", "admittance (mm/N)"), ("impedance_abs", "impedance (N/m)"))
+_RESPONSES = (("admittance_abs", "admittance", "mm/N"), ("impedance_abs", "impedance", "N/m"))
 _MARKERS = "os^Dv<>P"
 _DASHES = ("-", (0, (5, 1.5)), (0, (3, 1, 1, 1)))
 _CLIPPED = {"marker": "o", "markersize": 3, "markerfacecolor": "white", "linestyle": ""}
@@ -56,9 +57,9 @@ def compare(columns: Columns, facts: Mapping[str, Any], responses: Columns | Non
             _walls(axes, columns, places, names)
             axes.set_xlabel(title_of_x)
             axes.set_ylabel(with_unit(title, unit))
-        for axes, (name, title) in zip(grid[1] if responses is not None else (), _RESPONSES, strict=False):
+        for axes, (name, title, of_port) in zip(grid[1] if responses is not None else (), _RESPONSES, strict=False):
             _curves(axes, responses, specs, name)
-            axes.set_ylabel(title)
+            axes.set_ylabel(at_hand(title, name, of_port, facts))
         for axes in grid.flat:
             axes.grid(visible=True, color="0.9", linewidth=0.5)
         canvas.align_ylabels()

@@ -10,7 +10,7 @@ import numpy as np
 
 from wavesweep.plots.chosen import Loops
 from wavesweep.plots.layout import is_logarithmic
-from wavesweep.plots.style import TWO_COLUMNS, assumed, distinct_colour, family_looks, figure, fitting, label, valued
+from wavesweep.plots.style import TWO_COLUMNS, assumed, at_hand, distinct_colour, family_looks, figure, fitting, label, valued
 from wavesweep.sweep.table import Columns
 
 _TOLERANCE = 1e-10  # of the norm: what is nearer to 1 counts as passive
@@ -57,7 +57,7 @@ def _draw_lines(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any
             if is_logarithmic(columns[x]):
                 panel.set_xscale("log")
             panel.set_xlim(columns[x].min(), columns[x].max())
-        _finish(channel.yaxis, port.yaxis, (channel, port), columns)
+        _finish(channel.yaxis, port.yaxis, (channel, port), columns, facts)
         _legend(canvas, port)
         _note(canvas, label(x, facts), _left_out(loops.several, shown), _said(facts))
     return canvas
@@ -78,7 +78,7 @@ def _draw_dots(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any:
             panel.grid(visible=True, axis="y", color="0.9", linewidth=0.5)
         channel.set_yticks(places, names)
         channel.set_ylim(count - 0.4, -0.6)
-        _finish(channel.xaxis, port.xaxis, (channel, port), columns)
+        _finish(channel.xaxis, port.xaxis, (channel, port), columns, facts)
         _legend(canvas, port)
         _note(canvas, "", note, _said(facts))
     return canvas
@@ -89,7 +89,7 @@ def _excess(columns: Columns) -> np.ndarray:
     return np.maximum(columns["channel_norm"] - 1, _TOLERANCE)
 
 
-def _finish(channel_axis: Any, port_axis: Any, panels: tuple[Any, Any], columns: Columns) -> None:
+def _finish(channel_axis: Any, port_axis: Any, panels: tuple[Any, Any], columns: Columns, facts: Mapping[str, Any]) -> None:
     """Scale, shade and label both axes of values, in either direction."""
     channel, port = panels
     upright = channel_axis.axis_name == "y"
@@ -105,7 +105,7 @@ def _finish(channel_axis: Any, port_axis: Any, panels: tuple[Any, Any], columns:
         (channel.axhspan if upright else channel.axvspan)(_TOLERANCE / 10, _TOLERANCE, color=_PASSIVE, alpha=0.2, linewidth=0)
     channel_axis.set_label_text("channel norm - 1")
     _scale_margin(port, columns["port_margin"], upright)
-    port_axis.set_label_text("port margin (mm/N)")
+    port_axis.set_label_text(at_hand("port margin", "port_margin", "mm/N", facts))
 
 
 def _scale_margin(port: Any, margin: np.ndarray, upright: bool) -> None:

@@ -16,6 +16,7 @@ from wavesweep.plots.style import (
     TWO_COLUMNS,
     Look,
     as_it_stands,
+    at_hand,
     distinct_colour,
     family_looks,
     family_map,
@@ -28,10 +29,10 @@ from wavesweep.plots.style import (
 from wavesweep.sweep.table import Columns
 
 _PANELS = (
-    ("admittance_abs", "admittance (mm/N)"),
-    ("impedance_abs", "impedance (N/m)"),
-    ("admittance_deg", "phase of admittance (deg)"),
-    ("impedance_deg", "phase of impedance (deg)"),
+    ("admittance_abs", "admittance", "mm/N"),
+    ("impedance_abs", "impedance", "N/m"),
+    ("admittance_deg", "phase of admittance", "deg"),
+    ("impedance_deg", "phase of impedance", "deg"),
 )
 ALIKE = 2.6  # times the least value, below which an axis by factors could be without a tick
 LEAST, DEGREE = 0.02, 1.0  # of the largest value, and degrees, that an axis shows at least
@@ -72,9 +73,9 @@ def bode_of(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any:
     in_a_row = fitting([curve.label for curve in named], TWO_COLUMNS)
     with figure(TWO_COLUMNS, 4.0 + 0.17 * -(-len(named) // in_a_row)) as canvas:
         grid = canvas.subplots(2, 2, sharex=True)
-        for axes, (name, title) in zip(grid.flat, _PANELS, strict=True):
+        for axes, (name, title, unit) in zip(grid.flat, _PANELS, strict=True):
             _draw_panel(axes, curves, name, x)
-            axes.set_ylabel(title)
+            axes.set_ylabel(at_hand(title, name, unit, facts))
             _mark_nyquist(axes, columns, x, name == "admittance_abs")
         for axes in grid[1]:
             axes.set_xlabel("frequency (Hz)" if x == "frequency_hz" else label(x))
@@ -279,16 +280,15 @@ def _add_normalised_frequency(top: Any, columns: Columns) -> None:
 
 def simulate_response(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw a `simulate-response` table: dots for the estimates of the run, a line for the linear loop."""
-    del facts
     order = np.argsort(columns["frequency_hz"])
     rows = {name: column[order] for name, column in columns.items()}
     rows |= {name: 1e3 * rows[name] for name in ("admittance_abs", "linear_admittance_abs")}
     with figure(TWO_COLUMNS, 4.0) as canvas:
         grid = canvas.subplots(2, 2, sharex=True)
-        for axes, (name, title) in zip(grid.flat, _PANELS, strict=True):
+        for axes, (name, title, unit) in zip(grid.flat, _PANELS, strict=True):
             _draw_seen(axes, rows, name)
             _mark_nyquist(axes, rows, "frequency_hz", name == "admittance_abs")
-            axes.set_ylabel(title)
+            axes.set_ylabel(at_hand(title, name, unit, facts))
         for axes in grid[1]:
             axes.set_xlabel("frequency (Hz)")
         canvas.align_ylabels()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import DOUBTFUL, IDEAL, LINES, TWO_COLUMNS, distinct_colour, figure, note_assumptions
+from wavesweep.plots.style import DOUBTFUL, IDEAL, LINES, TWO_COLUMNS, at_hand, distinct_colour, figure, note_assumptions
 from wavesweep.sweep.table import Columns
 
 _MOST_POINTS = 1600  # of a line: more than it has pixels along
@@ -23,15 +23,15 @@ def simulate(columns: Columns, facts: Mapping[str, Any]) -> Any:
     pulse, or at the end.
     """
     spans = _spans(columns, facts)
-    rows = [(title, draw) for title, draw in _ROWS if draw is not _forces_of_the_control or not _drawn_without(columns, facts)]
+    rows = [row for row in _ROWS if row[-1] is not _forces_of_the_control or not _drawn_without(columns, facts)]
     with figure(TWO_COLUMNS, 1.6 * len(rows)) as canvas:
         grid = canvas.subplots(len(rows), len(spans), sharex="col", squeeze=False)
-        for row, (title, draw) in zip(grid, rows, strict=True):
+        for row, (title, unit, draw) in zip(grid, rows, strict=True):
             for axes, span in zip(row, spans, strict=True):
                 draw(axes, {name: column[span] for name, column in columns.items()}, facts)
                 axes.grid(visible=True, color="0.9", linewidth=0.5)
                 axes.margins(x=0)
-            row[0].set_ylabel(title)
+            row[0].set_ylabel(at_hand(title, "", unit, facts))
         for axes in grid[-1]:
             axes.set_xlabel("time (s)")
         if len(spans) > 1:
@@ -115,11 +115,11 @@ def _energies(axes: Any, columns: Columns, facts: Mapping[str, Any]) -> None:
 
 
 _Draw = Callable[[Any, Columns, Mapping[str, Any]], None]
-_ROWS: tuple[tuple[str, _Draw], ...] = (
-    ("hand force (N)", _forces_of_the_hand),
-    ("position (mm)", _positions),
-    ("control force (N)", _forces_of_the_control),
-    ("energy (J)", _energies),
+_ROWS: tuple[tuple[str, str, _Draw], ...] = (
+    ("hand force", "N", _forces_of_the_hand),
+    ("position", "mm", _positions),
+    ("control force", "N", _forces_of_the_control),
+    ("energy", "J", _energies),
 )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from wavesweep.disk import random_part
 from wavesweep.results import fields
-from wavesweep.results.schema import unlike_units
+from wavesweep.results.schema import at_port, unlike_units
 
 ONE_COLUMN = 3.5  # inches: the column of a two-column paper
 TWO_COLUMNS = 7.0
@@ -271,6 +271,14 @@ def printed(units: Iterable[str]) -> str:
 def label(name: str, facts: Mapping[str, Any] | None = None) -> str:
     """The name of an axis with its unit. facts: of a run, which describe the numbers of a drawn loop."""
     return with_unit(symbol(name), printed(unlike_units(facts).get(name, ())) or unit(name, facts))
+
+
+def at_hand(text: str, column: str, unit: str, facts: Mapping[str, Any] | None) -> str:
+    """The name of a quantity at the hand with its unit. unit: of a hand that slides, which "m" before it makes a thousandth."""
+    thousandth = "m" * (unit in ("mm", "mm/N"))
+    units = unlike_units(facts).get(column) or [at_port(unit.removeprefix(thousandth), facts)]
+    across = "\n" if len(units) > 1 else " "
+    return f"{text}{across}({printed(thousandth + each for each in units)})"
 
 
 def with_unit(text: str, found: str) -> str:

@@ -13,6 +13,7 @@ from wavesweep.analysis.doubt import OF_DERIVATIVES, OF_INTERVALS, OF_RESPONSES
 from wavesweep.errors import WavesweepError
 from wavesweep.spec import KEYS, SYMBOLS
 from wavesweep.spec.drawing import keys_of_block
+from wavesweep.spec.keys import TURNED
 from wavesweep.spec.spec import K_VE_SPAN
 
 FieldKind = Literal["number", "integer", "boolean", "string"]
@@ -222,7 +223,7 @@ def fields(
     units = dict.fromkeys(("low", "high"), _axis(along, own).unit)
     units |= dict.fromkeys((field.name for field in _FELT), felt_unit(facts))
     units |= dict.fromkeys(unlike_units(facts), "")
-    columns = [replace(field, unit=units.get(field.name, field.unit)) for field in TABLES[kind]]
+    columns = [replace(field, unit=units.get(field.name, at_port(field.unit, facts))) for field in TABLES[kind]]
     first = [columns.pop(0)] if kind == "compare" else []  # the spec comes before the axes
     wanted = set(extra)
     columns[1:1] = [field for field in (_HAND,) if field.name in wanted]
@@ -250,7 +251,14 @@ def felt_unit(facts: Mapping[str, Any] | None) -> str:
     """Give the unit of the stiffness that is felt: that of the wall of a drawn loop, which may turn and not slide."""
     wall = (facts or {}).get("spec", {}).get("ports", {}).get("wall", {})
     number = numbers_of(facts).get(wall.get("stiffness", ""))
-    return (number and number.unit) or "N/m"
+    return (number and number.unit) or at_port("N/m", facts)
+
+
+def at_port(unit: str, facts: Mapping[str, Any] | None) -> str:
+    """Give a unit of what the hand feels, or that in its place if the hands of all specs of a run turn."""
+    specs = [spec for spec in ((facts or {}).get("spec"), *(facts or {}).get("specs", {}).values()) if spec]
+    turns = [spec.get("ports", {}).get("hand", {}).get("turns", False) for spec in specs]
+    return TURNED.get(unit, unit) if turns and all(turns) else unit
 
 
 def swept_range(facts: Mapping[str, Any] | None, along: str) -> tuple[float, float]:

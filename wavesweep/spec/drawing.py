@@ -76,7 +76,8 @@ class Drawing:
 
     numbers: name, unit and description of each. whole: those that have to be whole. wires: input port -> its signals and their
     gains. hand: the signal of the hand's force; the displacement, and the force against the hand if it is named, as signals and
-    gains. wall: the numbers that are the stiffness and the damping of a wall.
+    gains. wall: the numbers that are the stiffness and the damping of a wall. turns: whether the hand turns, and its force and
+    displacement are a torque and an angle.
     """
 
     tick_hz: Tree
@@ -86,6 +87,7 @@ class Drawing:
     wires: tuple[tuple[str, Terms], ...]
     hand: tuple[str, Terms, Terms | None] | None = None
     wall: tuple[str, ...] | None = None
+    turns: bool = False
 
     def trees(self) -> Iterator[tuple[str, Tree]]:
         """Yield the path of the key and the tree for each number of the drawing."""

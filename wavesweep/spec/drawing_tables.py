@@ -18,8 +18,8 @@ from wavesweep.spec.reading import Leaf, Place
 TABLES = ("rates", "numbers", "block", "wire", "ports")
 STUDIES = ("sweep", "bode", "simulate")  # tables that are left to others
 NUMBER_PARTS = ("value", "unit", "description")
-PORTS = MappingProxyType({"hand": ("force", "displacement", "reaction"), "wall": ("stiffness", "damping")})
-OPTIONAL = ("reaction",)
+PORTS = MappingProxyType({"hand": ("force", "displacement", "reaction", "turns"), "wall": ("stiffness", "damping")})
+OPTIONAL = ("reaction", "turns")
 LISTED = 8  # ports that a message lists
 
 Path = tuple[str, ...]
@@ -95,7 +95,8 @@ class _TableReader(KeyReader):
         self.unread()
         values |= self.own
         tick = tick or ("name", RATE, 0)
-        drawing = Drawing(tick, numbers, frozenset(), blocks, wires, hand, wall)
+        turns = self.read_turns(tables["ports"].get("hand", {}).get("turns"))
+        drawing = Drawing(tick, numbers, frozenset(), blocks, wires, hand, wall, turns)
         deciding = {name for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
         whole = frozenset(name for name in deciding if float(values.get(path_of(name), 0.5)).is_integer())
         values |= {path_of(name): int(values[path_of(name)]) for name in whole}
@@ -211,9 +212,17 @@ class _TableReader(KeyReader):
                     of_key=False,
                 )
         position, reaction = (
-            self.read_terms(f"ports.hand.{part}", parts[part]) if part in parts else None for part in PORTS["hand"][1:]
+            self.read_terms(f"ports.hand.{part}", parts[part]) if part in parts else None for part in PORTS["hand"][1:3]
         )
         return (force.value, position, reaction) if force and position is not None else None
+
+    def read_turns(self, leaf: Leaf | None) -> bool:
+        if leaf is None:
+            return False
+        self.leaves["ports.hand.turns"] = leaf
+        if not isinstance(leaf.value, bool):
+            self.refuse(leaf, "ports.hand.turns", "true or false", show(leaf.value), of_key=False)
+        return leaf.value is True
 
     def read_wall(self, parts: Mapping[str, Leaf]) -> tuple[str, ...] | None:
         found = []

@@ -208,6 +208,18 @@ _SIMULATE = [
 
 SIMULATE_KEYS = MappingProxyType({key.path: key for key in _SIMULATE})
 
+# Units of what a hand feels that turns and does not slide.
+TURNED = MappingProxyType(
+    {
+        "m": "rad",
+        "N": "N*m",
+        "m/s": "rad/s",
+        "m/N": "rad/(N*m)",
+        "N/m": "N*m/rad",
+        "N*s/m": "N*m*s/rad",
+    }
+)
+
 # What a haptic device or its real-time system adds to the linear loop; a drawn loop has neither.
 DEVICE_EFFECTS = tuple(
     f"simulate.{name}" for name in ("wall", "resolution", "max_force", "friction", "jitter", "late", "dropped")

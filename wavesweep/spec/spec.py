@@ -11,7 +11,7 @@ from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.design import Design
 from wavesweep.spec.drawing import RATE, Drawing, resolve_drawn, written
-from wavesweep.spec.keys import BUILT_IN, DEVICE_EFFECTS, KEYS, SIMULATE_KEYS, SYMBOLS, Names
+from wavesweep.spec.keys import BUILT_IN, DEVICE_EFFECTS, KEYS, SIMULATE_KEYS, SYMBOLS, TURNED, Names
 from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.resolving import Given, resolve
 from wavesweep.spec.studies import Experiment, Studies, axis_fault
@@ -97,7 +97,11 @@ class Spec:
         wall = (self.drawing.wall if self.drawing else None) or ()
         units = [self.names.find(name).unit for name in wall]
         stiffness, damping, *_ = (*units, "", "")
-        return stiffness or "N/m", damping or "N*s/m"
+        return stiffness or self.at_port("N/m"), damping or self.at_port("N*s/m")
+
+    def at_port(self, unit: str) -> str:
+        """Return a unit of what the hand feels, or that in its place in a drawn loop whose hand turns."""
+        return TURNED[unit] if self.drawing and self.drawing.turns else unit
 
     def own(self, path: str) -> float | int | str | None:
         """Return the own value of the key `path`; None if others stand for it, as order and cutoff of a filter for its band."""

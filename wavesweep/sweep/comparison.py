@@ -51,7 +51,8 @@ def _with_spec(spec: Spec, columns: Columns, names: Sequence[str]) -> Columns:
 
 def _units_of_walls(specs):
     walls = [(spec.name, spec.names.find(sweep_axes(spec, "K_VE")[0].path).unit) for spec in specs]
-    return dict.fromkeys(("low", "high", "felt_low", "felt_high"), walls)
+    felt = [(spec.name, spec.units_felt[0]) for spec in specs]
+    return dict.fromkeys(("low", "high"), walls) | dict.fromkeys(("felt_low", "felt_high"), felt)
 
 
 def _facts(specs, tables, swept):

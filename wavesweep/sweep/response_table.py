@@ -62,6 +62,10 @@ RESPONSE = np.dtype(
         ("doubt", "i1"),
     ]
 )
+UNITS = {
+    **dict.fromkeys(("admittance_re", "admittance_im", "admittance_abs", "worst_gain"), "m/N"),
+    **dict.fromkeys(("impedance_re", "impedance_im", "impedance_abs"), "N/m"),
+}
 TICKS = 100_000  # responses of a chunk times ticks of a frame: a tenth to half a second, and some 50 MB
 WIDE = 10_000  # frequencies of a chunk: the last digits depend on those that are computed together, so few tables are cut there
 
@@ -90,7 +94,9 @@ def responses(
     swept = [axis.path for spec in specs for axis in spec.bode]
     methods = METHODS | ({"worst_gain": f"{METHODS['worst_gain']}, of up to {MOST_TICKS} ticks"} if drawn else {})
     facts = facts_of(list(specs), methods, counts, found.timings, notices, swept) | {"warnings": found.warnings}
-    facts = with_unlike_units(facts, {name: units_in([(spec, spec.bode) for spec in specs], name) for name in names})
+    units = {name: units_in([(spec, spec.bode) for spec in specs], name) for name in names}
+    units |= {name: [(spec.name, spec.at_port(unit)) for spec in specs] for name, unit in UNITS.items()}
+    facts = with_unlike_units(facts, units)
     return Table("bode", partial(_blocks, found), facts, forget=found.forget)
 
 
