@@ -216,10 +216,9 @@ def first_plane(spec: Spec, sliders) -> Plane | None:
     smooth = {slider.path: slider for slider in sliders if slider.search}
     if len(smooth) < 2:
         return None
-    wall = [f"numbers.{number}" for number in spec.drawing.wall or ()] if spec.drawing else list(WALL)
     along = spec.names.find(spec.along) if spec.along else None
     swept = [axis.path for axis in spec.sweep if axis.path in smooth]
-    order = dict.fromkeys([*wall, *([along.path] if along else []), *swept, *smooth])
+    order = dict.fromkeys([*spec.wall, *([along.path] if along else []), *swept, *smooth])
     y, x, *_ = [path for path in order if path in smooth]
     slider = smooth[x]
     x_span = slider.search if slider.values else (slider.low, slider.high)

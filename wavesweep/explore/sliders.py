@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from wavesweep.diagram import WALL, keys_read
+from wavesweep.diagram import keys_read
 from wavesweep.errors import SpecError
 from wavesweep.spec import SYMBOLS, Key, Spec, load
 from wavesweep.spec.keys import BAND_EDGES
@@ -154,10 +154,9 @@ def _usual(key, value, most):
 
 def _search(spec, key, value, axis, ends):
     """The range of stable intervals: that of [sweep], and otherwise that of the slider."""
-    stiffness = f"numbers.{spec.drawing.wall[0]}" if spec.drawing and spec.drawing.wall else WALL[0]
     if axis and axis.start < axis.stop:
         return float(axis.start), float(axis.stop)
-    return K_VE_SPAN if key.path == stiffness else (float(ends[0]), float(max(ends[1], value)))
+    return K_VE_SPAN if key.path in spec.wall[:1] else (float(ends[0]), float(max(ends[1], value)))
 
 
 def changed(spec: Spec, values: Mapping[str, float]) -> Spec:

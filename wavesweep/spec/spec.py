@@ -10,7 +10,7 @@ from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.design import Design
-from wavesweep.spec.drawing import RATE, Drawing, resolve_drawn, written
+from wavesweep.spec.drawing import RATE, Drawing, path_of, resolve_drawn, written
 from wavesweep.spec.keys import BUILT_IN, DEVICE_EFFECTS, KEYS, SIMULATE_KEYS, SYMBOLS, TURNED, Names
 from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.resolving import Given, resolve
@@ -92,11 +92,16 @@ class Spec:
         return self.drawing.rate(self._values) if self.drawing else self._values["rates.fast_hz"]
 
     @property
+    def wall(self) -> tuple[str, ...]:
+        """Paths of the wall's stiffness and damping; a drawn loop whose [ports] name no wall has none."""
+        if self.drawing is None:
+            return SYMBOLS["K_VE"], SYMBOLS["B_VE"]
+        return tuple(path_of(name) for name in self.drawing.wall or ())
+
+    @property
     def units_felt(self) -> tuple[str, str]:
         """Units of the stiffness and damping that are felt; a drawn loop whose wall has others may turn, and not slide."""
-        wall = (self.drawing.wall if self.drawing else None) or ()
-        units = [self.names.find(name).unit for name in wall]
-        stiffness, damping, *_ = (*units, "", "")
+        stiffness, damping, *_ = (*(self.names.keys[path].unit for path in self.wall), "", "")
         return stiffness or self.at_port("N/m"), damping or self.at_port("N*s/m")
 
     def at_port(self, unit: str) -> str:
@@ -287,10 +292,8 @@ def _name_of(spec: Spec, along: str | None) -> str:
 
 def _default_axes(spec: Spec, name: str, path: str, about: bool) -> list[Axis]:
     """The range of an axis that the spec does not sweep; about: also of others than the wall's stiffness."""
-    stiffness, structural = SYMBOLS["K_VE"], spec.names.keys[path].structural
-    if spec.drawing and spec.drawing.wall:
-        stiffness = f"numbers.{spec.drawing.wall[0]}"
-    if path == stiffness:
+    structural = spec.names.keys[path].structural
+    if path in spec.wall[:1]:
         return [Axis(name, path, (), *K_VE_SPAN, structural, "linear")]
     own = spec.own(path) if about and not structural else None
     return [Axis(name, path, (), *sorted((own / 10, own * 10)), structural, "linear")] if own else []

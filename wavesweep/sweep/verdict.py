@@ -118,7 +118,7 @@ def limits(spec: Spec, cut=None) -> list[dict]:
 
 def _limit(spec, name, path, cut, span=None):
     value = spec.values[path]
-    wall = [f"numbers.{number}" for number in spec.drawing.wall or ()] if spec.drawing else WALL
+    wall = spec.wall
     usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
     start = 0.0 if path in wall or not (value or spec.drawing) else value / FAR or -FAR * usual
     far = np.clip(FAR * (value or usual), -LARGEST, LARGEST)

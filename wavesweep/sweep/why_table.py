@@ -55,7 +55,7 @@ def why(spec: Spec, along: str | None = None) -> Table:
     columns = _table(job.grid, axis, found)
     certified = int(found["certified"].all())
     notices = [f"{other.name} is not swept here, {held(spec, other.path)}" for other in others]
-    if not any(each.path == axis.path and not each.values for each in spec.sweep) and axis.path not in WALL[:1]:
+    if not any(each.path == axis.path and not each.values for each in spec.sweep) and axis.path not in spec.wall[:1]:
         notices.append(f"{axis.name} has no span in [sweep]: searched from {axis.start:g} to {axis.stop:g}")
     if left_out := _left_out(spec):
         notices.append(
@@ -191,7 +191,7 @@ class _Loops:
     @property
     def walls(self) -> tuple[str, ...]:
         """Paths of the wall's numbers."""
-        return tuple(f"numbers.{name}" for name in self.drawing.wall or ()) if self.spec.drawing else WALL
+        return self.spec.wall
 
     def felt(self, varied, count):
         """Stiffness that the hand feels at rest, `(count,)`; None for a loop without a wall and a hand."""
