@@ -77,7 +77,7 @@ z_width = { B_VE = [1] }
 [design.for_all]
 hand = { stiffness = [0, 100] }
 """
-OF_DATA = ("numbers", "at", "doubts", "elasticities", "best", "own", "hands", "specs")  # whose keys are names or words
+OF_DATA = ("numbers", "at", "doubts", "elasticities", "best", "own", "units", "hands", "specs")  # whose keys are names or words
 ONCE = ("slices",)  # whose keys are documented once, for all tables
 
 

@@ -153,7 +153,7 @@ def test_bounds_that_stand_against_each_other_are_named():
     records["z_width"], records["channel"], records["port"] = [50, 120, 90], [1.0, 1.4, 1.05], [0, -1e-6, 1e-7]
     for wish in spec.design.wishes:
         records[f"{wish.name}_certified"] = True
-    text = miss(spec, records, [Scenario({}, {})])
+    text = miss(spec, records, [Scenario({}, {})], study.wish_units(spec))
     assert text.startswith(
         "no design of 3 meets all bounds; the nearest has z_width 90 N/m (at least 100); channel 1.05 (at most 1.1)"
     )
@@ -365,3 +365,72 @@ def test_check_says_what_the_search_would_do(tmp_path, monkeypatch, capfd):
     )
     assert main(["check", "mine.toml", "--set", "rates.slow_hz=60"]) == 0
     assert "  design: not possible with this spec: " in capfd.readouterr().out
+
+
+JOINT = """
+[rates]
+tick_hz = 1000
+[numbers]
+kd = { value = 2.0, unit = "N*m*s/rad" }
+I = { value = 0.025, unit = "kg*m^2" }
+n = 5
+[block.joint]
+type = "mass"
+mass = "I"
+[block.torque]
+type = "hold"
+every = "n"
+[block.pd]
+type = "gain"
+k = 50
+[wire]
+"pd.u" = "joint.x"
+"torque.u" = "-pd.y - kd*joint.v"
+"joint.f" = "torque.y + push"
+[ports]
+hand = { force = "push", displacement = "joint.x", turns = true }
+[sweep]
+along = "kd"
+kd = { start = 0, stop = 20 }
+[design]
+population = 16
+generations = 3
+[design.vary]
+"block.pd.k" = { start = 1, stop = 500, scale = "log" }
+kd = { start = 0.1, stop = 20, scale = "log" }
+[design.wish]
+settling = {}
+port = { at_least = -1 }
+[design.for_all]
+n = { start = 2, stop = 7 }
+I = [0.02, 0.04]
+"""
+
+
+def test_a_drawn_loop_is_designed_and_its_specs_are_those_of_the_table(run, tmp_path):
+    (tmp_path / "mine.toml").write_text(JOINT)
+    code, text, results = run("--no-plot")
+    assert (code, "4 combinations" in text, "rad/(N*m)" in text) == (0, True, True)
+    rows = read(results / "design.csv")
+    package = json.loads((results / "design.datapackage.json").read_text(encoding="utf-8"))
+    units = {field["name"]: field["unit"] for field in package["resources"][0]["schema"]["fields"]}
+    assert [units[name] for name in ("kd", "settling", "port")] == ["N*m*s/rad", "s", "rad/(N*m)"]
+    spec = load(results / "best" / "design-01.toml")
+    assert spec.values["numbers.kd"] == rows["kd"][0]
+    assert spec.tables()["block"]["pd"]["k"] == rows["block.pd.k"][0]
+    assert {axis.name: axis.values for axis in spec.sweep if axis.values} == {"n": (2, 7), "I": (0.02, 0.04)}
+    worst = [
+        wavesweep.verdict(spec.with_values({"n": n, "I": inertia}))["slowest"]["time_constant_s"]
+        for n in range(2, 8)
+        for inertia in (0.02, 0.03, 0.04)
+    ]
+    assert rows["settling"][0] == pytest.approx(max(worst), rel=1e-9)
+    assert rows["holds"][0]
+
+
+def test_a_drawn_loop_that_misses_its_wishes_says_so_in_its_own_units(run, tmp_path):
+    (tmp_path / "mine.toml").write_text(JOINT.replace("port = { at_least = -1 }", "port = { at_least = 1 }"))
+    code, text, _ = run("--no-plot")
+    assert code == 1
+    assert re.search(r"port \S+ rad/\(N\*m\) \(at least 1\) with n=\d, I=", text)
+    assert "never met by itself: port" in text

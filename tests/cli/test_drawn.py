@@ -153,11 +153,6 @@ def test_the_figure_names_the_number_with_its_unit(run):
     assert (results / "arm" / "stability-region.png").stat().st_size > 5000
 
 
-def test_a_drawn_loop_is_refused_by_design_whatever_tables_it_has(run):
-    code, text, _ = run("design", "arm.toml")
-    assert (code, text) == (2, "Error: arm: expected a spec with a [controller] to design, found a drawn loop\n")
-
-
 def test_what_is_not_known_is_not_called_unstable():
     limit = {"name": "c", "value": 5.0, "stable": False, "certified": False, "doubt": "counts"}
     limit |= {"intervals": [], "from": 0, "to": 50}

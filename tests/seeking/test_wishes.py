@@ -1,9 +1,12 @@
 """Every wish is the worst of what the other commands find for the same loops."""
 
+import tomllib
 from functools import cache
 
 import numpy as np
 import pytest
+from support.drawn import ARM, NETWORK, as_blocks
+from support.specs import KINDS
 
 import wavesweep
 from wavesweep.seeking import study
@@ -12,7 +15,8 @@ from wavesweep.seeking.family import points_of, scenarios_of
 from wavesweep.seeking.search import Judged
 from wavesweep.seeking.verdicts import judged
 from wavesweep.seeking.wishes import Worst, evaluate
-from wavesweep.spec import Axis, load
+from wavesweep.spec import SYMBOLS, Axis, load
+from wavesweep.sweep.grid import keys_of
 from wavesweep.sweep.interval_table import at_points
 
 TABLES = {
@@ -41,6 +45,76 @@ def loops(spec, number):
     """The compiled loop of a design and of each scenario."""
     own = {path: column[number].item() for path, column in DESIGNS.items()}
     return [wavesweep.compile(spec.with_values(own | dict(each.values))) for each in scenarios_of(spec.design)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_wishes_of_a_controller_drawn_as_blocks_are_its_own(kind):
+    wished = {"z_width": {"at_least": 1, "B_VE": [0, 2]}, "felt": {"at_least": 1, "B_VE": [0, 2]}}
+    wished |= {
+        "port": {"at_least": -1, "walls": [100, 300]},
+        "damping_ratio": {"walls": [100, 300]},
+        "settling": {"walls": [100]},
+    }
+    tables = {"controller": {"kind": kind, "Kp": 2.0}, "local_model": {"B_LM": 0.5}}
+    built_in = load(tables)
+    name = next((each for each in ("b", "K_LM") if SYMBOLS[each] in keys_of(built_in)), "")
+    values = built_in.values[SYMBOLS[name]] * np.array([0.7, 1.0, 1.6]) if name else np.array([0.1])
+    found = []
+    for loop, path in (
+        (tables, SYMBOLS[name] if name else "device.mass"),
+        (as_blocks(built_in.values), f"numbers.{name}" if name else "block.m.mass"),
+    ):
+        spec = load(loop | {"design": {"wish": wished, "vary": {path: {"start": 1e-3, "stop": 5000}}}})
+        found.append(evaluate(spec, spec.design.wishes, scenarios_of(spec.design), {path: values}, 20000.0))
+    for wish in wished:
+        own, drawn = (each[wish] for each in found)
+        np.testing.assert_allclose(drawn.value, own.value, rtol=1e-9, atol=1e-12, err_msg=wish)
+        assert own.certified.all()
+        assert drawn.certified.all()
+
+
+def test_the_slowest_mode_of_an_integrator_settles_in_closed_form():
+    """d x' = -K x, held over T: an eigenvalue 1 - K T/d, which turns over by half circles where K T > d."""
+    tables = tomllib.loads(NETWORK) | {"sweep": {"along": "K"}}
+    tables |= {"design": {"vary": {"K": {"start": 1, "stop": 100}}, "wish": {"settling": {}, "damping_ratio": {}}}}
+    tables["numbers"] |= {"k": 0}
+    spec, K = load(tables), np.array([10.0, 60.0, 100.0, 149.0, 160.0])
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec.design), {"numbers.K": K}, 1.0)
+    pole = 1 - K * 0.02 / 1.5
+    expected = np.where(np.abs(pole) < 1, -0.02 / np.log(np.abs(pole)), np.nan)
+    np.testing.assert_allclose(found["settling"].value, expected, rtol=1e-12)
+    log = np.log(pole.astype(complex))
+    np.testing.assert_allclose(found["damping_ratio"].value, -log.real / np.abs(log), rtol=1e-10)
+
+
+def test_designs_that_make_no_loop_are_none_and_change_no_other():
+    """A cutoff beyond half the rate, a phase beyond the period, and a loop of direct terms without a solution."""
+    tables = tomllib.loads(ARM)
+    tables["numbers"] |= {"fc": 100.0, "g": 0.5}
+    tables["block"] |= {
+        "lp": {"type": "butterworth", "order": 1, "cutoff_hz": "fc"},
+        "one": {"type": "gain", "k": "g"},
+    }
+    tables["wire"] |= {"lp.u": "arm.v", "one.u": "one.y + arm.v", "arm.f": "-kp*net.y - kd*lp.y + c*one.y + hand"}
+    tables["design"] = {
+        "vary": {"fc": {"start": 1, "stop": 9000}, "g": [0.0, 0.5, 1.0], "block.net.phase": [0, 30]},
+        "wish": {"settling": {}, "port": {"at_least": -9}},
+    }
+    spec = load(tables)
+    designs = {
+        "numbers.fc": np.array([50.0, 9000.0, 60.0, 70.0, 80.0]),
+        "numbers.g": np.array([0.5, 0.5, 1.0, 0.0, 0.5]),
+        "block.net.phase": np.array([0, 0, 0, 30, 0]),
+    }
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec.design), designs, 1.0)
+    for name, worst in found.items():
+        assert worst.certified.tolist() == [True, False, False, False, True]
+        assert np.isnan(worst.value[1:4]).all()
+        alone = [
+            evaluate(spec, spec.design.wishes, scenarios_of(spec.design), {p: v[[at]] for p, v in designs.items()}, 1.0)
+            for at in (0, 4)
+        ]
+        assert worst.value[[0, 4]].tolist() == [each[name].value[0] for each in alone]
 
 
 @pytest.mark.slow

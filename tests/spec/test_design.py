@@ -1,6 +1,9 @@
 """The table [design] is read with all mistakes at once, and written as a spec could give it."""
 
+import tomllib
+
 import pytest
+from support.drawn import ARM, WALL
 
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.spec import load
@@ -137,3 +140,47 @@ def test_numbers_that_ratios_set_stay_in_their_ranges(varied, ratios, fault):
             load(tables)
     else:
         assert load(tables).design.ratios
+
+
+@pytest.mark.parametrize(
+    ("design", "mistakes"),
+    [
+        (
+            {"wish": {"transparency": {}}},
+            ["wish.transparency: expected one of z_width, felt, port, damping_ratio, settling for"],
+        ),
+        ({"wish": {"z_width": {}}}, ["wish.z_width: expected a loop with a wall in [ports], found none"]),
+        ({"wish": {"port": {"walls": [1]}}}, ["wish.port: expected a loop with a wall in [ports], found none"]),
+        ({"for_all": {"hand": {"mass": [0]}}}, ["for_all.hand: expected numbers of the drawing, in which the hand is a block"]),
+        ({"for_all": {"kp/kd": [1, 2]}}, ["for_all.kp/kd: expected a ratio to a number that every spec has"]),
+        ({"vary": {"rates.tick_hz": {"start": 1e3, "stop": 1e4}}}, ["vary.rates.tick_hz: expected a list of choices, since"]),
+        ({"for_all": {"rates.tick_hz": [1e3, 1e4]}}, ["for_all.rates.tick_hz: expected a whole number, or one that"]),
+        ({"vary": {"q": [1]}}, ["vary.q: expected the name of a numeric key, found an unknown one"]),
+        ({"vary": {"block.arm.mas": [1]}}, ["vary.block.arm.mas: expected the name of a numeric key, found an unknown one"]),
+    ],
+)
+def test_a_drawn_loop_has_its_own_mistakes(design, mistakes):
+    asked = {"vary": {"kp": {"start": 1, "stop": 2}}, "wish": {"settling": {}}} | design
+    with pytest.raises(SpecError) as refused:
+        load(tomllib.loads(ARM) | {"design": asked})
+    said = str(refused.value).splitlines()
+    assert len(said) == len(mistakes)
+    for line, start in zip(said, mistakes, strict=True):
+        assert line.startswith(f"design.{start}")
+
+
+def test_the_numbers_of_a_drawn_wall_belong_to_the_wishes():
+    asked = {"vary": {"K": {"start": 1, "stop": 2}}, "wish": {"z_width": {}}, "for_all": {"B": [0, 1]}}
+    with pytest.raises(SpecError) as refused:
+        load(tomllib.loads(WALL) | {"design": asked})
+    assert [mistake.key for mistake in refused.value.mistakes] == ["design.vary.K", "design.for_all.B"]
+
+
+def test_a_drawn_design_is_the_same_from_its_tables():
+    asked = {"vary": {"block.arm.mass": [0.1, 0.2], "kp": {"start": 1, "stop": 2}}, "wish": {"settling": {"at_most": 1.0}}}
+    spec = load(
+        tomllib.loads(ARM) | {"design": asked | {"for_all": {"block.net.steps": {"start": 0, "stop": 3}}}}
+    ).as_designed()
+    assert load(spec.tables()).as_designed().sha256 == spec.sha256
+    assert spec.design.for_all[0].values == (0, 3)
+    assert spec.values["block.arm.mass"] == 0.2

@@ -167,7 +167,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
         (
             [("[sweep]", "[device]\nmass = 1\n[sweep]")],
             "27:2: device",
-            "one of the tables rates, numbers, block, wire, ports, sweep, bode, simulate",
+            "one of the tables rates, numbers, block, wire, ports, sweep, bode, simulate, design",
             "an unknown table",
         ),
         ([("[sweep]", '[controller]\nkind = "pmw"\n[sweep]')], "27:2: controller", "either a controller or blocks", "both"),

@@ -29,6 +29,7 @@ def design(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "best": {name: {wish: _known(columns[wish][row]) for wish in wishes} for name, row in best.items()},
         "numbers": {name: {axis: columns[axis][row].item() for axis in varied} for name, row in best.items()},
         "own": dict(facts["own"]),
+        "units": dict(facts["units"]),
         "files": list(facts.get("best", ())),
     } | _box(columns)
 
@@ -55,8 +56,8 @@ def design_lines(found: Numbers) -> Iterator[Line]:
     yield f"{count(found['designs'], 'design')} on the front" if len(found["best"]) > 1 else "the best design", False
     for name, values in found["best"].items():
         numbers = ", ".join(f"{axis} = {value:.5g}" for axis, value in found["numbers"][name].items())
-        yield f"best {name}: {_wishes(values)}, with {numbers}", False
-    yield f"the spec's own design: {_wishes(found['own'])}", False
+        yield f"best {name}: {_wishes(values, found['units'])}, with {numbers}", False
+    yield f"the spec's own design: {_wishes(found['own'], found['units'])}", False
     if found["files"]:
         yield f"as specs: {' to '.join(dict.fromkeys([found['files'][0], found['files'][-1]]))}", False
     if "box" in found:
@@ -70,7 +71,6 @@ def design_lines(found: Numbers) -> Iterator[Line]:
         yield f"{count(missed, 'design')} with a bound that does not hold between the ends of the ranges (column holds)", True
 
 
-def _wishes(values: Mapping[str, float | None]) -> str:
-    units = {name: WISHES[name].unit for name in values}
+def _wishes(values: Mapping[str, float | None], units: Mapping[str, str]) -> str:
     said = {name: "not known, unstable" if value is None else f"{value:.5g} {units[name]}" for name, value in values.items()}
     return ", ".join(f"{name} {text.removesuffix(' 1')}" for name, text in said.items())

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, as_it_stands, figure, label, note_assumptions
-from wavesweep.spec import find_key
+from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, figure, label, note_assumptions, printed, with_unit
+from wavesweep.results.schema import fields
 from wavesweep.spec.design import WISHES
 
 NAMES = {
@@ -18,6 +18,7 @@ NAMES = {
     "channel": "norm of the wave channel",
     "port": "margin of the hand's port",
     "damping_ratio": "damping ratio of the slowest mode",
+    "settling": "time constant of the slowest mode",
     "delay_margin": "delay margin",
 }
 _FRONT = {"marker": "o", "markersize": 4, "color": "#0072B2", "linestyle": "-", "linewidth": 0.8}
@@ -36,6 +37,7 @@ def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
     free = [name for name in wishes if not {"at_least", "at_most"} & set(facts["spec"]["design"]["wish"][name])]
     x, y = free if len(free) == 2 else [wishes[0], wishes[1] if len(wishes) > 1 else wishes[0]]
     varied = list(facts["spec"]["design"]["vary"])
+    kinds = {field.name: field.kind for field in fields("zwidth", varied, facts=facts)}
     down = -(-len(varied) // 3)
     width = TWO_COLUMNS if len(varied) > 1 else ONE_COLUMN
     with figure(width, 2.8 + 1.3 * down) as canvas:
@@ -45,9 +47,9 @@ def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
         order = np.argsort(columns[x], kind="stable")
         own = facts.get("own", {})
         if x == y:
-            _draw_single(front, columns[x], own.get(x), x)
+            _draw_single(front, columns[x], own.get(x), _label(x, facts))
         else:
-            _draw_front(front, columns, order, own, (x, y))
+            _draw_front(front, columns, order, own, {name: _label(name, facts) for name in (x, y)})
         for place, name in enumerate(varied):
             panel = canvas.add_subplot(grid[1 + place // across, place % across])
             panel.plot(columns[x][order], columns[name][order], **_FRONT | {"markersize": 2.5})
@@ -56,8 +58,7 @@ def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
             if (columns[name] > 0).all() and columns[name].max() > 5 * columns[name].min():
                 panel.set_yscale("log")
                 panel.yaxis.set_minor_formatter(NullFormatter())
-            key = find_key(name)
-            if key is not None and key.type == "integer":
+            if kinds[name] == "integer":
                 panel.yaxis.set_major_locator(MaxNLocator(integer=True))
                 panel.set_ylim(columns[name].min() - 0.5, columns[name].max() + 0.5)
             panel.grid(visible=True, color="0.9", linewidth=0.5)
@@ -68,14 +69,14 @@ def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
     return canvas
 
 
-def _draw_front(axes: Any, columns: Mapping[str, np.ndarray], order: np.ndarray, own: Mapping[str, Any], names: tuple) -> None:
-    """The second of two wishes over the first one, and the spec's own design if both are known of it."""
-    x, y = names
+def _draw_front(axes: Any, columns: Mapping[str, np.ndarray], order: np.ndarray, own: Mapping[str, Any], labels: dict) -> None:
+    """The second of two wishes over the first one, and the spec's own design if both are known of it; labels: of both axes."""
+    x, y = labels
     axes.plot(columns[x][order], columns[y][order], label="designs that were found", **_FRONT)
     if own.get(x) is not None and own.get(y) is not None:
         axes.plot(own[x], own[y], label="the spec's own design", **_OWN)
     for name, axis, scale in ((x, axes.xaxis, axes.set_xscale), (y, axes.yaxis, axes.set_yscale)):
-        axis.set_label_text(_label(name))
+        axis.set_label_text(labels[name] if axis is axes.xaxis else labels[name].replace("), ", "),\n"))
         values = columns[name][np.isfinite(columns[name])]
         if values.size and values.min() > 0 and values.max() > 5 * values.min():
             scale("log")
@@ -83,19 +84,19 @@ def _draw_front(axes: Any, columns: Mapping[str, np.ndarray], order: np.ndarray,
     axes.legend(loc="best")
 
 
-def _draw_single(axes: Any, values: np.ndarray, own: float | None, name: str) -> None:
+def _draw_single(axes: Any, values: np.ndarray, own: float | None, label: str) -> None:
     """A bar for each design that was found, and one for the spec's own."""
     known = [] if own is None else [own]
     names = [*(["the spec's own design"] if known else []), *(["design that was found"] * len(values))]
     places, colours = np.arange(len(names)), [_OWN["color"]] * len(known) + [_FRONT["color"]] * len(values)
     axes.barh(places, [*known, *values], height=0.6, color=colours)
     axes.set_yticks(places, names)
-    axes.set_xlabel(_label(name))
+    axes.set_xlabel(label)
     axes.grid(visible=True, axis="x", color="0.9", linewidth=0.5)
     axes.set_axisbelow(True)
 
 
-def _label(name: str) -> str:
+def _label(name: str, facts: Mapping[str, Any]) -> str:
     kind = WISHES[name]
-    unit = "" if kind.unit == "1" else f" ({as_it_stands(kind.unit)})"
-    return f"{NAMES[name]}{unit}, {'more' if kind.more else 'less'} is better"
+    unit = printed([facts.get("units", {}).get(name, kind.unit)])
+    return f"{with_unit(NAMES[name], unit)}, {'more' if kind.more else 'less'} is better"

@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 
 from wavesweep.disk import make_folders, write_file
+from wavesweep.seeking.study import wish_units
 from wavesweep.spec import Spec
+from wavesweep.spec.drawing import name_of
 from wavesweep.spec.keys import BAND_EDGES
 from wavesweep.spec.writing import as_toml
 from wavesweep.sweep.table import Table
@@ -32,17 +34,21 @@ def text_of(spec: Spec, row: dict[str, object], stop: float) -> str:
     but for ratios, which no [sweep] has.
     """
     design, tables = spec.design, spec_of(spec, row).tables()
-    own = (spec.values["environment.B_VE"],)
     walls = sorted(design.wishes, key=lambda wish: wish.name not in ("z_width", "felt"))
-    damping = walls[0].options.get("B_VE", own)
-    sweep = {"along": "K_VE", "K_VE": {"start": 0.0, "stop": stop}, "B_VE": list(damping)}
-    sweep |= {axis.path: list(axis.values) for axis in design.for_all}
-    sweep |= {f"operator.{part}": list(values) for part, values in design.hand.items()}
+    sweep = tables["sweep"]
+    if spec.wall:
+        names = spec.drawing.wall if spec.drawing else ("K_VE", "B_VE")
+        damping = walls[0].options.get("B_VE", (spec.values[spec.wall[1]],))
+        sweep = {"along": names[0], names[0]: {"start": 0.0, "stop": stop}, names[1]: list(damping)}
+    held = {name_of(axis.path): list(axis.values) for axis in design.for_all}
+    held |= {f"operator.{part}": list(values) for part, values in design.hand.items()}
     # What sets the worst may lie between the values that the spec lists.
     worst = dict(part.split("=") for part in str(row.get("z_width_scenario", "")).split(", ") if "=" in part)
-    sweep |= {path: sorted({*sweep[path], float(value)}) for path, value in worst.items() if path in sweep}
+    held |= {name: sorted({*held[name], type(held[name][0])(float(value))}) for name, value in worst.items() if name in held}
+    swept = {name_of(spec.names.find(name).path) for name in sweep if name != "along"} if spec.drawing else set()
+    sweep |= {name: values for name, values in held.items() if name not in swept}
     tables = {name: table for name, table in tables.items() if name not in ("sweep", "bode", "design", "simulate")}
-    said = ", ".join(f"{wish.name} {row[wish.name]:.6g} {wish.kind.unit}".removesuffix(" 1") for wish in design.wishes)
+    said = ", ".join(f"{name} {row[name]:.6g} {unit}".removesuffix(" 1") for name, unit in wish_units(spec).items())
     for path in spec.given:
         *_, name, last = path.split(".")
         if last in BAND_EDGES:  # the order and the cutoff follow from them

@@ -8,6 +8,7 @@ from math import prod
 import numpy as np
 
 from wavesweep.spec.design import HAND, Design, in_order
+from wavesweep.spec.drawing import name_of
 
 WALL_STIFFNESS = "environment.K_VE"
 
@@ -21,7 +22,7 @@ class Scenario:
 
     def described(self) -> str:
         """Return the scenario in the words of a table; empty if it is the spec's own."""
-        parts = [f"{path}={value:.12g}" for path, value in self.values.items()]
+        parts = [f"{name_of(path)}={value:.12g}" for path, value in self.values.items()]
         parts += [f"{one}/{other}={ratio:g}" for one, (other, ratio) in self.ratios.items()]
         return ", ".join(parts)
 

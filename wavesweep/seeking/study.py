@@ -186,7 +186,7 @@ def design(
     ):
         best = found
     if not (best.violation == 0).any():
-        said = miss(spec, run.everything(), job.scenarios)
+        said = miss(spec, run.everything(), job.scenarios, wish_units(spec))
         run.forget()  # nothing of it is left to be done
         raise WavesweepError(said)
     front = spread(best, FRONT)
@@ -199,13 +199,19 @@ def design(
     timings = {"compute_s": time.perf_counter() - started, "kernel_s": run.tally.seconds, "workers": run.workers.count}
     facts = facts_of(spec, METHODS, counts, timings, _notices(job)) | {"warnings": warnings}
     facts |= {"own": own_design(spec, job), "stop": job.stop}
-    facts |= {"scenarios": len(job.scenarios), "checked_scenarios": len(job.finer)}
+    facts |= {"scenarios": len(job.scenarios), "checked_scenarios": len(job.finer), "units": wish_units(spec)}
     return Table("design", lambda: (columns,), facts, fields=_fields(spec, columns), forget=run.forget)
 
 
+def wish_units(spec: Spec) -> dict[str, str]:
+    """Return the unit of each wish: those of a drawn loop are those of its wall's numbers and of its port."""
+    own = {"z_width": spec.units_felt[0], "felt": spec.units_felt[0], "port": spec.at_port("m/N")}
+    return {wish.name: own.get(wish.name, wish.kind.unit) for wish in spec.design.wishes}
+
+
 def plan(spec: Spec) -> list[str]:
-    """Lines for `wavesweep check`: what `design` would do, and how long it would take; none without [design]."""
-    if spec.drawing or spec.design is None:
+    """Lines for `wavesweep check`: the work of `design` and its time; none without [design]."""
+    if spec.design is None:
         return []
     try:
         job = job_of(spec)
@@ -233,17 +239,21 @@ def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
     if not (isinstance(hand, str) and hand in ("vertices", "box")):
         raise UsageError(f"hand: expected one of vertices, box, found {hand!r:.60}")
     asked = spec.as_designed().design
-    if loop_of(spec, {axis.path: axis.values for axis in asked.for_all}):
+    if not spec.drawing and loop_of(spec, {axis.path: axis.values for axis in asked.for_all}):
         raise no_controller(spec, "design")
     for path in ("rates.ratio", "rates.slow_hz", "rates.fast_hz"):
         if any(axis.path == path for axis in asked.for_all):
             raise UsageError(f"design.for_all: expected numbers of device, hand and timing, found {path}; design for one rate")
     grid, settings = make_grid(spec.as_designed(), ()), asked.settings
-    axis = next((axis for axis in spec.sweep if axis.path == "environment.K_VE"), None)
+    axis = next((axis for axis in spec.sweep if axis.path in spec.wall[:1]), None)
     stop = float(axis.stop if axis else K_VE_SPAN[1])
+    if axis and stop <= 0:
+        expected = "a stop > 0, up to which walls are searched"
+        raise SpecError([Leaf(None, axis.place).mistake(f"sweep.{axis.name}", expected, f"{stop:g}", of_key=True)])
     unseen = next((wish for wish in asked.wishes if wish.name == "z_width" and (wish.bound or 0) > stop), None)
     if unseen:
-        searched = f"<= {stop:g} N/m, the stiffest wall that is searched; raise it: sweep.K_VE = {{ stop = ... }}"
+        name, unit = spec.drawing.wall[0] if spec.drawing else "K_VE", wish_units(spec)["z_width"]
+        searched = f"<= {stop:g} {unit}, the stiffest wall that is searched; raise it: sweep.{name} = {{ stop = ... }}"
         mistake = Leaf(None, unseen.places["at_least"]).mistake("design.wish.z_width.at_least", searched, f"{unseen.bound:g}")
         raise SpecError([mistake])
     finer = scenarios_of(asked, between=int(count_of(asked, 1) <= FINER))
@@ -356,10 +366,11 @@ def _columns(spec, job, genes, records):
 def _fields(spec, columns):
     from wavesweep.results.schema import Field, fields
 
-    axes = {field.name: field for field in fields("zwidth", [axis.name for axis in spec.design.vary])}
-    found = [axes[axis.name] for axis in spec.design.vary]
+    named = [axis.name for axis in spec.design.vary]
+    axes = {field.name: field for field in fields("zwidth", named, facts={"spec": spec.tables()})}
+    found, units = [axes[axis.name] for axis in spec.design.vary], wish_units(spec)
     for wish in spec.design.wishes:
-        found.append(Field(wish.name, "number", wish.kind.unit, f"{wish.kind.description}, at its worst"))
+        found.append(Field(wish.name, "number", units[wish.name], f"{wish.kind.description}, at its worst"))
         found.append(Field(f"{wish.name}_scenario", "string", "", f"what sets the worst {wish.name}"))
     found.append(Field("certified", "boolean", "", "all values of the row are certified"))
     found.append(Field("holds", "boolean", "", "every bound holds with values between the ends of every range as well"))

@@ -51,15 +51,15 @@ def _objective(wish, value):
     return np.where(np.isnan(value), np.inf, -value if wish.kind.more else value)
 
 
-def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario]) -> str:
-    """Return a text on the nearest miss and on the wishes that conflict with each other."""
+def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: Mapping[str, str]) -> str:
+    """Return a text on the nearest miss and on the wishes that conflict with each other; units: of the wishes."""
     design = spec.design
     _, violation = judged(design, records)
     at = int(np.argmin(violation))
     parts = []
     for wish in design.wishes:
         value = records[wish.name][at]
-        said = "not known" if np.isnan(value) else f"{value:.6g} {wish.kind.unit if wish.kind.unit != '1' else ''}".rstrip()
+        said = "not known" if np.isnan(value) else f"{value:.6g} {units[wish.name]}".removesuffix(" 1").rstrip()
         if wish.bound is not None:
             said += f" ({wish.kind.bound.replace('_', ' ')} {wish.bound:g})"
         place = scenarios[int(records[f"{wish.name}_scenario"][at])].described()

@@ -2,19 +2,22 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
 from wavesweep.analysis.response import prepare, respond
 from wavesweep.analysis.rows import Rows
-from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, slowest, spectral_radius
+from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, radius_of, slowest, spectral_radius
 from wavesweep.diagram import WALL, draw, keys_read
+from wavesweep.diagram.assembly import assembled
+from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.seeking.family import Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish
 from wavesweep.spec.resolving import longest_delay
+from wavesweep.sweep.drawn_loops import drift_of, telling_frames
 from wavesweep.sweep.grid import distinct_rows, groups, selected
 from wavesweep.sweep.interval_table import at_points
 
@@ -47,17 +50,19 @@ def evaluate(
     """
     found, known = {}, {}
     for wish in wishes:
-        walls = {"environment.B_VE": wish.options.get("B_VE", (spec.values["environment.B_VE"],))}
+        walls = {path: wish.options.get("B_VE", (spec.values[path],)) for path in spec.wall[1:]}
         if wish.name in ("z_width", "felt"):
-            key = walls["environment.B_VE"]
+            key = walls[spec.wall[1]]
             if key not in known:
                 felt = any(wish.name == "felt" for wish in wishes)
                 known[key] = _stiffest(spec, points_of(spec.values, designs, scenarios, walls), stop, felt)
             found[wish.name] = known[key][wish.name]
             continue
-        walls = {"environment.K_VE": wish.options.get("walls", (spec.values["environment.K_VE"],))} | walls
+        walls = {path: wish.options.get("walls", (spec.values[path],)) for path in spec.wall[:1]} | walls
         points = points_of(spec.values, designs, scenarios, walls if wish.name != "channel" else {})
-        value, certified = _MEASURES[wish.name](spec, wish, points)
+        value, certified = np.full(points.size, np.nan), np.zeros(points.size, bool)
+        for part, seen in _existing(spec, points, partial(_MEASURES[wish.name], spec, wish)):
+            value[part], certified[part] = seen
         found[wish.name] = Worst(*points.worst(value, wish.kind.more), points.all_of(certified))
     return found
 
@@ -67,18 +72,42 @@ def _stiffest(spec, points: Points, stop, wished) -> dict[str, Worst]:
 
     wished: whether the felt stiffness is needed.
     """
-    axis = Axis("K_VE", WALL[0], (), 0.0, stop, False)
+    axis = Axis(spec.drawing.wall[0] if spec.drawing else "K_VE", spec.wall[0], (), 0.0, stop, False)
     once, back = distinct_rows(points.changes, points.size)
-    some = points.some(once)
-    value, felt, certified = np.zeros(once.size), np.zeros(once.size), np.ones(once.size, bool)
-    for part, _ in _batches(spec, some):
-        rows = at_points(spec, axis, {path: column[part] for path, column in some.changes.items()}, points.ties, felt=wished)
+    value, felt, certified = *np.full((2, once.size), np.nan), np.zeros(once.size, bool)
+    for part, seen in _existing(spec, points.some(once), partial(_stiffest_of, spec, axis, wished)):
+        value[part], felt[part], certified[part] = seen
+    value, felt, every = value[back], felt[back], points.all_of(certified[back])
+    return {name: Worst(*points.worst(each, more=True), every) for name, each in (("z_width", value), ("felt", felt))}
+
+
+def _stiffest_of(spec, axis, wished, points):
+    """Return the stiffest wall of each point, the stiffness felt of it, and whether it is certified; no two points are the same."""
+    value, felt, certified = np.zeros(points.size), np.zeros(points.size), np.ones(points.size, bool)
+    for part, _ in _batches(spec, points):
+        rows = at_points(spec, axis, {path: column[part] for path, column in points.changes.items()}, points.ties, felt=wished)
         at = part[rows["slice"]]
         certified[at] = rows["certified"]
         first = (rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)
         value[at[first]], felt[at[first]] = rows["high"][first], rows["felt_high"][first]
-    value, felt, every = value[back], felt[back], points.all_of(certified[back])
-    return {name: Worst(*points.worst(each, more=True), every) for name, each in (("z_width", value), ("felt", felt))}
+    return value, felt, certified
+
+
+def _existing(spec, points: Points, measure):
+    """Yield indices of points and their measures; points whose numbers make no drawn loop are left out.
+
+    measure: takes points.
+    """
+    if spec.drawing is None:  # its numbers were checked with the spec
+        yield np.arange(points.size), measure(points)
+        return
+    waiting = [np.arange(points.size)]
+    while waiting:
+        part = waiting.pop()
+        try:
+            yield part, measure(points if part.size == points.size else points.some(part))
+        except (UsageError, SpecError, IllPosedLoopError):  # of one of them at least
+            waiting += np.array_split(part, 2) if part.size > 1 else []
 
 
 def _batches(spec, points: Points, most: int = BATCH):
@@ -193,10 +222,15 @@ def _channel(spec, wish, points):
 
 def _port(spec, wish, points):
     from wavesweep.analysis.passivity import port_margin
+    from wavesweep.sweep.passivity_table import DrawnPortTask
 
     del wish
     value, certified = np.full(points.size, np.nan), np.ones(points.size, bool)
     for members, values in _batches(spec, points):
+        if spec.drawing:
+            found = DrawnPortTask(spec.drawing, ((np.arange(members.size), values),), spec.values).records()
+            value[members], certified[members] = found["port_margin"], found["certified"]
+            continue
         K, B = _walls(values, members.size)
         found = port_margin(values | dict(zip(WALL, (K, B), strict=True)))
         value[members], certified[members] = found.margin, found.certified
@@ -206,13 +240,37 @@ def _port(spec, wish, points):
 def _damping_ratio(spec, wish, points):
     """Damping ratio of the mode that decays most slowly; 0 or negative if the loop is unstable."""
     del wish
-    value, certified = np.full(points.size, np.nan), np.ones(points.size, bool)
-    for members, values in _batches(spec, points):
-        cut = cut_at_wall(draw(values))
-        delta, finite = eigenvalues(close(cut, *_walls(values, members.size)))
-        delta = np.broadcast_to(delta, (members.size, delta.shape[-1]))
-        value[members] = np.where(finite, damping_ratio(slowest(delta)), np.nan)
+    value, certified = np.full(points.size, np.nan), np.zeros(points.size, bool)
+    for members, delta, _, known in _slowest(spec, points):
+        value[members], certified[members] = damping_ratio(delta), known
     return value, certified
+
+
+def _settling(spec, wish, points):
+    """Time in which the mode that decays most slowly falls to 1/e, s; missing if the loop is unstable."""
+    del wish
+    value, certified = np.full(points.size, np.nan), np.zeros(points.size, bool)
+    for members, delta, period, known in _slowest(spec, points):
+        with np.errstate(all="ignore"):
+            time = -period / np.log1p(delta).real
+        value[members], certified[members] = np.where((time >= 0) & np.isfinite(time), time, np.nan), known
+    return value, certified
+
+
+def _slowest(spec, points):
+    """Yield indices, the eigenvalue that decays most slowly less 1, the frame in s, and whether the radius is known."""
+    for members, values in _batches(spec, points):
+        if spec.drawing:
+            drawn = assembled(spec.drawing, values)
+            E, hidden = telling_frames(spec.drawing, values, drift_of(spec.drawing, values, spec.values))
+            period = np.real(drawn.period * drawn.ticks)
+        else:
+            cut = cut_at_wall(draw(values))
+            E, hidden, period = close(cut, *_walls(values, members.size)), False, cut.period
+        delta, finite = eigenvalues(E)
+        known = finite & ~np.isnan(radius_of(E, hidden))
+        delta = np.where(known, slowest(delta) if delta.shape[-1] else -1.0, np.nan)
+        yield members, *(np.broadcast_to(each, members.shape) for each in (delta, period, known))
 
 
 def _delay_margin(spec, wish, points):
@@ -240,5 +298,6 @@ _MEASURES = {
     "channel": _channel,
     "port": _port,
     "damping_ratio": _damping_ratio,
+    "settling": _settling,
     "delay_margin": _delay_margin,
 }

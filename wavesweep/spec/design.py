@@ -10,6 +10,7 @@ from types import MappingProxyType
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, build_axis
 from wavesweep.spec.checking import Rejected, check, nearest, show
+from wavesweep.spec.drawing import Drawing, path_of
 from wavesweep.spec.keys import BAND_EDGES, KEYS, VALUE_PATHS, Key, Names
 from wavesweep.spec.reading import Leaf, Place
 
@@ -30,17 +31,22 @@ DESIGN_KEYS = MappingProxyType(
 _STIFFNESS, _DAMPING = KEYS["environment.K_VE"], KEYS["environment.B_VE"]
 _BAND = Key("band_hz", "number", None, "Hz", "lowest and highest frequency", low=0.0, above_low=True)
 # Options of a wish: name -> (key of each number, how many; None for any).
-_WALLS = {"walls": (_STIFFNESS, None), "B_VE": (_DAMPING, None)}
+_OF_WALL = {"B_VE": (_DAMPING, None)}
+_WALLS = {"walls": (_STIFFNESS, None), **_OF_WALL}
 
 
 @dataclass(frozen=True, slots=True)
 class WishKind:
-    """A quantity that may be wished for. more: whether more of it is better."""
+    """A quantity that may be wished for. more: whether more of it is better.
+
+    ports: names in the [ports] of a drawn loop that it needs; None if no drawn loop has it.
+    """
 
     unit: str
     more: bool
     description: str
     options: Mapping[str, tuple[Key, int | None]]
+    ports: tuple[str, ...] | None = None
 
     @property
     def bound(self) -> str:
@@ -50,8 +56,10 @@ class WishKind:
 
 WISHES = MappingProxyType(
     {
-        "z_width": WishKind("N/m", True, "stiffest wall up to which every wall is stable", {"B_VE": (_DAMPING, None)}),
-        "felt": WishKind("N/m", True, "static stiffness felt of that wall", {"B_VE": (_DAMPING, None)}),
+        "z_width": WishKind(
+            "N/m", True, "stiffest wall up to which every wall is stable", {"B_VE": (_DAMPING, None)}, ("wall",)
+        ),
+        "felt": WishKind("N/m", True, "static stiffness felt of that wall", {"B_VE": (_DAMPING, None)}, ("wall", "hand")),
         "transparency": WishKind(
             "1",
             False,
@@ -59,8 +67,9 @@ WISHES = MappingProxyType(
             {"band_hz": (_BAND, 2), **_WALLS},
         ),
         "channel": WishKind("1", False, "norm of the wave channel", {}),
-        "port": WishKind("m/N", True, "passivity margin of the hand's port", _WALLS),
-        "damping_ratio": WishKind("1", True, "damping ratio of the slowest mode", _WALLS),
+        "port": WishKind("m/N", True, "passivity margin of the hand's port", _WALLS, ("hand",)),
+        "damping_ratio": WishKind("1", True, "damping ratio of the slowest mode", _WALLS, ()),
+        "settling": WishKind("s", False, "time constant of the slowest mode, in which it falls to 1/e", _WALLS, ()),
         "delay_margin": WishKind("tick", True, "further delay of the slow result up to which every delay is stable", _WALLS),
     }
 )
@@ -113,6 +122,42 @@ class Design:
             if stop > hz / 2:
                 path, expected = f"design.wish.{wish.name}.band_hz", f"numbers <= {hz / 2:g} (half of {rate})"
                 yield Leaf(None, wish.places["band_hz"]).mistake(path, expected, f"{stop:g}")
+
+    def unsuited(self, drawing: Drawing) -> Iterator[Mistake]:
+        """Yield the mistakes of a design of this drawn loop."""
+        ports = {"wall": drawing.wall, "hand": drawing.hand}
+        known = [name for name, kind in WISHES.items() if kind.ports is not None]
+        for wish in self.wishes:
+            path = f"wish.{wish.name}"
+            if wish.name not in known:
+                yield self._mistake(path, f"one of {', '.join(known)} for a drawn loop", wish.name)
+                continue
+            needed = {*wish.kind.ports, *(["wall"] if {"walls", "B_VE"} & set(wish.options) else [])}
+            for name in sorted(name for name in needed if ports[name] is None):
+                yield self._mistake(path, f"a loop with a {name} in [ports]", "none")
+        yield from self._unsuited_numbers(drawing)
+        if self.hand:
+            yield self._mistake("for_all.hand", "numbers of the drawing, in which the hand is a block", "hand")
+        for one, other, _ in self.ratios:
+            expected = "a number of the drawing; write a ratio as an expression there"
+            yield self._mistake(f"for_all.{one}/{other}", expected, f"{one}/{other}")
+
+    def _unsuited_numbers(self, drawing):
+        wall = {path_of(name): name for name in drawing.wall or ()}
+        for name in sorted(drawing.shaping & set(wall.values())):
+            yield self._mistake("wish", "a wall whose numbers do not decide how the loop is built", name)
+        for section, axes in (("vary", self.vary), ("for_all", self.for_all)):
+            for axis in axes:
+                whole = all(isinstance(value, int) for value in axis.values)
+                if axis.path in wall:
+                    expected, found = "a number that is not of the wall (walls belong to the wishes)", wall[axis.path]
+                    yield self._mistake(f"{section}.{axis.name}", expected, found, axis.place)
+                elif section == "for_all" and axis.structural and not whole:
+                    expected = "a whole number, or one that does not decide how the loop is built"
+                    yield self._mistake(f"for_all.{axis.name}", expected, axis.name, axis.place)
+
+    def _mistake(self, path: str, expected: str, found: str, place: Place | None = None) -> Mistake:
+        return Leaf(None, place or self.place).mistake(f"design.{path}", expected, found, of_key=True)
 
     def followers(self, values: Mapping, stop: float) -> Iterator[Axis]:
         """Yield the ranges of numbers that ratios set; values: the spec's own; stop: the largest stiffness of a wall."""
@@ -230,6 +275,8 @@ class _Reader:
                 self.refuse(f"vary.{name}", "the order or the cutoff of a filter", "an edge of its band")
             elif axis.path in NOT_VARIED:
                 self.refuse(f"vary.{name}", "a number of the device or the controller", "one of the wall or the rates")
+            elif axis.structural and not axis.values and self.names.keys[axis.path].type != "integer":
+                self.refuse(f"vary.{name}", "a list of choices, since the loop is built anew for each", "only a span")
             elif axis.structural and not axis.values:
                 if axis.stop - axis.start >= MOST_CHOICES:
                     self.refuse(f"vary.{name}", f"fewer than {MOST_CHOICES} whole numbers", "more")

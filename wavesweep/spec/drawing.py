@@ -316,8 +316,9 @@ def names_of(leaves: Mapping[Path, Leaf]) -> Names:
 
 
 def own_axes(leaves: Mapping[Path, Leaf]) -> frozenset[str]:
-    """Return the paths of the keys of blocks that [sweep] and [bode] take for axes."""
+    """Return the paths of the keys of blocks that [sweep], [bode] and [design] take for axes."""
     named = [path[1:4] for path in leaves if path[0] in ("sweep", "bode")]
+    named += [path[2:5] for path in leaves if path[0] == "design"]
     along = leaves.get(("sweep", "along"))
     if along and isinstance(along.value, str):
         named.append(tuple(along.value.split(".")))

@@ -16,7 +16,7 @@ from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import Leaf, Place
 
 TABLES = ("rates", "numbers", "block", "wire", "ports")
-STUDIES = ("sweep", "bode", "simulate")  # tables that are left to others
+STUDIES = ("sweep", "bode", "simulate", "design")  # tables that are left to others
 NUMBER_PARTS = ("value", "unit", "description")
 PORTS = MappingProxyType({"hand": ("force", "displacement", "reaction", "turns"), "wall": ("stiffness", "damping")})
 OPTIONAL = ("reaction", "turns")

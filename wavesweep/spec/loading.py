@@ -144,6 +144,7 @@ def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, 
     mistakes += _beyond_rate(studies, hz, RATE) if hz else []
     if drawing:
         mistakes += [m for study, axes in studies.axes for m in drawing.vanishing(study, axes, values)]
+        mistakes += studies.design.unsuited(drawing) if studies.design else []
     if mistakes:
         raise SpecError(_in_order(mistakes))
     return Spec(name, path, values, _with_along(studies, belongs.along, drawing.wall), given, drawing=drawing)

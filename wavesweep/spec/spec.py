@@ -180,8 +180,6 @@ class Spec:
 
         Errors: UsageError if the spec has no such table.
         """
-        if self.drawing:
-            raise UsageError(f"{self.name}: expected a spec with a [controller] to design, found a drawn loop")
         if self.design is None:
             raise UsageError(f"{self.name}: expected the tables [design.vary] and [design.wish], found none")
         return replace(self, for_design=True)

@@ -84,7 +84,8 @@ class DrawnTask:
     """Stable intervals of drawn loops along the number `along` within span = (low, high).
 
     groups: see `IntervalTask`. own: the spec's values. bounds: all loops exist between these values of the number. If this
-    is one scalar gain of a frame, it is cut out; otherwise its intervals are found by panels.
+    is one scalar gain of a frame, it is cut out; otherwise its intervals are found by panels. felt: give the stiffness that a
+    hand feels at the ends too.
     """
 
     drawing: Drawing
@@ -93,13 +94,14 @@ class DrawnTask:
     bounds: tuple[float, float]
     groups: Groups
     own: Mapping[str, float]
+    felt: bool = True
 
     def records(self) -> np.ndarray:
         """The intervals as records, with the stiffness that a hand feels."""
         parts, slices = [], []
         for _, values in self.groups:
             refuse_unsuitable(self.drawing, values)
-        opened = [open_loops(self.drawing, values, self.own, self.number, felt=True) for _, values in self.groups]
+        opened = [open_loops(self.drawing, values, self.own, self.number, felt=self.felt) for _, values in self.groups]
         for (members, values), each in zip(self.groups, opened, strict=True):
             parts.append(self._intervals(values, members.size, each))
             slices.append(members[parts[-1].column])
@@ -107,7 +109,7 @@ class DrawnTask:
         order = np.argsort(slices, kind="stable")
         records = records_of(replace(Intervals.join(parts), column=slices).take(order))
         records["felt_low"] = records["felt_high"] = np.nan
-        for (members, values), each in zip(self.groups, opened, strict=True) if feels(self.drawing) else ():
+        for (members, values), each in zip(self.groups, opened, strict=True) if self.felt and feels(self.drawing) else ():
             rows = np.flatnonzero(np.isin(records["slice"], members) & (records["intervals"] > 0))
             at = np.searchsorted(members, records["slice"][rows])
             known = (each and each.at_rest()) or self._resting(values)

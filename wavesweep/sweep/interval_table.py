@@ -130,7 +130,7 @@ def _part(spec, drawing, axis, points, ties, felt, members, loops, walls, owner,
     bounds = bounds_within(spec, drawing, axis, changes, loops.size)
     task = task_over(spec, drawing, axis, bounds, groups(spec, changes, loops.size), wanted)
     if ties or not felt:
-        task = replace(task, ties=ties, felt=felt)
+        task = replace(task, felt=felt, **({"ties": ties} if ties else {}))
     records = task.records()
     number = np.searchsorted(loops, owner[members])
     number = number if own else number * walls.size + np.searchsorted(walls, wall_of[members])
