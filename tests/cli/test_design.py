@@ -99,10 +99,11 @@ def test_every_design_of_the_front_can_be_taken_to_the_other_commands(run, capfd
 
 
 @pytest.mark.slow
-def test_the_figure_can_be_drawn_again(run, tmp_path):
+@pytest.mark.parametrize("table", ["csv", "parquet"])
+def test_the_figure_can_be_drawn_again(run, tmp_path, table):
     assert run()[0] == 0
     assert (tmp_path / "results/mine/design.png").stat().st_size > 10_000
-    assert main(["plot", "results/mine/design.csv", "--out", "again"]) == 0
+    assert main(["plot", f"results/mine/design.{table}", "--out", "again"]) == 0
     assert (tmp_path / "again/design.png").read_bytes() == (tmp_path / "results/mine/design.png").read_bytes()
 
 

@@ -49,6 +49,13 @@ def test_the_facts_are_in_both_places_but_what_differs_between_equal_runs_only_i
     assert stored == {name: fact for name, fact in facts.items() if name not in of_the_run}
 
 
+def test_the_order_of_the_facts_is_kept_since_axes_and_wishes_have_one(columns, facts, tmp_path):
+    ordered = facts | {"spec": {"sweep": {"along": "K_VE", "b": [1.0], "B_VE": [2.0]}}}
+    publish(Table.of("zwidth", columns, ordered), tmp_path)
+    for table in ("zwidth.csv", "zwidth.parquet"):
+        assert list(results.read_table(tmp_path / table)[2]["spec"]["sweep"]) == ["along", "b", "B_VE"]
+
+
 def test_every_parquet_field_has_its_unit(package, tmp_path):
     schema = pyarrow.parquet.read_schema(tmp_path / "zwidth.parquet")
     units = {field.name: field.metadata[b"unit"].decode() for field in schema}

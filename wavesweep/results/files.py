@@ -29,7 +29,7 @@ class ParquetFile:
         columns = [
             pyarrow.field(f.name, types[f.kind], metadata={"unit": f.unit, "description": f.description}) for f in fields
         ]
-        text = json.dumps(facts, sort_keys=True, allow_nan=False)
+        text = json.dumps(facts, allow_nan=False)
         self._path, self._schema, self._writer = path.absolute(), pyarrow.schema(columns, metadata={"wavesweep": text}), None
 
     def append(self, columns: Mapping[str, np.ndarray]) -> None:

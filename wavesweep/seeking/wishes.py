@@ -82,7 +82,7 @@ def _stiffest(spec, points: Points, stop, wished) -> dict[str, Worst]:
 
 
 def _stiffest_of(spec, axis, wished, points):
-    """Return the stiffest wall of each point, the stiffness felt of it, and whether it is certified; no two points are the same."""
+    """Return the stiffest wall, the stiffness felt of it, and whether it is certified; no two points are the same."""
     value, felt, certified = np.zeros(points.size), np.zeros(points.size), np.ones(points.size, bool)
     for part, _ in _batches(spec, points):
         rows = at_points(spec, axis, {path: column[part] for path, column in points.changes.items()}, points.ties, felt=wished)
