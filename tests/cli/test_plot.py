@@ -5,6 +5,7 @@ import os
 import shutil
 from pathlib import Path
 
+import pyarrow.parquet
 import pytest
 from PIL import Image
 
@@ -236,3 +237,22 @@ def test_options_that_would_do_nothing_are_refused(wavesweep, spec, tmp_path, mo
     assert (code, out) == (2, "")
     assert message in err
     assert not (tmp_path / "page.html").exists()
+
+
+def test_columns_that_other_programs_have_moved_or_added_change_no_figure(wavesweep, spec, tmp_path):
+    assert wavesweep("zwidth", spec, "--out", tmp_path / "made")[0] == 0
+    table = pyarrow.parquet.read_table(tmp_path / "made/zwidth.parquet")
+    changed = table.select(table.column_names[::-1]).add_column(0, "note", [["theirs"] * len(table)])
+    pyarrow.parquet.write_table(changed.replace_schema_metadata(table.schema.metadata), tmp_path / "zwidth.parquet")
+    assert wavesweep("plot", tmp_path / "zwidth.parquet", "--out", tmp_path / "again")[0] == 0
+    assert (tmp_path / "again/zwidth.png").read_bytes() == (tmp_path / "made/zwidth.png").read_bytes()
+
+
+def test_a_table_without_rows_is_refused(wavesweep, spec, tmp_path):
+    assert wavesweep("zwidth", spec, "--no-plot", "--out", tmp_path / "made")[0] == 0
+    pyarrow.parquet.write_table(
+        pyarrow.parquet.read_table(tmp_path / "made/zwidth.parquet").slice(0, 0), tmp_path / "zwidth.parquet"
+    )
+    code, _, err = wavesweep("plot", tmp_path / "zwidth.parquet")
+    assert code == 2
+    assert err.endswith("zwidth.parquet: expected the rows of a table, found none\n")

@@ -113,6 +113,10 @@ def test_another_plane_is_found_by_proved_columns_at_once_if_the_wall_is_up(clie
     found = client.ask("quick", plane=plane)["plane"]
     assert found["how"] == "certified"
     assert not any(found["known"])
+    assert found["apart"]  # so the page asks for more, which knows of the gaps
+    proved = client.ask("certified", plane=plane)
+    assert any(proved["known"])
+    assert "apart" not in proved
 
 
 def test_what_makes_no_loop_is_said_in_the_answer(client):

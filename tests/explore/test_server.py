@@ -109,14 +109,17 @@ def test_nonsense_is_refused_and_the_server_lives(client, body, status):
     assert client.send("GET", "")[0] == 200
 
 
-def test_a_body_without_a_length_is_refused(client):
+@pytest.mark.parametrize(("length", "status"), [(None, 411), ("9" * 5000, 413), ("-1", 411), ("1e3", 411)])
+def test_a_body_without_a_length_or_of_an_absurd_one_is_refused(client, length, status):
     port = client.server.server_address[1]
     connection = http.client.HTTPConnection("127.0.0.1", port, timeout=10)
     connection.putrequest("POST", f"/{client.server.token}/quick")
     for name, value in (("Origin", f"http://127.0.0.1:{port}"), ("Content-Type", "application/json")):
         connection.putheader(name, value)
+    if length:
+        connection.putheader("Content-Length", length)
     connection.endheaders()
-    assert connection.getresponse().status == 411
+    assert connection.getresponse().status == status
     connection.close()
 
 

@@ -294,3 +294,43 @@ def test_space_that_is_not_swept_does_not_pass_for_unstable():
     axes = plots.stability_region(table.columns, table.facts).axes[0]
     assert axes.get_ylim()[0] == 5
     assert not [line for line in axes.lines if line.get_marker() == "x" and len(line.get_xdata())]
+
+
+@pytest.mark.parametrize("values", [[0.0, 10.0, 100.0, 300.0, 1000.0], [0.0, 100.0]])
+def test_a_margin_of_an_unstable_loop_does_not_pass_for_passive(values):
+    """Its loop is not passive, also where the margin is positive: the margins are crossed out, as lines and as dots."""
+    late = {
+        "environment": {"delay": 20, "integration": "explicit"},
+        "device": {"damping": 50.0},
+        "controller": {"kind": "pmw-lm", "Kp": 10.0},
+    }
+    rows = wavesweep.passivity(late | {"sweep": {"K_VE": values, "b": [1.0, 20.0], "B_VE": [0.0]}})
+    lost = (rows["port_margin"] >= 0) & ~rows["stable"]
+    assert lost.any()
+    figure = plots.passivity({name: rows[name].to_numpy() for name in rows}, rows.attrs["facts"])
+    marks = [line for axes in figure.axes for line in axes.lines if line.get_marker() == "x"]
+    assert [len(line.get_xdata()) for line in marks] == [(~rows["stable"]).sum()]
+    assert "unstable, not passive" in texts_of(figure)
+    fine = wavesweep.passivity({"controller": {"kind": "pmw"}, "sweep": {"K_VE": [1.0, 2.0]}})
+    figure = plots.passivity({name: fine[name].to_numpy() for name in fine}, fine.attrs["facts"])
+    assert "unstable, not passive" not in texts_of(figure)
+
+
+def test_the_end_that_is_explained_is_no_stiffness_felt_whatever_the_order_of_its_rows():
+    rows = wavesweep.why({"controller": {"kind": "pmw"}, "environment": {"integration": "explicit", "delay": 1}})
+    columns = {name: rows[name].to_numpy() for name in rows}
+    assert set(columns["quantity"]) == {"end", "felt"}
+    figures = [plots.why({name: column[::step] for name, column in columns.items()}, rows.attrs["facts"]) for step in (1, -1)]
+    titles = [[axes.get_title(loc="left") or axes.get_title() for axes in figure.axes] for figure in figures]
+    assert sorted(titles[0]) == sorted(titles[1])
+    limit = columns["limit"][columns["quantity"] == "end"][0]
+    assert f"= {limit:.5g} N/m" in "".join(titles[0])
+
+
+def test_the_static_limit_of_a_comparison_is_at_the_left_edge():
+    spec = wavesweep.load({"controller": {"kind": "pmw"}, "bode": {"frequency_hz": [0.0, 0.5, 5.0]}})
+    walls, responses = wavesweep.sweep.compare([spec])
+    figure = plots.compare(walls.columns, walls.facts, responses.columns)
+    marks = [line for axes in figure.axes[2:] for line in axes.lines if line.get_marker() == "<"]
+    assert [line.get_xdata()[0] for line in marks] == [0.5, 0.5]
+    assert marks[0].get_ydata()[0] == 1e3 * responses.columns["admittance_abs"][0]

@@ -1,7 +1,7 @@
 """Lines of a plane that follow intervals from column to column."""
 
 from wavesweep.plots.planes import _followed
-from wavesweep.plots.refine import NARROW, Curve, Interval
+from wavesweep.plots.refine import NARROW, Curve, Interval, _is_straight
 
 
 def column(*intervals, incomplete=False):
@@ -17,3 +17,26 @@ def test_an_interval_that_is_not_known_in_a_column_has_not_ended_there():
         assert jumps == ([[(6.4, 1200), (6.4, 0)], [(6.5, 0), (6.5, 1200)]] if known else [])
         assert not bars
         assert [len(chain) for chain in chains].count(3) == 1
+
+
+def test_a_boundary_that_runs_into_the_end_of_the_range_is_straight_there():
+    """Its end is no crossing on one side, and as right to half a pixel as any other."""
+
+    def ending(low, real):
+        return (Interval(low, 200.0, real, True, True),), False
+
+    corner = ending(2.3, True), ending(2.1, True), ending(2.0, False)
+    assert _is_straight(*corner, tolerance=0.1)
+    assert not _is_straight(*corner, tolerance=0.04)
+
+
+def test_bars_at_the_first_or_the_last_value_are_known_as_such():
+    columns = {x: column((0, 1)) for x in (0.0, 1.0, 2.0)}
+    for gaps, found in (
+        ({}, True),
+        ({(0.0, 1.0): NARROW}, True),
+        ({(1.0, 2.0): NARROW}, True),
+        ({(0.0, 1.0): NARROW, (1.0, 2.0): NARROW}, False),
+    ):
+        assert Curve(columns, gaps).open_at_ends == found
+    assert not Curve({0.0: column((0, 1))}).open_at_ends

@@ -126,5 +126,9 @@ def test_without_the_spec_nothing_is_shaded_between_the_values_of_the_table():
 def test_whole_numbers_have_nothing_between_them():
     spec = {"controller": {"kind": "pmw"}, "sweep": {"environment.delay": list(range(12)), "K_VE": {"start": 0, "stop": 4000}}}
     table = intervals(wavesweep.load(spec))
-    *_, shaded, _ = shades(plots.zwidth(table.columns, table.facts), family_looks(1)[0].colour, 0.22)
+    figure = plots.zwidth(table.columns, table.facts)
+    *_, shaded, _ = shades(figure, family_looks(1)[0].colour, 0.22)
     assert not shaded.any()
+    low, high = figure.axes[0].get_xlim()
+    assert low < 0  # so that the bars at both ends are whole
+    assert high > 11

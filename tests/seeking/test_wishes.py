@@ -352,3 +352,12 @@ def test_a_delay_margin_whose_radius_rounding_hides_is_not_certified(monkeypatch
     hidden = values_of(spec)["delay_margin"]
     assert sure.certified.all()
     assert not hidden.certified.any()
+
+
+def test_a_design_that_is_direct_coupling_itself_has_no_error():
+    """Both responses are the same but for rounding, of which no rule of the band has to be sure."""
+    asked = {"vary": {"device.damping": {"start": 1, "stop": 5}}, "wish": {"transparency": {"at_most": 0.5, "walls": [100]}}}
+    spec = load({"controller": {"kind": "dc"}, "design": asked})
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec.design), {"device.damping": np.array([1.0, 3.0])}, 1.0)
+    assert (found["transparency"].value < 1e-12).all()
+    assert found["transparency"].certified.all()

@@ -69,6 +69,7 @@ def quick(
 
     cells: samples along each side of a plane that has no curve; without any this plane is left out. search: path -> range of
     the stable intervals through the design, which the curve gives as well. with_response: whether the response is wanted.
+    A plane of columns is `apart`: `certified_plane` knows more of it.
     """
     cut = loop = None
     if loop_of(spec) is None:
@@ -80,7 +81,8 @@ def quick(
     if cut is not None and {plane.x, plane.y} == set(WALL):
         return found | _by_curve(spec, cut, plane, search)
     if cut is not None and plane.y in WALL:
-        return found | {"plane": certified_columns(spec, plane, np.linspace(*plane.x_span, COLUMNS // 2))}
+        columns = certified_columns(spec, plane, np.linspace(*plane.x_span, COLUMNS // 2))
+        return found | {"plane": columns | {"apart": True}}
     return found | ({"plane": _cell_plane(spec, plane, cells)} if cells else {})
 
 

@@ -34,6 +34,8 @@ class Server(ThreadingHTTPServer):
     any free one.
     """
 
+    request_queue_size = 64  # a browser may ask for many things at once
+
     daemon_threads = True
     block_on_close = False
     timeout = LOOK
@@ -107,7 +109,7 @@ class Handler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.NOT_FOUND)
             return
         length = self.headers.get("Content-Length", "")
-        if not length.isascii() or not length.isdigit() or int(length) > LARGEST:
+        if not length.isascii() or not length.isdigit() or len(length) > 9 or int(length) > LARGEST:
             self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE if length.isdigit() else HTTPStatus.LENGTH_REQUIRED)
             return
         try:

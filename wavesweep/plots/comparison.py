@@ -197,6 +197,7 @@ def _ends(axes: Any, across: np.ndarray, curve: Columns, names: tuple[str, str],
 def _curves(axes: Any, columns: Columns, specs: list[str], name: str) -> None:
     names = list(columns)
     others = names[: names.index("spec")]
+    least = columns["frequency_hz"][columns["frequency_hz"] > 0].min(initial=np.inf)
     axes.set_xscale("log")
     axes.set_yscale("log")
     for number, spec in enumerate(specs):
@@ -206,6 +207,10 @@ def _curves(axes: Any, columns: Columns, specs: list[str], name: str) -> None:
             alpha = 1.0 if curve["stable"].all() else _FAINT
             line = {**_look(number), "alpha": alpha} | ({"marker": ""} if shown.sum() > 1 else {})
             axes.plot(curve["frequency_hz"][shown], curve[name][shown], **line)
+            static = (curve["frequency_hz"] == 0) & (curve[name] > 0)
+            if static.any() and least < np.inf:  # the static limit, at the left edge
+                edge = {"color": line["color"], "alpha": alpha, "clip_on": False, "zorder": 4}
+                axes.plot(least, curve[name][static][0], marker="<", markersize=4, **edge)
             doubted = shown & rounded(curve, name)
             axes.plot(curve["frequency_hz"][doubted], curve[name][doubted], **_DOUBTED)
     axes.set_xlabel("frequency (Hz)")

@@ -117,7 +117,9 @@ def _title(rows: Columns) -> list[str]:
 
 
 def _end(rows: Columns) -> str:
-    return f"{rows['end'][0]} end, {symbol(rows['along'][0])} = {rows['limit'][0]:.5g} {printed(rows['unit'][:1])}".rstrip()
+    of_end = int(np.argmax(rows["quantity"] == "end"))  # the other quantity is the stiffness felt there
+    limit, unit = rows["limit"][of_end], printed(rows["unit"][of_end : of_end + 1])
+    return f"{rows['end'][0]} end, {symbol(rows['along'][0])} = {limit:.5g} {unit}".rstrip()
 
 
 def _kinds(rows: Columns) -> list[str]:

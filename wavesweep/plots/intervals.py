@@ -191,7 +191,7 @@ def _draw_panel(axes: Any, columns: Columns, facts: Mapping[str, Any], layout: L
         if felt:
             draw_felt(axes, curve, look)
     low, high = columns[layout.x].min(), columns[layout.x].max()
-    if "hand" in columns:  # bars at the first and the last value stay whole
+    if any(curve.open_at_ends for curve in curves):  # bars at the first and the last value stay whole
         more, factor = _EDGE * (high - low), (high / low) ** _EDGE if logarithmic else 1.0
         low, high = (low / factor, high * factor) if logarithmic else (low - more, high + more)
     axes.set_xlim(low, high)

@@ -10,12 +10,24 @@ import numpy as np
 
 from wavesweep.plots.chosen import Loops
 from wavesweep.plots.layout import is_logarithmic
-from wavesweep.plots.style import TWO_COLUMNS, assumed, at_hand, distinct_colour, family_looks, figure, fitting, label, valued
+from wavesweep.plots.style import (
+    DOUBTFUL,
+    TWO_COLUMNS,
+    assumed,
+    at_hand,
+    distinct_colour,
+    family_looks,
+    figure,
+    fitting,
+    label,
+    valued,
+)
 from wavesweep.sweep.table import Columns
 
 _TOLERANCE = 1e-10  # of the norm: what is nearer to 1 counts as passive
 _LINEAR = 1e-4  # of the largest margin, about zero, that is drawn evenly; beyond it margins go by factors
 _PASSIVE, _COLOUR = "#009E73", distinct_colour(0)  # the shade of what is passive, and the dots
+_UNSTABLE = {"marker": "x", "markersize": 3.5, "color": DOUBTFUL, "linestyle": "none", "clip_on": False}
 _NOTE = 100  # letters of a line
 _FLOOR = 1e-10
 _PANELS = (("channel_norm", "pmw: channel norm - 1"), ("bank_norm", "pmw-lm, way out: norm - 1"))
@@ -53,6 +65,7 @@ def _draw_lines(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any
             style = {"color": look.colour, "linestyle": look.line, "marker": ".", "markersize": 2.5, "linewidth": 1}
             for panel, values in ((channel, _excess(rows)), (port, rows["port_margin"])):
                 panel.plot(rows[x][order], values[order], label=name, **style)
+        _mark_unstable(port, columns[x], columns["port_margin"], columns["stable"])
         for panel in (channel, port):
             if is_logarithmic(columns[x]):
                 panel.set_xscale("log")
@@ -74,14 +87,22 @@ def _draw_dots(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any:
         for panel, values, verdict in panels:
             # Filled where passive: a margin just below zero looks like zero.
             for rows_of, face in ((columns[verdict], _COLOUR), (~columns[verdict], "white")):
-                panel.plot(values[rows_of], places[rows_of], "o", color=_COLOUR, markerfacecolor=face, markersize=4)
+                drawn = rows_of & (columns["stable"] | (panel is channel))
+                panel.plot(values[drawn], places[drawn], "o", color=_COLOUR, markerfacecolor=face, markersize=4)
             panel.grid(visible=True, axis="y", color="0.9", linewidth=0.5)
+        _mark_unstable(port, columns["port_margin"], places, columns["stable"])
         channel.set_yticks(places, names)
         channel.set_ylim(count - 0.4, -0.6)
         _finish(channel.xaxis, port.xaxis, (channel, port), columns, facts)
         _legend(canvas, port)
         _note(canvas, "", note, _said(facts))
     return canvas
+
+
+def _mark_unstable(port: Any, x: np.ndarray, y: np.ndarray, stable: np.ndarray) -> None:
+    """Cross out the margins of unstable loops: they are not passive, also if the margin is positive."""
+    if not stable.all():
+        port.plot(x[~stable], y[~stable], label="unstable, not passive", **_UNSTABLE)
 
 
 def _excess(columns: Columns) -> np.ndarray:

@@ -47,6 +47,13 @@ class Curve:
     columns: dict[float, tuple[tuple[Interval, ...], bool]]
     gaps: dict[tuple[float, float], str] = field(default_factory=dict)
 
+    @property
+    def open_at_ends(self) -> bool:
+        """Whether there are bars at the least or at the largest x."""
+        places = sorted(self.columns)
+        ends = [*pairwise(places)][:1] + [*pairwise(places)][-1:]
+        return any(gap not in self.gaps for gap in ends)
+
     def slices(self) -> list[tuple[float, tuple[Interval, ...], bool]]:
         """Return (x, intervals, incomplete) in order of x."""
         return [(x, *self.columns[x]) for x in sorted(self.columns)]
@@ -153,15 +160,15 @@ def _undecided(curve, number, points, tolerance):
 
 
 def _is_straight(before, middle, after, tolerance) -> bool:
-    """Whether all three columns have the same intervals, and those in the middle lie on lines between the others."""
+    """Whether all three columns have the same intervals, and those in the middle lie on lines between the others.
+
+    An end may be that of the swept range on one side: a line to it is as right as any other.
+    """
     intervals = (before[0], middle[0], after[0])
     if len({len(each) for each in intervals}) > 1 or len({before[1], middle[1], after[1]}) > 1:
         return False
     return all(
-        a.low_real == m.low_real == b.low_real
-        and a.high_real == m.high_real == b.high_real
-        and abs(m.low - (a.low + b.low) / 2) <= tolerance
-        and abs(m.high - (a.high + b.high) / 2) <= tolerance
+        abs(m.low - (a.low + b.low) / 2) <= tolerance and abs(m.high - (a.high + b.high) / 2) <= tolerance
         for a, m, b in zip(*intervals, strict=True)
     )
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results.package import PART, packaged_facts, packaged_fault, packaged_kinds, packaged_parts
-from wavesweep.results.schema import Field, kind_of, kinds_by_name
+from wavesweep.results.schema import Field, in_order, kind_of, kinds_by_name
 
 # Rows in a row group. A fixed number, so that a file's bytes do not depend on the blocks that its rows came in.
 GROUP_ROWS = 131072
@@ -135,7 +135,8 @@ def unreadable() -> tuple[type[Exception], ...]:
 def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, Any]]:
     """Give the kind of the table at `path`, its columns, and the facts of the run that made it.
 
-    The facts of a CSV are in the data package beside it, those of a Parquet file in its schema.
+    The facts of a CSV are in the data package beside it, those of a Parquet file in its schema. Other programs may have added
+    columns to a Parquet file, which are left out, or changed their order, which is that of the program again.
     Raises UsageError for a file that is torn or changed, or no table of this program; OSError if it cannot be read.
     """
     path = Path(path)
@@ -159,9 +160,12 @@ def read_table(path: str | Path) -> tuple[str, dict[str, np.ndarray], dict[str, 
     if not facts:
         raise UsageError(f"{path}: expected a table of wavesweep, found no facts of a run in the file")
     try:
-        return kind_of(columns, path.stem), columns, facts
+        kind = kind_of(columns, path.stem)
     except WavesweepError as error:
         raise UsageError(f"{path}: {error}") from None
+    if not len(next(iter(columns.values()), ())):
+        raise UsageError(f"{path}: expected the rows of a table, found none")
+    return kind, in_order(kind, columns, facts), facts
 
 
 def in_short(error: Exception) -> str:

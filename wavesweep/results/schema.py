@@ -247,6 +247,18 @@ def fields_of(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any] | 
     return tuple(replace(each, kind="number") if each.name in rough and each.kind == "integer" else each for each in found)
 
 
+def in_order(kind: str, columns: Mapping[str, Any], facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Give the columns of a table in the order of the program, without those that it does not have."""
+    if kind not in TABLES:
+        return dict(columns)
+    specs = [spec for spec in (facts.get("spec"), *facts.get("specs", {}).values()) if isinstance(spec, Mapping)]
+    study = "bode" if kind in ("bode", "compare-bode") else "sweep"
+    own = [field.name for field in (*TABLES[kind], _HAND, *_ENDS)]
+    axes = [name for spec in specs for name in spec.get(study, {}) if name not in own]
+    found = {name: columns[name] for name in dict.fromkeys([*axes, *own]) if name in columns}
+    return {field.name: found[field.name] for field in fields_of(kind, found, facts)}
+
+
 def felt_unit(facts: Mapping[str, Any] | None) -> str:
     """Give the unit of the stiffness that is felt: that of the wall of a drawn loop, which may turn and not slide."""
     wall = (facts or {}).get("spec", {}).get("ports", {}).get("wall", {})

@@ -62,6 +62,8 @@ def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: 
         said = "not known" if np.isnan(value) else f"{value:.6g} {units[wish.name]}".removesuffix(" 1").rstrip()
         if wish.bound is not None:
             said += f" ({wish.kind.bound.replace('_', ' ')} {wish.bound:g})"
+        if not (np.isnan(value) or records[f"{wish.name}_certified"][at]):
+            said += ", not certified"
         place = scenarios[int(records[f"{wish.name}_scenario"][at])].described()
         parts.append(f"{wish.name} {said}{f' with {place}' if place and wish.bound is not None else ''}")
     against = _against(design, records)

@@ -144,7 +144,7 @@ def _transparency(spec, wish, points):
         square = square.reshape(open_.size, pieces, NODES)
         value[open_] = np.sqrt((square * weight).sum((-1, -2)) / (2 * pieces))
         unseen = np.abs((square[..., None] * high).sum(-2)).max(-1).mean(-1)
-        settled = unseen <= UNSEEN * value[open_] ** 2
+        settled = unseen <= UNSEEN * np.maximum(value[open_], ERROR) ** 2  # responses are not known better
         certified[open_] = sure & settled
         open_ = open_[~settled & np.isfinite(value[open_])]
     return value, certified
