@@ -160,3 +160,18 @@ def test_values_that_suit_each_other_but_not_the_specs_own_are_taken(hole):
         assert hole.spectral_radius(**axes) == changed.spectral_radius()
     along = hole.stable_intervals("filters.lp1.cutoff_hz", (5, 800), **{"rates.fast_hz": 4000.0})
     assert along.certified.all()
+
+
+def test_a_frame_that_overflows_has_an_infinite_radius_and_rows_with_a_doubt(capfd):
+    """A wave line of 693 N*s/m at a device of 0.14 g, over frames of 100 ticks: the frame is beyond 1e308."""
+    tables = {
+        "rates": {"fast_hz": 1000.0, "slow_hz": 30.0},
+        "device": {"mass": 0.0001378251602140977, "damping": 0.007417002165999043},
+        "controller": {"kind": "pmw-lm", "b": 692.9926457629622},
+    }
+    loop = wavesweep.compile(tables)
+    assert np.isinf(loop.spectral_radius())
+    assert np.isinf(loop.spectral_radius(b=[600.0, 692.9])).all()
+    assert set(loop.response([1.0, 10.0]).doubt) <= {"overflow", "unstable"}
+    assert wavesweep.verdict(tables)["stable"] is False
+    assert capfd.readouterr() == ("", "")  # nor a word of LAPACK

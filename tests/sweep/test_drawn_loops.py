@@ -1000,3 +1000,62 @@ def test_a_pole_of_one_slice_changes_nothing_of_another():
     for value in values:
         alone = loop.stable_intervals("K", (0, 1000), c=[value])
         assert alone.equals(whole[whole["c"] == value].reset_index(drop=True))
+
+
+def hidden(E, C, span, **more):
+    """A loop of one block that has a mode which the number p does not reach. E: rows of A less identity, exact doubles."""
+    A = (np.array(E) + np.eye(len(E))).tolist()
+    block = {"type": "ss", "discrete": True, "A": A, "C": [C], "D": [[0.0]], **more}
+    return {
+        "rates": {"tick_hz": 1.0},
+        "numbers": {"p": 0.5},
+        "block": {"g": block},
+        "wire": {"g.u": "-p*g.y"},
+        "sweep": {"along": "p", "p": dict(zip(("start", "stop"), span, strict=True))},
+    }
+
+
+@pytest.mark.parametrize("k", range(20, 53, 4))
+def test_a_mode_next_to_1_that_rounding_hides_is_no_drift(k):
+    """An eigenvalue 1 + 2^-k in a turned basis is outside the circle, however near to it: nothing is certified stable."""
+    turn = np.array([[1.0, 3.0], [0.5, 2.0]])
+    E = turn @ np.diag([2.0**-k, -0.5]) @ np.linalg.inv(turn)
+    B, C = turn @ [0.0, 1.0], np.array([0.0, 1.0]) @ np.linalg.inv(turn)
+    tables = hidden(E.tolist(), C.tolist(), (0.1, 0.8), B=B[:, None].tolist())
+    table = wavesweep.stability_region(tables)
+    assert not (table.certified & (table.intervals > 0)).any()
+    exact = hidden((turn @ np.diag([0.0, -0.5]) @ np.linalg.inv(turn)).tolist(), C.tolist(), (0.1, 0.8), B=B[:, None].tolist())
+    assert ends(wavesweep.stability_region(exact)) == [[0.1, 0.8]]
+
+
+def test_a_spring_weaker_than_rounding_is_no_drift():
+    """It pushes away, so that |z| - 1 = 1.8e-8 at every p, which the number of a spring of 1000 p N/m hides."""
+    chain = {name: {"type": "mass", "mass": mass, "damping": 1e-6} for name, mass in (("a", 1000.0), ("b", 2000.0))}
+    between = "1000.0*p*(a.x-b.x) + 1000.0*(a.v-b.v)"
+    tables = {
+        "rates": {"tick_hz": 1.0},
+        "numbers": {"p": 1.0},
+        "block": chain,
+        "wire": {"a.f": f"-({between}) - (-1e-12)*a.x + hand", "b.f": between},
+        "ports": {"hand": {"force": "hand", "displacement": "a.x"}},
+        "sweep": {"along": "p", "p": {"start": 0.1, "stop": 1.0}},
+    }
+    (row,) = wavesweep.stability_region(tables).itertuples()
+    assert (bool(row.certified), row.doubt) == (False, "rounding")
+    assert wavesweep.verdict(tables)["spectral_radius"] is None
+    assert np.isnan(wavesweep.compile(tables).spectral_radius())
+    (port,) = wavesweep.passivity(tables).itertuples()
+    assert (bool(port.stable), bool(port.port_passive), np.isnan(port.port_margin)) == (False, False, True)
+    free = tables | {"wire": {"a.f": f"-({between}) + hand", "b.f": between}}
+    assert wavesweep.stability_region(free).certified.all()
+    assert wavesweep.verdict(free)["spectral_radius"] < 1
+
+
+def test_a_shift_that_rounding_turns_is_no_drift():
+    """An eigenvalue 1 beside one of 1 - 9e-16: the direction of its shift is lost, and with it the other eigenvalues."""
+    A = [[-0.5, 2.25, 0.0], [0.0, 1.0, 0.0], [-2.9999999999999982, 4.499999999999999, 0.9999999999999991]]
+    tables = hidden((np.array(A) - np.eye(3)).tolist(), [3.125, -2.25, -0.75], (0.2, 0.4), B=[[0.5], [0.0], [1.0]])
+    tables["block"]["g"]["A"] = A
+    tables["wire"]["g.u"] = "-p*0.3*g.y"
+    assert not wavesweep.stability_region(tables).certified.any()
+    assert np.isnan(wavesweep.compile(tables).spectral_radius(p=0.3))

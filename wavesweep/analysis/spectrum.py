@@ -49,6 +49,7 @@ def radius_of(E, hidden=False) -> np.ndarray:
     at the angle of each of them (see `count_outside`).
     """
     delta, finite = eigenvalues(E)
+    E = np.where(finite[..., None, None], E, 0.0)
     found = np.where(finite, _known(E, np.abs(1 + delta).max(-1, initial=0.0), delta), np.inf)
     found = np.where(_is_rounding(np.abs(1 - found), E), 1.0, found)
     return np.where(finite & hidden, np.nan, found)

@@ -46,6 +46,8 @@ class Block:
     loops' return differences; it is zero where one of them has no solution, and the entries have a pole. terms: for E, B, C and
     D, the sizes of the terms of each entry's sum, in which a closed loop counts for all that rounding of its entries does to
     it; None if they are not known.
+    at_rest: arrays in place of E, B, C and D that say the same of signals that do not change, without rounding and whatever the
+    units of the states; None if these have none but that of their own numbers.
     labels: a readable name per state for messages; by default the block's name and the state's.
     Errors: ValueError if an array or the labels do not fit the names.
     """
@@ -62,6 +64,7 @@ class Block:
     condition: object = 1.0
     pivot: object = 1.0
     terms: tuple | None = None
+    at_rest: tuple | None = None
     labels: tuple[str, ...] = ()
 
     def __post_init__(self):

@@ -24,7 +24,8 @@ def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
     s, g, of_s, of_g = impulse_and_step(d, k, period)
     block = _block(name, ("f",), ("x", "v"), ("v", "x"), *motion(s, g, -d, -k, m), [[0, 1], [1, 0]], [[0], [0]])
     sizes = None if of_s is None else (*motion(of_s, of_g, *map(np.abs, (d, k, m))), block.C, block.D)
-    return replace(block, terms=sizes)
+    at_rest = matrix([[-numbers(damping), -numbers(stiffness)], [1.0, 0.0]]), matrix([[1.0], [0.0]]), block.C, block.D
+    return replace(block, terms=sizes, at_rest=at_rest)
 
 
 def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) -> Block:
@@ -37,6 +38,7 @@ def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) ->
     rest = 0.0 if rests is None else _matrix(rests, (n, n))
     E, G, *sizes = (A - np.eye(n) + rest, B) if discrete else held(A, B, period)
     block = _block(name, inputs, outputs, tuple(f"x{i}" for i in range(n)), E, G, C, D)
+    block = block if discrete else replace(block, at_rest=(A, B, C, D))
     return replace(block, terms=(*sizes, np.abs(block.C), np.abs(block.D))) if sizes else block
 
 
@@ -51,13 +53,22 @@ def tf(name, period, num, den, discrete=False, rests=None) -> Block:
     if discrete:
         return _discrete_tf(name, num, den, *(rests or ([0.0] * len(num), [0.0] * len(den))))
     n, (A, B, C, D) = len(den) - 1, _controllable([numbers(each) for each in num], [numbers(each) for each in den])
-    return ss(name, period, A if n else [], B if n else [], C, D, ("u",), ("y",))
+    block = ss(name, period, A if n else [], B if n else [], C, D, ("u",), ("y",))
+    return replace(block, at_rest=(*block.at_rest[:2], _matrix([_over(num, den)[1:]], (1, n)), 0 * block.D)) if n else block
+
+
+def _over(num, den):
+    """Coefficients of the numerator, as many as those of the denominator, over the first one of that."""
+    return [numbers(0.0)] * (len(den) - len(num)) + [numbers(each) / numbers(den[0]) for each in num]
 
 
 def _controllable(num, den):
-    """Rows of A, B, C and D from coefficients of descending powers; each state but the first integrates the one before it."""
+    """Rows of A, B, C and D from coefficients of descending powers; each state but the first integrates the one before it.
+
+    At rest the first state does not change, and y is the sum of the states times the numerator's coefficients but the first.
+    """
     n, lead = len(den) - 1, den[0]
-    a, b = [each / lead for each in den[1:]], [numbers(0.0)] * (n + 1 - len(num)) + [each / lead for each in num]
+    a, b = [each / lead for each in den[1:]], _over(num, den)
     C = [[each - factor * b[0] for each, factor in zip(b[1:], a, strict=True)]]
     A = [[-factor for factor in a]] + [[1.0 if column == row else 0.0 for column in range(n)] for row in range(n - 1)]
     return A[:n], [[1.0 if row == 0 else 0.0] for row in range(n)], C, [[b[0]]]
@@ -69,15 +80,22 @@ def _discrete_tf(name, num, den, of_num, of_den):
     more = [0.0] * (len(den) - len(num))
     n, num, of_num = len(den) - 1 - k, [*more, *num], [*more, *of_num]
     about = -1 if _near_minus_one(den[: n + 1]) else 1
-    shifted = (_about(about, each[: n + 1], rest[: n + 1]) for each, rest in ((num, of_num), (den, of_den)))
+    shifted, ones = (
+        [_about(at, each[: n + 1], rest[: n + 1]) for each, rest in ((num, of_num), (den, of_den))] for at in (about, 1)
+    )
     A, B, C, D = _controllable(*shifted)
     A = [[each + (about - 1) * (i == j) for j, each in enumerate(row)] for i, row in enumerate(A)]
     E = [[*row, *[0.0] * k] for row in A] + [[1.0 * (i == j - 1) - (i == j) for i in range(n + k)] for j in range(n, n + k)]
-    B, C = [*B, *([1.0 * (j == 0)] for j in range(n, n + k))], [[*C[0], *(numbers(each) / den[0] for each in num[n + 1 :])]]
+    later = [numbers(each) / den[0] for each in num[n + 1 :]]
+    B, C = [*B, *([1.0 * (j == 0)] for j in range(n, n + k))], [[*C[0], *later]]
     names = *(f"x{i}" for i in range(n)), *(f"u{j + 1}" for j in range(k))
-    return _block(
+    block = _block(
         name, ("u",), ("y",), names, *(_matrix(*each) for each in ((E, (n + k, n + k)), (B, (n + k, 1)), (C, (1, n + k)))), D
     )
+    if not n:
+        return block
+    own, through = (_over(*ones)[1:], 0.0) if about == 1 else ([0.0] * n, ones[0][-1] / ones[1][-1])
+    return replace(block, at_rest=(block.E, block.B, _matrix([[*own, *later]], (1, n + k)), matrix([[through]])))
 
 
 def _near_minus_one(den):
@@ -168,13 +186,16 @@ def avatar(name, period, b, integration="implicit") -> Block:
     cut = cut_avatar(b, period, integration)
     rows = [cut.outputs.index(port) for port in ("x_dot", "x", "x_tilde", "v")]
     ports = ("in", "f"), ("v", "x", "x_spring", "out")
-    return _block(name, *ports, ("s",), cut.E, cut.B, cut.C[..., rows, :], cut.D[..., rows, :])
+    block = _block(name, *ports, ("s",), cut.E, cut.B, cut.C[..., rows, :], cut.D[..., rows, :])
+    E, B, C, D = cut.at_rest
+    return replace(block, at_rest=(E, B, C[..., rows, :], D[..., rows, :]))
 
 
 def local_model(name, period, b, K, B, integration="implicit") -> Block:
     """Local model of the interaction with its own decoder: `in` -> `out`."""
     closed = closed_model(b, K, B, period, integration)
-    return _block(name, ("in",), ("out",), ("s",), closed.E, closed.B, closed.C, closed.D)
+    block = _block(name, ("in",), ("out",), ("s",), closed.E, closed.B, closed.C, closed.D)
+    return replace(block, at_rest=closed.at_rest)
 
 
 def held(A, B, period):

@@ -26,7 +26,17 @@ def device(values, period) -> Block:
     names = {"v": "device velocity", "w": "measured velocity", "x": "device position"}
     labels = tuple(names[state] for state in states)
     condition = 1.0 if sizes is None else loss(parts[0], sizes[0])
-    return Block("device", ("f",), ("x", "v_hat", "dx"), states, *parts, condition=condition, terms=sizes, labels=labels)
+    facts = {"condition": condition, "terms": sizes, "at_rest": _at_rest(damping, stiffness, mass, exact), "labels": labels}
+    return Block("device", ("f",), ("x", "v_hat", "dx"), states, *parts, **facts)
+
+
+def _at_rest(damping, stiffness, mass, exact):
+    """E, B, C and D that say that nothing moves, and that the spring has the force."""
+    force, rest = [-damping, -stiffness], [1, 0]
+    if exact:
+        return matrix([force, rest]), matrix([[1 / mass], [0]]), matrix([[0, 1], [1, 0], [0, 0]]), np.zeros((3, 1))
+    E = matrix([[force[0], 0, force[1]], [1, -1, 0], [1, 0, 0]])
+    return E, matrix([[1 / mass], [0], [0]]), matrix([[0, 0, 1], [0, 1, 0], [0, 0, 0]]), np.zeros((3, 1))
 
 
 def _exact(s, g, damping, stiffness, mass, period, _):

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.diagram.drawn import Drawn, shifts
+from wavesweep.diagram.drawn import Drawn, rests_exactly, shifts
 from wavesweep.lifted.circle import solve
 from wavesweep.lifted.periodic import Ticks, frame_of, growth_of, known_frames, ticks_of
 from wavesweep.lifted.rounding import frame_errors, hidden_in, radius_hidden
@@ -22,6 +22,8 @@ class TickDrift:
     reads once the leads are gone, in the order of their removal. ramp: a state that may rest anywhere, with the others, while
     leads move at constant rates, as a position that an integrator reads does: a second eigenvalue 1; None if there is none.
     plain: states that every frame overwrites, like a held output, or that only add up others. All are indices into `states`.
+    vague: whether numbers smaller than rounding, or rounding itself, may stop a shift: then it may be no drift at all, and the
+    loop have another eigenvalue next to 1.
     """
 
     states: tuple[str, ...]
@@ -30,6 +32,7 @@ class TickDrift:
     unread: tuple[int, ...]
     ramp: int | None = None
     plain: tuple[int, ...] = ()
+    vague: bool = False
 
     @property
     def kept(self) -> list[int]:
@@ -46,7 +49,8 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> TickDrift:
     A shift that is the same in both is constant. If it differs, it is eliminated numerically (see `without_drift`).
     """
     ticks = ticks_of(tame, watched, alone=True)
-    at, (first, second) = {name: i for i, name in enumerate(ticks.states)}, (_shifts(each, watched) for each in (tame, other))
+    at, found = {name: i for i, name in enumerate(ticks.states)}, [_shifts(each, watched) for each in (tame, other)]
+    (first, _), (second, _) = found
     moved, folded = [], []
     if len(first) != len(second):  # what one of them has alone is an accident of its numbers, as rounding leaves 0 or nearly 0
         first, second = _in_both(first, second)
@@ -56,7 +60,7 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> TickDrift:
             moved.append((at[lead], tuple((at[name], one[name]) for name in rest if name in at)))
         else:
             folded.append(at[lead])
-    drift = TickDrift(ticks.states, tuple(moved), tuple(folded), ())
+    drift = TickDrift(ticks.states, tuple(moved), tuple(folded), (), vague=not all(exact for _, exact in found))
     pair = ticks, ticks_of(other, watched, alone=True)
     frames = tuple(frame_of(each) for each in pair)
     drift = replace(drift, plain=_plain(pair, counted_from_leads(frames, drift)))
@@ -114,16 +118,18 @@ def _at_rest_anywhere(E):
 
 
 def _shifts(drawn, watched):
-    """Return the shifts that nothing opposes and that something reads.
+    """Return the shifts that nothing opposes and that something reads, and whether they are exact; see `rests_exactly`.
 
     A part of the loop that only watches a drifting position need not be at rest.
     """
-    living = drawn.living(watched)
+    living, whole = drawn.living(watched), shifts(drawn)
     if living is drawn:
-        return shifts(drawn)
+        return whole, not whole or rests_exactly(drawn)
     known = {each.block.name for each in living.placed}
-    alone = [shift for shift in shifts(drawn) if not any(name.partition(".")[0] in known for name in shift)]
-    return (shifts(living) if living.placed else []) + alone
+    alone = [shift for shift in whole if not any(name.partition(".")[0] in known for name in shift)]
+    own = shifts(living) if living.placed else []
+    exact = (not own or rests_exactly(living)) and (not alone or rests_exactly(drawn))
+    return own + alone, exact
 
 
 def _alike(one, two):
@@ -181,10 +187,13 @@ def closed_frame(drawn: Drawn, drift: TickDrift) -> np.ndarray:
 
 
 def telling_frame(drawn: Drawn, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
-    """Return `closed_frame`, and whether terms that cancel in a tick hide its spectral radius, `(...)`; see `radius_hidden`."""
+    """Return `closed_frame`, and whether its spectral radius is hidden, `(...)`: by terms that cancel in a tick (see
+    `radius_hidden`), or by a drift that is vague."""
     ticks = ticks_of(drawn, alone=True, terms=True)
     E = _known_closed(ticks, drift)
     hidden = np.broadcast_to(hidden_in(ticks), E.shape[:-2])
+    if drift.vague:
+        return E, np.ones_like(hidden)
     return E, hidden & radius_hidden(*errors_of_closed(ticks, drift)) if hidden.any() else hidden
 
 

@@ -159,6 +159,14 @@ class DrawnTask:
 
     def connected(self, values, size, opened) -> Intervals:
         """The intervals of loops that are one piece; opened: without the number, see `open_loops`."""
+        found = self._searched(values, size, opened)
+        drifts = [drift_of(self.drawing, values | {self.along: 1.0}, self.own), *([opened.drift] if opened else [])]
+        if any(drift.vague for drift in drifts):
+            return _in_doubt(found, found.column, np.full(found.column.size, ROUNDING))
+        return found
+
+    def _searched(self, values, size, opened):
+        """The same, if the drift is one."""
         cut = opened and cut_of(opened.frame, opened.drift)
         if cut is not None:
             cut = with_batch(cut, size)

@@ -95,6 +95,9 @@ def _gain(lifted, points):
 
     It is computed through modes, and from the whole matrix if these do not prove it.
     """
+    if not all(np.isfinite(part).all() for pair in (lifted.E, lifted.O, lifted.G) for part in pair):
+        size = np.size(points.frame)
+        return np.full(size, np.nan), np.full(size, np.inf)
     gain, error = Dominant(lifted).gain(points)
     doubtful = np.flatnonzero(~(error <= GOOD * gain))
     ticks = lifted.O[0].shape[0]

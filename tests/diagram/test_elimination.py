@@ -1,0 +1,41 @@
+"""Elimination with exact zeros, and whether its zeros are exact."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from wavesweep.diagram.elimination import PRIME, reduced_echelon, residue, vanishes_exactly
+
+
+def rows_of(A):
+    return [{column: residue(value) for column, value in enumerate(row) if value} for row in np.asarray(A).tolist()]
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0, -0.1, 1e-300, 5e-324, 1.7e308, 2.0**-60])
+def test_a_residue_is_that_of_the_exact_number(value):
+    exact = Fraction(value)
+    assert residue(value) == exact.numerator * pow(exact.denominator, -1, PRIME) % PRIME
+    assert (residue(value) == 0) == (value == 0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_zeros_of_whole_numbers_are_exact_and_what_is_smaller_than_rounding_is_none(seed):
+    """A row is a sum of others: its remainder vanishes. A change of one entry by its last bit stays, and rounding hides it."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 8))
+    A = rng.integers(-9, 10, (n, n + 1)).astype(float) * 2.0 ** rng.integers(-20, 20)
+    A[-1] = rng.integers(1, 4, n - 1) @ A[:-1]
+    _, pivots = reduced_echelon(A)
+    assert len(pivots) < n
+    assert vanishes_exactly(A, rows_of(A))
+    at = int(np.argmax(np.abs(A[-1])))
+    A[-1, at] = np.nextafter(A[-1, at], np.inf)
+    assert len(reduced_echelon(A)[1]) == len(pivots)
+    assert not vanishes_exactly(A, rows_of(A))
+
+
+def test_an_entry_that_is_zero_from_the_start_but_not_in_the_rows_is_seen():
+    A = np.array([[1.0, -1.0], [0.0, 0.0]])
+    assert vanishes_exactly(A, rows_of(A))
+    assert not vanishes_exactly(A, [*rows_of(A)[:1], {0: residue(2.0**-70)}])
