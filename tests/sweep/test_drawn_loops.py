@@ -1059,3 +1059,50 @@ def test_a_shift_that_rounding_turns_is_no_drift():
     tables["wire"]["g.u"] = "-p*0.3*g.y"
     assert not wavesweep.stability_region(tables).certified.any()
     assert np.isnan(wavesweep.compile(tables).spectral_radius(p=0.3))
+
+
+SQUARES = {  # a position that an integrator reads, whose gain is a square, so that its eigenvalue 1 leaves with the square of p
+    "rates": {"tick_hz": 1000.0},
+    "numbers": {"p": 6.8},
+    "block": {
+        "m": {"type": "mass", "mass": "0.001+(sqrt(p))", "damping": "(p*p+1.708)/(p*p+2.915)"},
+        "b0": {"type": "integrator", "every": 4, "phase": 2},
+    },
+    "wire": {"b0.u": "m.x", "m.f": "-2.5*(p*p)*b0.y - 3.16*(1/(1+p**4))*m.v - 7.4*m.x"},
+    "sweep": {"along": "p", "p": {"start": 0.0, "stop": 13.403704535030128}},
+}
+NEARLY_ONE = {  # eigenvalues 1 - 2^-30 and 1 - 2^-30 are beside the one that crosses
+    "rates": {"tick_hz": 1.0},
+    "numbers": {"p": 670.779015550422},
+    "block": {
+        "g": {
+            "type": "ss",
+            "discrete": True,
+            "A": [
+                [-1.5, -0.125, -2.4999999990686774, 2.4374999990686774],
+                [1.0, 0.0, 1.0, -1.0],
+                [1.25, 0.75, 2.2499999990686774, -1.7499999990686774],
+                [0.0, 1.0, 0.0, 0.0],
+            ],
+            "B": [[2.0], [0.125], [-2.5], [-1.25]],
+            "C": [[0.875, 0.5, 0.875, 0.125]],
+            "D": [[0.0]],
+            "every": 5,
+        },
+        "side": {"type": "hold", "every": 2, "phase": 1},
+    },
+    "wire": {"g.u": "-(sqrt(p+2))*0.3*g.y", "side.u": "g.y"},
+    "sweep": {"along": "p", "p": {"start": 0.0, "stop": 1315.252971667494}},
+}
+
+
+@pytest.mark.parametrize(
+    ("tables", "stable"), [(SQUARES, (3.156643e-7, 1.63845003)), (NEARLY_ONE, (0.0, 25.0738317139))], ids=["squares", "one"]
+)
+def test_an_interval_in_doubt_is_stable_all_the_same(tables, stable):
+    """Both ends lie within the true ones, which 320 bits give, although a crossing is only known to be in some disc."""
+    (row,) = wavesweep.stability_region(tables).itertuples()
+    assert (bool(row.certified), row.doubt, row.intervals) == (False, "search", 1)
+    low, high = stable
+    assert low <= row.low <= low + 1e-6
+    assert high * (1 - 1e-3) <= row.high <= high * (1 + 1e-9)

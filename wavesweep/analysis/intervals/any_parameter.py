@@ -21,7 +21,9 @@ from wavesweep.analysis.intervals.panels import RIM, ROUGH, panel_roots
 from wavesweep.analysis.intervals.polishing import ATTACHED, polished
 from wavesweep.analysis.intervals.regions import NEAR_ZERO, count_where_clear, cut_span
 from wavesweep.analysis.intervals.stable import MOST_STATES, Intervals, doubts_of, intervals_of, uneven_units
+from wavesweep.analysis.spectrum import count_outside
 
+HALVINGS = 24  # of the disc of a root that is not certain, from its end on
 NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing is given up
 MANY = 512  # so many open panels of one column are, too
 TURN = 10.0  # of a span, where a bent variable turns from one that is even to its logarithm
@@ -139,18 +141,17 @@ def _of_columns(evaluate, span, columns, period, bounds, slack, sizes, kept) -> 
     """
     loop, found = _roots(evaluate, span, columns, bounds, sizes, kept)
     ends = polished(evaluate, loop, found, span, slack)
-    ends, labelled = _labelled_parts(found, ends, NARROWEST * (span[1] - span[0]))
+    ends, labelled = _labelled_parts(evaluate, span, found, ends)
     return intervals_of(*_counted_regions(evaluate, span, columns, ends, labelled, slack), period)
 
 
-def _labelled_parts(found, ends, width):
+def _labelled_parts(evaluate, span, found, ends):
     """The ends that are certain and in no part of the span that is labelled, and these parts: column, low, high, label, doubt.
 
-    found: of the panels, see `panel_roots`; ends: polished roots. width: by how much a part about an uncertain end goes beyond
-    it. A reciprocal pair of real eigenvalues crosses nothing.
+    found: of the panels, see `panel_roots`; ends: polished roots. A reciprocal pair of real eigenvalues crosses nothing.
     """
     unsure = ends.take(~ends.good)
-    doubtful = unsure.column, unsure.value - width, unsure.value + width
+    doubtful = unsure.column, *_about(evaluate, span, unsure)
     labelled = [
         (*_merged(*some), label, doubt)
         for some, label, doubt in (
@@ -164,6 +165,35 @@ def _labelled_parts(found, ends, width):
     for owner, left, right, _, _ in labelled:
         ends = ends.take(~_inside(ends.column, ends.value, owner, left, right))
     return ends, labelled
+
+
+def _about(evaluate, span, unsure):
+    """The parts about uncertain ends: low, high.
+
+    They go beyond the end by NARROWEST of the span, and on a side as far as its disc if the count of unstable eigenvalues is
+    not clear there, or another one than at the end of the disc: then the root may be between. Halving takes off what has the
+    same count as that end, since the disc has one root only.
+    """
+
+    def counted(column, places):
+        return count_outside(Frames.of(evaluate(column, places)).E)
+
+    width, parts = NARROWEST * (span[1] - span[0]), []
+    for side, ends in ((-1, np.minimum(unsure.first, unsure.value)), (1, np.maximum(unsure.last, unsure.value))):
+        near, far = np.clip(unsure.value + side * width, *span), np.clip(ends, *span)
+        some = np.flatnonzero(side * (far - near) > 0)
+        if some.size:
+            column, inner, outer = unsure.column[some], near[some], far[some]
+            (beyond, sure), (count, clear) = counted(column, outer), counted(column, inner)
+            open_ = ~(sure & clear & (count == beyond))
+            for _ in range(HALVINGS):
+                middle = (inner + outer) / 2
+                count, clear = counted(column, middle)
+                same = sure & clear & (count == beyond)
+                inner, outer = np.where(same, inner, middle), np.where(same, middle, outer)
+            near[some] = np.where(open_, outer, near[some])
+        parts.append(near)
+    return parts
 
 
 def _counted_regions(evaluate, span, columns, ends, labelled, slack):

@@ -32,7 +32,7 @@ class Ends(Rows):
     """Roots to rounding.
 
     column, function, value: of the parameter. theta: angle of the eigenvalue there. miss: its distance from its place on the
-    circle. good: whether the root is accurate enough.
+    circle. good: whether the root is accurate enough. first, last: the ends of the disc in which it is, and no other root.
     """
 
     column: np.ndarray
@@ -41,6 +41,8 @@ class Ends(Rows):
     theta: np.ndarray
     miss: np.ndarray
     good: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
 
 
 def polished(evaluate, loop, found, span, slack) -> Ends:
@@ -96,7 +98,8 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
     firm = (
         (np.maximum(moved, LAST * by) <= slack(x)) | ((kind == PAIR) & (theta == 0)) | (np.abs(x - span[0]) <= ATTACHED * width)
     )
-    ends = Ends(column, kind, x, theta, miss, met & (np.abs(miss) <= CLEAR) & firm & (other > BOTH))
+    good = met & (np.abs(miss) <= CLEAR) & firm & (other > BOTH)
+    ends = Ends(column, kind, x, theta, miss, good, found.x - reach, found.x + reach)
     return _distinct(_where_two_meet(evaluate, ends, slack, reach), SAME * width)
 
 
