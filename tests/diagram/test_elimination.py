@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from wavesweep.diagram.elimination import PRIME, reduced_echelon, residue, vanishes_exactly
+from wavesweep.diagram.elimination import PRIME, exact_echelon, reduced_echelon, residue
 
 
 def rows_of(A):
@@ -28,14 +28,14 @@ def test_zeros_of_whole_numbers_are_exact_and_what_is_smaller_than_rounding_is_n
     A[-1] = rng.integers(1, 4, n - 1) @ A[:-1]
     _, pivots = reduced_echelon(A)
     assert len(pivots) < n
-    assert vanishes_exactly(A, rows_of(A))
+    assert exact_echelon(A, rows_of(A))[-1]
     at = int(np.argmax(np.abs(A[-1])))
     A[-1, at] = np.nextafter(A[-1, at], np.inf)
     assert len(reduced_echelon(A)[1]) == len(pivots)
-    assert not vanishes_exactly(A, rows_of(A))
+    assert not exact_echelon(A, rows_of(A))[-1]
 
 
 def test_an_entry_that_is_zero_from_the_start_but_not_in_the_rows_is_seen():
     A = np.array([[1.0, -1.0], [0.0, 0.0]])
-    assert vanishes_exactly(A, rows_of(A))
-    assert not vanishes_exactly(A, [*rows_of(A)[:1], {0: residue(2.0**-70)}])
+    assert exact_echelon(A, rows_of(A))[-1]
+    assert not exact_echelon(A, [*rows_of(A)[:1], {0: residue(2.0**-70)}])[-1]

@@ -11,11 +11,10 @@ import numpy as np
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.elimination import (
     ROUNDING,
+    exact_echelon,
     first_of_batch,
-    reduced_echelon,
     residue,
     sum_or_zero,
-    vanishes_exactly,
     without_rounding,
 )
 from wavesweep.errors import UsageError
@@ -179,18 +178,21 @@ def _comes_back(name, sums):
     return False
 
 
-def shifts(drawn: Drawn) -> list[dict[str, float]]:
-    """The independent shifts of states that nothing in the loop opposes, from the first loop of the batch.
+def shifts(drawn: Drawn) -> tuple[list[dict[str, float]], bool]:
+    """The independent shifts of states that nothing in the loop opposes, from the first of the batch, and if they are exact.
 
     A shift is a solution with all signals constant and no input: no state changes, and each port is the sum connected to it
     (see `drift`). A state has the name "block.state", an output that is held "block.port held". Each shift has a state of its
     own, first among its keys, with the value 1; the other shifts do not move that state.
+
+    An entry that is smaller than rounding, as of a spring of 1e-12 N/m to the ground, may stop a shift that rounding does not
+    see. They are exact if all entries that count as zero are: with the entries of the blocks, or with those that say the same
+    at rest without rounding.
     """
     blocks = [each.block for each in drawn.placed]
     at, outputs = _unknowns(blocks), _outputs(blocks)
     unknowns = list(at)
-    A = np.array([_gathered(row, at) for row in _equations(blocks, _tracing(drawn, outputs))]).reshape(-1, len(unknowns))
-    reduced, pivots = reduced_echelon(A)
+    reduced, pivots, exact = _eliminated(drawn, blocks)
     states = [at[f"{block.name}.{state}"] for block in blocks for state in block.states]
     free = [column for column in range(len(unknowns)) if column not in pivots]
     N = np.zeros((len(unknowns), len(free)))
@@ -202,16 +204,14 @@ def shifts(drawn: Drawn) -> list[dict[str, float]]:
     for name, terms in outputs.items():
         held[f"{name} held"] = [sum_or_zero(value * N[at[source], k] for source, value in terms) for k in range(len(free))]
     values = {unknowns[i]: N[i] for i in states} | held
-    return _with_leads(values, [unknowns[i] for i in states])
+    found = _with_leads(values, [unknowns[i] for i in states])
+    if found and not exact:
+        *_, exact = _eliminated(drawn, [replace(block, **_at_rest(block)) for block in blocks])
+    return found, exact
 
 
-def rests_exactly(drawn: Drawn) -> bool:
-    """Whether the shifts of the first loop of the batch are right without any rounding; see `shifts`.
-
-    An entry that is smaller than rounding, as of a spring of 1e-12 N/m to the ground, may stop a shift that rounding does not
-    see. All numbers are taken for exact here, but those of filters, whose gain at rest is 0 or 1.
-    """
-    blocks = [replace(each.block, **_at_rest(each.block)) for each in drawn.placed]
+def _eliminated(drawn, blocks):
+    """The reduced equations of a loop at rest, their pivots, and whether all of their zeros are exact; see `exact_echelon`."""
     unknowns, outputs = _unknowns(blocks), _outputs(blocks)
     A = np.array([_gathered(row, unknowns) for row in _equations(blocks, _tracing(drawn, outputs))])
     exact = {name: [(source, residue(value)) for source, value in row] for name, row in outputs.items()}
@@ -221,7 +221,7 @@ def rests_exactly(drawn: Drawn) -> bool:
         for name, value in equation:
             row[unknowns[name]] = row.get(unknowns[name], 0) + (value if isinstance(value, int) else residue(value))
         rows.append(row)
-    return vanishes_exactly(A.reshape(-1, len(unknowns)), rows)
+    return exact_echelon(A.reshape(-1, len(unknowns)), rows)
 
 
 def _unknowns(blocks):

@@ -1,7 +1,7 @@
 """Elimination with exact zeros: a number counts as zero only if its terms cancel to rounding, so units may be any.
 
-Whether they cancel exactly is told by residues of a prime: doubles are whole numbers times powers of 2, which have residues,
-and what is 0 has the residue 0. Another number has it with a probability of 1e-38.
+Residues of a prime show whether they cancel exactly: doubles are whole numbers times powers of 2, which have residues, and 0
+has the residue 0. Another number has it with a probability of 1e-38.
 """
 
 import numpy as np
@@ -39,33 +39,35 @@ def residue(value: float) -> int:
     return above * pow(below, -1, PRIME) % PRIME
 
 
-def vanishes_exactly(A, rows) -> bool:
-    """Whether every entry that `reduced_echelon` takes for zero on its way is exactly zero.
+def exact_echelon(A, rows) -> tuple[np.ndarray, dict[int, int], bool]:
+    """`reduced_echelon`, and whether every entry that `reduced_echelon` takes for zero in any step is exactly zero.
 
     rows: the same matrix in residues, as column -> entry for each row; entries that are left out are 0.
     """
     rows = [{column: entry % PRIME for column, entry in row.items() if entry % PRIME} for row in rows]
-    found = [_no_more_than(A, rows)]
+    found = [_no_more_than(A, rows, range(len(rows)))]
 
     def eliminated(A, row, column):
-        first, inverse = rows[row], pow(rows[row].get(column, 0) or 1, -1, PRIME)
+        first, changed = rows[row], [row]
+        inverse = pow(first.get(column, 0) or 1, -1, PRIME)
         for at, entry in first.items():
             first[at] = entry * inverse % PRIME
-        for other in rows:
-            factor = other.get(column, 0) if other is not first else 0
-            for at, entry in first.items() if factor else ():
-                other[at] = (other.get(at, 0) - factor * entry) % PRIME
-                if not other[at]:
-                    del other[at]
-        found.append(_no_more_than(A, rows))
+        for number, other in enumerate(rows):
+            factor = other.get(column, 0) if number != row else 0
+            if factor:
+                changed.append(number)
+                for at, entry in first.items():
+                    other[at] = (other.get(at, 0) - factor * entry) % PRIME
+                    if not other[at]:
+                        del other[at]
+        found.append(_no_more_than(A, rows, changed))
 
-    reduced_echelon(A, eliminated)
-    return all(found)
+    return *reduced_echelon(A, eliminated), all(found)
 
 
-def _no_more_than(A, rows):
-    """Whether the rows of residues have no entries where A has a zero."""
-    return all(A[number, column] for number, row in enumerate(rows) for column in row)
+def _no_more_than(A, rows, some):
+    """Whether some of the rows of residues have no entries beside those of A."""
+    return all(A[number, [*rows[number]]].all() for number in some)
 
 
 def sum_or_zero(parts) -> float:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.diagram.drawn import Drawn, rests_exactly, shifts
+from wavesweep.diagram.drawn import Drawn, shifts
 from wavesweep.lifted.circle import solve
 from wavesweep.lifted.periodic import Ticks, frame_of, growth_of, known_frames, ticks_of
 from wavesweep.lifted.rounding import frame_errors, hidden_in, radius_hidden
@@ -118,18 +118,17 @@ def _at_rest_anywhere(E):
 
 
 def _shifts(drawn, watched):
-    """Return the shifts that nothing opposes and that something reads, and whether they are exact; see `rests_exactly`.
+    """Return the shifts that nothing opposes and that something reads, and whether they are exact.
 
     A part of the loop that only watches a drifting position need not be at rest.
     """
-    living, whole = drawn.living(watched), shifts(drawn)
+    living, (whole, exact) = drawn.living(watched), shifts(drawn)
     if living is drawn:
-        return whole, not whole or rests_exactly(drawn)
+        return whole, exact or not whole
     known = {each.block.name for each in living.placed}
     alone = [shift for shift in whole if not any(name.partition(".")[0] in known for name in shift)]
-    own = shifts(living) if living.placed else []
-    exact = (not own or rests_exactly(living)) and (not alone or rests_exactly(drawn))
-    return own + alone, exact
+    own, own_exact = shifts(living) if living.placed else ([], True)
+    return own + alone, (own_exact or not own) and (exact or not alone)
 
 
 def _alike(one, two):
