@@ -1041,7 +1041,7 @@ def test_a_spring_weaker_than_rounding_is_no_drift():
         "sweep": {"along": "p", "p": {"start": 0.1, "stop": 1.0}},
     }
     (row,) = wavesweep.stability_region(tables).itertuples()
-    assert (bool(row.certified), row.doubt) == (False, "rounding")
+    assert (bool(row.certified), row.doubt, row.intervals) == (False, "rounding", 0)
     assert wavesweep.verdict(tables)["spectral_radius"] is None
     assert np.isnan(wavesweep.compile(tables).spectral_radius())
     (port,) = wavesweep.passivity(tables).itertuples()
@@ -1106,3 +1106,74 @@ def test_an_interval_in_doubt_is_stable_all_the_same(tables, stable):
     low, high = stable
     assert low <= row.low <= low + 1e-6
     assert high * (1 - 1e-3) <= row.high <= high * (1 + 1e-9)
+
+
+def wired(force, blocks, **wires):
+    """A mass with this force, and other blocks, along p."""
+    return {
+        "rates": {"tick_hz": 1000.0},
+        "numbers": {"p": 1.0, "k1": 0.1, "k2": 0.2, "r": 0.3, "N": 9.7},
+        "block": {"m": {"type": "mass", "mass": 1.0, "damping": 0.25}, **blocks},
+        "wire": {
+            "m.f": f"{force} - p*m.v + 0*(k1 + k2 + r + N)*m.v",
+            **{name.replace("_", "."): text for name, text in wires.items()},
+        },
+        "sweep": {"along": "p", "p": {"start": 0.1, "stop": 5.0}},
+    }
+
+
+OTHER = {"type": "mass", "mass": 1.0, "damping": 0.25}
+DOUBLE_ZERO = {"type": "tf", "discrete": True, "num": [1.0, -2.0, 1.0], "den": [1.0, -1.0, 0.25]}
+HIGH = {"type": "butterworth", "order": 2, "cutoff_hz": 50.0, "pass": "high"}
+
+
+@pytest.mark.parametrize(
+    "tables",
+    [
+        wired("-1e7*t.y + 1e-7*m.x", {"t": DOUBLE_ZERO}, t_u="m.x"),
+        wired("-1e6*t.y + 1e-8*m.x", {"t": HIGH}, t_u="m.x"),
+        wired("-3*(m.x - n.x)", {"n": OTHER}, n_f="3*(m.x - n.x) + 1e-16*n.x"),
+        wired("-(k1 + k2)*m.x + (k1 + k2 + 1e-17)*n.x", {"n": OTHER}, n_f="k1*(m.x - n.x) + k2*(m.x - n.x)"),
+    ],
+    ids=["zeros", "high pass", "wire", "numbers"],
+)
+def test_a_force_that_rounding_takes_from_a_wire_is_there(tables):
+    """Beside the gain of a block that passes no constant, or of another spring, a spring to the ground is below rounding."""
+    (row,) = wavesweep.stability_region(tables).itertuples()
+    assert (bool(row.certified), row.doubt, row.intervals) == (False, "rounding", 0)
+
+
+@pytest.mark.parametrize(
+    "tables",
+    [
+        wired("-1e7*t.y", {"t": DOUBLE_ZERO}, t_u="m.x"),
+        wired("-1e6*t.y", {"t": HIGH}, t_u="m.x"),
+        wired("k1*(n.x - m.x)", {"n": OTHER, "c": OTHER}, n_f="k1*m.x - (k1 + k2)*n.x + k2*c.x", c_f="k2*(n.x - c.x)"),
+        wired("-30*(m.x/N - n.x)/N", {"n": OTHER}, n_f="30*(m.x/N - n.x)"),
+        wired("-30*(m.x - N*n.x)/N**2", {"n": OTHER}, n_f="30*(m.x/N - n.x)"),
+        wired("m.x - r*n.x - (1 - r)*n.x - (m.x - n.x)", {"n": OTHER}, n_f="0.1*m.x + 0.2*m.x - 0.3*n.x"),
+        wired(
+            "-(m.x - t.y)",
+            {
+                "t": {
+                    "type": "ss",
+                    "A": [["-(k1 + k2)"]],
+                    "B": [["k1", "k2"]],
+                    "C": [[1]],
+                    "inputs": ["u", "w"],
+                    "outputs": ["y"],
+                }
+            },
+            t_u="m.x",
+            t_w="m.x",
+        ),
+        wired("-(m.x - t.y)", {"t": {"type": "ss", "discrete": True, "A": [[0.9]], "B": [[0.1]], "C": [[1]]}}, t_u="m.x"),
+        wired("-(m.x - t.y)", {"t": {"type": "tf", "num": ["r**2"], "den": ["0.3", "0.6*r", "0.3*r**2"]}}, t_u="0.3*m.x"),
+    ],
+    ids=["zeros", "high pass", "three masses", "gear", "gear squared", "weights", "thermal", "average", "tf"],
+)
+def test_what_cancels_but_for_rounding_of_its_numbers_is_a_drift(tables):
+    """As expressions, doubles or decimals, the forces are zero wherever all positions move together."""
+    table = wavesweep.stability_region(tables)
+    assert table.certified.all()
+    assert table.doubt.tolist() == [""]

@@ -1,6 +1,6 @@
 """A loop of several rates: blocks that run every so many ticks, and the junctions between them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import lcm
@@ -13,6 +13,7 @@ from wavesweep.diagram.elimination import (
     ROUNDING,
     exact_echelon,
     first_of_batch,
+    reduced_echelon,
     residue,
     sum_or_zero,
     without_rounding,
@@ -60,13 +61,15 @@ class Drawn:
 
     period: of the tick (s), a number or an array over the batch. sums: junctions by the signal that they make: source signal ->
     gain (a number or an array over the batch); a port is the signal "block.port". inputs: signals from outside. All blocks that
-    run in the same tick see each other's outputs of that tick. Errors: UsageError for a frame of more than LONGEST_FRAME ticks.
+    run in the same tick see each other's outputs of that tick. rests: whether some of the blocks have exactly these shifts (see
+    `shifts`), if that is known better than from their entries. Errors: UsageError for a frame of more than LONGEST_FRAME ticks.
     """
 
     period: object
     placed: tuple[Placed, ...]
     sums: Mapping[str, Mapping[str, object]]
     inputs: tuple[str, ...] = ()
+    rests: Callable[[Sequence[Block], Sequence[Mapping[str, float]]], bool] | None = None
     ticks: int = field(init=False)
 
     def __post_init__(self):
@@ -186,13 +189,13 @@ def shifts(drawn: Drawn) -> tuple[list[dict[str, float]], bool]:
     own, first among its keys, with the value 1; the other shifts do not move that state.
 
     An entry that is smaller than rounding, as of a spring of 1e-12 N/m to the ground, may stop a shift that rounding does not
-    see. They are exact if all entries that count as zero are: with the entries of the blocks, or with those that say the same
-    at rest without rounding.
+    see. Drawings tell (`rests`); otherwise the shifts are exact if the equations that say the same at rest, without rounding of
+    the blocks, have as many, and if every entry of these that counts as zero is.
     """
     blocks = [each.block for each in drawn.placed]
     at, outputs = _unknowns(blocks), _outputs(blocks)
     unknowns = list(at)
-    reduced, pivots, exact = _eliminated(drawn, blocks)
+    reduced, pivots = reduced_echelon(_at_rest_matrix(drawn, blocks))
     states = [at[f"{block.name}.{state}"] for block in blocks for state in block.states]
     free = [column for column in range(len(unknowns)) if column not in pivots]
     N = np.zeros((len(unknowns), len(free)))
@@ -205,15 +208,22 @@ def shifts(drawn: Drawn) -> tuple[list[dict[str, float]], bool]:
         held[f"{name} held"] = [sum_or_zero(value * N[at[source], k] for source, value in terms) for k in range(len(free))]
     values = {unknowns[i]: N[i] for i in states} | held
     found = _with_leads(values, [unknowns[i] for i in states])
-    if found and not exact:
-        *_, exact = _eliminated(drawn, [replace(block, **_at_rest(block)) for block in blocks])
-    return found, exact
+    if not found or drawn.rests:
+        return found, not found or drawn.rests(blocks, found)
+    _, plain, exact = _eliminated(drawn, [replace(block, **_at_rest(block)) for block in blocks])
+    return found, exact and len(plain) == len(pivots)
+
+
+def _at_rest_matrix(drawn, blocks):
+    """The equations of a loop at rest, a row each."""
+    at = _unknowns(blocks)
+    rows = [_gathered(row, at) for row in _equations(blocks, _tracing(drawn, _outputs(blocks)))]
+    return np.array(rows).reshape(-1, len(at))
 
 
 def _eliminated(drawn, blocks):
     """The reduced equations of a loop at rest, their pivots, and whether all of their zeros are exact; see `exact_echelon`."""
     unknowns, outputs = _unknowns(blocks), _outputs(blocks)
-    A = np.array([_gathered(row, unknowns) for row in _equations(blocks, _tracing(drawn, outputs))])
     exact = {name: [(source, residue(value)) for source, value in row] for name, row in outputs.items()}
     rows = []
     for equation in _equations(blocks, _tracing(drawn, exact, residue)):
@@ -221,7 +231,7 @@ def _eliminated(drawn, blocks):
         for name, value in equation:
             row[unknowns[name]] = row.get(unknowns[name], 0) + (value if isinstance(value, int) else residue(value))
         rows.append(row)
-    return exact_echelon(A.reshape(-1, len(unknowns)), rows)
+    return exact_echelon(_at_rest_matrix(drawn, blocks), rows)
 
 
 def _unknowns(blocks):

@@ -19,27 +19,28 @@ def exactly(tree: Tree, numbers: Mapping[str, float | complex]) -> float | compl
     It is complex if it is not real. Powers of other than positive numbers are rounded themselves if their exponents are no
     whole numbers.
     """
-    known = {constant: constant for constant in _constants(tree)} | dict(numbers)
+    known = {constant: constant for constant in constants_of(tree)} | dict(numbers)
     with decimal.localcontext(_CONTEXT):
-        found = evaluate(_named(tree), {name: _Decimals.of(number) for name, number in known.items()}, _Decimals.sqrt)
+        found = evaluate(named(tree), {name: _Decimals.of(number) for name, number in known.items()}, _Decimals.sqrt)
         return complex(found) if found.im else float(found.re)
 
 
 @lru_cache(maxsize=1024)
-def _named(tree):
-    """The tree with a name in place of each constant, the constant itself, except for exponents that are constants."""
+def named(tree: Tree) -> Tree:
+    """Return the tree with a name in place of each constant, the constant itself, except for exponents that are constants."""
     if tree[0] == "number":
         return ("name", tree[1], tree[2])
-    parts = [_named(part) if isinstance(part, tuple) else part for part in tree[1:-1]]
+    parts = [named(part) if isinstance(part, tuple) else part for part in tree[1:-1]]
     return (tree[0], parts[0], *tree[2:]) if tree[0] == "**" and is_constant(tree[2]) else (tree[0], *parts, tree[-1])
 
 
-def _constants(tree) -> Iterator[float]:
+def constants_of(tree: Tree) -> Iterator[float]:
+    """Yield the constants of a tree."""
     if tree[0] == "number":
         yield tree[1]
     for part in tree[1:-1]:
         if isinstance(part, tuple):
-            yield from _constants(part)
+            yield from constants_of(part)
 
 
 class _Decimals:

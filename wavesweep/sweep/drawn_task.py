@@ -161,9 +161,7 @@ class DrawnTask:
         """The intervals of loops that are one piece; opened: without the number, see `open_loops`."""
         found = self._searched(values, size, opened)
         drifts = [drift_of(self.drawing, values | {self.along: 1.0}, self.own), *([opened.drift] if opened else [])]
-        if any(drift.vague for drift in drifts):
-            return _in_doubt(found, found.column, np.full(found.column.size, ROUNDING))
-        return found
+        return _unknown(found) if any(drift.vague for drift in drifts) else found
 
     def _searched(self, values, size, opened):
         """The same, if the drift is one."""
@@ -294,6 +292,15 @@ class _Along:
 def _doubted(found, growth):
     """Intervals in doubt where stretches of ticks grow beyond the frame that they make; growth: of each, see `growth_of`."""
     return _in_doubt(found, found.column, np.select([growth > LOST, growth > GROWN], [OVERFLOW, ROUNDING], NONE))
+
+
+def _unknown(found):
+    """No interval in any column: what is set aside as a drift may be unstable."""
+    found = found.take(np.unique(found.column, return_index=True)[1])
+    size = found.column.size
+    known = dict.fromkeys(("low", "high", "low_omega", "high_omega"), np.full(size, np.nan))
+    none = {"index": np.full(size, -1), "count": np.zeros(size, int), "residual": np.zeros(size)}
+    return replace(found, **known, **none, doubt=np.maximum(found.doubt, ROUNDING))
 
 
 def _in_doubt(found, column, doubt):
