@@ -295,7 +295,7 @@ def _doubted(found, growth):
 
 
 def _unknown(found):
-    """No interval in any column: what is set aside as a drift may be unstable."""
+    """No interval in any column, since a mode that counts as a drift may be unstable."""
     found = found.take(np.unique(found.column, return_index=True)[1])
     size = found.column.size
     known = dict.fromkeys(("low", "high", "low_omega", "high_omega"), np.full(size, np.nan))
