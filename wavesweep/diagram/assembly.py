@@ -9,7 +9,7 @@ import numpy as np
 from wavesweep.diagram import WALL, blocks
 from wavesweep.diagram.block import numbers
 from wavesweep.diagram.drawn import Drawn, Placed
-from wavesweep.diagram.rest import rests_so
+from wavesweep.diagram.rest import exact_shifts
 from wavesweep.diagram.tame import SALTS, SPREAD, scattered
 from wavesweep.diagram.uneven import RATIO, Uneven
 from wavesweep.diagram.values import rest_of, values_of
@@ -163,7 +163,7 @@ def _tame_pair(drawing, fixed, own, out):
         ]
         if not any(list(drawing.faults(values)) for values in pair):
             break
-    return tuple(replace(assembled(drawing, values, out), rests=partial(rests_so, drawing, values, out)) for values in pair)
+    return tuple(replace(assembled(drawing, values, out), exact=partial(exact_shifts, drawing, values, out)) for values in pair)
 
 
 # Small gains do not overflow over a long frame. The others are tried if an expression or a key does not accept them.

@@ -61,15 +61,16 @@ class Drawn:
 
     period: of the tick (s), a number or an array over the batch. sums: junctions by the signal that they make: source signal ->
     gain (a number or an array over the batch); a port is the signal "block.port". inputs: signals from outside. All blocks that
-    run in the same tick see each other's outputs of that tick. rests: whether some of the blocks have exactly these shifts (see
-    `shifts`), if that is known better than from their entries. Errors: UsageError for a frame of more than LONGEST_FRAME ticks.
+    run in the same tick see each other's outputs of that tick. exact: gives the exact shifts (see `shifts`) of some of the
+    blocks from those with rounding, or None if these are wrong; None if the entries of the blocks are all that is known.
+    Errors: UsageError for a frame of more than LONGEST_FRAME ticks.
     """
 
     period: object
     placed: tuple[Placed, ...]
     sums: Mapping[str, Mapping[str, object]]
     inputs: tuple[str, ...] = ()
-    rests: Callable[[Sequence[Block], Sequence[Mapping[str, float]]], bool] | None = None
+    exact: Callable[[Sequence[Block], Sequence[dict[str, float]]], list[dict[str, float]] | None] | None = None
     ticks: int = field(init=False)
 
     def __post_init__(self):
@@ -189,7 +190,7 @@ def shifts(drawn: Drawn) -> tuple[list[dict[str, float]], bool]:
     own, first among its keys, with the value 1; the other shifts do not move that state.
 
     An entry that is smaller than rounding, as of a spring of 1e-12 N/m to the ground, may stop a shift that rounding does not
-    see. Drawings tell (`rests`); otherwise the shifts are exact if the equations that say the same at rest, without rounding of
+    see. Drawings tell (`exact`); otherwise the shifts are exact if the equations that say the same at rest, without rounding of
     the blocks, have as many, and if every entry of these that counts as zero is.
     """
     blocks = [each.block for each in drawn.placed]
@@ -208,8 +209,11 @@ def shifts(drawn: Drawn) -> tuple[list[dict[str, float]], bool]:
         held[f"{name} held"] = [sum_or_zero(value * N[at[source], k] for source, value in terms) for k in range(len(free))]
     values = {unknowns[i]: N[i] for i in states} | held
     found = _with_leads(values, [unknowns[i] for i in states])
-    if not found or drawn.rests:
-        return found, not found or drawn.rests(blocks, found)
+    if found and drawn.exact:
+        exact = drawn.exact(blocks, found)
+        return exact or found, exact is not None
+    if not found:
+        return found, True
     _, plain, exact = _eliminated(drawn, [replace(block, **_at_rest(block)) for block in blocks])
     return found, exact and len(plain) == len(pivots)
 

@@ -75,28 +75,35 @@ def _scattered(*given):
     return Residue(int.from_bytes(sha256(repr(given).encode()).digest()))
 
 
-def rests_so(
-    drawing: Drawing, values: Mapping[str, object], out: str, blocks: Sequence[Block], shifts: Sequence[Mapping[str, float]]
-) -> bool:
-    """Whether blocks of a drawing have exactly these shifts of states, with the numbers of a spec as doubles or as decimals.
+def exact_shifts(
+    drawing: Drawing, values: Mapping[str, object], out: str, blocks: Sequence[Block], shifts: Sequence[dict[str, float]]
+) -> list[dict[str, float]] | None:
+    """Return the shifts without states that do not move, or None if blocks of a drawing do not have exactly these.
 
-    values: flat numbers. out: a number that is taken out of its place. shifts: see `wavesweep.diagram.drawn.shifts`.
+    The numbers of a spec are taken as doubles or, if that fails, as decimals. values: flat numbers. out: a number that is taken
+    out of its place. shifts: see `wavesweep.diagram.drawn.shifts`; rounding may have left traces in them of zeros.
     """
     try:
-        return any(_agrees(_Equations(drawing, values, out, decimals), blocks, shifts) for decimals in (False, True))
+        tried = (_agreeing(_Equations(drawing, values, out, decimals), blocks, shifts) for decimals in (False, True))
+        return next((found for found in tried if found is not None), None)
     except (ZeroDivisionError, OverflowError, ValueError):  # numbers that make no loop
-        return False
+        return None
 
 
-def _agrees(equations, blocks, shifts):
+def _agreeing(equations, blocks, shifts):
     leads = [next(iter(shift)) for shift in shifts]
     rows, known = equations.of(blocks)
     pivots = _reduced(rows, leads)
     unknowns = {f"{block.name}.{name}" for block in blocks for name in (*block.states, *block.inputs)}
     if pivots is None or len(unknowns) - len(pivots) != len(leads):
-        return False
+        return None
     moved = [{lead} | {name for name, row in pivots.items() if row.get(lead)} for lead in leads]
-    return all(each & known == shift.keys() & known for each, shift in zip(moved, shifts, strict=True))
+    if not all(each & known <= shift.keys() for each, shift in zip(moved, shifts, strict=True)):
+        return None
+    return [
+        {name: factor for name, factor in shift.items() if name in each or name not in known}
+        for each, shift in zip(moved, shifts, strict=True)
+    ]
 
 
 def _reduced(rows, leads):
