@@ -5,6 +5,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from wavesweep.diagram import blocks
+from wavesweep.diagram.drawn import Drawn, Placed, shifts
 from wavesweep.diagram.elimination import PRIME, exact_echelon, reduced_echelon, residue
 
 
@@ -39,3 +41,16 @@ def test_an_entry_that_is_zero_from_the_start_but_not_in_the_rows_is_seen():
     A = np.array([[1.0, -1.0], [0.0, 0.0]])
     assert exact_echelon(A, rows_of(A))[-1]
     assert not exact_echelon(A, [*rows_of(A)[:1], {0: residue(2.0**-70)}])[-1]
+
+
+@pytest.mark.parametrize(("k", "exact"), [(45, False), (48, False), (None, True)])
+def test_a_loop_that_is_built_in_python_has_a_drift_only_if_its_entries_cancel_exactly(k, exact):
+    """A mode at 1 + 2^-k in a turned basis, which the gain does not reach, beside one at exactly 1."""
+    turn = np.array([[1.0, 3.0], [0.5, 2.0]])
+    back = np.linalg.inv(turn)
+    E = turn @ np.diag([0.0 if k is None else 2.0**-k, -0.5]) @ back
+    ports = (turn @ [[0.0], [1.0]]).tolist(), (np.array([[0.0, 1.0]]) @ back).tolist(), [[0.0]]
+    block = blocks.ss("g", 1.0, (E + np.eye(2)).tolist(), *ports, ("u",), ("y",), discrete=True)
+    (shift,), found = shifts(Drawn(1.0, (Placed(block, 1, 0),), {"g.u": {"g.y": -0.5}}))
+    assert shift == pytest.approx({"g.x0": 1.0, "g.x1": 0.5})
+    assert found == exact

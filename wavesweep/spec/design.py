@@ -56,10 +56,8 @@ class WishKind:
 
 WISHES = MappingProxyType(
     {
-        "z_width": WishKind(
-            "N/m", True, "stiffest wall up to which every wall is stable", {"B_VE": (_DAMPING, None)}, ("wall",)
-        ),
-        "felt": WishKind("N/m", True, "static stiffness felt of that wall", {"B_VE": (_DAMPING, None)}, ("wall", "hand")),
+        "z_width": WishKind("N/m", True, "stiffest wall up to which every wall is stable", _OF_WALL, ("wall",)),
+        "felt": WishKind("N/m", True, "static stiffness felt of that wall", _OF_WALL, ("wall", "hand")),
         "transparency": WishKind(
             "1",
             False,
