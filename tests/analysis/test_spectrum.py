@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.analysis import spectrum
 from wavesweep.analysis.spectrum import balance, is_stable, radius_of
 from wavesweep.cli.check import verdict_lines
 
@@ -61,3 +62,30 @@ def test_a_radius_that_is_1_but_for_rounding_is_not_called_unstable(gain, doubt)
     assert wavesweep.verdict(loop.spec)["stable"] is (doubt == "")
     said = next(verdict_lines(loop.spec, wavesweep.verdict(loop.spec)))
     assert ("not known whether it is stable (spectral radius 1 per frame of 20 ms, but for rounding)" in said) == bool(doubt)
+
+
+def with_delays(poles, steps):
+    """A frame less identity: a Jordan block of that many poles at 0.995, read through a delay by a state of its own."""
+    n = poles + steps
+    A = np.diag(np.r_[np.full(poles, 0.995), np.zeros(steps)]) + np.diag(np.ones(n - 1), -1)
+    A[-1, -1], A[0, -1] = 0.3, 1e-3 if poles == 1 else 0.0
+    return A - np.eye(n)
+
+
+@pytest.mark.parametrize(("poles", "known"), [(1, True), (2, True), (8, False)])
+def test_long_delays_do_not_change_whether_a_radius_is_known(monkeypatch, poles, known):
+    """Delays alone lose no digit of it, poles that meet do; with delays left out, and with all singular values."""
+    E = with_delays(poles, 60)
+    found = float(radius_of(E))
+    monkeypatch.setattr(spectrum, "LARGE", 1000)
+    np.testing.assert_equal(found, float(radius_of(E)))
+    assert np.isfinite(found) == known
+
+
+def test_a_bound_without_delays_is_below_the_smallest_singular_value():
+    """And not by more than the number of states: the norm that it is from is no more than their root larger."""
+    E, w = with_delays(3, 60), 1.01 * np.exp(1j * np.linspace(0, 3, 7)) - 1
+    balanced, units = balance(E[None])
+    bound, exact = spectrum._at_least(E, units[0], w), np.linalg.svd(w[:, None, None] * np.eye(63) - balanced)[1][:, -1]
+    assert np.all(bound <= exact)
+    assert np.all(bound >= exact / 63)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wavesweep.lifted.circle import on_circle
-from wavesweep.lifted.shifts import Shifts
+from wavesweep.lifted.shifts import DelayLines, Shifts
 
 
 def random_system(seed):
@@ -47,3 +47,16 @@ def test_what_is_kept():
     assert set(shifts.delayed) in ({1, 2, 3}, {1, 2, 4})
     assert shifts.frames[shifts.delayed == 2] == 2
     assert shifts.kept[shifts.source[shifts.delayed == 2]] == 0
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_delay_lines_are_read_as_they_are_followed(seed):
+    """The delayed states, by way of the values that enter them and by way of those that are read, against a solve."""
+    E, _, _ = random_system(seed)
+    lines, random = DelayLines.of(E[0]), np.random.default_rng(seed)
+    d = lines.delayed
+    z = np.exp(1j * random.uniform(0, 3, 4))[:, None, None]
+    alone = np.linalg.inv((z - 1) * np.eye(d.size) - E[0][np.ix_(d, d)])
+    np.testing.assert_allclose(lines.along(np.eye(d.size) + 0 * z, z), alone, atol=1e-14)
+    out = random.normal(size=(3, d.size))
+    np.testing.assert_allclose(lines.read(out + 0 * z, z), out @ alone, atol=1e-13)

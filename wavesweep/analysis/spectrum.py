@@ -4,14 +4,16 @@ import numpy as np
 
 from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted import Cut, close
-from wavesweep.lifted.circle import on_circle
+from wavesweep.lifted.circle import inverse, on_circle
 from wavesweep.lifted.rounding import TELLING
+from wavesweep.lifted.shifts import DelayLines
 
 ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
 BACKWARD = 16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
 NEIGHBOURHOOD = 1e-3  # from the circle, where the digits that an eigenvalue may have lost matter
 MEETING = 4  # number of the nearest ones that are examined, and all others in the neighbourhood
 BALANCING = 3  # sweeps
+LARGE = 40  # states, from which on delays are left out of singular values, if they are most of them
 MOST_BY_SIGNS = 12  # eigenvalues; coefficients of more crowd, and signs of sums of them are seldom sure
 
 
@@ -74,14 +76,44 @@ def _known(E, radius, delta):
     some = np.flatnonzero(_outgrows(delta, np.abs(E).max((-1, -2), initial=0), found).any(-1))
     if not some.size:
         return radius
-    E, delta = balance(E[some])[0], delta[some]  # whose entries are often much smaller
-    size = np.abs(E).max((-1, -2))
+    E, delta, (balanced, units) = E[some], delta[some], balance(E[some])  # whose entries are often much smaller
+    size = np.abs(balanced).max((-1, -2))
     which, eigenvalue = np.nonzero(_outgrows(delta, size, found[some]))
     further = found[some[which]] + TELLING * np.maximum(found[some[which]], 1)
-    points = further * np.exp(1j * np.angle(1 + delta[which, eigenvalue])) - 1
-    lost = _smallest(E[which], points[:, None])[:, 0] <= BACKWARD * np.finfo(float).eps * size[which]
-    found[some[which[lost]]] = np.nan
+    points = further * np.exp(1j * np.abs(np.angle(1 + delta[which, eigenvalue]))) - 1  # E is real
+    rounding = BACKWARD * np.finfo(float).eps * size
+    if n < LARGE:
+        found[some[which[_smallest(balanced[which], points[:, None])[:, 0] <= rounding[which]]]] = np.nan
+        return found.reshape(np.shape(radius))
+    for matrix in np.unique(which):
+        w = np.unique(points[which == matrix])
+        w = w[_at_least(E[matrix], units[matrix], w) <= rounding[matrix]]
+        if any(_smallest(balanced[matrix, None], point[None, None]) <= rounding[matrix] for point in w):
+            found[some[matrix]] = np.nan
     return found.reshape(np.shape(radius))
+
+
+def _at_least(E, units, w):
+    """Return bounds from below on the smallest singular value of `w - E` in these units, at w `(points,)`; 0 if there is none.
+
+    They are 1 over a bound on the Frobenius norm of the inverse, from those of its parts: of the delays that E has, if these
+    are most of its states, of the others as their Schur complement, and of the ways from one to the other.
+    """
+    lines = DelayLines.of(E)
+    k, d, w = lines.kept, lines.delayed, w[:, None, None]
+    if k.size > d.size:
+        return np.zeros(len(w))
+
+    def norm(part, rows, columns):
+        return np.linalg.norm(part * (units[columns] / units[rows, None]), axis=(-1, -2))
+
+    with np.errstate(all="ignore"):
+        into, out = lines.along(E[np.ix_(d, k)] + 0 * w, 1 + w), lines.read(E[np.ix_(k, d)] + 0 * w, 1 + w)
+        kept = inverse(w * np.eye(k.size) - E[np.ix_(k, k)] - E[np.ix_(k, d)] @ into)
+        alone = norm(lines.along(np.eye(d.size)[None], np.abs(1 + w).min(0, keepdims=True)), d, d)
+        of_out = norm(kept @ out, k, d)
+        size = norm(kept, k, k) + of_out + norm(into @ kept, d, k) + alone + norm(into, d, k) * of_out
+    return np.where(np.isfinite(size), 1 / (2 * size), 0.0)  # half of it, since it is rounded
 
 
 def _outgrows(delta, size, radius):

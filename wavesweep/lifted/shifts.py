@@ -91,3 +91,67 @@ class Shifts:
     def _chains(self):
         """Return the states that are kept and begin a chain, each with the indices of its states in `delayed`."""
         return [(place, np.flatnonzero(self.source == place)) for place in np.unique(self.source)]
+
+
+@dataclass(frozen=True, slots=True)
+class DelayLines:
+    """States of a frame with `z x_i = x_j + (what states that are kept, and the force, add)`, as those of a delay.
+
+    kept: all other states. levels: indices of the delayed states that have the same number of such states before them. before:
+    for each level but the first, places in the level before of the states whose values these take over.
+    """
+
+    kept: np.ndarray
+    levels: tuple[np.ndarray, ...]
+    before: tuple[np.ndarray, ...]
+
+    @staticmethod
+    def of(E) -> "DelayLines":
+        """Return the delay lines of a frame less identity `(n, n)`.
+
+        The state with the most entries that a delay does not have is kept, then the next one, until there are none.
+        """
+        passed = E + np.eye(len(E))
+        delayed = E.diagonal() == -1
+        while True:
+            some = (passed != 0) & delayed & delayed[:, None]
+            other = some & ((passed != 1) | (some.sum(1, keepdims=True) > 1))
+            entries = np.maximum(other.sum(0), other.sum(1))
+            if not entries.any():
+                break
+            delayed[np.argmax(entries)] = False
+        source = np.where(some.any(1), some.argmax(1), -1)
+        levels, before = [np.flatnonzero(delayed & (source < 0))], []
+        while True:
+            found = np.flatnonzero(delayed & np.isin(source, levels[-1]))
+            if not found.size:
+                break
+            before.append(np.searchsorted(levels[-1], source[found]))
+            levels.append(found)
+        # States in a ring, and those behind one, are not reached and are kept.
+        return DelayLines(np.setdiff1d(np.arange(len(E)), np.concatenate(levels)), tuple(levels), tuple(before))
+
+    @property
+    def delayed(self) -> np.ndarray:
+        """Indices of the delayed states, level by level."""
+        return np.concatenate(self.levels)
+
+    def along(self, added, z):
+        """Return the delayed states, `(points, delayed, k)`, if all others are 0; added: the same, to `z x_i - x_j`.
+
+        z: `(points, 1, 1)`.
+        """
+        cuts = np.cumsum([level.size for level in self.levels])[:-1]
+        found = np.split(added, cuts, axis=-2)
+        found[0] = found[0] / z
+        for at, before in enumerate(self.before, 1):
+            found[at] = (found[at] + found[at - 1][..., before, :]) / z
+        return np.concatenate(found, axis=-2)
+
+    def read(self, out, z):
+        """Return `out @ along`, `(points, rows, delayed)`; out: the same, what is read of the delayed states."""
+        cuts = np.cumsum([level.size for level in self.levels])[:-1]
+        found = [part / z for part in np.split(out, cuts, axis=-1)]
+        for at, before in reversed([*enumerate(self.before, 1)]):
+            np.add.at(found[at - 1], (..., before), found[at] / z)
+        return np.concatenate(found, axis=-1)

@@ -123,26 +123,39 @@ def conserved_output(loop, points, law):
 def solved(A, dA, b, db):
     """Return `X` of `A X = b` `(..., n, k)` and a bound on its error, entry by entry; dA, db: bounds on the errors of A and b.
 
-    Rows and columns are scaled to a largest entry of 1. The inverse and the solution are refined, which makes the backward
-    error small in every entry (Skeel 1980); the bound is `|A^-1| (|residual| + dA |X| + db)`. The bound is infinite if the
-    inverse is not accurate enough.
+    The solution is refined, which makes the backward error small in every entry (Skeel 1980); the bound is
+    `|A^-1| (|residual| + dA |X| + db)`.
+    """
+    inverse, off = inverted(A)
+    X = inverse @ b
+    for _ in range(2):
+        X = X + inverse @ (b - A @ X)
+    left = np.abs(b - A @ X) + (ROUNDING * np.abs(A) + dA) @ np.abs(X) + ROUNDING * np.abs(b) + db
+    return X, error_of(inverse, off, left)
+
+
+def inverted(A, dA=None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the inverse of `A` `(..., n, n)`, and how far it is off, `(..., 1, 1)`: the norm of `I - A^-1 A`.
+
+    Rows and columns are scaled to a largest entry of 1 for it. dA: bound on the error of A as it is computed; None if it has
+    none.
     """
     column = 1 / _largest(A, -2)
     row = 1 / _largest(A * column[..., None, :], -1)
     column = column / _largest(A * row[..., :, None] * column[..., None, :], -2)
-    S = A * row[..., :, None] * column[..., None, :]
-    unsure = dA * row[..., :, None] * column[..., None, :]
-    b, db, eye = b * row[..., None], db * row[..., None], np.eye(A.shape[-1])
+    scales = row[..., :, None] * column[..., None, :]
+    S, eye = A * scales, np.eye(A.shape[-1])
     inverse = solve(S, np.broadcast_to(eye, S.shape))
     inverse = inverse + inverse @ (eye - S @ inverse)  # so that small rows of it are right as well, and bound small unknowns
-    X = inverse @ b
-    for _ in range(2):
-        X = X + inverse @ (b - S @ X)
-    size = np.abs(X)
-    left = np.abs(b - S @ X) + (ROUNDING * np.abs(S) + unsure) @ size + ROUNDING * np.abs(b) + db
-    off = np.abs(eye - inverse @ S).sum(-1).max(-1, initial=0)[..., None, None]
-    bound = np.where(off <= CLOSE, np.abs(inverse) @ left * (1 + 2 * off), np.inf)
-    return X * column[..., None], bound * column[..., None]
+    off = np.abs(eye - inverse @ S)
+    if dA is not None:
+        off = off + np.abs(inverse) @ (dA * scales)
+    return inverse * np.swapaxes(scales, -1, -2), off.sum(-1).max(-1, initial=0)[..., None, None]
+
+
+def error_of(inverse, off, left) -> np.ndarray:
+    """Return a bound on the error of a solution whose residual and errors are at most `left`; infinite if off is too large."""
+    return np.where(off <= CLOSE, np.abs(inverse) @ left * (1 + 2 * off), np.inf)
 
 
 def _largest(A, axis):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from wavesweep.analysis.response.bordered import solved
+from wavesweep.analysis.response.delayed import solved_frame
 from wavesweep.analysis.response.port import STILL, Port, driven
 from wavesweep.analysis.response.steady import Response
 from wavesweep.analysis.response.ticks import ordered_product
@@ -155,9 +156,8 @@ def _once(port, frequency):
     frame = driven(port, z)
     wM = on_circle(2 * np.pi * frequency * port.period * M)
     rough = port.rough
-    at = wM[:, None, None] * np.eye(frame.E.shape[-1])
-    unsure = frame.dE + rough * np.abs(at)
-    X, dX = (each[..., 0] for each in solved(at - frame.E, unsure, frame.g[..., None], (rough * frame.g_size)[..., None]))
+    g, dg = frame.g[..., None], rough * frame.g_size[..., None]
+    X, dX = (each[..., 0] for each in solved_frame(frame.E, frame.dE, wM[:, None, None], g, dg))
     total = (frame.G @ X[..., None])[..., 0] + frame.h
     terms = (frame.G_size @ np.abs(X)[..., None])[..., 0] + frame.h_size
     error = (np.abs(frame.G) @ dX[..., None])[..., 0] + rough * terms

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.response.circle import Circle
+from wavesweep.analysis.response.delayed import solved_frame
 from wavesweep.analysis.response.dominant import Dominant, Lifted
 from wavesweep.analysis.response.drawn import LOST
 from wavesweep.analysis.response.port import Port
@@ -100,8 +100,8 @@ def _gain(lifted, points):
         return np.full(size, np.nan), np.full(size, np.inf)
     gain, error = Dominant(lifted).gain(points)
     doubtful = np.flatnonzero(~(error <= GOOD * gain))
-    ticks = lifted.O[0].shape[0]
-    for at in np.array_split(doubtful, -(-doubtful.size * ticks**2 // BLOCK)) if doubtful.size else ():
+    ticks, n = lifted.O[0].shape
+    for at in np.array_split(doubtful, -(-doubtful.size * ticks * max(ticks, n) // BLOCK)) if doubtful.size else ():
         gain[at], error[at] = _dense(lifted, points.frame[at][:, None, None])
     return gain, error
 
@@ -109,8 +109,7 @@ def _gain(lifted, points):
 def _dense(lifted, w):
     """`_gain` by LAPACK, from equations that are solved at every point."""
     (E, dE), (O, dO), (G, dG), (T, dT) = lifted.E, lifted.O, lifted.G, lifted.T
-    none = 0 * w.real
-    X, dX = solved(w * np.eye(len(E)) - E, dE + none, G + 0 * w, dG + none)
+    X, dX = solved_frame(E, dE, w, G, dG)
     whole, size = O @ X + T, np.abs(O) @ np.abs(X) + np.abs(T)
     off = np.abs(O) @ dX + dO @ np.abs(X) + dT + ROUNDING * size
     error = np.sqrt((off**2).sum((-1, -2)))
