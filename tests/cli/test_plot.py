@@ -9,6 +9,8 @@ import pyarrow.parquet
 import pytest
 from PIL import Image
 
+from wavesweep.cli import main
+
 pytestmark = pytest.mark.slow
 
 SPEC = """[controller]
@@ -256,3 +258,47 @@ def test_a_table_without_rows_is_refused(wavesweep, spec, tmp_path):
     code, _, err = wavesweep("plot", tmp_path / "zwidth.parquet")
     assert code == 2
     assert err.endswith("zwidth.parquet: expected the rows of a table, found none\n")
+
+
+COUNTED = """
+[rates]
+tick_hz = 1000
+[numbers]
+n = 2
+k = 5.0
+[block.m]
+type = "mass"
+mass = 1
+damping = 1
+[block.d]
+type = "delay"
+steps = "n"
+[wire]
+"d.u" = "m.x"
+"m.f" = "h - k*d.y"
+[ports]
+hand = { force = "h", displacement = "m.x" }
+"""
+
+
+@pytest.mark.parametrize(
+    ("specs", "settings"),
+    [
+        (("a.toml", "b.toml"), ["bode.frequency_hz=[0.1, 1, 5, 20]", "bode.b=[10, 20]"]),
+        (("a.toml",), ["bode={frequency_hz=[5], 'environment.delay'=[0, 5]}"]),
+        (("drawn.toml",), ["bode={frequency_hz=[5], n=[1, 2]}"]),
+        (("drawn.toml",), ["bode={frequency_hz=[5], k=[1, 2]}"]),
+        (("a.toml",), ["bode.K_VE=[100, 500]"]),
+    ],
+    ids=["a point alone in a phase", "over a whole number", "over a drawn count", "over a drawn number", "over the wall"],
+)
+def test_responses_that_can_be_computed_can_be_drawn(tmp_path, monkeypatch, capfd, specs, settings):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "drawn.toml").write_text(COUNTED, encoding="utf-8")
+    for name, delay in (("a", 1), ("b", 0)):
+        (tmp_path / f"{name}.toml").write_text(
+            f"[controller]\nkind = 'pmw'\n[environment]\ndelay = {delay}\nK_VE = 500.0\n", encoding="utf-8"
+        )
+    given = [word for setting in settings for word in ("--set", setting)]
+    assert main(["bode", *specs, *given, "--out", "here"]) == 0, capfd.readouterr()
+    assert (tmp_path / "here" / "bode.png").is_file()

@@ -146,3 +146,11 @@ def test_a_controller_shows_its_samplers_its_wall_and_its_numbers():
 def test_the_picture_is_the_same_each_time():
     one, other = (plots.diagram(load(tomllib.loads(WALL)))._repr_png_() for _ in range(2))
     assert one == other
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_controller_at_one_rate_can_be_drawn(kind):
+    """Samples and holds are wires there, one behind the other."""
+    loop = wiring_of_diagram(draw(load({"controller": {"kind": kind}, "rates": {"ratio": 1}}).values))
+    made = {signal for part in loop.parts for _, signal in part.outputs}
+    assert {signal for part in loop.parts for _, terms in part.inputs for signal, _ in terms} <= made

@@ -95,3 +95,31 @@ def test_a_simulation_in_which_nothing_pushes_has_no_response_in_any_column():
     still = {"controller": {"kind": "dc"}, "simulate": {"input": "sine", "amplitude": 0.0, "frequency_hz": 5.0}}
     response = sweep.simulate(wavesweep.load(still))[1].columns
     assert all(np.isnan(response[f"{name}_{part}"]).all() for name in ("admittance", "impedance") for part in ("re", "im"))
+
+
+def test_the_worst_gain_along_the_walls_numbers_is_that_of_each_alone():
+    """More frequencies than a tile has: the loops share all but the wall."""
+    loop, frequency = wavesweep.compile({"controller": {"kind": "pmw"}}), np.geomspace(0.1, 50, 40)
+    together = loop.response(frequency, K_VE=[100.0, 500.0], B_VE=[0.0, 2.0])
+    for (stiffness, damping), rows in together.groupby(["K_VE", "B_VE"]):
+        alone = loop.response(frequency, K_VE=[stiffness], B_VE=[damping])
+        np.testing.assert_array_equal(rows["worst_gain"], alone["worst_gain"])
+    assert (together["doubt"] == "").all()
+
+
+def test_a_whole_number_that_only_the_first_spec_has_is_missing_in_the_others():
+    counted = LOOP | {"numbers": {"n": 2, "k": 5.0}, "bode": {"n": [1, 2], "frequency_hz": [1.0, 2.0]}}
+    table = sweep.responses(
+        [wavesweep.load(counted), wavesweep.load({"controller": {"kind": "dc"}, "bode": {"frequency_hz": [1.0]}})]
+    )
+    blocks = list(table.blocks())
+    assert {block["n"].dtype for block in blocks} == {np.dtype(float)}
+    np.testing.assert_array_equal(np.concatenate([block["n"] for block in blocks]), [1, 1, 2, 2, np.nan])
+
+
+LOOP = {
+    "rates": {"tick_hz": 1000},
+    "block": {"m": {"type": "mass", "mass": 1, "damping": 1}, "d": {"type": "delay", "steps": "n"}},
+    "wire": {"d.u": "m.x", "m.f": "h - k*d.y"},
+    "ports": {"hand": {"force": "h", "displacement": "m.x"}},
+}

@@ -35,7 +35,8 @@ def assembled(drawing: Drawing | Uneven, values: Mapping[str, object], out: str 
             return drawing.placed(values, out, (PRODUCT, FACTOR))
     known = {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}
     with np.errstate(all="ignore"):
-        tick = 1 / numbers(values_of(drawing.tick_hz, known))
+        rate = values_of(drawing.tick_hz, known)
+        tick = 1 / numbers(rate)
         placed = tuple(_placed(block, known, tick) for block in drawing.blocks)
         sums = {port: _gains(terms, known) for port, terms in drawing.wires}
         if out:
@@ -45,7 +46,7 @@ def assembled(drawing: Drawing | Uneven, values: Mapping[str, object], out: str 
         for signal, terms in zip((POSITION, REACTION), drawing.hand[1:], strict=True):
             if terms is not None:
                 sums[signal] = _gains(terms, known)
-    return Drawn(tick, placed, sums, (*inputs, PRODUCT) if out else inputs)
+    return Drawn(tick, placed, sums, (*inputs, PRODUCT) if out else inputs, rate=rate)
 
 
 def _gains(terms, known):
@@ -235,7 +236,7 @@ def first_of(drawn: Drawn, index: int = 0) -> Drawn:
         parts = {name: one(getattr(each.block, name), 2) for name in "EBCD"}
         placed.append(replace(each, block=replace(each.block, **parts, condition=1.0, terms=None)))
     sums = {name: {source: one(gain, 0) for source, gain in sources.items()} for name, sources in drawn.sums.items()}
-    return Drawn(one(drawn.period, 0), tuple(placed), sums, drawn.inputs)
+    return Drawn(one(drawn.period, 0), tuple(placed), sums, drawn.inputs, rate=one(drawn.rate, 0))
 
 
 def direct_loops(drawn: Drawn) -> list[str]:

@@ -62,7 +62,8 @@ class Drawn:
     period: of the tick (s), a number or an array over the batch. sums: junctions by the signal that they make: source signal ->
     gain (a number or an array over the batch); a port is the signal "block.port". inputs: signals from outside. All blocks that
     run in the same tick see each other's outputs of that tick. exact: gives the exact shifts (see `shifts`) of some of the
-    blocks from those with rounding, or None if these are wrong; None if the entries of the blocks are all that is known.
+    blocks from those with rounding, or None if these are wrong; None if the entries of the blocks are all that is known. rate:
+    ticks per second (Hz) as it was given, from which 1/period may differ in the last bit; by default 1/period.
     Errors: UsageError for a frame of more than LONGEST_FRAME ticks.
     """
 
@@ -71,6 +72,7 @@ class Drawn:
     sums: Mapping[str, Mapping[str, object]]
     inputs: tuple[str, ...] = ()
     exact: Callable[[Sequence[Block], Sequence[dict[str, float]]], list[dict[str, float]] | None] | None = None
+    rate: object = None
     ticks: int = field(init=False)
 
     def __post_init__(self):

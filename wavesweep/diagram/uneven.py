@@ -74,7 +74,7 @@ class Uneven:
                 source = f"kept {fast}.y"
             placed.append(Placed(_copy(f"shown {fast}"), q, tuple(sorted(wait % q for wait in waits))))
             sums |= {f"shown {fast}.u": {source: 1.0}, fast: {f"shown {fast}.y": 1.0}}
-        return Drawn(diagram.period, tuple(placed), sums, ("f_h", *signals[: bool(out)]))
+        return Drawn(diagram.period, tuple(placed), sums, ("f_h", *signals[: bool(out)]), rate=diagram.rate)
 
     def tame_pair(self, values: Mapping[str, object]) -> tuple[Drawn, Drawn]:
         """Two drawings of the same structure with different moderate numbers; a number is zero if it is zero in all loops."""

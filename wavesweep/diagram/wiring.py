@@ -90,7 +90,7 @@ def wiring_of_diagram(diagram: Diagram) -> Wiring:
         if diagram.ratio > 1:
             holds.append(_single(held, "hold", source, diagram.ratio, diagram.delay))
         else:
-            alias[held] = source
+            alias[held] = alias.get(source, source)
     sums = {
         name: {alias.get(source, source): _number(gain) for source, gain in terms.items() if np.any(gain)}
         for name, terms in diagram.sums.items()

@@ -95,7 +95,7 @@ class Shifts:
 
 @dataclass(frozen=True, slots=True)
 class DelayLines:
-    """States of a frame with `z x_i = x_j + (what states that are kept, and the force, add)`, as those of a delay.
+    """States of a frame with `z x_i = x_j`, but for terms of states that are kept and of the force, as those of a delay.
 
     kept: all other states. levels: indices of the delayed states that have the same number of such states before them. before:
     for each level but the first, places in the level before of the states whose values these take over.
@@ -149,7 +149,7 @@ class DelayLines:
         return np.concatenate(found, axis=-2)
 
     def read(self, out, z):
-        """Return `out @ along`, `(points, rows, delayed)`; out: the same, what is read of the delayed states."""
+        """Return `out @ along`, `(points, rows, delayed)`; out: the same, the factors of the delayed states."""
         cuts = np.cumsum([level.size for level in self.levels])[:-1]
         found = [part / z for part in np.split(out, cuts, axis=-1)]
         for at, before in reversed([*enumerate(self.before, 1)]):

@@ -78,7 +78,7 @@ def bode_of(columns: Columns, left_out: str, facts: Mapping[str, Any]) -> Any:
             axes.set_ylabel(at_hand(title, name, unit, facts))
             _mark_nyquist(axes, columns, x, name == "admittance_abs")
         for axes in grid[1]:
-            axes.set_xlabel("frequency (Hz)" if x == "frequency_hz" else label(x))
+            axes.set_xlabel("frequency (Hz)" if x == "frequency_hz" else label(x, facts))
         if x == "frequency_hz":
             _add_normalised_frequency(grid[0], columns)
         canvas.align_ylabels()
@@ -105,7 +105,7 @@ def _axis_of(columns: Columns) -> str:
 
 
 def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str) -> None:
-    everywhere = np.concatenate([curve.rows[x] for curve in curves])
+    everywhere = np.concatenate([curve.rows[x] for curve in curves]).astype(float)
     logarithmic = _is_logarithmic(everywhere[everywhere > 0])
     positive = everywhere[everywhere > 0].min(initial=np.inf)
     for curve in curves:
@@ -115,9 +115,12 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str) -> None:
         static = places == 0 if logarithmic and x == "frequency_hz" else np.zeros(len(places), bool)
         line = (places[~static], values[~static])
         line = _broken(*line) if name.endswith("_deg") else line
-        alone = {"marker": "o", "markersize": 3, "markevery": _alone(line[1])}
-        axes.plot(*line, label=curve.label or None, **curve.style, **(alone if alone["markevery"] else {}))
-        edge = {key: curve.style[key] for key in ("color", "alpha") if key in curve.style}
+        alone, edge = _alone(line[1]), {key: curve.style[key] for key in ("color", "alpha") if key in curve.style}
+        marked = "marker" in curve.style
+        style = curve.style | ({"marker": "o", "markersize": 3, "markevery": alone} if alone and not marked else {})
+        axes.plot(*line, label=curve.label or None, **style)
+        if alone and marked:  # beside the marks that tell the specs apart
+            axes.plot(line[0][alone], line[1][alone], curve.style["marker"], markersize=3.5, **edge)
         if static.any():
             axes.plot(positive, values[static][0], marker="<", markersize=4, clip_on=False, zorder=4, **edge)
         crossed = lost & ~static

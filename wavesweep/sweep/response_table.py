@@ -101,9 +101,13 @@ def responses(
 
 
 def _blocks(found: Run) -> Iterator[Columns]:
-    """Yield the rows of one spec after the other."""
+    """Yield the rows of one spec after the other; a column that some spec has no value for is one of doubles in all rows."""
+    rough = {
+        name for job in found.jobs.values() for name in job.names if not _has(job.grid.spec, job.grid.axes, name, job.read)
+    }
     for name in found.jobs:
-        yield from found.blocks(name)
+        for columns in found.blocks(name):
+            yield {**columns, **{each: columns[each].astype(float) for each in rough}}
 
 
 METHODS = {
@@ -262,11 +266,11 @@ def own_value(spec, name, read):
 
 def units_in(several, name: str) -> list[tuple[str, str]]:
     """The unit of a column of an axis in each spec that has values there; several: specs, each with its axes."""
-    return [
-        (spec.name, spec.names.find(name).unit)
-        for spec, axes in several
-        if name in {axis.name for axis in axes} or not np.isnan(own_value(spec, name, keys_of(spec)))
-    ]
+    return [(spec.name, spec.names.find(name).unit) for spec, axes in several if _has(spec, axes, name, keys_of(spec))]
+
+
+def _has(spec, axes, name, read):
+    return name in {axis.name for axis in axes} or not np.isnan(own_value(spec, name, read))
 
 
 def _refuse_aliases(grid, frequency):

@@ -169,3 +169,30 @@ def test_a_bound_covers_what_rounding_does_to_the_ticks(tables, frequency):
         exact = ((shown * state)[0] + own) / ticks / (z - 1)
         found = respond_port(port, [frequency])
         assert abs(mpmath.mpc(found.admittance[0]) / exact - 1) <= found.admittance_error[0]
+
+
+@pytest.mark.parametrize("rate", [980, 1700, 12500, 25000, 1000])
+def test_a_drift_is_unbounded_at_multiples_of_the_frame_at_any_rate(rate):
+    """1/(1/rate) is not the rate for the first four. Beside a multiple the gain falls with the distance from it."""
+    assert (1 / (1 / rate) == rate) == (rate == 1000)
+    tables = {
+        "rates": {"tick_hz": rate},
+        "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.5}, "h": {"type": "hold", "every": 20}},
+        "wire": {"h.u": "3*m.v", "m.f": "hand - h.y"},
+        "ports": {"hand": {"force": "hand", "displacement": "m.x"}},
+    }
+    slow, loop = rate / 20, wavesweep.compile(tables)
+    rows = loop.response([slow, 2 * slow, slow + slow * 2**-30, slow + slow * 2**-20])
+    assert np.isnan(rows.worst_gain[:2]).all()
+    assert (rows.doubt == "").all()
+    np.testing.assert_allclose(rows.worst_gain[2], 2**10 * rows.worst_gain[3], rtol=1e-5)
+
+
+def test_a_drift_at_rates_that_do_not_divide_is_unbounded_at_multiples_of_the_frame():
+    """A frame of 25 ticks and 3 slow steps at 25000 Hz."""
+    tables = {
+        "rates": {"fast_hz": 25000, "slow_hz": 3000},
+        "controller": {"kind": "pmw"},
+        "environment": {"K_VE": 0, "B_VE": 1},
+    }
+    assert np.isnan(wavesweep.compile(tables).response([1000.0, 3000.0]).worst_gain).all()

@@ -147,8 +147,7 @@ class Dominant:
         """Return the map of each tile; factor: `(tiles, modes, TILE)`."""
         own = self.T if self.spectrum is None else self.spectrum[..., None]
         parts = [part.reshape(-1, *part.shape[-2:]) for part in (own, self.P, self.Q)]
-        if len(parts[0]) > 1:
-            parts = [np.repeat(part, len(factor) // len(part), axis=0) for part in parts]
+        parts = [np.repeat(part, len(factor) // len(part), axis=0) if len(part) > 1 else part for part in parts]
         return _Maps(*parts, *(np.swapaxes(part.conj(), -1, -2) for part in parts[1:]), factor)
 
     def _errors(self, w, size):

@@ -24,7 +24,7 @@ def worst_gain_of_port(port: Port, frequency_hz) -> tuple[np.ndarray, np.ndarray
     ticks = port.kind.size
     if ticks > MOST_TICKS:
         return np.full(frequency.size, np.nan), np.full(frequency.size, np.nan)
-    points = Circle(frequency, 1 / port.period, ticks)
+    points = Circle(frequency, port.rate, ticks)
     with np.errstate(all="ignore"):
         (gain, error), (other, _) = (_gain(lifted_map(each), points) for each in (port, port.turned(max(1, ticks // 2))))
         unbounded = (points.frame == 0) & (port.position is None)

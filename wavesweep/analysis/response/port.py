@@ -39,7 +39,7 @@ class Port:
     change of that share of it in the tick is a third output. E `(..., n, n)` less identity, B `(..., n, 1)`, C
     `(..., outputs, n)`, D `(..., outputs, 1)`. sizes: for each map, those of the terms of its entries' sums. position: its row
     `(..., 1, n)`, None if it drifts. laws: number of combinations of the states that nothing in the loop changes. slowest:
-    ticks between two runs of the slowest block.
+    ticks between two runs of the slowest block. rate: ticks per second (Hz) as given; 1/period may differ in its last bit.
     """
 
     maps: tuple[tuple[np.ndarray, ...], ...]
@@ -49,6 +49,7 @@ class Port:
     position: np.ndarray | None = None
     laws: int = 0
     slowest: int = 1
+    rate: float = 0.0
 
     @property
     def rough(self) -> float:
@@ -83,8 +84,9 @@ def port_of(drawn: Drawn, ports: Ports, drift: TickDrift) -> Port:
     kept = _kept(drift)
     still = not any(_moves(reads, lead, others) for lead, others in drift.moved)
     period = float(np.ravel(drawn.period)[0])
+    rate = 1 / period if drawn.rate is None else float(np.ravel(drawn.rate)[0])
     slowest = max(each.every for each in drawn.placed)
-    return Port(maps, tuple(sizes), ticks.kind, period, reads[..., kept] if still else None, len(drift.folded), slowest)
+    return Port(maps, tuple(sizes), ticks.kind, period, reads[..., kept] if still else None, len(drift.folded), slowest, rate)
 
 
 def _along(reads, lead, others):
