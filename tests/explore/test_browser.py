@@ -5,6 +5,7 @@ import re
 import shutil
 import threading
 import time
+from dataclasses import replace
 
 import pytest
 
@@ -220,8 +221,11 @@ def test_drawn_loops_are_explored(opened, serving):
 
 
 def test_a_saved_page_works_without_a_server(opened, tmp_path):
-    (tmp_path / "page.html").write_text(saved_page(load(HOLE)), encoding="utf-8")
+    spec = replace(load(HOLE), name="a, b")
+    (tmp_path / "page.html").write_text(saved_page(spec), encoding="utf-8")
     page = settled(opened((tmp_path / "page.html").as_uri()))
+    for rows in page.locator("#report section table").all():
+        assert rows.locator("tr").nth(1).locator("td").count() == rows.locator("th").count()
     table = wavesweep.zwidth(HOLE | {"sweep": HOLE["sweep"] | {"B_VE": [1.0]}})
     for place, b in enumerate((20.0, 25.0)):
         page.evaluate(

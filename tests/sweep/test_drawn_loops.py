@@ -522,6 +522,11 @@ def test_a_loop_that_diverges_stops_and_says_so():
     assert facts["ticks"]["simulated"] < 5000
     assert facts["ticks"]["stopped"] == "the hand's position exceeds 1000 m"
     assert facts["linear_loop"]["spectral_radius"] == pytest.approx(1.1517, abs=1e-4)
+    turning = ARM.replace("value = 0.0", "value = 20.0").replace(
+        'displacement = "arm.x"', 'displacement = "arm.x", turns = true'
+    )
+    facts = wavesweep.simulate(tomllib.loads(turning))[0].attrs["facts"]
+    assert facts["ticks"]["stopped"] == "the hand's position exceeds 1000 rad"
 
 
 def test_every_axis_of_a_grid_is_read():

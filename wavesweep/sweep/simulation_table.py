@@ -54,7 +54,8 @@ def simulation_of(spec: Spec, force=None, **changes: Any) -> Simulation:
     drawn = assembled(drawing, spec.values)
     drawn = with_velocity(drawn, drawing) if spec.drawing else drawn
     velocity = VELOCITY if VELOCITY in drawn.sums else ""
-    found = simulate_drawn(drawn, force, ports.force, ports.position, velocity, ports.reaction)
+    units = spec.at_port("m"), spec.at_port("N")
+    found = simulate_drawn(drawn, force, ports.force, ports.position, velocity, ports.reaction, units)
     if spec.drawing:
         return found
     wall = np.ones(len(found.signals["touching"]), bool)  # a built-in loop's is there on both sides of 0

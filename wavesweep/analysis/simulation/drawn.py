@@ -34,12 +34,14 @@ def run_drawn(
     return dict(zip(signals, rows[:good].T, strict=True))
 
 
-def simulate_drawn(drawn: Drawn, force: np.ndarray, hand: str, position: str, velocity: str = "", reaction: str = ""):
+def simulate_drawn(
+    drawn: Drawn, force: np.ndarray, hand: str, position: str, velocity: str = "", reaction: str = "", units=("m", "N")
+):
     """Run a drawn loop under the hand's force; a `Simulation`, which has no encoder, no motors and no waves.
 
     force: the hand's force (N) per tick, `(ticks,)`, which is the input `hand`. position (m), velocity (m/s) and reaction (the
     force against the hand, N): signals of the drawing, the last two if they are known. The simulation stops early if the
-    position exceeds `FARTHEST` or a force `STRONGEST`.
+    position exceeds `FARTHEST` or a force `STRONGEST`. units: of position and force, for its reason.
     Accuracy: rounding, about 1e-15 of the largest signal per tick; states are summed from their changes in a tick.
     """
     names = {"x": position} | ({"v": velocity} if velocity else {}) | ({"f_m": reaction} if reaction else {}) | {"f_h": hand}
@@ -58,13 +60,13 @@ def simulate_drawn(drawn: Drawn, force: np.ndarray, hand: str, position: str, ve
     late = np.zeros(-(-good // drawn.ticks), int)
     for column in (*signals.values(), late):
         column.flags.writeable = False
-    return Simulation(signals, energy, late, drawn.ticks, _reason(rows[good:, 0]) if good < count else "")
+    return Simulation(signals, energy, late, drawn.ticks, _reason(rows[good:, 0], *units) if good < count else "")
 
 
-def _reason(position):
+def _reason(position, length, force):
     if np.isfinite(position[:1]).all() and abs(position[0]) <= FARTHEST:
-        return f"a force exceeds {STRONGEST:g} N"
-    return f"the hand's position exceeds {FARTHEST:g} m"
+        return f"a force exceeds {STRONGEST:g} {force}"
+    return f"the hand's position exceeds {FARTHEST:g} {length}"
 
 
 def components(signals: Mapping[str, np.ndarray], tone: Tone, tick_hz: float, frame: int) -> list[complex]:
