@@ -123,34 +123,48 @@ def conserved_output(loop, points, law):
 def solved(A, dA, b, db):
     """Return `X` of `A X = b` `(..., n, k)` and a bound on its error, entry by entry; dA, db: bounds on the errors of A and b.
 
-    The solution is refined, which makes the backward error small in every entry (Skeel 1980); the bound is
-    `|A^-1| (|residual| + dA |X| + db)`.
+    Rows and columns are scaled to a largest entry of 1. The inverse and the solution are refined, which makes the backward
+    error small in every entry (Skeel 1980); the bound is `|A^-1| (|residual| + dA |X| + db)`. The bound is infinite if the
+    inverse is not accurate enough.
     """
-    inverse, off = inverted(A)
+    row, column = _scales(A)
+    S = A * row[..., :, None] * column[..., None, :]
+    unsure = dA * row[..., :, None] * column[..., None, :]
+    b, db = b * row[..., None], db * row[..., None]
+    inverse = _refined_inverse(S)
     X = inverse @ b
     for _ in range(2):
-        X = X + inverse @ (b - A @ X)
-    left = np.abs(b - A @ X) + (ROUNDING * np.abs(A) + dA) @ np.abs(X) + ROUNDING * np.abs(b) + db
-    return X, error_of(inverse, off, left)
+        X = X + inverse @ (b - S @ X)
+    left = np.abs(b - S @ X) + (ROUNDING * np.abs(S) + unsure) @ np.abs(X) + ROUNDING * np.abs(b) + db
+    off = np.abs(np.eye(A.shape[-1]) - inverse @ S).sum(-1).max(-1, initial=0)[..., None, None]
+    return X * column[..., None], error_of(inverse, off, left) * column[..., None]
 
 
-def inverted(A, dA=None) -> tuple[np.ndarray, np.ndarray]:
+def inverted(A, dA) -> tuple[np.ndarray, np.ndarray]:
     """Return the inverse of `A` `(..., n, n)`, and how far it is off, `(..., 1, 1)`: the norm of `I - A^-1 A`.
 
-    Rows and columns are scaled to a largest entry of 1 for it. dA: bound on the error of A as it is computed; None if it has
-    none.
+    Rows and columns are scaled to a largest entry of 1 for it. dA: bound on the error of A as it is computed.
     """
+    row, column = _scales(A)
+    scales = row[..., :, None] * column[..., None, :]
+    S = A * scales
+    inverse = _refined_inverse(S)
+    off = np.abs(np.eye(A.shape[-1]) - inverse @ S) + np.abs(inverse) @ (dA * scales)
+    return inverse * np.swapaxes(scales, -1, -2), off.sum(-1).max(-1, initial=0)[..., None, None]
+
+
+def _scales(A):
+    """Factors of rows and of columns that give A a largest entry of 1 in each."""
     column = 1 / _largest(A, -2)
     row = 1 / _largest(A * column[..., None, :], -1)
-    column = column / _largest(A * row[..., :, None] * column[..., None, :], -2)
-    scales = row[..., :, None] * column[..., None, :]
-    S, eye = A * scales, np.eye(A.shape[-1])
+    return row, column / _largest(A * row[..., :, None] * column[..., None, :], -2)
+
+
+def _refined_inverse(S):
+    """The inverse, refined, so that small rows of it are right as well, and bound small unknowns."""
+    eye = np.eye(S.shape[-1])
     inverse = solve(S, np.broadcast_to(eye, S.shape))
-    inverse = inverse + inverse @ (eye - S @ inverse)  # so that small rows of it are right as well, and bound small unknowns
-    off = np.abs(eye - inverse @ S)
-    if dA is not None:
-        off = off + np.abs(inverse) @ (dA * scales)
-    return inverse * np.swapaxes(scales, -1, -2), off.sum(-1).max(-1, initial=0)[..., None, None]
+    return inverse + inverse @ (eye - S @ inverse)
 
 
 def error_of(inverse, off, left) -> np.ndarray:
