@@ -3,10 +3,12 @@
 import re
 import subprocess
 import sys
+import tomllib
 
 import control
 import numpy as np
 import pytest
+from support.drawn import NETWORK
 from support.specs import KINDS, nested, values_of
 
 import wavesweep
@@ -175,3 +177,21 @@ def test_a_frame_that_overflows_has_an_infinite_radius_and_rows_with_a_doubt(cap
     assert set(loop.response([1.0, 10.0]).doubt) <= {"overflow", "unstable"}
     assert wavesweep.verdict(tables)["stable"] is False
     assert capfd.readouterr() == ("", "")  # nor a word of LAPACK
+
+
+def test_keys_of_blocks_are_axes_as_in_a_spec_that_sweeps_them():
+    tables, path = tomllib.loads(NETWORK), "block.sensor.every"
+    loop = wavesweep.compile(tables)
+    named = wavesweep.compile(tables | {"sweep": tables["sweep"] | {path: [20, 40]}})
+    found, expected = (each.stable_intervals(**{path: [20, 40]}) for each in (loop, named))
+    assert found.equals(expected)
+    assert found.high[0] != found.high[1]
+    radii = loop.spectral_radius(**{path: [20, 40]})
+    assert radii.tolist() == named.spectral_radius(**{path: [20, 40]}).tolist()
+    assert radii[0] != radii[1]
+    with pytest.raises(UsageError, match="give the span"):
+        loop.stable_intervals(path)
+    with pytest.raises(UsageError, match="name of a numeric key"):
+        loop.spectral_radius(**{"block.sensor.ever": [20, 40]})
+    with pytest.raises(SpecError, match="whole number"):
+        loop.spectral_radius(**{path: [20, 2.5]})

@@ -19,6 +19,7 @@ from wavesweep.lifted.tick_drift import drift_of_drawn
 from wavesweep.spec import SYMBOLS, Axis, Spec, load
 from wavesweep.spec.axes import NARROWEST_SPAN
 from wavesweep.spec.checking import nearest
+from wavesweep.spec.loading import naming
 from wavesweep.spec.resolving import LIMITS
 from wavesweep.sweep.drawn_loops import refuse_singular
 from wavesweep.sweep.grid import keys_of, loop_of, make_grid, no_controller
@@ -43,8 +44,9 @@ class Loop:
 
     The methods take `axes` by name, each a number or a list, and compute the product of the lists. An axis is named by its
     symbol (`K_VE`, `b`, ...) or, for any other number, by its path in a mapping:
-    `loop.spectral_radius(b=[20, 40], **{"device.mass": [0.1, 0.2]})`. If a call does not name an axis, its value is that of
-    the spec. If only the wall (K_VE, B_VE) changes, nothing is compiled again.
+    `loop.spectral_radius(b=[20, 40], **{"device.mass": [0.1, 0.2]})`. Of a drawn loop these are also the keys of blocks that
+    are written as a number, `"block.arm.mass"`. If a call does not name an axis, its value is that of the
+    spec. If only the wall (K_VE, B_VE) changes, nothing is compiled again.
     """
 
     spec: Spec
@@ -82,8 +84,7 @@ class Loop:
         from wavesweep.sweep.interval_job import job_over
         from wavesweep.sweep.running import in_memory
 
-        axis = self._along(self._usual if along is None else along, span)
-        grid = make_grid(self.spec, self._axes(axes, axis), axis.path, self.read)
+        grid, axis = self._asked(along, span, axes)
         return self._frame("zwidth", in_memory(job_over(grid, axis, None if grid.loop_axes else self.cut)))
 
     def sensitivity(self, along: str | None = None, span=None, **axes):
@@ -96,8 +97,7 @@ class Loop:
         """
         from wavesweep.sweep.why_table import sensitivities
 
-        axis = self._along(self._usual if along is None else along, span)
-        grid = make_grid(self.spec, self._axes(axes, axis), axis.path, self.read)
+        grid, axis = self._asked(along, span, axes)
         return self._frame("why", sensitivities(grid, axis, None if grid.loop_axes else self.cut))
 
     def spectral_radius(self, **axes) -> np.ndarray:
@@ -108,9 +108,10 @@ class Loop:
         """
         from wavesweep.sweep.tasks import radius_over
 
-        asked = self._axes(axes)
+        spec = naming(self.spec, axes)
+        asked = _axes(spec, axes)
         shape = tuple(len(axis.values) for axis, values in zip(asked, axes.values(), strict=True) if np.ndim(values))
-        return radius_over(self.spec, asked, self.cut).reshape(shape)
+        return radius_over(spec, asked, self.cut).reshape(shape)
 
     def response(self, frequency_hz=None, **axes):
         """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.
@@ -120,8 +121,8 @@ class Loop:
         """
         from wavesweep.sweep.response_table import one_spec
 
-        frequency = self._frequencies(frequency_hz)
-        return self._frame("bode", one_spec(self.spec, self._axes(axes), frequency, self.read))
+        spec, frequency = naming(self.spec, axes), self._frequencies(frequency_hz)
+        return self._frame("bode", one_spec(spec, _axes(spec, axes), frequency, self._read(spec)))
 
     def passivity(self, **axes):
         """Norm of the wave channel and margin at the hand's port: a DataFrame with the columns of `wavesweep passivity`.
@@ -130,7 +131,8 @@ class Loop:
         """
         from wavesweep.sweep.passivity_table import in_memory
 
-        return self._frame("passivity", in_memory(self.spec, self._axes(axes)))
+        spec = naming(self.spec, axes)
+        return self._frame("passivity", in_memory(spec, _axes(spec, axes)))
 
     def simulate(self, force=None, **options):
         """The loop run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
@@ -151,7 +153,7 @@ class Loop:
         """
         along = self._usual if along is None else along
         columns = self.stable_intervals(along, span, **axes)
-        axis = self._along(along, span)
+        axis = _along(naming(self.spec, [along]), along, span)
         swept = {"along": along, **{name: np.atleast_1d(values).tolist() for name, values in axes.items()}}
         return _figure("zwidth", columns, self.spec, swept | {along: {"start": axis.start, "stop": axis.stop}})
 
@@ -223,72 +225,15 @@ class Loop:
         # A controller's numbers have their units from the schema.
         return frame(kind, columns, tables=self.spec.tables() if self.spec.drawing else None)
 
-    def _key(self, name):
-        names = self.spec.names
-        if not isinstance(name, str):
-            raise UsageError(f"expected the name of a numeric key, found {name!r:.60}")
-        key = names.find(name)
-        if key is None or not key.numeric:
-            hint = nearest(name, (*names.symbols, *(path for path, each in names.keys.items() if each.numeric)))
-            raise UsageError(f"{name}: expected the name of a numeric key" + (f", did you mean {hint}?" if hint else ""))
-        return key
+    def _read(self, spec):
+        return self.read if spec is self.spec else keys_of(spec)
 
-    def _along(self, name, span) -> Axis:
-        key = self._key(name)
-        if span is None and self.spec.drawing:
-            span = next(((axis.start, axis.stop) for axis in self.spec.sweep if axis.path == key.path), None)
-        if span is None:
-            if key.path != SYMBOLS["K_VE"]:
-                raise UsageError(f"along {name}: give the span to search, span=(low, high)")
-            span = (0.0, 20000.0)
-        ends = real_numbers(span)
-        if ends is None or ends.shape != (2,):
-            raise UsageError(f"span: expected (low, high), found {span!r:.60}")
-        low, high = map(float, ends)
-        if not -np.inf < low < high or high - low < NARROWEST_SPAN:
-            raise UsageError(
-                f"span: expected finite (low, high), low < high, at least {NARROWEST_SPAN:g} apart, found ({low!r}, {high!r})"
-            )
-        return Axis(name, key.path, (), low, high, key.structural, "linear")
-
-    def _axes(self, axes: Mapping, along: Axis | None = None) -> tuple[Axis, ...]:
-        found = tuple(self._axis(name, values) for name, values in axes.items())
-        for number, axis in enumerate(found):
-            if axis.path in [other.path for other in found[:number]]:
-                raise UsageError(f"{axis.name}: expected each number once, found it under two names; leave one of them out")
-            if along is not None and axis.path == along.path:
-                raise UsageError(
-                    f"{axis.name}: expected other axes than {along.name}, which the intervals are along; give a span"
-                )
-        self._refuse_values((along, *found) if along else found)
-        return found
-
-    def _refuse_values(self, axes):
-        """Raise SpecError for values that a spec would refuse; every combination is computed."""
-        together, limited = [], {} if self.spec.drawing else LIMITS
-        linked = {*limited, *(path for limits in limited.values() for path in limits)}
-        for axis in axes:
-            # NaN is neither the least nor the largest, and is refused on its own.
-            ends = tuple(dict.fromkeys((axis.start, axis.stop, *filter(isnan, axis.values))))
-            if axis.path in linked:
-                together.append((axis.path, ends))
-                continue
-            for end in ends:
-                _accept(self.spec, (axis.path,), end)
-        for values in product(*(ends for _, ends in together)):
-            _accept(self.spec, tuple(path for path, _ in together), *values)
-
-    def _axis(self, name, values) -> Axis:
-        key = self._key(name)
-        numbers = real_numbers(values)
-        if numbers is None or numbers.ndim > 1:
-            raise UsageError(f"{name}: expected a number or a list of numbers, found {values!r:.60}")
-        if not numbers.size:
-            raise UsageError(f"{name}: expected at least one value, found none")
-        numbers = np.atleast_1d(numbers)
-        plain = tuple(numbers.tolist() if numbers.dtype.kind != "f" else numbers.astype(float).tolist())
-        plain = plain if key.type == "integer" else tuple(map(float, plain))
-        return Axis(name, key.path, plain, min(plain), max(plain), key.structural)
+    def _asked(self, along, span, axes):
+        """The grid of the axes, and the axis of the intervals."""
+        along = self._usual if along is None else along
+        spec = naming(self.spec, [*axes, along])
+        axis = _along(spec, along, span)
+        return make_grid(spec, _axes(spec, axes, axis), axis.path, self._read(spec)), axis
 
     def _frequencies(self, frequency_hz):
         found = real_numbers(self.spec.frequency_hz if frequency_hz is None else frequency_hz)
@@ -299,6 +244,76 @@ class Loop:
             wrong = frequency[~((frequency >= 0) & np.isfinite(frequency))]
             raise UsageError(f"frequency_hz: expected finite numbers >= 0, found {wrong[0] if wrong.size else 'none'}")
         return frequency
+
+
+def _key(spec, name):
+    names = spec.names
+    if not isinstance(name, str):
+        raise UsageError(f"expected the name of a numeric key, found {name!r:.60}")
+    key = names.find(name)
+    if key is None or not key.numeric:
+        hint = nearest(name, (*names.symbols, *(path for path, each in names.keys.items() if each.numeric)))
+        raise UsageError(f"{name}: expected the name of a numeric key" + (f", did you mean {hint}?" if hint else ""))
+    return key
+
+
+def _along(spec, name, span) -> Axis:
+    key = _key(spec, name)
+    if span is None and spec.drawing:
+        span = next(((axis.start, axis.stop) for axis in spec.sweep if axis.path == key.path and axis.start < axis.stop), None)
+    if span is None:
+        if key.path != SYMBOLS["K_VE"]:
+            raise UsageError(f"along {name}: give the span to search, span=(low, high)")
+        span = (0.0, 20000.0)
+    ends = real_numbers(span)
+    if ends is None or ends.shape != (2,):
+        raise UsageError(f"span: expected (low, high), found {span!r:.60}")
+    low, high = map(float, ends)
+    if not -np.inf < low < high or high - low < NARROWEST_SPAN:
+        raise UsageError(
+            f"span: expected finite (low, high), low < high, at least {NARROWEST_SPAN:g} apart, found ({low!r}, {high!r})"
+        )
+    return Axis(name, key.path, (), low, high, key.structural, "linear")
+
+
+def _axes(spec, axes: Mapping, along: Axis | None = None) -> tuple[Axis, ...]:
+    found = tuple(_axis(spec, name, values) for name, values in axes.items())
+    for number, axis in enumerate(found):
+        if axis.path in [other.path for other in found[:number]]:
+            raise UsageError(f"{axis.name}: expected each number once, found it under two names; leave one of them out")
+        if along is not None and axis.path == along.path:
+            raise UsageError(f"{axis.name}: expected other axes than {along.name}, which the intervals are along; give a span")
+    _refuse_values(spec, (along, *found) if along else found)
+    return found
+
+
+def _refuse_values(spec, axes):
+    """Raise SpecError for values that a spec would refuse; every combination is computed."""
+    together, limited = [], {} if spec.drawing else LIMITS
+    linked = {*limited, *(path for limits in limited.values() for path in limits)}
+    for axis in axes:
+        # NaN is neither the least nor the largest, and is refused on its own.
+        ends = tuple(dict.fromkeys((axis.start, axis.stop, *filter(isnan, axis.values))))
+        if axis.path in linked:
+            together.append((axis.path, ends))
+            continue
+        for end in ends:
+            _accept(spec, (axis.path,), end)
+    for values in product(*(ends for _, ends in together)):
+        _accept(spec, tuple(path for path, _ in together), *values)
+
+
+def _axis(spec, name, values) -> Axis:
+    key = _key(spec, name)
+    numbers = real_numbers(values)
+    if numbers is None or numbers.ndim > 1:
+        raise UsageError(f"{name}: expected a number or a list of numbers, found {values!r:.60}")
+    if not numbers.size:
+        raise UsageError(f"{name}: expected at least one value, found none")
+    numbers = np.atleast_1d(numbers)
+    plain = tuple(numbers.tolist() if numbers.dtype.kind != "f" else numbers.astype(float).tolist())
+    plain = plain if key.type == "integer" else tuple(map(float, plain))
+    return Axis(name, key.path, plain, min(plain), max(plain), key.structural)
 
 
 @lru_cache(maxsize=256, typed=True)  # a compiled loop is asked about the same ranges again and again

@@ -8,7 +8,7 @@ import pytest
 from support.drawn import NETWORK, as_blocks, random_tables
 from support.specs import KINDS
 
-from wavesweep import compile
+import wavesweep
 from wavesweep.diagram.elimination import PRIME
 from wavesweep.diagram.residues import PRIMES, Field, NoRoot, Residue
 from wavesweep.diagram.rest import _Equations
@@ -174,7 +174,7 @@ ke = { start = 0, stop = 20000 }
 
 def test_a_sprung_master_and_a_slave_on_a_spring_share_a_force_that_nothing_changes():
     # At rest the waves carry any force; the two springs follow it, and so the shift has the root of 2b in it.
-    loop = compile(tomllib.loads(BILATERAL))
+    loop = wavesweep.compile(tomllib.loads(BILATERAL))
     for name, span in (("ke", (0, 20000)), ("b", (0.1, 500))):
         (row,) = loop.stable_intervals(name, span).itertuples()
         assert row.certified

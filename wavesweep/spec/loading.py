@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import lru_cache
 from itertools import islice
 
 from wavesweep.errors import Mistake, SpecError, UsageError
@@ -46,6 +47,29 @@ def load(source: str | os.PathLike | Mapping, overrides: Iterable[str] = ()) -> 
         name = file_stem(path)
     leaves, mistakes = _collect(tables, place, overrides)
     return _build(name, path, leaves, place, mistakes)
+
+
+def naming(spec: Spec, names: Iterable[object]) -> Spec:
+    """Return the spec in which these keys of blocks (`block.m.mass`) are numbers too, as those are that [sweep] names.
+
+    Other names, and keys that are not written as a number, are left to who looks for them.
+    """
+    of_blocks = (name for name in names if isinstance(name, str) and name.startswith("block.") and not spec.names.find(name))
+    return _naming(spec, tuple(of_blocks)) if spec.drawing else spec
+
+
+@lru_cache(maxsize=64)
+def _naming(spec, names):
+    tables = spec.tables()
+    written = {f"block.{block}.{key}": value for block, keys in tables["block"].items() for key, value in keys.items()}
+    new = {name: [written[name]] for name in names if isinstance(written.get(name), (int, float))}
+    if not new:
+        return spec
+    try:
+        named = load(tables | {"sweep": tables.get("sweep", {}) | new})
+    except SpecError:  # a key that has a number and takes none that varies
+        return spec
+    return replace(named, name=spec.name, source=spec.source)
 
 
 def _collect(tables: dict, place: Place, overrides: Iterable[str]) -> tuple[dict[Path, Leaf], list[Mistake]]:
