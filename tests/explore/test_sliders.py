@@ -90,6 +90,20 @@ def test_the_copied_text_keeps_the_simulation_that_is_given():
     assert again.as_simulated().sha256 == spec.as_simulated().sha256
 
 
+@pytest.mark.parametrize("name", ["front", "joint", "passive"])
+def test_the_copied_text_keeps_the_design_study(name):
+    spec = load(ROOT / "sweeps" / "design" / f"{name}.toml")
+    assert load(tomllib.loads(text_of(spec))).as_designed().sha256 == spec.as_designed().sha256
+
+
+def test_a_design_study_that_the_numbers_rule_out_is_not_copied():
+    tables = {"controller": {"kind": "pmw"}, "design": {"vary": {"filters.lp1.cutoff_hz": [20.0, 300.0]}}}
+    tables["design"]["wish"] = {"z_width": {"B_VE": [1.0]}}
+    again = load(tomllib.loads(text_of(changed(load(tables), {"rates.fast_hz": 500.0}))))
+    assert again.values["rates.fast_hz"] == 500.0
+    assert again.design is None
+
+
 def test_a_whole_number_may_come_as_a_float():
     spec = load({"controller": {"kind": "pmw"}})
     assert changed(spec, {"filters.lp1.order": 2.0}).values["filters.lp1.order"] == 2

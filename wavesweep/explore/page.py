@@ -186,7 +186,8 @@ def saved_page(spec: Spec, progress: Callable[[int, int], None] | None = None) -
         try:
             tables.append(_table(title, make(spec)))
         except WavesweepError as error:
-            tables.append({"title": title, "error": _sentence(str(error))})
+            text = str(error).replace(str(spec.source), f"{spec.name}.toml")  # the page leaves its folder
+            tables.append({"title": title, "error": _sentence(text)})
     report(total, total)
     return page_text(data | {"designs": designs, "stops": stops, "left": left, "report": tables})
 

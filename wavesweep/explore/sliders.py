@@ -173,9 +173,10 @@ def changed(spec: Spec, values: Mapping[str, float]) -> Spec:
 def text_of(spec: Spec) -> str:
     """The spec as TOML, with the keys that its loop reads and those that it gives.
 
-    Frequencies of [bode] end at half the rate. What else of [sweep], [bode] and [simulate] its numbers rule out is left out.
+    Frequencies of [bode] end at half the rate. What else of [sweep], [bode], [simulate] and [design] its numbers rule out is left
+    out.
     """
-    tables = spec.tables()
+    tables = (spec.as_designed() if spec.design else spec).tables()
     tables["bode"]["frequency_hz"] = _below(tables["bode"]["frequency_hz"], spec.tick_hz / 2)
     if not spec.drawing:
         kept = {*keys_read(spec.values), *_paths(spec), *spec.given}
@@ -190,7 +191,7 @@ def text_of(spec: Spec) -> str:
             table, _, name = mistake.key.partition(".")
             if table in ("sweep", "bode"):
                 tables[table].pop(name, None)
-            elif table == "simulate":
+            elif table in ("simulate", "design"):
                 tables.pop(table, None)
     return as_toml(tables)
 
@@ -206,7 +207,7 @@ def _below(frequencies, most):
 def _only(tables, kept, edges):
     """The tables of the loop with the keys `kept`; the order and cutoff that follow from band edges are left out."""
     by_edges = {path.rpartition(".")[0] for path in edges}
-    found = {name: tables[name] for name in ("sweep", "bode")}
+    found = {name: tables[name] for name in ("sweep", "bode", "design") if name in tables}
     loop = {}
     for name, table in tables.items():
         if name in found:
