@@ -14,9 +14,9 @@ CONTROLLERS = {
 MEANINGS = {
     "dc": "direct coupling to a wall at the fast rate, the ideal",
     "dc-slow": "direct coupling to the slow wall, whose force is held over a frame",
-    "dc-lm": "the same with a local model of the wall at the fast rate, in the power domain",
+    "dc-lm": "dc-slow with a local model of the wall at the fast rate, in the power domain",
     "pmw": "passive multirate wave control, wave variables with a low-pass before the downsampler (the paper's Figure 1)",
-    "pmw-lm": "the same with a filter bank, a local model of the wall and a position correction (the paper's Figure 3)",
+    "pmw-lm": "pmw with a filter bank, a local model of the wall and a position correction (the paper's Figure 3)",
 }
 """Kind -> its description for a user. A kind that is not listed has none."""
 

@@ -148,6 +148,7 @@ def test_mistakes_come_at_once_with_place_and_nearest_name(tmp_path):
             {"input": "pulse", "at_s": 3, "duration_s": 1},
             "simulate.at_s: expected a number < 1.0 (simulate.duration_s), found 3.0",
         ),
+        ({"input": "chirp", "duration_s": 0.0004}, "simulate.duration_s: expected at least a tick (0.001 s), found 0.0004"),
         ({"input": "step", "at_s": 10}, "simulate.at_s: expected a number < 10.0 (simulate.duration_s), found 10.0"),
     ],
 )

@@ -67,7 +67,9 @@ def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: 
         place = scenarios[int(records[f"{wish.name}_scenario"][at])].described()
         parts.append(f"{wish.name} {said}{f' with {place}' if place and wish.bound is not None else ''}")
     against = _against(design, records)
-    return f"no design of {len(records)} meets all bounds; the nearest has {'; '.join(parts)}{against}"
+    bounded = any(wish.bound is not None for wish in design.wishes)
+    wanted = "meets all bounds" if bounded else "has a value for every wish, as a loop that is unstable has none"
+    return f"no design of {len(records)} {wanted}; the nearest has {'; '.join(parts)}{against}"
 
 
 def _against(design, records):

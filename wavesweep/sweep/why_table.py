@@ -244,7 +244,8 @@ def _left_out(spec) -> list[str]:
 
 
 def _name(spec, path):
-    """The name that an axis of this key has: its symbol if there is one."""
+    """The name that an axis of this key has: its symbol if there is one. A slow rate that does not divide has no ratio."""
+    path = "rates.slow_hz" if path == "rates.ratio" and spec.uneven else path
     return next((symbol for symbol, each in spec.names.symbols.items() if each == path), path)
 
 
