@@ -1,6 +1,7 @@
 """All files of a table appear or none does, other people's results stay, and blocks leave no trace."""
 
 import hashlib
+from dataclasses import replace
 from functools import partial
 from io import BytesIO
 
@@ -173,3 +174,13 @@ def test_a_table_that_does_not_fit_is_refused(columns, facts, tmp_path, change, 
     with pytest.raises(WavesweepError, match=message):
         publish(Table.of("zwidth", columns, facts), tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_figure_that_fails_leaves_nothing_half_written_and_says_how_to_do_without(columns, facts, tmp_path):
+    def fail(_):
+        raise ValueError("no such colour")
+
+    with pytest.raises(ValueError, match="no such colour") as failed:
+        publish(replace(Table.of("zwidth", columns, facts), figure=fail), tmp_path)
+    assert "--no-plot writes the table without it" in failed.value.__notes__[0]
+    assert not [path for path in tmp_path.rglob("*") if path.is_file() and "lock" not in path.name]

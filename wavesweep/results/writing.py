@@ -90,7 +90,12 @@ def _write_all(stem: Path, table: Table, fields: tuple[Field, ...], blocks, form
             for group in _groups(fields, blocks, partition):
                 parts.append(group)
     for form in formats if table.figure is not None else ():
-        table.figure(stem.with_suffix(f".{form}"))
+        try:
+            table.figure(stem.with_suffix(f".{form}"))
+        except Exception as error:
+            if not isinstance(error, OSError):
+                error.add_note("This happened in the figure; --no-plot writes the table without it.")
+            raise
     if table.text is not None:
         stem.with_suffix(".md").write_text(table.text, encoding="utf-8")
 

@@ -219,3 +219,29 @@ def test_no_state_is_counted_from_another_by_a_rounded_zero():
     for left, rests in ((1e-19, False), (-0.5, True)):
         E = np.concatenate([column, [[0.0], [left]]], axis=1)
         assert (number._counted_from(0, E, B, C)[0][1, 0] == 0) == rests
+
+
+@pytest.mark.parametrize("mass", [0.05, 0.1])
+def test_a_crossing_between_unstable_regions_need_not_be_placed(mass):
+    """Where b is twice the mass over a tick, the mode of the tick turns over; rounding hides where it crosses z = 1.
+
+    The slow mode is unstable on both sides.
+    """
+    loop = wavesweep.compile(
+        {
+            "controller": {"kind": "pmw", "Kp": 0.0},
+            "environment": {"integration": "explicit", "delay": 1},
+            "device": {"mass": mass},
+        }
+    )
+    found = loop.stable_intervals("b", (5.0, 250.0), K_VE=[3000.0, 20000.0])
+    assert found.certified.all()
+    assert found.intervals.tolist() == [1, 0]
+    (low, high), turn = found.loc[0, ["low", "high"]], 2000 * mass
+    grid = np.concatenate([np.linspace(5, 250, 400), turn * (1 + 1e-4 * np.linspace(-1, 3, 41))])
+    for K, inside in ((3000.0, (low < grid) & (grid < high)), (20000.0, grid < 0)):
+        assert ((loop.spectral_radius(b=grid, K_VE=K) < 1) == inside).all()
+    # The same mode ends the stable range if nothing else is unstable.
+    (soft,) = loop.stable_intervals("b", (5.0, 250.0), K_VE=10.0).itertuples()
+    assert soft.certified
+    assert soft.high == pytest.approx(turn, rel=1e-3)

@@ -151,20 +151,41 @@ def _labelled_parts(evaluate, span, found, ends):
     found: of the panels, see `panel_roots`; ends: polished roots. A reciprocal pair of real eigenvalues crosses nothing.
     """
     unsure = ends.take(~ends.good)
-    doubtful = unsure.column, *_about(evaluate, span, unsure)
+    doubtful = _merged(unsure.column, *_about(evaluate, span, unsure))
+    crossed = _never_stable(evaluate, ends, *doubtful)
     labelled = [
         (*_merged(*some), label, doubt)
         for some, label, doubt in (
             (found.settled, UNSTABLE, NONE),
             (found.lost, UNKNOWN, SEARCH),
             (found.overflown, UNKNOWN, OVERFLOW),
-            (doubtful, UNKNOWN, SEARCH),
+            ([part[~crossed] for part in doubtful], UNKNOWN, SEARCH),
+            ([part[crossed] for part in doubtful], UNSTABLE, NONE),
         )
     ]
     ends = ends.take(ends.good & ((ends.function != PAIR) | (ends.theta > 0)))
     for owner, left, right, _, _ in labelled:
         ends = ends.take(~_inside(ends.column, ends.value, owner, left, right))
     return ends, labelled
+
+
+def _never_stable(evaluate, ends, column, left, right):
+    """Whether these parts are unstable throughout, wherever the crossings in them are.
+
+    From one end of a part to the other the count of unstable eigenvalues goes up or down by 2 or 1 at each root, and so by no
+    more than their sum. If the counts at both ends together are larger than that, it does not reach 0 between them.
+    """
+    if not column.size:
+        return np.zeros(0, bool)
+    count, clear = count_outside(Frames.of(evaluate(np.tile(column, 2), np.concatenate([left, right]))).E)
+    place, who = np.concatenate([left, ends.value, right]), np.concatenate([column, ends.column, column])
+    kind = np.repeat([0, 1, 2], [left.size, ends.value.size, right.size])
+    jump = np.zeros(place.size)
+    jump[kind == 1] = np.where(ends.function == PAIR, 2, 1)
+    order, total = np.lexsort((kind, place, who)), np.empty(place.size)
+    total[order] = np.cumsum(jump[order])
+    within = total[kind == 2] - total[kind == 0]
+    return clear.reshape(2, -1).all(0) & (count.reshape(2, -1).sum(0) > within)
 
 
 def _about(evaluate, span, unsure):

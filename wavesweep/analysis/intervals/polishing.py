@@ -24,6 +24,7 @@ CLEAR = 1e-10  # | |z|^2 - 1 | at an end, up to which the end is believed
 SAME = 1e-10  # of the span, how near two ends of overlapping panels are one
 MEETING = 1e-3  # angle from z = 1 or z = -1, up to which a pair may be the two that meet there
 BOTH = 1e-4  # distance from there, up to which a second eigenvalue makes vectors of the first one too uncertain
+STEADY = 0.5  # of a pivot at a further step, at least: what it is at a root of which that step tells the rounding
 FEW = 0.1  # of itself, the error of an interpolated function whose sign is believed
 
 
@@ -187,7 +188,7 @@ def _end(evaluate, column, kind, x, slack, reach):
     E = found.E
     w, miss, theta, other = _nearest(E[: x.size], kind)
     by, moved = _correction(E, w, step)
-    moved = moved * np.maximum(1, found.condition[: x.size] / ORDINARY)
+    moved = _by_condition(moved, found)
     pairs = np.flatnonzero((kind == PAIR) & (theta == 0))
     if pairs.size:  # of reciprocal eigenvalues, which cross nothing: the slope of their product will do
         _, later, *_ = _nearest(E[x.size + pairs], kind[pairs])
@@ -195,6 +196,21 @@ def _end(evaluate, column, kind, x, slack, reach):
             by[pairs], moved[pairs] = -miss[pairs] * step[pairs] / (later - miss[pairs]), 0.0
     moved = np.where(np.abs(by) <= STEP * slack(x), moved, np.inf)
     return np.where(np.abs(by) <= np.maximum(step, reach), x + by, x), miss, theta, moved, np.abs(by), other
+
+
+def _by_condition(moved, found):
+    """Return the movement of roots by rounding of as many digits as the frames have lost.
+
+    moved: that of ordinary frames, from those at the root and at a further step, `(2, roots)`; found: these frames. An entry may
+    vanish with the root, as the change of a mode does that turns over. It has lost all of its digits there; but its error is
+    that at the step, where they are left. So the smaller one of both bounds holds, unless a loop of direct terms comes nearer to
+    having no solution.
+    """
+    moved = moved * np.maximum(1, found.condition.reshape(2, -1) / ORDINARY)
+    with np.errstate(all="ignore"):
+        here, later = np.abs(found.pivots).reshape(2, moved.shape[1], -1)
+        steady = (here >= STEADY * later).all(-1)
+    return np.where(steady, np.fmin(moved[0], moved[1] / STEADY), moved[0])
 
 
 def _nearest(E, kind):
@@ -220,7 +236,7 @@ def _nearest(E, kind):
 
 
 def _correction(E, w, step):
-    """Return the step that puts the eigenvalue next to w on the circle, and its change by rounding of the entries.
+    """Return the step that puts the eigenvalue next to w on the circle, and its changes by rounding of the entries, `(2, n)`.
 
     Eigenvalues are accurate to a rounding of the largest entry, which is large compared to those of a slow loop. A quotient of
     vectors is accurate to a rounding of each entry. E: frames, followed by those at a further step.
@@ -230,7 +246,7 @@ def _correction(E, w, step):
         now, unsure = _rayleigh(E, np.tile(w, 2))
         value = excess(now).reshape(2, -1)
         slope = (value[1] - value[0]) / step
-        return -value[0] / slope, 2 * np.abs(1 + now[: w.size]) * unsure[: w.size] / np.abs(slope)
+        return -value[0] / slope, (2 * np.abs(1 + now) * unsure).reshape(2, -1) / np.abs(slope)
 
 
 def _rayleigh(E, w):
