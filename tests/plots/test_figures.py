@@ -3,6 +3,7 @@
 import pathlib
 import struct
 import threading
+from itertools import pairwise
 
 import matplotlib
 import numpy as np
@@ -334,3 +335,15 @@ def test_the_static_limit_of_a_comparison_is_at_the_left_edge():
     marks = [line for axes in figure.axes[2:] for line in axes.lines if line.get_marker() == "<"]
     assert [line.get_xdata()[0] for line in marks] == [0.5, 0.5]
     assert marks[0].get_ydata()[0] == 1e3 * responses.columns["admittance_abs"][0]
+
+
+def test_numbers_below_a_narrow_panel_do_not_touch():
+    from wavesweep.plots.style import figure
+
+    with figure(2.5, 1.5) as canvas:
+        for axes in canvas.subplots(1, 2).flat:
+            axes.set_xlim(10000, 20000)
+    for axes in canvas.axes:
+        boxes = sorted((box.x0, box.x1) for box in (label.get_window_extent() for label in axes.get_xticklabels()))
+        assert len(boxes) >= 2
+        assert all(left[1] < right[0] for left, right in pairwise(boxes))

@@ -26,7 +26,7 @@ from wavesweep.results.schema import felt_unit, unlike_units
 from wavesweep.spec.keys import KEYS
 from wavesweep.sweep.table import Columns
 
-_WALLS = ((("high", "low"), f"ends of stable {symbol('K_VE')}"), (("felt_high", "felt_low"), "felt there"))
+_WALLS = (("high", "low"), ("felt_high", "felt_low"))
 _RESPONSES = (("admittance_abs", "admittance", "mm/N"), ("impedance_abs", "impedance", "N/m"))
 _MARKERS = "os^Dv<>P"
 _DASHES = ("-", (0, (5, 1.5)), (0, (3, 1, 1, 1)))
@@ -53,7 +53,7 @@ def compare(columns: Columns, facts: Mapping[str, Any], responses: Columns | Non
         grid = canvas.subplots(1 if responses is None else 2, 2, squeeze=False)
         title_of_x, places = _abscissa(columns, facts, specs)
         unit = printed(unlike_units(facts).get("felt_high", (felt_unit(facts),)))
-        for axes, (names, title) in zip(grid[0], _WALLS, strict=True):
+        for axes, names, title in zip(grid[0], _WALLS, (f"ends of stable {_stiffness(columns)}", "felt there"), strict=True):
             _walls(axes, columns, places, names)
             axes.set_xlabel(title_of_x)
             axes.set_ylabel(with_unit(title, unit))
@@ -67,6 +67,12 @@ def compare(columns: Columns, facts: Mapping[str, Any], responses: Columns | Non
         canvas.legend(handles, labels, loc="outside lower center", ncols=min(4, len(specs) + 2))
         note_assumptions(canvas, facts)
     return canvas
+
+
+def _stiffness(columns: Columns) -> str:
+    """The name of the wall's stiffness, if all specs have the same."""
+    names = set(columns["along"].tolist())
+    return symbol(names.pop()) if len(names) == 1 else "stiffness of the wall"
 
 
 def compare_bode(columns: Columns, facts: Mapping[str, Any]) -> Any:

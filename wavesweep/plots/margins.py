@@ -86,15 +86,17 @@ def _draw_dots(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any:
         panels = ((channel, _excess(columns), "channel_passive"), (port, columns["port_margin"], "port_passive"))
         for panel, values, verdict in panels:
             # Filled where passive: a margin just below zero looks like zero.
-            for rows_of, face in ((columns[verdict], _COLOUR), (~columns[verdict], "white")):
-                drawn = rows_of & (columns["stable"] | (panel is channel))
-                panel.plot(values[drawn], places[drawn], "o", color=_COLOUR, markerfacecolor=face, markersize=4)
+            for passes, face, name in ((True, _COLOUR, "passive"), (False, "white", "not passive")):
+                drawn = (columns[verdict] == passes) & (columns["stable"] | (panel is channel))
+                of_both = (columns["port_passive"] == passes) | (columns["channel_passive"] == passes)
+                said = name if panel is port and of_both.any() else None
+                panel.plot(values[drawn], places[drawn], "o", color=_COLOUR, markerfacecolor=face, markersize=4, label=said)
             panel.grid(visible=True, axis="y", color="0.9", linewidth=0.5)
         _mark_unstable(port, columns["port_margin"], places, columns["stable"])
         channel.set_yticks(places, names)
         channel.set_ylim(count - 0.4, -0.6)
         _finish(channel.xaxis, port.xaxis, (channel, port), columns, facts)
-        _legend(canvas, port)
+        _legend(canvas, port, "range of what is passive")
         _note(canvas, "", note, _said(facts))
     return canvas
 
@@ -154,12 +156,12 @@ def _said(facts: Mapping[str, Any]) -> str:
     return f"Assumes: {assumed(facts)}." if facts.get("assumes") else ""
 
 
-def _legend(canvas: Any, panel: Any) -> None:
+def _legend(canvas: Any, panel: Any, shaded: str = "passive") -> None:
     from matplotlib.patches import Patch
 
     handles, labels = panel.get_legend_handles_labels()
     shade = Patch(color=_PASSIVE, alpha=0.2, linewidth=0)
-    labels = [*labels, "passive"]
+    labels = [*labels, shaded]
     canvas.legend([*handles, shade], labels, loc="outside upper center", ncols=fitting(labels, TWO_COLUMNS), handlelength=2.4)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from threading import RLock
 from typing import Any
@@ -19,6 +20,7 @@ from wavesweep.results.schema import at_port, unlike_units
 ONE_COLUMN = 3.5  # inches: the column of a two-column paper
 TWO_COLUMNS = 7.0
 DOTS_PER_INCH = 200
+NARROW = 1.5  # points, at least, between two numbers below a panel
 IDEAL = "black"
 DOUBTFUL = "#d62728"
 UNKNOWN = {"facecolor": "none", "edgecolor": "0.75", "hatch": "/////", "linewidth": 0, "zorder": 0}
@@ -174,9 +176,22 @@ def _settle(canvas: Any) -> None:
     The layout's solver has rounding errors that may differ between runs, and the shade of a pixel can depend on them.
     """
     canvas.draw_without_rendering()
+    if [axes for axes in canvas.axes if _thinned(axes)]:
+        canvas.draw_without_rendering()
     canvas.set_layout_engine("none")
     for axes in canvas.axes:
         axes.set_position([round(float(edge), 4) for edge in axes.get_position().bounds])
+
+
+def _thinned(axes: Any) -> bool:
+    """Whether the numbers below a panel touched each other; they are fewer then."""
+    boxes = [label.get_window_extent() for label in axes.get_xticklabels() if label.get_visible() and label.get_text()]
+    boxes = sorted((box.x0, box.x1) for box in boxes)
+    narrow = NARROW * axes.figure.dpi / 72
+    crowded = axes.get_xscale() == "linear" and any(right[0] < left[1] + narrow for left, right in pairwise(boxes))
+    if crowded:
+        axes.locator_params(axis="x", nbins=max(1, len(boxes) // 2))
+    return crowded
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ class Experiment:
             name = "frequency_hz" if self.values["duration_s"] is None else "duration_s"
             expected = f"at most {most:g} s ({MOST_TICKS} ticks at {rate})"
             yield self._leaf(name).mistake(f"simulate.{name}", expected, f"{seconds:g} s")
-        if self.values["duration_s"] is not None and seconds * fast_hz <= 0.5:
+        if self.values["duration_s"] is not None and 0 < seconds * fast_hz <= 0.5:
             yield self._leaf("duration_s").mistake("simulate.duration_s", f"at least a tick ({1 / fast_hz:g} s)", show(seconds))
         sets_in, width = self.values["at_s"], self.values["width_s"]
         if self.values["input"] in ("step", "pulse") and not min(sets_in, most) * fast_hz + 0.5 < min(seconds, most) * fast_hz:

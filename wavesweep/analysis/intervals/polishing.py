@@ -201,10 +201,10 @@ def _end(evaluate, column, kind, x, slack, reach):
 def _by_condition(moved, found):
     """Return the movement of roots by rounding of as many digits as the frames have lost.
 
-    moved: that of ordinary frames, from those at the root and at a further step, `(2, roots)`; found: these frames. An entry may
-    vanish with the root, as the change of a mode does that turns over. It has lost all of its digits there; but its error is
-    that at the step, where they are left. So the smaller one of both bounds holds, unless a loop of direct terms comes nearer to
-    having no solution.
+    moved: that of ordinary frames, from those at the root and at a further step, `(2, roots)`; found: these frames. An entry
+    may vanish with the root, as the change of a mode does that turns over. It has lost all of its digits there; but its error
+    is that at the step, where they are left. So the smaller one of both bounds holds, unless a loop of direct terms comes
+    nearer to having no solution.
     """
     moved = moved * np.maximum(1, found.condition.reshape(2, -1) / ORDINARY)
     with np.errstate(all="ignore"):
