@@ -1,12 +1,14 @@
 """The lifted loop cut at the wall: its only input is the wall's force, and its outputs are the signals that the wall reads."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from wavesweep.diagram.block import Block, frozen, numbers
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import drift_of
+from wavesweep.diagram.elimination import reduced_echelon
 from wavesweep.lifted.circle import solve
 from wavesweep.lifted.lift import slow_side
 
@@ -24,7 +26,8 @@ class Cut:
     batch). states, unread: names of the states that are kept and left out. condition: factor by which closing its algebraic
     loops may have multiplied the rounding of its entries; pivot: see `Block`. growth: of stretches of ticks over the frame (see
     `growth_of`). conserved: the drift that was eliminated ("" if
-    none): a combination of states that no wall force changes.
+    none): a combination of states that no wall force changes. poles_at_one: how many eigenvalues of E are exactly 0, as that of
+    a mass is that nothing brakes.
     """
 
     E: np.ndarray
@@ -39,6 +42,7 @@ class Cut:
     condition: np.ndarray = 1.0
     pivot: np.ndarray = 1.0
     growth: np.ndarray = 1.0
+    poles_at_one: int = 0
 
     def __post_init__(self):
         for name in ("E", "B", "C", "D", "period", "condition", "pivot", "growth"):
@@ -74,6 +78,7 @@ class Cut:
             condition=pick(self.condition, 0),
             pivot=pick(self.pivot, 0),
             growth=pick(self.growth, 0),
+            poles_at_one=self.poles_at_one,
         )
 
 
@@ -84,6 +89,7 @@ def cut_at_wall(diagram: Diagram, whole: Block | None = None) -> Cut:
     """
     block, unread = slow_side(diagram, diagram.wall, whole=whole)
     facts = {"period": diagram.period * diagram.ratio, "unread": unread, "condition": block.condition, "pivot": block.pivot}
+    facts["poles_at_one"] = _poles_at_one(diagram.structure) if diagram.structure else 0
     drift = drift_of(diagram)
     if drift.lead not in block.states:
         x, v = block.C[..., 0, :], block.C[..., 1, :]
@@ -103,6 +109,13 @@ def cut_at_wall(diagram: Diagram, whole: Block | None = None) -> Cut:
     C = np.stack(np.broadcast_arrays(v, advance, x), axis=-2)
     D = np.stack(np.broadcast_arrays(moved.D[..., 1, :], step, moved.D[..., 0, :]), axis=-2)
     return Cut(E, B, C, D, True, states=names, **facts)
+
+
+@lru_cache(maxsize=256)
+def _poles_at_one(structure):
+    """How many eigenvalues 1 the loop without the wall and its drift has in a drawing with moderate numbers."""
+    E = cut_at_wall(structure).E
+    return E.shape[-1] - len(reduced_echelon(E)[1])
 
 
 def _about_lead(block, drift, lead):

@@ -245,3 +245,25 @@ def test_a_crossing_between_unstable_regions_need_not_be_placed(mass):
     (soft,) = loop.stable_intervals("b", (5.0, 250.0), K_VE=10.0).itertuples()
     assert soft.certified
     assert soft.high == pytest.approx(turn, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("velocity", ["exact", "difference"])
+def test_a_mass_that_nothing_brakes_crosses_twice_where_a_wall_without_damping_begins(kind, velocity):
+    """Two poles are exactly 1 at K_VE = 0; slices with damping of the wall beside it do not change the one without."""
+    tables = {"controller": {"kind": kind}, "device": {"damping": 0.0, "velocity": velocity}, "rates": {"ratio": 5}}
+    for delay in (0, 1, 5):
+        loop = wavesweep.compile(tables | {"environment": {"integration": "explicit", "delay": delay}})
+        assert loop.cut.poles_at_one == (kind != "dc-lm")  # whose local damper brakes
+        alone, both = loop.stable_intervals("K_VE", B_VE=0.0), loop.stable_intervals("K_VE", B_VE=[0.0, 1.0])
+        assert both.certified.all()
+        assert both[both.B_VE == 0].drop(columns="B_VE").equals(alone.drop(columns="B_VE", errors="ignore"))
+        grid = np.geomspace(1e-3, 20000, 300)
+        inside = ((alone.low.to_numpy()[:, None] < grid) & (grid < alone.high.to_numpy()[:, None])).any(0)
+        assert ((loop.spectral_radius(K_VE=grid, B_VE=0.0) < 1) == inside).all()
+
+
+def test_a_braked_mass_has_no_pole_at_one_beside_its_drift():
+    tables = {"controller": {"kind": "pmw"}, "device": {"damping": 0.1}}
+    assert wavesweep.compile(tables).cut.poles_at_one == 0
+    assert wavesweep.compile(tables | {"operator": {"stiffness": 100.0}}).cut.poles_at_one == 0

@@ -35,17 +35,26 @@ class Polynomial:
     scale: np.ndarray
 
 
-def warp_scale(cut: Cut):
-    """Return the geometric mean distance of the poles from z = 1, the scale of the warp with which they crowd least."""
+def warp_scale(cut: Cut, *, alone: bool = False):
+    """Return the geometric mean distance of the poles from z = 1, the scale of the warp with which they crowd least.
+
+    alone: without those that are divided out, see `sampled_polynomial`.
+    """
     n = cut.E.shape[-1]
     _, log_size = np.linalg.slogdet(cut.E)
+    if alone:
+        n = max(n - cut.poles_at_one, 0)
+        with np.errstate(divide="ignore"):
+            log_size = np.log(np.sort(np.abs(np.linalg.eigvals(cut.E)), axis=-1)[..., cut.poles_at_one :]).sum(-1)
     with np.errstate(over="ignore", invalid="ignore"):
         mean = np.exp(np.nan_to_num(log_size, neginf=-0.5 * n) / max(n, 1))
     return np.clip(mean, NEAREST, FARTHEST)
 
 
-def sampled_polynomial(cut: Cut, along: str, scale) -> Polynomial:
+def sampled_polynomial(cut: Cut, along: str, scale, *, alone: bool = False) -> Polynomial:
     """Sample the boundary equation on the warped circle and return its polynomial.
+
+    alone: whether the other wall parameter is 0, and its part of the polynomial is left out.
 
     The warp is the Moebius map `zeta = (z - a)/(1 - a z)`, `a = (1 - r)/(1 + r)`, which maps the circle to itself.
     `f(phi) = Im[(one - y fixed) conj(solved)] |d|^2`, d the pole polynomial, is a sine polynomial of degree n (the order of the
@@ -57,10 +66,11 @@ def sampled_polynomial(cut: Cut, along: str, scale) -> Polynomial:
     count = cut.order + SPARE
     phi = np.pi * np.arange(1, count + 1) / (count + 1)
     solved, fixed, one = _scaled(cut, np.exp(1j * phi), scale, along)
+    fixed = 0 * fixed if alone else fixed
     transform = np.sin(np.outer(phi, np.arange(1, count + 1))) * (2 / (count + 1))
     on_one, on_fixed = one * solved.conj(), fixed * solved.conj()
     size = [np.abs(part).max(-1) for part in (on_one, on_fixed, solved)]
-    factors = 0 if np.any(fixed) else (poles_at_one(cut.E) + cut.integrates) // 2
+    factors = 0 if np.any(fixed) else (max(poles_at_one(cut.E), cut.poles_at_one) + cut.integrates) // 2
     divided = [part / (1 - np.cos(phi)) ** factors for part in (on_one, on_fixed)] if factors else (on_one, on_fixed)
     sizes = [np.abs(part).max(-1) for part in divided] if factors else size[:2]
     curve, noise = _sines([divided[0].imag, -divided[1].imag], sizes, transform, cut.order - factors)

@@ -117,17 +117,25 @@ def _by_numpy(cut, owner, along, fixed, span) -> Intervals:
     """Return the intervals of the columns with the loops `cut.at(owner)`, each by the first method that proves it."""
     pending, done = np.arange(fixed.size), []
     cut, overflown = _finite(cut)
-    for method in (_by_trace, _by_polynomial, _by_arcs) if cut.order <= MOST_STATES else (_by_trace, _by_arcs):
-        parts, doubt = method(cut, owner[pending], along, fixed[pending], span)
-        lost = overflown[owner[pending]]
+    for method in (_by_trace, _by_polynomial, _by_polynomial_alone, _by_arcs):
+        some = pending[_suit(method, cut, fixed[pending])]
+        if not some.size:
+            continue
+        parts, doubt = method(cut, owner[some], along, fixed[some], span)
+        lost = overflown[owner[some]]
         parts = replace(parts, unstable=np.where(lost[parts.column], -1, parts.unstable))
         doubt = np.where(lost, OVERFLOW, doubt)
         kept = (doubt == NONE) | lost | (method is _by_arcs)
-        done.append((_select(parts, kept, pending), pending[kept], doubt[kept]))
-        pending = pending[~kept]
-        if not pending.size:
-            break
+        done.append((_select(parts, kept, some), some[kept], doubt[kept]))
+        pending = np.setdiff1d(pending, some[kept], assume_unique=True)
     return intervals_of(*_sorted(done), np.broadcast_to(cut.period, cut.batch)[owner])
+
+
+def _suit(method, cut, fixed):
+    """Which columns a method is for."""
+    if method is _by_polynomial_alone:
+        return (fixed == 0) & (cut.poles_at_one > 0) & (cut.order <= MOST_STATES)
+    return np.full(fixed.size, method is not _by_polynomial or cut.order <= MOST_STATES)
 
 
 def _finite(cut) -> tuple[Cut, np.ndarray]:
@@ -150,6 +158,12 @@ def _by_trace(cut, owner, along, fixed, span):
 def _by_polynomial(cut, owner, along, fixed, span):
     """Return regions and doubts from one polynomial per loop, shared by all its columns."""
     polynomial = sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut), cut.batch))
+    return _judged(cut, owner, along, fixed, span, crossings(cut, owner, along, fixed, span, polynomial))
+
+
+def _by_polynomial_alone(cut, owner, along, fixed, span):
+    """The same for columns whose other wall parameter is 0, of loops that have poles at z = 1, which are divided out."""
+    polynomial = sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut, alone=True), cut.batch), alone=True)
     return _judged(cut, owner, along, fixed, span, crossings(cut, owner, along, fixed, span, polynomial))
 
 
