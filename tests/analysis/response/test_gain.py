@@ -5,6 +5,7 @@ import pytest
 from support.lifted import transfer
 from support.specs import KINDS, random_values, values_of
 
+import wavesweep
 from wavesweep.analysis.response import prepare, worst_gain
 from wavesweep.analysis.response.circle import circle
 from wavesweep.analysis.response.dominant import Dominant, Lifted
@@ -90,3 +91,11 @@ def test_without_a_wall_nothing_holds_the_hand(kind):
     """A constant force, or one that is aliased to a constant, moves a free hand for ever."""
     found = gain(values_of(kind, K_VE=0.0), [49.0, 50.0, 101.0])
     assert np.isnan(found).tolist() == [False, True, False]
+
+
+def test_the_gain_of_a_constant_force_is_that_at_rest():
+    """A soft spring and a strong damper: the response falls below 1e-12 Hz already."""
+    spec = {"controller": {"kind": "dc"}, "device": {"damping": 60.0}, "operator": {"stiffness": 1e-6}, "rates": {"ratio": 4}}
+    rows = wavesweep.compile(spec | {"environment": {"K_VE": 0.0, "B_VE": 0.1}}).response([0.0, 250.0])
+    assert (np.abs(rows.worst_gain - 1e6) <= 1e6 * rows.worst_gain_error).all()
+    assert (rows.worst_gain_error < 1e-9).all()

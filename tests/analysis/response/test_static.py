@@ -99,3 +99,52 @@ def test_a_response_at_0_hz_is_the_limit_with_an_error(kind):
     assert rows["worst_gain"][1] > rows["admittance_abs"][1] * (1 - 1e-9)
     alone = wavesweep.compile(nested(values)).response([0.0])
     assert alone["impedance_re"][0] == rows["impedance_re"][1]
+
+
+HEAVY = {  # a soft wave line before a heavy device: a row of the frame at rest loses eight digits
+    "rates": {"fast_hz": 10000.0, "ratio": 2},
+    "device": {"mass": 10.0, "velocity": "difference"},
+    "controller": {"kind": "pmw-lm", "b": 2.0},
+    "filters": {
+        "lp1": {"order": 4, "cutoff_hz": 9.0},
+        "hp": {"order": 4, "cutoff_hz": 2.0},
+        "lp2": {"order": 1, "cutoff_hz": 20.0},
+    },
+}
+SOFT = {"controller": {"kind": "pmw", "b": 0.01}, "device": {"mass": 10.0}, "rates": {"fast_hz": 1e4, "ratio": 2}}
+
+
+@pytest.mark.parametrize(("tables", "K_VE", "wanted"), [(HEAVY, 2000.0, 82.8842235610805), (SOFT, 500.0, 1.2495749922671)])
+def test_a_device_that_is_held_is_not_taken_for_one_that_moves(tables, K_VE, wanted):
+    """The stiffness is the impedance at 1e-20 Hz in 80 digits."""
+    spec = tables | {"environment": {"K_VE": K_VE}}
+    row = wavesweep.compile(spec).response([0.0]).iloc[0]
+    assert row.doubt == ""
+    assert row.impedance_re == pytest.approx(wanted, rel=1e-12)
+    assert row.admittance_re == pytest.approx(1 / wanted, rel=1e-12)
+    assert wavesweep.verdict(spec)["felt"]["stiffness"] == pytest.approx(wanted, rel=1e-9)
+    (end,) = wavesweep.compile(spec).stable_intervals("K_VE", (0.9 * K_VE, K_VE)).itertuples()
+    assert end.felt_high == pytest.approx(wanted, rel=1e-9)
+
+
+def test_with_a_position_correction_the_wall_itself_is_felt_however_soft_the_waves_are():
+    for b, ratio, K_VE in ((1e-4, 1, 1.0), (1e-5, 1, 1519.0), (0.01, 2, 500.0)):
+        spec = {"controller": {"kind": "pmw", "b": b, "Kp": 20.0}, "rates": {"ratio": ratio}, "environment": {"K_VE": K_VE}}
+        row = wavesweep.compile(spec).response([0.0]).iloc[0]
+        assert row.impedance_re == pytest.approx(K_VE, rel=1e-9)
+        assert abs(row.impedance_re / K_VE - 1) <= row.impedance_error
+
+
+def test_a_share_of_the_force_is_no_rounding_because_it_is_small():
+    spec = {"controller": {"kind": "dc"}, "operator": {"stiffness": 1e10, "damping": 5.0}, "environment": {"K_VE": 1e-3}}
+    row = wavesweep.compile(spec).response([0.0]).iloc[0]
+    assert (row.impedance_re, row.doubt) == (pytest.approx(1e-3, rel=1e-6), "")
+    none = wavesweep.compile(spec | {"environment": {"K_VE": 0.0, "B_VE": 0.1}}).response([0.0]).iloc[0]
+    assert (none.impedance_re, none.impedance_error, none.doubt) == (0.0, 0.0, "")
+
+
+def test_a_limit_that_low_frequencies_do_not_show_is_missing():
+    """The loop explodes within a frame, so that no digit is left."""
+    tables = {"controller": {"kind": "pmw", "Kp": 20.0}, "device": {"mass": 0.001}, "rates": {"ratio": 100}}
+    rows = wavesweep.compile(tables | {"environment": {"integration": "explicit"}}).response([0.0, 1e-3])
+    assert rows[["admittance_re", "impedance_re", "admittance_error", "impedance_error"]].isna().all(axis=None)

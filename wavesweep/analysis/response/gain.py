@@ -18,7 +18,6 @@ from wavesweep.lifted.rounding import ROUNDING
 DENSE = 32  # up to this ratio LAPACK's singular values of the whole matrix are the quicker way
 STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
 SETTLED = 1e-13  # relative change of a singular value that counts as none
-STILL = 1e-13  # cycles per tick that represent a constant force
 HUGE = 1e100  # entries whose squares are next to overflow
 BLOCK = 2_000_000  # entries of one batch of matrices
 POINTS = 200_000  # ticks times frequencies at a time
@@ -100,7 +99,7 @@ def _over_aliases(loop, ratio, frequency_hz, points=None):
     rate, near = points.rate, (points.angle(ratio) / (2 * np.pi))[:, None]  # from the nearest multiple of the slow rate
     aliases = np.abs(np.arange(ratio) - (ratio - 1) // 2 + near) * (rate / ratio)
     constant = aliases == 0
-    found = respond(loop, np.where(constant, STILL * rate, aliases).reshape(-1))
+    found = respond(loop, aliases.reshape(-1))
     gain, error = (
         part.reshape(*part.shape[:-1], *aliases.shape) for part in (np.abs(found.admittance), found.admittance_error)
     )

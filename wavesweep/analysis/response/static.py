@@ -1,6 +1,7 @@
 """Results that do not depend on the drift: the limit of a response towards 0 Hz, and the lifted map to displacements."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -13,8 +14,8 @@ from wavesweep.lifted.circle import solve
 from wavesweep.lifted.frame import unrolled
 from wavesweep.lifted.lift import frame_at_rest, only, prune
 
-STILL = 1e-9  # a displacement per tick of that share of its terms is rounding
-NOTHING = 1e-12  # of the force of the hand: a control force of rounding
+STILL = 1e-9  # of its terms, up to which a number of a loop of moderate numbers is nothing but rounding
+WALL = 7.3, 5.9  # N/m and N*s/m, where moderate numbers are wanted
 
 
 def static_response(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
@@ -25,8 +26,40 @@ def static_response(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
     With w = z - 1 of the tick and M ticks in a frame, both sides of `(w_M - E) X = g` and of the outputs of the ticks are
     expanded to first order: `E X_0 = -g_0`, `E X_1 = M X_0 - g_1`. The displacement in a tick vanishes with w, and its
     derivative is the position. If nothing holds the device, the displacement does not vanish: then the admittance has no limit,
-    and the impedance is 0.
+    and the impedance is 0. Whether that is so, or no force reaches the hand, follows from the same drawing with moderate
+    numbers, in which rounding hides nothing.
     Accuracy: 1e-9 relative against low frequencies and 50 digits in the tests; an error is not bounded.
+    """
+    with np.errstate(all="ignore"):
+        position, force, moves, none = _limit(loop)
+        if loop.diagram.structure:
+            moves, none = _by_structure(loop.diagram.structure, loop.wall)
+        stiffness = np.where(moves | none, 0.0, force / position)
+    unknown = loop.lost | ~np.isfinite(stiffness)
+    return np.where(unknown | moves, np.nan, position), np.where(unknown, np.nan, stiffness)
+
+
+def _by_structure(structure, wall):
+    """Whether nothing holds the device, and whether no force reaches the hand, for walls `(K_VE, B_VE)`, numbers or arrays."""
+    there = np.broadcast_arrays(*(np.asarray(part) != 0 for part in wall))
+    found = np.zeros((2, *there[0].shape), bool)
+    for pattern in {*zip(*(part.ravel().tolist() for part in there), strict=True)}:
+        known = _of_structure(structure, pattern)
+        found[:, (there[0] == pattern[0]) & (there[1] == pattern[1])] = np.array(known)[:, None]
+    return found
+
+
+@lru_cache(maxsize=256)
+def _of_structure(structure, there):
+    wall = (size * each for size, each in zip(WALL, there, strict=True))
+    with np.errstate(all="ignore"):
+        return [bool(flag) for flag in _limit(prepare(structure, *wall))[2:]]
+
+
+def _limit(loop: Loop):
+    """Return position (m) and control force (N) at rest, whether the position moves without end, and whether there is no force.
+
+    The last two hold for moderate numbers.
     """
     M, i = loop.diagram.ratio, np.arange(loop.diagram.ratio)
     with np.errstate(all="ignore"):
@@ -44,12 +77,8 @@ def static_response(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
             law = loop.shown.law[0][..., 0, :]
             one, two = ((law * weight).sum(-1)[..., None] for weight in (i, i * (i - 1) / 2))
             value, slope = value + loop.still * one, slope + loop.still * (two + (1 - M) * one)
-        position, force = slope[..., 0] / M, value[..., 1] / M
-        force = np.where(np.abs(force) < NOTHING, 0.0, force)
-        moves = np.abs(value[..., 0]) > STILL * size[..., 0]
-        stiffness = np.where(moves, 0.0, force / position)
-    unknown = loop.lost | ~np.isfinite(stiffness)
-    return np.where(unknown | moves, np.nan, position), np.where(unknown, np.nan, stiffness)
+        moves, none = np.abs(value[..., 0]) > STILL * size[..., 0], np.abs(value[..., 1]) <= STILL * np.maximum(size[..., 1], M)
+    return slope[..., 0] / M, value[..., 1] / M, moves, none
 
 
 def felt_map(diagram: Diagram, batch: tuple[int, ...] = (), whole: Block | None = None) -> np.ndarray:
@@ -59,8 +88,33 @@ def felt_map(diagram: Diagram, batch: tuple[int, ...] = (), whole: Block | None 
     known. The wall is one scalar of the loop, so the felt stiffness is a Moebius map of the wall's stiffness K (N/m); the
     wall's damping is not felt at rest. With F the wall's force, `E X + B F + g = 0` and `C X + D F = F/K` hold at rest. The
     solution for a rigid wall, and its change with an offset of that wall, give all others (Sherman and Morrison 1950). A
-    combination of states that nothing restores keeps the value that the start of the force has left in it: see `_laws`.
+    combination of states that nothing restores keeps the value that the start of the force has left in it: see `_laws`. What
+    is zero follows from the same drawing with moderate numbers, in which rounding hides nothing.
     Accuracy: 1e-9 relative against `static_response` in the tests.
+    """
+    (x, f, x_1, f_1), zeros = _felt_parts(diagram, whole)
+    if diagram.structure:
+        zeros = _zeros_felt(diagram.structure)
+    with np.errstate(all="ignore"):
+        moves, alone, no_f, no_f_1 = zeros
+        f, f_1 = np.where(no_f, 0.0, f), np.where(no_f_1, 0.0, f_1)
+        found = np.where(alone, np.stack([f / x, 0 * f, 0 * f]), np.stack([f_1, f, x]) / x_1)
+        found = np.where(moves, 0.0, found)
+    found = np.where(np.isfinite(found).all(0), found, np.nan)
+    alike = (1,) * (len(batch) - found.ndim + 1)  # nothing that the batch varies is read
+    return np.broadcast_to(found.reshape(3, *alike, *found.shape[1:]), (3, *batch))
+
+
+@lru_cache(maxsize=256)
+def _zeros_felt(structure):
+    return [bool(flag) for flag in _felt_parts(structure)[1]]
+
+
+def _felt_parts(diagram, whole=None):
+    """Position and control force for a rigid wall, their changes with its offset less those of its force, and four flags.
+
+    These hold for moderate numbers: whether nothing holds the device, whether no force reaches the wall, and whether the
+    control force and its change are zero.
     """
     with np.errstate(all="ignore"):
         rest = _at_rest(diagram, frame_at_rest(diagram) if whole is None else whole)
@@ -69,13 +123,8 @@ def felt_map(diagram: Diagram, batch: tuple[int, ...] = (), whole: Block | None 
         rigid, offset = rest.seen(y, rest.direct), rest.seen(d, 0.0)
         (x, f), (x_1, f_1) = (np.moveaxis(part, -1, 0) for part in (rigid, force * offset - turn * rigid))
         size = np.abs(force[..., 0]) * rest.sizes(d)[..., 1] + np.abs(turn[..., 0]) * rest.sizes(y)[..., 1]
-        f_1 = np.where(np.abs(f_1) <= NOTHING * size, 0.0, f_1)  # nothing is felt of no wall but rounding
-        f, alone = np.where(np.abs(f) <= NOTHING, 0.0, f), np.abs(force[..., 0]) <= NOTHING  # no force reaches the wall
-        found = np.where(alone, np.stack([f / x, 0 * f, 0 * f]), np.stack([f_1, f, x]) / x_1)
-        found = np.where(rest.moves, 0.0, found)
-    found = np.where(np.isfinite(found).all(0), found, np.nan)
-    alike = (1,) * (len(batch) - found.ndim + 1)  # nothing that the batch varies is read
-    return np.broadcast_to(found.reshape(3, *alike, *found.shape[1:]), (3, *batch))
+        zeros = rest.moves, np.abs(force[..., 0]) <= STILL, np.abs(f) <= STILL, np.abs(f_1) <= STILL * size
+    return (x, f, x_1, f_1), zeros
 
 
 @dataclass(frozen=True, slots=True)

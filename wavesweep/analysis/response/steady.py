@@ -80,13 +80,16 @@ def _at_rest(loop, modal):
     slow = np.min(np.abs(modal.poles), where=np.abs(modal.poles) > 0, initial=1.0)
     rate = float(np.min(loop.diagram.rate if loop.diagram.rate is not None else 1 / np.asarray(loop.diagram.period)))
     low = _responses(loop, modal, circle(loop, LOW * slow * rate / loop.diagram.ratio * np.array([1, 0.5, 0.25])))
-    errors = []
+    found = []
     for value, part, error in zip(limit, low[:2], low[2:], strict=True):
         first, second = ((4 * part[..., [at + 1]] - part[..., [at]]).real / 3 for at in (0, 1))
         expected = (16 * second - first) / 15
-        off = np.abs(value - expected) / np.maximum(np.abs(value), np.abs(expected))
-        errors.append(np.where(value == 0, 0.0, off) + error.max(-1, keepdims=True))
-    return (*(part + 0j for part in limit), *errors)
+        off = np.abs(value - expected) / np.maximum(np.abs(value), np.abs(expected)) + error.max(-1, keepdims=True)
+        off = np.where(value == 0, 0.0, off)  # a drawing says so
+        known = off < LOST
+        found.append((np.where(known, value, np.nan) + 0j, np.where(known, off, np.nan)))
+    (admittance, of_admittance), (impedance, of_impedance) = found
+    return admittance, impedance, of_admittance, of_impedance
 
 
 def _responses(loop, modal, points, good=GOOD):
