@@ -89,3 +89,16 @@ def test_a_bound_without_delays_is_below_the_smallest_singular_value():
     bound, exact = spectrum._at_least(E, units[0], w), np.linalg.svd(w[:, None, None] * np.eye(63) - balanced)[1][:, -1]
     assert np.all(bound <= exact)
     assert np.all(bound >= exact / 63)
+
+
+def test_a_bound_on_the_smallest_singular_value_of_many_states_is_none_too_large(monkeypatch):
+    r = np.random.default_rng(7)
+    E = r.normal(size=(2, 20, 20)) / 5
+    E[1, :, 3] = E[1, :, 4] * (1 + 1e-9)  # nearly singular at delta = 0
+    delta = np.array([[0.0, 0.3 + 0.4j], [0.0, -2.0]])
+    exact = spectrum._smallest(E, delta)
+    monkeypatch.setattr(spectrum, "MANY", 20)
+    bound = spectrum._smallest(E, delta)
+    assert (bound <= exact * (1 + 1e-6)).all()
+    assert (bound >= exact / np.sqrt(20)).all()
+    assert spectrum._smallest(np.zeros((1, 20, 20)), np.zeros((1, 1))).max() < 1e-15

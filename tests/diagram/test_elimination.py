@@ -54,3 +54,17 @@ def test_a_loop_that_is_built_in_python_has_a_drift_only_if_its_entries_cancel_e
     (shift,), found = shifts(Drawn(1.0, (Placed(block, 1, 0),), {"g.u": {"g.y": -0.5}}))
     assert shift == pytest.approx({"g.x0": 1.0, "g.x1": 0.5})
     assert found == exact
+
+
+def test_a_long_chain_of_equal_states_is_reduced_to_its_head():
+    n = 400
+    A = np.eye(n) - np.eye(n, k=-1)
+    A[0, 0], A[7] = 0, 0
+    reduced, pivots = reduced_echelon(A)
+    assert len(pivots) == n - 2
+    free = [column for column in range(n) if column not in pivots]
+    for column, row in pivots.items():
+        wanted = np.zeros(n)
+        wanted[column] = 1
+        wanted[free[0] if column < 7 else free[1]] = -1
+        assert (reduced[row] == wanted).all()

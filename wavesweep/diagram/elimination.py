@@ -15,21 +15,41 @@ def reduced_echelon(A, seen=None) -> tuple[np.ndarray, dict[int, int]]:
 
     seen: called after each step with the matrix and the row and column of the pivot.
     """
-    A, size, pivots, free = A.copy(), np.abs(A), {}, list(range(A.shape[0]))
+    A, size, pivots = A.copy(), np.abs(A), {}
+    if not A.size:
+        return A, pivots
+    used, done = np.zeros(A.shape[1], bool), np.zeros(len(A), bool)
+    best, where = np.zeros(len(A)), np.zeros(len(A), int)  # of each row: its largest entry, relative, and the column of that
+
+    def look(rows):
+        relative = np.abs(A[rows]) / np.maximum(size[rows].max(1, keepdims=True), np.finfo(float).tiny)
+        relative[:, used] = 0
+        where[rows] = relative.argmax(1)
+        best[rows] = np.take_along_axis(relative, where[rows, None], 1)[:, 0]
+
+    look(np.arange(len(A)))
     for _ in range(min(A.shape)):
-        relative = np.abs(A[free]) / np.maximum(size[free].max(1, keepdims=True), np.finfo(float).tiny)
-        relative[:, list(pivots)] = 0
-        if not relative.any():
+        row = int(np.argmax(best))
+        if best[row] <= 0:
             break
-        at, column = np.unravel_index(np.argmax(relative), relative.shape)
-        row = free.pop(at)
+        column = int(where[row])
         A[row], size[row] = A[row] / A[row, column], size[row] / abs(A[row, column])
-        factor = np.where(np.arange(A.shape[0]) == row, 0.0, A[:, column])[:, None]
-        A, size = A - factor * A[row], size + np.abs(factor) * size[row]
-        A[np.abs(A) <= ROUNDING * size] = 0
-        pivots[int(column)] = row
+        factor = A[:, column].copy()
+        factor[row] = 0
+        rows, columns = np.flatnonzero(factor), np.flatnonzero(size[row])  # the others stay as they are
+        part = np.ix_(rows, columns)
+        left, terms = (
+            A[part] - factor[rows, None] * A[row, columns],
+            size[part] + np.abs(factor[rows, None]) * size[row, columns],
+        )
+        A[part], size[part] = np.where(np.abs(left) <= ROUNDING * terms, 0.0, left), terms
+        A[row, np.abs(A[row]) <= ROUNDING * size[row]] = 0
+        pivots[column], used[column], done[row], best[row] = row, True, True, -1
+        changed = where == column
+        changed[rows] = True
+        look(np.flatnonzero(changed & ~done))
         if seen:
-            seen(A, row, int(column))
+            seen(A, row, column)
     return A, pivots
 
 

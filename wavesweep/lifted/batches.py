@@ -7,6 +7,41 @@ import numpy as np
 CACHED = 2**18  # bytes of an array of matrices, of which a processor's cache holds several
 
 
+MANY, SPARSE = 100, 0.05  # rows from which on, and share of entries up to which, only those that are not zero are multiplied
+
+
+def product(A, B) -> np.ndarray:
+    """Return `A @ B`, `(..., n, n)`; of many rows with few entries, as those of long delays are, by these entries alone.
+
+    Then infinities times zeros are left out. What is done with a matrix does not depend on the others of a batch.
+    """
+    n = A.shape[-1]
+    if n < MANY:
+        return A @ B
+    batch = np.broadcast_shapes(A.shape[:-2], B.shape[:-2])
+    first, second = (np.broadcast_to(part, (*batch, n, n)).reshape(-1, n, n) for part in (A, B))
+    found = np.empty(first.shape, np.result_type(A, B))
+    for a, b, out in zip(first, second, found, strict=True):
+        out[...] = _product(a, b)
+    return found.reshape(*batch, n, n)
+
+
+def _product(A, B):
+    if (few := sparse(A)) is not None:
+        return few @ B
+    few = sparse(B.T)
+    return A @ B if few is None else (few @ A.T).T
+
+
+def sparse(A):
+    """A matrix as those of its entries that are not zero, if it has many rows with few of these; None if it has not."""
+    if A.ndim > 2 or len(A) < MANY or np.count_nonzero(A) > SPARSE * A.size:
+        return None
+    from scipy.sparse import csr_array
+
+    return csr_array(A)
+
+
 def in_parts(work, batch, size: int, kind):
     """Return `work(part)` for all parts of a batch, in one array.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawn import Drawn
-from wavesweep.lifted.batches import in_parts
+from wavesweep.lifted.batches import in_parts, product
 from wavesweep.lifted.connect import connect
 
 
@@ -263,7 +263,7 @@ class _Change:
 
     def then(self, later) -> "_Change":
         E = self.E + later.E
-        E += later.E @ self.E
+        E += product(later.E, self.E)
         for state, loops in (*self.unread, *later.unset):  # the other entries of its column, or its row, cancel exactly
             E[..., state, state] = np.where(loops, -1.0, E[..., state, state])
         return _Change(E, self.unread, later.unset)
