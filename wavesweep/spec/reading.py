@@ -169,7 +169,21 @@ def _parse(text: str, name: str) -> dict:
     except RecursionError as error:
         raise SpecError([Mistake(name, "", "a TOML file", "values nested too deeply")]) from error
     except ValueError as error:  # TOMLDecodeError, or what int() says of a number with thousands of digits
-        raise SpecError([slip_in(text, str(error), name)]) from error
+        raise SpecError([_unlike_text(text, name) or slip_in(text, str(error), name)]) from error
+
+
+def _unlike_text(text: str, name: str) -> Mistake | None:
+    """Return the mistake of a file with bytes of 0, as UTF-16 has, or with a number of too many digits; None for any other."""
+    for pattern, expected in (
+        ("\0", "text in UTF-8 (save the file in this encoding)"),
+        (r"\d{4301,}", "a number of fewer digits"),
+    ):
+        if match := re.search(pattern, text):
+            before = text[: match.start()]
+            line, column = before.count("\n") + 1, match.start() - before.rfind("\n")
+            found = "a byte of 0, as in UTF-16" if pattern == "\0" else f"{len(match[0])} digits"
+            return Mistake(f"{name}:{line}:{column}", "", expected, found)
+    return None
 
 
 def read_dict(tables: Mapping) -> dict:
