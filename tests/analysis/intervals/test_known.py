@@ -267,3 +267,28 @@ def test_a_braked_mass_has_no_pole_at_one_beside_its_drift():
     tables = {"controller": {"kind": "pmw"}, "device": {"damping": 0.1}}
     assert wavesweep.compile(tables).cut.poles_at_one == 0
     assert wavesweep.compile(tables | {"operator": {"stiffness": 100.0}}).cut.poles_at_one == 0
+
+
+@pytest.mark.parametrize("kind", ["dc-slow", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("delay", [0, 1, 20])
+def test_a_damper_alone_before_a_mass_that_nothing_brakes_is_stable_from_0_on(kind, delay):
+    loop = wavesweep.compile({
+        "controller": {"kind": kind}, "device": {"damping": 0.0}, "environment": {"integration": "explicit", "delay": delay},
+    })  # fmt: skip
+    found = loop.stable_intervals("B_VE", (0.0, 3.0), K_VE=0.0)
+    assert found.certified.all()
+    assert (found.low[0], found.low_omega[0]) == (0.0, 0.0)
+
+
+def test_a_region_that_goes_on_from_an_unstable_part_is_unstable_if_its_count_is_lost_in_rounding():
+    """Its frame has entries of 1e5, beside which no other eigenvalue is known."""
+    loop = wavesweep.compile({
+        "controller": {"kind": "pmw", "b": 36.1, "Kp": 0.0}, "rates": {"ratio": 100}, "device": {"mass": 0.1, "damping": 0.1,
+        "velocity": "difference"}, "environment": {"integration": "explicit", "delay": 1, "K_VE": 0.0, "B_VE": 5.0},
+        "filters": {"lp1": {"order": 1, "cutoff_hz": 2.85}},
+    })  # fmt: skip
+    (row,) = loop.stable_intervals("device.mass", (0.01, 1.0)).itertuples()
+    assert row.certified
+    assert (row.low, row.high) == (pytest.approx(0.01798480866274, rel=1e-9), 1.0)
+    below, above = loop.spectral_radius(**{"device.mass": [row.low * (1 - 1e-6), row.low * (1 + 1e-6)]})
+    assert below > 1 > above

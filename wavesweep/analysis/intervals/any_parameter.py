@@ -238,11 +238,24 @@ def _counted_regions(evaluate, span, columns, ends, labelled, slack):
     counted = np.flatnonzero(label == 0)
     unstable = label.copy()
     unstable[counted] = count_where_clear(parts, counted, lambda some, value: Frames.of(evaluate(parts.column[some], value)).E)
+    unstable = _as_beside(parts, label, unstable)
     change = np.abs(unstable[parts.has_previous] - unstable[parts.has_next])
     fits = np.isnan(parts.gain[parts.has_previous]) | (change == parts.gain[parts.has_previous])
     found = parts.labelled(unstable, doubt, np.where(fits, NONE, COUNTS), error[parts.order])
     found = replace(found, unstable=np.where(found.doubt == COUNTS, UNKNOWN, unstable))
     return found, doubts_of(found, _doubts_at_ends(evaluate, span, columns, attached, labelled[LOST]))
+
+
+def _as_beside(parts, label, unstable):
+    """Counts of regions, those that are not known but go on from a part that is unstable throughout as of one eigenvalue.
+
+    Nothing crosses in a region, nor at an end that no crossing makes.
+    """
+    before, after = np.flatnonzero(parts.has_next), np.flatnonzero(parts.has_previous)
+    open_, found = np.isnan(parts.gain[after]), unstable.copy()
+    for one, other in ((before, after), (after, before)):
+        found[one[open_ & (label[one] == 0) & (unstable[one] < 0) & (label[other] == UNSTABLE)]] = 1
+    return found
 
 
 def _doubts_at_ends(evaluate, span, columns, attached, lost):

@@ -252,6 +252,8 @@ def at_both_ends(cut: Cut, owner, along: str, fixed, sign_at_one, sign_at_minus_
         solved, other = t.along(along)
         with np.errstate(divide="ignore", invalid="ignore"):
             values.append((t.one[owner] - fixed * other[owner]) / solved[owner])
+        if w == 0.0 and cut.poles_at_one and not cut.integrates:  # a mass that nothing brakes, but for this wall
+            values[-1] = np.where(fixed == 0, 0.0, values[-1])
     found = (
         np.tile(np.arange(fixed.size), 2),
         np.concatenate(values),
