@@ -21,6 +21,10 @@ MEANINGS = {
 """Kind -> its description for a user. A kind that is not listed has none."""
 
 
+FILTERS_OF = {"dc": (), "dc-slow": (), "dc-lm": (), "pmw": ("lp1",)}
+"""Kind -> the filters that it has, if it has not all of them: the rate sets no limit to the others."""
+
+
 def drawing_of(kind: str):
     """Return the function from flat values to the `Diagram` of that kind; KeyError if there is none."""
     drawn = CONTROLLERS[kind]

@@ -51,8 +51,8 @@ def mistakes(source, *overrides):
             "a.toml:4:9: environment.delay: expected a whole number <= 20 (rates.ratio), found 21",
         ),
         (
-            "[rates]\nfast_hz = 30",
-            ("a.toml:1:1: filters.lp2.cutoff_hz: expected a number < 15.0 (half of rates.fast_hz), found 20.0 (the default)"),
+            "[rates]\nfast_hz = 18",
+            ("a.toml:1:1: filters.lp1.cutoff_hz: expected a number < 9.0 (half of rates.fast_hz), found 10.0 (the default)"),
         ),
         (
             "[filters]\nlp1.cutoff_hz = 500",

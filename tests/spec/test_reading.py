@@ -4,8 +4,6 @@ import tomllib
 
 import pytest
 
-from wavesweep.errors import SpecError
-from wavesweep.spec import load
 from wavesweep.spec.reading import locate, scan
 
 TEXT = '''\
@@ -111,21 +109,3 @@ def test_every_path_of_the_tables_has_a_position_and_no_other():
 def test_odd_but_valid_texts_are_walked_to_their_end(text):
     tables = tomllib.loads(text)
     assert {path for path in scan(text) if len(path) == 1} == {(name,) for name in tables}
-
-
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        (b"[rates]\nratio = " + b"9" * 5000 + b"\n", "bad.toml:2:9: expected a number of fewer digits, found 5000 digits"),
-        (
-            "[rates]\n".encode("utf-16-le"),
-            "bad.toml:1:2: expected text in UTF-8 (save the file in this encoding), found a byte of 0",
-        ),
-    ],
-)
-def test_files_that_no_parser_reads_say_why(content, said, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "bad.toml").write_bytes(content)
-    with pytest.raises(SpecError) as error:
-        load("bad.toml")
-    assert str(error.value).startswith(said)

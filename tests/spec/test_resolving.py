@@ -7,8 +7,12 @@ import re
 import pytest
 from scipy import signal
 
+import wavesweep
+from wavesweep.controllers import CONTROLLERS, FILTERS_OF
+from wavesweep.diagram import keys_read
 from wavesweep.errors import SpecError
 from wavesweep.spec import load
+from wavesweep.spec.keys import FILTERS
 from wavesweep.spec.resolving import butterworth_order
 
 EDGES = {"passband_hz": 10, "stopband_hz": 40, "passband_db": 1, "stopband_db": 40}
@@ -145,3 +149,18 @@ def test_a_refused_rate_names_the_nearest_and_they_work(slow_hz, nearest):
     assert f"(the nearest: {nearest})" in str(error.value)
     for ratio in re.findall(r"ratio = (\d+)", nearest):
         assert load({"controller": {"kind": "dc"}}, [f"rates.ratio={ratio}"]).values["rates.ratio"] == int(ratio)
+
+
+@pytest.mark.parametrize("kind", CONTROLLERS)
+def test_the_rate_limits_no_filter_that_a_controller_does_not_read(kind):
+    read = {
+        path.split(".")[1] for path in keys_read(load({"controller": {"kind": kind}}).values) if path.startswith("filters.")
+    }
+    assert set(FILTERS_OF.get(kind, FILTERS)) == read
+    tables = {"controller": {"kind": kind}, "rates": {"fast_hz": 13.0, "ratio": 2}}
+    slow = {name: {"cutoff_hz": 1.0} for name in read}
+    spec = load(tables | {"filters": slow})
+    assert wavesweep.compile(spec).stable_intervals().certified.all()
+    if read:
+        with pytest.raises(SpecError, match=r"expected a number < 6.5 \(half of rates.fast_hz\)"):
+            load(tables)

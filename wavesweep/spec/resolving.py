@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from wavesweep.controllers import FILTERS_OF
 from wavesweep.errors import Mistake
 from wavesweep.spec.checking import Rejected, check, expectation, show
 from wavesweep.spec.devices import DEVICES, HapticDevice
@@ -207,8 +208,11 @@ def longest_delay(ratio: float) -> int:
 
 
 def _check_limit(path: str, given: Given, values: Mapping) -> list[Mistake]:
-    if path.endswith(".cutoff_hz") and values[path.replace("cutoff_hz", "order")] == 0:
-        return []  # no filter, so nothing reads its cutoff
+    if path.endswith(".cutoff_hz"):
+        if values[path.replace("cutoff_hz", "order")] == 0:
+            return []  # no filter, so nothing reads its cutoff
+        if path.split(".")[1] not in FILTERS_OF.get(values["controller.kind"], FILTERS):
+            return []
     expected = exceeds_limit(path, values[path], values)
     default = "" if path in given.leaves else " (the default)"
     return [given.leaf(path).mistake(path, expected, show(values[path]) + default)] if expected else []
