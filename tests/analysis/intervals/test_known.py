@@ -292,3 +292,20 @@ def test_a_region_that_goes_on_from_an_unstable_part_is_unstable_if_its_count_is
     assert (row.low, row.high) == (pytest.approx(0.01798480866274, rel=1e-9), 1.0)
     below, above = loop.spectral_radius(**{"device.mass": [row.low * (1 - 1e-6), row.low * (1 + 1e-6)]})
     assert below > 1 > above
+
+
+@pytest.mark.parametrize(("first", "second"), [(8e-11, 8e-11), (4e-11, 8e-11), (8e-12, 2e-11)])
+def test_an_island_between_a_pair_that_leaves_and_one_that_enters_is_not_certified_away(first, second):
+    """Narrower than the distance at which two ends are one; pairs of squared size 1 + (p - first) and 1 - (p + second)."""
+    tables = {
+        "rates": {"tick_hz": 1},
+        "numbers": {"p": 0.3},
+        "block": {
+            "a": {"type": "tf", "discrete": True, "num": [1], "den": [1, -1.08, f"1 - (p + {second})"]},
+            "b": {"type": "tf", "discrete": True, "num": [1], "den": [1, 0.83, f"1 + (p - {first})"]},
+            "c": {"type": "tf", "discrete": True, "num": [1], "den": [1, f"1 + 0.01*(p - {first / 2})"]},
+        },
+        "wire": {"a.u": "0*b.y", "b.u": "a.y", "c.u": "b.y"},
+    }
+    found = wavesweep.compile(tables).stable_intervals("p", (-1.0, 1.0))
+    assert not found.certified.any() or found.intervals[0] == 1

@@ -138,7 +138,7 @@ def test_with_a_position_correction_the_wall_itself_is_felt_however_soft_the_wav
 def test_a_share_of_the_force_is_no_rounding_because_it_is_small():
     spec = {"controller": {"kind": "dc"}, "operator": {"stiffness": 1e10, "damping": 5.0}, "environment": {"K_VE": 1e-3}}
     row = wavesweep.compile(spec).response([0.0]).iloc[0]
-    assert (row.impedance_re, row.doubt) == (pytest.approx(1e-3, rel=1e-6), "")
+    assert abs(row.impedance_re / 1e-3 - 1) <= row.impedance_error < 0.1
     none = wavesweep.compile(spec | {"environment": {"K_VE": 0.0, "B_VE": 0.1}}).response([0.0]).iloc[0]
     assert (none.impedance_re, none.impedance_error, none.doubt) == (0.0, 0.0, "")
 
@@ -148,3 +148,59 @@ def test_a_limit_that_low_frequencies_do_not_show_is_missing():
     tables = {"controller": {"kind": "pmw", "Kp": 20.0}, "device": {"mass": 0.001}, "rates": {"ratio": 100}}
     rows = wavesweep.compile(tables | {"environment": {"integration": "explicit"}}).response([0.0, 1e-3])
     assert rows[["admittance_re", "impedance_re", "admittance_error", "impedance_error"]].isna().all(axis=None)
+
+
+@pytest.mark.parametrize(
+    ("spec", "wanted"),
+    [
+        (  # a hand's spring beside which the wall's share is lost in rounding, and one beside which it has a few digits
+            {"controller": {"kind": "dc-lm"}, "operator": {"stiffness": 1.0}, "environment": {"K_VE": 1e-9}},
+            1e-9,
+        ),
+        (
+            {
+                "controller": {"kind": "dc-slow"}, "rates": {"ratio": 1}, "device": {"mass": 1.3, "damping": 0.001},
+                "operator": {"damping": 2.0, "stiffness": 1e5},
+                "environment": {"integration": "explicit", "K_VE": 0.05, "B_VE": 2000.0},
+            },
+            0.05,
+        ),
+        (
+            {
+                "controller": {"kind": "pmw", "Kp": 1e-6}, "rates": {"ratio": 2},
+                "operator": {"damping": 2.0, "stiffness": 1e6},
+                "device": {"damping": 1e5, "velocity": "difference"}, "filters": {"lp1": {"order": 2, "cutoff_hz": 490.0}},
+                "environment": {"integration": "trapezoidal", "delay": 2, "K_VE": 1e-15, "B_VE": 0.0},
+            },
+            1e-15,
+        ),
+        (
+            {
+                "controller": {"kind": "pmw", "Kp": 20.0}, "rates": {"slow_hz": 60.0}, "operator": {"stiffness": 1.0},
+                "environment": {"K_VE": 1e-10},
+            },
+            1e-10,
+        ),
+    ],
+)  # fmt: skip
+def test_a_small_share_of_the_force_is_bounded_or_missing(spec, wanted):
+    row = wavesweep.compile(spec).response([0.0]).iloc[0]
+    missing = np.isnan(row.impedance_re) and np.isnan(row.impedance_error)
+    assert missing or abs(row.impedance_re / wanted - 1) <= row.impedance_error
+    assert row.doubt == "rounding" or row.impedance_error < 1e-6
+
+
+@pytest.mark.parametrize("creep", [0.0, 1e-13, 1e-10, 1e-8])
+def test_a_device_that_creeps_has_no_admittance(creep):
+    """It is not given if the creep is too slow to be told from rest."""
+    tables = {
+        "rates": {"tick_hz": 1000}, "numbers": {"c": creep}, "ports": {"hand": {"force": "hand", "displacement": "m.x"}},
+        "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.0}, "i": {"type": "integrator"}},
+        "wire": {"m.f": "-100*(m.x - i.y) + hand", "i.u": "c*(m.x - i.y)"},
+    }  # fmt: skip
+    row = wavesweep.compile(tables).response([0.0]).iloc[0]
+    if creep:
+        assert np.isnan(row.admittance_re)
+        assert row.impedance_re == 0 or np.isnan(row.impedance_re)
+    else:
+        assert (row.admittance_re, row.doubt) == (pytest.approx(0.01, rel=1e-12), "")

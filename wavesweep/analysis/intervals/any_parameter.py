@@ -152,7 +152,7 @@ def _labelled_parts(evaluate, span, found, ends):
     """
     unsure = ends.take(~ends.good)
     doubtful = _merged(unsure.column, *_about(evaluate, span, unsure))
-    crossed = _never_stable(evaluate, ends, *doubtful)
+    crossed = _never_stable(evaluate, found, *doubtful)
     labelled = [
         (*_merged(*some), label, doubt)
         for some, label, doubt in (
@@ -169,23 +169,39 @@ def _labelled_parts(evaluate, span, found, ends):
     return ends, labelled
 
 
-def _never_stable(evaluate, ends, column, left, right):
+def _never_stable(evaluate, found, column, left, right):
     """Whether these parts are unstable throughout, wherever the crossings in them are.
 
-    From one end of a part to the other the count of unstable eigenvalues goes up or down by 2 or 1 at each root, and so by no
-    more than their sum. If the counts at both ends together are larger than that, it does not reach 0 between them.
+    found: of the panels. From one end of a part to the other the count of unstable eigenvalues goes up or down by 2 or 1 at
+    each root, and so by no more than their sum. If the counts at both ends together are larger than that, it does not reach 0
+    between them. Every root counts whose disc touches the part, as often as it was found; no panel without all of its roots may
+    touch it.
     """
     if not column.size:
         return np.zeros(0, bool)
     count, clear = count_outside(Frames.of(evaluate(np.tile(column, 2), np.concatenate([left, right]))).E)
-    place, who = np.concatenate([left, ends.value, right]), np.concatenate([column, ends.column, column])
-    kind = np.repeat([0, 1, 2], [left.size, ends.value.size, right.size])
-    jump = np.zeros(place.size)
-    jump[kind == 1] = np.where(ends.function == PAIR, 2, 1)
-    order, total = np.lexsort((kind, place, who)), np.empty(place.size)
-    total[order] = np.cumsum(jump[order])
-    within = total[kind == 2] - total[kind == 0]
-    return clear.reshape(2, -1).all(0) & (count.reshape(2, -1).sum(0) > within)
+    jump = np.where(found.function == PAIR, 2.0, 1.0)
+    within = _touching(column, left, right, found.column, found.x - found.within, found.x + found.within, jump)
+    open_ = sum(
+        _touching(column, left, right, *part, np.ones(part[0].size)) for part in (found.lost, found.overflown, found.settled)
+    )
+    return clear.reshape(2, -1).all(0) & (count.reshape(2, -1).sum(0) > within) & (open_ == 0)
+
+
+def _touching(column, left, right, owner, low, high, weight):
+    """The sum of the weights of those parts (owner, low, high) that touch each part (column, left, right)."""
+    before = _summed(column, left, owner, high, weight, strictly=True)  # of those that end before it
+    return _summed(column, right, owner, low, weight, strictly=False) - before
+
+
+def _summed(column, place, owner, value, weight, *, strictly):
+    """The sum of the weights of the values of these columns below each place, or up to it."""
+    who, where = np.concatenate([owner, column]), np.concatenate([value, place])
+    asks = np.repeat([0, 1], [owner.size, column.size])
+    order = np.lexsort((-asks if strictly else asks, where, who))
+    total = np.empty(who.size)
+    total[order] = np.cumsum(np.concatenate([weight, np.zeros(column.size)])[order])
+    return total[owner.size :]
 
 
 def _about(evaluate, span, unsure):

@@ -10,7 +10,7 @@ from wavesweep.analysis.response.ticks import ordered_product
 from wavesweep.lifted.circle import on_circle
 
 POINTS = 256  # frequencies at a time
-NOTHING = 1e-9  # of the hand's force, up to which what rounding may leave of a force is none
+NOTHING = 1e-11  # of the hand's force, up to which what rounding may leave of a force is none
 LOST = 0.1  # relative error from which on a number has no digit
 
 
@@ -86,9 +86,9 @@ def static_port_response(port: Port, *, twice: bool = True) -> tuple[np.ndarray,
         found, error = [slope[:1], value[1:2]], [off_slope[:1], off[1:2]]
         forces = np.zeros(value[0].shape), np.zeros(value[0].shape)
         if len(value) > 2:
-            found[1], error[1] = found[1] + slope[2:], np.where(going[2:], np.nan, error[1] + off_slope[2:])
+            found[1], error[1] = found[1] + slope[2:], np.where(np.abs(value[2:]) > off[2:], np.nan, error[1] + off_slope[2:])
             forces = value[2], off[2] / np.abs(value[2])
-        error[0] = np.where(going[:1], np.nan, error[0])
+        error[0] = np.where(np.abs(value[:1]) > off[:1], np.nan, error[0])  # if it is going, and if that is not clear
         none = (np.abs(found[-1]) <= error[-1]) & (error[-1] <= NOTHING) & (len(value) > 1)  # of 1 N: nothing but rounding
         found[-1], error[-1] = np.where(none, 0.0, found[-1]), np.where(none, 0.0, error[-1])
         admittance, impedance, *relative = _response(np.concatenate(found), np.concatenate(error))

@@ -39,6 +39,16 @@ def static_response(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
     return np.where(unknown | moves, np.nan, position), np.where(unknown, np.nan, stiffness)
 
 
+def zero_at_rest(loop: Loop) -> np.ndarray:
+    """Return whether the drawing says that the impedance at rest is zero, `(...)`.
+
+    Then nothing holds the device, or no force reaches it.
+    """
+    if not loop.diagram.structure:
+        return np.zeros(loop.lost.shape, bool)
+    return np.broadcast_to(_by_structure(loop.diagram.structure, loop.wall).any(0), loop.lost.shape)
+
+
 def _by_structure(structure, wall):
     """Whether nothing holds the device, and whether no force reaches the hand, for walls `(K_VE, B_VE)`, numbers or arrays."""
     there = np.broadcast_arrays(*(np.asarray(part) != 0 for part in wall))

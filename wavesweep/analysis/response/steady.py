@@ -7,12 +7,13 @@ import numpy as np
 from wavesweep.analysis.response.bordered import CLOSE, bordered, conserved_output
 from wavesweep.analysis.response.circle import Circle, circle
 from wavesweep.analysis.response.frame import Loop
-from wavesweep.analysis.response.static import static_response
+from wavesweep.analysis.response.static import static_response, zero_at_rest
 from wavesweep.lifted.circle import solve
 from wavesweep.lifted.rounding import ROUNDING
 
 GOOD = 1e-9  # bound on the relative error up to which the modes are believed; beyond, the larger system is solved
 LOST = 0.1  # relative error from which on a number has no digit
+EXTRAPOLATED = 85 / 45  # the sum of the sizes of the weights by which an extrapolation adds up three values
 LOW = 2e-4  # of the slowest pole and of the slow rate, the frequency that the static limit is held against
 NOISE = 1e-13  # of the sizes of the modes, what rounding may leave of an entry of their sum
 TERMS = 2_000_000  # ticks times frequencies at a time
@@ -81,11 +82,11 @@ def _at_rest(loop, modal):
     rate = float(np.min(loop.diagram.rate if loop.diagram.rate is not None else 1 / np.asarray(loop.diagram.period)))
     low = _responses(loop, modal, circle(loop, LOW * slow * rate / loop.diagram.ratio * np.array([1, 0.5, 0.25])))
     found = []
-    for value, part, error in zip(limit, low[:2], low[2:], strict=True):
+    for value, part, error, zero in zip(limit, low[:2], low[2:], (False, zero_at_rest(loop)[..., None]), strict=True):
         first, second = ((4 * part[..., [at + 1]] - part[..., [at]]).real / 3 for at in (0, 1))
-        expected = (16 * second - first) / 15
-        off = np.abs(value - expected) / np.maximum(np.abs(value), np.abs(expected)) + error.max(-1, keepdims=True)
-        off = np.where(value == 0, 0.0, off)  # a drawing says so
+        expected, missed = (16 * second - first) / 15, EXTRAPOLATED * (error * np.abs(part)).max(-1, keepdims=True)
+        off = (np.abs(value - expected) + missed) / np.minimum(np.abs(value), np.abs(expected))
+        off = np.where(zero & (value == 0), 0.0, off)
         known = off < LOST
         found.append((np.where(known, value, np.nan) + 0j, np.where(known, off, np.nan)))
     (admittance, of_admittance), (impedance, of_impedance) = found
