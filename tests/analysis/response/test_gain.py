@@ -99,3 +99,18 @@ def test_the_gain_of_a_constant_force_is_that_at_rest():
     rows = wavesweep.compile(spec | {"environment": {"K_VE": 0.0, "B_VE": 0.1}}).response([0.0, 250.0])
     assert (np.abs(rows.worst_gain - 1e6) <= 1e6 * rows.worst_gain_error).all()
     assert (rows.worst_gain_error < 1e-9).all()
+
+
+@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
+def test_what_is_conserved_without_a_wall_does_not_move_a_hand_on_a_spring(kind):
+    """With a wall the gain at multiples of the slow rate is unbounded, which is no doubt."""
+    tables = {"controller": {"kind": kind, "Kp": 0.0}, "rates": {"ratio": 4}, "operator": {"stiffness": 30.0}}
+    loop = wavesweep.compile(tables)
+    rows = loop.response([0.0, 1e-7, 250.0], K_VE=[0.0, 100.0])
+    free, wall = rows[rows.K_VE == 0], rows[rows.K_VE == 100]
+    assert free.worst_gain.to_numpy() == pytest.approx(free.worst_gain.iloc[1], rel=1e-9)
+    assert (free.worst_gain_error < 1e-9).all()
+    assert wall.worst_gain.isna().tolist() == [True, False, True]
+    assert (rows.doubt.iloc[:3] == "").all()
+    alone = loop.response([0.0, 1e-7, 250.0], K_VE=0.0)
+    assert alone.worst_gain.tolist() == free.worst_gain.tolist()

@@ -67,6 +67,8 @@ def _through_modes(whole, drifts, modes, ratio, frequency_hz, points=None):
 def with_scene(loop):
     """Return the loop with the scene's position among the outputs of the ticks, and whether the position drifts."""
     seen, dseen = loop.shown.seen
+    if loop.law is not None and not np.any(loop.still[0]):  # what is conserved does not move the position
+        loop = replace(loop, law=None, shown=replace(loop.shown, law=None))
     O, E = seen.copy(), loop.E.copy()
     if loop.lead is not None:
         O[..., 0, :, loop.lead] += loop.still[0]
