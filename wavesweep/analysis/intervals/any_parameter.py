@@ -20,6 +20,7 @@ from wavesweep.analysis.intervals.living import MoreStatesError, RecalledError, 
 from wavesweep.analysis.intervals.panels import RIM, ROUGH, panel_roots
 from wavesweep.analysis.intervals.polishing import ATTACHED, polished
 from wavesweep.analysis.intervals.regions import NEAR_ZERO, count_where_clear, cut_span
+from wavesweep.analysis.intervals.spans import are_in, merged, weight_touching
 from wavesweep.analysis.intervals.stable import MOST_STATES, Intervals, doubts_of, intervals_of, uneven_units
 from wavesweep.analysis.spectrum import count_outside
 
@@ -151,10 +152,10 @@ def _labelled_parts(evaluate, span, found, ends):
     found: of the panels, see `panel_roots`; ends: polished roots. A reciprocal pair of real eigenvalues crosses nothing.
     """
     unsure = ends.take(~ends.good)
-    doubtful = _merged(unsure.column, *_about(evaluate, span, unsure))
+    doubtful = merged(unsure.column, *_about(evaluate, span, unsure))
     crossed = _never_stable(evaluate, found, *doubtful)
     labelled = [
-        (*_merged(*some), label, doubt)
+        (*merged(*some), label, doubt)
         for some, label, doubt in (
             (found.settled, UNSTABLE, NONE),
             (found.lost, UNKNOWN, SEARCH),
@@ -165,7 +166,7 @@ def _labelled_parts(evaluate, span, found, ends):
     ]
     ends = ends.take(ends.good & ((ends.function != PAIR) | (ends.theta > 0)))
     for owner, left, right, _, _ in labelled:
-        ends = ends.take(~_inside(ends.column, ends.value, owner, left, right))
+        ends = ends.take(~are_in(ends.column, ends.value, owner, left, right))
     return ends, labelled
 
 
@@ -181,27 +182,12 @@ def _never_stable(evaluate, found, column, left, right):
         return np.zeros(0, bool)
     count, clear = count_outside(Frames.of(evaluate(np.tile(column, 2), np.concatenate([left, right]))).E)
     jump = np.where(found.function == PAIR, 2.0, 1.0)
-    within = _touching(column, left, right, found.column, found.x - found.within, found.x + found.within, jump)
+    within = weight_touching(column, left, right, found.column, found.x - found.within, found.x + found.within, jump)
     open_ = sum(
-        _touching(column, left, right, *part, np.ones(part[0].size)) for part in (found.lost, found.overflown, found.settled)
+        weight_touching(column, left, right, *part, np.ones(part[0].size))
+        for part in (found.lost, found.overflown, found.settled)
     )
     return clear.reshape(2, -1).all(0) & (count.reshape(2, -1).sum(0) > within) & (open_ == 0)
-
-
-def _touching(column, left, right, owner, low, high, weight):
-    """The sum of the weights of those parts (owner, low, high) that touch each part (column, left, right)."""
-    before = _summed(column, left, owner, high, weight, strictly=True)  # of those that end before it
-    return _summed(column, right, owner, low, weight, strictly=False) - before
-
-
-def _summed(column, place, owner, value, weight, *, strictly):
-    """The sum of the weights of the values of these columns below each place, or up to it."""
-    who, where = np.concatenate([owner, column]), np.concatenate([value, place])
-    asks = np.repeat([0, 1], [owner.size, column.size])
-    order = np.lexsort((-asks if strictly else asks, where, who))
-    total = np.empty(who.size)
-    total[order] = np.cumsum(np.concatenate([weight, np.zeros(column.size)])[order])
-    return total[owner.size :]
 
 
 def _about(evaluate, span, unsure):
@@ -303,30 +289,11 @@ def _roots(evaluate, span, columns, bounds, sizes, kept, order=0):
         return _roots(evaluate, span, columns, bounds, sizes, kept, more.order)
 
 
-def _merged(column, left, right):
-    """Parts that touch as one; parts of a column do not overlap."""
-    order = np.lexsort((left, column))
-    column, left, right = column[order], left[order], right[order]
-    apart = (np.diff(column) != 0) | (left[1:] > right[:-1])
-    first, last = np.append(True, apart)[: column.size], np.append(apart, True)[: column.size]
-    return column[first], left[first], right[last]
-
-
-def _inside(column, value, owner, left, right):
-    """Which of the values of these columns lie in one of the parts (owner, left, right) of their column."""
-    place, who = np.concatenate([left, right, value]), np.concatenate([owner, owner, column])
-    step = np.repeat([1, -1, 0], [left.size, right.size, value.size])
-    order = np.lexsort((place, who))
-    depth = np.empty(place.size, int)
-    depth[order] = np.cumsum(step[order])
-    return depth[left.size + right.size :] > 0
-
-
 def _given(parts, labelled):
     """Label and doubt of every region that lies in a part which is not to be counted; 0 and NONE elsewhere."""
     label, doubt = np.zeros(parts.column.size, int), np.zeros(parts.column.size, int)
     for owner, left, right, what, why in labelled:
-        inside = _inside(parts.column, parts.at(0.5), owner, left, right)
+        inside = are_in(parts.column, parts.at(0.5), owner, left, right)
         label, doubt = np.where(inside, what, label), np.where(inside, why, doubt)
     return label, doubt
 
