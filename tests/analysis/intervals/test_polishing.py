@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.analysis.intervals import panels, stable_along_any
+from wavesweep.analysis.intervals import any_parameter, panels, polishing, stable_along_any
 from wavesweep.analysis.intervals.critical import ONE, PAIR
+from wavesweep.analysis.intervals.frames import Frames
+from wavesweep.analysis.intervals.panels import Found
 from wavesweep.analysis.intervals.polishing import _nearest, polished
 from wavesweep.lifted.batches import CACHED, in_parts
 from wavesweep.lifted.lift import growth
@@ -117,3 +119,36 @@ def test_ends_next_to_each_other_keep_their_digits(form):
                 end = 0.3 + side * np.sqrt(level / factor)
             ends = rows[["low", "high"]].to_numpy().ravel()
             assert np.abs(ends - end).min() <= 1e-9 * (end + 1e-5)
+
+
+@pytest.mark.parametrize(("pivot", "wanted"), [(1.0, 2e-12), (0.4, 1e-6)])
+def test_digits_that_an_entry_has_lost_are_told_beside_it_unless_a_loop_comes_near_its_pole(pivot, wanted):
+    found = Frames(np.zeros((2, 1, 1)), np.array([[pivot], [1.0]]), np.array([16e6, 1.0]))
+    moved = polishing._by_condition(np.full((2, 1), 1e-12), found)
+    assert moved == pytest.approx([wanted])
+
+
+@pytest.mark.parametrize(
+    ("roots", "lost", "wanted"),
+    [
+        ([], (), True),
+        ([0.3, 0.4, 0.6], (), True),
+        ([0.2, 0.3, 0.4, 0.6], (), False),  # two leave, and two enter
+        ([0.3, 2.0], (), True),
+        ([], (0.9, 1.1), False),  # there may be more roots
+        ([], (1.1, 1.2), True),
+    ],
+)
+def test_a_part_is_unstable_throughout_if_too_few_roots_are_in_it(roots, lost, wanted):
+    """Two eigenvalues are unstable at both ends of the part from 0 to 1."""
+    none, roots = (np.zeros(0, int), np.zeros(0), np.zeros(0)), np.array(roots)
+    open_ = (np.zeros(1, int), np.array(lost[:1]), np.array(lost[1:])) if lost else none
+    nothing = np.zeros(roots.size)
+    found = Found(nothing.astype(int), nothing + ONE, roots, nothing, nothing, open_, none, none, *np.zeros((2, 1), bool))
+    E = np.diag([0.5, 0.5, -0.5])
+
+    def evaluate(_, p):
+        return Frames.of(np.broadcast_to(E, (p.size, 3, 3)))
+
+    part = np.zeros(1, int), np.zeros(1), np.ones(1)
+    assert any_parameter._never_stable(evaluate, found, *part).tolist() == [wanted]
