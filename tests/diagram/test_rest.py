@@ -93,6 +93,14 @@ def test_numbers_without_a_fraction_or_a_root_are_refused():
         value("sqrt(-a)", a=2.0)
 
 
+def test_any_residue_is_a_root_where_no_prime_has_them():
+    field = Field(PRIME, scattered=True)
+    roots = [field.of(value).sqrt().value for value in (2.0, 3.0, 5.0, 7.0, 11.0, 13.0)]
+    assert len({*roots}) == 6
+    assert field.of(2.0).sqrt().value == roots[0]
+    assert (field.of(2.0).sqrt() * field.of(2.0).sqrt() - 2).value != 0
+
+
 def test_the_primes_are_primes_of_which_half_of_all_fractions_have_roots():
     for prime in PRIMES:
         assert prime % 4 == 3

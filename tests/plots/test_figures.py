@@ -338,11 +338,10 @@ def test_the_static_limit_of_a_comparison_is_at_the_left_edge():
 
 
 def test_numbers_below_a_narrow_panel_do_not_touch():
-    from wavesweep.plots.style import figure
-
-    with figure(2.5, 1.5) as canvas:
-        for axes in canvas.subplots(1, 2).flat:
-            axes.set_xlim(10000, 20000)
+    with figure(7.0, 1.5) as canvas:
+        for axes in canvas.subplots(1, 3).flat:
+            axes.set_xlim(1000000, 2000000)
+            axes.ticklabel_format(style="plain")
     for axes in canvas.axes:
         boxes = sorted((box.x0, box.x1) for box in (label.get_window_extent() for label in axes.get_xticklabels()))
         assert len(boxes) >= 2
