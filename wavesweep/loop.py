@@ -45,8 +45,8 @@ class Loop:
     The methods take `axes` by name, each a number or a list, and compute the product of the lists. An axis is named by its
     symbol (`K_VE`, `b`, ...) or, for any other number, by its path in a mapping:
     `loop.spectral_radius(b=[20, 40], **{"device.mass": [0.1, 0.2]})`. Of a drawn loop these are also the keys of blocks that
-    are written as a number, `"block.arm.mass"`. If a call does not name an axis, its value is that of the
-    spec. If only the wall (K_VE, B_VE) changes, nothing is compiled again.
+    are written as a number, `"block.arm.mass"`. If a call does not name an axis, its value is that of the spec. If only the
+    wall (K_VE, B_VE) changes, nothing is compiled again.
     """
 
     spec: Spec

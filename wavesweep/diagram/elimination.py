@@ -38,10 +38,8 @@ def reduced_echelon(A, seen=None) -> tuple[np.ndarray, dict[int, int]]:
         factor[row] = 0
         rows, columns = np.flatnonzero(factor), np.flatnonzero(size[row])  # the others stay as they are
         part = np.ix_(rows, columns)
-        left, terms = (
-            A[part] - factor[rows, None] * A[row, columns],
-            size[part] + np.abs(factor[rows, None]) * size[row, columns],
-        )
+        left = A[part] - factor[rows, None] * A[row, columns]
+        terms = size[part] + np.abs(factor[rows, None]) * size[row, columns]
         A[part], size[part] = np.where(np.abs(left) <= ROUNDING * terms, 0.0, left), terms
         A[row, np.abs(A[row]) <= ROUNDING * size[row]] = 0
         pivots[column], used[column], done[row], best[row] = row, True, True, -1

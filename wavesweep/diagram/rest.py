@@ -30,12 +30,14 @@ def exact_shifts(
 
 
 def _equations(drawing, values, out, decimals, blocks):
-    """Rows, the states that they know, all unknowns, and the field, the first one that has the roots."""
+    """Rows, the states that they know, all unknowns, and the field, the first one that has the roots if any has."""
     unknowns = {f"{block.name}.{name}" for block in blocks for name in (*block.states, *block.inputs)}
-    for field in (*(Field(prime, decimals) for prime in PRIMES), Field(PRIME, decimals, scattered=True)):
+    for prime in PRIMES:
+        field = Field(prime, decimals)
         with suppress(NoRoot):
             return *_Equations(drawing, values, out, field).of(blocks), unknowns, field
-    raise NoRoot
+    field = Field(PRIME, decimals, scattered=True)
+    return *_Equations(drawing, values, out, field).of(blocks), unknowns, field
 
 
 def _agreeing(rows, known, unknowns, field, shifts):

@@ -173,8 +173,8 @@ def changed(spec: Spec, values: Mapping[str, float]) -> Spec:
 def text_of(spec: Spec) -> str:
     """The spec as TOML, with the keys that its loop reads and those that it gives.
 
-    Frequencies of [bode] end at half the rate. It has nothing else of [sweep], [bode], [simulate] and [design] that its numbers
-    rule out.
+    Frequencies of [bode] end at half the rate. Other parts of [sweep], [bode], [simulate] and [design] that its numbers rule
+    out are left out.
     """
     tables = (spec.as_designed() if spec.design else spec).tables()
     tables["bode"]["frequency_hz"] = _below(tables["bode"]["frequency_hz"], spec.tick_hz / 2)

@@ -40,12 +40,12 @@ def warp_scale(cut: Cut, *, alone: bool = False):
 
     alone: without those that are divided out, see `sampled_polynomial`.
     """
-    n = cut.E.shape[-1]
-    _, log_size = np.linalg.slogdet(cut.E)
+    n = cut.E.shape[-1] - (cut.poles_at_one if alone else 0)
     if alone:
-        n = max(n - cut.poles_at_one, 0)
         with np.errstate(divide="ignore"):
             log_size = np.log(np.sort(np.abs(np.linalg.eigvals(cut.E)), axis=-1)[..., cut.poles_at_one :]).sum(-1)
+    else:
+        _, log_size = np.linalg.slogdet(cut.E)
     with np.errstate(over="ignore", invalid="ignore"):
         mean = np.exp(np.nan_to_num(log_size, neginf=-0.5 * n) / max(n, 1))
     return np.clip(mean, NEAREST, FARTHEST)

@@ -133,9 +133,10 @@ def _by_numpy(cut, owner, along, fixed, span) -> Intervals:
 
 def _suit(method, cut, fixed):
     """Which columns a method is for."""
+    few = cut.order <= MOST_STATES
     if method is _by_polynomial_alone:
-        return (fixed == 0) & (cut.poles_at_one > 0) & (cut.order <= MOST_STATES)
-    return np.full(fixed.size, method is not _by_polynomial or cut.order <= MOST_STATES)
+        return (fixed == 0) & few & (cut.poles_at_one > 0)
+    return np.full(fixed.size, few or method is not _by_polynomial)
 
 
 def _finite(cut) -> tuple[Cut, np.ndarray]:
@@ -155,16 +156,15 @@ def _by_trace(cut, owner, along, fixed, span):
     return parts, np.where(trace_excludes_stability(cut, owner, along, fixed, span), NONE, CROWDED)
 
 
-def _by_polynomial(cut, owner, along, fixed, span):
+def _by_polynomial(cut, owner, along, fixed, span, *, alone=False):
     """Return regions and doubts from one polynomial per loop, shared by all its columns."""
-    polynomial = sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut), cut.batch))
+    polynomial = sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut, alone=alone), cut.batch), alone=alone)
     return _judged(cut, owner, along, fixed, span, crossings(cut, owner, along, fixed, span, polynomial))
 
 
-def _by_polynomial_alone(cut, owner, along, fixed, span):
+def _by_polynomial_alone(*columns):
     """The same for columns whose other wall parameter is 0, of loops that have poles at z = 1, which are divided out."""
-    polynomial = sampled_polynomial(cut, along, np.broadcast_to(warp_scale(cut, alone=True), cut.batch), alone=True)
-    return _judged(cut, owner, along, fixed, span, crossings(cut, owner, along, fixed, span, polynomial))
+    return _by_polynomial(*columns, alone=True)
 
 
 def _by_arcs(cut, owner, along, fixed, span):
