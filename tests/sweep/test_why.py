@@ -255,6 +255,20 @@ def test_a_range_that_the_spec_does_not_give_is_named():
     assert "K_VE has a span and no values: not swept, held at the spec's 500" in table.attrs["facts"]["notices"]
 
 
+def test_a_range_about_the_spec_s_own_value_if_there_is_a_single_one_to_sweep():
+    table = wavesweep.why({"controller": {"kind": "pmw", "b": 30.0}, "sweep": {"b": [20.0]}}, "b")
+    assert "b has no span in [sweep]: searched from 3 to 300" in table.attrs["facts"]["notices"]
+
+
+def test_the_key_of_a_block_is_explained_as_a_number_with_its_name():
+    named = PD.replace("kd = 3.0", "kd = 300.0")
+    by_name = wavesweep.why(tomllib.loads(named), "m")
+    by_path = wavesweep.why(tomllib.loads(named.replace("m = 0.2\n", "").replace('mass = "m"', "mass = 0.2")), "block.m.mass")
+    for column in ("limit", "omega", "elasticity", "slope"):
+        assert by_path[column].tolist() == by_name[column].tolist()
+    assert len(by_path)
+
+
 def test_a_mode_has_its_strongest_line_within_the_frame():
     """The sampled damping of the waves turns the velocity over every other tick; once a frame that looks slow."""
     facts = wavesweep.why(load(ROOT / "sweeps/examples/first-hour.toml", ["sweep.b={start=8,stop=200}"]), "b").attrs["facts"]

@@ -262,7 +262,8 @@ def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tupl
         raise SpecError([Mistake("", "along", "the name of a numeric key", *fault)])
     path = spec.names.find(name).path
     others = tuple(axis for axis in spec.sweep if axis.path != path and (axis.values or not swept))
-    wanted = [axis for axis in spec.sweep if axis.path == path] or _default_axes(spec, name, path, about=not swept)
+    wanted = [axis for axis in spec.sweep if axis.path == path and (swept or axis.start < axis.stop)]
+    wanted = wanted or _default_axes(spec, name, path, about=not swept)
     if not wanted or not wanted[0].start < wanted[0].stop:
         expected = f"a span to search, `{name} = {{ start = ..., stop = ... }}` in [sweep]"
         place = wanted[0].place if wanted else spec.source_place.under(("sweep",))

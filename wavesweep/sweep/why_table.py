@@ -18,6 +18,7 @@ from wavesweep.lifted import close, cut_at_wall
 from wavesweep.spec import Axis, Spec, sweep_axes
 from wavesweep.spec.drawing import decides, path_of
 from wavesweep.spec.expressions import names_in
+from wavesweep.spec.loading import naming
 from wavesweep.sweep.grid import Grid, groups, keys_of, make_grid, selected
 from wavesweep.sweep.interval_job import job_over
 from wavesweep.sweep.interval_table import method
@@ -45,10 +46,11 @@ COLUMNS = (
 def why(spec: Spec, along: str | None = None) -> Table:
     """The elasticities of each limit of the spec's own design: per cent by which it moves for one per cent of each number.
 
-    along: the axis of the intervals, the spec's own by default. The other axes of [sweep] are held at the spec's values.
-    Errors: as for `intervals`.
+    along: the axis of the intervals, the spec's own by default; a key of a block by its path too. The other axes of [sweep] are
+    held at the spec's values. Errors: as for `intervals`.
     """
     started = time.perf_counter()
+    spec = naming(spec, [along])
     axis, others = sweep_axes(spec, along, swept=False)
     job = job_over(make_grid(spec, (), axis.path), axis)
     found = in_memory(job)
