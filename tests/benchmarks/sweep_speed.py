@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 
 from wavesweep.diagram import draw
-from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted import close, cut_at_wall, with_batch
 from wavesweep.spec import load
 from wavesweep.sweep.interval_job import job_of
-from wavesweep.sweep.tasks import records_of, solve, with_batch
+from wavesweep.sweep.tasks import records_of, solve
 
 STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
 GRID, THOUSANDTH = 100, 1000

@@ -18,11 +18,10 @@ import numpy as np
 
 from wavesweep.diagram import draw, keys_read
 from wavesweep.errors import WavesweepError
-from wavesweep.lifted import Cut, cut_at_wall
+from wavesweep.lifted import Cut, cut_at_wall, with_batch
 from wavesweep.paper.specs import load_paper
 from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.grid import groups, make_grid
-from wavesweep.sweep.tasks import with_batch
 
 COLUMNS = (25, 50, 100, 200)
 FILE = Path(__file__).with_name("references.json")

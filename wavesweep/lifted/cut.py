@@ -13,6 +13,7 @@ from wavesweep.lifted.circle import solve
 from wavesweep.lifted.lift import slow_side
 
 V, ADVANCE, OFFSET = 0, 1, 2  # rows of C and D
+MODERATE = 7.3, 5.9  # N/m and N*s/m, a wall where moderate numbers are wanted
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -114,8 +115,27 @@ def cut_at_wall(diagram: Diagram, whole: Block | None = None) -> Cut:
 @lru_cache(maxsize=256)
 def _poles_at_one(structure):
     """How many eigenvalues 1 the loop without the wall and its drift has in a drawing with moderate numbers."""
-    E = cut_at_wall(structure).E
-    return E.shape[-1] - len(reduced_echelon(E)[1])
+    return _lacking(cut_at_wall(structure).E)
+
+
+@lru_cache(maxsize=256)
+def moves_on(structure: Diagram, wall: tuple[bool, bool]) -> bool:
+    """Return whether the loop has an eigenvalue 1 whatever its numbers are, as a device that nothing holds and nothing brakes.
+
+    It is none of a drift, nor of another combination of states that no force of the wall changes. structure: the drawing with
+    moderate numbers. wall: whether there is a stiffness, and whether there is a damping.
+    """
+    cut = cut_at_wall(structure)
+    closed = close(cut, *(size * each for size, each in zip(MODERATE, wall, strict=True)))
+    pushed = np.concatenate([cut.E, cut.B], -1)
+    if cut.integrates:
+        pushed = np.concatenate([pushed, np.append(cut.C[ADVANCE], cut.D[ADVANCE])[None]])
+    return _lacking(closed) > _lacking(pushed)
+
+
+def _lacking(A):
+    """By how much the rank of a matrix is less than the number of its rows."""
+    return len(A) - len(reduced_echelon(A)[1])
 
 
 def _about_lead(block, drift, lead):
@@ -138,6 +158,13 @@ def _integrated(E, advance):
     The input of the combination, `step - l B`, is zero then.
     """
     return solve(np.swapaxes(E, -1, -2), advance[..., None])[..., 0]
+
+
+def with_batch(cut: Cut, size: int) -> Cut:
+    """The cut as a batch of `size` loops, all its parts over all of them; a single loop is repeated."""
+    if cut.batch:
+        return cut.at(slice(None))
+    return cut.at(np.newaxis) if size == 1 else cut.at(np.newaxis).at(np.zeros(size, int))
 
 
 def open_in(cut: Cut, along: str, fixed) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

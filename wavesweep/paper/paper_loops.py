@@ -9,14 +9,13 @@ import numpy as np
 from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.analysis.passivity import ChannelNorm, channel_norm
 from wavesweep.diagram import draw, keys_read
-from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted import cut_at_wall, with_batch
 from wavesweep.paper.felt_responses import CONTROLLERS, FeltResponse, estimated, respond_to
 from wavesweep.paper.readings import Reading
 from wavesweep.paper.specs import load_paper
 from wavesweep.spec import Spec, find_key
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.sweep import intervals
-from wavesweep.sweep.tasks import with_batch
 
 Change = Mapping[str, float | int | str]
 Spans = list[tuple[float, float]]

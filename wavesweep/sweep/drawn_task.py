@@ -21,17 +21,18 @@ from wavesweep.diagram.domain import bends_at_zero, domains, guards_at
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.lifted import Cut
+from wavesweep.lifted import Cut, with_batch
 from wavesweep.lifted.number import OpenFrame, cut_of, open_frame
 from wavesweep.lifted.open_ticks import OpenTicks, facts_of
 from wavesweep.lifted.periodic import GROWN, LOST, frame_of, growth_of, ticks_of
 from wavesweep.lifted.rounding import hidden_in, sizes_in_all, turned
 from wavesweep.lifted.tick_drift import TickDrift, closed, errors_of_closed, filled, without_drift
 from wavesweep.spec.drawing import Drawing, name_of, path_of
+from wavesweep.sweep.any_number import TINY
 from wavesweep.sweep.apart import apart, common
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
 from wavesweep.sweep.grid import selected
-from wavesweep.sweep.tasks import FELT, TINY, felt_at_ends, records_of, with_batch
+from wavesweep.sweep.tasks import FELT, felt_at_ends, records_of
 
 
 def exact_cut(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], number: str) -> Cut | None:

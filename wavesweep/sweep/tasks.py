@@ -13,16 +13,15 @@ from typing import Protocol
 
 import numpy as np
 
-from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
-from wavesweep.analysis.intervals.frames import Frames
+from wavesweep.analysis.intervals import Intervals, stable_intervals
 from wavesweep.analysis.response import felt, felt_map
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import WALL, draw, identity
 from wavesweep.kernel import using
-from wavesweep.lifted import Cut, close, cut_at_wall
-from wavesweep.lifted.cut import wall_pivot
+from wavesweep.lifted import Cut, cut_at_wall, with_batch
 from wavesweep.lifted.lift import frame_at_rest
-from wavesweep.sweep.grid import groups, make_grid, selected
+from wavesweep.sweep.any_number import along_any_number, varied
+from wavesweep.sweep.grid import groups, make_grid
 
 WATCH = 0.5  # s between two looks at the parent
 
@@ -95,7 +94,6 @@ def settle_in(parent: int) -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-TINY = 1e-300  # in place of a zero, which would take a state out of the loop
 SYMBOL = dict(zip(WALL, ("K_VE", "B_VE"), strict=True))
 
 
@@ -149,7 +147,7 @@ def with_felt(task: IntervalTask, records: np.ndarray, drawn: Mapping[int, tuple
             continue
 
         def stiffness(some, p, values=values, at=at, rows=rows):
-            return felt(felt_map(draw(_varied(task, values, at[some], p)), p.shape), K[rows[some]])
+            return felt(felt_map(draw(varied(task, values, at[some], p)), p.shape), K[rows[some]])
 
         felt_at_ends(records, rows, stiffness)
     return records
@@ -211,7 +209,7 @@ def solve(task: IntervalTask, drawn: dict[int, tuple] | None = None) -> Interval
         if exact:
             parts.append(_along_wall(task, values, own, number, drawn if task.felt else None))
         else:
-            parts.append(_along_any_parameter(task, values, own))
+            parts.append(along_any_number(task, values, own))
         slices.append(members[parts[-1].column // walls] * walls + parts[-1].column % walls)
     if len(parts) == 1:
         return replace(parts[0], column=slices[0])
@@ -231,56 +229,6 @@ def _along_wall(task, values, walls, number, drawn):
         cut = cut_at_wall(diagram, whole)
     loops = with_batch(cut, len(walls[other]))
     return stable_intervals(loops, SYMBOL[task.along], task.span, walls[other])
-
-
-def _along_any_parameter(task, values, own):
-    """Intervals by eigenvalues: the loop is compiled again at every point, once for all walls."""
-    size, walls = own[WALL[0]].shape
-
-    def evaluate(number, p):
-        number, p = (each.ravel() for each in np.broadcast_arrays(number, p))
-        loop, wall = np.divmod(number, walls)
-        first, back = different(loop, p)
-        at, p = loop[first], np.where(p[first] == 0, TINY, p[first])
-        varied = _varied(task, values, at, p)
-        with np.errstate(all="ignore"):  # a loop may overflow beside the real axis; the panels look for such numbers
-            cuts = with_batch(cut_at_wall(draw(varied)), p.size).at(back)
-            there = [p[back] if path == task.along else own[path][loop, wall] for path in WALL]
-            return Frames(close(cuts, *there), (cuts.pivot * wall_pivot(cuts, *there))[:, None], cuts.condition)
-
-    rate = np.broadcast_to(np.asarray(values["rates.fast_hz"], float), (size,))
-    ticks = draw(values).ratio
-    return stable_along_any(evaluate, task.span, size * walls, np.repeat(ticks / rate, walls), _bounds(task, rate))
-
-
-def _varied(task, values, at, p):
-    """The values of some loops at other values of the parameter, with those that follow it."""
-    varied = selected(values, at) | {task.along: p}
-    return varied | {path: varied[path] * p for path in getattr(task, "ties", ())}
-
-
-def different(loop, p):
-    """Indices of the different pairs of loop and value, and for each pair the place of its equal among these."""
-    order = np.lexsort((p.imag, p.real, loop))
-    new = np.append(True, (loop[order[1:]] != loop[order[:-1]]) | (p[order[1:]] != p[order[:-1]]))[: p.size]
-    back = np.empty(p.size, int)
-    back[order] = np.cumsum(new) - 1
-    return order[new], back
-
-
-def _bounds(task, rate):
-    """The bounds of the parameter; a cutoff may go half way from the span to half the fast rate (Hz)."""
-    low, high = task.bounds
-    if task.along.endswith("cutoff_hz"):
-        high = min(high, (task.span[1] + rate.min() / 2) / 2)
-    return low, high
-
-
-def with_batch(cut: Cut, size: int) -> Cut:
-    """The cut as a batch of `size` loops, all its parts over all of them; a single loop is repeated."""
-    if cut.batch:
-        return cut.at(slice(None))
-    return cut.at(np.newaxis) if size == 1 else cut.at(np.newaxis).at(np.zeros(size, int))
 
 
 PORT = np.dtype([

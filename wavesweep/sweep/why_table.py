@@ -14,17 +14,17 @@ from wavesweep.diagram import WALL, draw, state_labels
 from wavesweep.diagram import drift_of as drift_of_diagram
 from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted import close, cut_at_wall, with_batch
 from wavesweep.spec import Axis, Spec, sweep_axes
 from wavesweep.spec.drawing import decides, path_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.spec.loading import naming
+from wavesweep.sweep.any_number import TINY
 from wavesweep.sweep.grid import Grid, groups, keys_of, make_grid, selected
 from wavesweep.sweep.interval_job import job_over
 from wavesweep.sweep.interval_table import method
 from wavesweep.sweep.running import in_memory
 from wavesweep.sweep.table import Table, facts_of, held
-from wavesweep.sweep.tasks import TINY, with_batch
 from wavesweep.sweep.verdict import line_hz
 
 METHOD = (

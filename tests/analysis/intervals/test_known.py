@@ -280,6 +280,75 @@ def test_a_damper_alone_before_a_mass_that_nothing_brakes_is_stable_from_0_on(ki
     assert (found.low[0], found.low_omega[0]) == (0.0, 0.0)
 
 
+@pytest.mark.parametrize(("b", "ratio", "delay"), [(44.4, 100, 0), (88.2, 10, 10), (36.1, 20, 20), (44.4, 20, 0)])
+def test_where_two_eigenvalues_meet_at_one_as_the_mode_of_the_tick_turns_over(b, ratio, delay):
+    """`v' = -v` for the damper b against the device: `tanh(d T/2m) = d/b`. Neither filter nor position correction hides it."""
+    loop = wavesweep.compile({
+        "controller": {"kind": "pmw", "b": b, "Kp": 0.0}, "rates": {"fast_hz": 2000.0, "ratio": ratio},
+        "device": {"damping": 1.5, "velocity": "exact"}, "filters": {"lp1": {"order": 0}},
+        "environment": {"integration": "implicit", "delay": delay, "B_VE": 0.0},
+    })  # fmt: skip
+    turn = 1.5 / 2000 / (2 * np.arctanh(1.5 / b))
+    found = loop.stable_intervals("device.mass", (0.005, 1.0), K_VE=[50.0, 300.0, 5000.0])
+    assert found.certified.all()
+    some = found[found.low_omega == 0]
+    assert len(some)
+    np.testing.assert_allclose(some.low, turn, rtol=1e-11)
+
+
+def test_a_complex_pair_beside_a_crossing_of_one_is_not_taken_for_it():
+    """Along the mass four eigenvalues are unstable, then five, three and, at the tick's turn, three others."""
+    loop = wavesweep.compile({
+        "controller": {"kind": "pmw-lm", "b": 64.2, "Kp": 0.0}, "device": {"damping": 0.1}, "rates": {"ratio": 20},
+        "environment": {"integration": "explicit", "delay": 20, "K_VE": 1000.0, "B_VE": 0.0},
+        "filters": {"lp1": {"order": 0}, "hp": {"order": 0}, "lp2": {"order": 2, "cutoff_hz": 109.3}},
+        "local_model": {"K_LM": 300.0, "B_LM": 0.5},
+    })  # fmt: skip
+    (row,) = loop.stable_intervals("device.mass", (0.02, 0.05)).itertuples()
+    assert row.certified
+    assert row.intervals == 0
+    assert (loop.spectral_radius(**{"device.mass": np.linspace(0.02, 0.05, 300)}) > 1).all()
+
+
+def test_an_eigenvalue_so_large_that_it_hides_the_others_is_unstable():
+    """1e25 to 1e76 per frame of 100 ticks."""
+    loop = wavesweep.compile({
+        "controller": {"kind": "pmw", "b": 91.8, "Kp": 0.0}, "rates": {"fast_hz": 500.0, "ratio": 100},
+        "environment": {"integration": "explicit", "delay": 1, "K_VE": 1000.0, "B_VE": 2.0},
+        "device": {"mass": 0.027}, "filters": {"lp1": {"order": 0}},
+    })  # fmt: skip
+    (row,) = loop.stable_intervals("device.damping", (0.0, 50.0)).itertuples()
+    assert (row.certified, row.intervals) == (True, 0)
+
+
+@pytest.mark.parametrize("along", ["b", "filters.lp1.cutoff_hz", "operator.mass"])
+def test_without_a_wall_a_device_that_nothing_brakes_is_nowhere_stable(along):
+    """Its velocity stays for ever, which is no drift of a position; a wall's damping brakes it."""
+    loop = wavesweep.compile({
+        "controller": {"kind": "pmw", "Kp": 0.0}, "device": {"damping": 0.0}, "environment": {"K_VE": 0.0, "B_VE": 0.0},
+    })  # fmt: skip
+    found = loop.stable_intervals(along, (2.0, 40.0), B_VE=[0.0, 2.0])
+    assert found.certified.all()
+    assert (found[found.B_VE == 0].intervals == 0).all()
+    assert (found[found.B_VE > 0].intervals > 0).all()
+    assert loop.stable_intervals(along, (2.0, 40.0), B_VE=0.0).drop(columns="B_VE").equals(
+        found[found.B_VE == 0].drop(columns="B_VE").reset_index(drop=True)
+    )  # fmt: skip
+
+
+def test_a_combination_that_the_wall_does_not_change_makes_no_loop_unstable():
+    """The impedance of the local model is zero and nothing filters behind it: such a loop is not certified either way."""
+    loop = wavesweep.compile({
+        "controller": {"kind": "pmw-lm", "b": 80.8, "Kp": 0.0}, "rates": {"fast_hz": 5000.0, "ratio": 2},
+        "environment": {"integration": "explicit", "delay": 1, "K_VE": 5000.0, "B_VE": 0.5},
+        "device": {"mass": 0.186, "damping": 0.0, "velocity": "difference"},
+        "filters": {"lp1": {"order": 2, "cutoff_hz": 1668.16}, "hp": {"order": 1, "cutoff_hz": 0.5}, "lp2": {"order": 0}},
+        "local_model": {"K_LM": 0.0, "B_LM": 0.0},
+    })  # fmt: skip
+    for along in ("b", "Kp"):
+        assert not loop.stable_intervals(along, (2.0, 40.0)).certified.any()
+
+
 def test_a_region_that_goes_on_from_an_unstable_part_is_unstable_if_its_count_is_lost_in_rounding():
     """Its frame has entries of 1e5, beside which no other eigenvalue is known."""
     loop = wavesweep.compile({

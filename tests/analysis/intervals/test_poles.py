@@ -14,7 +14,7 @@ from wavesweep.diagram import draw
 from wavesweep.errors import UsageError
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.lifted.cut import OFFSET, V, wall_pivot
-from wavesweep.sweep import tasks
+from wavesweep.sweep import any_number
 
 
 def pair_of_poles(beside):
@@ -178,7 +178,7 @@ def test_the_walls_own_loop_is_among_the_pivots(monkeypatch):
         seen.append(evaluate)
         return stable_along_any(evaluate, *given)
 
-    monkeypatch.setattr(tasks, "stable_along_any", watched)
+    monkeypatch.setattr(any_number, "stable_along_any", watched)
     tables = {"controller": {"kind": "pmw"}, "environment": {"delay": 0, "K_VE": 500.0}}
     wavesweep.compile(tables).stable_intervals("b", (10, 20), B_VE=2.0)
     b = np.array([11.0, 19.0])

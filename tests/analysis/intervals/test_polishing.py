@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.analysis.intervals import any_parameter, panels, polishing, stable_along_any
+from wavesweep.analysis.intervals import labelled, panels, polishing, stable_along_any
 from wavesweep.analysis.intervals.critical import ONE, PAIR
 from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.intervals.panels import Found
@@ -128,13 +128,30 @@ def test_digits_that_an_entry_has_lost_are_told_beside_it_unless_a_loop_comes_ne
     assert moved == pytest.approx([wanted])
 
 
+def test_an_entry_that_is_smaller_than_its_own_error_says_nothing_of_it():
+    found = Frames(np.zeros((2, 1, 1)), np.ones((2, 1)), np.array([1e16, 1.0]))
+    assert polishing._by_condition(np.array([[0.0], [1e-12]]), found) == pytest.approx([2e-12])
+
+
+def test_a_pair_that_crosses_beside_z_1_is_no_root_there():
+    """The pair is nearer to z = 1 than the real eigenvalue, and on the circle."""
+    pair = np.array([[np.cos(0.01), np.sin(0.01)], [-np.sin(0.01), np.cos(0.01)]])
+    E = np.zeros((1, 3, 3))
+    E[0, :2, :2], E[0, 2, 2] = pair - np.eye(2), 0.05
+    assert _nearest(E, np.array([ONE]))[1][0] == np.inf
+    E[0, 2, 2] = 0.005
+    assert _nearest(E, np.array([ONE]))[1][0] == pytest.approx(1.005**2 - 1)
+    assert _nearest(E, np.array([PAIR]))[1][0] == pytest.approx(0, abs=1e-15)
+
+
 @pytest.mark.parametrize(
     ("roots", "lost", "wanted"),
     [
         ([], (), True),
         ([0.3, 0.4, 0.6], (), True),
-        ([0.2, 0.3, 0.4, 0.6], (), False),  # two leave, and two enter
+        ([0.51, 0.52, 0.53, 0.54], (), False),  # two leave, and two enter
         ([0.3, 2.0], (), True),
+        ([0.1, 0.3, 0.6, 0.7, 0.8, 0.9], (), True),  # and they are unstable at half of it too
         ([], (0.9, 1.1), False),  # there may be more roots
         ([], (1.1, 1.2), True),
     ],
@@ -151,4 +168,19 @@ def test_a_part_is_unstable_throughout_if_too_few_roots_are_in_it(roots, lost, w
         return Frames.of(np.broadcast_to(E, (p.size, 3, 3)))
 
     part = np.zeros(1, int), np.zeros(1), np.ones(1)
-    assert any_parameter._never_stable(evaluate, found, *part).tolist() == [wanted]
+    assert labelled.never_stable(evaluate, found, *part).tolist() == [wanted]
+
+
+@pytest.mark.parametrize(("unstable", "kind", "wanted"), [(1, PAIR, True), (1, ONE, False), (2, PAIR, False)])
+def test_pairs_alone_leave_an_odd_number_outside(unstable, kind, wanted):
+    """Three roots next to each other, and so many eigenvalues outside at both ends."""
+    none, nothing = (np.zeros(0, int), np.zeros(0), np.zeros(0)), np.zeros(3)
+    roots = np.array([0.51, 0.52, 0.53])
+    found = Found(nothing.astype(int), nothing + kind, roots, nothing, nothing, none, none, none, *np.zeros((2, 3), bool))
+    E = np.diag([0.5] * unstable + [-0.5] * (3 - unstable))
+
+    def evaluate(_, p):
+        return Frames.of(np.broadcast_to(E, (p.size, 3, 3)))
+
+    part = np.zeros(1, int), np.zeros(1), np.ones(1)
+    assert labelled.never_stable(evaluate, found, *part).tolist() == [wanted]

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 
-from wavesweep.analysis.doubt import COUNTS, NONE, OVERFLOW, SEARCH
+from wavesweep.analysis.doubt import COUNTS, NONE, SEARCH
 from wavesweep.analysis.intervals.critical import (
     MOST_ERROR,
     PAIR,
@@ -16,24 +16,20 @@ from wavesweep.analysis.intervals.critical import (
 )
 from wavesweep.analysis.intervals.frames import NODES, Frames, level, pole_inside
 from wavesweep.analysis.intervals.interpolated import MOST_ORDER, interpolated_loop
+from wavesweep.analysis.intervals.labelled import LOST, NARROWEST, UNKNOWN, UNSTABLE, labelled_parts
 from wavesweep.analysis.intervals.living import MoreStatesError, RecalledError, living, typical
 from wavesweep.analysis.intervals.panels import RIM, ROUGH, panel_roots
 from wavesweep.analysis.intervals.polishing import ATTACHED, polished
 from wavesweep.analysis.intervals.regions import NEAR_ZERO, count_where_clear, cut_span
-from wavesweep.analysis.intervals.spans import are_in, merged, weight_touching
+from wavesweep.analysis.intervals.spans import are_in
 from wavesweep.analysis.intervals.stable import MOST_STATES, Intervals, doubts_of, intervals_of, uneven_units
-from wavesweep.analysis.spectrum import count_outside
 
-HALVINGS = 24  # of the disc of a root that is not certain, from its end on
-NARROWEST = 1e-10  # of the span; a panel this narrow that proves nothing is given up
 MANY = 512  # so many open panels of one column are, too
 TURN = 10.0  # of a span, where a bent variable turns from one that is even to its logarithm
 WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
 FINE = 1e-6  # error of a value over the largest of its panel, up to which its roots can be told
 UNSOLVED = 1e8  # condition of loops of direct terms so near to a value without a solution that it may be given as an end
 EXACT = 1e-9  # of an end, what rounding may move it by; and of a NEAR_ZERO-th of the span
-UNSTABLE, UNKNOWN = 1, -1  # labels of parts of the span that are not counted
-LOST = 1  # place of the parts that were not proved among these
 BENT, FROM_ZERO = "bent", "from zero"  # variables that are not chosen by the span
 
 
@@ -142,81 +138,8 @@ def _of_columns(evaluate, span, columns, period, bounds, slack, sizes, kept) -> 
     """
     loop, found = _roots(evaluate, span, columns, bounds, sizes, kept)
     ends = polished(evaluate, loop, found, span, slack)
-    ends, labelled = _labelled_parts(evaluate, span, found, ends)
+    ends, labelled = labelled_parts(evaluate, span, found, ends)
     return intervals_of(*_counted_regions(evaluate, span, columns, ends, labelled, slack), period)
-
-
-def _labelled_parts(evaluate, span, found, ends):
-    """The ends that are certain and in no part of the span that is labelled, and these parts: column, low, high, label, doubt.
-
-    found: of the panels, see `panel_roots`; ends: polished roots. A reciprocal pair of real eigenvalues crosses nothing.
-    """
-    unsure = ends.take(~ends.good)
-    doubtful = merged(unsure.column, *_about(evaluate, span, unsure))
-    crossed = _never_stable(evaluate, found, *doubtful)
-    labelled = [
-        (*merged(*some), label, doubt)
-        for some, label, doubt in (
-            (found.settled, UNSTABLE, NONE),
-            (found.lost, UNKNOWN, SEARCH),
-            (found.overflown, UNKNOWN, OVERFLOW),
-            ([part[~crossed] for part in doubtful], UNKNOWN, SEARCH),
-            ([part[crossed] for part in doubtful], UNSTABLE, NONE),
-        )
-    ]
-    ends = ends.take(ends.good & ((ends.function != PAIR) | (ends.theta > 0)))
-    for owner, left, right, _, _ in labelled:
-        ends = ends.take(~are_in(ends.column, ends.value, owner, left, right))
-    return ends, labelled
-
-
-def _never_stable(evaluate, found, column, left, right):
-    """Whether these parts are unstable throughout, wherever the crossings in them are.
-
-    found: of the panels. From one end of a part to the other the count of unstable eigenvalues goes up or down by 2 or 1 at
-    each root, and so by no more than their sum. If the counts at both ends together are larger than that, it does not reach 0
-    between them. Every root counts whose disc touches the part, as often as it was found; no panel without all of its roots may
-    touch it.
-    """
-    if not column.size:
-        return np.zeros(0, bool)
-    count, clear = count_outside(Frames.of(evaluate(np.tile(column, 2), np.concatenate([left, right]))).E)
-    jump = np.where(found.function == PAIR, 2.0, 1.0)
-    within = weight_touching(column, left, right, found.column, found.x - found.within, found.x + found.within, jump)
-    open_ = sum(
-        weight_touching(column, left, right, *part, np.ones(part[0].size))
-        for part in (found.lost, found.overflown, found.settled)
-    )
-    return clear.reshape(2, -1).all(0) & (count.reshape(2, -1).sum(0) > within) & (open_ == 0)
-
-
-def _about(evaluate, span, unsure):
-    """The parts about uncertain ends: low, high.
-
-    They go beyond the end by NARROWEST of the span, and on a side as far as its disc if the count of unstable eigenvalues is
-    not clear there, or another one than at the end of the disc: then the root may be between. Halving takes off what has the
-    same count as that end, since the disc has one root only.
-    """
-
-    def counted(column, places):
-        return count_outside(Frames.of(evaluate(column, places)).E)
-
-    width, parts = NARROWEST * (span[1] - span[0]), []
-    for side, ends in ((-1, np.minimum(unsure.first, unsure.value)), (1, np.maximum(unsure.last, unsure.value))):
-        near, far = np.clip(unsure.value + side * width, *span), np.clip(ends, *span)
-        some = np.flatnonzero(side * (far - near) > 0)
-        if some.size:
-            column, inner, outer = unsure.column[some], near[some], far[some]
-            (beyond, sure), (count, clear) = counted(column, outer), counted(column, inner)
-            open_ = ~(sure & clear & (count == beyond))
-            for _ in range(HALVINGS):
-                middle = (inner + outer) / 2
-                count, clear = counted(column, middle)
-                same = sure & clear & (count == beyond)
-                inner, outer = np.where(same, inner, middle), np.where(same, middle, outer)
-            near[some] = np.where(open_, outer, near[some])
-        parts.append(near)
-    return parts
 
 
 def _counted_regions(evaluate, span, columns, ends, labelled, slack):
@@ -239,10 +162,20 @@ def _counted_regions(evaluate, span, columns, ends, labelled, slack):
     label, doubt = _given(parts, labelled)
     counted = np.flatnonzero(label == 0)
     unstable = label.copy()
-    unstable[counted] = count_where_clear(parts, counted, lambda some, value: Frames.of(evaluate(parts.column[some], value)).E)
+
+    def matrices(some, value):
+        return Frames.of(evaluate(parts.column[some], value)).E
+
+    unstable[counted] = count_where_clear(parts, counted, matrices)
+    hidden = counted[unstable[counted] < 0]  # by the rounding of an eigenvalue that is very large, for one
+    if hidden.size:
+        surely, _ = surely_unstable_by_traces(matrices(hidden, parts.at(0.5)[hidden]))
+        label[hidden[surely]] = unstable[hidden[surely]] = UNSTABLE
     unstable = _as_beside(parts, label, unstable)
-    change = np.abs(unstable[parts.has_previous] - unstable[parts.has_next])
-    fits = np.isnan(parts.gain[parts.has_previous]) | (change == parts.gain[parts.has_previous])
+    before, after = parts.has_next, parts.has_previous
+    gain = parts.gain[after]
+    uncounted = (label[before] == UNSTABLE) & (unstable[after] > 0) | (label[after] == UNSTABLE) & (unstable[before] > 0)
+    fits = np.isnan(gain) | (np.abs(unstable[after] - unstable[before]) == gain) | uncounted
     found = parts.labelled(unstable, doubt, np.where(fits, NONE, COUNTS), error[parts.order])
     found = replace(found, unstable=np.where(found.doubt == COUNTS, UNKNOWN, unstable))
     return found, doubts_of(found, _doubts_at_ends(evaluate, span, columns, attached, labelled[LOST]))

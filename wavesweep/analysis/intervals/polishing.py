@@ -151,7 +151,7 @@ def _of_two(evaluate, column, kind, x, slack, reach):
     value, unsure = (part.reshape(2, -1) for part in function_of_two(found.E, np.tile(kind, 2), np.tile(place, 2)))
     with np.errstate(all="ignore"):
         slope = (value[1] - value[0]) / step
-        by, moved = -value[0] / slope, unsure.max(0) / np.abs(slope) * np.maximum(1, found.condition[: x.size] / ORDINARY)
+        by, moved = -value[0] / slope, _by_condition(unsure / np.abs(slope), found)
     near = np.abs(by) <= np.maximum(step, reach)
     return np.where(near, x + by, x), np.abs(value[0]), np.where(np.isfinite(moved), moved, np.inf), np.abs(by)
 
@@ -206,8 +206,10 @@ def _by_condition(moved, found):
     is that at the step, where they are left. So the smaller one of both bounds holds, unless a loop of direct terms comes
     nearer to having no solution.
     """
-    moved = moved * np.maximum(1, found.condition.reshape(2, -1) / ORDINARY)
+    condition = np.broadcast_to(found.condition, found.E.shape[:1]).reshape(2, -1)
     with np.errstate(all="ignore"):
+        # Nothing is left of an entry that is smaller than its own error.
+        moved = np.where(condition * np.finfo(float).eps < 1, moved * np.maximum(1, condition / ORDINARY), np.inf)
         here, later = np.abs(found.pivots).reshape(2, moved.shape[1], -1)
         steady = (here >= STEADY * later).all(-1)
     return np.where(steady, np.fmin(moved[0], moved[1] / STEADY), moved[0])
@@ -217,8 +219,8 @@ def _nearest(E, kind):
     """Return the eigenvalue w = z - 1 of that kind that is nearest to its place on the circle, its distance, and its angle.
 
     The distance is 1 - |z|^2, or 1/z_i - z_j of a reciprocal pair whose larger one is z_i, which makes z_j rough;
-    |z|^2 - 1 at z = +-1. The angle is 0 for a reciprocal pair. A fourth array has the distance of the second nearest from z = 1
-    or z = -1, infinite for PAIR.
+    |z|^2 - 1 at z = +-1, infinite if that eigenvalue is not real. The angle is 0 for a reciprocal pair. A fourth array has the
+    distance of the second nearest from z = 1 or z = -1, infinite for PAIR.
     """
     w, known = eigenvalues(E)
     w = np.concatenate([w, np.full((len(w), 1), -1.0)], axis=-1)  # z = 0, which makes a pair for a single eigenvalue
@@ -231,6 +233,7 @@ def _nearest(E, kind):
     other = np.where(kind == PAIR, np.inf, np.partition(apart, 1, axis=-1)[:, 1])
     larger = np.where(first.imag == 0, np.maximum(1.0, np.maximum(np.abs(1 + first), np.abs(1 + second))), 1.0)
     miss = np.where(kind == PAIR, np.take_along_axis(pair, best, -1)[:, 0].real / larger, excess(single))
+    known &= (kind == PAIR) | (single.imag == 0)  # a complex pair that crosses beside z = +-1 is a root of PAIR
     theta = np.where(kind == PAIR, np.abs(np.angle(1 + first)) * (first.imag != 0), np.where(kind == ONE, 0.0, np.pi))
     return np.where(kind == PAIR, first, single), np.where(known, miss, np.inf), theta, other
 

@@ -11,11 +11,11 @@ from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import scene_drift
 from wavesweep.lifted.circle import solve
+from wavesweep.lifted.cut import MODERATE
 from wavesweep.lifted.frame import unrolled
 from wavesweep.lifted.lift import frame_at_rest, only, prune
 
 STILL = 1e-9  # of its terms, up to which a number of a loop of moderate numbers is nothing but rounding
-WALL = 7.3, 5.9  # N/m and N*s/m, where moderate numbers are wanted
 
 
 def static_response(loop: Loop) -> tuple[np.ndarray, np.ndarray]:
@@ -61,7 +61,7 @@ def _by_structure(structure, wall):
 
 @lru_cache(maxsize=256)
 def _of_structure(structure, there):
-    wall = (size * each for size, each in zip(WALL, there, strict=True))
+    wall = (size * each for size, each in zip(MODERATE, there, strict=True))
     with np.errstate(all="ignore"):
         return [bool(flag) for flag in _limit(prepare(structure, *wall))[2:]]
 

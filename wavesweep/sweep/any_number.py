@@ -1,0 +1,90 @@
+"""Stable intervals along a number that is no wall of one of the controllers: the loop is compiled again at every value."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from wavesweep.analysis.doubt import NONE
+from wavesweep.analysis.intervals import Intervals, stable_along_any
+from wavesweep.analysis.intervals.frames import Frames
+from wavesweep.analysis.spectrum import count_outside
+from wavesweep.diagram import WALL, draw
+from wavesweep.lifted import close, cut_at_wall, with_batch
+from wavesweep.lifted.cut import moves_on, wall_pivot
+from wavesweep.sweep.grid import selected
+
+TINY = 1e-300  # in place of a zero, which would take a state out of the loop
+
+
+def along_any_number(task, values, own):
+    """Return the intervals of the loops `values`, each closed with every wall of `own`, in a task along such a number.
+
+    own: path -> value of both numbers of the wall, `(loops, walls)`. A loop is compiled again at every value, once for all
+    walls. One that is nowhere stable by its drawing is given as such if its numbers, in the middle of the range, agree.
+    """
+    size, walls = own[WALL[0]].shape
+
+    def evaluate(number, p):
+        number, p = (each.ravel() for each in np.broadcast_arrays(number, p))
+        loop, wall = np.divmod(number, walls)
+        first, back = _different(loop, p)
+        at, p = loop[first], np.where(p[first] == 0, TINY, p[first])
+        changed = varied(task, values, at, p)
+        with np.errstate(all="ignore"):  # a loop may overflow beside the real axis; the panels look for such numbers
+            cuts = with_batch(cut_at_wall(draw(changed)), p.size).at(back)
+            there = [p[back] if path == task.along else own[path][loop, wall] for path in WALL]
+            return Frames(close(cuts, *there), (cuts.pivot * wall_pivot(cuts, *there))[:, None], cuts.condition)
+
+    rate = np.broadcast_to(np.asarray(values["rates.fast_hz"], float), (size,))
+    period, bounds = np.repeat(draw(values).ratio / rate, walls), _bounds(task, rate)
+    restless = np.flatnonzero(_restless(task, values, own))
+    if restless.size:  # their numbers have to agree
+        restless = restless[~count_outside(evaluate(restless, np.full(restless.size, sum(task.span) / 2)).E)[1]]
+    if not restless.size:
+        return stable_along_any(evaluate, task.span, size * walls, period, bounds)
+    open_, found = np.setdiff1d(np.arange(size * walls), restless), [_nowhere(restless)]
+    if open_.size:
+        part = stable_along_any(lambda column, p: evaluate(open_[column], p), task.span, open_.size, period[open_], bounds)
+        found.append(replace(part, column=open_[part.column]))
+    whole = Intervals.join(found)
+    return whole.take(np.argsort(whole.column, kind="stable"))
+
+
+def _restless(task, values, own):
+    """Which columns are nowhere stable by their drawing, whatever their numbers are; see `moves_on`."""
+    p = max(task.span, key=abs)
+    structure = draw(varied(task, values, np.zeros(1, int), np.array([p]))).structure
+    there = [np.ravel(own[path] != 0) if path != task.along else np.full(own[path].size, p != 0) for path in WALL]
+    if structure is None:
+        return np.zeros(there[0].size, bool)
+    known = {pattern: moves_on(structure, pattern) for pattern in {*zip(*(part.tolist() for part in there), strict=True)}}
+    return np.array([known[pattern] for pattern in zip(*(part.tolist() for part in there), strict=True)])
+
+
+def _nowhere(column):
+    """These columns without a stable interval, certified."""
+    nothing, none = np.full(column.size, np.nan), np.zeros(column.size, int)
+    return Intervals(column, none - 1, none, nothing, nothing, nothing, nothing, none + NONE, np.zeros(column.size))
+
+
+def varied(task, values, at, p):
+    """The values of some loops at other values of the parameter, with those that follow it."""
+    changed = selected(values, at) | {task.along: p}
+    return changed | {path: changed[path] * p for path in getattr(task, "ties", ())}
+
+
+def _different(loop, p):
+    """Indices of the different pairs of loop and value, and for each pair the place of its equal among these."""
+    order = np.lexsort((p.imag, p.real, loop))
+    new = np.append(True, (loop[order[1:]] != loop[order[:-1]]) | (p[order[1:]] != p[order[:-1]]))[: p.size]
+    back = np.empty(p.size, int)
+    back[order] = np.cumsum(new) - 1
+    return order[new], back
+
+
+def _bounds(task, rate):
+    """The bounds of the parameter; a cutoff may go half way from the span to half the fast rate (Hz)."""
+    low, high = task.bounds
+    if task.along.endswith("cutoff_hz"):
+        high = min(high, (task.span[1] + rate.min() / 2) / 2)
+    return low, high
