@@ -321,6 +321,32 @@ def test_an_eigenvalue_so_large_that_it_hides_the_others_is_unstable():
     assert (row.certified, row.intervals) == (True, 0)
 
 
+def test_a_crossing_that_rounding_moves_is_sought_next_to_its_place_and_not_in_its_whole_disc():
+    """At b = 79.1 the mode of the tick turns over, known to 3e-9 alone; in its disc is the end of the stable range, 58.9."""
+    loop = wavesweep.compile({
+        "controller": {"kind": "pmw", "b": 82.1, "Kp": 0.0}, "rates": {"fast_hz": 500.0, "ratio": 2},
+        "environment": {"integration": "trapezoidal", "delay": 1, "K_VE": 0.0, "B_VE": 5.0},
+        "device": {"mass": 0.079, "damping": 5.0}, "filters": {"lp1": {"order": 0}},
+    })  # fmt: skip
+    (row,) = loop.stable_intervals("b", (2.0, 400.0)).itertuples()
+    assert (row.certified, row.intervals, row.low) == (True, 1, 2.0)
+    below, above = loop.spectral_radius(b=[row.high * (1 - 1e-8), row.high * (1 + 1e-8)])
+    assert below < 1 < above
+
+
+def test_a_crossing_beside_a_very_large_eigenvalue_leaves_no_doubt():
+    """A pair enters at b = 1210, in which 5e7 is outside: their own place is rounding."""
+    loop = wavesweep.compile({
+        "controller": {"kind": "pmw", "b": 52.3, "Kp": 10.0}, "rates": {"ratio": 20},
+        "environment": {"integration": "trapezoidal", "delay": 20, "K_VE": 1000.0, "B_VE": 0.0},
+        "device": {"mass": 0.353, "damping": 0.1}, "filters": {"lp1": {"order": 0}},
+    })  # fmt: skip
+    (row,) = loop.stable_intervals("b", (2.0, 1765.0)).itertuples()
+    assert (row.certified, row.intervals) == (True, 1)
+    grid = np.concatenate([np.linspace(2, 1765, 300), np.linspace(row.low, row.high, 12)[1:-1]])
+    assert ((loop.spectral_radius(b=grid) < 1) == ((row.low < grid) & (grid < row.high))).all()
+
+
 @pytest.mark.parametrize("along", ["b", "filters.lp1.cutoff_hz", "operator.mass"])
 def test_without_a_wall_a_device_that_nothing_brakes_is_nowhere_stable(along):
     """Its velocity stays for ever, which is no drift of a position; a wall's damping brakes it."""

@@ -37,7 +37,7 @@ def test_two_real_eigenvalues_next_to_one_hide_no_crossing(slow, off):
     one, none = np.array([0]), (np.zeros(0, int), np.zeros(0), np.zeros(0))
     found = panels.Found(one, np.array([PAIR]), np.array([1 + off]), np.array([1e-2]), one, none, none, none, one > 0, one > 0)
     loop = SimpleNamespace(pieces=SimpleNamespace(degree=one), piece=lambda column, _: 0 * column)
-    ends = polished(evaluate, loop, found, (0.5, 1.6), lambda p: 1e-9 * np.abs(p))
+    ends, _ = polished(evaluate, loop, found, (0.5, 1.6), lambda p: 1e-9 * np.abs(p))
     assert ends.theta.tolist() == [pytest.approx(0.9)]
     assert ends.good.all()
     np.testing.assert_allclose(ends.value, 1.0, rtol=1e-9)

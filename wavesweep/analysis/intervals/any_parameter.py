@@ -21,10 +21,10 @@ from wavesweep.analysis.intervals.living import MoreStatesError, RecalledError, 
 from wavesweep.analysis.intervals.panels import RIM, ROUGH, panel_roots
 from wavesweep.analysis.intervals.polishing import ATTACHED, polished
 from wavesweep.analysis.intervals.regions import NEAR_ZERO, count_where_clear, cut_span
-from wavesweep.analysis.intervals.spans import are_in
+from wavesweep.analysis.intervals.spans import are_in, weight_touching
 from wavesweep.analysis.intervals.stable import MOST_STATES, Intervals, doubts_of, intervals_of, uneven_units
 
-MANY = 512  # so many open panels of one column are, too
+MANY, FEW = 512, 8  # so many open panels of one column are, too; in parts that may be surely unstable
 TURN = 10.0  # of a span, where a bent variable turns from one that is even to its logarithm
 WIDE = 3.0  # ratio of the span's ends above which its logarithm is the variable
 FINE = 1e-6  # error of a value over the largest of its panel, up to which its roots can be told
@@ -137,8 +137,8 @@ def _of_columns(evaluate, span, columns, period, bounds, slack, sizes, kept) -> 
     slack(p): by how much rounding may move an end. sizes, kept: see `interpolated_loop`. The others: see `stable_along_any`.
     """
     loop, found = _roots(evaluate, span, columns, bounds, sizes, kept)
-    ends = polished(evaluate, loop, found, span, slack)
-    ends, labelled = labelled_parts(evaluate, span, found, ends)
+    ends, found = polished(evaluate, loop, found, span, slack)
+    ends, labelled = labelled_parts(evaluate, span, found, ends, partial(_surely_unstable, loop, columns, bounds))
     return intervals_of(*_counted_regions(evaluate, span, columns, ends, labelled, slack), period)
 
 
@@ -220,6 +220,19 @@ def _roots(evaluate, span, columns, bounds, sizes, kept, order=0):
         return loop, panel_roots(_sampler(loop), *first, columns, smallest, MANY, bounds, settling=SURELY_UNSTABLE)
     except MoreStatesError as more:
         return _roots(evaluate, span, columns, bounds, sizes, kept, more.order)
+
+
+def _surely_unstable(loop, columns, bounds, column, low, high):
+    """Whether SURELY_UNSTABLE is proved to be positive all over these parts, whatever crosses there."""
+    functions = _sampler(loop)
+
+    def sample(column, p):
+        phase, log, error = functions(column, p)
+        return phase, log, np.concatenate([np.full_like(error[:SURELY_UNSTABLE], MOST_ERROR), error[SURELY_UNSTABLE:]])
+
+    found = panel_roots(sample, column, low, high, columns, 0.0, FEW, bounds, settling=SURELY_UNSTABLE)
+    left = [np.concatenate(some) for some in zip(found.lost, found.overflown, strict=True)]
+    return weight_touching(column, low, high, *left, np.ones(left[0].size)) == 0
 
 
 def _given(parts, labelled):

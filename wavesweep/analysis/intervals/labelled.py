@@ -19,7 +19,7 @@ UNSTABLE, UNKNOWN = 1, -1  # labels of parts of the span that are not counted
 LOST = 1  # place of the parts that were not proved among these
 
 
-def labelled_parts(evaluate, span, found, ends):
+def labelled_parts(evaluate, span, found, ends, surely_unstable):
     """The ends that are certain and in no part of the span that is labelled, and these parts: column, low, high, label, doubt.
 
     found: of the panels, see `panel_roots`; ends: polished roots. A reciprocal pair of real eigenvalues crosses nothing.
@@ -27,6 +27,7 @@ def labelled_parts(evaluate, span, found, ends):
     unsure = ends.take(~ends.good)
     doubtful = merged(unsure.column, *_about(evaluate, span, unsure))
     crossed = never_stable(evaluate, found, *doubtful)
+    crossed[~crossed] = surely_unstable(*(part[~crossed] for part in doubtful))
     labelled = [
         (*merged(*some), label, doubt)
         for some, label, doubt in (
