@@ -52,6 +52,36 @@ def test_an_axis_that_other_keys_follow_from_is_drawn(axis):
     assert ("the spec's own" in names) == (axis == "rates.slow_hz")
 
 
+def crosses(figure):
+    """Places of the marks of the spec's own design."""
+    return [(*line.get_xdata(), *line.get_ydata()) for axes in figure.axes for line in axes.lines if line.get_marker() == "x"]
+
+
+def test_the_own_design_lies_at_its_own_value_of_the_axis_that_is_drawn():
+    """[sweep] names another axis than `zwidth` takes."""
+    spec = {
+        "controller": {"kind": "pmw", "b": 20.0},
+        "environment": {"K_VE": 300.0, "B_VE": 1.0, "integration": "explicit"},
+        "sweep": {
+            "along": "b",
+            "b": {"start": 2.0, "stop": 100.0},
+            "B_VE": [0.0, 1.0, 2.0],
+            "K_VE": {"start": 0, "stop": 1000},
+        },
+    }
+    for along, own in (("K_VE", 300.0), ("b", 20.0)):
+        table = intervals(wavesweep.load(spec), along)
+        assert crosses(plots.zwidth(table.columns, table.facts)) == [(1.0, own)]
+    # Beyond what the figure shows it is neither marked nor in the legend.
+    spec["environment"]["K_VE"], spec["environment"]["B_VE"] = 950.0, 0.0
+    spec["sweep"]["B_VE"] = [0.0, 0.1]
+    table = intervals(wavesweep.load(spec), "K_VE")
+    figure = plots.zwidth(table.columns, table.facts)
+    assert figure.axes[0].get_ylim()[1] < 950
+    assert crosses(figure) == []
+    assert not any("own" in text.get_text() for legend in figure.legends for text in legend.get_texts())
+
+
 def test_only_the_unstable_part_of_a_curve_is_faint():
     loop = wavesweep.compile({"controller": {"kind": "pmw"}, "environment": {"integration": "explicit", "K_VE": 1500.0}})
     figure = loop.plot_bode([3.0], b=np.linspace(1, 60, 30).tolist())

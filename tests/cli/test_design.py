@@ -279,7 +279,7 @@ def test_the_box_is_of_all_hands_that_a_design_has_to_hold_for(change, box, monk
     spec = load(tables)
     genes = np.full((1, len(spec.design.vary)), 0.75)
     designs, kind = designs_of(spec.design.vary, genes), job_of(spec, "box").dtype
-    DesignTask(spec, scenarios_of(spec.design), designs, 1, 2e4, kind, box_of(spec)).records()
+    DesignTask(spec, scenarios_of(spec), designs, 1, 2e4, kind, box_of(spec)).records()
     assert set(seen) == {box}
 
 

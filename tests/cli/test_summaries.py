@@ -109,6 +109,9 @@ def test_walls_that_feel_alike_are_one_place_in_summary_and_figure():
     tally.add(columns)
     felt = tally.numbers(table.facts)["stiffest_felt"]
     assert (felt["at"], felt["equal_rows"]) == ({"b": 10.0}, 3)
+    ends = tally_of(table)  # which feel alike at both ends
+    ends.add(columns | {"felt_low": columns["felt_high"]})
+    assert ends.numbers(table.facts)["stiffest_felt"]["equal_rows"] == 3
     blocks = [{name: column[row : row + 1] for name, column in columns.items()} for row in range(3)]
     assert best_row(columns)["b"] == best_of(map(best_row, blocks))["b"] == 10.0
 

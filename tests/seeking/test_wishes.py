@@ -9,6 +9,7 @@ from support.drawn import ARM, NETWORK, as_blocks
 from support.specs import KINDS
 
 import wavesweep
+from wavesweep.errors import SpecError
 from wavesweep.seeking import study
 from wavesweep.seeking import wishes as measures
 from wavesweep.seeking.family import points_of, scenarios_of
@@ -37,14 +38,30 @@ def wishes(**wanted):
 
 
 def values_of(spec):
-    design = spec.design
-    return evaluate(spec, design.wishes, scenarios_of(design), DESIGNS, 20000.0)
+    return evaluate(spec, spec.design.wishes, scenarios_of(spec), DESIGNS, 20000.0)
 
 
 def loops(spec, number):
     """The compiled loop of a design and of each scenario."""
     own = {path: column[number].item() for path, column in DESIGNS.items()}
-    return [wavesweep.compile(spec.with_values(own | dict(each.values))) for each in scenarios_of(spec.design)]
+    return [wavesweep.compile(spec.with_values(own | dict(each.values))) for each in scenarios_of(spec)]
+
+
+def test_whole_numbers_between_that_make_no_loop_are_left_out():
+    """A delay of half as many runs as a number says; a value of the list itself is refused."""
+    drawn = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"n": 4, "k": 50.0},
+        "block": {"m": {"type": "mass", "mass": 0.2, "damping": 1.0}, "net": {"type": "delay", "steps": "n/2"}},
+        "wire": {"net.u": "m.x", "m.f": "-k*net.y - 3*m.v + hand"},
+        "ports": {"hand": {"force": "hand", "displacement": "m.x"}},
+        "design": {"vary": {"k": [10, 90]}, "wish": {"settling": {}}, "for_all": {"n": [4, 8]}, "population": 8},
+    }
+    job = study.job_of(load(drawn))
+    assert [each.values for each in job.finer] == [{"numbers.n": n} for n in (4, 6, 8)]
+    drawn["design"]["for_all"]["n"] = [4, 5]
+    with pytest.raises(SpecError, match=r"block.net.steps: expected a whole number >= 0, found 2.5"):
+        study.job_of(load(drawn))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -65,7 +82,7 @@ def test_the_wishes_of_a_controller_drawn_as_blocks_are_its_own(kind):
         (as_blocks(built_in.values), f"numbers.{name}" if name else "block.m.mass"),
     ):
         spec = load(loop | {"design": {"wish": wished, "vary": {path: {"start": 1e-3, "stop": 5000}}}})
-        found.append(evaluate(spec, spec.design.wishes, scenarios_of(spec.design), {path: values}, 20000.0))
+        found.append(evaluate(spec, spec.design.wishes, scenarios_of(spec), {path: values}, 20000.0))
     for wish in wished:
         own, drawn = (each[wish] for each in found)
         np.testing.assert_allclose(drawn.value, own.value, rtol=1e-9, atol=1e-12, err_msg=wish)
@@ -79,7 +96,7 @@ def test_the_slowest_mode_of_an_integrator_settles_in_closed_form():
     tables |= {"design": {"vary": {"K": {"start": 1, "stop": 100}}, "wish": {"settling": {}, "damping_ratio": {}}}}
     tables["numbers"] |= {"k": 0}
     spec, K = load(tables), np.array([10.0, 60.0, 100.0, 149.0, 160.0])
-    found = evaluate(spec, spec.design.wishes, scenarios_of(spec.design), {"numbers.K": K}, 1.0)
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"numbers.K": K}, 1.0)
     pole = 1 - K * 0.02 / 1.5
     expected = np.where(np.abs(pole) < 1, -0.02 / np.log(np.abs(pole)), np.nan)
     np.testing.assert_allclose(found["settling"].value, expected, rtol=1e-12)
@@ -106,12 +123,12 @@ def test_designs_that_make_no_loop_are_none_and_change_no_other():
         "numbers.g": np.array([0.5, 0.5, 1.0, 0.0, 0.5]),
         "block.net.phase": np.array([0, 0, 0, 30, 0]),
     }
-    found = evaluate(spec, spec.design.wishes, scenarios_of(spec.design), designs, 1.0)
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), designs, 1.0)
     for name, worst in found.items():
         assert worst.certified.tolist() == [True, False, False, False, True]
         assert np.isnan(worst.value[1:4]).all()
         alone = [
-            evaluate(spec, spec.design.wishes, scenarios_of(spec.design), {p: v[[at]] for p, v in designs.items()}, 1.0)
+            evaluate(spec, spec.design.wishes, scenarios_of(spec), {p: v[[at]] for p, v in designs.items()}, 1.0)
             for at in (0, 4)
         ]
         assert worst.value[[0, 4]].tolist() == [each[name].value[0] for each in alone]
@@ -172,7 +189,7 @@ def test_transparency_sees_a_resonance_between_its_nodes_or_says_that_it_is_not_
         wish = {"transparency": {"band_hz": [0.1, 10], "walls": walls}}
         tables = {"controller": {"kind": "pmw-lm", "Kp": 20.0}} | device
         spec = load(tables | {"design": {"vary": {"b": {"start": 5, "stop": 60}}, "wish": wish}})
-        found = evaluate(spec, spec.design.wishes, scenarios_of(spec.design), designs, 2000.0)["transparency"]
+        found = evaluate(spec, spec.design.wishes, scenarios_of(spec), designs, 2000.0)["transparency"]
         frequency, H = np.geomspace(0.1, 10, 20_001), []
         for kind in ("pmw-lm", "dc"):
             table = wavesweep.compile(spec.with_values({"controller.kind": kind, "K_VE": walls[0]})).response(frequency)
@@ -209,7 +226,7 @@ def test_a_ratio_to_a_number_that_follows_the_wall_follows_the_wall_too(order):
     tables = TABLES["design"] | {"for_all": {name: ratios[name] for name in order}, "wish": {"z_width": {"B_VE": [1]}}}
     spec = load(TABLES | {"design": tables})
     designs = {"controller.b": np.array([20.0])}
-    found = evaluate(spec, spec.design.wishes, scenarios_of(spec.design), designs, 2000.0)["z_width"]
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), designs, 2000.0)["z_width"]
     assert found.certified[0]
     loop = wavesweep.compile(spec.with_values({"b": 20.0, "B_VE": 1.0}))
     for share, stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
@@ -226,9 +243,9 @@ def test_an_unstable_loop_is_the_one_that_leaves_a_design_without_transparency()
     design = {"vary": {"b": {"start": 49, "stop": 51}}, "wish": {"transparency": {"walls": [2]}}, "for_all": {"hand": hand}}
     spec = load(tables | {"design": design})
     designs = {"controller.b": np.array([49.0])}
-    found = evaluate(spec, spec.design.wishes, scenarios_of(spec.design), designs, 2000.0)["transparency"]
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), designs, 2000.0)["transparency"]
     assert np.isnan(found.value[0])
-    assert scenarios_of(spec.design)[found.scenario[0]].values["operator.mass"] == 0.15
+    assert scenarios_of(spec)[found.scenario[0]].values["operator.mass"] == 0.15
     assert not found.certified[0]
 
 
@@ -237,7 +254,7 @@ def test_a_number_that_follows_the_wall_follows_it_at_every_stiffness():
     """With K_LM twice K_VE, a wall just below the limit is stable, and one just above it is not."""
     tables = TABLES["design"] | {"for_all": {"K_LM/K_VE": [2.0]}, "wish": {"z_width": {"B_VE": [1]}}}
     spec = load(TABLES | {"design": tables})
-    found = evaluate(spec, spec.design.wishes, scenarios_of(spec.design), {"controller.b": np.array([20.0])}, 2000.0)["z_width"]
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"controller.b": np.array([20.0])}, 2000.0)["z_width"]
     limit = float(found.value[0])
     assert found.certified[0]
     loop = wavesweep.compile(spec.with_values({"b": 20.0, "B_VE": 1.0}))
@@ -248,7 +265,7 @@ def test_a_number_that_follows_the_wall_follows_it_at_every_stiffness():
 
 def test_points_are_the_product_with_the_designs_slowest():
     spec = load(TABLES)
-    points = points_of(spec.values, DESIGNS, scenarios_of(spec.design), {"environment.B_VE": (1.0, 5.0)})
+    points = points_of(spec.values, DESIGNS, scenarios_of(spec), {"environment.B_VE": (1.0, 5.0)})
     assert (points.shape, points.size) == ((4, 4, 2), 32)
     assert points.changes["controller.b"][:9].tolist() == [10.0] * 9
     assert points.changes["environment.B_VE"][:4].tolist() == [1.0, 5.0, 1.0, 5.0]
@@ -358,6 +375,6 @@ def test_a_design_that_is_direct_coupling_itself_has_no_error():
     """Both responses are the same but for rounding, of which no rule of the band has to be sure."""
     asked = {"vary": {"device.damping": {"start": 1, "stop": 5}}, "wish": {"transparency": {"at_most": 0.5, "walls": [100]}}}
     spec = load({"controller": {"kind": "dc"}, "design": asked})
-    found = evaluate(spec, spec.design.wishes, scenarios_of(spec.design), {"device.damping": np.array([1.0, 3.0])}, 1.0)
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"device.damping": np.array([1.0, 3.0])}, 1.0)
     assert (found["transparency"].value < 1e-12).all()
     assert found["transparency"].certified.all()

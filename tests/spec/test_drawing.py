@@ -192,6 +192,7 @@ TYPES = "one of " + ", ".join(f'"{name}"' for name in BLOCKS)
             OF_PLANT,
             '"arm.x - kd*net.y": net.y changes every 20 ticks only',
         ),
+        ([('"arm.x"', '"arm.v"')], "25:41: ports.hand.displacement", OF_PLANT, '"arm.v": arm.v is a velocity'),
         (
             [('displacement = "arm.x"', 'displacement = "arm.x + hand"')],
             "25:41: ports.hand.displacement",

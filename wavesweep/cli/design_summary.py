@@ -59,7 +59,8 @@ def design_lines(found: Numbers) -> Iterator[Line]:
         yield f"best {name}: {_wishes(values, found['units'])}, with {numbers}", False
     yield f"the spec's own design: {_wishes(found['own'], found['units'])}", False
     if found["files"]:
-        yield f"as specs: {' to '.join(dict.fromkeys([found['files'][0], found['files'][-1]]))}", False
+        number = f"{len(found['files'])} of them " if 1 < len(found["files"]) < found["designs"] else ""
+        yield f"{number}as specs: {' to '.join(dict.fromkeys([found['files'][0], found['files'][-1]]))}", False
     if "box" in found:
         kept, of = found["box"], count(found["designs"], "design")
         worst = f"; the worst keeps {100 * kept['least']:.3g} %" if kept["kept"] < found["designs"] else ""

@@ -89,8 +89,10 @@ class IntervalTally:
         self._largest.add(columns["high"], columns)
         begins = columns["low"] == self._range[0]
         self._without_gap.add(np.where(begins, columns["high"], np.nan), columns)
-        for end in ("low", "high"):
-            self._felt.add(columns[f"felt_{end}"], {**columns, "value": columns[end]})
+        low, high = columns["felt_low"], columns["felt_high"]
+        stiffer = np.isnan(low) | (high > low + FELT_ALIKE * np.abs(low))
+        ends = np.where(stiffer, columns["high"], columns["low"])
+        self._felt.add(np.where(stiffer, high, low), {**columns, "value": ends})
 
     def _list(self, columns: Columns) -> None:
         """Keep the intervals of up to one slice more than are shown."""

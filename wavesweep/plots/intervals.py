@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from textwrap import wrap
 from typing import Any
 
@@ -105,7 +106,8 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
     across = 1 if len(panels) == 1 else 2 if len(panels) in (2, 4) else 3
     down = -(-len(panels) // across)
     width = ONE_COLUMN if across == 1 else TWO_COLUMNS
-    entries = _entries(columns, facts, layout, best, _own_points(facts, layout, panels))
+    own = partial(_own_points, facts, str(columns["along"][0]), layout, _view(columns, facts))
+    entries = _entries(columns, facts, layout, best, own(panels))
     in_a_row = fitting([str(entry.get_label()) for entry in entries], width)
     more = 0.12 * down * max(0, len(layout.bars) - MOST_BARS) if layout.x is None else 0.0
     height = (2.5 if across == 1 else _PANEL_HEIGHT * down) + more + 0.17 * -(-len(entries) // in_a_row)
@@ -116,10 +118,11 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
             if layout.panels is not None:
                 axes.set_title(valued(layout.panels, value, facts))
             _mark_best(axes, layout, best, value)
-            axes.plot(*_own_points(facts, layout, [value]), **_OWN)
+            for x, y in zip(*own([value]), strict=True):
+                axes.plot(x, y, **_OWN)
         for axes in grid.flat[len(panels) :]:
             axes.set_visible(False)
-        _limit(grid[0, 0], columns, facts, bars=layout.x is None)
+        (grid[0, 0].set_xlim if layout.x is None else grid[0, 0].set_ylim)(_view(columns, facts))
         for axes in grid.flat[: len(panels)]:
             mark_range(axes, columns, bars=layout.x is None)
         _name_axes(canvas, columns, layout, facts)
@@ -130,7 +133,7 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
 
 _EDGE = 0.03  # of the axis, beyond the bars at its ends
 _BEST = {"marker": "*", "color": "black", "markersize": 6, "zorder": 5, "linestyle": "none", "clip_on": False}
-_OWN = {"marker": "x", "color": "black", "markersize": 6, "markeredgewidth": 1.4, "zorder": 5, "linestyle": "none"}
+_OWN = _BEST | {"marker": "x", "markeredgewidth": 1.4}
 
 
 def _mark_best(axes: Any, layout: Layout, best: Mapping[str, Any], panel: float) -> None:
@@ -142,12 +145,14 @@ def _mark_best(axes: Any, layout: Layout, best: Mapping[str, Any], panel: float)
         axes.plot(best["high"], layout.bars.index(own), **_BEST)
 
 
-def _own_points(facts: Mapping[str, Any], layout: Layout, panels: Sequence[float]) -> tuple[list[float], list[float]]:
-    """The spec's own design in the plane of the figure, or on its bar, if one of these panels shows it."""
+def _own_points(
+    facts: Mapping[str, Any], along: str, layout: Layout, view: tuple[float, float], panels: Sequence[float]
+) -> tuple[list[float], list[float]]:
+    """The spec's own design in the plane of the figure, or on its bar, if one of these panels shows it; view: see `_view`."""
     spec = spec_of(facts)
     if spec is None or (layout.x is None and facts.get("hands")):  # bars of hands are none of designs
         return [], []
-    along, bars = facts.get("along", spec.along), layout.bars[0] if layout.x is None else ()
+    bars = layout.bars[0] if layout.x is None else ()
     names = (along, layout.x, layout.panels, layout.family, *bars, *layout.fixed)
     own = {name: spec.own(spec.names.find(name).path) for name in names if name}
     if None in own.values():  # an edge of a filter's band, which its order and cutoff follow from
@@ -155,8 +160,7 @@ def _own_points(facts: Mapping[str, Any], layout: Layout, panels: Sequence[float
     there = layout.panels is None or own[layout.panels] in panels
     there = there and (layout.family is None or own[layout.family] in layout.members)
     there = there and all(own[name] == value for name, value in layout.fixed.items())
-    low, high = swept_range(facts, along)
-    there = there and low <= own[along] <= high
+    there = there and all(low <= own[along] <= high for low, high in (swept_range(facts, along), view))
     if layout.x is None:
         bar = {name: own[name] for name in bars}
         there = there and bar in layout.bars
@@ -208,8 +212,8 @@ def _shows_felt(columns: Columns, layout: Layout) -> bool:
     return layout.x == "B_VE" and str(columns["along"][0]) == "K_VE" and "hand" not in columns and felt_differs(columns)
 
 
-def _limit(axes: Any, columns: Columns, facts: Mapping[str, Any], bars: bool) -> None:
-    """Show every interval of the table, or the swept range if there is none; all panels share the limits, to be compared.
+def _view(columns: Columns, facts: Mapping[str, Any]) -> tuple[float, float]:
+    """The limits that show every interval of the table, or the swept range if there is none; all panels share them.
 
     There is room beyond the largest value, and below the least one if the swept range ends there. Space that is not swept is
     not shown otherwise: it would pass for unstable.
@@ -225,7 +229,7 @@ def _limit(axes: Any, columns: Columns, facts: Mapping[str, Any], bars: bool) ->
     limits = (float(bottom), float(top + room))
     if top <= bottom:
         limits = swept if np.isfinite(swept).all() else (limits[0], 1.0)
-    (axes.set_xlim if bars else axes.set_ylim)(limits)
+    return limits
 
 
 def _rows_with(columns: Columns, values: Mapping[str, float]) -> dict[str, np.ndarray]:

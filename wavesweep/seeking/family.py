@@ -7,7 +7,9 @@ from math import prod
 
 import numpy as np
 
-from wavesweep.spec.design import HAND, Design, in_order
+from wavesweep.errors import SpecError, UsageError
+from wavesweep.spec import Spec
+from wavesweep.spec.design import HAND, in_order
 from wavesweep.spec.drawing import name_of
 
 WALL_STIFFNESS = "environment.K_VE"
@@ -27,26 +29,29 @@ class Scenario:
         return ", ".join(parts)
 
 
-def scenarios_of(design: Design, between: int = 0) -> list[Scenario]:
-    """Return every combination of values that a design has to hold for.
+def scenarios_of(spec: Spec, between: int = 0) -> list[Scenario]:
+    """Return every combination of values that a spec's [design] has to hold for.
 
-    between: number of further values between two neighbouring values of each range; of whole numbers all are.
+    between: number of further values between two neighbouring values of each range; of whole numbers all that make a loop are.
     """
     found = []
-    for combination in product(*_choices(design, between)):
+    for combination in product(*_choices(spec, between)):
         values = {path: value for path, value in combination if not isinstance(value, tuple)}
         found.append(Scenario(values, {path: value for path, value in combination if isinstance(value, tuple)}))
     return found
 
 
-def count_of(design: Design, between: int = 0) -> int:
+def count_of(spec: Spec, between: int = 0) -> int:
     """Return the number of `scenarios_of`, without making them."""
-    return prod(map(len, _choices(design, between)))
+    return prod(map(len, _choices(spec, between)))
 
 
-def _choices(design, between):
+def _choices(spec, between):
     """Return the choices of each number, as pairs of its path and a value, or of the other path and a ratio."""
-    choices = [[(axis.path, value) for value in _filled(axis.values, between, axis.structural)] for axis in design.for_all]
+    choices, design = [], spec.design
+    for axis in design.for_all:
+        values = _filled(axis.values, between, axis.structural)
+        choices.append([(axis.path, value) for value in values if value in axis.values or _makes_a_loop(spec, axis, value)])
     for part in HAND:
         if part in design.hand:
             values = _filled(design.hand[part], between, False)
@@ -54,6 +59,16 @@ def _choices(design, between):
     for one, other, values in design.ratios:
         choices.append([(one, (other, value)) for value in _filled(values, between, False)])
     return choices
+
+
+def _makes_a_loop(spec, axis, value):
+    """Whether a value between those of the axis suits the spec, as the steps of a delay that are half of it do."""
+    if not axis.structural:
+        return True
+    try:
+        return bool(spec.with_values({axis.path: value}))
+    except (UsageError, SpecError):
+        return False
 
 
 def _filled(values, between, structural):

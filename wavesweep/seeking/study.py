@@ -256,9 +256,12 @@ def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
         searched = f"<= {stop:g} {unit}, the stiffest wall that is searched; raise it: sweep.{name} = {{ stop = ... }}"
         mistake = Leaf(None, unseen.places["at_least"]).mistake("design.wish.z_width.at_least", searched, f"{unseen.bound:g}")
         raise SpecError([mistake])
-    finer = scenarios_of(asked, between=int(count_of(asked, 1) <= FINER))
+    for axis in asked.for_all:
+        for value in axis.values if axis.structural else ():
+            grid.spec.with_values({axis.path: value})  # or an error that names what it does not suit
+    finer = scenarios_of(grid.spec, between=int(count_of(grid.spec, 1) <= FINER))
     chunks = Chunks(settings["generations"] + 1, max(settings["population"], FRONT), 1, CHUNK)
-    return DesignJob(grid, chunks, {}, {}, scenarios_of(asked), finer, stop, box_of(spec) if hand == "box" else None)
+    return DesignJob(grid, chunks, {}, {}, scenarios_of(grid.spec), finer, stop, box_of(spec) if hand == "box" else None)
 
 
 def box_of(spec: Spec) -> HandBox:
@@ -381,11 +384,11 @@ def _fields(spec, columns):
 
 def _checked(job):
     """Whether the front is checked between the ends of the ranges, if there is anything between."""
-    return len(job.finer) == count_of(job.grid.spec.design, 1)
+    return len(job.finer) == count_of(job.grid.spec, 1)
 
 
 def _notices(job):
-    ends = count_of(job.grid.spec.design)
+    ends = count_of(job.grid.spec)
     more = f" and {len(job.scenarios) - ends} between that were worse" if len(job.scenarios) > ends else ""
     several = f"{ends} combination{'s' * (ends != 1)}{more}"
     yield f"each design holds for {several}; those of the front were checked over {len(job.finer)}"

@@ -166,13 +166,15 @@ class Drawing:
         """Yield path, expected and found text if a part of the hand's displacement is known to be no position of a plant."""
         force, terms, _ = self.hand or ("", (), None)
         every, numbers = {block.name: block.every for block in self.blocks if not block.plant}, scalars(values)
+        velocities = [f"{block.name}.v" for block in self.blocks if block.type == "mass"]
         for signal, gain in terms:
             name = signal.partition(".")[0]
             if not numbers.keys() >= {each for tree in (gain, every.get(name, ONE)) for each, _ in names_in(tree)}:
                 continue  # a number that has a mistake itself
             runs = _value(every.get(name, ONE), numbers) or 1
-            if (signal == force or runs > 1) and _value(gain, numbers):
-                found = "the force itself" if signal == force else f"{signal} changes every {runs:g} ticks only"
+            slow = f"{signal} changes every {runs:g} ticks only" if runs > 1 else ""
+            found = "the force itself" if signal == force else f"{signal} is a velocity" if signal in velocities else slow
+            if found and _value(gain, numbers):
                 yield "ports.hand.displacement", OF_PLANT, found
 
 
