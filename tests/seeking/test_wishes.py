@@ -47,6 +47,18 @@ def loops(spec, number):
     return [wavesweep.compile(spec.with_values(own | dict(each.values))) for each in scenarios_of(spec)]
 
 
+def test_a_search_that_is_stopped_between_two_generations_says_what_is_kept(tmp_path, monkeypatch):
+    def stop(_run, _best):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study._Run, "look", stop)
+    spec = load(TABLES | {"design": TABLES["design"] | {"wish": {"damping_ratio": {}}, "population": 8}})
+    with pytest.raises(KeyboardInterrupt) as caught:
+        study.design(spec, checkpoint=tmp_path / "parts")
+    (said,) = caught.value.__notes__
+    assert f"are kept in {tmp_path / 'parts'}; the same command goes on from there." in said
+
+
 def test_whole_numbers_between_that_make_no_loop_are_left_out():
     """A delay of half as many runs as a number says; a value of the list itself is refused."""
     drawn = {

@@ -26,7 +26,7 @@ from wavesweep.sweep.grid import keys_of, loop_of, make_grid, no_controller
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.job import Chunk, Chunks, Job
 from wavesweep.sweep.planning import duration
-from wavesweep.sweep.running import Tally, Work, compute
+from wavesweep.sweep.running import Tally, Work, compute, resumable
 from wavesweep.sweep.table import Table, facts_of
 from wavesweep.sweep.workers import choose
 
@@ -181,10 +181,10 @@ def design(
     asked, settings = spec.design, spec.design.settings
     first = genes_of(asked.vary, spec.values)[None]
     choices = [len(axis.values or ()) for axis in asked.vary]
-    for found in generations(
-        run.judge, len(asked.vary), settings["population"], settings["generations"], settings["seed"], first, choices, run.look
-    ):
-        best = found
+    search = settings["population"], settings["generations"], settings["seed"]
+    with resumable(job, run.store, run.tally):
+        for found in generations(run.judge, len(asked.vary), *search, first, choices, run.look):
+            best = found
     if not (best.violation == 0).any():
         said = miss(spec, run.everything(), job.scenarios, wish_units(spec))
         run.forget()  # nothing of it is left to be done

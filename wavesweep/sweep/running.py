@@ -1,8 +1,8 @@
 """A run: jobs computed chunk by chunk on workers, kept in checkpoints, and from there the rows of a table."""
 
 import time
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from numbers import Integral
@@ -163,23 +163,28 @@ def compute(
     known = set(store.finished())
     missing = (number for number in numbers if number not in known)
     finished = results(workers, missing, lambda number: job.task(job.chunks[number]))
-    try:
+    with resumable(job, store, tally), closing(finished):
         for number, records, seconds in finished:
             store.save(number, records)
             tally.add(job.slices_of(job.chunks[number]), job.certified(records), seconds)
             if progress:
                 progress(min(tally.done, job.slices), job.slices, tally.certified if job.proves else None)
+    return tally
+
+
+@contextmanager
+def resumable(job: Job, store, tally: Tally) -> Iterator[None]:
+    """Say in an error which part of the job the checkpoint keeps, once; remove a checkpoint of a request that is refused."""
+    try:
+        yield
     except BaseException as error:
         if isinstance(error, UsageError) and not tally.done:
             with suppress(OSError):
                 store.remove()
-        elif store.place and store.place.is_dir():
+        elif store.place and store.place.is_dir() and not getattr(error, "__notes__", ()):
             kept = f"{min(tally.done, job.slices)} of {job.slices} {job.noun} are kept in {store.place}"
             error.add_note(f"{kept}; the same command goes on from there.")
         raise
-    finally:
-        finished.close()
-    return tally
 
 
 def in_memory(job: Job) -> Columns:
