@@ -226,6 +226,7 @@ def test_the_last_generation_is_checked_between_the_ends_of_the_ranges():
     job = job_of(load(tomllib.loads(SPEC)))
     assert [each.values["device.mass"] for each in job.scenarios] == [0.08, 0.125]
     assert [each.values["device.mass"] for each in job.finer] == pytest.approx([0.08, 0.1025, 0.125])
+    assert [each.values["device.mass"] for each in job.finest] == pytest.approx(np.linspace(0.08, 0.125, 9))
     assert workers.choose(1, None, None, 3, lambda: 1.0).count == 1
 
 
@@ -365,7 +366,7 @@ def test_check_says_what_the_search_would_do(tmp_path, monkeypatch, capfd):
     assert main(["check", "mine.toml"]) == 0
     text = capfd.readouterr().out
     assert (
-        "\n  design: 48 designs, each over 2 combinations that it has to hold for; the front over 3\n    work: about " in text
+        "\n  design: 48 designs, each over 2 combinations that it has to hold for; the front over 9\n    work: about " in text
     )
     assert main(["check", "mine.toml", "--set", "rates.slow_hz=60"]) == 0
     assert "  design: not possible with this spec: " in capfd.readouterr().out

@@ -66,6 +66,30 @@ def test_direct_coupling_at_the_fast_rate_feels_the_wall_as_it_is():
     assert felt["damping"] == pytest.approx(2.0, rel=1e-3)
 
 
+@pytest.mark.parametrize(("K", "B"), [(100.0, 0.01), (2000.0, 0.003), (5000.0, 0.2)])
+@pytest.mark.parametrize("ratio", [1, 20])
+def test_a_damping_far_below_the_stiffness_is_not_taken_for_none(K, B, ratio):
+    tables = {"controller": {"kind": "dc"}, "environment": {"K_VE": K, "B_VE": B}, "device": {"damping": 10.0}}
+    felt = wavesweep.verdict(tables | {"rates": {"fast_hz": 4000.0, "ratio": ratio}})["felt"]
+    assert felt["damping"] == pytest.approx(B, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("slow_hz", "wall", "Kp"), [(90.0, (200.0, 0.0), 0.0), (75.0, (1500.0, 3.0), 0.0), (60.0, (200.0, 1.0), 20.0)]
+)
+def test_rounding_at_the_lowest_frequencies_is_no_damping(slow_hz, wall, Kp):
+    """There it is the same at every look, and minus the device's damping."""
+    tables = {
+        "rates": {"fast_hz": 1000.0, "slow_hz": slow_hz},
+        "device": {"damping": 5.0},
+        "controller": {"kind": "pmw", "Kp": Kp},
+        "environment": dict(zip(("K_VE", "B_VE"), wall, strict=True)),
+    }
+    hz = 1e-3
+    impedance = wavesweep.compile(tables).response([hz]).impedance_im[0]
+    assert wavesweep.verdict(tables)["felt"]["damping"] == pytest.approx(impedance / (2 * np.pi * hz), rel=1e-3)
+
+
 def test_a_late_wall_is_felt_with_less_damping():
     """A force that is late by tau has the damping B - K tau: half a frame of hold here."""
     felt = verdict(values_of("dc-slow", K_VE=50.0, B_VE=3.0))["felt"]

@@ -176,11 +176,20 @@ def _settle(canvas: Any) -> None:
     The layout's solver has rounding errors that may differ between runs, and the shade of a pixel can depend on them.
     """
     canvas.draw_without_rendering()
-    if [axes for axes in canvas.axes if _thinned(axes)]:
+    if [axes for axes in canvas.axes if _thinned(axes) or _cut_off(axes)]:
         canvas.draw_without_rendering()
     canvas.set_layout_engine("none")
     for axes in canvas.axes:
         axes.set_position([round(float(edge), 4) for edge in axes.get_position().bounds])
+
+
+def _cut_off(axes: Any) -> bool:
+    """Whether the name of a panel's axis sticks out, as the panel's new size has given it wider numbers; these stay then."""
+    out = bool(axes.yaxis.label.get_window_extent().x0 < 0)
+    if out:
+        for each in axes.figure.axes:
+            each.set_yticks([tick for tick in each.get_yticks() if min(each.get_ylim()) <= tick <= max(each.get_ylim())])
+    return out
 
 
 def _thinned(axes: Any) -> bool:
@@ -233,7 +242,8 @@ def distinct_colour(index: int) -> str:
 def note_assumptions(canvas: Any, facts: Mapping[str, Any], above: str = "", colour: str = "0.3") -> None:
     """Write above the panels, in small letters, which wall, delay and velocity a figure is for.
 
-    facts: of the run; those without `assumes` say nothing. above: a line of usual size before it.
+    facts: of the run; those without `assumes` say nothing. above: a line of usual size before it. The figure grows with the
+    lines beyond two.
     """
     from textwrap import fill
 
@@ -241,6 +251,9 @@ def note_assumptions(canvas: Any, facts: Mapping[str, Any], above: str = "", col
     letters = int(130 * canvas.get_figwidth() / size)
     lines = [fill(line, letters) for line in f"assumes: {assumed(facts)}".splitlines()] if facts.get("assumes") else []
     above = fill(above, int(130 * canvas.get_figwidth() / 8)) if above else ""
+    more = sum(1 + line.count("\n") for line in (*lines, *filter(None, [above]))) - 2
+    if more > 0:
+        canvas.set_figheight(canvas.get_figheight() + more * size / 60)
     if above and not lines:
         canvas.suptitle(above, fontsize=8, color=colour)
     elif lines:

@@ -6,6 +6,7 @@ from functools import lru_cache
 from typing import Any
 
 from wavesweep.diagram import draw
+from wavesweep.diagram.uneven import steps_of
 from wavesweep.diagram.wiring import Part, Terms, Wiring, wiring_of_diagram, wiring_of_drawing
 from wavesweep.plots.layers import Box, lay_out
 from wavesweep.plots.routes import ROW, Routes, dots, route
@@ -27,8 +28,9 @@ def diagram(spec: Spec) -> Any:
     """Draw the loop of a spec, a controller's or a drawn one; gives a matplotlib `Figure`."""
     drawing = spec.drawing
     loop = wiring_of_drawing(drawing, spec.values) if drawing else wiring_of_diagram(draw(spec.values))
-    frame = f"{loop.ticks} tick{'' if loop.ticks == 1 else 's'}"
-    title = f"{spec.name}, {spec.kind}: frame of {frame}, {1e3 * loop.ticks * loop.tick_s:.6g} ms"
+    ticks = steps_of(spec.values["rates.ratio"])[0] if spec.uneven else loop.ticks
+    frame = f"{ticks} tick{'' if ticks == 1 else 's'}"
+    title = f"{spec.name}, {spec.kind}: frame of {frame}, {1e3 * ticks * loop.tick_s:.6g} ms"
     wall = zip(("stiffness", "damping"), drawing.wall or (), strict=False) if drawing else ()
     named = " and ".join(f"{part} {name}" for part, name in wall)
     return wiring(loop, as_it_stands(f"{title}; wall of {named}" if named else title))
@@ -83,8 +85,8 @@ def _legend(loop):
 
 
 def _when(every, phase=0):
-    text = "every tick" if every == 1 else f"every {every} ticks"
-    return f"{text}, from {phase}" if phase else text
+    text = "every tick" if every == 1 else f"every {every:.6g} ticks"
+    return f"{text}, from {phase:.6g}" if phase else text
 
 
 def _texts(part: Part) -> list[tuple[str, float, str]]:

@@ -35,6 +35,7 @@ FRONT = 48  # designs of the table at most
 BOX, SETTLED = "z_width_box", "box_settled"
 ADDED = 4  # combinations at a time that the search holds for besides
 FINER = 4096  # combinations that a design of the front is checked over at most
+BETWEEN, FINEST = (7, 3), 256  # values between two of a range that the last check looks at, if the combinations are so few
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,7 +43,8 @@ class DesignJob(Job):
     """Generations of designs, as chunks; the last one is the front, checked over a finer choice of scenarios.
 
     genes: number of a generation -> `(designs, axes)`, known once the one before it is judged. scenarios: combinations that
-    designs have to hold for in the search; more are added during it. finer: those that the front is checked over. stop: the
+    designs have to hold for in the search; more are added during it. finer, finest: those that the front is checked over during
+    the search, and at its end. stop: the
     largest stiffness of a wall that is searched, N/m. box: of hands, for all of which the front is checked; None for no such
     check.
     """
@@ -50,6 +52,7 @@ class DesignJob(Job):
     genes: dict[int, np.ndarray]
     scenarios: list[Scenario]
     finer: Sequence[Scenario]
+    finest: Sequence[Scenario]
     stop: float
     box: HandBox | None = None
     noun: ClassVar[str] = "designs"
@@ -89,7 +92,7 @@ class DesignJob(Job):
     def task(self, chunk: Chunk) -> "DesignTask":
         """The task of a worker for that chunk."""
         spec, genes, last = self.grid.spec, self._genes_of(chunk), chunk.loops.start == self.chunks.loops - 1
-        designs, scenarios = designs_of(spec.design.vary, genes), self.finer if last else tuple(self.scenarios)
+        designs, scenarios = designs_of(spec.design.vary, genes), self.finest if last else tuple(self.scenarios)
         return DesignTask(spec, scenarios, designs, len(genes), self.stop, self.dtype, self.box if last else None)
 
     def slices_of(self, chunk: Chunk) -> int:
@@ -199,7 +202,7 @@ def design(
     timings = {"compute_s": time.perf_counter() - started, "kernel_s": run.tally.seconds, "workers": run.workers.count}
     facts = facts_of(spec, METHODS, counts, timings, _notices(job)) | {"warnings": warnings}
     facts |= {"own": own_design(spec, job), "stop": job.stop}
-    facts |= {"scenarios": len(job.scenarios), "checked_scenarios": len(job.finer), "units": wish_units(spec)}
+    facts |= {"scenarios": len(job.scenarios), "checked_scenarios": len(job.finest), "units": wish_units(spec)}
     return Table("design", lambda: (columns,), facts, fields=_fields(spec, columns), forget=run.forget)
 
 
@@ -222,7 +225,7 @@ def plan(spec: Spec) -> list[str]:
     over = f"{len(job.scenarios)} combination{'s' * (len(job.scenarios) != 1)}"
     who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
     return [
-        f"  design: {job.slices} designs, each over {over} that it has to hold for; the front over {len(job.finer)}",
+        f"  design: {job.slices} designs, each over {over} that it has to hold for; the front over {len(job.finest)}",
         f"    work: about {duration(seconds / workers.count)}; {who} ({workers.why})",
     ]
 
@@ -261,7 +264,11 @@ def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
             grid.spec.with_values({axis.path: value})  # or an error that names what it does not suit
     finer = scenarios_of(grid.spec, between=int(count_of(grid.spec, 1) <= FINER))
     chunks = Chunks(settings["generations"] + 1, max(settings["population"], FRONT), 1, CHUNK)
-    return DesignJob(grid, chunks, {}, {}, scenarios_of(grid.spec), finer, stop, box_of(spec) if hand == "box" else None)
+    between = next((number for number in BETWEEN if count_of(grid.spec, number) <= FINEST), 0)
+    finest = scenarios_of(grid.spec, between) if between else finer
+    return DesignJob(
+        grid, chunks, {}, {}, scenarios_of(grid.spec), finer, finest, stop, box_of(spec) if hand == "box" else None
+    )
 
 
 def box_of(spec: Spec) -> HandBox:
@@ -344,7 +351,7 @@ def _seconds(job):
 def own_design(spec: Spec, job: DesignJob) -> dict[str, float | None]:
     """Return the wishes of the spec's own design, at their worst; None if there is no value."""
     own = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
-    found = evaluate(spec, spec.design.wishes, job.finer, own, job.stop)
+    found = evaluate(spec, spec.design.wishes, job.finest, own, job.stop)
     return {name: float(worst.value[0]) if np.isfinite(worst.value[0]) else None for name, worst in found.items()}
 
 
@@ -357,7 +364,7 @@ def _columns(spec, job, genes, records):
     objectives, violation = judged(spec.design, records)
     for wish in spec.design.wishes:
         columns[wish.name] = records[wish.name]
-        texts = [job.finer[at].described() or "the spec's own" for at in records[f"{wish.name}_scenario"].tolist()]
+        texts = [job.finest[at].described() or "the spec's own" for at in records[f"{wish.name}_scenario"].tolist()]
         columns[f"{wish.name}_scenario"] = np.array(texts, dtype=object)
     columns["certified"], columns["holds"] = np.logical_and.reduce(flags), (violation == 0) & _checked(job)
     if job.box:
@@ -376,7 +383,9 @@ def _fields(spec, columns):
         found.append(Field(wish.name, "number", units[wish.name], f"{wish.kind.description}, at its worst"))
         found.append(Field(f"{wish.name}_scenario", "string", "", f"what sets the worst {wish.name}"))
     found.append(Field("certified", "boolean", "", "all values of the row are certified"))
-    found.append(Field("holds", "boolean", "", "every bound holds with values between the ends of every range as well"))
+    found.append(
+        Field("holds", "boolean", "", "every bound holds with the values looked at between the ends of every range as well")
+    )
     found.append(Field(BOX, "number", "N/m", "the stiffest wall, up to z_width, that is stable with every hand of the box"))
     found.append(Field(SETTLED, "boolean", "", "z_width_box is proved, but for a thousandth of it, and not only searched"))
     return tuple(field for field in found if field.name in columns)
@@ -391,7 +400,7 @@ def _notices(job):
     ends = count_of(job.grid.spec)
     more = f" and {len(job.scenarios) - ends} between that were worse" if len(job.scenarios) > ends else ""
     several = f"{ends} combination{'s' * (ends != 1)}{more}"
-    yield f"each design holds for {several}; those of the front were checked over {len(job.finer)}"
+    yield f"each design holds for {several}; those of the front were checked over {len(job.finest)}"
     if not _checked(job):
         yield f"values between the ends of the ranges were not checked: with them there are more than {FINER} combinations"
     unread = [axis.name for axis in job.grid.spec.design.vary if axis.path not in keys_of(job.grid.spec)]

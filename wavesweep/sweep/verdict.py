@@ -1,7 +1,7 @@
 """The verdict on a spec's own design: stability, the room that each number has, and the feel."""
 
 from contextlib import suppress
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -27,11 +27,11 @@ USUAL = {"K_VE": 1000.0, "B_VE": 10.0, "Kp": 20.0, "K_LM": 1000.0, "B_LM": 10.0}
 HALVINGS = 30  # towards the end of what a spec takes
 DELAYS = 200  # ticks of delay that are tried
 CHANNEL = ("rates.", "filters.", "controller.kind")  # keys that the wave channel depends on, see `channel_norm`
-SLOW_SHARE = 1e-4  # of the slow rate: a frequency so low that the impedance is that of a spring and a damper, as a rule
-FALL, FALLS = 8.0, 7  # a mode may be slower: then it is looked at so many times lower frequencies
+SLOW_SHARE = 8e-4  # of the slow rate: a frequency so low that the impedance is that of a spring and a damper, as a rule
+FALL, FALLS = 8.0, 8  # a mode may be slower: then it is looked at so many times lower frequencies
 LARGEST = np.finfo(float).max
-NOTHING = 1e-10  # of the impedance over the frequency, what is no damping but rounding
-SAME, ROUGHLY = 1e-7, 1e-3  # relative differences of two such looks: the same; and still worth a number
+NOTHING = 1e-9  # of the impedance over the highest frequency, what a damping of 0 may be off by
+ROUGHLY = 1e-3  # of itself, what a damping may be off by that is worth a number
 
 
 def verdict(spec: Spec) -> dict:
@@ -193,29 +193,39 @@ def _felt(spec, loop):
     if loop_of(spec):
         return _felt_at(loop)
     low = SLOW_SHARE * values["rates.fast_hz"] / values["rates.ratio"]
-    damping = _damping(lambda frequency: respond(loop, frequency).impedance, low)
+    damping = _damping(partial(respond, loop), low)
     return {"stiffness": _number(float(felt(felt_map(loop.diagram), values[WALL[0]]))), "damping": _number(damping)}
 
 
 def _felt_at(port):
     """Stiffness and damping at the hand's port of a drawn loop."""
     stiffness = float(static_port_response(port)[1].real[0])
-    damping = _damping(lambda frequency: respond_port(port, frequency).impedance, SLOW_SHARE / (port.period * port.kind.size))
+    damping = _damping(partial(respond_port, port), SLOW_SHARE / (port.period * port.kind.size))
     return {"stiffness": _number(stiffness), "damping": _number(damping)}
 
 
-def _damping(impedance, low):
-    """Imaginary part over frequency towards 0 Hz, extrapolated from pairs of ever lower frequencies (from `low` Hz on), until a
-    pair says the same as the one before, or both say nothing but rounding; NaN if none does."""
+def _damping(response, low):
+    """Imaginary part of the impedance over frequency towards 0 Hz; NaN if it is not known to ROUGHLY.
+
+    It is extrapolated from pairs of ever lower frequencies, from `low` Hz on. Lower down a slow mode does less, and rounding
+    more: a pair is as good as it agrees with one next to it, and its own rounding allows. response: of frequencies.
+    """
     frequency = low * np.array([1, 0.5]) / FALL ** np.arange(FALLS)[:, None]
-    values = impedance(frequency.ravel()).reshape(frequency.shape) / (2 * np.pi * frequency)
-    found, size = (4 * values[:, 1] - values[:, 0]).imag / 3, np.abs(values).max(-1)
-    found = np.where(np.abs(found) <= NOTHING * size, 0.0, found)
+    found = response(frequency.ravel())
+    impedance, error = (part.reshape(frequency.shape) for part in (found.impedance, found.impedance_error))
     with np.errstate(all="ignore"):
-        off = np.where(found[1:] == found[:-1], 0.0, np.abs(np.diff(found)) / np.abs(found[1:]))
-    settled = np.flatnonzero(off <= SAME)
-    best = settled[0] if settled.size else np.argmin(np.where(np.isnan(off), np.inf, off))
-    return found[1 + best] if off[best] <= ROUGHLY else np.nan
+        values, unsure = impedance.imag / (2 * np.pi * frequency), error * np.abs(impedance) / (2 * np.pi * frequency)
+        damping, rounding = (4 * values[:, 1] - values[:, 0]) / 3, (4 * unsure[:, 1] + unsure[:, 0]) / 3
+        apart = np.pad(np.abs(np.diff(damping)), 1, constant_values=np.inf)
+        off = np.fmin(apart[:-1], apart[1:]) + rounding
+        off = np.where(np.isnan(off), np.inf, off)
+        known = np.flatnonzero(off <= ROUGHLY * np.abs(damping))
+        if known.size:  # the lowest of them has waited for the slowest modes
+            same = known[np.abs(damping[known] - damping[known[-1]]) <= off[known] + off[known[-1]]]
+            return damping[same[np.argmin(off[same])]]
+        best = np.argmin(off)
+        nothing = abs(damping[best]) <= off[best] <= NOTHING * np.abs(impedance[0, 0]) / low or not impedance.any()
+        return 0.0 if nothing else np.nan
 
 
 def _slowest(delta, period, turns):
