@@ -4,10 +4,12 @@ import struct
 
 import numpy as np
 import pytest
+from matplotlib.ticker import FixedLocator
 
 from wavesweep import plots
 from wavesweep.analysis.simulation import simulated, table
 from wavesweep.plots.simulation import _extremes, _spans
+from wavesweep.plots.style import _cut_off, figure
 from wavesweep.results import fields
 from wavesweep.spec import load
 
@@ -90,3 +92,20 @@ def test_values_that_agree_to_rounding_lie_on_one_another(size):
         ]
         assert len(set(ticks)) == len(ticks) >= 2
         assert axes.yaxis.get_offset_text().get_text() == ""
+
+
+def test_a_name_that_sticks_out_keeps_its_numbers_and_gets_room():
+    """The layout may change the size of a panel, and with it its numbers, without an end."""
+    with figure(3, 2) as canvas:
+        axes = canvas.subplots()
+        axes.plot([0, 1], [-0.00075, 0.00001])
+        axes.set_ylabel("energy (J)")
+        canvas.draw_without_rendering()
+        assert not _cut_off(axes)
+        canvas.set_layout_engine("none")
+        axes.set_position([0.05, 0.2, 0.9, 0.7])
+        canvas.draw_without_rendering()
+        ticks = axes.get_yticks()
+        assert _cut_off(axes)
+        assert set(axes.get_yticks()) <= set(ticks)
+        assert isinstance(axes.yaxis.get_major_locator(), FixedLocator)
