@@ -1182,3 +1182,36 @@ def test_what_cancels_but_for_rounding_of_its_numbers_is_a_drift(tables):
     table = wavesweep.stability_region(tables)
     assert table.certified.all()
     assert table.doubt.tolist() == [""]
+
+
+@pytest.mark.parametrize(("along", "span"), [("kd", (0.0, 800.0)), ("ms", (0.0125, 1.25))])
+def test_delays_beside_terms_that_cancel_at_an_end_leave_no_doubt(along, span):
+    """A position-position teleoperator: where the slave's velocity turns over, so does what it moves in a tick.
+
+    The states of its delays have a single vector.
+    """
+    delays = {f"{name}{part}": {"type": "delay", "steps": steps} for name, steps in (("f", 6), ("g", 2)) for part in ("x", "v")}
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"kp": 1065.462, "kd": 79.1667, "ms": 0.125},
+        "block": {
+            "m": {"type": "mass", "mass": 1.717, "damping": 1.0},
+            "s": {"type": "mass", "mass": "ms", "damping": 0.5},
+            **delays,
+        },
+        "wire": {
+            "fx.u": "m.x",
+            "fv.u": "m.v",
+            "gx.u": "s.x",
+            "gv.u": "s.v",
+            "m.f": "-kp*(m.x - gx.y) - kd*(m.v - gv.y) + hand",
+            "s.f": "kp*(fx.y - s.x) + kd*(fv.y - s.v) - 628*s.x - 3*s.v",
+        },
+        "ports": {"hand": {"force": "hand", "displacement": "m.x"}},
+    }
+    loop = wavesweep.compile(tables)
+    (row,) = loop.stable_intervals(along, span).itertuples()
+    assert row.certified
+    end, inward = (row.high, -1) if row.high < span[1] else (row.low, 1)
+    inside, outside = loop.spectral_radius(**{along: [end * (1 + inward * 1e-8), end * (1 - inward * 1e-8)]})
+    assert inside < 1 < outside

@@ -10,7 +10,7 @@ from wavesweep.analysis.intervals import labelled, panels, polishing, stable_alo
 from wavesweep.analysis.intervals.critical import ONE, PAIR
 from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.intervals.panels import Found
-from wavesweep.analysis.intervals.polishing import _nearest, polished
+from wavesweep.analysis.intervals.polishing import _nearest, polished, vectors_of
 from wavesweep.lifted.batches import CACHED, in_parts
 from wavesweep.lifted.lift import growth
 
@@ -131,6 +131,17 @@ def test_digits_that_an_entry_has_lost_are_told_beside_it_unless_a_loop_comes_ne
 def test_an_entry_that_is_smaller_than_its_own_error_says_nothing_of_it():
     found = Frames(np.zeros((2, 1, 1)), np.ones((2, 1)), np.array([1e16, 1.0]))
     assert polishing._by_condition(np.array([[0.0], [1e-12]]), found) == pytest.approx([2e-12])
+
+
+def test_vectors_of_an_eigenvalue_beside_a_delay_that_has_too_few():
+    """A chain of five delays in another basis, and an eigenvalue -1 that it drives."""
+    E = np.diag([-1.0] * 5 + [-2.0]) + np.diag([1.0] * 5, -1)
+    turned = np.linalg.qr(np.random.default_rng(1).normal(size=(6, 6)))[0]
+    E = (turned @ E @ turned.T)[None]
+    left, right = vectors_of(E, np.array([-2.0 + 0j]))
+    np.testing.assert_allclose(left @ E, -2 * left, atol=1e-12)
+    np.testing.assert_allclose(E @ right, -2 * right, atol=1e-12)
+    np.testing.assert_allclose(left @ right, 1.0, rtol=1e-12)
 
 
 def test_a_pair_that_crosses_beside_z_1_is_no_root_there():

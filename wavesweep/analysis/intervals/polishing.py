@@ -262,6 +262,16 @@ def _rayleigh(E, w):
 
     The eigenvalue is the quotient of its vectors, so its error is the square of theirs.
     """
+    left, right = vectors_of(E, w)
+    value = (left @ (E @ right))[:, 0, 0]
+    return value, ROUNDED * np.finfo(float).eps * (np.abs(left) @ (np.abs(E) @ np.abs(right)))[:, 0, 0]
+
+
+def vectors_of(E, w):
+    """Return the left and the right eigenvector next to w of each matrix, `(..., 1, n)` and `(..., n, 1)`, of product 1.
+
+    They follow from this eigenvalue alone: the states of a delay make others that have too few vectors.
+    """
     # A little beside w: at an eigenvalue itself there is no inverse.
     w = w + BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2))
     back = inverse(E - w[:, None, None] * np.eye(E.shape[-1]))
@@ -270,6 +280,4 @@ def _rayleigh(E, w):
     right, left = (part / np.abs(part).max((-1, -2) if part.ndim > 2 else -1, keepdims=True) for part in (right, left))
     right, left = back @ right, left[:, None] @ back
     right, left = (part / np.abs(part).max((-1, -2), keepdims=True) for part in (right, left))
-    through = (left @ right)[:, 0, 0]
-    value = (left @ (E @ right))[:, 0, 0] / through
-    return value, ROUNDED * np.finfo(float).eps * (np.abs(left) @ (np.abs(E) @ np.abs(right)))[:, 0, 0] / np.abs(through)
+    return left / (left @ right), right

@@ -5,11 +5,11 @@ import numpy as np
 from wavesweep.analysis.intervals.any_parameter import EXACT
 from wavesweep.analysis.intervals.critical import ONE
 from wavesweep.analysis.intervals.meeting import function_of_two
-from wavesweep.analysis.intervals.polishing import ATTACHED
+from wavesweep.analysis.intervals.polishing import ATTACHED, vectors_of
 from wavesweep.analysis.intervals.regions import NEAR_ZERO
 from wavesweep.analysis.intervals.stable import Intervals
-from wavesweep.analysis.spectrum import excess
-from wavesweep.lifted.circle import inverse, on_circle
+from wavesweep.analysis.spectrum import balance, excess
+from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.rounding import at_angles_of, may_have
 
 WITHIN = 0.25, 0.5, 0.75  # of an interval, or of the span of a column without one: where its verdict is examined
@@ -70,10 +70,10 @@ def _moved(E, dE, later, step, at):
 
 def _moved_alone(E, dE, slope, at):
     finite = np.isfinite(E).all((-1, -2)) & np.isfinite(slope).all((-1, -2))
-    delta, right = np.linalg.eig(np.where(finite[:, None, None], E, 0.0))
-    index = np.argmin(np.abs(delta - at[:, None]), axis=-1)[:, None]
-    left = np.take_along_axis(inverse(right), index[..., None], -2)
-    right = np.take_along_axis(right, index[..., None], -1)
+    E, units = balance(np.where(finite[:, None, None], E, 0.0))
+    dE, slope = (part * (units[:, None, :] / units[:, :, None]) for part in (dE, slope))
+    delta = np.linalg.eigvals(E).astype(complex)
+    left, right = vectors_of(E, np.take_along_axis(delta, np.argmin(np.abs(delta - at[:, None]), -1)[:, None], -1)[:, 0])
     delta = (left @ E @ right)[:, 0, 0]  # a quotient of Rayleigh, which is as good as the entries
     z = 1 + delta
     speed = (np.conj(z) * (left @ slope @ right)[:, 0, 0]).real
