@@ -296,6 +296,30 @@ def test_where_two_eigenvalues_meet_at_one_as_the_mode_of_the_tick_turns_over(b,
     np.testing.assert_allclose(some.low, turn, rtol=1e-11)
 
 
+def test_a_slow_pair_that_meets_at_one_crosses_where_it_meets():
+    """It is inside by 2e-5 of the distance to that place alone, and real beyond; Newton's method stops 2e-9 before."""
+    loop = wavesweep.compile({
+        "controller": {"kind": "pmw", "Kp": 0.0}, "device": {"mass": 0.455, "damping": 1.5}, "filters": {"lp1": {"order": 0}},
+        "environment": {"integration": "explicit", "delay": 0, "K_VE": 50.0, "B_VE": 0.5},
+    })  # fmt: skip
+    (row,) = loop.stable_intervals("b", (2.0, 2275.0)).itertuples()
+    assert (row.certified, row.low, row.high_omega) == (True, 2.0, 0.0)
+    assert row.high == pytest.approx(1.5 / np.tanh(1.5 * 0.001 / (2 * 0.455)), rel=1e-11)
+
+
+def test_digits_of_an_end_that_are_lost_next_to_it_are_told_from_farther_away():
+    """At a mass of some `b T/2` with the hand's; what rounding does there is bounded by twice what an end may be off at first."""
+    loop = wavesweep.compile({
+        "controller": {"kind": "pmw", "b": 98.3, "Kp": 50.0}, "rates": {"ratio": 2}, "device": {"mass": 0.03, "damping": 0.1},
+        "environment": {"integration": "trapezoidal", "delay": 1, "K_VE": 300.0, "B_VE": 0.5},
+        "filters": {"lp1": {"order": 2, "cutoff_hz": 413.18}},
+    })  # fmt: skip
+    (row,) = loop.stable_intervals("operator.mass", (0.0, 2.0)).itertuples()
+    assert (row.certified, row.intervals) == (True, 1)
+    below, above = loop.spectral_radius(**{"operator.mass": row.low * (1 + 1e-8 * np.array([-1, 1]))})
+    assert above < 1 < below
+
+
 def test_a_complex_pair_beside_a_crossing_of_one_is_not_taken_for_it():
     """Along the mass four eigenvalues are unstable, then five, three and, at the tick's turn, three others."""
     loop = wavesweep.compile({

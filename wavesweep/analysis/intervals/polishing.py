@@ -15,6 +15,7 @@ from wavesweep.lifted.circle import inverse
 
 ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
 STEP = 1e3  # times what rounding may move an end by: how far a correction may go, and where its slope is taken from
+FAR = 1e5  # the same for a slope alone, where rounding at that distance moves an end by more than it may
 SHORT, LEAST = 0.05, 10.0  # of a disc, if that is nearer; and times that again at least
 LAST = 4.0  # times the last correction: what an end may be off by
 ABOUT = 10.0  # times what an end may be off by: where it is sought that is off by too much
@@ -96,6 +97,10 @@ def polished(evaluate, loop, found, span, slack) -> tuple[Ends, Found]:
         low, high, least = found.x - reach, found.x + reach, span[0] + ATTACHED / 4 * width
         x[rest], met[rest] = bracketed_roots(value, low[rest], high[rest], found.x[rest], least)
         x[rest], *ends[:, rest] = end(rest)
+    far = np.flatnonzero(met & np.isfinite(ends[2]) & (ends[2] > slack(x)) & (LAST * ends[3] <= slack(x)))
+    if far.size:  # entries that vanish with the root have lost fewer digits farther away
+        _, _, _, moved, *_ = _end(evaluate, column[far], kind[far], x[far], slack, reach[far], FAR)
+        ends[2, far] = np.minimum(ends[2, far], moved)
     miss, theta, moved, by, other = ends
     # A reciprocal pair of real eigenvalues crosses nothing, wherever it is.
     firm = (
@@ -120,18 +125,22 @@ def _distinct(ends, apart):
 def _where_two_meet(evaluate, ends, slack, reach):
     """Return the ends, those at which two eigenvalues meet at z = 1 or z = -1 from what is known of both.
 
-    One of them crosses there. The root of PAIR at the same place is that of a reciprocal pair, whatever their angle is.
+    One of them crosses there. The root of PAIR at the same place is that of a reciprocal pair, whatever their angle is. A pair
+    that seems to cross next to it is looked at as two: beyond the place its eigenvalues are real, and one has another slope.
     """
-    known, some = ends.good.copy(), np.flatnonzero(~ends.good)
+    low = (ends.function == PAIR) & (ends.theta > 0) & (np.minimum(ends.theta, np.pi - ends.theta) <= MEETING)
+    known, some = ends.good.copy(), np.flatnonzero(~ends.good | low)
     value, theta, miss, good = (part.copy() for part in (ends.value, ends.theta, ends.miss, ends.good))
     if some.size:
         column, kind = ends.column[some], ends.function[some]
         x, *_ = _of_two(evaluate, column, kind, value[some], slack, reach[some])
         x, left, moved, by = _of_two(evaluate, column, kind, x, slack, reach[some])
+        moved = np.minimum(moved, _of_two(evaluate, column, kind, x, slack, reach[some], FAR)[2])
         met = (left <= CLEAR) & (np.maximum(moved, LAST * by) <= slack(x)) & (np.abs(x - value[some]) <= reach[some])
         some, kind = some[met], kind[met]
-        value[some], miss[some], known[some], good[some] = x[met], left[met], True, kind != PAIR
-        theta[some] = np.where(kind == MINUS_ONE, np.pi, 0.0)
+        turning = ends.good[some] & low[some]
+        value[some], miss[some], known[some], good[some] = x[met], left[met], True, (kind != PAIR) | turning
+        theta[some] = np.where(turning, theta[some], np.where(kind == MINUS_ONE, np.pi, 0.0))
     order = np.lexsort((value, ends.column))
     single, place = (good & (ends.function != PAIR))[order], np.arange(order.size)
     before = np.maximum.accumulate(np.where(single, place, -1))
@@ -146,9 +155,9 @@ def _where_two_meet(evaluate, ends, slack, reach):
     return replace(ends, value=value, theta=theta, miss=miss, good=good)
 
 
-def _of_two(evaluate, column, kind, x, slack, reach):
+def _of_two(evaluate, column, kind, x, slack, reach, most=STEP):
     """Return what `_end` does, but for the angle, of roots at which two eigenvalues may meet at z = 1 or z = -1."""
-    step = np.clip(SHORT * reach, LEAST * slack(x), STEP * slack(x))
+    step = np.clip(SHORT * reach, LEAST * slack(x), most * slack(x))
     found = Frames.of(evaluate(np.tile(column, 2), np.concatenate([x, x + step])))
     w, _ = eigenvalues(found.E[: x.size])
     at_one, at_minus_one = (np.partition(np.abs(w - place), 1, axis=-1)[:, 1] for place in (0.0, -2.0))
@@ -179,16 +188,17 @@ def _by_secants(value, x, reach):
     return np.clip(before + step, x - reach, x + reach)
 
 
-def _end(evaluate, column, kind, x, slack, reach):
+def _end(evaluate, column, kind, x, slack, reach, most=STEP):
     """Return better values of the roots x, no farther than `reach`, and measures of their quality.
 
     These are the distance of the eigenvalue from its place at x itself, its angle there, the movement of the root by rounding,
     which is infinite if x is not next to the root, the size of the correction that was needed, and the distance of a second
     eigenvalue from z = 1 or z = -1, infinite for PAIR.
 
-    The slope is taken over a step that is short compared to the distance to the next root, since two roots may nearly merge.
+    The slope is taken over a step that is short compared to the distance to the next root, since two roots may nearly merge;
+    most: of it, in slacks.
     """
-    step = np.clip(SHORT * reach, LEAST * slack(x), STEP * slack(x))
+    step = np.clip(SHORT * reach, LEAST * slack(x), most * slack(x))
     found = Frames.of(evaluate(np.tile(column, 2), np.concatenate([x, x + step])))
     E = found.E
     w, miss, theta, other = _nearest(E[: x.size], kind)
