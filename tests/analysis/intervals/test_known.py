@@ -308,7 +308,7 @@ def test_a_slow_pair_that_meets_at_one_crosses_where_it_meets():
 
 
 def test_digits_of_an_end_that_are_lost_next_to_it_are_told_from_farther_away():
-    """At a mass of some `b T/2` with the hand's; what rounding does there is bounded by twice what an end may be off at first."""
+    """At some `b T/2` with the hand's mass. What rounding does there is bounded by twice what an end may be off at first."""
     loop = wavesweep.compile({
         "controller": {"kind": "pmw", "b": 98.3, "Kp": 50.0}, "rates": {"ratio": 2}, "device": {"mass": 0.03, "damping": 0.1},
         "environment": {"integration": "trapezoidal", "delay": 1, "K_VE": 300.0, "B_VE": 0.5},
