@@ -177,7 +177,7 @@ def design(
     Errors: UsageError for a loop that cannot be designed, WavesweepError if no design meets all bounds, and the errors of a
     run.
     """
-    started, work = time.perf_counter(), Work(**given)
+    started, work = time.perf_counter(), Work.of(given)
     job = job_of(spec, hand)
     run = _Run(job, checkpoint_of(job, work.checkpoint, work.force, warnings := []), work.progress)
     run.workers = choose(work.jobs, work.backend, work.scheduler, len(job.chunks), partial(_seconds, job))

@@ -23,7 +23,7 @@ def compare(specs: Sequence[Spec], **work: Any) -> list[Table]:
     one if its controller does not read it. The second is that of `responses`. work: as for `intervals`;
     its progress is called with the counts of one spec after the other, and with those of all responses.
     """
-    folder = Work(**work).checkpoint
+    folder = Work.of(work).checkpoint
     walls, rest = (folder and folder / name for name in ("walls", "responses"))
     work.pop("checkpoint", None)
     found = [

@@ -40,7 +40,7 @@ def intervals(
     Raises UsageError, CheckpointError (torn, or of another run), WavesweepError (a worker process died).
     """
     stages = stages_of(spec, along, hands)
-    work = Work(**work)
+    work = Work.of(work)
     found = run({stage.hand: stage.job for stage in stages}, work)
     timings = {name: number for name, number in found.timings.items() if hands is None or name != "workers"}
     facts = _facts(spec, hands, stages, found.certified, timings) | {"warnings": found.warnings}

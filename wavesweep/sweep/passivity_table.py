@@ -50,7 +50,7 @@ def passivity(
     """
     _refuse_tolerance(tolerance)
     axes = tuple(axis for axis in spec.sweep if axis.values)
-    found = run(jobs_of(spec, axes), Work(**work))
+    found = run(jobs_of(spec, axes), Work.of(work))
     grid = found.jobs["port"].grid
     counts = {"computed": grid.slices, "skipped": grid.size - grid.slices, "certified": _certified(found)}
     methods = METHODS | ({"damping_needed": NOT_COMPUTED} if grid.drawing else {})

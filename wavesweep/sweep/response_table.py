@@ -85,7 +85,7 @@ def responses(
     names = tuple(dict.fromkeys(axis.name for spec in specs for axis in spec.bode))
     several = [response_job(spec, spec.bode, spec.frequency_hz, names) for spec in specs]
     asked = {f"spec-{number}" if len(several) > 1 else "": job for number, job in enumerate(several)}
-    found = run(asked, Work(**work))
+    found = run(asked, Work.of(work))
     grids = [job.grid for job in asked.values()]
     drawn = all(grid.drawing for grid in grids)
     computed = sum(grid.slices for grid in grids)

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from numbers import Integral
 from os import PathLike
@@ -38,6 +38,15 @@ class Work:
     progress: Progress | None = None
     checkpoint: Path | str | None = None
     force: bool = False
+
+    @staticmethod
+    def of(given: Mapping[str, object]) -> "Work":
+        """Return the work that the arguments of a caller describe."""
+        names = [field.name for field in fields(Work)]
+        for name in given:
+            if name not in names:
+                raise UsageError(f"{name}: expected one of the arguments {', '.join(names)}, found an unknown one")
+        return Work(**given)
 
     def __post_init__(self):
         if self.jobs is not None and not (_whole(self.jobs) and self.jobs >= 1):
