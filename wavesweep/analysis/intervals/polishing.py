@@ -126,7 +126,7 @@ def _where_two_meet(evaluate, ends, slack, reach):
     """Return the ends, those at which two eigenvalues meet at z = 1 or z = -1 from what is known of both.
 
     One of them crosses there. The root of PAIR at the same place is that of a reciprocal pair, whatever their angle is. A pair
-    that seems to cross next to it is looked at as two: beyond the place its eigenvalues are real, and one has another slope.
+    that seems to cross next to it is taken for two: beyond the place its eigenvalues are real, and one has another slope.
     """
     low = (ends.function == PAIR) & (ends.theta > 0) & (np.minimum(ends.theta, np.pi - ends.theta) <= MEETING)
     known, some = ends.good.copy(), np.flatnonzero(~ends.good | low)
