@@ -10,6 +10,7 @@ import pytest
 import wavesweep
 from wavesweep.analysis.passivity import HandBox
 from wavesweep.cli import main
+from wavesweep.cli.design_summary import design_lines
 from wavesweep.errors import WavesweepError
 from wavesweep.results import read
 from wavesweep.seeking import study
@@ -220,6 +221,19 @@ def test_a_spec_without_a_design_is_refused(run, tmp_path):
     (tmp_path / "mine.toml").write_text('[controller]\nkind = "pmw"\n', encoding="utf-8")
     code, text, _ = run()
     assert (code, "expected the tables [design.vary] and [design.wish], found none" in text) == (2, True)
+
+
+@pytest.mark.parametrize(("designs", "said"), [(42, "2 of them as specs: "), (2, "as specs: ")])
+def test_the_summary_says_how_many_designs_are_written_as_specs(designs, said):
+    counts = dict.fromkeys(("designs", "certified", "bounds_hold_between", "searched"), designs)
+    found = counts | {
+        "scenarios": 1,
+        "best": {},
+        "own": {},
+        "units": {},
+        "files": ["best/design-01.toml", "best/design-42.toml"],
+    }
+    assert f"{said}best/design-01.toml to best/design-42.toml" in [line for line, _ in design_lines(found)]
 
 
 def test_the_last_generation_is_checked_between_the_ends_of_the_ranges():

@@ -164,6 +164,7 @@ def test_the_note_above_a_figure_is_not_cut_off(width, above):
     box = canvas._suptitle.get_window_extent()
     assert box.x0 >= 0
     assert box.x1 <= canvas.get_figwidth() * canvas.dpi
+    assert (canvas.get_figheight() > 3.0) == (canvas._suptitle.get_text().count("\n") > 1)  # room for the third line
 
 
 def test_bars_of_hands_at_the_ends_of_the_axis_are_whole():

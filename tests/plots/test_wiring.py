@@ -8,6 +8,7 @@ import pytest
 from support.drawn import ARM, JOINT, NETWORK, WALL, as_blocks, random_network, random_tables
 from support.specs import KINDS, nested
 
+import wavesweep
 from wavesweep import plots
 from wavesweep.diagram import draw
 from wavesweep.diagram.wiring import wiring_of_diagram, wiring_of_drawing
@@ -154,3 +155,10 @@ def test_a_controller_at_one_rate_can_be_drawn(kind):
     loop = wiring_of_diagram(draw(load({"controller": {"kind": kind}, "rates": {"ratio": 1}}).values))
     made = {signal for part in loop.parts for _, signal in part.outputs}
     assert {signal for part in loop.parts for _, terms in part.inputs for signal, _ in terms} <= made
+
+
+def test_the_picture_of_rates_that_do_not_divide_has_the_frame_in_which_they_meet():
+    canvas = plots.diagram(wavesweep.load({"controller": {"kind": "pmw"}, "rates": {"fast_hz": 1000.0, "slow_hz": 60.0}}))
+    said = [text.get_text() for text in canvas.axes[0].texts]
+    assert any("frame of 50 ticks, 50 ms" in each for each in said)
+    assert "every 16.6667 ticks: 60 Hz" in said

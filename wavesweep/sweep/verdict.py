@@ -218,13 +218,10 @@ def _damping(response, low):
         damping, rounding = (4 * values[:, 1] - values[:, 0]) / 3, (4 * unsure[:, 1] + unsure[:, 0]) / 3
         apart = np.pad(np.abs(np.diff(damping)), 1, constant_values=np.inf)
         off = np.fmin(apart[:-1], apart[1:]) + rounding
-        off = np.where(np.isnan(off), np.inf, off)
-        known = np.flatnonzero(off <= ROUGHLY * np.abs(damping))
-        if known.size:  # the lowest of them has waited for the slowest modes
-            same = known[np.abs(damping[known] - damping[known[-1]]) <= off[known] + off[known[-1]]]
-            return damping[same[np.argmin(off[same])]]
-        best = np.argmin(off)
-        nothing = abs(damping[best]) <= off[best] <= NOTHING * np.abs(impedance[0, 0]) / low or not impedance.any()
+        best = np.argmin(np.where(np.isnan(off), np.inf, off))
+        if off[best] <= ROUGHLY * np.abs(damping[best]):
+            return damping[best]
+        nothing = abs(damping[best]) <= off[best] <= NOTHING * np.abs(impedance[0, 0]) / low
         return 0.0 if nothing else np.nan
 
 

@@ -345,8 +345,8 @@ def test_an_eigenvalue_so_large_that_it_hides_the_others_is_unstable():
     assert (row.certified, row.intervals) == (True, 0)
 
 
-def test_a_crossing_that_rounding_moves_is_sought_next_to_its_place_and_not_in_its_whole_disc():
-    """At b = 79.1 the mode of the tick turns over, known to 3e-9 alone; in its disc is the end of the stable range, 58.9."""
+def test_a_crossing_whose_digits_are_told_from_farther_away_leaves_the_end_before_it_certain():
+    """At b = 79.1 the mode of the tick turns over; in its disc is the end of the stable range, 58.9."""
     loop = wavesweep.compile({
         "controller": {"kind": "pmw", "b": 82.1, "Kp": 0.0}, "rates": {"fast_hz": 500.0, "ratio": 2},
         "environment": {"integration": "trapezoidal", "delay": 1, "K_VE": 0.0, "B_VE": 5.0},
@@ -377,7 +377,8 @@ def test_without_a_wall_a_device_that_nothing_brakes_is_nowhere_stable(along):
     loop = wavesweep.compile({
         "controller": {"kind": "pmw", "Kp": 0.0}, "device": {"damping": 0.0}, "environment": {"K_VE": 0.0, "B_VE": 0.0},
     })  # fmt: skip
-    found = loop.stable_intervals(along, (2.0, 40.0), B_VE=[0.0, 2.0])
+    found = loop.stable_intervals(along, (2.0, 40.0), B_VE=[2.0, 0.0])
+    assert found.B_VE.tolist() == [2.0, 0.0]
     assert found.certified.all()
     assert (found[found.B_VE == 0].intervals == 0).all()
     assert (found[found.B_VE > 0].intervals > 0).all()

@@ -37,7 +37,7 @@ def test_two_real_eigenvalues_next_to_one_hide_no_crossing(slow, off):
     one, none = np.array([0]), (np.zeros(0, int), np.zeros(0), np.zeros(0))
     found = panels.Found(one, np.array([PAIR]), np.array([1 + off]), np.array([1e-2]), one, none, none, none, one > 0, one > 0)
     loop = SimpleNamespace(pieces=SimpleNamespace(degree=one), piece=lambda column, _: 0 * column)
-    ends, _ = polished(evaluate, loop, found, (0.5, 1.6), lambda p: 1e-9 * np.abs(p))
+    ends = polished(evaluate, loop, found, (0.5, 1.6), lambda p: 1e-9 * np.abs(p))
     assert ends.theta.tolist() == [pytest.approx(0.9)]
     assert ends.good.all()
     np.testing.assert_allclose(ends.value, 1.0, rtol=1e-9)
@@ -142,6 +142,23 @@ def test_vectors_of_an_eigenvalue_beside_a_delay_that_has_too_few():
     np.testing.assert_allclose(left @ E, -2 * left, atol=1e-12)
     np.testing.assert_allclose(E @ right, -2 * right, atol=1e-12)
     np.testing.assert_allclose(left @ right, 1.0, rtol=1e-12)
+
+
+def test_a_pair_that_crosses_at_a_small_angle_is_no_meeting():
+    """Next to z = 1, where nothing else is."""
+    angle = 5e-4
+    pair = f"{float(-2 * np.cos(angle))!r} * (1 + p)"
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"p": 0.1},
+        "block": {"a": {"type": "tf", "discrete": True, "num": [1], "den": [1, pair, "(1 + p)**2"]}},
+        "wire": {"a.u": 0},
+    }
+    (row,) = wavesweep.compile(tables).stable_intervals("p", (-0.3, 0.2)).itertuples()
+    assert row.certified
+    assert row.low == -0.3
+    assert row.high == pytest.approx(0, abs=1e-14)
+    assert row.high_omega == pytest.approx(1000 * angle, rel=1e-6)
 
 
 def test_a_pair_that_crosses_beside_z_1_is_no_root_there():

@@ -137,7 +137,7 @@ def _of_columns(evaluate, span, columns, period, bounds, slack, sizes, kept) -> 
     slack(p): by how much rounding may move an end. sizes, kept: see `interpolated_loop`. The others: see `stable_along_any`.
     """
     loop, found = _roots(evaluate, span, columns, bounds, sizes, kept)
-    ends, found = polished(evaluate, loop, found, span, slack)
+    ends = polished(evaluate, loop, found, span, slack)
     ends, labelled = labelled_parts(evaluate, span, found, ends, partial(_surely_unstable, loop, columns, bounds))
     return intervals_of(*_counted_regions(evaluate, span, columns, ends, labelled, slack), period)
 

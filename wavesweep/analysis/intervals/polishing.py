@@ -8,7 +8,7 @@ from wavesweep.analysis.intervals.boundary import ORDINARY
 from wavesweep.analysis.intervals.critical import CAUTION, MINUS_ONE, ONE, PAIR, from_eigenvalues
 from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.intervals.meeting import ROUNDED, function_of_two
-from wavesweep.analysis.intervals.panels import Found, bracketed_roots
+from wavesweep.analysis.intervals.panels import bracketed_roots
 from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import balance, eigenvalues, excess
 from wavesweep.lifted.circle import inverse
@@ -18,7 +18,6 @@ STEP = 1e3  # times what rounding may move an end by: how far a correction may g
 FAR = 1e5  # the same for a slope alone, where rounding at that distance moves an end by more than it may
 SHORT, LEAST = 0.05, 10.0  # of a disc, if that is nearer; and times that again at least
 LAST = 4.0  # times the last correction: what an end may be off by
-ABOUT = 10.0  # times what an end may be off by: where it is sought that is off by too much
 BESIDE = 1e-10  # of an eigenvalue, how far from it its vectors are looked for
 SECANT, SECANTS = 1e-3, 3  # of a disc, the first step from its middle; how many follow
 TRIES = 4  # steps of Newton from where a root was found
@@ -35,8 +34,7 @@ class Ends(Rows):
     """Roots to rounding.
 
     column, function, value: of the parameter. theta: angle of the eigenvalue there. miss: its distance from its place on the
-    circle. good: whether the root is accurate enough. first, last: the ends of the disc in which it is, and no other root; or
-    of the part of it in which rounding may move it.
+    circle. good: whether the root is accurate enough. first, last: the ends of the disc in which it is, and no other root.
     """
 
     column: np.ndarray
@@ -49,8 +47,8 @@ class Ends(Rows):
     last: np.ndarray
 
 
-def polished(evaluate, loop, found, span, slack) -> tuple[Ends, Found]:
-    """Return the roots to rounding, without duplicates from overlapping panels, and with them, each as near as it is known."""
+def polished(evaluate, loop, found, span, slack) -> Ends:
+    """Return every root that was found, to rounding, without duplicates from overlapping panels."""
     column, kind, width = found.column, found.function, span[1] - span[0]
     reach = np.minimum(found.within, 0.1 * width) + 1e-9 * width  # the disc, which no other root is in
 
@@ -106,12 +104,9 @@ def polished(evaluate, loop, found, span, slack) -> tuple[Ends, Found]:
     firm = (
         (np.maximum(moved, LAST * by) <= slack(x)) | ((kind == PAIR) & (theta == 0)) | (np.abs(x - span[0]) <= ATTACHED * width)
     )
-    placed = met & (np.abs(miss) <= CLEAR) & (other > BOTH)
-    around = np.where(placed, ABOUT * np.maximum(moved, LAST * by), np.inf)
-    first, last = np.maximum(found.x - reach, x - around), np.minimum(found.x + reach, x + around)
-    ends = Ends(column, kind, x, theta, miss, placed & firm, first, last)
-    nearer = replace(found, x=(first + last) / 2, within=(last - first) / 2)
-    return _distinct(_where_two_meet(evaluate, ends, slack, reach), SAME * width), nearer
+    good = met & (np.abs(miss) <= CLEAR) & firm & (other > BOTH)
+    ends = Ends(column, kind, x, theta, miss, good, found.x - reach, found.x + reach)
+    return _distinct(_where_two_meet(evaluate, ends, slack, reach), SAME * width)
 
 
 def _distinct(ends, apart):
