@@ -47,14 +47,17 @@ def loops(spec, number):
     return [wavesweep.compile(spec.with_values(own | dict(each.values))) for each in scenarios_of(spec)]
 
 
-def test_a_search_that_is_stopped_between_two_generations_says_what_is_kept(tmp_path, monkeypatch):
-    def stop(_run, _best):
+@pytest.mark.parametrize("within", [False, True])
+def test_a_search_that_is_stopped_says_once_what_is_kept(within, tmp_path, monkeypatch):
+    """Between two generations or within one."""
+
+    def stop(*_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(study._Run, "look", stop)
     spec = load(TABLES | {"design": TABLES["design"] | {"wish": {"damping_ratio": {}}, "population": 8}})
     with pytest.raises(KeyboardInterrupt) as caught:
-        study.design(spec, checkpoint=tmp_path / "parts")
+        study.design(spec, checkpoint=tmp_path / "parts", progress=stop if within else None)
     (said,) = caught.value.__notes__
     assert f"are kept in {tmp_path / 'parts'}; the same command goes on from there." in said
 
