@@ -212,3 +212,31 @@ def test_pairs_alone_leave_an_odd_number_outside(unstable, kind, wanted):
 
     part = np.zeros(1, int), np.zeros(1), np.ones(1)
     assert labelled.never_stable(evaluate, found, *part).tolist() == [wanted]
+
+
+def test_next_to_two_eigenvalues_vectors_are_sought_farther_away():
+    """At z = 1 with a second eigenvalue 0.951, where a matrix a rounding beside is singular; the end solves a quadratic."""
+    rows = [["0", "-(0.94105 + p + p*p)"], ["1", 1.951]]
+    block = {"type": "ss", "discrete": True, "A": rows, "B": [[1.0], [0.0]], "C": [[0.0, 1.0]], "outputs": ["y"]}
+    tables = {"rates": {"tick_hz": 1000}, "numbers": {"p": 0.3}, "block": {"a": block}, "wire": {"a.u": 0}}
+    (row,) = wavesweep.compile(tables).stable_intervals("p", (-0.4, 1.6)).itertuples()
+    assert row.certified
+    assert row.low == pytest.approx(0.009852919968102188, rel=1e-13)
+
+
+@pytest.mark.parametrize("apart", [1e-7, 1e-8, 2e-9, 1e-9])
+def test_an_end_of_one_of_two_pairs_that_nearly_coincide_is_right_or_in_doubt(apart):
+    """Coupled to its twin, whose vectors are in its own; the end is where the last entry of its block is -1."""
+    end, angle = 4.3389802407545804e-05, 0.06081193099446768
+    rows = [
+        ["0", f"-(1 - {apart})", "0", "0", 1.303240432101923],
+        ["1", angle, -0.2559611134950909, "0", "0"],
+        ["0", "0", 0.8454375816516613, -0.20601037288640878, -0.3836576922445406],
+        ["0", "0", "0", "0", f"-(1 - 0.08748955721828816*(p - {end!r}))"],
+        ["0", "0", "0", "1", angle],
+    ]
+    block = {"type": "ss", "discrete": True, "A": rows, "B": [[1.0]] * 5, "C": [[1.0] * 5], "outputs": ["y"]}
+    tables = {"rates": {"tick_hz": 1}, "numbers": {"p": 0.7}, "block": {"a": block}, "wire": {"a.u": 0}}
+    (row,) = wavesweep.compile(tables).stable_intervals("p", (-1.0, 1.0)).itertuples()
+    assert row.certified == (apart > 5e-8)
+    assert not row.certified or abs(row.low - end) < 6e-14

@@ -19,6 +19,8 @@ FAR = 1e5  # the same for a slope alone, where rounding at that distance moves a
 SHORT, LEAST = 0.05, 10.0  # of a disc, if that is nearer; and times that again at least
 LAST = 4.0  # times the last correction: what an end may be off by
 BESIDE = 1e-10  # of an eigenvalue, how far from it its vectors are looked for
+FARTHER = (1.0, 1e2, 1e4)  # times that, tried in turn
+TWIN = 1e-8  # of an eigenvalue, a distance of another one at which its vectors are those of both
 SECANT, SECANTS = 1e-3, 3  # of a disc, the first step from its middle; how many follow
 TRIES = 4  # steps of Newton from where a root was found
 CLEAR = 1e-10  # | |z|^2 - 1 | at an end, up to which the end is believed
@@ -230,7 +232,7 @@ def _nearest(E, kind):
 
     The distance is 1 - |z|^2, or 1/z_i - z_j of a reciprocal pair whose larger one is z_i, which makes z_j rough;
     |z|^2 - 1 at z = +-1, infinite if that eigenvalue is not real. The angle is 0 for a reciprocal pair. A fourth array has the
-    distance of the second nearest from z = 1 or z = -1, infinite for PAIR.
+    distance of the second nearest from z = 1 or z = -1, for PAIR infinite, or 0 if another one is next to it.
     """
     w, known = eigenvalues(E)
     w = np.concatenate([w, np.full((len(w), 1), -1.0)], axis=-1)  # z = 0, which makes a pair for a single eigenvalue
@@ -243,6 +245,10 @@ def _nearest(E, kind):
     other = np.where(kind == PAIR, np.inf, np.partition(apart, 1, axis=-1)[:, 1])
     larger = np.where(first.imag == 0, np.maximum(1.0, np.maximum(np.abs(1 + first), np.abs(1 + second))), 1.0)
     miss = np.where(kind == PAIR, np.take_along_axis(pair, best, -1)[:, 0].real / larger, excess(single))
+    apart = np.abs(w - first[:, None])
+    for index in (i, j):
+        np.put_along_axis(apart, index[best], np.inf, -1)
+    other = np.where((kind == PAIR) & (first.imag != 0) & (apart.min(-1) < TWIN * np.abs(1 + first)), 0.0, other)
     known &= (kind == PAIR) | (single.imag == 0)  # a complex pair that crosses beside z = +-1 is a root of PAIR
     theta = np.where(kind == PAIR, np.abs(np.angle(1 + first)) * (first.imag != 0), np.where(kind == ONE, 0.0, np.pi))
     return np.where(kind == PAIR, first, single), np.where(known, miss, np.inf), theta, other
@@ -277,9 +283,12 @@ def vectors_of(E, w):
 
     They follow from this eigenvalue alone: the states of a delay make others that have too few vectors.
     """
-    # A little beside w: at an eigenvalue itself there is no inverse.
-    w = w + BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2))
-    back = inverse(E - w[:, None, None] * np.eye(E.shape[-1]))
+    # A little beside w: at an eigenvalue itself there is no inverse, and next to two of them none that is known.
+    beside, back = BESIDE * np.abs(w) + ROUNDED * np.finfo(float).eps * np.abs(E).max((-1, -2)), np.full(E.shape, np.nan + 0j)
+    for farther in FARTHER:
+        some = np.flatnonzero(~np.isfinite(back).all((-1, -2)))
+        if some.size:
+            back[some] = inverse(E[some] - (w + farther * beside)[some, None, None] * np.eye(E.shape[-1]))
     start = np.cos(np.arange(1, E.shape[-1] + 1))
     right, left = back @ start[:, None], start @ back
     right, left = (part / np.abs(part).max((-1, -2) if part.ndim > 2 else -1, keepdims=True) for part in (right, left))
