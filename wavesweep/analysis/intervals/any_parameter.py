@@ -224,13 +224,13 @@ def _roots(evaluate, span, columns, bounds, sizes, kept, order=0):
 
 def _surely_unstable(loop, columns, bounds, column, low, high):
     """Whether SURELY_UNSTABLE is proved to be positive all over these parts, whatever crosses there."""
-    functions = _sampler(loop)
+    functions, smallest = _sampler(loop), NARROWEST * (loop.span[1] - loop.span[0])
 
     def sample(column, p):
         phase, log, error = functions(column, p)
         return phase, log, np.concatenate([np.full_like(error[:SURELY_UNSTABLE], MOST_ERROR), error[SURELY_UNSTABLE:]])
 
-    found = panel_roots(sample, column, low, high, columns, 0.0, FEW, bounds, settling=SURELY_UNSTABLE)
+    found = panel_roots(sample, column, low, high, columns, smallest, FEW, bounds, settling=SURELY_UNSTABLE)
     left = [np.concatenate(some) for some in zip(found.lost, found.overflown, strict=True)]
     return weight_touching(column, low, high, *left, np.ones(left[0].size)) == 0
 
