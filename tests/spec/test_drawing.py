@@ -242,6 +242,12 @@ def test_a_first_coefficient_that_becomes_0_is_a_mistake_of_the_axis(axis, found
     load(write(text.replace(axis, axis.replace("-1", "0.5").replace(" 0,", " 9,"))))
 
 
+def test_a_block_with_a_mistake_misses_its_wires_too(write):
+    text = changed(ARM, ("every = 20", "every = 0.5"), ('"net.u" = "arm.x"\n', ""))
+    keys = [line.split(": ")[1] for line in mistakes(write(text))]
+    assert keys == ["block.net.u", "block.net.every"]
+
+
 def test_a_wire_may_read_what_the_hand_s_position_may_not_be_made_of():
     """With a factor of 0 a held signal has no part in the displacement."""
     load(tomllib.loads(changed(ARM, ('displacement = "arm.x"', 'displacement = "arm.x + 0*net.y"'))))

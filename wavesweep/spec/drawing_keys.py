@@ -21,7 +21,7 @@ class KeyReader:
 
     axes: paths of keys other than numbers that are axes; those that are written as a number are names in trees, and have a
     value in `own`. numbers: the names in [numbers]. signals: outputs of blocks and the hand's force. broken: blocks that have
-    a mistake themselves.
+    a mistake themselves. needed: those of their inputs that they have in any case.
     """
 
     def __init__(self, source: Place, axes: frozenset[str]) -> None:
@@ -34,6 +34,7 @@ class KeyReader:
         self.numbers: tuple[str, ...] = ()
         self.signals: set[str] = set()
         self.broken: set[str] = set()
+        self.needed: list[str] = []
 
     def leaf(self, path: str) -> Leaf:
         return self.leaves.get(path) or Leaf(None, self.source.under(tuple(path.split("."))))
@@ -130,6 +131,8 @@ class KeyReader:
                 self.refuse(leaf, f"{path}.{key}", "one of " + ", ".join(known), "an unknown key", nearest(key, known))
         found = {key: self.read_key(f"{path}.{key}", row, given.get(key)) for key, row in keys.items()}
         if len(self.mistakes) > before:
+            if TYPES[kind].ports is not None and not TYPES[kind].by:  # whatever its keys are
+                self.needed += [f"{name}.{port}" for port in TYPES[kind].ports[0]]
             return None
         every, phase = found.pop("every"), found.pop("phase")
         block = DrawnBlock(name, kind, tuple(found.items()), every, phase)

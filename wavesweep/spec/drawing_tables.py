@@ -155,7 +155,7 @@ class _TableReader(KeyReader):
         return self.read_terms(path, leaf)
 
     def unconnected(self, wires: Mapping[str, Leaf]) -> None:
-        for port in self.inputs:
+        for port in (*self.inputs, *self.needed):
             if port not in wires:
                 block = self.leaf(f"block.{port.partition('.')[0]}")
                 self.refuse(
