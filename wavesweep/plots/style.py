@@ -185,7 +185,7 @@ def _settle(canvas: Any) -> None:
 
 def _cut_off(axes: Any) -> bool:
     """Whether the name of a panel's axis sticks out, as the panel's new size has given it wider numbers; these stay then."""
-    out = bool(axes.yaxis.label.get_window_extent().x0 < 0)
+    out = bool(axes.get_ylabel()) and bool(axes.yaxis.label.get_window_extent().x0 < 0)
     if out:
         for each in axes.figure.axes:
             each.set_yticks([tick for tick in each.get_yticks() if min(each.get_ylim()) <= tick <= max(each.get_ylim())])

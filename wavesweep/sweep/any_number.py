@@ -57,8 +57,7 @@ def _restless(task, values, own):
     there = [np.ravel(own[path] != 0) if path != task.along else np.full(own[path].size, p != 0) for path in WALL]
     if structure is None:
         return np.zeros(there[0].size, bool)
-    known = {pattern: moves_on(structure, pattern) for pattern in {*zip(*(part.tolist() for part in there), strict=True)}}
-    return np.array([known[pattern] for pattern in zip(*(part.tolist() for part in there), strict=True)])
+    return np.array([moves_on(structure, wall) for wall in zip(*(part.tolist() for part in there), strict=True)])
 
 
 def _nowhere(column):

@@ -53,24 +53,7 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
     """Return every root that was found, to rounding, without duplicates from overlapping panels."""
     column, kind, width = found.column, found.function, span[1] - span[0]
     reach = np.minimum(found.within, 0.1 * width) + 1e-9 * width  # the disc, which no other root is in
-
-    def sign(parts, at, most):
-        """Return sign and logarithm of the functions of the roots `at`.
-
-        If the relative error is not below `most`, the sign is 0, like that of a root.
-        """
-        phase, log, error = (part[kind[at], np.arange(at.size)] for part in parts)
-        return np.sign(phase.real) * (error * np.finfo(float).eps < most), log
-
-    x, met = found.x.copy(), np.zeros(found.x.size, bool)
-    piece = loop.piece(column, x[:, None])
-    known = np.flatnonzero(loop.pieces.degree[piece] > 0)
-    if known.size:  # the interpolant has the root to most digits, for next to nothing
-
-        def followed_value(x):
-            return sign([part[..., 0] for part in loop.functions(piece[known], x[:, None])], known, FEW)
-
-        x[known] = _by_secants(followed_value, x[known], reach[known])
+    x, met = _followed(loop, found, reach), np.zeros(found.x.size, bool)
 
     def end(at):
         return _end(evaluate, column[at], kind[at], x[at], slack, reach[at])
@@ -92,7 +75,7 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
 
         def value(at, x):
             at = rest[at]
-            return sign(from_eigenvalues(Frames.of(evaluate(column[at], x)).E), at, CAUTION)
+            return _sign(from_eigenvalues(Frames.of(evaluate(column[at], x)).E), kind[at], CAUTION)
 
         low, high, least = found.x - reach, found.x + reach, span[0] + ATTACHED / 4 * width
         x[rest], met[rest] = bracketed_roots(value, low[rest], high[rest], found.x[rest], least)
@@ -109,6 +92,30 @@ def polished(evaluate, loop, found, span, slack) -> Ends:
     good = met & (np.abs(miss) <= CLEAR) & firm & (other > BOTH)
     ends = Ends(column, kind, x, theta, miss, good, found.x - reach, found.x + reach)
     return _distinct(_where_two_meet(evaluate, ends, slack, reach), SAME * width)
+
+
+def _followed(loop, found, reach):
+    """Return the roots on the interpolants of the loop, which have most of their digits for next to nothing."""
+    x = found.x.copy()
+    piece = loop.piece(found.column, x[:, None])
+    known = np.flatnonzero(loop.pieces.degree[piece] > 0)
+
+    def value(x):
+        parts = [part[..., 0] for part in loop.functions(piece[known], x[:, None])]
+        return _sign(parts, found.function[known], FEW)
+
+    if known.size:
+        x[known] = _by_secants(value, x[known], reach[known])
+    return x
+
+
+def _sign(parts, kind, most):
+    """Return sign and logarithm of the function of each root; the sign is 0 if the relative error is not below `most`.
+
+    parts: phase, logarithm and error of all functions at each root; kind: the function of each.
+    """
+    phase, log, error = (part[kind, np.arange(kind.size)] for part in parts)
+    return np.sign(phase.real) * (error * np.finfo(float).eps < most), log
 
 
 def _distinct(ends, apart):
