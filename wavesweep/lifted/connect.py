@@ -1,12 +1,13 @@
 """Connection of blocks of one rate through their summing junctions, with every algebraic loop closed exactly."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from wavesweep.diagram.block import Block, numbers
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.lifted.sparse import Row, add_to, between, plain_or_array, product, rows_of, sizes_of, stacked, summed
+from wavesweep.lifted.sparse import Diagonal, Row, add_to, between, plain_or_array, product, rows_of, sizes_of, stacked, summed
 
 WORST_CONDITION = 1e12  # beyond it a closed loop keeps fewer than 4 digits, which is no answer
 
@@ -26,7 +27,7 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
     """
     net = _Net.of(blocks, sums, inputs, outputs)
     order, torn = net.order()
-    rows, sized = net.followed(order, torn), net.sized(blocks) if torn or terms else None
+    rows, sized = net.followed(order, torn), net.sized(blocks, terms) if torn or terms else None
     inverse, condition, pivot = np.zeros((0, 0)), 1.0, 1.0
     if torn:
         sizes = sized.loop(sized.followed(order, torn, states=False), torn)
@@ -52,13 +53,14 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
 class _Net:
     """Blocks and the gains between them, entry by entry.
 
-    E, B: of each state; C, D: of each block output; a row maps states (E, C) or ports (B, D) to the entries that are not zero.
+    E: between states. B: of each state; C, D: of each block output; a row maps states (C) or ports (B, D) to the entries that
+    are not zero.
     ports: a name per block input. into, out: of each port, and of each output signal of the net, the gains of block outputs and
     of external inputs. shown: the port that an output signal of the net is, if it is one. inputs: number of external inputs.
     batch: shape. kind: type of the numbers.
     """
 
-    E: list[Row]
+    E: Diagonal
     B: list[Row]
     C: list[Row]
     D: list[Row]
@@ -78,25 +80,31 @@ class _Net:
         into, out = ([tracer.gains(signal) for signal in signals] for signals in (ports, outputs))
         arrays = [getattr(block, part) for block in blocks for part in "EBCD"]
         batch = np.broadcast_shapes(*{array.shape[:-2] for array in arrays}, *{gain.shape for gain in tracer.used})
-        parts = {part: [] for part in "EBCD"}
+        parts = {"E": Diagonal(block.E for block in blocks)} | {part: [] for part in "BCD"}
         states = first_port = 0
         for block in blocks:
-            for part, column in (("E", states), ("B", first_port), ("C", states), ("D", first_port)):
+            for part, column in (("B", first_port), ("C", states), ("D", first_port)):
                 parts[part] += rows_of(getattr(block, part), column)
             states, first_port = states + len(block.states), first_port + len(block.inputs)
         kind = np.result_type(float, *{array.dtype for array in (*arrays, *tracer.used)})
         shown = [ports.index(signal) if signal in ports else None for signal in outputs]
         return _Net(**parts, ports=ports, into=into, out=out, shown=shown, inputs=len(inputs), batch=batch, kind=kind)
 
-    def sized(self, blocks) -> "_Net":
-        """Return the net with every number replaced by its size, those of blocks by the sizes of their terms if it has them."""
-        parts = {part: [sizes_of(row) for row in getattr(self, part)] for part in "EBCD"}
+    def sized(self, blocks, states: bool) -> "_Net":
+        """Return the net with every number replaced by its size, those of blocks by the sizes of their terms if it has them.
+
+        states: whether what is of states is asked for; what leads from port to port always is.
+        """
+        parts = {part: list(map(sizes_of, getattr(self, part))) for part in ("BCD" if states else "D")}
+        if states:
+            parts["E"] = Diagonal(block.terms[0] if block.terms else np.abs(block.E) for block in blocks)
         n = m = p = 0
         for block in blocks:
             if block.terms:
-                places = ("E", n, n), ("B", n, m), ("C", p, n), ("D", p, m)
-                for (part, row, column), size in zip(places, block.terms, strict=True):
-                    parts[part][row : row + size.shape[-2]] = rows_of(size, column)
+                places = ("B", n, m), ("C", p, n), ("D", p, m)
+                for (part, row, column), size in zip(places, block.terms[1:], strict=True):
+                    if part in parts:
+                        parts[part][row : row + size.shape[-2]] = rows_of(size, column)
             n, m, p = n + len(block.states), m + len(block.inputs), p + len(block.outputs)
         into, out = ([tuple(map(sizes_of, pair)) for pair in pairs] for pairs in (self.into, self.out))
         return replace(self, **parts, into=into, out=out, kind=np.dtype(float))
@@ -198,8 +206,8 @@ class _Net:
     def assembled(self, rows) -> tuple[np.ndarray, ...]:
         """Return E, B, C and D of the whole net from its ports."""
         n, found = len(self.E), []
-        for base, ports in zip(self.E, self.B, strict=True):
-            found.append(summed(dict(base), ports, rows, n))
+        for state, ports in enumerate(self.B):
+            found.append(summed({}, ports, rows, n, partial(self.E.entry, state)))
         for (outputs, outside), port in zip(self.out, self.shown, strict=True):
             base, ports = {n + column: gain for column, gain in outside.items()}, {}
             for output, gain in outputs.items():
@@ -209,10 +217,10 @@ class _Net:
                 base, ports = {}, {port: 1.0}
             found.append(summed(base, ports, rows, n))
         whole = []
-        for some in (found[:n], found[n:]):
-            for first, width in ((0, n), (n, self.inputs)):
+        for some, base in ((found[:n], self.E), (found[n:], None)):
+            for first, width, own in ((0, n, base), (n, self.inputs, None)):
                 rows = [between(row, first, first + width) for row in some]
-                whole.append(stacked(rows, width, self.batch, self.kind))
+                whole.append(stacked(rows, width, self.batch, self.kind, own))
         return tuple(whole)
 
 
@@ -255,17 +263,12 @@ def _loop_inverse(loop, sizes, reached, name, ports):
     sizes: of the terms that the loop's entries are sums of. reached: entries of the inverse that are not zero by structure.
     Errors: IllPosedLoopError if the condition number shows that the loop is ill-posed.
     """
-    loop = np.eye(loop.shape[-1]) - loop
+    one = np.eye(loop.shape[-1])
+    loop = one - loop
     overflown = ~np.isfinite(loop).all((-1, -2))  # a frame that overflows is for the caller to see
-    try:
-        inverse = np.linalg.inv(np.where(overflown[..., None, None], np.nan, loop))
-    except np.linalg.LinAlgError:
-        inverse = np.full_like(loop, np.inf)
     with np.errstate(all="ignore"):
-        for _ in range(REFINED):  # entries that are small beside the largest have lost their digits
-            inverse = inverse + inverse @ (np.eye(loop.shape[-1]) - loop @ inverse)
-        inverse[..., ~reached], pivot = 0.0, np.linalg.det(loop)
-    condition = _condition(inverse, np.eye(loop.shape[-1]) + sizes)
+        inverse, pivot = (1 / loop, loop[..., 0, 0]) if loop.shape[-1] == 1 else _inverse(loop, overflown, reached)
+    condition = _condition(inverse, one + sizes)
     if not np.all((condition < WORST_CONDITION) | overflown):
         raise IllPosedLoopError(
             f"the algebraic loop of the {name} side through {', '.join(ports)} is ill-posed: condition number "
@@ -273,6 +276,18 @@ def _loop_inverse(loop, sizes, reached, name, ports):
             "(environment.delay or local_model.delay) or change the gain that closes it"
         )
     return inverse, condition, pivot
+
+
+def _inverse(loop, overflown, reached):
+    """Return the inverse and the determinant of a return difference; see `_loop_inverse`."""
+    try:
+        inverse = np.linalg.inv(np.where(overflown[..., None, None], np.nan, loop))
+    except np.linalg.LinAlgError:
+        inverse = np.full_like(loop, np.inf)
+    for _ in range(REFINED):  # entries that are small beside the largest have lost their digits
+        inverse = inverse + inverse @ (np.eye(loop.shape[-1]) - loop @ inverse)
+    inverse[..., ~reached] = 0.0
+    return inverse, np.linalg.det(loop)
 
 
 def _condition(inverse, sizes):

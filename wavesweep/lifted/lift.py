@@ -17,7 +17,12 @@ def growth(E, ticks: int):
     E: `(..., n, n)`. If a locally unstable loop overflows, the result has infinities without a warning; the caller checks for
     them.
     """
-    return in_parts(lambda part: _growth(E[part], ticks), E.shape[:-2], E.shape[-1], E.dtype)
+    return in_parts(lambda part: _growth(E[part], ticks), *_shape(E))
+
+
+def _shape(E):
+    """Return what `in_parts` asks about matrices."""
+    return E.shape[:-2], E.shape[-1], E.dtype
 
 
 def _growth(E, ticks):
@@ -68,7 +73,9 @@ def lift_held(fast: Block, ratio: int, delay: int, held, sampled, whole=None) ->
             whole, held_early = early + late + late @ fast.E @ early, early @ B
             old = held_early + fast.E @ (late @ held_early)  # A^(M-D) S_D B
         E, new = fast.E @ (whole if delay else late), late @ B
-        condition = fast.condition * loss(E, ratio * np.abs(fast.E)) if ratio > 1 else fast.condition
+        condition = fast.condition
+        if ratio > 1:
+            condition = condition * in_parts(lambda part: loss(E[part], ratio * np.abs(fast.E[part])), *_shape(E))
     parts = [("old", old, D)] if delay > 0 else []
     if delay < ratio:
         parts.append(("new", new, D if delay == 0 else np.zeros_like(D)))

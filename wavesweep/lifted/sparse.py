@@ -75,23 +75,64 @@ def between(row, first, end=np.inf) -> Row:
     return {column - first: value for column, value in row.items() if first <= column < end}
 
 
-def stacked(rows, width, batch, kind):
+class Diagonal:
+    """Square matrices `(..., n, n)` along a diagonal, whose entries are read as they are asked for.
+
+    Of the frames of a large batch, to take every entry out and to put it back costs more than what changes in a few of them.
+    """
+
+    def __init__(self, parts):
+        self.parts, self._rows = tuple(parts), []
+        for part in self.parts:
+            first, width = len(self._rows), part.shape[-1]
+            plain = part.tolist() if part.ndim == 2 and part.dtype.kind != "c" else None
+            self._rows += [(part, plain, first, first + width)] * width
+
+    def __len__(self):
+        return len(self._rows)
+
+    def entry(self, row, column):
+        """Return an entry as `rows_of` does, None if it is zero in the whole batch."""
+        part, plain, first, end = self._rows[row]
+        if not first <= column < end:
+            return None
+        if plain:
+            return plain[row - first][column - first] or None
+        each = part[..., row - first, column - first]
+        return plain_or_array(np.ascontiguousarray(each)) if each.any() else None
+
+    def filled(self, out):
+        """Return the zeros `out`, `(..., n, n)`, with the matrices in them."""
+        first = 0
+        for part in self.parts:
+            end = first + part.shape[-1]
+            out[..., first:end, first:end], first = part, end
+        return out
+
+
+def stacked(rows, width, batch, kind, base=None):
     """Return rows as an array `(..., len(rows), width)`.
 
-    If the batch has several axes, each axis along which nothing varies has length 1.
+    If the batch has several axes, each axis along which nothing varies has length 1. base: what rows that lack an entry have
+    there, a `Diagonal`.
     """
     if len(batch) > 1:
-        batch = np.broadcast_shapes((1,) * len(batch), *{np.shape(value) for row in rows for value in row.values()})
+        shapes = {np.shape(value) for row in rows for value in row.values()}
+        shapes |= {part.shape[:-2] for part in base.parts} if base else set()
+        batch = np.broadcast_shapes((1,) * len(batch), *shapes)
     out = np.zeros((*batch, len(rows), width), kind)
+    if base:
+        base.filled(out)
     for at, row in enumerate(rows):
         for column, value in row.items():
             out[..., at, column] = value
     return out
 
 
-def summed(row, ports, rows, states) -> Row:
+def summed(row, ports, rows, states, entry=None) -> Row:
     """Return the row plus the sum of these ports; an entry of an input is 0 if it is only rounding of its terms.
 
+    entry(column): an entry of the row that it lacks, or None; what no port adds to is left out.
     With no filter and no delay in the line the wall's force reaches the avatar twice, by +1/b and -1/b. What rounding leaves of
     that is eps/b, which is large if b is small.
     """
@@ -99,6 +140,8 @@ def summed(row, ports, rows, states) -> Row:
     for port, factor in ports.items():
         for column, value in rows[port].items():
             term = factor * value
+            if entry and column not in row and (own := entry(column)) is not None:
+                row[column] = own
             if column in row and column >= states:
                 sizes[column] = (sizes[column] if column in sizes else abs(row[column])) + abs(term)
             row[column] = row[column] + term if column in row else term

@@ -27,7 +27,7 @@ def along_any_number(task, values, own):
     def evaluate(number, p):
         number, p = (each.ravel() for each in np.broadcast_arrays(number, p))
         loop, wall = np.divmod(number, walls)
-        first, back = _different(loop, p)
+        first, back = _different(loop, p) if walls > 1 else (slice(None), slice(None))
         at, p = loop[first], np.where(p[first] == 0, TINY, p[first])
         changed = varied(task, values, at, p)
         with np.errstate(all="ignore"):  # a loop may overflow beside the real axis; the panels look for such numbers
@@ -73,7 +73,10 @@ def varied(task, values, at, p):
 
 
 def _different(loop, p):
-    """Indices of the different pairs of loop and value, and for each pair the place of its equal among these."""
+    """Indices of the different pairs of loop and value, and for each pair the place of its equal among these.
+
+    With a single wall there are no equal ones.
+    """
     order = np.lexsort((p.imag, p.real, loop))
     new = np.append(True, (loop[order[1:]] != loop[order[:-1]]) | (p[order[1:]] != p[order[:-1]]))[: p.size]
     back = np.empty(p.size, int)
