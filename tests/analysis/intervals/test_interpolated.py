@@ -5,7 +5,14 @@ import numpy as np
 import pytest
 from support.specs import values_of
 
-from wavesweep.analysis.intervals.critical import EPS, characteristic, from_coefficients, from_eigenvalues, from_polynomials
+from wavesweep.analysis.intervals.critical import (
+    EPS,
+    characteristic,
+    from_coefficients,
+    from_eigenvalues,
+    from_polynomials,
+    surely_unstable_by_traces,
+)
 from wavesweep.analysis.intervals.interpolated import DEGREES, chebyshev, interpolated_loop, nodes
 from wavesweep.analysis.intervals.living import MoreStatesError, RecalledError, living, of_order, typical
 from wavesweep.analysis.intervals.panels import RIM
@@ -161,6 +168,15 @@ def test_a_state_that_is_left_out_changes_no_critical_function():
         np.testing.assert_allclose(more[:3], few[:3], rtol=1e-12, atol=1e-12)
     with pytest.raises(MoreStatesError):
         of_order(lambda *_: E, 2, np.ones(3, bool), None, None)
+
+
+@pytest.mark.parametrize("matrices", [1, 7])
+def test_traces_that_are_known_change_no_bit(matrices):
+    E = np.random.default_rng(8).normal(size=(matrices, 5, 5))
+    E[-1, 0, 0] = np.inf if matrices > 1 else 0.0  # a frame that overflows
+    _, traces = surely_unstable_by_traces(E)
+    for one, other in zip(from_eigenvalues(E), from_eigenvalues(E, 1.0, traces), strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def forgetful():

@@ -307,7 +307,8 @@ def _where_unsure(E, units, panels):
     rest = np.flatnonzero(~sure.reshape(panels, -1).all(1))
     if rest.size:
         rows = np.arange(len(E)).reshape(panels, -1)[rest].ravel()
-        for part, better in zip(found, from_eigenvalues(E[rows], units[rows]), strict=True):
+        traces = [part[rows] for part in parts]
+        for part, better in zip(found, from_eigenvalues(E[rows], units[rows], traces), strict=True):
             part[:, rest] = better.reshape(4, rest.size, -1)
     return found
 

@@ -64,8 +64,8 @@ def surely_unstable(c, reach, size):
         return (phase.real > 0) & (EPS * error < 1)
 
 
-def from_eigenvalues(E, units=1.0):
-    """`from_coefficients` by way of the eigenvalues.
+def from_eigenvalues(E, units=1.0, traces=None):
+    """`from_coefficients` by way of the eigenvalues; traces: what `surely_unstable_by_traces` found of them, if it is known.
 
     This is slower, but accurate for more states, since coefficients of crowded poles lose digits.
     """
@@ -79,7 +79,7 @@ def from_eigenvalues(E, units=1.0):
         with np.errstate(over="ignore"):
             error = CAUTION * size / np.maximum(magnitude.min(-1, initial=1.0), 1e-30)
         found.append(((factor / magnitude).prod(-1), np.log(magnitude).sum(-1), error))
-    found.append(_by_traces(E, size))
+    found.append(_by_traces(E, size) if traces is None else [np.resize(part, len(E)) for part in traces])
     return _given([np.stack(part) for part in zip(*found, strict=True)], finite, MOST_OF_EIGENVALUES)
 
 
