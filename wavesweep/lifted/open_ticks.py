@@ -6,6 +6,7 @@ from functools import reduce
 import numpy as np
 
 from wavesweep.diagram.drawn import Drawn
+from wavesweep.lifted.batches import in_parts
 from wavesweep.lifted.connect import WORST_CONDITION
 from wavesweep.lifted.periodic import Ticks, frame_of, in_a_row, size_of, then, ticks_of
 
@@ -52,14 +53,25 @@ class OpenTicks:
             if self.frame is None:
                 ticks = self.closed(at, p)
                 return frame_of(ticks), *facts_of(ticks.maps)
+            at, p = np.broadcast_arrays(at, p)
             closures = [_closure(each, at, p) for each in self.ticks.maps]
             read = [closures[kind][0] for kind in self.ticks.kind if self.ticks.maps[kind].inputs]
-            E, lost = self.frame.closed(at, read)
-            if lost.any():
-                some = (np.broadcast_to(part, lost.shape)[lost] for part in (at, p))
-                E[lost] = frame_of(self.closed(*some))
+            E = in_parts(
+                lambda part: self._frames(at[part], p[part], [gain[part] for gain in read]), p.shape, len(self), p.dtype
+            )
             pivot, condition = (reduce(np.multiply, part) for part in list(zip(*closures, strict=True))[1:])
             return E, pivot, condition
+
+    def __len__(self):
+        """Return the number of states."""
+        return self.ticks.maps[0].E.shape[-1]
+
+    def _frames(self, at, p, gains):
+        """Return frames closed at their readings; those that would lose digits by it are closed in their ticks."""
+        E, lost = self.frame.closed(at, gains)
+        if lost.any():
+            E[lost] = frame_of(self.closed(at[lost], p[lost]))
+        return E
 
 
 def facts_of(maps) -> tuple[np.ndarray, np.ndarray]:
@@ -122,18 +134,18 @@ class _OpenFrame:
         A reading is known from the state and from those before it, so this is forward substitution.
         """
         E, B, C, D = (part[at] if part.ndim > 2 else part for part in (self.E, self.B, self.C, self.D))
-        one = np.eye(E.shape[-1])
-        E, sizes, rows, row_sizes = E + 0 * np.asarray(gains[0] if gains else 0.0)[..., None, None], np.abs(one + E), [], []
+        one, rows, row_sizes = np.eye(E.shape[-1]), [], []
         for i, gain in enumerate(gains):
             row, size = C[..., i, :], np.abs(C[..., i, :])
             for j in range(i):
                 row, size = row + D[..., i, j, None] * rows[j], size + np.abs(D[..., i, j, None]) * row_sizes[j]
             rows.append(gain[..., None] * row)
             row_sizes.append(np.abs(gain)[..., None] * size)
-            E = E + B[..., i, None] * rows[i][..., None, :]
-            sizes = sizes + np.abs(B[..., i, None]) * row_sizes[i][..., None, :]
-        lost = size_of(sizes) > CANCELS * np.maximum(1.0, size_of(one + E))
-        return E, lost
+        if not rows:
+            return np.broadcast_to(E, (*at.shape, *one.shape)), np.zeros(at.shape, bool)
+        sizes = np.abs(one + E) + np.abs(B) @ np.stack(row_sizes, axis=-2)
+        E = E + B @ np.stack(rows, axis=-2)
+        return E, size_of(sizes) > CANCELS * np.maximum(1.0, size_of(one + E))
 
 
 def _joined(first, second):
