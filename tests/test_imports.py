@@ -113,7 +113,7 @@ def test_help_loads_no_command():
 
 
 @pytest.mark.slow
-def test_writing_a_table_loads_no_pandas(tmp_path):
+def test_writing_and_reading_a_table_loads_no_pandas(tmp_path):
     program = (
         "import numpy as np\nfrom wavesweep import results\nfrom wavesweep.sweep import Table\n"
         "kinds = {'number': 1.5, 'integer': 2, 'boolean': True, 'string': 'x'}\n"
@@ -124,6 +124,10 @@ def test_writing_a_table_loads_no_pandas(tmp_path):
     loaded = loaded_by(program.replace("'x'", "'K_VE'"))
     assert "pyarrow.parquet" in loaded
     assert loaded & {"pandas", "scipy", "matplotlib", "control", "joblib", "pyarrow.compute", "importlib.metadata"} == set()
+    # Arrow would import it where the exception of a signal is dropped.
+    for suffix in ("csv", "parquet"):
+        written = str(tmp_path / f"zwidth.{suffix}")
+        assert "pandas" not in loaded_by(f"from wavesweep import results\nresults.read_table({written!r})")
 
 
 @pytest.mark.slow

@@ -2,14 +2,17 @@
 
 import csv
 import math
+import os
 import struct
+from pathlib import Path
 
 import numpy as np
+import pyarrow
 import pytest
 
 from wavesweep import results
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.results import publish
+from wavesweep.results import files, publish
 from wavesweep.sweep import Table
 
 
@@ -17,6 +20,16 @@ from wavesweep.sweep import Table
 def test_both_files_read_back_to_the_same_bits(columns, facts, same, tmp_path, suffix):
     publish(Table.of("zwidth", columns, facts), tmp_path)
     same(results.read(tmp_path / f"zwidth.{suffix}"), columns)
+
+
+@pytest.mark.parametrize("name", ["s3:", os.fsdecode(b"d\xff")])
+def test_a_folder_may_have_any_name(name, columns, facts, same, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    publish(Table.of("zwidth", columns, facts), name)
+    for suffix in ("csv", "parquet"):
+        found = results.read(f"{name}/zwidth.{suffix}")
+        same(found, columns)
+    assert files.read_rows(Path(name) / "zwidth.parquet", 1, 3)["low"].size == 2
 
 
 def test_any_finite_double_survives_the_csv(columns, facts, tmp_path):
@@ -96,6 +109,21 @@ def test_a_missing_number_is_null_in_parquet(columns, facts, tmp_path):
     publish(Table.of("zwidth", columns, facts), tmp_path)
     high = pyarrow.parquet.read_table(tmp_path / "zwidth.parquet")["high"]
     assert high.null_count == sum(map(math.isnan, columns["high"]))
+
+
+def test_columns_in_chunks_and_slices_read_as_arrow_gives_them():
+    numbers = [1.5, None, float("nan"), -0.0, 5e-324] * 5
+    flags, whole = [True, False, False, True, True] * 5, [2**62, 0, -1, 3, 4] * 5
+    for values, kind in ((numbers, pyarrow.float64()), (flags, pyarrow.bool_()), (whole, pyarrow.int64())):
+        column = pyarrow.chunked_array([pyarrow.array(values, kind).slice(first, 6) for first in (0, 3, 9)])
+        found = files._numpy(column)
+        expected = column.to_numpy()
+        assert found.dtype == expected.dtype
+        assert found.tobytes() == expected.tobytes() or np.array_equal(found, expected, equal_nan=True)
+        assert files._numpy(pyarrow.chunked_array([], kind)).size == 0
+    lacking = files._numpy(pyarrow.chunked_array([pyarrow.array([1, None, 3], pyarrow.int64())]))
+    assert np.array_equal(lacking, [1, np.nan, 3], equal_nan=True)
+    assert files._numpy(pyarrow.chunked_array([pyarrow.array([1.5], pyarrow.float32())])).tolist() == [1.5]
 
 
 def test_a_file_of_another_kind_is_refused(tmp_path):

@@ -224,6 +224,15 @@ def test_a_signal_that_arrives_while_an_object_is_finalised_is_not_lost(tmp_path
     assert (run.stdout, run.stderr) == ("143\n", "")
 
 
+@pytest.mark.parametrize("after", ["pass", "raise ImportError('initialization failed')"])
+def test_a_signal_whose_exception_a_library_drops_or_changes_counts(tmp_path, after):
+    program = "import os, signal\nfrom wavesweep.cli import entry\n"
+    program += "try:\n    with entry._signals_unwind(False):\n        try:\n            os.kill(os.getpid(), signal.SIGTERM)\n"
+    program += f"        except BaseException:\n            {after}\nexcept entry.Stopped as error:\n    print(error.exit_code)"
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path, check=True)
+    assert (run.stdout, run.stderr) == ("143\n", "")
+
+
 def offered():
     """The backends that work on this machine without a cluster of its own."""
     from importlib.util import find_spec

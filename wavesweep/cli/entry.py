@@ -252,12 +252,26 @@ def _signals_unwind(to_the_end: bool) -> Iterator[None]:
         if before[number] in (signal.SIG_DFL, signal.default_int_handler):
             signal.signal(number, unwind)
     try:
-        yield
+        with _counted(stopped):
+            yield
     finally:
         if not to_the_end:
             sys.unraisablehook = hook
             for number, handler in before.items():
                 signal.signal(number, handler)
+
+
+@contextmanager
+def _counted(stopped: list[int]) -> Iterator[None]:
+    """Let a signal count whose exception a library has dropped, or made another of; stopped: the signals that came."""
+    try:
+        yield
+    except Exception as error:
+        if stopped:
+            raise Stopped(stopped[0]) from error
+        raise
+    if stopped:
+        raise Stopped(stopped[0])
 
 
 def _sent_again(stopped: list[int], hook: Callable[[Any], object]) -> Callable[[Any], None]:

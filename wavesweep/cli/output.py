@@ -277,4 +277,4 @@ def write_whole(*files: tuple[Path, str]) -> None:
     """Write files whole, each given by its path and text; none of them is touched if one does not fit the disk."""
     for target, _ in files:
         refuse_no_folder(target)
-    write_files({target: [text.encode()] for target, text in files})
+    write_files({target: [text.encode(errors="backslashreplace")] for target, text in files})

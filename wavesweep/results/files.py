@@ -18,6 +18,8 @@ from wavesweep.results.schema import Field, in_order, kind_of, kinds_by_name
 # Rows in a row group. A fixed number, so that a file's bytes do not depend on the blocks that its rows came in.
 GROUP_ROWS = 131072
 
+_NUMPY = {"double": np.float64, "int64": np.int64, "bool": np.bool_}  # kinds of columns in a file
+
 
 class ParquetFile:
     """A Parquet file that is being written, a row group a call."""
@@ -30,7 +32,7 @@ class ParquetFile:
             pyarrow.field(f.name, types[f.kind], metadata={"unit": f.unit, "description": f.description}) for f in fields
         ]
         text = json.dumps(facts, allow_nan=False)
-        self._path, self._schema, self._writer = path.absolute(), pyarrow.schema(columns, metadata={"wavesweep": text}), None
+        self._path, self._schema, self._writer = path, pyarrow.schema(columns, metadata={"wavesweep": text}), None
 
     def append(self, columns: Mapping[str, np.ndarray]) -> None:
         """Write checked columns as one row group."""
@@ -47,7 +49,8 @@ class ParquetFile:
 
         many = [name for name, each in columns.items() if each.dtype == np.float64 and np.unique(each).size > len(each) // 2]
         few = [name for name in columns if name not in many]
-        self._writer = pyarrow.parquet.ParquetWriter(self._path, self._schema, compression="zstd", use_dictionary=few)
+        self._file = _opened(self._path, "wb")
+        self._writer = pyarrow.parquet.ParquetWriter(self._file, self._schema, compression="zstd", use_dictionary=few)
 
     def close(self) -> None:
         """Write the footer; without it the file cannot be read."""
@@ -57,6 +60,7 @@ class ParquetFile:
             self._writer.close()
         finally:
             self._writer.is_open = False  # if it failed, pyarrow would try again at some later time, and print a traceback
+            self._file.close()
 
 
 class ParquetParts:
@@ -79,6 +83,13 @@ class ParquetParts:
     def close(self) -> None:
         """Write the footer of the last part."""
         self._part.close()
+
+
+def _opened(path: Path, mode: str) -> Any:
+    """A file of Arrow's, which takes a path for an address (s3:), and refuses one that is no UTF-8, unless it is bytes."""
+    import pyarrow
+
+    return pyarrow.OSFile(os.fsencode(path), mode)
 
 
 def csv_header(fields: tuple[Field, ...]) -> bytes:
@@ -177,7 +188,8 @@ def _schema_facts(path: Path) -> dict[str, Any]:
     """The facts in the schema of a Parquet file, empty if it has none."""
     import pyarrow.parquet
 
-    text = (pyarrow.parquet.read_schema(parts_of(path)[0]).metadata or {}).get(b"wavesweep", b"{}")
+    with _opened(parts_of(path)[0], "rb") as file:
+        text = (pyarrow.parquet.read_schema(file).metadata or {}).get(b"wavesweep", b"{}")
     try:
         return dict(json.loads(text))
     except (ValueError, TypeError):
@@ -190,7 +202,7 @@ def read_rows(path: Path, first: int = 0, end: int | None = None, columns: list[
 
     found, before = [], 0
     for part in parts_of(path):
-        with pyarrow.parquet.ParquetFile(part) as file:
+        with _opened(part, "rb") as source, pyarrow.parquet.ParquetFile(source) as file:
             rows = file.metadata.num_rows
             start, stop = max(first - before, 0), rows if end is None else min(end - before, rows)
             if start < stop or not found:  # of the first part at least the columns
@@ -234,7 +246,11 @@ def parts_of(path: Path) -> list[Path]:
 def _read_parquet(path: Path) -> Any:
     import pyarrow.parquet
 
-    return pyarrow.concat_tables([pyarrow.parquet.read_table(part) for part in parts_of(path)])
+    found = []
+    for part in parts_of(path):
+        with _opened(part, "rb") as file:  # `read_table` would import pandas
+            found.append(pyarrow.parquet.ParquetFile(file).read())
+    return pyarrow.concat_tables(found)
 
 
 def _read_csv(path: Path) -> Any:
@@ -242,22 +258,40 @@ def _read_csv(path: Path) -> Any:
     import pyarrow.csv
 
     types, kinds = _types(), kinds_by_name() | packaged_kinds(path)
-    return pyarrow.csv.read_csv(
-        path,
-        parse_options=pyarrow.csv.ParseOptions(newlines_in_values=True),
-        convert_options=pyarrow.csv.ConvertOptions(
-            column_types={name: types[kind] for name, kind in kinds.items()}, null_values=["NaN"],
-            strings_can_be_null=False, true_values=["1"], false_values=["0"],
-        ),
-    )  # fmt: skip
+    with _opened(path, "rb") as file:
+        return pyarrow.csv.read_csv(
+            file,
+            parse_options=pyarrow.csv.ParseOptions(newlines_in_values=True),
+            convert_options=pyarrow.csv.ConvertOptions(
+                column_types={name: types[kind] for name, kind in kinds.items()}, null_values=["NaN"],
+                strings_can_be_null=False, true_values=["1"], false_values=["0"],
+            ),
+        )  # fmt: skip
 
 
 def _numpy(column: Any) -> np.ndarray:
-    import pyarrow
-
-    if pyarrow.types.is_string(column.type):
+    """The values of a column. Arrow's own way imports pandas, which takes long, and drops a Ctrl-C that comes meanwhile."""
+    kind = str(column.type)
+    if kind == "string":
         return np.array(column.to_pylist(), dtype=object)
-    return column.to_numpy()
+    if kind not in _NUMPY or (kind != "double" and column.null_count):  # of a file that another program wrote
+        import pandas  # noqa: F401 - here a Ctrl-C is not dropped
+
+        return column.to_numpy()
+    return np.concatenate([np.empty(0, _NUMPY[kind]), *(_values(chunk, _NUMPY[kind]) for chunk in column.chunks)])
+
+
+def _values(chunk: Any, kind: type) -> np.ndarray:
+    """The values of an array of Arrow; those that are missing are NaN."""
+    whole, (valid, values) = slice(chunk.offset, chunk.offset + len(chunk)), chunk.buffers()
+
+    def bits(buffer: Any) -> np.ndarray:
+        return np.unpackbits(np.frombuffer(buffer, np.uint8), count=whole.stop, bitorder="little")[whole].astype(bool)
+
+    if kind is np.bool_:
+        return bits(values)
+    found = np.frombuffer(values, kind, whole.stop)[whole]
+    return np.where(bits(valid), found, np.nan) if chunk.null_count else found
 
 
 def _types() -> dict[str, Any]:
