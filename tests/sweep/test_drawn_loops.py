@@ -1215,3 +1215,55 @@ def test_delays_beside_terms_that_cancel_at_an_end_leave_no_doubt(along, span):
     end, inward = (row.high, -1) if row.high < span[1] else (row.low, 1)
     inside, outside = loop.spectral_radius(**{along: [end * (1 + inward * 1e-8), end * (1 - inward * 1e-8)]})
     assert inside < 1 < outside
+
+
+def sprung(wire, numbers, force="-h.y - d*arm.v"):
+    """An arm whose position is held, with a force that depends on it."""
+    blocks = {"arm": {"type": "mass", "mass": 0.2, "damping": 0.1}, "h": {"type": "hold", "every": 20}}
+    return {"rates": {"tick_hz": 1000.0}, "numbers": numbers, "block": blocks, "wire": {"h.u": wire, "arm.f": force}}
+
+
+@pytest.mark.parametrize(
+    ("wire", "numbers", "plain", "along", "span"),
+    [
+        ("k*(sqrt(a*a)-a)/2*arm.x", {"k": 50.0, "a": -1.0, "d": 1.0}, {"k": 50.0, "d": 1.0}, "d", (0, 5)),
+        ("(k-k0+sqrt((k-k0)**2))/2*arm.x", {"k": 80.0, "k0": 30.0, "d": 1.0}, {"k": 50.0, "d": 1.0}, "d", (0, 5)),
+    ],
+)
+def test_a_spring_that_is_the_larger_of_two_numbers_is_no_drift(wire, numbers, plain, along, span):
+    found = wavesweep.compile(sprung(wire, numbers)).stable_intervals(along, span)
+    expected = wavesweep.compile(sprung("k*arm.x", plain)).stable_intervals(along, span)
+    np.testing.assert_allclose(ends(found), ends(expected), rtol=1e-12)
+    assert found.low[0] > 0.1  # without the spring it would be stable from 0 on
+
+
+def test_a_spring_that_no_drawing_with_other_numbers_has_leaves_the_loop_unknown():
+    numbers = {"k1": 8.0, "k2": 9.0, "k3": 20.0, "d": 1.0}
+    loop = wavesweep.compile(sprung("(k1*k2-k3+sqrt((k1*k2-k3)**2))/2*arm.x", numbers))
+    found = loop.stable_intervals("d", (0, 5), k3=[20.0, 200.0])  # the other one has no spring, and is stable throughout
+    assert found.certified.tolist() == [False, True]
+    assert found.intervals.tolist() == [0, 1]
+    assert np.isnan(loop.spectral_radius())
+
+
+@pytest.mark.parametrize("names", [("kf", "kp2"), ("kd2", "k_h"), ("gain2", "w_n"), ("g", "k_lo"), ("k1", "k2")])
+def test_two_numbers_are_different_whatever_their_names(names):
+    one, other = names
+    tables = sprung("arm.x", {one: 3.0, other: 1.0, "c": 1.0}, f"-c*h.y - ({one}-{other})*10*i.y")
+    tables["block"]["arm"] |= {"damping": 2.0, "stiffness": 10.0}
+    tables["block"]["i"], tables["wire"]["i.u"] = {"type": "integrator"}, "arm.x"
+    found = wavesweep.compile(tables).stable_intervals(one, (1.5, 50))
+    np.testing.assert_allclose(ends(found), [[1.5, 11.833989052101263]], rtol=1e-9)  # of a march through a frame, 400 bits
+
+
+@pytest.mark.parametrize("ppb", [1e3, 1e6, 1e9])
+def test_a_shift_whose_factor_is_nearly_the_same_for_other_numbers_depends_on_them(ppb):
+    def twins(factor, numbers):
+        blocks = {name: {"type": "mass", "mass": mass, "damping": 0.1} for name, mass in (("one", 0.2), ("two", 0.3))}
+        wires = {"one.f": "-k*h.y-d*(one.v-two.v)", "two.f": "k*h.y+d*(one.v-two.v)", "h.u": f"one.x-{factor}*two.x"}
+        blocks["h"] = {"type": "hold", "every": 20}
+        tables = {"rates": {"tick_hz": 1000.0}, "numbers": {"k": 50.0, "d": 0.5, **numbers}, "block": blocks, "wire": wires}
+        return wavesweep.compile(tables).stable_intervals("k", (0, 500))
+
+    found, expected = twins("(1+1e-9*ppb)", {"ppb": ppb}), twins(f"{1 + 1e-9 * ppb!r}", {})
+    np.testing.assert_allclose(ends(found), ends(expected), rtol=1e-12)

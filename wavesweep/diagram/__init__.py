@@ -56,7 +56,7 @@ def _tame(values):
 @cache
 def _moderate(path):
     """A number for a key, other keys having others."""
-    return TAME_RATE if path == "rates.fast_hz" else 7 + scattered(path) / 250
+    return TAME_RATE if path == "rates.fast_hz" else 7 + 4 * scattered(path)
 
 
 FEW_TICKS = {"rates.ratio": 3, "environment.delay": 1}

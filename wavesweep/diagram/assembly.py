@@ -10,7 +10,7 @@ from wavesweep.diagram import WALL, blocks
 from wavesweep.diagram.block import numbers
 from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.diagram.rest import exact_shifts
-from wavesweep.diagram.tame import SALTS, SPREAD, scattered
+from wavesweep.diagram.tame import SALTS, scattered
 from wavesweep.diagram.uneven import RATIO, Uneven
 from wavesweep.diagram.values import rest_of, values_of
 from wavesweep.errors import UsageError
@@ -145,9 +145,15 @@ def tame_pair(
         return _uneven_pair(drawing, tuple((shape | {RATIO: values[RATIO]}).items()))
     kept = {RATE, *map(path_of, drawing.shaping)}
     kept |= {path for path, value in values.items() if actual and np.ndim(value) == 0}
-    # As keys True and 1.0 are the same, and a number of its own is another thing than one that is not zero.
-    fixed = tuple((path, path in kept, value if path in kept else bool(np.any(value))) for path, value in values.items())
+    # As keys 1 and 1.0 are the same, and a number of its own is another thing than one that is not zero.
+    fixed = tuple((path, path in kept, value if path in kept else _sign(value)) for path, value in values.items())
     return _tame_pair(drawing, fixed, tuple(own.items()), out)
+
+
+def _sign(value):
+    """0 for a number that is zero in all loops, -1 if it is negative in all (its real part, if it is complex), 1 for others."""
+    real = np.real(value)
+    return 0 if not np.any(value) else -1 if np.all(real < 0) else 1
 
 
 @lru_cache(maxsize=256)
@@ -169,11 +175,14 @@ def _tame_pair(drawing, fixed, own, out):
 
 # Small gains do not overflow over a long frame. The others are tried if an expression or a key does not accept them.
 SCALES = (0.3, 3.0, 30.0, 300.0, 0.003)
+TAMED = 1 / 32  # power of the spec's own number, which leaves the order of two that are not alike: a gain may be their maximum
 
 
 def _tamed(path, value, own, salt, scale):
-    factor = scattered(path, salt) / SPREAD
-    return value * (own * (1 + 0.01 * factor) if scale is None and own else (scale or 1.0) * (1 + factor))
+    factor = scattered(path, salt)
+    if scale is None and own:
+        return abs(value) * own * (1 + 0.01 * factor)
+    return value * (scale or 1.0) * (abs(own) or 1.0) ** TAMED * (1 + 0.02 * factor)
 
 
 def refuse_unsuitable(drawing: Drawing | Uneven, values: Mapping[str, object]) -> None:

@@ -3,9 +3,8 @@
 from zlib import crc32
 
 SALTS = "ab"  # of two drawings of the same structure
-SPREAD = 997
 
 
-def scattered(path: str, salt: str = "") -> int:
-    """Return a whole number from 0 to SPREAD - 1 for a path, another one for most other paths and salts, always the same."""
-    return crc32((salt + path).encode()) % SPREAD
+def scattered(path: str, salt: str = "") -> float:
+    """Return a number from 0 to 1 for a path, another one for other paths and salts, always the same."""
+    return crc32((salt + path).encode()) / 2**32

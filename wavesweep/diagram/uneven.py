@@ -15,7 +15,7 @@ from wavesweep.controllers import drawing_of
 from wavesweep.diagram import WALL
 from wavesweep.diagram.block import Block, numbers
 from wavesweep.diagram.drawn import Drawn, Placed
-from wavesweep.diagram.tame import SALTS, SPREAD, scattered
+from wavesweep.diagram.tame import SALTS, scattered
 from wavesweep.spec.keys import MOST_SLOW_STEPS
 
 RATIO = "rates.ratio"
@@ -89,5 +89,5 @@ def _copy(name):
 def _tamed(path, value, salt):
     if path == RATIO or (isinstance(value, (str, int, type(None))) and not isinstance(value, bool)):
         return value
-    factor = 1 + scattered(path, salt) / SPREAD
+    factor = 1 + scattered(path, salt)
     return (TAME_RATE if path == "rates.fast_hz" else TAME) * factor * bool(np.any(value))

@@ -10,7 +10,10 @@ from wavesweep.lifted.periodic import Ticks, frame_of, growth_of, known_frames, 
 from wavesweep.lifted.rounding import frame_errors, hidden_in, radius_hidden
 
 RANK = 1e-12  # of the largest singular value of a frame of tame numbers, up to which the smallest is 0
-SAME = 1e-9  # relative difference of two factors of a shift, up to which it does not depend on the numbers
+SAME = 1e-12  # relative difference of two factors of a shift, up to which it does not depend on the numbers
+OPPOSED = 1e-9  # of the terms of a change along a shift, up to which it is rounding
+SOLVED = 1e-6  # of the terms of equations for a shift, up to which what they leave is rounding
+ROUNDED = 1e3  # roundings of the largest unknown, or right side, that may be left of any equation
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,19 +67,40 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> TickDrift:
     pair = ticks, ticks_of(other, watched, alone=True)
     frames = tuple(frame_of(each) for each in pair)
     drift = replace(drift, plain=_plain(pair, counted_from_leads(frames, drift)))
-    E, kept, unread = without_drift(frames[0], drift), drift.kept, []
+    E, kept, unread = [without_drift(each, drift) for each in frames], drift.kept, []
     while True:
-        idle = [i for i, index in enumerate(kept) if not np.any(E[..., i])]
+        idle = [i for i, index in enumerate(kept) if not any(np.any(each[..., i]) for each in E)]
         if not idle:
             break
         unread += [kept[i] for i in idle]
         kept = [index for i, index in enumerate(kept) if i not in idle]
-        E = without_drift(frames[0], replace(drift, unread=tuple(unread)))
+        E = [without_drift(each, replace(drift, unread=tuple(unread))) for each in frames]
     drift = replace(drift, unread=tuple(unread))
-    ramp = _at_rest_anywhere(E) if moved and not folded else None
-    if ramp is None or _at_rest_anywhere(without_drift(frames[1], drift)) is None:
-        return drift
-    return replace(drift, ramp=kept[ramp])
+    ramps = [_at_rest_anywhere(each) for each in E] if moved and not folded else [None]
+    return drift if None in ramps else replace(drift, ramp=kept[ramps[0]])
+
+
+def opposed(ticks: Ticks, drift: TickDrift) -> np.ndarray:
+    """Return whether something in these ticks opposes a shift that nothing opposes in the drawings it was found in, `(...)`.
+
+    So it is if a gain is zero with their numbers and not with these, as the larger one of two may be. ticks: with the sizes of
+    their terms. A shift may move what only watches it, as an integrator does that nothing reads, but not by way of others a
+    state of its own. Shifts that depend on the numbers are found in each loop, and are not examined.
+    """
+    n, batch = len(drift.states), np.broadcast_shapes(*(each.E.shape[:-2] for each in ticks.maps))
+    shifts, seen = np.zeros((n, len(drift.moved))), np.zeros((*batch, n, len(drift.moved)), bool)
+    for column, (lead, others) in enumerate(drift.moved):
+        shifts[[lead, *(state for state, _ in others)], column] = [1.0, *(factor for _, factor in others)]
+    for each in ticks.maps:
+        seen |= np.abs(each.E @ shifts) > OPPOSED * (each.terms[0] @ np.abs(shifts))
+    if not seen.any():
+        return np.zeros(batch, bool)
+    reached = np.broadcast_to(np.eye(n, dtype=bool), (*batch, n, n)).copy()
+    for each in ticks.maps:
+        reached |= each.E != 0
+    for _ in range(n.bit_length()):
+        reached = (reached.astype(float) @ reached) > 0
+    return (((reached.astype(float) @ seen) > 0) & (shifts != 0)).any((-1, -2))
 
 
 def _in_both(first, second):
@@ -150,7 +174,8 @@ def without_drift(E: np.ndarray, drift: TickDrift, sizes=None) -> np.ndarray:
     parts = [(E, -1)] if sizes is None else [(E, -1), (sizes, 1)]
     if len(index) < E.shape[-1]:
         at = np.array(index, int)[:, None], index
-        parts = [(counted_from_leads((part,), drift, sign)[0][..., *at], sign) for part, sign in parts]
+        parts = [(counted_from_leads((part,), drift, sign)[0], sign) for part, sign in parts]
+        parts = [(_unless_read(part, unread, index)[..., *at], sign) for part, sign in parts]
     (E, _), (found, sign) = parts[0], parts[-1]
     if not drift.folded:
         return found
@@ -160,13 +185,22 @@ def without_drift(E: np.ndarray, drift: TickDrift, sizes=None) -> np.ndarray:
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
         found = found[..., rest[:, None], rest] + (-V if sign < 0 else np.abs(V)) @ found[..., folded[:, None], rest]
     kept = [i for i, at in enumerate(rest.tolist()) if index[at] not in drift.unread]
+    found = _unless_read(found, [i for i in range(rest.size) if i not in kept], kept)
     return found[..., kept, :][..., kept]
+
+
+def _unless_read(E, unread, kept):
+    """Return frames, and NaN for those in which states that are kept read some that nothing reads in the drawing."""
+    if not unread:
+        return E
+    read = np.any(E[..., kept, :][..., list(unread)] != 0, axis=(-1, -2))
+    return np.where(read[..., None, None], np.nan, E) if read.any() else E
 
 
 def consistent_solution(A, b) -> np.ndarray:
     """Return the solution of more equations than unknowns that do not contradict each other, each of weight 1.
 
-    NaN if A is not finite.
+    NaN if A is not finite, or if they do by more than SOLVED of their terms and what rounding may do to the solution.
     """
     size = np.abs(A).max(-1, keepdims=True, initial=0)
     with np.errstate(all="ignore"):
@@ -174,6 +208,10 @@ def consistent_solution(A, b) -> np.ndarray:
         finite = np.isfinite(A).all((-1, -2), keepdims=True)
         Q, R = np.linalg.qr(np.where(finite, A * weight, 0.0))
         found = solve(R, np.swapaxes(Q.conj(), -1, -2) @ np.where(finite, b * weight, 0.0))
+        left, terms = np.abs(A @ found - b) * weight, (np.abs(A) @ np.abs(found) + np.abs(b)) * weight
+        most = [np.abs(part).max((-1, -2), initial=0.0, keepdims=True) for part in (found, b * weight)]
+        rounding = ROUNDED * np.finfo(float).eps * np.maximum(*most)
+        finite &= ~(left > SOLVED * terms + rounding).any((-1, -2), keepdims=True)
     return np.where(finite, found, np.nan)
 
 
@@ -190,10 +228,10 @@ def telling_frame(drawn: Drawn, drift: TickDrift) -> tuple[np.ndarray, np.ndarra
     `radius_hidden`), or by a drift that is vague."""
     ticks = ticks_of(drawn, alone=True, terms=True)
     E = _known_closed(ticks, drift)
-    hidden = np.broadcast_to(hidden_in(ticks), E.shape[:-2])
-    if drift.vague:
-        return E, np.ones_like(hidden)
-    return E, hidden & radius_hidden(*errors_of_closed(ticks, drift)) if hidden.any() else hidden
+    hidden, vague = (np.broadcast_to(part, E.shape[:-2]) for part in (hidden_in(ticks), drift.vague | opposed(ticks, drift)))
+    if vague.all() or not hidden.any():
+        return E, vague
+    return E, vague | hidden & radius_hidden(*errors_of_closed(ticks, drift))
 
 
 def _known_closed(ticks, drift):

@@ -26,7 +26,7 @@ from wavesweep.lifted.number import OpenFrame, cut_of, open_frame
 from wavesweep.lifted.open_ticks import OpenTicks, facts_of
 from wavesweep.lifted.periodic import GROWN, LOST, frame_of, growth_of, ticks_of
 from wavesweep.lifted.rounding import hidden_in, sizes_in_all, turned
-from wavesweep.lifted.tick_drift import TickDrift, closed, errors_of_closed, filled, without_drift
+from wavesweep.lifted.tick_drift import TickDrift, closed, errors_of_closed, filled, opposed, without_drift
 from wavesweep.spec.drawing import Drawing, name_of, path_of
 from wavesweep.sweep.any_number import TINY
 from wavesweep.sweep.apart import apart, common
@@ -162,7 +162,7 @@ class DrawnTask:
         """The intervals of loops that are one piece; opened: without the number, see `open_loops`."""
         found = self._searched(values, size, opened)
         drifts = [drift_of(self.drawing, values | {self.along: 1.0}, self.own), *([opened.drift] if opened else [])]
-        return _unknown(found) if any(drift.vague for drift in drifts) else found
+        return _unknown(found, np.ones(found.column.size, bool)) if any(drift.vague for drift in drifts) else found
 
     def _searched(self, values, size, opened):
         """The same, if the drift is one."""
@@ -173,6 +173,7 @@ class DrawnTask:
             hidden = np.broadcast_to(hidden_in(opened.frame.ticks, opened.frame.growth), size)[found.column]
             hidden |= np.broadcast_to(turned(opened.frame.E, sizes_in_all(opened.frame.ticks)), size)[found.column]
             found = _doubted(found, cut.growth[found.column])
+            found = _unknown(found, np.broadcast_to(opposed(opened.frame.ticks, opened.drift), size)[found.column])
             return self._unshaken(found, hidden, lambda: self._loops(values), cut.period, values)
         loops = self._loops(values)
         drawn = assembled(self.drawing, values)
@@ -184,8 +185,10 @@ class DrawnTask:
         if variable == FROM_ZERO:
             found = self._beginning_at_one(found, values)
         low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), self.span, strict=True))
-        growth, hidden = loops.examined(found.column[:, None], np.stack([low, low / 2 + high / 2, high], axis=-1))
-        return self._unshaken(_doubted(found, growth.max(-1)), hidden.any(-1), lambda: loops, period, values)
+        ends = (np.full_like(low, end) for end in self.span)
+        growth, hidden, wrong = loops.examined(found.column[:, None], np.stack([low, low / 2 + high / 2, high, *ends], axis=-1))
+        found = _unknown(_doubted(found, growth[:, :3].max(-1)), wrong.any(-1))
+        return self._unshaken(found, hidden[:, :3].any(-1), lambda: loops, period, values)
 
     def _variable(self):
         """How the number is followed; see `stable_along_any`."""
@@ -249,8 +252,9 @@ class _Along:
         divisors = guards_at(self.drawing, varied, self.along, shape)
         return replace(found, pivots=np.concatenate([found.pivots, divisors.reshape(p.size, -1)], axis=-1))
 
-    def examined(self, number, p) -> tuple[np.ndarray, np.ndarray]:
-        """The growth over a frame (see `growth_of`), and whether terms cancel in its ticks or turn (see `hidden_in`, `turned`).
+    def examined(self, number, p) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The growth over a frame (see `growth_of`), whether terms cancel in its ticks or turn (see `hidden_in`, `turned`), and
+        whether the drift is one (see `opposed`).
 
         Loops of direct terms without a solution have a growth of 1.
         """
@@ -259,13 +263,13 @@ class _Along:
             ticks = self._ticks(number, p)
         except IllPosedLoopError:
             if p.size == 1:
-                return np.ones(p.shape), np.zeros(p.shape, bool)
+                return np.ones(p.shape), *np.zeros((2, *p.shape), bool)
             each = [self.examined(*one) for one in _one_by_one(number, p)]
             return tuple(np.reshape(part, p.shape) for part in zip(*each, strict=True))
         growth = growth_of(ticks.kind, [each.E for each in ticks.maps])
         with np.errstate(all="ignore"):
             hidden = hidden_in(ticks, growth) | turned(frame_of(ticks), sizes_in_all(ticks))
-        return np.broadcast_to(growth, p.shape), np.broadcast_to(hidden, p.shape)
+        return tuple(np.broadcast_to(part, p.shape) for part in (growth, hidden, opposed(ticks, self.drift)))
 
     def errors(self, number, p) -> tuple[np.ndarray, np.ndarray]:
         """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution."""
@@ -295,8 +299,16 @@ def _doubted(found, growth):
     return _in_doubt(found, found.column, np.select([growth > LOST, growth > GROWN], [OVERFLOW, ROUNDING], NONE))
 
 
-def _unknown(found):
-    """No interval in any column, since a mode that counts as a drift may be unstable."""
+def _unknown(found, wrong):
+    """No interval in columns with one that is wrong, `(rows,)`, since a mode that counts as a drift may be unstable."""
+    if not wrong.any():
+        return found
+    of_those = np.isin(found.column, found.column[wrong])
+    whole = Intervals.join([found.take(~of_those), _nothing_known(found.take(of_those))])
+    return whole.take(np.argsort(whole.column, kind="stable"))
+
+
+def _nothing_known(found):
     found = found.take(np.unique(found.column, return_index=True)[1])
     size = found.column.size
     known = dict.fromkeys(("low", "high", "low_omega", "high_omega"), np.full(size, np.nan))
