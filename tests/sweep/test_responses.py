@@ -123,3 +123,43 @@ LOOP = {
     "wire": {"d.u": "m.x", "m.f": "h - k*d.y"},
     "ports": {"hand": {"force": "h", "displacement": "m.x"}},
 }
+
+
+def free_mass(every=20, **changes):
+    """A mass that nothing brakes, before a wall without stiffness and damping."""
+    numbers = {"K": 0.0, "B": 0.0, "m": 0.1, "d": 0.0} | changes
+    return {
+        "rates": {"tick_hz": 1000},
+        "numbers": numbers,
+        "block": {"arm": {"type": "mass", "mass": "m", "damping": "d"}, "wall": {"type": "hold", "every": every}},
+        "wire": {"wall.u": "K*arm.x + B*arm.v", "arm.f": "hand - wall.y"},
+        "ports": {"hand": {"force": "hand", "displacement": "arm.x"}},
+    }
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_a_mass_in_free_space_is_no_damper(alone):
+    """Its velocity is read by nothing but its position, which drifts: x = T^2/(2m) (z + 1)/(z - 1)^2 f."""
+    tables = free_mass()
+    if alone:
+        del tables["block"]["wall"], tables["wire"]["wall.u"], tables["numbers"]["K"], tables["numbers"]["B"]
+        tables["wire"]["arm.f"] = "hand"
+    loop, frequency = wavesweep.compile(tables), np.array([0.1, 1.0, 10.0, 300.0])
+    found, z = loop.response(frequency), np.exp(2j * np.pi * frequency * 1e-3)
+    expected = 1e-6 / 0.2 * (z + 1) / (z - 1) ** 2
+    np.testing.assert_allclose(found.admittance_re + 1j * found.admittance_im, expected, rtol=1e-12)
+    assert loop.spectral_radius() == 1
+    assert not found.stable.any()
+    assert np.isnan(loop.passivity().port_margin[0])  # the map has a pole on the circle
+
+
+def test_a_velocity_that_grows_in_free_space_is_unstable():
+    loop = wavesweep.compile(free_mass(d=-0.5))
+    assert loop.spectral_radius() == pytest.approx(np.exp(0.02 * 0.5 / 0.1), rel=1e-12)
+
+
+def test_the_margin_of_a_drawn_loop_that_grows_too_much_is_missing():
+    tables = free_mass(d=1.0)
+    tables["wire"]["arm.f"], tables["numbers"]["kd"] = "hand - wall.y - kd*arm.v", 100.0
+    found = [wavesweep.compile(tables | {"numbers": tables["numbers"] | {"kd": kd}}).passivity() for kd in (100.0, 1000.0)]
+    assert [np.isnan(each.port_margin[0]) for each in found] == [False, True]

@@ -193,3 +193,31 @@ def test_a_built_in_damper_that_nearly_turns_the_velocity_over(spec, along, span
     if table["certified"].all():
         ends = [end for end in (*table["low"], *table["high"]) if span[0] < end < span[1]]
         assert min(abs(end - right) for end in ends) <= ALLOWED * (right + 1e-5 * (span[1] - span[0]))
+
+
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm"])
+def test_a_mode_that_ends_a_frame_in_its_other_state_has_turned_too(kind):
+    """326 circles and a quarter, at a quality of 6e7: the end was off by 1.5e-8, and certified."""
+    omega = 2049.844051282051
+    tables = {
+        "controller": {"kind": kind},
+        "rates": {"ratio": 1000},
+        "device": {"mass": 1.0, "damping": 2 * 8.3e-9 * omega},
+        "operator": {"stiffness": omega**2},
+        "environment": {"B_VE": 0.0, "delay": 785},
+        "local_model": {"K_LM": 0.0, "B_LM": 0.0},
+    }
+    found = wavesweep.compile(tables).stable_intervals("K_VE", (0, 0.01 * omega**2))
+    assert found.doubt.tolist() == ["rounding"]
+
+
+def test_a_drawn_mode_that_ends_a_frame_in_its_other_state_has_turned_too():
+    omega, damping = 1800.980442280074, 4.152692319953543e-09
+    blocks = {
+        "p": {"type": "mass", "mass": 1.0, "damping": 2 * damping * omega, "stiffness": omega**2},
+        "s": {"type": "hold", "every": 5000},
+        "h": {"type": "hold", "every": 5000, "phase": 956},
+    }
+    wires = {"s.u": "c*p.x", "h.u": "s.y", "p.f": f"-{omega**2!r}*h.y"}
+    tables = {"rates": {"tick_hz": 1000.0}, "numbers": {"c": 1.0}, "block": blocks, "wire": wires}
+    assert wavesweep.compile(tables).stable_intervals("c", (0, 1)).doubt.tolist() == ["rounding"]

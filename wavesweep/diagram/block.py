@@ -96,8 +96,10 @@ def loss(E, sizes) -> np.ndarray:
     E: less identity, `(..., n, n)`; sizes: of the terms of its entries.
     """
     with np.errstate(all="ignore"):
-        kept = np.abs(1 + np.diagonal(E, axis1=-2, axis2=-1)) >= KEPT
         pairs, of_pairs = (np.abs(part * np.swapaxes(part, -1, -2)) for part in (E, sizes))
+        # Of a mode that has turned by a quarter circle more, the other state of its pair has the share.
+        by_others = np.where(np.eye(E.shape[-1], dtype=bool), 0.0, pairs).max(-1, initial=0.0)
+        kept = (np.abs(1 + np.diagonal(E, axis1=-2, axis2=-1)) >= KEPT) | (by_others >= KEPT**2)
         square = np.where(kept[..., None, :] & kept[..., :, None] & (of_pairs > 0), of_pairs / pairs, 1.0)
         found = np.sqrt(np.fmax.reduce(square, (-1, -2), initial=1.0))
     return np.minimum(found, LARGEST_LOSS)

@@ -68,8 +68,10 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> TickDrift:
     frames = tuple(frame_of(each) for each in pair)
     drift = replace(drift, plain=_plain(pair, counted_from_leads(frames, drift)))
     E, kept, unread = [without_drift(each, drift) for each in frames], drift.kept, []
+    living = _alive(tame, watched)
     while True:
-        idle = [i for i, index in enumerate(kept) if not any(np.any(each[..., i]) for each in E)]
+        idle = [i for i in range(len(kept)) if not any(np.any(each[..., i]) for each in E)]
+        idle = [i for i in idle if ticks.states[kept[i]].partition(".")[0] not in living]
         if not idle:
             break
         unread += [kept[i] for i in idle]
@@ -78,6 +80,17 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> TickDrift:
     drift = replace(drift, unread=tuple(unread))
     ramps = [_at_rest_anywhere(each) for each in E] if moved and not folded else [None]
     return drift if None in ramps else replace(drift, ramp=kept[ramps[0]])
+
+
+def _alive(drawn, watched):
+    """The blocks that something reads, or that a force from outside moves: what only watches them is none of these."""
+    moved = {
+        each.block.name
+        for each in drawn.placed
+        for port in each.block.inputs
+        if drawn.sources(f"{each.block.name}.{port}") & set(drawn.inputs)
+    }
+    return moved | {each.block.name for each in drawn.living(watched).placed}
 
 
 def opposed(ticks: Ticks, drift: TickDrift) -> np.ndarray:

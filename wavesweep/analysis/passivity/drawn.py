@@ -8,7 +8,7 @@ from wavesweep.analysis.passivity.hinf import SOFT, Element, angles, peak_by_lev
 from wavesweep.analysis.passivity.port import SLACK, TOLERANCE, PortMargin
 from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.port import Port, frame_of_port
-from wavesweep.analysis.spectrum import balance, is_stable
+from wavesweep.analysis.spectrum import balance, count_outside, is_stable
 from wavesweep.errors import UsageError
 from wavesweep.lifted.circle import on_circle, solve
 from wavesweep.lifted.periodic import GROWING, growth_of, in_a_row
@@ -16,6 +16,7 @@ from wavesweep.lifted.rounding import hides
 
 SWEEPS = 12  # over the states, for their units
 LONGEST = 600  # ticks; the map of a frame is a matrix of that size
+MOST_GROWTH = 1e6  # in a frame, beyond which an unstable loop loses more than SLACK
 SURE = 1e-9  # relative error of a response, up to which it says that a margin is known
 
 
@@ -34,6 +35,9 @@ def drawn_port_margin(port: Port) -> PortMargin:
     n, unknown = E.shape[-1], np.array([np.nan])
     if not np.isfinite(E).all():
         return PortMargin(unknown, unknown, np.array([mean]), *np.zeros((3, 1), bool))
+    stable = np.array([bool(is_stable(E))])
+    if _without_digits(E, stable[0]):
+        return PortMargin(unknown, unknown, np.array([mean]), stable, *np.zeros((2, 1), bool))
 
     def smallest(_, theta):
         w = on_circle(theta)[:, None, None]
@@ -59,7 +63,13 @@ def drawn_port_margin(port: Port) -> PortMargin:
     margin = np.where(np.isfinite(peak.value) & _known(given, peak.theta / period), -peak.value, np.nan)
     omega = np.where(np.isnan(margin), np.nan, peak.theta / period)
     negative = margin < -TOLERANCE * mean
-    return PortMargin(margin, omega, np.array([mean]), np.array([bool(is_stable(E))]), peak.certified, negative)
+    return PortMargin(margin, omega, np.array([mean]), stable, peak.certified, negative)
+
+
+def _without_digits(E, stable):
+    """Whether an eigenvalue lies on the circle but for rounding, a pole of the map, or an unstable loop grows too much."""
+    _, clear = count_outside(E[None])
+    return bool(not clear[0] or (not stable and np.abs(E).max(initial=0.0) > MOST_GROWTH))
 
 
 def _known(port, omega):
