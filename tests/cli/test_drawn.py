@@ -9,6 +9,7 @@ from support.drawn import ARM, WALL
 
 from wavesweep.cli import check, main
 from wavesweep.cli.summaries import BodeTally
+from wavesweep.plots import figure_of
 from wavesweep.results import read
 from wavesweep.spec import load
 
@@ -228,3 +229,55 @@ def test_a_row_whose_worst_gain_alone_is_not_known_is_told_apart(doubt, error, s
     columns |= {"frequency_hz": np.array([1.0, 2.0]), "stable": np.ones(2, bool)}
     tally.add({name: np.full(2, word, object) for name, word in words.items()} | columns)
     assert [line for line, _ in tally.lines({})][1:] == [said]
+
+
+# An integral gain of 1e-16: whether it is stable is lost in rounding.
+MARGINAL = """
+[rates]
+tick_hz = 1000
+[numbers]
+k = 50.0
+ki = 1e-16
+[block.arm]
+type = "mass"
+mass = 0.1
+damping = 1.0
+[block.i]
+type = "integrator"
+[wire]
+"i.u" = "arm.x"
+"arm.f" = "-k*arm.x - ki*i.y + hand"
+[ports]
+hand = { force = "hand", displacement = "arm.x" }
+[sweep]
+along = "k"
+k = { start = 1, stop = 100 }
+"""
+
+
+def test_a_loop_that_is_not_known_to_be_stable_is_not_called_unstable(run, tmp_path):
+    (tmp_path / "m.toml").write_text(MARGINAL, encoding="utf-8")
+    said = {
+        "bode": "1 of 1 loop not known to be stable, see the column doubt",
+        "passivity": "not stable in the first place, or not known to be: 1 row",
+        "simulate": "the loop is not known to be stable, and may have no steady response",
+    }
+    for command, words in said.items():
+        code, text, results = run(command, "m.toml")
+        assert (code, words in text) == (0, True), text
+        assert "nstable loop" not in text
+        assert "1 loop unstable" not in text
+    table = read(results / "m" / "bode.csv")
+    (label,) = {
+        line.get_label() for axes in figure_of("bode")(table, {}).axes for line in axes.lines if "m" in line.get_label()[:1]
+    }
+    assert label == "m, not known to be stable"
+
+
+def test_the_figure_of_ends_that_are_not_known_says_so(run, tmp_path):
+    (tmp_path / "m.toml").write_text(MARGINAL, encoding="utf-8")
+    code, text, results = run("why", "m.toml")
+    assert (code, "not certified (counts)" in text) == (0, True)
+    _, facts = described(results / "m" / "why.datapackage.json")
+    said = figure_of("why")(read(results / "m" / "why.csv"), facts).get_supxlabel()
+    assert "No end of an interval is known in the range searched (counts)." in said

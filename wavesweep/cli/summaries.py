@@ -50,7 +50,7 @@ class BodeTally:
     """Counts the rows of a table of responses: curves, frequencies, unstable loops, and rows with other doubts."""
 
     def __init__(self, _: Mapping[str, Any]) -> None:
-        self._rows = self._curves = self._diverging = self._doubted = self._gains = 0
+        self._rows = self._curves = self._diverging = self._undecided = self._doubted = self._gains = 0
         self._frequencies, self._last = np.empty(0), None
         self._unstable: set[str] = set()
         self._doubts: set[str] = set()
@@ -66,12 +66,16 @@ class BodeTally:
         self._last = [column[-1:] for column in leading]
         doubted = np.isin(columns["doubt"].astype(str), ["", "unstable"], invert=True)
         self._rows, self._curves = self._rows + new.size, self._curves + int(new.sum())
-        self._diverging += int((new & ~columns["stable"]).sum())
+        unstable = columns["doubt"] == "unstable"
+        self._diverging, self._undecided = (
+            total + int((new & these).sum())
+            for total, these in ((self._diverging, unstable), (self._undecided, ~columns["stable"] & ~unstable))
+        )
         bounded = (columns["admittance_error"] <= SPARED) & (columns["impedance_error"] <= SPARED)
         gains = bounded & (columns["doubt"] == "rounding")
         self._doubted, self._gains = self._doubted + int(doubted.sum()), self._gains + int(gains.sum())
         self._frequencies = np.union1d(self._frequencies, columns["frequency_hz"])
-        self._unstable.update(columns["spec"][~columns["stable"]].tolist())
+        self._unstable.update(columns["spec"][unstable].tolist())
         self._doubts.update(columns["doubt"][doubted].tolist())
 
     def numbers(self, _: Mapping[str, Any]) -> Numbers:
@@ -82,6 +86,7 @@ class BodeTally:
             "curves": self._curves,
             "unstable_curves": self._diverging,
             "unstable_specs": sorted(self._unstable),
+            "undecided_curves": self._undecided,
             "doubted_rows": self._doubted,
             "doubted_worst_gains": self._gains,
             "doubts": sorted(self._doubts),
@@ -105,6 +110,11 @@ def bode_lines(found: Numbers) -> Iterator[Line]:
     if found["unstable_specs"]:
         share = f"{found['unstable_curves']} of {count(found['curves'], 'loop')}"
         yield f"{share} unstable, without a steady response (of {', '.join(found['unstable_specs'])})", True
+    if found["undecided_curves"]:
+        yield (
+            f"{found['undecided_curves']} of {count(found['curves'], 'loop')} not known to be stable, see the column doubt",
+            True,
+        )
     if found["doubted_rows"]:
         words = ", ".join(found["doubts"])
         rest = found["doubted_rows"] - found["doubted_worst_gains"]
@@ -169,7 +179,7 @@ def passivity_lines(found: Numbers, facts: Mapping[str, Any]) -> Iterator[Line]:
     if found["no_damping_is_enough"]:
         yield f"no damping of the device makes it passive in {count(found['no_damping_is_enough'], 'row')}", False
     if found["unstable"]:
-        yield f"not stable in the first place: {count(found['unstable'], 'row')}", True
+        yield f"not stable in the first place, or not known to be: {count(found['unstable'], 'row')}", True
     slices = found["slices"]
     if slices["certified"] < slices["computed"]:
         yield f"{slices['computed'] - slices['certified']} of {slices['computed']} loops not certified", True
@@ -277,14 +287,18 @@ def _energy_line(energy: Numbers, taker: str) -> str:
 
 def simulated_response(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """Largest relative difference between the simulated response and that of the linear loop, None without one."""
-    stable = facts["linear_loop"]["stable"]
+    stable, radius = facts["linear_loop"]["stable"], facts["linear_loop"]["spectral_radius"]
     off = {f"largest_difference_{name}": _off(columns, name) for name in ("admittance", "impedance")}
-    return {"frequencies": len(columns["frequency_hz"]), "stable": stable, **(off if stable else dict.fromkeys(off))}
+    known = {"stable": stable, "undecided": not stable and (radius is None or radius == 1)}
+    return {"frequencies": len(columns["frequency_hz"]), **known, **(off if stable else dict.fromkeys(off))}
 
 
 def simulated_response_lines(found: Numbers) -> Iterator[Line]:
     """Yield the lines, each with a flag that is true for a warning."""
     where = f"response at {found['frequencies']} frequenc{'y' if found['frequencies'] == 1 else 'ies'}"
+    if found["undecided"]:
+        yield f"{where}: the loop is not known to be stable, and may have no steady response to compare it with", True
+        return
     if not found["stable"]:
         yield f"{where}: an unstable loop has no steady response to compare it with (doubt: unstable)", True
         return

@@ -27,7 +27,7 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
     drawn = [rows for rows in panels if not _nothing_to_draw(rows)]
     notes = [f"{_end(rows)}: no bars, as a per cent of 0 is nothing." for rows in panels if _nothing_to_draw(rows)][:PANELS]
     notes += [f"Shown: {PANELS} of {len(drawn)} ends."] if len(drawn) > PANELS else []
-    notes += ["Stability sets no end of an interval in the range searched."] if not panels else []
+    notes += [_without_ends(facts)] if not panels else []
     notes += [f"Assumes: {assumed(facts)}."] if facts.get("assumes") else []
     notes = [line for note in notes for line in wrap(note, _NOTE)]
     shown = [_sorted(rows) for rows in drawn[:PANELS]]
@@ -45,6 +45,12 @@ def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
             notes = ["elasticity: per cent of the limit per per cent of the number", *notes]
         canvas.supxlabel("\n".join(notes), fontsize=8)
     return canvas
+
+
+def _without_ends(facts: Mapping[str, Any]) -> str:
+    if facts.get("doubts"):
+        return f"No end of an interval is known in the range searched ({', '.join(facts['doubts'])})."
+    return "Stability sets no end of an interval in the range searched."
 
 
 def _nothing_to_draw(rows: Columns) -> bool:

@@ -262,7 +262,8 @@ def _curve(rows: dict[str, np.ndarray], spec: str, place: str, style: dict[str, 
     if ideal:
         style = {"color": IDEAL, "linestyle": "--", "zorder": 3}
     name = as_it_stands(spec)
-    words = [f"{name} (ideal)" if ideal else name, place, "" if stable else "unstable"]
+    state = "" if stable else "unstable" if (rows["doubt"] == "unstable").any() else "not known to be stable"
+    words = [f"{name} (ideal)" if ideal else name, place, state]
     return Curve(rows, ", ".join(filter(None, words)), style if stable else {**style, "alpha": 0.35})
 
 
