@@ -2,6 +2,7 @@
 
 import os
 import pty
+import re
 import select
 import sys
 from contextlib import contextmanager
@@ -39,6 +40,19 @@ def test_a_bar_moves_on_a_terminal(monkeypatch):
             report(1, 4)
             report(4, 4)
         assert "4/4" in said()
+
+
+@pytest.mark.parametrize("columns", [30, 60, 80, 200])
+def test_a_bar_fits_into_its_terminal(columns, monkeypatch):
+    monkeypatch.setattr(messages, "_columns", lambda: columns)
+    with terminal(monkeypatch) as said:
+        with messages.progress(quiet=False) as report:
+            for done in (1, 303_104, 2_000_000):
+                report(done, 2_000_000, done)
+        lines = re.sub(r"\x1b\[[?0-9;]*[a-zA-Z]", "", said()).replace("\n", "").split("\r")
+    assert any("2000000/2000000" in line for line in lines)
+    assert max(map(len, lines)) < max(columns, 45)  # the numbers alone take so many
+    assert any("certified" in line for line in lines) == (columns >= 80)
 
 
 def test_nothing_moves_where_nobody_watches(monkeypatch):

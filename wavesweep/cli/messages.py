@@ -15,6 +15,7 @@ import click
 Line = tuple[str, bool]  # a message, and whether it is a warning
 Numbers = Mapping[str, Any]  # of a summary, JSON-able
 Progress = Callable[..., None]
+WIDEST_BAR, USUAL_COLUMNS = 36, 80  # letters
 FIRST_WORD = 10.0  # s after which a run without a terminal says that it goes on
 
 
@@ -62,13 +63,24 @@ def _bar(opened: ExitStack) -> Progress:
         with suppress(OSError):
             # The bar appears with the first report: a run too short for one shows none. It would go to stdout.
             if not bars:
+                room = _columns() - len(f"  []  {total}/{total}  0d 00:00:00 ")  # a longer line would scroll
+                rates = len(f"  999,999/s  {total:,} certified")
                 shown = {"file": sys.stderr, "show_pos": True, "item_show_func": lambda text: text}
-                bars.append(opened.enter_context(click.progressbar(length=total, **shown)))
-                bars.append(_Rate(done))
+                width = min(max(room - rates if room > rates else room, 1), WIDEST_BAR)
+                bars.append(opened.enter_context(click.progressbar(length=total, width=width, **shown)))
+                bars.append(_Rate(done) if room > rates else None)
             bar, rate = bars
-            bar.update(done - bar.pos, rate.text(done, certified))
+            bar.update(done - bar.pos, rate.text(done, certified) if rate else "")
 
     return move
+
+
+def _columns() -> int:
+    """The width of the terminal that stderr is."""
+    try:
+        return os.get_terminal_size(sys.stderr.fileno()).columns or USUAL_COLUMNS
+    except (OSError, ValueError):
+        return USUAL_COLUMNS
 
 
 class Murmur:
@@ -107,7 +119,7 @@ class _Rate:
 
     def text(self, done: int, certified: int | None) -> str:
         seconds = time.monotonic() - self._started
-        rate = f"{(done - self._first) / seconds:,.0f}/s" if seconds > 0 and done > self._first else ""
+        rate = f"{(done - self._first) / seconds:,.0f}/s" if seconds > 1 and done > self._first else ""
         proved = "" if certified is None else f"{certified:,} certified"
         return "  ".join(part for part in (rate, proved) if part)
 
