@@ -232,7 +232,11 @@ def test_the_summary_says_how_many_designs_are_written_as_specs(designs, said):
         "own": {},
         "units": {},
         "files": ["best/design-01.toml", "best/design-42.toml"],
+        "walls_to": 300.0,
     }
+    assert not any("no further" in line for line, _ in design_lines(found))
+    capped = found | {"own": {"z_width": 300.0}, "units": {"z_width": "N/m"}}
+    assert any(line.startswith("walls are searched up to 300 N/m and no further") for line, _ in design_lines(capped))
     assert f"{said}best/design-01.toml to best/design-42.toml" in [line for line, _ in design_lines(found)]
 
 

@@ -56,7 +56,13 @@ class WishKind:
 
 WISHES = MappingProxyType(
     {
-        "z_width": WishKind("N/m", True, "stiffest wall up to which every wall is stable", _OF_WALL, ("wall",)),
+        "z_width": WishKind(
+            "N/m",
+            True,
+            "stiffest wall up to which every wall is stable, at most that of sweep.K_VE or 5000",
+            _OF_WALL,
+            ("wall",),
+        ),
         "felt": WishKind("N/m", True, "static stiffness felt of that wall", _OF_WALL, ("wall", "hand")),
         "transparency": WishKind(
             "1",
