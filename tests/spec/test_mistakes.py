@@ -180,3 +180,13 @@ def test_hostile_values_are_refused_for_every_key(key, value):
 def test_a_dict_has_mistakes_without_places(tables, line):
     lines = mistakes({"controller": {"kind": "dc"}} | tables)
     assert any(found.startswith(line) for found in lines)
+
+
+@pytest.mark.parametrize(
+    ("frequency", "fast", "said"),
+    [(500.0001, 1000.0, "<= 500 (half of rates.fast_hz), found 500.0001"), (50.0, 99.99999999, "<= 49.999999995 (half")],
+)
+def test_numbers_that_differ_are_shown_apart(frequency, fast, said):
+    with pytest.raises(SpecError) as caught:
+        load({"controller": {"kind": "pmw"}, "rates": {"fast_hz": fast}, "bode": {"frequency_hz": [1.0, frequency]}})
+    assert said in str(caught.value)

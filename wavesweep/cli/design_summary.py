@@ -60,10 +60,8 @@ def design_lines(found: Numbers) -> Iterator[Line]:
         yield f"best {name}: {_wishes(values, found['units'])}, with {numbers}", False
     yield f"the spec's own design: {_wishes(found['own'], found['units'])}", False
     if found["walls_to"] in [values.get("z_width") for values in (*found["best"].values(), found["own"])]:
-        yield (
-            f"walls are searched up to {found['walls_to']:g} N/m and no further: a longer range of K_VE in [sweep] may show stiffer ones",
-            False,
-        )
+        further = "a longer range of K_VE in [sweep] may show stiffer ones"
+        yield f"walls are searched up to {found['walls_to']:g} N/m and no further: {further}", False
     if found["files"]:
         number = f"{len(found['files'])} of them " if 1 < len(found["files"]) < found["designs"] else ""
         yield f"{number}as specs: {' to '.join(dict.fromkeys([found['files'][0], found['files'][-1]]))}", False

@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, build_axis
-from wavesweep.spec.checking import Rejected, check, nearest, show
+from wavesweep.spec.checking import Rejected, apart, check, nearest, show
 from wavesweep.spec.drawing import Drawing, path_of
 from wavesweep.spec.keys import BAND_EDGES, KEYS, VALUE_PATHS, Key, Names
 from wavesweep.spec.reading import Leaf, Place
@@ -124,8 +124,8 @@ class Design:
         for wish in self.wishes:
             stop = max(wish.options.get("band_hz", ()), default=0.0)
             if stop > hz / 2:
-                path, expected = f"design.wish.{wish.name}.band_hz", f"numbers <= {hz / 2:g} (half of {rate})"
-                yield Leaf(None, wish.places["band_hz"]).mistake(path, expected, f"{stop:g}")
+                path, (expected, found) = f"design.wish.{wish.name}.band_hz", apart(hz / 2, stop)
+                yield Leaf(None, wish.places["band_hz"]).mistake(path, f"numbers <= {expected} (half of {rate})", found)
 
     def unsuited(self, drawing: Drawing) -> Iterator[Mistake]:
         """Yield the mistakes of a design of this drawn loop."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.axes import Axis, axis_place, build_axis, linear, logarithmic
-from wavesweep.spec.checking import Rejected, check, nearest, show
+from wavesweep.spec.checking import Rejected, apart, check, nearest, show
 from wavesweep.spec.design import Design, build_design
 from wavesweep.spec.devices import HapticDevice
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, SIMULATE_KEYS, STUDY_KEYS, Names
@@ -242,8 +242,8 @@ def beyond_half(frequency: Axis, axes: Iterable[Axis], own: float, rate: str) ->
     """
     least = min((axis.start for axis in axes if axis.path == rate), default=own)
     if frequency.stop > least / 2:
-        expected, found = f"numbers <= {least / 2:g} (half of {rate})", f"{frequency.stop:g}"
-        yield Leaf(None, frequency.place).mistake(frequency.path, expected, found)
+        expected, found = apart(least / 2, frequency.stop)
+        yield Leaf(None, frequency.place).mistake(frequency.path, f"numbers <= {expected} (half of {rate})", found)
 
 
 def beyond_limits(study: str, axes: Iterable[Axis], values: Mapping) -> Iterator[Mistake]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from wavesweep.analysis.given import real_numbers
 from wavesweep.errors import UsageError
+from wavesweep.spec.checking import apart
 from wavesweep.spec.reading import read_bytes
 from wavesweep.spec.studies import MOST_TICKS
 
@@ -209,7 +210,8 @@ def _check_times(path: str | Path, lines: list, times: np.ndarray, fast_hz: floa
     off = np.abs(times - expected) > _TOLERANCE / fast_hz
     if off.any():
         row = int(off.argmax())
+        wanted, found = apart(float(expected[row]), float(times[row]))
         raise UsageError(
-            f"{path}:{lines[row][0]}: time_s: expected {expected[row]:.9g}, a row every {1 / fast_hz:.9g} s as at the "
-            f"fast rate, found {times[row]:.9g}; resample the record or set {rate}"
+            f"{path}:{lines[row][0]}: time_s: expected {wanted}, a row every {1 / fast_hz:.9g} s as at the "
+            f"fast rate, found {found}; resample the record or set {rate}"
         )
