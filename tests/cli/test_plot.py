@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from wavesweep.cli import main
+from wavesweep.results import read_table
 
 pytestmark = pytest.mark.slow
 
@@ -248,6 +249,18 @@ def test_columns_that_other_programs_have_moved_or_added_change_no_figure(wavesw
     pyarrow.parquet.write_table(changed.replace_schema_metadata(table.schema.metadata), tmp_path / "zwidth.parquet")
     assert wavesweep("plot", tmp_path / "zwidth.parquet", "--out", tmp_path / "again")[0] == 0
     assert (tmp_path / "again/zwidth.png").read_bytes() == (tmp_path / "made/zwidth.png").read_bytes()
+
+
+def test_the_name_of_a_spec_in_a_legend_is_not_longer_than_the_figure(wavesweep, spec, tmp_path):
+    from wavesweep.plots import figure_of
+
+    long = spec.with_name(f"{'many-words-' * 17}.toml")
+    spec.rename(long)
+    assert wavesweep("bode", long, "--out", tmp_path / "made")[0] == 0
+    _, columns, facts = read_table(tmp_path / "made" / "bode.parquet")
+    texts = [text.get_text() for legend in figure_of("bode")(columns, facts).legends for text in legend.get_texts()]
+    assert max(map(len, texts)) < 70
+    assert any(text.startswith("many-words-many") and "..." in text for text in texts)
 
 
 def test_a_table_without_rows_is_refused(wavesweep, spec, tmp_path):

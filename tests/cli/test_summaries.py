@@ -135,3 +135,12 @@ def test_the_intervals_of_a_few_slices_are_shown_one_by_one():
     assert nowhere[1].endswith("N*s/m: K_VE none") or nowhere[2].endswith("N*s/m: K_VE none")
     many = lines_of(sweep.intervals(load(spec | {"sweep": swept | {"b": list(range(20, 33))}}), "K_VE"))
     assert not any(line.startswith("  ") for line in many)
+
+
+def test_a_spacing_of_a_range_that_is_searched_gets_a_notice():
+    K = {"start": 1.0, "stop": 100.0, "scale": "log"}
+    said = [
+        sweep.intervals(load({"controller": {"kind": "dc"}, "sweep": {"K_VE": each}})).facts["notices"]
+        for each in (K, K | {"num": 3})
+    ]
+    assert [any("scale" in notice for notice in notices) for notices in said] == [True, False]

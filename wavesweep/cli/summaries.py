@@ -248,7 +248,10 @@ def simulation_lines(found: Numbers) -> Iterator[Line]:
     much = f"{ticks}" if ticks == wanted else f"{ticks} of {wanted}"
     if not found["linear_loop"]["stable"]:
         yield unstable(found["linear_loop"]), True
-    yield f"{found['controller']}, force of the hand {found['input']}: {much} ticks, {found['seconds']:g} s", False
+    yield (
+        f"{found['controller']}, force of the hand {found['input']}: {much} tick{'s' * (wanted != 1)}, {found['seconds']:g} s",
+        False,
+    )
     if found["stopped"]:
         yield f"stopped after tick {ticks}, {found['seconds']:g} s: {found['stopped']}; the rows end before it", True
     if ticks == 0:

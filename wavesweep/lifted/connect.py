@@ -93,7 +93,7 @@ class _Net:
     def sized(self, blocks, states: bool) -> "_Net":
         """Return the net with every number replaced by its size, those of blocks by the sizes of their terms if it has them.
 
-        states: whether what is of states is asked for; what leads from port to port always is.
+        states: whether to include the entries of states; those from port to port are always there.
         """
         parts = {part: list(map(sizes_of, getattr(self, part))) for part in ("BCD" if states else "D")}
         if states:

@@ -76,9 +76,9 @@ def between(row, first, end=np.inf) -> Row:
 
 
 class Diagonal:
-    """Square matrices `(..., n, n)` along a diagonal, whose entries are read as they are asked for.
+    """Square matrices `(..., n, n)` along a diagonal, whose entries are read one by one.
 
-    Of the frames of a large batch, to take every entry out and to put it back costs more than what changes in a few of them.
+    Of the frames of a large batch, to take every entry out and to put it back costs more than the changes of a few of them.
     """
 
     def __init__(self, parts):
@@ -113,8 +113,8 @@ class Diagonal:
 def stacked(rows, width, batch, kind, base=None):
     """Return rows as an array `(..., len(rows), width)`.
 
-    If the batch has several axes, each axis along which nothing varies has length 1. base: what rows that lack an entry have
-    there, a `Diagonal`.
+    If the batch has several axes, each axis along which nothing varies has length 1. base: a `Diagonal` with the entries that
+    rows lack.
     """
     if len(batch) > 1:
         shapes = {np.shape(value) for row in rows for value in row.values()}
@@ -132,7 +132,7 @@ def stacked(rows, width, batch, kind, base=None):
 def summed(row, ports, rows, states, entry=None) -> Row:
     """Return the row plus the sum of these ports; an entry of an input is 0 if it is only rounding of its terms.
 
-    entry(column): an entry of the row that it lacks, or None; what no port adds to is left out.
+    entry(column): an entry of the row that it lacks, or None; those to which no port adds are left out.
     With no filter and no delay in the line the wall's force reaches the avatar twice, by +1/b and -1/b. What rounding leaves of
     that is eps/b, which is large if b is small.
     """

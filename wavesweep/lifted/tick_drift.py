@@ -83,7 +83,7 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> TickDrift:
 
 
 def _alive(drawn, watched):
-    """The blocks that something reads, or that a force from outside moves: what only watches them is none of these."""
+    """The blocks that something reads, or that a force from outside moves, without those that only watch them."""
     moved = {
         each.block.name
         for each in drawn.placed
@@ -97,8 +97,8 @@ def opposed(ticks: Ticks, drift: TickDrift) -> np.ndarray:
     """Return whether something in these ticks opposes a shift that nothing opposes in the drawings it was found in, `(...)`.
 
     So it is if a gain is zero with their numbers and not with these, as the larger one of two may be. ticks: with the sizes of
-    their terms. A shift may move what only watches it, as an integrator does that nothing reads, but not by way of others a
-    state of its own. Shifts that depend on the numbers are found in each loop, and are not examined.
+    their terms. A shift may move states that only watch it, as an integrator does that nothing reads, but not by way of others
+    a state of its own. Shifts that depend on the numbers are found in each loop, and are not examined.
     """
     n, batch = len(drift.states), np.broadcast_shapes(*(each.E.shape[:-2] for each in ticks.maps))
     shifts, seen = np.zeros((n, len(drift.moved))), np.zeros((*batch, n, len(drift.moved)), bool)
@@ -213,7 +213,7 @@ def _unless_read(E, unread, kept):
 def consistent_solution(A, b) -> np.ndarray:
     """Return the solution of more equations than unknowns that do not contradict each other, each of weight 1.
 
-    NaN if A is not finite, or if they do by more than SOLVED of their terms and what rounding may do to the solution.
+    NaN if A is not finite, or if they do by more than SOLVED of their terms and the rounding of the solution.
     """
     size = np.abs(A).max(-1, keepdims=True, initial=0)
     with np.errstate(all="ignore"):

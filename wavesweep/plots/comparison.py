@@ -12,13 +12,13 @@ from wavesweep.plots.responses import bode, rounded
 from wavesweep.plots.style import (
     DOUBTFUL,
     TWO_COLUMNS,
-    as_it_stands,
     at_hand,
     distinct_colour,
     figure,
     label,
     note_assumptions,
     printed,
+    shortened,
     symbol,
     with_unit,
 )
@@ -92,7 +92,7 @@ def _handles(specs: list[str], columns: Columns, responses: Columns | None) -> t
     ]
     if responses is not None:
         marks.append((~responses["stable"], grey | {"alpha": _FAINT}, "faint: unstable"))
-    entries = [(_look(number), as_it_stands(spec)) for number, spec in enumerate(specs)]
+    entries = [(_look(number), shortened(spec)) for number, spec in enumerate(specs)]
     entries += [(look, said) for rows, look, said in marks if rows.any()]
     return [Line2D([], [], **look) for look, _ in entries], [said for _, said in entries]
 

@@ -15,7 +15,6 @@ from wavesweep.plots.style import (
     LINES,
     TWO_COLUMNS,
     Look,
-    as_it_stands,
     at_hand,
     distinct_colour,
     family_looks,
@@ -24,6 +23,7 @@ from wavesweep.plots.style import (
     fitting,
     label,
     note_assumptions,
+    shortened,
     valued,
 )
 from wavesweep.sweep.table import Columns
@@ -261,7 +261,7 @@ def _curve(rows: dict[str, np.ndarray], spec: str, place: str, style: dict[str, 
     ideal, stable = rows["controller"][0] == "dc", rows["stable"].all()
     if ideal:
         style = {"color": IDEAL, "linestyle": "--", "zorder": 3}
-    name = as_it_stands(spec)
+    name = shortened(spec)
     state = "" if stable else "unstable" if (rows["doubt"] == "unstable").any() else "not known to be stable"
     words = [f"{name} (ideal)" if ideal else name, place, state]
     return Curve(rows, ", ".join(filter(None, words)), style if stable else {**style, "alpha": 0.35})

@@ -20,6 +20,7 @@ from wavesweep.results.schema import at_port, unlike_units
 ONE_COLUMN = 3.5  # inches: the column of a two-column paper
 TWO_COLUMNS = 7.0
 DOTS_PER_INCH = 200
+LONGEST_NAME = 48  # letters of a spec in a legend
 NARROW = 1.5  # points, at least, between two numbers below a panel
 IDEAL = "black"
 DOUBTFUL = "#d62728"
@@ -281,6 +282,11 @@ def unit(name: str, facts: Mapping[str, Any] | None = None) -> str:
 def as_it_stands(text: str) -> str:
     """A text of a user, such as the name of a spec, without a meaning for the program that sets it."""
     return text.replace("$", r"\$")
+
+
+def shortened(name: str) -> str:
+    """The name of a spec as a legend has it, without the middle of a long one."""
+    return as_it_stands(name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME // 2]}...{name[3 - LONGEST_NAME // 2 :]}")
 
 
 def assumed(facts: Mapping[str, Any]) -> str:

@@ -178,12 +178,18 @@ def _with_hand(block, hand, box):
     return {name: found[name] for name in (*names, *(ABOUT_ENDS if box else ()), *FELT)}
 
 
+def _linear(axis) -> Iterator[str]:
+    """Yield the notice of a range that is searched and has a spacing."""
+    if axis.scale == "log" and not axis.values:
+        yield f'{axis.name}: scale = "log" is for values (num); the whole range is searched, and drawn evenly'
+
+
 def _facts(spec, hands, stages, certified, timings) -> dict:
     computed = sum(stage.job.slices for stage in stages)
     counts = {"computed": computed, "skipped": sum(stage.job.grid.size for stage in stages) - computed, "certified": certified}
     methods = {stage.hand or "intervals": stage.method for stage in stages}
     own = stages[0].job
-    notices = [*own.grid.notices, *spans_held(spec, own.axis.path), *(hands.notices(own) if hands else ())]
+    notices = [*_linear(own.axis), *own.grid.notices, *spans_held(spec, own.axis.path), *(hands.notices(own) if hands else ())]
     swept = [own.axis.path, *(axis.path for axis in own.grid.axes)]
     facts = facts_of(spec, methods, counts, timings, notices, swept)
     return facts | (hands.facts() if hands else {})

@@ -108,7 +108,8 @@ def _bode_lines(spec):
         job = response_job(spec, spec.bode, points, tuple(axis.name for axis in spec.bode))
     except (SpecError, UsageError) as error:
         return [f"  bode: not possible with this spec: {error}"]
-    frequencies = f"{len(points)} frequencies from {min(points):g} to {max(points):g} Hz"
+    several = f"{len(points)} frequencies from {min(points):g} to {max(points):g} Hz"
+    frequencies = several if len(points) > 1 else f"1 frequency, {points[0]:g} Hz"
     what = f"  bode: {_count(job.grid.slices, 'curve')} of {frequencies}; method: lifted resolvent of both rates"
     return [what, *_long_lines([job])]
 
