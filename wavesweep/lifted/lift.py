@@ -21,7 +21,7 @@ def growth(E, ticks: int):
 
 
 def _shape(E):
-    """Return what `in_parts` asks about matrices."""
+    """Return the shape, the size and the kind of matrices, for `in_parts`."""
     return E.shape[:-2], E.shape[-1], E.dtype
 
 

@@ -12,7 +12,7 @@ from wavesweep.lifted.rounding import frame_errors, hidden_in, radius_hidden
 RANK = 1e-12  # of the largest singular value of a frame of tame numbers, up to which the smallest is 0
 SAME = 1e-12  # relative difference of two factors of a shift, up to which it does not depend on the numbers
 OPPOSED = 1e-9  # of the terms of a change along a shift, up to which it is rounding
-SOLVED = 1e-6  # of the terms of equations for a shift, up to which what they leave is rounding
+SOLVED = 1e-6  # of the terms of equations for a shift, up to which a remainder is rounding
 ROUNDED = 1e3  # roundings of the largest unknown, or right side, that may be left of any equation
 
 
