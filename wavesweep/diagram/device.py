@@ -25,7 +25,7 @@ def device(values, period) -> Block:
     states = ("v", "x") if exact else ("v", "w", "x")
     names = {"v": "device velocity", "w": "measured velocity", "x": "device position"}
     labels = tuple(names[state] for state in states)
-    condition = 1.0 if sizes is None else loss(parts[0], sizes[0])
+    condition = 1.0 if sizes is None else loss(parts[0], sizes[0], tick=True)
     facts = {"condition": condition, "terms": sizes, "at_rest": _at_rest(damping, stiffness, mass, exact), "labels": labels}
     return Block("device", ("f",), ("x", "v_hat", "dx"), states, *parts, **facts)
 
