@@ -115,7 +115,7 @@ def test_columns_in_chunks_and_slices_read_as_arrow_gives_them():
     numbers = [1.5, None, float("nan"), -0.0, 5e-324] * 5
     flags, whole = [True, False, False, True, True] * 5, [2**62, 0, -1, 3, 4] * 5
     for values, kind in ((numbers, pyarrow.float64()), (flags, pyarrow.bool_()), (whole, pyarrow.int64())):
-        column = pyarrow.chunked_array([pyarrow.array(values, kind).slice(first, 6) for first in (0, 3, 9)])
+        column = pyarrow.chunked_array([pyarrow.array(values, kind).slice(first, 6) for first in (0, 3, 9, 25)])
         found = files._numpy(column)
         expected = column.to_numpy()
         assert found.dtype == expected.dtype

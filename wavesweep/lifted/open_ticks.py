@@ -56,15 +56,10 @@ class OpenTicks:
             at, p = np.broadcast_arrays(at, p)
             closures = [_closure(each, at, p) for each in self.ticks.maps]
             read = [closures[kind][0] for kind in self.ticks.kind if self.ticks.maps[kind].inputs]
-            E = in_parts(
-                lambda part: self._frames(at[part], p[part], [gain[part] for gain in read]), p.shape, len(self), p.dtype
-            )
+            n = self.frame.E.shape[-1]
+            E = in_parts(lambda part: self._frames(at[part], p[part], [gain[part] for gain in read]), p.shape, n, p.dtype)
             pivot, condition = (reduce(np.multiply, part) for part in list(zip(*closures, strict=True))[1:])
             return E, pivot, condition
-
-    def __len__(self):
-        """Return the number of states."""
-        return self.ticks.maps[0].E.shape[-1]
 
     def _frames(self, at, p, gains):
         """Return frames closed at their readings; those that would lose digits by it are closed in their ticks."""

@@ -105,7 +105,8 @@ def opposed(ticks: Ticks, drift: TickDrift) -> np.ndarray:
     for column, (lead, others) in enumerate(drift.moved):
         shifts[[lead, *(state for state, _ in others)], column] = [1.0, *(factor for _, factor in others)]
     for each in ticks.maps:
-        seen |= np.abs(each.E @ shifts) > OPPOSED * (each.terms[0] @ np.abs(shifts))
+        with np.errstate(all="ignore"):  # of ticks that overflow
+            seen |= np.abs(each.E @ shifts) > OPPOSED * (each.terms[0] @ np.abs(shifts))
     if not seen.any():
         return np.zeros(batch, bool)
     reached = np.broadcast_to(np.eye(n, dtype=bool), (*batch, n, n)).copy()

@@ -284,6 +284,8 @@ def _numpy(column: Any) -> np.ndarray:
 def _values(chunk: Any, kind: type) -> np.ndarray:
     """The values of an array of Arrow; those that are missing are NaN."""
     whole, (valid, values) = slice(chunk.offset, chunk.offset + len(chunk)), chunk.buffers()
+    if not len(chunk):
+        return np.empty(0, kind)
 
     def bits(buffer: Any) -> np.ndarray:
         return np.unpackbits(np.frombuffer(buffer, np.uint8), count=whole.stop, bitorder="little")[whole].astype(bool)
