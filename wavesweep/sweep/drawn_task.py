@@ -185,10 +185,14 @@ class DrawnTask:
         if variable == FROM_ZERO:
             found = self._beginning_at_one(found, values)
         low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), self.span, strict=True))
-        ends = (np.full_like(low, end) for end in self.span)
-        growth, hidden, wrong = loops.examined(found.column[:, None], np.stack([low, low / 2 + high / 2, high, *ends], axis=-1))
-        found = _unknown(_doubted(found, growth[:, :3].max(-1)), wrong.any(-1))
-        return self._unshaken(found, hidden[:, :3].any(-1), lambda: loops, period, values)
+        growth, hidden, wrong = loops.examined(found.column[:, None], np.stack([low, low / 2 + high / 2, high], axis=-1))
+        wrong = wrong.any(-1)
+        for end, reached in zip(self.span, (low, high), strict=True):
+            others = np.setdiff1d(found.column, found.column[reached == end])
+            _, _, there = loops.examined(others, np.full(others.size, end)) if others.size else (None, None, np.zeros(0, bool))
+            wrong |= np.isin(found.column, others[there])
+        found = _unknown(_doubted(found, growth.max(-1)), wrong)
+        return self._unshaken(found, hidden.any(-1), lambda: loops, period, values)
 
     def _variable(self):
         """How the number is followed; see `stable_along_any`."""
