@@ -13,6 +13,7 @@ from wavesweep.errors import IllPosedLoopError
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.lifted.connect import connect
 from wavesweep.lifted.frame import lifted_system
+from wavesweep.lifted.sparse import Diagonal
 
 
 def first_order(name, pole, through):
@@ -208,3 +209,18 @@ def test_the_same_branches_are_fine_a_little_further():
     whole = lifted_system(draw(SINGULAR), 20, 500.0, 76.0)
     assert np.isfinite(close(cut, 500.0, 76.0)).all()
     assert np.isfinite(whole.E).all()
+
+
+def test_entries_of_matrices_along_a_diagonal_are_zero_only_if_all_are():
+    one, batch = np.array([[1.0, 0.0], [2.0, 3.0]]), np.array([[[0.0]], [[4.0]], [[0.0]]])
+    parts = Diagonal([one, batch])
+    assert len(parts) == 3
+    assert [parts.entry(0, column) for column in range(3)] == [1.0, None, None]
+    assert np.array_equal(parts.entry(2, 2), [0.0, 4.0, 0.0])
+    assert parts.filled(np.zeros((3, 3, 3)))[1].tolist() == [[1, 0, 0], [2, 3, 0], [0, 0, 4]]
+
+
+def test_the_pivot_of_one_loop_is_its_return_difference():
+    gain = Block("g", ("u",), ("y",), (), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[0.25]]))
+    closed = connect("loop", (gain,), {"g.u": {"g.y": 3.0, "in": 1}}, ("in",), ("g.y",))
+    assert (closed.D[0, 0], closed.pivot) == (1.0, 0.25)

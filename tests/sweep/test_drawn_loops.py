@@ -1227,7 +1227,7 @@ def sprung(wire, numbers, force="-h.y - d*arm.v"):
     ("wire", "numbers", "plain", "along", "span"),
     [
         ("k*(sqrt(a*a)-a)/2*arm.x", {"k": 50.0, "a": -1.0, "d": 1.0}, {"k": 50.0, "d": 1.0}, "d", (0, 5)),
-        ("(k-k0+sqrt((k-k0)**2))/2*arm.x", {"k": 80.0, "k0": 30.0, "d": 1.0}, {"k": 50.0, "d": 1.0}, "d", (0, 5)),
+        ("(k1-k0+sqrt((k1-k0)**2))/2*arm.x", {"k1": 80.0, "k0": 30.0, "d": 1.0}, {"k": 50.0, "d": 1.0}, "d", (0, 5)),
     ],
 )
 def test_a_spring_that_is_the_larger_of_two_numbers_is_no_drift(wire, numbers, plain, along, span):
