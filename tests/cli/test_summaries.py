@@ -35,7 +35,7 @@ def test_the_numbers_do_not_depend_on_the_blocks():
         found.append(numbers[0])
     assert (found[0]["rows"], found[0]["curves"], found[0]["frequencies"]) == (13, 5, 3)
     assert (found[1]["rows"], found[1]["curves"], found[1]["frequencies"]) == (3, 3, 1)
-    assert (found[0]["unstable_specs"], found[0]["unstable_curves"]) == (["spec"], 4)
+    assert (found[0]["unstable_specs"], found[0]["unstable_curves"], found[0]["undecided_curves"]) == (["spec"], 4, 0)
     assert found[2]["rows"] == 4
     assert found[2]["damping_needed"] is None or np.isfinite(found[2]["damping_needed"]).all()
 

@@ -1246,6 +1246,14 @@ def test_a_spring_that_no_drawing_with_other_numbers_has_leaves_the_loop_unknown
     assert np.isnan(loop.spectral_radius())
 
 
+def test_the_same_is_so_along_a_scalar_gain_of_the_frame():
+    numbers = {"k1": 8.0, "k2": 9.0, "k3": 20.0, "d": 1.0, "c": 1.0}
+    loop = wavesweep.compile(sprung("(k1*k2-k3+sqrt((k1*k2-k3)**2))/2*arm.x + c*arm.v", numbers))
+    assert exact_cut(loop.spec.drawing, dict(loop.spec.values), dict(loop.spec.values), "c") is not None
+    found = loop.stable_intervals("c", (0, 5), k3=[20.0, 200.0])
+    assert (found.certified.tolist(), found.intervals.tolist()) == ([False, True], [0, 1])
+
+
 @pytest.mark.parametrize("names", [("kf", "kp2"), ("kd2", "k_h"), ("gain2", "w_n"), ("g", "k_lo"), ("k1", "k2")])
 def test_two_numbers_are_different_whatever_their_names(names):
     one, other = names
