@@ -5,8 +5,9 @@ import pytest
 
 import wavesweep
 from wavesweep.analysis import spectrum
-from wavesweep.analysis.spectrum import balance, is_stable, radius_of
+from wavesweep.analysis.spectrum import is_stable, radius_of
 from wavesweep.cli.check import verdict_lines
+from wavesweep.lifted.rounding import balance
 
 
 def test_balancing_changes_the_units_of_states_and_no_eigenvalue():

@@ -33,6 +33,19 @@ TABLES = {
 DESIGNS = {"controller.b": np.array([10.0, 10.0, 40.0, 40.0]), "filters.lp1.order": np.array([1, 2, 1, 1])}
 
 
+OBSERVED = {  # a mass with an observer of its velocity, which may be unstable by itself
+    "rates": {"tick_hz": 1000},
+    "numbers": {"d": 1.0, "a": 0.9},
+    "block": {
+        "dev": {"type": "mass", "mass": 0.1, "damping": "d"},
+        "obs": {"type": "tf", "num": [1.0], "den": [1.0, "-a"], "discrete": True},
+    },
+    "wire": {"obs.u": "dev.v", "dev.f": "push - 0.001*obs.y"},
+    "ports": {"hand": {"force": "push", "displacement": "dev.x"}},
+    "design": {"vary": {"d": {"start": 0.5, "stop": 4}, "a": {"start": 0.9, "stop": 1.05}}, "wish": {"port": {}}},
+}
+
+
 def wishes(**wanted):
     return load(TABLES | {"design": TABLES["design"] | {"wish": wanted}})
 
@@ -262,6 +275,38 @@ def test_an_unstable_loop_is_the_one_that_leaves_a_design_without_transparency()
     assert np.isnan(found.value[0])
     assert scenarios_of(spec)[found.scenario[0]].values["operator.mass"] == 0.15
     assert not found.certified[0]
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 500.0])
+def test_what_is_felt_is_that_of_the_stiffest_wall_if_another_number_follows_it(stiffness):
+    tables = TABLES["design"] | {"for_all": {"K_LM/K_VE": [0.5]}, "wish": {"z_width": {"B_VE": [1]}, "felt": {"B_VE": [1]}}}
+    spec = load(TABLES | {"environment": TABLES["environment"] | {"K_VE": stiffness}, "design": tables})
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"controller.b": np.array([20.0])}, 2000.0)
+    wall = float(found["z_width"].value[0])
+    own = {"b": 20.0, "B_VE": 1.0, "K_VE": wall * (1 - 1e-9), "K_LM": wall / 2}
+    lowest = [wavesweep.verdict(spec.with_values(own | dict(each.values)))["felt"]["stiffness"] for each in scenarios_of(spec)]
+    assert found["felt"].value[0] == pytest.approx(min(lowest), rel=1e-6)
+
+
+def test_an_unstable_loop_has_no_margin_at_the_port():
+    """Its map may have a positive real part on the whole circle: with b = 0.18 N*s/m it has, and a radius of 2."""
+    values = {"b": 0.1797, "K_LM": 53.7, "B_LM": 7.45, "filters.lp1.order": 1, "filters.hp.order": 0, "filters.lp2.order": 2}
+    spec = load(
+        {"controller": {"kind": "pmw-lm"}, "design": {"vary": {"b": {"start": 0.1, "stop": 200}}, "wish": {"port": {}}}}
+    )
+    spec = spec.with_values(values)
+    assert wavesweep.compile(spec).passivity().port_margin[0] >= 0
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"controller.b": np.array([values["b"], 25.0])}, 2000.0)[
+        "port"
+    ]
+    assert np.isnan(found.value[0])
+    spec = load(OBSERVED)
+    found = evaluate(
+        spec, spec.design.wishes, scenarios_of(spec), {"numbers.d": np.full(2, 3.9), "numbers.a": np.array([1.0494, 0.9])}, 1.0
+    )
+    assert wavesweep.compile(spec.with_values({"d": 3.9, "a": 1.0494})).passivity().port_margin[0] > 0
+    assert np.isnan(found["port"].value[0])
+    assert found["port"].value[1] > 0
 
 
 @pytest.mark.slow

@@ -1275,3 +1275,42 @@ def test_a_shift_whose_factor_is_nearly_the_same_for_other_numbers_depends_on_th
 
     found, expected = twins("(1+1e-9*ppb)", {"ppb": ppb}), twins(f"{1 + 1e-9 * ppb!r}", {})
     np.testing.assert_allclose(ends(found), ends(expected), rtol=1e-12)
+
+
+def ring(gains, ticks, loss):
+    """A ring of holds by way of two products of gains, whose difference is a share `loss` of them, and its stable limit."""
+    last = float(gains[0] * gains[1] * (1 - loss) / gains[2])
+    left = abs(Fraction(gains[0]) * Fraction(gains[1]) - Fraction(last) * Fraction(gains[2]))
+    hold = {"type": "hold", "every": ticks}
+    blocks = {"a": hold, **{name: hold | {"phase": at} for name, at in (("h", 1), ("e", 1), ("k", 2))}}
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"c": 0.5, "g1": gains[0], "g2": gains[1], "q": gains[2], "w": last},
+        "block": blocks | {"last": {"type": "delay", "every": ticks, "phase": ticks - 1}},
+        "wire": {"a.u": "c*last.y", "h.u": "g1*a.y", "k.u": "g2*h.y", "e.u": "q*a.y", "last.u": "k.y - w*e.y"},
+    }
+    return tables, 1 / left
+
+
+@pytest.mark.parametrize("span", [(0.0, 3.0), (0.1, 3.0)])
+def test_terms_that_cancel_round_a_ring_of_holds_move_no_certified_end(span):
+    """Stable while c times the difference of the two paths is less than 1, exactly."""
+    rng, certified = np.random.default_rng(5), []
+    for digits in np.linspace(0, 15, 31):
+        tables, limit = ring(10 ** rng.uniform(-3, 5, 3), int(rng.integers(4, 9)), 10**-digits)
+        found = wavesweep.compile(tables).stable_intervals("c", tuple(float(limit) * end for end in span))
+        certified.append(bool(found.certified[0]))
+        if certified[-1]:
+            assert float(abs(Fraction(found.high[0]) / limit - 1)) < 1e-9
+        else:
+            assert set(found.doubt) == {"rounding"}
+    assert all(certified[:7])
+    assert not any(certified[18:])
+
+
+def test_a_radius_that_is_lost_round_a_ring_of_holds_is_missing():
+    tables, _ = ring((1234567891.37, 987654321.77, 1.0), 5, 0.0)
+    assert np.isnan(wavesweep.compile(tables).spectral_radius())
+    tables, limit = ring((12345.678, 8765.4321, 1.0), 5, 1e-7)
+    # The delay and the hold before it take a frame each.
+    assert wavesweep.compile(tables).spectral_radius() == pytest.approx(float(0.5 / limit) ** 0.5, rel=1e-6)

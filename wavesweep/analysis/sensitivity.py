@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from wavesweep.analysis.rows import Rows
-from wavesweep.analysis.spectrum import balance, eigenvalues, excess
+from wavesweep.analysis.spectrum import eigenvalues, excess
+from wavesweep.lifted.rounding import balance
 
 STEP = 1e-30  # relative, of a complex step: its square is below all rounding, and nothing is subtracted
 CORNER = 1e-6  # of an end; a further crossing so near makes it a corner

@@ -5,14 +5,13 @@ import numpy as np
 from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted import Cut, close
 from wavesweep.lifted.circle import inverse, on_circle
-from wavesweep.lifted.rounding import TELLING
+from wavesweep.lifted.rounding import TELLING, balance
 from wavesweep.lifted.shifts import DelayLines
 
 ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
 BACKWARD = 16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
 NEIGHBOURHOOD = 1e-3  # from the circle, where the digits that an eigenvalue may have lost matter
 MEETING = 4  # number of the nearest ones that are examined, and all others in the neighbourhood
-BALANCING = 3  # sweeps
 MANY = 100  # states, from which on a bound on a singular value stands for it
 LARGE = 40  # states, from which on delays are left out of singular values, if they are most of them
 MOST_BY_SIGNS = 12  # eigenvalues; coefficients of more crowd, and signs of sums of them are seldom sure
@@ -55,7 +54,7 @@ def radius_of(E, hidden=False) -> np.ndarray:
     E = np.where(finite[..., None, None], E, 0.0)
     found = np.where(finite, _known(E, np.abs(1 + delta).max(-1, initial=0.0), delta), np.inf)
     found = np.where(_is_rounding(np.abs(1 - found), E), 1.0, found)
-    return np.where(finite & hidden, np.nan, found)
+    return np.where(hidden, np.nan, found)
 
 
 def _is_rounding(distance, E):
@@ -219,25 +218,3 @@ def _smallest(E, delta):
     with np.errstate(all="ignore"):
         bound = 1 / np.sqrt((np.abs(inverse(A)) ** 2).sum((-1, -2)))
     return np.where(np.isfinite(bound), bound, 0.0)
-
-
-def balance(E, sweeps: int = BALANCING):
-    """Return E in units of the states that give its rows and columns similar sizes, and these units (Osborne 1960).
-
-    The units are powers of two. E: `(matrices, n, n)`. In units u `(matrices, n)` the entry (i, j) of any matrix is multiplied
-    by u_j/u_i. sweeps: number of passes over all states.
-    """
-    size = np.abs(E)
-    units = np.ones(E.shape[:-1])
-    index = np.arange(E.shape[-1])
-    size[:, index, index] = 0
-    for _ in range(sweeps):
-        for k in index:
-            row, column = size[:, k, :].sum(-1), size[:, :, k].sum(-1)
-            with np.errstate(all="ignore"):
-                factor = np.exp2(np.round(np.log2(row / column) / 2))
-            factor = np.where(np.isfinite(factor) & (factor > 0), factor, 1.0)[:, None]
-            size[:, :, k] *= factor
-            size[:, k, :] /= factor
-            units[:, k] *= factor[:, 0]
-    return E * (units[:, None, :] / units[:, :, None]), units

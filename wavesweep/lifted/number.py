@@ -9,7 +9,7 @@ from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.elimination import ROUNDING
 from wavesweep.lifted.cut import Cut
 from wavesweep.lifted.periodic import GROWING, Ticks, growth_of, in_a_row, reach_of, reach_together, then, ticks_of
-from wavesweep.lifted.rounding import sizes_in_all
+from wavesweep.lifted.rounding import CANCELLED, frame_and_cancellation, sizes_in_all
 from wavesweep.lifted.tick_drift import TickDrift, consistent_solution, counted_from_leads
 
 FAR = 1e-6  # of the change along a state that rests, what rounding of the frame may add to it through the other states
@@ -86,6 +86,22 @@ def cut_of(frame: OpenFrame, drift: TickDrift, read: int = 1) -> Cut | None:
     cut = _cut(frame.E, frame.B[..., :1], c, d, drift, frame.period, frame.condition)
     # Without states beside what drifts, the loop of direct terms decides alone, or a polynomial of order 1.
     return replace(cut, growth=frame.growth) if cut is not None and cut.states else None
+
+
+def cancels_between_ticks(frame: OpenFrame) -> np.ndarray:
+    """Return in which loops terms of stretches of such a frame cancel, `(...)`; see `frame_and_cancellation`."""
+    n, product = frame.E.shape[-1], frame.inputs[0]  # a state that nothing changes: only if it is held it reaches several ticks
+    changes, links = [_wide(each.E, each.B[..., product : product + 1]) for each in frame.ticks.maps], np.zeros((n + 1, n + 1))
+    links[n, :n] = np.abs(frame.C[..., 0, :]).max(tuple(range(frame.C.ndim - 2)))
+    return frame_and_cancellation(frame.ticks.kind, changes, links)[1] > CANCELLED
+
+
+def _wide(E, B):
+    """Changes of the states and of an input that keeps its value."""
+    n = E.shape[-1]
+    found = np.zeros((*np.broadcast_shapes(E.shape[:-2], B.shape[:-2]), n + 1, n + 1))
+    found[..., :n, :n], found[..., :n, n:] = E, B
+    return found
 
 
 def _showing(ticks, count):

@@ -4,6 +4,8 @@ If terms cancel within a tick, as the impedance of a wave line does that passes 
 have lost digits, and show no sign of it.
 """
 
+from math import prod
+
 import numpy as np
 
 from wavesweep.diagram.block import loss
@@ -16,6 +18,10 @@ ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, rel
 HIDDEN = 16.0  # times an entry: size of its terms, from which on its digits may be missed
 TURNED = 64.0  # times an entry of a frame: sum of the terms in its ticks, from which on its digits may be missed
 TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
+CANCELLED = 1e3  # times the entries of a row of a stretch: sizes of terms in it, from which on their effect is looked for
+SURELY = 16.0  # the same in a batch, up to which those of its loops are not taken one by one
+BALANCING = 3  # sweeps
+SWEEPS = 12  # the same, where units have to go round long ways
 NEAREST = 4  # number of eigenvalues that are examined
 
 
@@ -52,6 +58,92 @@ def frame_errors(kind, changes, sizes) -> tuple[np.ndarray, np.ndarray]:
     with np.errstate(all="ignore"):  # of a frame that overflows
         found = in_parts(frame, batch, changes[0].shape[-1], float)
     return found[..., 0, :, :], found[..., 1, :, :]
+
+
+def frame_and_cancellation(kind, changes, links=0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return the frame less identity, `(..., n, n)`, and how far terms of its stretches of ticks cancel, `(...)`.
+
+    kind: of each tick. changes: per kind, the matrix less identity. links: sizes of other entries that close the loop.
+
+    Of stretches P and Q each entry of `|Q| |P|` is compared to the largest entries of its row and column of `Q P`, in units of
+    the states that give the rows and columns of all ticks together similar sizes. So it shows by way of how ever many states
+    terms cancel; an entry that is small beside others of its row and column does not.
+    Accuracy: a measure of the digits that are lost, not a bound; up to SURELY it may be that of the whole batch.
+    """
+    kinds, scale = kind.tolist(), _scale(links + sum(_largest(each) for each in changes))
+
+    def sizes(E):
+        return np.abs(np.eye(E.shape[-1]) + E) * scale
+
+    def extremes(E):
+        size = np.abs(np.eye(E.shape[-1]) + E)
+        return size.max(_over(E)) * scale, size.min(_over(E)) * scale
+
+    def within(first, second):
+        (P, one, most), (Q, other, least) = first, second
+        both = then(P, Q)
+        high, low = extremes(both)
+        lost = _cancelled(other @ one, low.max(-1, initial=0.0), low.max(-2, initial=0.0))
+        return both, high, max(most, least, lost)
+
+    def joined(first, second):
+        (P, one, most), (Q, other, least) = first, second
+        both = then(P, Q)
+        size = sizes(both)
+        lost = _cancelled(other @ one, size.max(-1, initial=0.0), size.max(-2, initial=0.0))
+        return both, size, np.maximum(np.maximum(most, least), lost)
+
+    with np.errstate(all="ignore"):  # of a frame that overflows
+        E, _, most = in_a_row(kinds, [(each, extremes(each)[0], 0.0) for each in changes], within)
+        if most > SURELY:  # the units and sizes of each loop, since those of others may not matter
+            scale = _scale(links + sum(np.abs(each) for each in changes))
+            _, _, most = in_a_row(kinds, [(each, sizes(each), 0.0) for each in changes], joined)
+    return E, np.broadcast_to(most, E.shape[:-2])
+
+
+def _scale(whole):
+    """The factors of entries in units that give the rows and columns of matrices similar sizes."""
+    n = whole.shape[-1]
+    units = balance(whole.reshape(prod(whole.shape[:-2]), n, n), SWEEPS)[1].reshape(whole.shape[:-1])
+    return units[..., None, :] / units[..., :, None]
+
+
+def _largest(E):
+    return np.abs(E).max(_over(E))
+
+
+def _over(E):
+    """The axes of the batch."""
+    return tuple(range(E.ndim - 2))
+
+
+def _cancelled(terms, row, column):
+    """The largest size of terms of an entry beside the largest ones in its row and column, `(...)`; infinite after overflow."""
+    left = np.minimum(row[..., :, None], column[..., None, :])
+    found = np.where(terms == 0, 0.0, terms / left).max((-1, -2), initial=0.0)
+    return np.where(np.isnan(found), np.inf, found)
+
+
+def balance(E, sweeps: int = BALANCING):
+    """Return E in units of the states that give its rows and columns similar sizes, and these units (Osborne 1960).
+
+    The units are powers of two. E: `(matrices, n, n)`. In units u `(matrices, n)` the entry (i, j) of any matrix is multiplied
+    by u_j/u_i. sweeps: number of passes over all states.
+    """
+    size = np.abs(E)
+    units = np.ones(E.shape[:-1])
+    index = np.arange(E.shape[-1])
+    size[:, index, index] = 0
+    for _ in range(sweeps):
+        for k in index:
+            row, column = size[:, k, :].sum(-1), size[:, :, k].sum(-1)
+            with np.errstate(all="ignore"):
+                factor = np.exp2(np.round(np.log2(row / column) / 2))
+            factor = np.where(np.isfinite(factor) & (factor > 0), factor, 1.0)[:, None]
+            size[:, :, k] *= factor
+            size[:, k, :] /= factor
+            units[:, k] *= factor[:, 0]
+    return E * (units[:, None, :] / units[:, :, None]), units
 
 
 def _spread(part, batch):

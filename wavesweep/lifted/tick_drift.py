@@ -6,8 +6,8 @@ import numpy as np
 
 from wavesweep.diagram.drawn import Drawn, shifts
 from wavesweep.lifted.circle import solve
-from wavesweep.lifted.periodic import Ticks, frame_of, growth_of, known_frames, ticks_of
-from wavesweep.lifted.rounding import frame_errors, hidden_in, radius_hidden
+from wavesweep.lifted.periodic import LOST, Ticks, frame_of, growth_of, known_frames, ticks_of
+from wavesweep.lifted.rounding import frame_and_cancellation, frame_errors, hidden_in, radius_hidden
 
 RANK = 1e-12  # of the largest singular value of a frame of tame numbers, up to which the smallest is 0
 SAME = 1e-12  # relative difference of two factors of a shift, up to which it does not depend on the numbers
@@ -234,22 +234,27 @@ def closed_frame(drawn: Drawn, drift: TickDrift) -> np.ndarray:
 
     Loops of fewer than two states are filled up with eigenvalues at 0 of the frame.
     """
-    return _known_closed(ticks_of(drawn, alone=True), drift)
+    ticks = ticks_of(drawn, alone=True)
+    return known_frames(closed(ticks, drift), _growth(ticks))
 
 
 def telling_frame(drawn: Drawn, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
-    """Return `closed_frame`, and whether its spectral radius is hidden, `(...)`: by terms that cancel in a tick (see
-    `radius_hidden`), or by a drift that is vague."""
+    """Return `closed_frame`, and whether its spectral radius is hidden, `(...)`: by terms that cancel (see `radius_hidden`), by
+    ticks that grow beyond what is left of their product, or by a drift that is vague."""
     ticks = ticks_of(drawn, alone=True, terms=True)
-    E = _known_closed(ticks, drift)
-    hidden, vague = (np.broadcast_to(part, E.shape[:-2]) for part in (hidden_in(ticks), drift.vague | opposed(ticks, drift)))
+    E, cancellation = frame_and_cancellation(ticks.kind, [each.E for each in ticks.maps])
+    E, growth = filled(without_drift(E, drift)), _growth(ticks)
+    lost = (growth > LOST) & np.isfinite(E).all((-1, -2))
+    parts = hidden_in(ticks) | (cancellation > LOST), drift.vague | opposed(ticks, drift) | lost
+    hidden, vague = (np.broadcast_to(part, E.shape[:-2]) for part in parts)
+    E = known_frames(E, growth)
     if vague.all() or not hidden.any():
         return E, vague
     return E, vague | hidden & radius_hidden(*errors_of_closed(ticks, drift))
 
 
-def _known_closed(ticks, drift):
-    return known_frames(closed(ticks, drift), growth_of(ticks.kind, [each.E for each in ticks.maps]))
+def _growth(ticks):
+    return growth_of(ticks.kind, [each.E for each in ticks.maps])
 
 
 def closed(ticks: Ticks, drift: TickDrift) -> np.ndarray:

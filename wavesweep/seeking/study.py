@@ -403,6 +403,8 @@ def _notices(job):
     yield f"each design holds for {several}; those of the front were checked over {len(job.finest)}"
     if not _checked(job):
         yield f"values between the ends of the ranges were not checked: with them there are more than {FINER} combinations"
+    if {wish.name for wish in job.grid.spec.design.wishes} == {"channel"}:
+        yield "channel depends on the filters alone: the loops may be unstable, which a wish such as damping_ratio would show"
     unread = [axis.name for axis in job.grid.spec.design.vary if axis.path not in keys_of(job.grid.spec)]
     if unread:
         yield f"{', '.join(unread)}: not read by {job.grid.spec.kind}, varied for nothing"

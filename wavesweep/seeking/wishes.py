@@ -221,6 +221,10 @@ def _channel(spec, wish, points):
 
 
 def _port(spec, wish, points):
+    """Passivity margin at the hand's port, m/N; missing if the loop is unstable.
+
+    The map of an unstable loop may have a positive real part on the whole circle.
+    """
     from wavesweep.analysis.passivity import port_margin
     from wavesweep.sweep.passivity_table import DrawnPortTask
 
@@ -229,11 +233,12 @@ def _port(spec, wish, points):
     for members, values in _batches(spec, points):
         if spec.drawing:
             found = DrawnPortTask(spec.drawing, ((np.arange(members.size), values),), spec.values).records()
-            value[members], certified[members] = found["port_margin"], found["certified"]
+            margin, certified[members] = found["port_margin"], found["certified"]
+            value[members] = np.where(found["stable"], margin, np.nan)
             continue
         K, B = _walls(values, members.size)
         found = port_margin(values | dict(zip(WALL, (K, B), strict=True)))
-        value[members], certified[members] = found.margin, found.certified
+        value[members], certified[members] = np.where(found.stable, found.margin, np.nan), found.certified
     return value, certified
 
 

@@ -71,7 +71,7 @@ WISHES = MappingProxyType(
             {"band_hz": (_BAND, 2), **_WALLS},
         ),
         "channel": WishKind("1", False, "norm of the wave channel", {}),
-        "port": WishKind("m/N", True, "passivity margin of the hand's port", _WALLS, ("hand",)),
+        "port": WishKind("m/N", True, "passivity margin of the hand's port of stable loops", _WALLS, ("hand",)),
         "damping_ratio": WishKind("1", True, "damping ratio of the slowest mode", _WALLS, ()),
         "settling": WishKind("s", False, "time constant of the slowest mode, in which it falls to 1/e", _WALLS, ()),
         "delay_margin": WishKind("tick", True, "further delay of the slow result up to which every delay is stable", _WALLS),

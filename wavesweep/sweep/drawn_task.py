@@ -22,10 +22,10 @@ from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.lifted import Cut, with_batch
-from wavesweep.lifted.number import OpenFrame, cut_of, open_frame
+from wavesweep.lifted.number import OpenFrame, cancels_between_ticks, cut_of, open_frame
 from wavesweep.lifted.open_ticks import OpenTicks, facts_of
-from wavesweep.lifted.periodic import GROWN, LOST, frame_of, growth_of, ticks_of
-from wavesweep.lifted.rounding import hidden_in, sizes_in_all, turned
+from wavesweep.lifted.periodic import GROWN, LOST, growth_of, ticks_of
+from wavesweep.lifted.rounding import CANCELLED, frame_and_cancellation, hidden_in, sizes_in_all, turned
 from wavesweep.lifted.tick_drift import TickDrift, closed, errors_of_closed, filled, opposed, without_drift
 from wavesweep.spec.drawing import Drawing, name_of, path_of
 from wavesweep.sweep.any_number import TINY
@@ -172,6 +172,7 @@ class DrawnTask:
             found = stable_intervals(cut, "K_VE", self.span, np.zeros((size, 1)))
             hidden = np.broadcast_to(hidden_in(opened.frame.ticks, opened.frame.growth), size)[found.column]
             hidden |= np.broadcast_to(turned(opened.frame.E, sizes_in_all(opened.frame.ticks)), size)[found.column]
+            hidden |= np.broadcast_to(cancels_between_ticks(opened.frame), size)[found.column]
             found = _doubted(found, cut.growth[found.column])
             found = _unknown(found, np.broadcast_to(opposed(opened.frame.ticks, opened.drift), size)[found.column])
             return self._unshaken(found, hidden, lambda: self._loops(values), cut.period, values)
@@ -257,8 +258,8 @@ class _Along:
         return replace(found, pivots=np.concatenate([found.pivots, divisors.reshape(p.size, -1)], axis=-1))
 
     def examined(self, number, p) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The growth over a frame (see `growth_of`), whether terms cancel in its ticks or turn (see `hidden_in`, `turned`), and
-        whether the drift is one (see `opposed`).
+        """The growth over a frame (see `growth_of`), whether terms cancel in or between its ticks or turn (see `hidden_in`,
+        `frame_and_cancellation`, `turned`), and whether the drift is one (see `opposed`).
 
         Loops of direct terms without a solution have a growth of 1.
         """
@@ -272,7 +273,8 @@ class _Along:
             return tuple(np.reshape(part, p.shape) for part in zip(*each, strict=True))
         growth = growth_of(ticks.kind, [each.E for each in ticks.maps])
         with np.errstate(all="ignore"):
-            hidden = hidden_in(ticks, growth) | turned(frame_of(ticks), sizes_in_all(ticks))
+            E, cancellation = frame_and_cancellation(ticks.kind, [each.E for each in ticks.maps])
+            hidden = hidden_in(ticks, growth) | turned(E, sizes_in_all(ticks)) | (cancellation > CANCELLED)
         return tuple(np.broadcast_to(part, p.shape) for part in (growth, hidden, opposed(ticks, self.drift)))
 
     def errors(self, number, p) -> tuple[np.ndarray, np.ndarray]:

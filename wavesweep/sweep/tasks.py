@@ -147,7 +147,8 @@ def with_felt(task: IntervalTask, records: np.ndarray, drawn: Mapping[int, tuple
             continue
 
         def stiffness(some, p, values=values, at=at, rows=rows):
-            return felt(felt_map(draw(varied(task, values, at[some], p)), p.shape), K[rows[some]])
+            wall = p if task.along == WALL[0] else K[rows[some]]
+            return felt(felt_map(draw(varied(task, values, at[some], p)), p.shape), wall)
 
         felt_at_ends(records, rows, stiffness)
     return records

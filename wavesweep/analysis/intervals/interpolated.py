@@ -10,8 +10,8 @@ from wavesweep.analysis.intervals.frames import level, pole_inside
 from wavesweep.analysis.intervals.living import of_order
 from wavesweep.analysis.intervals.panels import EXTENT, LEBESGUE, OVERLAP, RIM
 from wavesweep.analysis.rows import Rows
-from wavesweep.analysis.spectrum import balance
 from wavesweep.kernel import NUMPY, chosen
+from wavesweep.lifted.rounding import balance
 
 DEGREES = (14, 28, 56)  # of an interpolant; its points are kept when it is raised
 PIECES = 16  # a piece narrower than this part of the span that is not followed is computed at every point

@@ -7,8 +7,8 @@ effect of it: the frame has another eigenvalue 1 then. This is the classical lim
 import numpy as np
 
 from wavesweep.analysis.intervals.critical import PAIR
-from wavesweep.analysis.spectrum import balance
 from wavesweep.lifted.circle import inverse
+from wavesweep.lifted.rounding import balance
 
 ROUNDED = 4  # roundings of every entry that an end has to withstand
 ALONE = 1e-2  # of the distance of the third eigenvalue: how near the two have to be

@@ -10,8 +10,9 @@ from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.intervals.meeting import ROUNDED, function_of_two
 from wavesweep.analysis.intervals.panels import bracketed_roots
 from wavesweep.analysis.rows import Rows
-from wavesweep.analysis.spectrum import balance, eigenvalues, excess
+from wavesweep.analysis.spectrum import eigenvalues, excess
 from wavesweep.lifted.circle import inverse
+from wavesweep.lifted.rounding import balance
 
 ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
 STEP = 1e3  # times what rounding may move an end by: how far a correction may go, and where its slope is taken from

@@ -8,9 +8,9 @@ from wavesweep.analysis.intervals.meeting import function_of_two
 from wavesweep.analysis.intervals.polishing import ATTACHED, vectors_of
 from wavesweep.analysis.intervals.regions import NEAR_ZERO
 from wavesweep.analysis.intervals.stable import Intervals
-from wavesweep.analysis.spectrum import balance, excess
+from wavesweep.analysis.spectrum import excess
 from wavesweep.lifted.circle import on_circle
-from wavesweep.lifted.rounding import at_angles_of, may_have
+from wavesweep.lifted.rounding import at_angles_of, balance, may_have
 
 WITHIN = 0.25, 0.5, 0.75  # of an interval, or of the span of a column without one: where its verdict is examined
 STEP = 1e-6  # of an end, over which the slope of an eigenvalue is taken

@@ -10,9 +10,9 @@ from wavesweep.analysis.intervals.boundary import K_VE
 from wavesweep.analysis.intervals.crossings import crossings, sampled_polynomial, warp_scale
 from wavesweep.analysis.intervals.regions import BEYOND_ORDER, TRACE_ROUNDING, Regions, cut_span, regions
 from wavesweep.analysis.rows import Rows
-from wavesweep.analysis.spectrum import balance
 from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
+from wavesweep.lifted.rounding import balance
 
 MOST_STATES = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
 UNEVEN, SWEEPS = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that

@@ -8,11 +8,11 @@ from wavesweep.analysis.passivity.hinf import SOFT, Element, angles, peak_by_lev
 from wavesweep.analysis.passivity.port import SLACK, TOLERANCE, PortMargin
 from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.port import Port, frame_of_port
-from wavesweep.analysis.spectrum import balance, count_outside, is_stable
+from wavesweep.analysis.spectrum import count_outside, is_stable
 from wavesweep.errors import UsageError
 from wavesweep.lifted.circle import on_circle, solve
 from wavesweep.lifted.periodic import GROWING, growth_of, in_a_row
-from wavesweep.lifted.rounding import hides
+from wavesweep.lifted.rounding import CANCELLED, balance, frame_and_cancellation, hides
 
 SWEEPS = 12  # over the states, for their units
 LONGEST = 600  # ticks; the map of a frame is a matrix of that size
@@ -75,7 +75,8 @@ def _without_digits(E, stable):
 def _known(port, omega):
     """Whether no terms cancel in or between ticks, or the response at these frequencies (rad/s) keeps its digits even so."""
     changes, sizes = ([each[0] for each in parts] for parts in (port.maps, port.sizes))
-    if not hides(changes, sizes) and growth_of(port.kind, changes) <= GROWING:
+    sure = not hides(changes, sizes) and growth_of(port.kind, changes) <= GROWING
+    if sure and frame_and_cancellation(port.kind, changes)[1] <= CANCELLED:
         return True
     return respond_port(port, omega / (2 * np.pi)).admittance_error <= SURE
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from wavesweep.analysis.intervals.compiled.solving import compiled
 from wavesweep.analysis.intervals.regions import BEYOND_ORDER, NARROW, TRACE_ROUNDING
-from wavesweep.analysis.spectrum import BALANCING
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V
+from wavesweep.lifted.rounding import BALANCING
 
 OPEN, EXCLUDED, LEFT = 0, 1, 2  # a column: to be done; unstable throughout, by its trace; left to numpy's way
 
