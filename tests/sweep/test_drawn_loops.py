@@ -1314,3 +1314,53 @@ def test_a_radius_that_is_lost_round_a_ring_of_holds_is_missing():
     tables, limit = ring((12345.678, 8765.4321, 1.0), 5, 1e-7)
     # The delay and the hold before it take a frame each.
     assert wavesweep.compile(tables).spectral_radius() == pytest.approx(float(0.5 / limit) ** 0.5, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("hz", "ratio", "seen", "steps"), [(0.0639, 0.005, 10.0, 8), (0.0434, 0.01, 5.0, 7), (0.003, 0.05, 3.0, 4)]
+)
+def test_a_slow_resonance_beside_one_hides_no_crossing(hz, ratio, seen, steps):
+    """The loop of a delay sees a slow mode with the other sign: a positive feedback of gain c (seen - 1) at its resonance."""
+    w = 2 * np.pi * hz
+    sway = {"type": "mass", "mass": 1.0, "damping": 2 * ratio * w, "stiffness": w * w}
+    loop = wavesweep.compile(
+        {
+            "rates": {"tick_hz": 10000},
+            "numbers": {"c": 0.05},
+            "block": {"d": {"type": "delay", "steps": steps}, "sway": sway},
+            "wire": {"sway.f": "d.y", "d.u": f"-c*(d.y - {2 * ratio * w * seen!r}*sway.v)"},
+        }
+    )
+    limit = 1 / (seen - 1)
+    for span in ((0, 3 * limit), (0, 1.4 * limit), (0.1 * limit, 3 * limit)):
+        found = loop.stable_intervals("c", span)
+        assert found.certified.all()
+        assert found[["low", "high"]].to_numpy() == pytest.approx(np.array([[span[0], limit]]), rel=1e-6)
+        end = found.high[0]
+        assert loop.spectral_radius(c=end * (1 - 1e-6)) < 1 < loop.spectral_radius(c=end * (1 + 1e-6))
+
+
+@pytest.mark.parametrize("share", [1e-2, 1e-3, 1e-4])
+def test_a_small_gain_that_no_drawing_has_opposes_a_shift_that_depends_on_a_number(share):
+    """Through a gear the masses drift together, but for a spring max(k1 - 2 k0, 0) that pushes away."""
+    push = f"{share}*(k1 - 2*k0 + sqrt((k1 - 2*k0)**2))/2*one.x"
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 1000.0, "d": 0.01, "r": 1.3, "k1": 3.0, "k0": 1.0},
+        "block": {
+            "one": {"type": "mass", "mass": 1.0},
+            "two": {"type": "mass", "mass": 1.0},
+            "w": {"type": "hold", "every": 5},
+        },
+        "wire": {
+            "w.u": "one.v",
+            "one.f": f"-K*(one.x - r*two.x) - 20*(one.v - r*two.v) - d*w.y + {push}",
+            "two.f": "r*K*(one.x - r*two.x) + 20*r*(one.v - r*two.v) - d*two.v",
+        },
+    }
+    loop = wavesweep.compile(tables)
+    assert not loop.stable_intervals("d", (0.001, 5)).certified.any()
+    assert np.isnan(loop.spectral_radius())
+    free = wavesweep.compile(tables | {"numbers": tables["numbers"] | {"k1": 1.0}})
+    assert free.stable_intervals("d", (0.001, 5)).certified.all()
+    assert free.spectral_radius() < 1

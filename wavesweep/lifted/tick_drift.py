@@ -98,15 +98,18 @@ def opposed(ticks: Ticks, drift: TickDrift) -> np.ndarray:
 
     So it is if a gain is zero with their numbers and not with these, as the larger one of two may be. ticks: with the sizes of
     their terms. A shift may move states that only watch it, as an integrator does that nothing reads, but not by way of others
-    a state of its own. Shifts that depend on the numbers are found in each loop, and are not examined.
+    a state of its own. Shifts that depend on the numbers of a loop are found in its ticks.
     """
     n, batch = len(drift.states), np.broadcast_shapes(*(each.E.shape[:-2] for each in ticks.maps))
-    shifts, seen = np.zeros((n, len(drift.moved))), np.zeros((*batch, n, len(drift.moved)), bool)
+    shifts = np.zeros((n, len(drift.moved)))
     for column, (lead, others) in enumerate(drift.moved):
         shifts[[lead, *(state for state, _ in others)], column] = [1.0, *(factor for _, factor in others)]
+    if drift.folded:
+        shifts = np.concatenate([np.broadcast_to(shifts, (*batch, *shifts.shape)), _folded(ticks, drift, batch)], axis=-1)
+    seen = np.zeros((*batch, *shifts.shape[-2:]), bool)
     for each in ticks.maps:
         with np.errstate(all="ignore"):  # of ticks that overflow
-            seen |= np.abs(each.E @ shifts) > OPPOSED * (each.terms[0] @ np.abs(shifts))
+            seen |= ~(np.abs(each.E @ shifts) <= OPPOSED * (each.terms[0] @ np.abs(shifts)))
     if not seen.any():
         return np.zeros(batch, bool)
     reached = np.broadcast_to(np.eye(n, dtype=bool), (*batch, n, n)).copy()
@@ -115,6 +118,21 @@ def opposed(ticks: Ticks, drift: TickDrift) -> np.ndarray:
     for _ in range(n.bit_length()):
         reached = (reached.astype(float) @ reached) > 0
     return (((reached.astype(float) @ seen) > 0) & (shifts != 0)).any((-1, -2))
+
+
+def _folded(ticks, drift, batch):
+    """The shifts that depend on the numbers of each loop, `(..., n, shifts)`, which none of its ticks changes."""
+    n, folded, moved = len(drift.states), list(drift.folded), {lead for lead, _ in drift.moved}
+    rest = [i for i in range(n) if i not in moved and i not in folded and i not in drift.unread]
+    rows = [i for i in range(n) if i not in drift.unread]
+    E = np.concatenate([np.broadcast_to(each.E, (*batch, n, n))[..., rows, :] for each in ticks.maps], axis=-2)
+    shifts = np.zeros((*batch, n, len(folded)))
+    shifts[..., folded, np.arange(len(folded))] = 1.0
+    shifts[..., rest, :] = consistent_solution(E[..., rest], -E[..., folded])
+    terms = np.abs(E) @ np.abs(shifts)  # a state that does not move has the rounding of an equation that says so
+    with np.errstate(all="ignore"):
+        own = (np.abs(E)[..., :, :, None] * np.abs(shifts)[..., None, :, :]) / terms[..., :, None, :]
+    return np.where(((own > 0) & (own <= SAME)).any(-3), 0.0, shifts)
 
 
 def _in_both(first, second):
@@ -240,7 +258,7 @@ def closed_frame(drawn: Drawn, drift: TickDrift) -> np.ndarray:
 
 def telling_frame(drawn: Drawn, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
     """Return `closed_frame`, and whether its spectral radius is hidden, `(...)`: by terms that cancel (see `radius_hidden`), by
-    ticks that grow beyond what is left of their product, or by a drift that is vague."""
+    ticks that grow and leave no digits of their product, or by a drift that is vague."""
     ticks = ticks_of(drawn, alone=True, terms=True)
     E, cancellation = frame_and_cancellation(ticks.kind, [each.E for each in ticks.maps])
     E, growth = filled(without_drift(E, drift)), _growth(ticks)

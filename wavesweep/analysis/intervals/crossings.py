@@ -9,8 +9,8 @@ import numpy as np
 
 from wavesweep.analysis.intervals.boundary import K_VE, Terms, polish, read, terms, terms_and_inverse
 from wavesweep.analysis.intervals.isolate import EDGE, isolate
-from wavesweep.lifted.circle import on_circle, solve
-from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
+from wavesweep.lifted.circle import inverse, on_circle, solve
+from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V, open_in
 
 SPARE = 5  # sine coefficients beyond the polynomial's degree: they are zero, so what they show is the error of all
 FAR = 1e8  # times the span's largest value; beyond, a value may as well be at the other infinity
@@ -123,6 +123,10 @@ def angle(cosine, scale):
 
 
 OCTAVES = 2.0 ** -np.arange(48)  # of an angle, at which the wall parameter is evaluated
+ABOUT = np.sinh(np.linspace(-4.2, 4.2, 129))  # times the decay of a mode, distances from it where it is evaluated too
+NEARBY = 8.0  # times that angle, within which a mode matters
+DAMPED = 4.0  # times its angle, decay of a mode, from which on octaves show it
+SHIFT = -1 + 0.3j  # of z - 1, about which zeros are computed
 SLIVER = 1e-14  # of the span, at either end of it, in which a crossing next to z = +-1 does not matter: so are ends promised
 
 
@@ -219,19 +223,43 @@ def open_inside(cut: Cut, owner, along: str, fixed, span, ends):
     """Return columns of which a crossing that may hide next to an end of the circle would be inside the span.
 
     ends: for z = 1 and z = -1, whether one may hide there (`(columns,)`), and within which angle of it (rad, `(columns,)`).
+
+    The wall parameter is evaluated at octaves of that angle, and about every lightly damped mode there, of the loop with
+    and without its feedback, next to which it has a narrow peak.
     """
     inside, slack = np.zeros(fixed.size, bool), SLIVER * (span[1] - span[0])
     for (may, bit), place in zip(ends, (0.0, np.pi), strict=True):
         at = np.flatnonzero(may)
         if not at.size:
             continue
-        theta = np.abs(place - bit[at, None] * OCTAVES)
-        t = terms(cut.at(np.repeat(owner[at], OCTAVES.size)), on_circle(theta.reshape(-1)))
-        solved, other = (part.reshape(theta.shape) for part in t.along(along))
+        which, far = _modes_within(cut.at(owner[at]), along, fixed[at], bit[at], place)
+        which = np.concatenate([np.repeat(np.arange(at.size), OCTAVES.size), which])
+        far = np.concatenate([(bit[at, None] * OCTAVES).ravel(), far])
+        t = terms(cut.at(owner[at[which]]), on_circle(np.abs(place - far)))
+        solved, other = t.along(along)
         with np.errstate(divide="ignore", invalid="ignore"):
-            value = ((t.one.reshape(theta.shape) - fixed[at, None] * other) / solved).real
-        inside[at] |= ~((value.max(-1) <= span[0] + slack) | (value.min(-1) >= span[1] - slack))
+            value = ((t.one - fixed[at[which]] * other) / solved).real
+        least, most = np.full(at.size, np.inf), np.full(at.size, -np.inf)
+        np.minimum.at(least, which, value)
+        np.maximum.at(most, which, value)
+        inside[at] |= ~((most <= span[0] + slack) | (least >= span[1] - slack))
     return inside
+
+
+def _modes_within(cut, along, fixed, bit, place):
+    """Return angles about the poles and zeros of the open loops near an end of the circle: indices, and distances from it."""
+    E, B, C, D = open_in(cut, along, fixed)
+    n, size = E.shape[-1], np.abs(C).max((-1, -2), keepdims=True)
+    whole = np.concatenate([np.concatenate([E, B], -1), np.concatenate([C, D], -1) / np.where(size > 0, size, 1.0)], -2)
+    pattern = np.diag([*np.ones(n), 0.0])
+    with np.errstate(all="ignore"):
+        turned = inverse(whole - SHIFT * pattern) @ pattern
+        zeros = SHIFT + 1 / np.linalg.eigvals(np.where(np.isfinite(turned), turned, 0.0))
+        modes = 1 + np.concatenate([np.linalg.eigvals(E), zeros], -1)
+        far, decay = np.abs(np.abs(np.angle(modes)) - place), np.abs(np.log(np.abs(modes)))
+    near = np.nonzero((decay > 0) & (decay < DAMPED * far) & (far < NEARBY * bit[:, None]))
+    distance, most = far[near][:, None] + decay[near][:, None] * ABOUT, bit[near[0], None]
+    return np.repeat(near[0], ABOUT.size), np.clip(distance, most * OCTAVES[-1], most).ravel()
 
 
 def at_both_ends(cut: Cut, owner, along: str, fixed, sign_at_one, sign_at_minus_one):
