@@ -25,6 +25,7 @@ class TickDrift:
     reads once the leads are gone, in the order of their removal. ramp: a state that may rest anywhere, with the others, while
     leads move at constant rates, as a position that an integrator reads does: a second eigenvalue 1; None if there is none.
     plain: states that every frame overwrites, like a held output, or that only add up others. All are indices into `states`.
+    carried: the states that move with each of the folded leads.
     vague: whether numbers smaller than rounding, or rounding itself, may stop a shift: then it may be no drift at all, and the
     loop have another eigenvalue next to 1.
     """
@@ -35,6 +36,7 @@ class TickDrift:
     unread: tuple[int, ...]
     ramp: int | None = None
     plain: tuple[int, ...] = ()
+    carried: tuple[tuple[int, ...], ...] = ()
     vague: bool = False
 
     @property
@@ -54,7 +56,7 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> TickDrift:
     ticks = ticks_of(tame, watched, alone=True)
     at, found = {name: i for i, name in enumerate(ticks.states)}, [_shifts(each, watched) for each in (tame, other)]
     (first, _), (second, _) = found
-    moved, folded = [], []
+    moved, folded, carried = [], [], []
     if len(first) != len(second):  # what one of them has alone is an accident of its numbers, as rounding leaves 0 or nearly 0
         first, second = _in_both(first, second)
     for one, two in zip(first, second, strict=True):
@@ -63,7 +65,10 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> TickDrift:
             moved.append((at[lead], tuple((at[name], one[name]) for name in rest if name in at)))
         else:
             folded.append(at[lead])
-    drift = TickDrift(ticks.states, tuple(moved), tuple(folded), (), vague=not all(exact for _, exact in found))
+            carried.append(tuple(at[name] for name in (one | two) if name != lead and name in at))
+    drift = TickDrift(
+        ticks.states, tuple(moved), tuple(folded), (), carried=tuple(carried), vague=not all(exact for _, exact in found)
+    )
     pair = ticks, ticks_of(other, watched, alone=True)
     frames = tuple(frame_of(each) for each in pair)
     drift = replace(drift, plain=_plain(pair, counted_from_leads(frames, drift)))
@@ -112,27 +117,41 @@ def opposed(ticks: Ticks, drift: TickDrift) -> np.ndarray:
             seen |= ~(np.abs(each.E @ shifts) <= OPPOSED * (each.terms[0] @ np.abs(shifts)))
     if not seen.any():
         return np.zeros(batch, bool)
-    reached = np.broadcast_to(np.eye(n, dtype=bool), (*batch, n, n)).copy()
+    entries = np.zeros((*batch, n, n), bool)
     for each in ticks.maps:
-        reached |= each.E != 0
-    for _ in range(n.bit_length()):
-        reached = (reached.astype(float) @ reached) > 0
+        entries |= each.E != 0
+    reached = _reached(entries)
     return (((reached.astype(float) @ seen) > 0) & (shifts != 0)).any((-1, -2))
 
 
 def _folded(ticks, drift, batch):
-    """The shifts that depend on the numbers of each loop, `(..., n, shifts)`, which none of its ticks changes."""
-    n, folded, moved = len(drift.states), list(drift.folded), {lead for lead, _ in drift.moved}
-    rest = [i for i in range(n) if i not in moved and i not in folded and i not in drift.unread]
-    rows = [i for i in range(n) if i not in drift.unread]
-    E = np.concatenate([np.broadcast_to(each.E, (*batch, n, n))[..., rows, :] for each in ticks.maps], axis=-2)
-    shifts = np.zeros((*batch, n, len(folded)))
-    shifts[..., folded, np.arange(len(folded))] = 1.0
-    shifts[..., rest, :] = consistent_solution(E[..., rest], -E[..., folded])
-    terms = np.abs(E) @ np.abs(shifts)  # a state that does not move has the rounding of an equation that says so
-    with np.errstate(all="ignore"):
-        own = (np.abs(E)[..., :, :, None] * np.abs(shifts)[..., None, :, :]) / terms[..., :, None, :]
-    return np.where(((own > 0) & (own <= SAME)).any(-3), 0.0, shifts)
+    """The shifts that depend on the numbers of each loop, `(..., n, shifts)`, which none of its ticks changes.
+
+    They follow from the equations of the states that the shift has an effect on by way of others.
+    """
+    E, sizes = (
+        np.stack([np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in parts], axis=-3)
+        for parts in zip(*((each.E, each.terms[0]) for each in ticks.maps), strict=True)
+    )
+    reached = _reached((E != 0).any(tuple(range(E.ndim - 2))))
+    size = sizes.max(-1, keepdims=True)
+    E = np.where(np.isfinite(E) & (size > 0), E, 0.0) / np.where(size > 0, size, 1.0)  # a row of rounding alone says nothing
+    shifts = np.zeros((*batch, len(drift.states), len(drift.folded)))
+    for column, (lead, others) in enumerate(zip(drift.folded, drift.carried, strict=True)):
+        rows = reached[[lead, *others]].any(0)
+        A = E[..., rows, :].reshape(*batch, -1, len(drift.states))
+        shifts[..., lead, column] = 1.0
+        shifts[..., list(others), column] = _least_squares(A[..., list(others)], -A[..., lead, None])[..., 0]
+    return shifts
+
+
+def _reached(entries):
+    """Whether a state i depends on a state j, `(..., i, j)`, after any number of ticks; entries: where they have an entry."""
+    n = entries.shape[-1]
+    found = entries | np.eye(n, dtype=bool)
+    for _ in range(n.bit_length()):
+        found = (found.astype(float) @ found) > 0
+    return found
 
 
 def _in_both(first, second):
@@ -238,13 +257,17 @@ def consistent_solution(A, b) -> np.ndarray:
     with np.errstate(all="ignore"):
         weight = np.where(size > 0, 1 / size, 1.0)
         finite = np.isfinite(A).all((-1, -2), keepdims=True)
-        Q, R = np.linalg.qr(np.where(finite, A * weight, 0.0))
-        found = solve(R, np.swapaxes(Q.conj(), -1, -2) @ np.where(finite, b * weight, 0.0))
+        found = _least_squares(*(np.where(finite, part * weight, 0.0) for part in (A, b)))
         left, terms = np.abs(A @ found - b) * weight, (np.abs(A) @ np.abs(found) + np.abs(b)) * weight
         most = [np.abs(part).max((-1, -2), initial=0.0, keepdims=True) for part in (found, b * weight)]
         rounding = ROUNDED * np.finfo(float).eps * np.maximum(*most)
         finite &= ~(left > SOLVED * terms + rounding).any((-1, -2), keepdims=True)
     return np.where(finite, found, np.nan)
+
+
+def _least_squares(A, b):
+    Q, R = np.linalg.qr(A)
+    return solve(R, np.swapaxes(Q.conj(), -1, -2) @ b)
 
 
 def closed_frame(drawn: Drawn, drift: TickDrift) -> np.ndarray:
