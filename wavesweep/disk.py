@@ -83,9 +83,12 @@ def make_folders(folder: Path) -> list[Path]:
 
 
 def sync(path: Path) -> None:
-    """Wait until a file, or the names in a folder, are on the disk; nothing is done if the file system does not offer it."""
+    """Wait until a file, or the names in a folder, are on the disk; nothing is done if the file system does not offer it.
+
+    The folder of results may be a link, which is followed.
+    """
     try:
-        descriptor = os.open(path, os.O_RDONLY | OPEN)
+        descriptor = os.open(path, os.O_RDONLY | OPEN & ~os.O_NOFOLLOW)
         try:
             os.fsync(descriptor)
         finally:

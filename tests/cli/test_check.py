@@ -115,3 +115,20 @@ def test_the_plan_says_how_long_passivity_of_several_chunks_takes(check):
 def _after(lines, start):
     """The line after the one that begins so, in a list."""
     return lines[next(number for number, line in enumerate(lines) if line.startswith(start)) + 1 :][:1]
+
+
+def test_a_frame_that_is_too_long_for_passivity_is_said(check):
+    lines = check("rates.slow_hz=60.1").splitlines()
+    assert [line for line in lines if "passivity" in line and "10000" in line] == [
+        "  passivity: not possible with this spec: expected a frame of at most 600 ticks for passivity, found 10000"
+    ]
+    assert "pmw" in lines[0]
+
+
+def test_the_value_that_makes_a_frame_too_long_is_named(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text(DESIGN)
+    code, _, err = wavesweep("passivity", "mine.toml", "--set", 'sweep={"rates.slow_hz"=[50,60,60.1]}')
+    assert code == 2
+    assert err.startswith("Error: ")
+    assert "found 10000 for rates.slow_hz = 60.1; leave out these values" in err

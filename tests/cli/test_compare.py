@@ -52,6 +52,16 @@ def compare(wavesweep, tmp_path, monkeypatch):
     return run
 
 
+def test_a_spec_that_cannot_be_compared_is_refused_before_any_work(compare, monkeypatch):
+    monkeypatch.setattr("wavesweep.sweep.comparison.intervals", lambda *_, **__: pytest.fail("it was computed"))
+    drawn = '[rates]\ntick_hz = 1000\n[numbers]\nk = 1.0\n[block.m]\ntype = "mass"\nmass = 1.0\n[wire]\n"m.f" = "-k*m.x"\n'
+    Path("drawn.toml").write_text(drawn)
+    code, _, err = compare(specs=("waves.toml", "drawn.toml"))
+    assert code == 2
+    assert err.startswith("drawn.toml:1:1: ports: expected wall")
+    assert not list(Path().glob("results/**/.*"))
+
+
 @pytest.mark.slow
 def test_it_writes_two_tables_and_their_figures(compare):
     code, out, err = compare()

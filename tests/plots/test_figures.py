@@ -13,7 +13,7 @@ import wavesweep
 import wavesweep.sweep
 from wavesweep import plots
 from wavesweep.plots import chosen, style
-from wavesweep.plots.layout import lay_out
+from wavesweep.plots.layout import best_of, best_row, lay_out
 from wavesweep.plots.style import about_figure, figure, note_assumptions, save, symbol
 
 pytestmark = pytest.mark.slow
@@ -202,6 +202,46 @@ def test_every_hand_of_a_table_is_drawn(plane):
     columns = dict([*list(columns.items())[:at], *hand.items(), *list(columns.items())[at:]])
     said = texts_of(plots.zwidth(columns, {}))
     assert [text for text in said if "device" in text or "hand" in text or "operator" in text] == said[: len(hands)]
+
+
+def test_the_star_of_walls_whose_feel_is_not_known_is_at_the_stiffest(plane):
+    unknown = plane | {"felt_high": np.full(plane["high"].size, np.nan)}
+    assert [text for text in texts_of(plots.zwidth(unknown, {})) if "largest" in text] == ["largest certified: 4500 N/m"]
+    nothing = unknown["B_VE"] == unknown["B_VE"][0]  # the first slice has no interval
+    lost = {"intervals": 0, "low": np.nan, "high": np.nan}
+    unknown |= {name: np.where(nothing, value, unknown[name]) for name, value in lost.items()}
+    assert [text for text in texts_of(plots.zwidth(unknown, {})) if "largest" in text] == ["largest certified: 4475 N/m"]
+    one = {name: column[-1:] for name, column in plane.items()}
+    known = best_row(one)
+    assert best_of([best_row(unknown), known]) == known
+
+
+def test_the_star_of_bars_of_hands_is_at_its_hand(bars):
+    first = {name: column[:1] for name, column in bars.items()}
+    columns = {name: np.tile(column, 2) for name, column in first.items()}
+    columns["high"] = columns["felt_high"] = np.array([1000.0, 3000.0])
+    at = list(columns).index("along") + 1
+    hand = {"hand": np.array(["free", "operator"], object)}
+    columns = dict([*list(columns.items())[:at], *hand.items(), *list(columns.items())[at:]])
+    (axes,) = plots.zwidth(columns, {}).axes
+    (star,) = [line for line in axes.lines if line.get_marker() == "*"]
+    assert (star.get_xdata().item(), star.get_ydata().item()) == (3000.0, 1.0)
+
+
+@pytest.mark.parametrize(("low", "high", "shown"), [(20, 300, ["20", "50", "100", "200"]), (0.01, 0.03, []), (1, 1000, [])])
+def test_short_logarithmic_axes_have_plain_numbers(low, high, shown):
+    with figure(3.5, 2.5) as canvas:
+        axes = canvas.subplots()
+        style.by_factors(axes.xaxis, low, high)
+        axes.set_xlim(low, high)
+        canvas.draw_without_rendering()
+        texts = [text.get_text() for text in axes.get_xticklabels() if low <= text.get_position()[0] <= high]
+        assert not any(text.get_text() for text in axes.get_xticklabels(minor=True))
+    if high > 100 * low:
+        assert all("10^" in text for text in texts)
+    else:
+        assert texts[: len(shown)] == shown or not shown
+        assert len([float(text) for text in texts]) >= 3
 
 
 def test_the_star_is_said_to_be_certified_if_others_are_not(plane):

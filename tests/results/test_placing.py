@@ -203,3 +203,12 @@ def test_a_folder_in_the_place_of_a_file_is_refused_before_anything_is_moved(col
     with pytest.raises(UsageError, match=r"zwidth\.parquet: expected a file of results or none, found a folder"):
         publish(Table.of("zwidth", columns, facts), tmp_path)
     assert names(tmp_path) == ["zwidth.parquet"]
+
+
+def test_the_folder_of_results_may_be_a_link(columns, facts, tmp_path):
+    (tmp_path / "real").mkdir()
+    link = tmp_path / "link"
+    link.symlink_to("real")
+    for _ in range(2):
+        publish(Table.of("zwidth", columns, facts), link)
+        assert names(tmp_path / "real") == FILES

@@ -90,7 +90,7 @@ class IntervalTally:
         begins = columns["low"] == self._range[0]
         self._without_gap.add(np.where(begins, columns["high"], np.nan), columns)
         low, high = columns["felt_low"], columns["felt_high"]
-        stiffer = np.isnan(low) | (high > low + FELT_ALIKE * np.abs(low))
+        stiffer = np.isnan(low) | np.isnan(high) | (high > low + FELT_ALIKE * np.abs(low))
         ends = np.where(stiffer, columns["high"], columns["low"])
         self._felt.add(np.where(stiffer, high, low), {**columns, "value": ends})
 

@@ -13,6 +13,7 @@ from wavesweep.plots.style import (
     DOUBTFUL,
     TWO_COLUMNS,
     at_hand,
+    by_factors,
     distinct_colour,
     figure,
     label,
@@ -157,7 +158,7 @@ def _walls(axes: Any, columns: Columns, places: Mapping[str, np.ndarray], names:
                 across = np.repeat([known.min(), known.max()], count)
             _ends(axes, across, {key: np.tile(each, 2) if both else each for key, each in curve.items()}, names, _look(number))
     if is_logarithmic(known):
-        axes.set_xscale("log")
+        by_factors(axes.xaxis, known.min(), known.max())
     axes.set_ylim(0, 1.06 * max(np.nanmax(columns[names[0]], initial=0.0), 1e-3))
     if not known.size:
         axes.set_xticks(range(len(places)), list(places))

@@ -30,6 +30,7 @@ from wavesweep.plots.style import (
     UNKNOWN,
     Look,
     assumed,
+    by_factors,
     family_looks,
     figure,
     fitting,
@@ -117,7 +118,7 @@ def _draw(columns: Columns, facts: Mapping[str, Any], layout: Layout, best: Mapp
             _draw_panel(axes, _rows_where(columns, layout.panels, value), facts, layout, (width / across, height / down))
             if layout.panels is not None:
                 axes.set_title(valued(layout.panels, value, facts))
-            _mark_best(axes, layout, best, value)
+            _mark_best(axes, columns, layout, best, value)
             for x, y in zip(*own([value]), strict=True):
                 axes.plot(x, y, **_OWN)
         for axes in grid.flat[len(panels) :]:
@@ -136,11 +137,13 @@ _BEST = {"marker": "*", "color": "black", "markersize": 6, "zorder": 5, "linesty
 _OWN = _BEST | {"marker": "x", "markeredgewidth": 1.4}
 
 
-def _mark_best(axes: Any, layout: Layout, best: Mapping[str, Any], panel: float) -> None:
+def _mark_best(axes: Any, columns: Columns, layout: Layout, best: Mapping[str, Any], panel: float) -> None:
     if not best or (layout.panels is not None and best[layout.panels] != panel):
         return
     if layout.x is not None:
         axes.plot(best[layout.x], best["high"], **_BEST)
+    elif "hand" in columns:
+        axes.plot(best["high"], list(_members(columns)).index(best["hand"]), **_BEST)
     elif (own := {name: best[name] for name in layout.bars[0]}) in layout.bars:
         axes.plot(best["high"], layout.bars.index(own), **_BEST)
 
@@ -185,7 +188,7 @@ def _draw_panel(axes: Any, columns: Columns, facts: Mapping[str, Any], layout: L
         return
     logarithmic = is_logarithmic(columns[layout.x])
     if logarithmic:
-        axes.set_xscale("log")
+        by_factors(axes.xaxis, columns[layout.x].min(), columns[layout.x].max())
     view = view_of(layout.x, logarithmic, *inches)
     felt = _shows_felt(columns, layout)
     curves = _curves(members, view, facts, "hand" in columns)

@@ -122,27 +122,33 @@ def evenly(
 def best_row(columns: Mapping[str, np.ndarray]) -> dict[str, Any]:
     """The row with the largest stable value or, of walls, with the largest stiffness felt; empty if none is stable."""
     rows = columns["intervals"] > 0
-    if (rows & columns["certified"]).any():
-        rows = rows & columns["certified"]
+    merit, known = _merit(columns)
+    for better in (columns["certified"], known):
+        rows = rows & better if (rows & better).any() else rows
     if not rows.any():
         return {}
-    merit = np.where(rows, _merit(columns), -np.inf)
-    most = np.nanmax(merit)
+    merit = np.where(rows, merit, -np.inf)
+    most = merit.max()
     row = int(np.argmax(merit >= most - FELT_ALIKE * abs(most)))  # the first of those that are alike but for rounding
-    return {name: column[row] for name, column in columns.items()} | {"merit": merit[row]}
+    return {name: column[row] for name, column in columns.items()} | {"merit": merit[row], "known": known[row]}
 
 
-def _merit(columns: Mapping[str, np.ndarray]) -> np.ndarray:
+def _merit(columns: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """The stiffness felt at the high end of a wall, or the high end itself, and whether it is known."""
     felt = columns.get("felt_high")
     if felt is None or str(columns["along"][0]) != "K_VE":
-        return columns["high"]
-    return np.where(np.isnan(felt), -np.inf, felt)
+        return columns["high"], np.ones(len(columns["high"]), bool)
+    return np.where(np.isnan(felt), columns["high"], felt), ~np.isnan(felt)
 
 
 def best_of(found: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """The best of some rows, the first of those that are alike but for rounding; certified ones come first."""
+    """The best of some rows, the first of those that are alike but for rounding.
+
+    Certified ones come first, and those with a stiffness felt that is known.
+    """
     known = [row for row in found if row]
-    known = [row for row in known if row["certified"]] or known
+    for better in ("certified", "known"):
+        known = [row for row in known if row[better]] or known
     most = max((row["merit"] for row in known), default=0.0)
     return next((dict(row) for row in known if row["merit"] >= most - FELT_ALIKE * abs(most)), {})
 

@@ -15,6 +15,7 @@ from wavesweep.plots.style import (
     TWO_COLUMNS,
     assumed,
     at_hand,
+    by_factors,
     distinct_colour,
     family_looks,
     figure,
@@ -68,7 +69,7 @@ def _draw_lines(columns: Columns, loops: Loops, facts: Mapping[str, Any]) -> Any
         _mark_unstable(port, columns[x], columns["port_margin"], columns["stable"])
         for panel in (channel, port):
             if is_logarithmic(columns[x]):
-                panel.set_xscale("log")
+                by_factors(panel.xaxis, columns[x].min(), columns[x].max())
             panel.set_xlim(columns[x].min(), columns[x].max())
         _finish(channel.yaxis, port.yaxis, (channel, port), columns, facts)
         _legend(canvas, port)

@@ -16,6 +16,7 @@ from wavesweep.plots.style import (
     TWO_COLUMNS,
     Look,
     at_hand,
+    by_factors,
     distinct_colour,
     family_looks,
     family_map,
@@ -127,7 +128,7 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str) -> None:
         if crossed.any():
             axes.plot(places[crossed], values[crossed], "x", markersize=4, **edge)
     if logarithmic:
-        axes.set_xscale("log")
+        by_factors(axes.xaxis, positive, everywhere.max())
     if name.endswith("_abs"):
         _by_factors(axes)
     else:
@@ -371,8 +372,6 @@ def _by_factors(axes: Any) -> None:
 
     Values that are much alike have a linear one.
     """
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
     values = np.concatenate([np.zeros(0), *(np.asarray(line.get_ydata(), float) for line in axes.lines)])
     values = values[values > 0]
     if not values.size:
@@ -381,11 +380,7 @@ def _by_factors(axes: Any) -> None:
         _at_least(axes, LEAST * values.max())
         return
     axes.set_yscale("log")
-    low, high = axes.get_ylim()
-    if high < 100 * low:
-        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.yaxis.set_minor_formatter(NullFormatter())
+    by_factors(axes.yaxis, *axes.get_ylim())
 
 
 def _at_least(axes: Any, span: float) -> None:

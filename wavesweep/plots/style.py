@@ -21,6 +21,7 @@ ONE_COLUMN = 3.5  # inches: the column of a two-column paper
 TWO_COLUMNS = 7.0
 DOTS_PER_INCH = 200
 LONGEST_NAME = 48  # letters of a spec in a legend
+WIDE = 5.0  # times its least value, up to which a logarithmic axis has ticks at equal steps
 NARROW = 1.5  # points, at least, between two numbers below a panel
 IDEAL = "black"
 DOUBTFUL = "#d62728"
@@ -259,6 +260,17 @@ def note_assumptions(canvas: Any, facts: Mapping[str, Any], above: str = "", col
         canvas.suptitle(above, fontsize=8, color=colour)
     elif lines:
         canvas.suptitle("\n".join([above, *lines] if above else lines), fontsize=size, color=colour)
+
+
+def by_factors(axis: Any, low: float, high: float) -> None:
+    """Set a logarithmic scale from `low` to `high`; over less than two decades it has plain numbers."""
+    from matplotlib.ticker import AutoLocator, FuncFormatter, LogLocator, NullFormatter
+
+    axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    if high < 100 * low:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)) if high > WIDE * low else AutoLocator())
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def fitting(texts: Sequence[str], width: float) -> int:

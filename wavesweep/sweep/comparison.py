@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from wavesweep.errors import SpecError
 from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.grid import keys_of
 from wavesweep.sweep.interval_table import intervals
@@ -23,6 +24,10 @@ def compare(specs: Sequence[Spec], **work: Any) -> list[Table]:
     one if its controller does not read it. The second is that of `responses`. work: as for `intervals`;
     its progress is called with the counts of one spec after the other, and with those of all responses.
     """
+    for spec in specs:  # before the work for any of them
+        sweep_axes(spec, "K_VE")
+        if missing := spec.without_hand():
+            raise SpecError(missing)
     folder = Work.of(work).checkpoint
     walls, rest = (folder and folder / name for name in ("walls", "responses"))
     work.pop("checkpoint", None)

@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from numbers import Real
 from types import SimpleNamespace
 from typing import Any, ClassVar
@@ -13,6 +14,7 @@ import numpy as np
 from wavesweep.analysis.passivity import channel_norm, filter_table, sufficient_order
 from wavesweep.analysis.passivity.channel import CUTOFFS_HZ
 from wavesweep.diagram import draw
+from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
 from wavesweep.sweep.checkpoint import gather, stretches
@@ -27,6 +29,7 @@ TOLERANCE = 1e-3  # J per J sent that aliasing may add for the channel to pass f
 PAPER_HZ = 50.0  # the slow rate that the cutoffs of the table of filters are for
 CHUNK = 32  # loops in a chunk: up to a second or two
 CHANNELS = 256  # channels in a chunk, each of which takes about a millisecond
+MOST_TRIED = 200  # combinations of the values that decide how a loop is built, whose frames are seen before the work
 READY = 1.5  # s that workers take longer than those of `intervals` to be ready and to load SciPy
 CHANNEL_KEYS = ("rates.", "filters.")  # the keys that the channel depends on; all others are outside its ports
 NOT_COMPUTED = "not computed for drawn loops and rates that do not divide"
@@ -72,10 +75,24 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
     port = PortJob(grid, Chunks(grid.slices, 1, CHUNK, 1), resolved)
     if grid.drawing:
         ports_of(spec, grid.drawing)
+        _refuse_long(grid, resolved)
     if spec.drawing or draw(spec.values).waves is None:
         return {"port": port}
     inside = channels_of(grid)
     return {"channel": ChannelJob(inside, Chunks(inside.loops, 1, CHANNELS, 1), resolve_all(inside)), "port": port}
+
+
+def _refuse_long(grid, resolved):
+    """Raise UsageError for frames that are too long, named by the values of the axes that make them so."""
+    from wavesweep.analysis.passivity.drawn import LONGEST
+
+    names = {axis.path: axis.name for axis in grid.loop_axes}
+    for key, values in islice(resolved.items(), MOST_TRIED):
+        ticks = assembled(grid.drawing, values).ticks
+        if ticks > LONGEST:
+            at = ", ".join(f"{names[path]} = {value:g}" for path, value in key)
+            at = at and f" for {at}; leave out these values"
+            raise UsageError(f"expected a frame of at most {LONGEST} ticks for passivity, found {ticks}{at}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -28,7 +28,7 @@ def drawn_port_margin(port: Port) -> PortMargin:
     """
     M = port.kind.size
     if M > LONGEST:
-        raise UsageError(f"passivity: expected a frame of at most {LONGEST} ticks, found {M}")
+        raise UsageError(f"expected a frame of at most {LONGEST} ticks for passivity, found {M}")
     given, port = port, _without_drift(_in_even_units(port))
     E, toeplitz, O, G = _lifted(port)
     mean = float(np.mean(np.diagonal(toeplitz)))
