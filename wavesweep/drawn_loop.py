@@ -84,6 +84,19 @@ class DrawnLoop:
         return DataFrame({"time_s": np.arange(count) * float(drawn.period)} | seen)
 
 
+def refuse_infinite(drawn: Drawn) -> None:
+    """Raise UsageError for a block or a wire of a drawing that has a number which is not finite, or is none."""
+    for each in drawn.placed:
+        parts = (each.block.E, each.block.B, each.block.C, each.block.D)
+        if not all(np.isfinite(part).all() for part in parts):
+            raise UsageError(f"block {each.block.name}: expected finite numbers, found an entry that is not finite")
+    for port, terms in drawn.sums.items():
+        for signal, gain in terms.items():
+            given = real_numbers(gain)
+            if given is None or not np.isfinite(given).all():
+                raise UsageError(f"wire {port}: expected a finite gain of {signal}, found {gain!r:.60}")
+
+
 def _is_batch(drawn):
     gains = (gain for terms in drawn.sums.values() for gain in terms.values())
     return any(each.block.batch for each in drawn.placed) or any(np.ndim(gain) for gain in gains)

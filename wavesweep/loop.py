@@ -12,7 +12,7 @@ from wavesweep.analysis.given import real_numbers
 from wavesweep.diagram import draw
 from wavesweep.diagram.assembly import first_of
 from wavesweep.diagram.drawn import Drawn
-from wavesweep.drawn_loop import DrawnLoop
+from wavesweep.drawn_loop import DrawnLoop, refuse_infinite
 from wavesweep.errors import UsageError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.lifted.tick_drift import drift_of_drawn
@@ -29,6 +29,7 @@ def compile(source) -> "Loop | DrawnLoop":  # noqa: A001 - the name that the int
     """Compile `source` (a `Spec`, a path, nested tables as a dict, or a `Drawn`) once, for any number of calls."""
     if isinstance(source, Drawn):
         source.refuse_wrong_names()
+        refuse_infinite(source)
         return DrawnLoop(source, drift_of_drawn(first_of(source), first_of(source, -1)))
     spec = source if isinstance(source, Spec) else load(source)
     if drawing := loop_of(spec):

@@ -132,3 +132,14 @@ def test_the_value_that_makes_a_frame_too_long_is_named(wavesweep, tmp_path, mon
     assert code == 2
     assert err.startswith("Error: ")
     assert "found 10000 for rates.slow_hz = 60.1; leave out these values" in err
+
+
+def test_a_block_that_nothing_reads_is_named(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    mass = '[block.m]\ntype = "mass"\nmass = 1.0\n[block.g]\ntype = "hold"\nevery = 5\n[wire]\n'
+    drawn = "[rates]\ntick_hz = 1000\n[numbers]\nk = 1.0\n" + mass
+    for gain, said in (("-k*m.x - 0.1*m.v", True), ("-k*m.x - 0.1*m.v - g.y", False)):
+        (tmp_path / "mine.toml").write_text(drawn + f'"m.f" = "{gain}"\n"g.u" = "m.v"\n')
+        code, out, _ = wavesweep("check", "mine.toml")
+        assert code == 0
+        assert ("nothing reads g, which counts for stability all the same" in out) == said

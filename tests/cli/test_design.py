@@ -457,3 +457,34 @@ def test_a_drawn_loop_that_misses_its_wishes_says_so_in_its_own_units(run, tmp_p
     assert code == 1
     assert re.search(r"port \S+ rad/\(N\*m\) \(at least 1\) with n=\d, I=", text)
     assert "never met by itself: port" in text
+
+
+def test_a_wish_or_a_hand_that_is_no_table_is_told_so_where_it_stands(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    spec = """
+[controller]
+kind = "pmw"
+[design.vary]
+b = { start = 5, stop = 50 }
+[design.wish]
+z_width = 1000
+[design.for_all]
+b = [5, 10]
+hand = 0.3
+"""
+    (tmp_path / "mine.toml").write_text(spec)
+    code, _, err = wavesweep("design", "mine.toml")
+    assert code == 2
+    assert err.splitlines() == [
+        "mine.toml:7:1: design.wish.z_width: expected a table such as { at_least = ... }, found 1000",
+        "mine.toml:9:1: design.for_all.b: expected a number that is not varied, found controller.b, one of [design.vary]",
+        "mine.toml:10:1: design.for_all.hand: expected a table such as { damping = [0, 5] }, found 0.3",
+    ]
+
+
+@pytest.mark.parametrize(("wish", "said"), [("channel", True), ("damping_ratio", False)])
+def test_a_study_of_the_channel_alone_says_that_it_shows_no_loop(wish, said):
+    tables = {"controller": {"kind": "pmw"}, "design": {"vary": {"b": {"start": 5, "stop": 10}}, "wish": {wish: {}}}}
+    tables["design"] |= {"population": 8, "generations": 1}
+    found = wavesweep.design(tables)
+    assert any("may be unstable" in notice for notice in found.attrs["facts"]["notices"]) == said

@@ -1,5 +1,7 @@
 """Loops of several rates against limits that are known in closed form, the built-in loops, and products tick by tick."""
 
+import re
+
 import numpy as np
 import pytest
 from support.drawings import T, pmw, random_drawing
@@ -241,3 +243,18 @@ def test_a_response_is_between_0_and_half_the_ticks_rate(frequency):
     assert len(loop.response([1.0, 500.0], "hand", "arm.x")) == 2
     with pytest.raises(UsageError, match="frequency_hz: expected numbers from 0 to 500 Hz"):
         loop.response(frequency, "hand", "arm.x")
+
+
+@pytest.mark.parametrize(
+    ("mass", "gain", "said"),
+    [
+        (0.2, np.nan, "wire m.f: expected a finite gain of m.x, found nan"),
+        (0.2, np.inf, "wire m.f: expected a finite gain of m.x, found inf"),
+        (0.2, "-3", "wire m.f: expected a finite gain of m.x, found '-3'"),
+        (np.nan, -3.0, "block m: expected finite numbers, found an entry that is not finite"),
+    ],
+)
+def test_numbers_that_are_none_are_refused(mass, gain, said):
+    drawn = Drawn(T, (Placed(blocks.mass("m", T, mass)),), {"m.f": {"m.x": gain, "w": 1.0}}, ("w",))
+    with pytest.raises(UsageError, match=re.escape(said)):
+        wavesweep.compile(drawn)

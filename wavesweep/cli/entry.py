@@ -210,10 +210,10 @@ def _say(text: str) -> None:
 
 
 def _with_notes(text: str, error: BaseException) -> str:
-    """Add the notes of the error, such as the place of a checkpoint."""
+    """Add the notes of the error, such as the place of a checkpoint, a line each."""
     # click turns a KeyboardInterrupt into an Abort of its own; the notes stay with the former.
     passed = error.__cause__ if isinstance(error, click.Abort) else error
-    return " ".join([text.rstrip(), *getattr(passed, "__notes__", ())])
+    return "\n".join([text.rstrip(), *getattr(passed, "__notes__", ())])
 
 
 def _os_error(error: OSError) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from shlex import quote
 
 import click
 
@@ -65,7 +66,7 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
     elif not switches["quiet"]:
         if not linear["stable"]:
             say(unstable(linear), warning=True)
-        say(f"{loaded.name}, {loaded.kind}: vectors of {ticks} ticks; `make -C {folder} check` compares every bit")
+        say(f"{loaded.name}, {loaded.kind}: vectors of {ticks} ticks; `make -C {quote(str(folder))} check` compares every bit")
         if ticks < wanted:
             say(f"the vectors end after {ticks} of {wanted} ticks, where the run stops; simulate says why", warning=True)
         for line in filter(None, [assumes(loaded)]):

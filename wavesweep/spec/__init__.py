@@ -3,6 +3,6 @@
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.keys import KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
 from wavesweep.spec.loading import load
-from wavesweep.spec.spec import Spec, sweep_axes
+from wavesweep.spec.spec import Spec, no_axis, sweep_axes
 
-__all__ = ["KEYS", "STUDY_KEYS", "SYMBOLS", "Axis", "Key", "Spec", "find_key", "load", "sweep_axes"]
+__all__ = ["KEYS", "STUDY_KEYS", "SYMBOLS", "Axis", "Key", "Spec", "find_key", "load", "no_axis", "sweep_axes"]

@@ -316,6 +316,8 @@ class _Reader:
                     bound = self.number(Key(f"design.{path}", "number", None, kind.unit, ""), leaf)
                 elif part in kind.options:
                     options[part] = self._numbers(path, leaf, *kind.options[part])
+                elif part == "":
+                    self.refuse(f"wish.{name}", f"a table such as {{ {kind.bound} = ... }}", show(leaf.value), leaf=leaf)
                 else:
                     known = (kind.bound, *kind.options)
                     self.refuse(path, f"one of {', '.join(known)}", "an unknown key", nearest(part, known), leaf)
@@ -363,11 +365,12 @@ class _Reader:
         """Refuse numbers of which more than one thing is said, and ratios that lead to no number."""
         varied = {self.names.find(name).path for name in self.parts["vary"] if self.names.find(name)}
         said = dict.fromkeys(varied, "[design.vary]")
+        names = {axis.path: axis.name for axis in axes} | self.written
         hands = [f"operator.{part}" for part in hand]
         for path in [*(axis.path for axis in axes), *hands, *(one for one, *_ in ratios)]:
             if path in said:
                 expected = "a number that is not varied" if path in varied else "each number once"
-                key = f"hand.{path.rpartition('.')[2]}" if path in hands else self.written.get(path, path)
+                key = f"hand.{path.rpartition('.')[2]}" if path in hands else names.get(path, path)
                 self.refuse(f"for_all.{key}", expected, f"{path}, one of {said[path]}")
             said.setdefault(path, "[design.for_all] already")
         follows = {one: other for one, other, _ in ratios}
@@ -385,6 +388,9 @@ class _Reader:
     def _hand(self, parts):
         found = {}
         for part, leaf in parts.items():
+            if part == "":
+                self.refuse("for_all.hand", "a table such as { damping = [0, 5] }", show(leaf.value), leaf=leaf)
+                continue
             if part not in HAND:
                 self.refuse(f"for_all.hand.{part}", f"one of {', '.join(HAND)}", "an unknown key", nearest(part, HAND), leaf)
                 continue

@@ -260,15 +260,26 @@ def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tupl
     fault = axis_fault(name, spec.names)
     if fault:
         raise SpecError([Mistake("", "along", "the name of a numeric key", *fault)])
-    path = spec.names.find(name).path
+    path, structural = spec.names.find(name).path, spec.names.find(name).structural
     others = tuple(axis for axis in spec.sweep if axis.path != path and (axis.values or not swept))
     wanted = [axis for axis in spec.sweep if axis.path == path and (swept or axis.start < axis.stop)]
     wanted = wanted or _default_axes(spec, name, path, about=not swept)
+    if structural:
+        raise UsageError(no_axis(spec, name))
     if not wanted or not wanted[0].start < wanted[0].stop:
         expected = f"a span to search, `{name} = {{ start = ..., stop = ... }}` in [sweep]"
         place = wanted[0].place if wanted else spec.source_place.under(("sweep",))
         raise SpecError([Leaf(None, place).mistake(f"sweep.{name}", expected, "a single value" if wanted else "none")])
     return wanted[0], others
+
+
+def no_axis(spec: Spec, name: str) -> str:
+    """Return the message that a number has no intervals, since it decides how the loop of the spec is built; name: of the axis."""
+    return (
+        f"intervals along {name}: expected a number that the loop varies with smoothly, found one that decides "
+        f"how it is built; sweep it as values ({name} = [...]) and look along another axis"
+        f"{'' if spec.drawing else ', such as K_VE'}"
+    )
 
 
 def _name_of(spec: Spec, along: str | None) -> str:

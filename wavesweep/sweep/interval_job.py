@@ -10,7 +10,7 @@ from wavesweep.analysis.doubt import words
 from wavesweep.diagram import WALL, draw, identity, items_of
 from wavesweep.errors import UsageError
 from wavesweep.lifted import Cut, cut_at_wall
-from wavesweep.spec import KEYS, Axis, Spec, sweep_axes
+from wavesweep.spec import KEYS, Axis, Spec, no_axis, sweep_axes
 from wavesweep.spec.drawing import name_of
 from wavesweep.sweep.grid import Grid, groups, make_grid
 from wavesweep.sweep.job import Chunk, Job, cut_up, resolve_all, some_loops
@@ -90,11 +90,7 @@ def job_of(spec: Spec, along: str | None = None) -> IntervalJob:
 def job_over(grid: Grid, axis: Axis, cut: Cut | None = None) -> IntervalJob:
     """The job of a grid; cut: its compiled loop, if it has only one."""
     if axis.structural:
-        raise UsageError(
-            f"intervals along {axis.name}: expected a number that the loop varies with smoothly, found one that decides "
-            f"how it is built; sweep it as values ({axis.name} = [...]) and look along another axis"
-            f"{'' if grid.spec.drawing else ', such as K_VE'}"
-        )
+        raise UsageError(no_axis(grid.spec, axis.name))
     resolved = resolve_all(grid)
     if grid.drawing:
         return _job_of_drawing(grid, axis, resolved)

@@ -150,6 +150,7 @@ def _drawn_plan(spec):
         f"{spec.source or spec.name}: valid, a drawn loop of {_count(len(drawing.blocks), 'block')}",
         f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms",
         *_runs_lines(drawing, drawn),
+        *_unread_lines(drawing),
         *_state_lines(drift, [name.replace(".", " ") for name in drift.states]),
         *_number_lines(spec),
     ]
@@ -168,6 +169,14 @@ def _runs_lines(drawing, drawn):
     for (every, phase), blocks in sorted(when.items()):
         ticks = "in every tick" if every == 1 else f"every {every} ticks" + (f" from tick {phase}" if phase else "")
         yield f"  runs {ticks}: {', '.join(blocks)}"
+
+
+def _unread_lines(drawing):
+    """Blocks whose outputs nothing reads, which may be a slip."""
+    terms = [some for _, some in drawing.wires] + [some for some in (drawing.hand or ())[1:] if some]
+    read = {signal.partition(".")[0] for some in terms for signal, _ in some}
+    if unread := [block.name for block in drawing.blocks if block.name not in read]:
+        yield f"  nothing reads {_listed(unread)}, which counts for stability all the same"
 
 
 def _state_lines(drift, names):

@@ -58,7 +58,9 @@ def why(spec: Spec, along: str | None = None) -> Table:
     certified = int(found["certified"].all())
     notices = [f"{other.name} is not swept here, {held(spec, other.path)}" for other in others]
     if not any(each.path == axis.path and not each.values for each in spec.sweep) and axis.path not in spec.wall[:1]:
-        notices.append(f"{axis.name} has no span in [sweep]: searched from {axis.start:g} to {axis.stop:g}")
+        listed = any(each.path == axis.path and each.start < each.stop for each in spec.sweep)
+        said = "has values in [sweep]: searched between their ends," if listed else "has no span in [sweep]: searched"
+        notices.append(f"{axis.name} {said} from {axis.start:g} to {axis.stop:g}")
     if left_out := _left_out(spec):
         notices.append(
             f"without derivatives, since they are whole numbers or decide how the loop is built: {', '.join(left_out)}"
