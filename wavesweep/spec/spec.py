@@ -274,7 +274,7 @@ def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tupl
 
 
 def no_axis(spec: Spec, name: str) -> str:
-    """Return the message that a number has no intervals, since it decides how the loop of the spec is built; name: of the axis."""
+    """Return the message that a number has no intervals, since it decides how the loop is built; spec, name: of the axis."""
     return (
         f"intervals along {name}: expected a number that the loop varies with smoothly, found one that decides "
         f"how it is built; sweep it as values ({name} = [...]) and look along another axis"
