@@ -163,3 +163,47 @@ def test_the_margin_of_a_drawn_loop_that_grows_too_much_is_missing():
     tables["wire"]["arm.f"], tables["numbers"]["kd"] = "hand - wall.y - kd*arm.v", 100.0
     found = [wavesweep.compile(tables | {"numbers": tables["numbers"] | {"kd": kd}}).passivity() for kd in (100.0, 400.0)]
     assert [np.isnan(each.port_margin[0]) for each in found] == [False, True]
+
+
+def test_a_long_frame_that_contracts_keeps_its_digits():
+    """Holds of 33 and 32 ticks are in step again after 1,056; the response follows from all ticks in a row, one by one."""
+    tick, mass, damping, gain, periods = 1e-3, 0.5, 1.0, 5.0, (33, 32)
+    hold = {name: {"type": "hold", "every": every} for name, every in zip("ab", periods, strict=True)}
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"k": gain},
+        "block": {"m": {"type": "mass", "mass": mass, "damping": damping}} | hold,
+        "wire": {"a.u": "m.x", "b.u": "a.y", "m.f": "hand - k*b.y"},
+        "ports": {"hand": {"force": "hand", "displacement": "m.x"}},
+    }
+    frequency, count = np.array([0.1, 1.0, 10.0]), int(np.lcm(*periods))
+    found = wavesweep.compile(tables).response(frequency)
+    assert set(found.doubt) == {""}
+    assert found.admittance_error.max() < 1e-9
+    decay = np.exp(-damping / mass * tick)
+    slow = -np.expm1(-damping / mass * tick) * mass / damping
+    own = np.array([[1, slow], [0, decay]])  # of position and velocity
+    forced = np.array([(tick - slow) / damping, slow / mass])
+    for hz, given in zip(frequency, found.admittance_re + 1j * found.admittance_im, strict=True):
+        z = np.exp(2j * np.pi * hz * tick)
+        state, shown = np.hstack([np.eye(4), np.zeros((4, 1))]).astype(complex), []  # the start, and the force
+        for k in range(count):
+            if k % periods[0] == 0:
+                state[2] = state[0]
+            if k % periods[1] == 0:
+                state[3] = state[2]
+            shown.append(state[0] * z**-k)
+            force = -gain * state[3] + np.array([0, 0, 0, 0, z**k])
+            state[:2] = own @ state[:2] + np.outer(forced, force)
+        start = np.linalg.solve(z**count * np.eye(4) - state[:, :4], state[:, 4])
+        assert np.mean(shown, axis=0) @ np.append(start, 1) == pytest.approx(given, rel=1e-9)
+
+
+@pytest.mark.parametrize("slow_hz", [60.1, 59.94])
+def test_rates_with_a_long_common_frame_have_a_response(slow_hz):
+    tables = {"controller": {"kind": "pmw"}, "environment": {"integration": "explicit", "delay": 1}}
+    found = wavesweep.compile(tables | {"rates": {"slow_hz": slow_hz}}).response([0.0, 1.0, 20.0])
+    near = wavesweep.compile(tables | {"rates": {"slow_hz": 60}}).response([0.0, 1.0, 20.0])
+    assert set(found.doubt) == {""}
+    assert found.admittance_error.max() < 1e-7
+    assert found.admittance_abs.to_numpy() == pytest.approx(near.admittance_abs.to_numpy(), rel=0.05)

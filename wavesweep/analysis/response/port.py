@@ -1,6 +1,7 @@
 """A drawn loop seen from the hand's port: a map per kind of tick, and its frame under a force of one frequency."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -167,10 +168,10 @@ def driven(port: Port, z) -> Driven:
     for (E, *parts), (dE, *sizes) in zip(port.maps, port.sizes, strict=True):
         each = ((one * B[..., 0], one[..., None] * C, one * D[..., 0]) for B, C, D in (parts, sizes))
         ticks.append(Driven(E, ENTRIES * dE, *(part for pair in zip(*each, strict=True) for part in pair), z))
-    return in_a_row(port.kind.tolist(), ticks, _joined)
+    return in_a_row(port.kind.tolist(), ticks, partial(_joined, port.rough))
 
 
-def _joined(first, second):
+def _joined(rough, first, second):
     """Join two stretches of ticks; force and weights at the start of the second are turned by the ticks of the first."""
     turn = first.turn[:, None]
     moved, seen = ordered_product(second.E, first.g), second.G @ first.g[..., None]
@@ -180,10 +181,35 @@ def _joined(first, second):
         then(first.E, second.E),
         both((first.E, first.dE), (second.E, second.dE))[1],
         g,
-        first.g_size + ordered_product(np.abs(second.E), first.g_size) + second.g_size,
+        _g_size(first, second, rough),
         first.G + later,
-        first.G_size + second.G_size + second.G_size @ np.abs(first.E),
+        _G_size(first, second, rough),
         h,
-        first.h_size + (second.G_size @ first.g_size[..., None])[..., 0] + second.h_size,
+        _h_size(first, second),
         first.turn * second.turn,
     )
+
+
+# Bounds on rounding over `Port.rough`, the smaller one of two: that of all terms of a sum, or what its parts have already,
+# passed on, and that of the terms of this sum. Ticks that contract forget rounding, which the first way never does.
+
+
+def _g_size(first, second, rough):
+    E, g = np.abs(second.E), np.abs(first.g)
+    terms = first.g_size + ordered_product(E, first.g_size) + second.g_size
+    passed = ordered_product(np.abs(np.eye(E.shape[-1]) + second.E), first.g_size) + second.g_size
+    return np.minimum(terms, passed + g + ordered_product(E + second.dE / rough, g) + np.abs(second.g))
+
+
+def _G_size(first, second, rough):
+    E, G = np.abs(first.E), np.abs(second.G)
+    terms = first.G_size + second.G_size + second.G_size @ E
+    passed = first.G_size + second.G_size @ np.abs(np.eye(E.shape[-1]) + first.E)
+    return np.minimum(terms, passed + np.abs(first.G) + G + G @ (E + first.dE / rough))
+
+
+def _h_size(first, second):
+    g, G = np.abs(first.g)[..., None], np.abs(second.G)
+    terms = first.h_size + (second.G_size @ first.g_size[..., None])[..., 0] + second.h_size
+    passed = first.h_size + (G @ first.g_size[..., None] + second.G_size @ g)[..., 0] + second.h_size
+    return np.minimum(terms, passed + np.abs(first.h) + (G @ g)[..., 0] + np.abs(second.h))
