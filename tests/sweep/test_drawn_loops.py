@@ -1332,7 +1332,8 @@ def test_a_slow_resonance_beside_one_hides_no_crossing(hz, ratio, seen, steps):
         }
     )
     limit = 1 / (seen - 1)
-    for span in ((0, 3 * limit), (0, 1.4 * limit), (0.1 * limit, 3 * limit)):
+    near = [(share * limit, end * limit) for share in (0.9997, 0.9998) for end in (3, 1.0002)]
+    for span in ((0, 3 * limit), (0, 1.4 * limit), (0.1 * limit, 3 * limit), *near):
         found = loop.stable_intervals("c", span)
         assert found.certified.all()
         assert found[["low", "high"]].to_numpy() == pytest.approx(np.array([[span[0], limit]]), rel=1e-6)
@@ -1364,3 +1365,39 @@ def test_a_small_gain_that_no_drawing_has_opposes_a_shift_that_depends_on_a_numb
     free = wavesweep.compile(tables | {"numbers": tables["numbers"] | {"k1": 1.0}})
     assert free.stable_intervals("d", (0.001, 5)).certified.all()
     assert free.spectral_radius() < 1
+
+
+@pytest.mark.parametrize("every", [1, 4])
+@pytest.mark.parametrize("damping", [0.5, 20.0])
+def test_a_shift_through_a_ratio_is_there_for_the_weakest_coupling(every, damping):
+    """Each side reads the position of the other one through a hold, one of them times a ratio."""
+    hold = {"type": "hold", "every": every}
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 100.0, "c": damping, "r": 1.3},
+        "block": {name: {"type": "mass", "mass": 0.5, "damping": "c"} for name in ("one", "two")} | {"a": hold, "b": hold},
+        "wire": {"a.u": "one.x", "b.u": "two.x", "one.f": "-K*(one.x - r*b.y)", "two.f": "-K*r*(r*two.x - a.y)"},
+    }
+    loop = wavesweep.compile(tables)
+    whole = loop.stable_intervals("K", (1.0, 1e4))
+    for low in (0.0, 1e-9, 1e-6):
+        found = loop.stable_intervals("K", (low, 1e4))
+        assert found.certified.all()
+        assert found.high.to_numpy() == pytest.approx(whole.high.to_numpy(), rel=1e-9, nan_ok=True)
+    assert not np.isnan(loop.spectral_radius(K=[1e-9, 1e-6, 1.0])).any()
+
+
+def test_a_frame_that_contracts_to_nothing_loses_no_digit_that_matters():
+    """Holds of 50, 17 and 67 ticks are in step again after 56,950, in which all has died out."""
+    tables = {
+        "rates": {"tick_hz": 2000},
+        "numbers": {"kp": 52.5, "kd": 13.0},
+        "block": {
+            "m": {"type": "mass", "mass": 1.226, "damping": 5.0},
+            **{name: {"type": "hold", "every": every} for name, every in (("x", 50), ("v", 17), ("z", 67))},
+        },
+        "wire": {"x.u": "m.x", "v.u": "m.v", "z.u": "-kp*x.y - kd*v.y", "m.f": "z.y"},
+    }
+    loop = wavesweep.compile(tables)
+    assert loop.spectral_radius(kp=[10.0, 52.5, 100.0]).max() < 1e-3
+    assert loop.stable_intervals("kp", (5.0, 100.0)).certified.all()

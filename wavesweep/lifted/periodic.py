@@ -104,10 +104,10 @@ def frame_of(ticks: Ticks) -> np.ndarray:
     n, kinds = len(ticks.states), ticks.kind.tolist()
     if not kinds:
         return np.zeros((n, n))
-    changes = [_Change.of(each.E) for each in ticks.maps]
+    changes = [Change.of(each.E) for each in ticks.maps]
     batch, kind = np.broadcast_shapes(*(each.E.shape[:-2] for each in changes)), np.result_type(*(each.E for each in changes))
     with np.errstate(over="ignore", invalid="ignore"):
-        return in_parts(lambda part: in_a_row(kinds, [each.at(part) for each in changes], _Change.then).E, batch, n, kind)
+        return in_parts(lambda part: in_a_row(kinds, [each.at(part) for each in changes], Change.then).E, batch, n, kind)
 
 
 GROWING = 32.0  # growth beyond which it is computed, and its effect on a loop is looked for (see `rounding`)
@@ -236,11 +236,11 @@ def then(first, second):
 
     A plain sum would leave a rounding error in place of such a state.
     """
-    return _Change.of(first).then(_Change.of(second)).E
+    return Change.of(first).then(Change.of(second)).E
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Change:
+class Change:
     """The change of states over some ticks, less the identity, and the states that the ticks forget.
 
     unread: states on whose values before these ticks no state depends after them, each with the loops in which that is so.
@@ -252,21 +252,21 @@ class _Change:
     unset: list[tuple[int, np.ndarray]]
 
     @staticmethod
-    def of(E) -> "_Change":
-        return _Change(E, _forgotten(E), _forgotten(np.swapaxes(E, -1, -2)))
+    def of(E) -> "Change":
+        return Change(E, _forgotten(E), _forgotten(np.swapaxes(E, -1, -2)))
 
-    def at(self, few) -> "_Change":
+    def at(self, few) -> "Change":
         """Return the change of some matrices of a batch."""
         if self.E.ndim == 2 or len(self.E) == 1:
             return self
-        return _Change(self.E[few], *([(state, loops[few]) for state, loops in some] for some in (self.unread, self.unset)))
+        return Change(self.E[few], *([(state, loops[few]) for state, loops in some] for some in (self.unread, self.unset)))
 
-    def then(self, later) -> "_Change":
+    def then(self, later) -> "Change":
         E = self.E + later.E
         E += product(later.E, self.E)
         for state, loops in (*self.unread, *later.unset):  # the other entries of its column, or its row, cancel exactly
             E[..., state, state] = np.where(loops, -1.0, E[..., state, state])
-        return _Change(E, self.unread, later.unset)
+        return Change(E, self.unread, later.unset)
 
 
 def _forgotten(E):

@@ -4,6 +4,7 @@ If terms cancel within a tick, as the impedance of a wave line does that passes 
 have lost digits, and show no sign of it.
 """
 
+from functools import partial
 from math import prod
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from wavesweep.diagram.block import loss
 from wavesweep.lifted.batches import in_parts
 from wavesweep.lifted.circle import inverse
-from wavesweep.lifted.periodic import GROWING, Ticks, in_a_row, then
+from wavesweep.lifted.periodic import GROWING, Change, Ticks, in_a_row, then
 
 ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
 ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
@@ -19,7 +20,8 @@ HIDDEN = 16.0  # times an entry: size of its terms, from which on its digits may
 TURNED = 64.0  # times an entry of a frame: sum of the terms in its ticks, from which on its digits may be missed
 TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
 CANCELLED = 1e3  # times the entries of a row of a stretch: sizes of terms in it, from which on their effect is looked for
-SURELY = 16.0  # the same in a batch, up to which those of its loops are not taken one by one
+SURELY = 64.0  # times the same of several loops, up to which it is not that of each
+LITTLE = 1e-3  # of an entry in units that give all ticks similar sizes: its digits do not matter
 BALANCING = 3  # sweeps
 SWEEPS = 12  # the same, where units have to go round long ways
 NEAREST = 4  # number of eigenvalues that are examined
@@ -60,45 +62,55 @@ def frame_errors(kind, changes, sizes) -> tuple[np.ndarray, np.ndarray]:
     return found[..., 0, :, :], found[..., 1, :, :]
 
 
-def frame_and_cancellation(kind, changes, links=0.0) -> tuple[np.ndarray, np.ndarray]:
+def frame_and_cancellation(kind, changes, links=None, beyond: float = CANCELLED) -> tuple[np.ndarray, np.ndarray]:
     """Return the frame less identity, `(..., n, n)`, and how far terms of its stretches of ticks cancel, `(...)`.
 
-    kind: of each tick. changes: per kind, the matrix less identity. links: sizes of other entries that close the loop.
+    kind: of each tick. changes: per kind, the matrix less identity. links: sizes of other entries that close the loop, if
+    it is open. beyond: from which on the measure is that of each loop.
 
     Of stretches P and Q each entry of `|Q| |P|` is compared to the largest entries of its row and column of `Q P`, in units of
-    the states that give the rows and columns of all ticks together similar sizes. So it shows by way of how ever many states
-    terms cancel; an entry that is small beside others of its row and column does not.
-    Accuracy: a measure of the digits that are lost, not a bound; up to SURELY it may be that of the whole batch.
+    the states that give the rows and columns of all ticks together similar sizes, and in a closed loop to LITTLE, below which
+    no digits matter to an eigenvalue beside the circle. So it shows by way of how ever many states terms cancel.
+    Accuracy: a measure of the digits that are lost, not a bound.
     """
-    kinds, scale = kind.tolist(), _scale(links + sum(_largest(each) for each in changes))
+    kinds, batch = kind.tolist(), np.broadcast_shapes(*(each.shape[:-2] for each in changes))
+    n, measure = changes[0].shape[-1], np.zeros(batch)
+    little, links = (LITTLE, 0.0) if links is None else (0.0, links)
+    changes, scale = [_spread(each, batch) for each in changes], _scale(links + sum(_largest(each) for each in changes))
 
-    def sizes(E):
-        return np.abs(np.eye(E.shape[-1]) + E) * scale
-
-    def extremes(E):
-        size = np.abs(np.eye(E.shape[-1]) + E)
-        return size.max(_over(E)) * scale, size.min(_over(E)) * scale
+    def frame(part):
+        some = [each[part] if each.ndim > 2 else each for each in changes]
+        E, most = in_a_row(kinds, [(Change.of(each), _extremes(each, scale)[0], 0.0) for each in some], within)[::2]
+        if not most * SURELY <= beyond:
+            own = _scale(links + sum(np.abs(each) for each in some))
+            stretches = [(each, np.abs(np.eye(n) + each) * own, 0.0) for each in some]
+            most = in_a_row(kinds, stretches, partial(_joined_in_units, own, little))[2]
+        measure[part] = most
+        return E.E
 
     def within(first, second):
         (P, one, most), (Q, other, least) = first, second
-        both = then(P, Q)
-        high, low = extremes(both)
-        lost = _cancelled(other @ one, low.max(-1, initial=0.0), low.max(-2, initial=0.0))
+        both = P.then(Q)
+        high, low = _extremes(both.E, scale)
+        lost = _cancelled(other @ one, low.max(-1, initial=0.0), low.max(-2, initial=0.0), little)
         return both, high, max(most, least, lost)
 
-    def joined(first, second):
-        (P, one, most), (Q, other, least) = first, second
-        both = then(P, Q)
-        size = sizes(both)
-        lost = _cancelled(other @ one, size.max(-1, initial=0.0), size.max(-2, initial=0.0))
-        return both, size, np.maximum(np.maximum(most, least), lost)
-
     with np.errstate(all="ignore"):  # of a frame that overflows
-        E, _, most = in_a_row(kinds, [(each, extremes(each)[0], 0.0) for each in changes], within)
-        if most > SURELY:  # the units and sizes of each loop, since those of others may not matter
-            scale = _scale(links + sum(np.abs(each) for each in changes))
-            _, _, most = in_a_row(kinds, [(each, sizes(each), 0.0) for each in changes], joined)
-    return E, np.broadcast_to(most, E.shape[:-2])
+        return in_parts(frame, batch, n, float), measure
+
+
+def _joined_in_units(scale, little, first, second):
+    (P, one, most), (Q, other, least) = first, second
+    both = then(P, Q)
+    size = np.abs(np.eye(both.shape[-1]) + both) * scale
+    lost = _cancelled(other @ one, size.max(-1, initial=0.0), size.max(-2, initial=0.0), little)
+    return both, size, np.maximum(np.maximum(most, least), lost)
+
+
+def _extremes(E, scale):
+    """The largest and the smallest sizes of entries in a batch."""
+    size = np.abs(np.eye(E.shape[-1]) + E)
+    return size.max(_over(E)) * scale, size.min(_over(E)) * scale
 
 
 def _scale(whole):
@@ -117,9 +129,9 @@ def _over(E):
     return tuple(range(E.ndim - 2))
 
 
-def _cancelled(terms, row, column):
+def _cancelled(terms, row, column, little):
     """The largest size of terms of an entry beside the largest ones in its row and column, `(...)`; infinite after overflow."""
-    left = np.minimum(row[..., :, None], column[..., None, :])
+    left = np.maximum(np.minimum(row[..., :, None], column[..., None, :]), little)
     found = np.where(terms == 0, 0.0, terms / left).max((-1, -2), initial=0.0)
     return np.where(np.isnan(found), np.inf, found)
 
@@ -135,6 +147,7 @@ def balance(E, sweeps: int = BALANCING):
     index = np.arange(E.shape[-1])
     size[:, index, index] = 0
     for _ in range(sweeps):
+        changed = False
         for k in index:
             row, column = size[:, k, :].sum(-1), size[:, :, k].sum(-1)
             with np.errstate(all="ignore"):
@@ -143,6 +156,9 @@ def balance(E, sweeps: int = BALANCING):
             size[:, :, k] *= factor
             size[:, k, :] /= factor
             units[:, k] *= factor[:, 0]
+            changed |= bool((factor != 1).any())
+        if not changed:
+            break
     return E * (units[:, None, :] / units[:, :, None]), units
 
 

@@ -134,14 +134,14 @@ def _folded(ticks, drift, batch):
         for parts in zip(*((each.E, each.terms[0]) for each in ticks.maps), strict=True)
     )
     reached = _reached((E != 0).any(tuple(range(E.ndim - 2))))
-    size = sizes.max(-1, keepdims=True)
-    E = np.where(np.isfinite(E) & (size > 0), E, 0.0) / np.where(size > 0, size, 1.0)  # a row of rounding alone says nothing
     shifts = np.zeros((*batch, len(drift.states), len(drift.folded)))
     for column, (lead, others) in enumerate(zip(drift.folded, drift.carried, strict=True)):
-        rows = reached[[lead, *others]].any(0)
-        A = E[..., rows, :].reshape(*batch, -1, len(drift.states))
+        rows, columns = np.flatnonzero(reached[[lead, *others]].any(0)), [lead, *others]
+        A, size = (part[..., rows, :][..., columns].reshape(*batch, -1, len(columns)) for part in (E, sizes))
+        size = size.max(-1, keepdims=True)
+        A = np.where(np.isfinite(A) & (size > 0), A, 0.0) / np.where(size > 0, size, 1.0)  # a row of rounding says nothing
         shifts[..., lead, column] = 1.0
-        shifts[..., list(others), column] = _least_squares(A[..., list(others)], -A[..., lead, None])[..., 0]
+        shifts[..., list(others), column] = _least_squares(A[..., 1:], -A[..., :1])[..., 0]
     return shifts
 
 
@@ -283,7 +283,7 @@ def telling_frame(drawn: Drawn, drift: TickDrift) -> tuple[np.ndarray, np.ndarra
     """Return `closed_frame`, and whether its spectral radius is hidden, `(...)`: by terms that cancel (see `radius_hidden`), by
     ticks that grow and leave no digits of their product, or by a drift that is vague."""
     ticks = ticks_of(drawn, alone=True, terms=True)
-    E, cancellation = frame_and_cancellation(ticks.kind, [each.E for each in ticks.maps])
+    E, cancellation = frame_and_cancellation(ticks.kind, [each.E for each in ticks.maps], beyond=LOST)
     E, growth = filled(without_drift(E, drift)), _growth(ticks)
     lost = (growth > LOST) & np.isfinite(E).all((-1, -2))
     parts = hidden_in(ticks) | (cancellation > LOST), drift.vague | opposed(ticks, drift) | lost

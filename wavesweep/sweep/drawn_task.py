@@ -172,7 +172,11 @@ class DrawnTask:
             found = stable_intervals(cut, "K_VE", self.span, np.zeros((size, 1)))
             hidden = np.broadcast_to(hidden_in(opened.frame.ticks, opened.frame.growth), size)[found.column]
             hidden |= np.broadcast_to(turned(opened.frame.E, sizes_in_all(opened.frame.ticks)), size)[found.column]
-            hidden |= np.broadcast_to(cancels_between_ticks(opened.frame), size)[found.column]
+            open_ = np.broadcast_to(cancels_between_ticks(opened.frame), size)[found.column]
+            if (open_ & ~hidden).any():  # these terms may be nothing beside those that the number closes
+                low, high = self._ends(found)
+                places = np.stack([low, low / 2 + high / 2, high], axis=-1)
+                hidden |= open_ & self._loops(values).examined(found.column[:, None], places)[1].any(-1)
             found = _doubted(found, cut.growth[found.column])
             found = _unknown(found, np.broadcast_to(opposed(opened.frame.ticks, opened.drift), size)[found.column])
             return self._unshaken(found, hidden, lambda: self._loops(values), cut.period, values)
@@ -185,7 +189,7 @@ class DrawnTask:
         found = stable_along_any(loops.frames, self.span, size, period, bounds, variable)
         if variable == FROM_ZERO:
             found = self._beginning_at_one(found, values)
-        low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), self.span, strict=True))
+        low, high = self._ends(found)
         growth, hidden, wrong = loops.examined(found.column[:, None], np.stack([low, low / 2 + high / 2, high], axis=-1))
         wrong = wrong.any(-1)
         for end, reached in zip(self.span, (low, high), strict=True):
@@ -194,6 +198,10 @@ class DrawnTask:
             wrong |= np.isin(found.column, others[there])
         found = _unknown(_doubted(found, growth.max(-1)), wrong)
         return self._unshaken(found, hidden.any(-1), lambda: loops, period, values)
+
+    def _ends(self, found):
+        """The ends of each interval, or of the range in columns without one."""
+        return (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), self.span, strict=True))
 
     def _variable(self):
         """How the number is followed; see `stable_along_any`."""
@@ -275,7 +283,10 @@ class _Along:
         with np.errstate(all="ignore"):
             E, cancellation = frame_and_cancellation(ticks.kind, [each.E for each in ticks.maps])
             hidden = hidden_in(ticks, growth) | turned(E, sizes_in_all(ticks)) | (cancellation > CANCELLED)
-        return tuple(np.broadcast_to(part, p.shape) for part in (growth, hidden, opposed(ticks, self.drift)))
+        wrong = opposed(ticks, self.drift)
+        if self.drift.folded:  # next to 0 of the number a factor may be beyond all digits
+            wrong = wrong & (p != TINY)
+        return tuple(np.broadcast_to(part, p.shape) for part in (growth, hidden, wrong))
 
     def errors(self, number, p) -> tuple[np.ndarray, np.ndarray]:
         """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution."""

@@ -124,6 +124,7 @@ def angle(cosine, scale):
 
 OCTAVES = 2.0 ** -np.arange(48)  # of an angle, at which the wall parameter is evaluated
 ABOUT = np.sinh(np.linspace(-4.2, 4.2, 129))  # times the decay of a mode, distances from it where it is evaluated too
+TIP = 0.02  # of the values there, by how much a peak may be beyond them
 NEARBY = 8.0  # times that angle, within which a mode matters
 DAMPED = 4.0  # times its angle, decay of a mode, from which on octaves show it
 SHIFT = -1 + 0.3j  # of z - 1, about which zeros are computed
@@ -242,7 +243,8 @@ def open_inside(cut: Cut, owner, along: str, fixed, span, ends):
         least, most = np.full(at.size, np.inf), np.full(at.size, -np.inf)
         np.minimum.at(least, which, value)
         np.maximum.at(most, which, value)
-        inside[at] |= ~((most <= span[0] + slack) | (least >= span[1] - slack))
+        tip = np.where(np.isin(np.arange(at.size), which[at.size * OCTAVES.size :]), TIP * (most - least), 0.0)
+        inside[at] |= ~((most + tip <= span[0] + slack) | (least - tip >= span[1] - slack))
     return inside
 
 
