@@ -210,10 +210,11 @@ def _say(text: str) -> None:
 
 
 def _with_notes(text: str, error: BaseException) -> str:
-    """Add the notes of the error, such as the place of a checkpoint, a line each."""
+    """Add the notes of the error, such as the place of a checkpoint, as sentences."""
     # click turns a KeyboardInterrupt into an Abort of its own; the notes stay with the former.
     passed = error.__cause__ if isinstance(error, click.Abort) else error
-    return "\n".join([text.rstrip(), *getattr(passed, "__notes__", ())])
+    notes = getattr(passed, "__notes__", ())
+    return " ".join([text.rstrip() + "." * bool(notes and not text.rstrip().endswith(".")), *notes])
 
 
 def _os_error(error: OSError) -> str:

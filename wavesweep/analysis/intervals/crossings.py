@@ -243,7 +243,9 @@ def open_inside(cut: Cut, owner, along: str, fixed, span, ends):
         least, most = np.full(at.size, np.inf), np.full(at.size, -np.inf)
         np.minimum.at(least, which, value)
         np.maximum.at(most, which, value)
-        tip = np.where(np.isin(np.arange(at.size), which[at.size * OCTAVES.size :]), TIP * (most - least), 0.0)
+        with np.errstate(invalid="ignore"):  # of a wall that reads nothing
+            tip = np.where(np.isin(np.arange(at.size), which[at.size * OCTAVES.size :]), TIP * (most - least), 0.0)
+        tip = np.where(np.isnan(tip), 0.0, tip)
         inside[at] |= ~((most + tip <= span[0] + slack) | (least - tip >= span[1] - slack))
     return inside
 
