@@ -211,6 +211,8 @@ def test_the_star_of_walls_whose_feel_is_not_known_is_at_the_stiffest(plane):
     lost = {"intervals": 0, "low": np.nan, "high": np.nan}
     unknown |= {name: np.where(nothing, value, unknown[name]) for name, value in lost.items()}
     assert [text for text in texts_of(plots.zwidth(unknown, {})) if "largest" in text] == ["largest certified: 4475 N/m"]
+    some = plane | {"felt_high": np.where(plane["B_VE"] == 15, plane["felt_high"], np.nan)}
+    assert [text for text in texts_of(plots.zwidth(some, {})) if "largest" in text] == ["largest certified: 2300 N/m"]
     one = {name: column[-1:] for name, column in plane.items()}
     known = best_row(one)
     assert best_of([best_row(unknown), known]) == known

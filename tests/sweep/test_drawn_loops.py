@@ -1385,6 +1385,7 @@ def test_a_shift_through_a_ratio_is_there_for_the_weakest_coupling(every, dampin
         assert found.certified.all()
         assert found.high.to_numpy() == pytest.approx(whole.high.to_numpy(), rel=1e-9, nan_ok=True)
     assert not np.isnan(loop.spectral_radius(K=[1e-9, 1e-6, 1.0])).any()
+    assert loop.stable_intervals("r", (0.0, 5.0)).certified.all()
 
 
 def test_a_frame_that_contracts_to_nothing_loses_no_digit_that_matters():
@@ -1401,3 +1402,28 @@ def test_a_frame_that_contracts_to_nothing_loses_no_digit_that_matters():
     loop = wavesweep.compile(tables)
     assert loop.spectral_radius(kp=[10.0, 52.5, 100.0]).max() < 1e-3
     assert loop.stable_intervals("kp", (5.0, 100.0)).certified.all()
+
+
+@pytest.mark.parametrize(("gains", "left"), [((12345.678, 8765.4321), 1.7), ((1234567891.37, 987654321.77), 0.0)])
+def test_terms_that_cancel_by_way_of_three_held_values_are_noticed(gains, left):
+    """No pair of states shows it, and no stretch of ticks grows: the frame is nothing but the difference, to rounding."""
+    near, far = gains
+    last, hold = near * far - left, {"type": "hold", "every": 4}
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"c": 0.5, "g1": near, "g2": far, "g3": last},
+        "block": {
+            "a": hold,
+            "h1": hold | {"phase": 1},
+            "h2": hold | {"phase": 2},
+            "d": {"type": "delay", "every": 4, "phase": 3, "steps": 2},
+        },
+        "wire": {"a.u": "c*d.y", "h1.u": "g1*a.y", "h2.u": "g2*h1.y - g3*a.y", "d.u": "h2.y"},
+    }
+    loop = wavesweep.compile(tables)
+    assert set(loop.stable_intervals("c", (0.0, 3.0)).doubt) == {"rounding"}
+    tables["wire"]["a.u"] = "(c + 1e-9*c*c)*d.y"  # no single gain
+    assert not wavesweep.compile(tables).stable_intervals("c", (0.01, 3.0)).certified.any()
+    exact = abs(Fraction(near) * Fraction(far) - Fraction(last)) / 2
+    radius = loop.spectral_radius()
+    assert np.isnan(radius) if left == 0 else radius == pytest.approx(float(exact) ** (1 / 3), rel=1e-3)
