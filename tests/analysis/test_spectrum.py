@@ -92,6 +92,11 @@ def test_a_bound_without_delays_is_below_the_smallest_singular_value():
     assert np.all(bound >= exact / 63)
 
 
+def test_a_bound_whose_inverse_underflows_is_none():
+    E = with_delays(3, 60)
+    assert spectrum._at_least(E, np.ones(63), np.array([1e200])) == 0
+
+
 def test_a_bound_on_the_smallest_singular_value_of_many_states_is_none_too_large(monkeypatch):
     r = np.random.default_rng(7)
     E = r.normal(size=(2, 20, 20)) / 5

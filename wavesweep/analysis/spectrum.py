@@ -113,7 +113,7 @@ def _at_least(E, units, w):
         alone = norm(lines.along(np.eye(d.size)[None], np.abs(1 + w).min(0, keepdims=True)), d, d)
         of_out = norm(kept @ out, k, d)
         size = norm(kept, k, k) + of_out + norm(into @ kept, d, k) + alone + norm(into, d, k) * of_out
-    return np.where(np.isfinite(size), 1 / (2 * size), 0.0)  # half of it, since it is rounded
+        return np.where(np.isfinite(size) & (size > 0), 1 / (2 * size), 0.0)  # half of it, since it is rounded
 
 
 def _outgrows(delta, size, radius):

@@ -52,11 +52,6 @@ def scene_drift(diagram: Diagram) -> Drift:
     return drift_of(diagram, (*diagram.holds.values(), diagram.hand.position))
 
 
-def hand_drifts(diagram: Diagram) -> bool:
-    """Whether nothing but the wall holds the hand's position."""
-    return f"frame.{diagram.hand.position}" in scene_drift(diagram).shift
-
-
 @lru_cache(maxsize=256)
 def _drift(diagram, signals):
     rows = _equations(diagram)

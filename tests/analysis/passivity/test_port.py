@@ -173,6 +173,17 @@ def test_a_margin_that_is_zero_by_structure_is_not_negative():
         assert (found.negative, found.passive) == (seed in negative, bool(found.stable) and seed not in negative)
 
 
+def test_a_margin_is_not_zero_where_no_way_leads_from_the_wall_to_the_hand(values):
+    """The local model's spring is gone and the slow wave is not passed on at rest, so no wall holds the scene."""
+    hidden = values(
+        "pmw-lm", b=5.0, Kp=0.0, K_VE=500.0, K_LM=0.0, B_LM=2.0,
+        **{"rates.ratio": 2, "device.mass": 0.05, "device.damping": 4.0, "filters.hp.order": 0, "filters.lp1.order": 1,
+           "filters.lp1.cutoff_hz": 20.0, "filters.lp2.order": 0, "environment.delay": 0},
+    )  # fmt: skip
+    found, seen = port_margin(hidden), scan(hidden, np.geomspace(1e-4, np.pi, 300)).min()
+    assert 0 < found.margin == pytest.approx(seen, rel=1e-3)
+
+
 def test_loops_in_a_batch_are_those_one_by_one(values):
     stiffness = np.array([[10.0, 100.0], [500.0, 5000.0]])
     found = port_margin(values("pmw", K_VE=stiffness, **{"device.velocity": "difference"}))

@@ -17,11 +17,11 @@ from wavesweep.analysis.passivity.hinf import (
     then,
     tick,
 )
+from wavesweep.analysis.response.static import held_at_rest
 from wavesweep.analysis.spectrum import is_stable
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
-from wavesweep.diagram.drift import hand_drifts
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.connect import connect
@@ -244,7 +244,7 @@ def port_margin(values) -> PortMargin:
     is_stable = np.broadcast_to(stable(diagram, K, B), batch)
     lost = ~is_stable.reshape(-1) & (np.abs(loop.slow.E).max((-1, -2), initial=0) > HUGE)
     margin, certified = np.where(lost, np.nan, margin), certified & ~lost
-    held = np.broadcast_to(np.asarray(K) != 0, batch).reshape(-1) | (not hand_drifts(diagram))
+    held = np.broadcast_to(held_at_rest(diagram, (K, B)), batch).reshape(-1)
     theta = np.where(held & (margin > 0), 0.0, theta)
     margin = np.where(held, np.minimum(margin, 0.0), margin)
     period = np.broadcast_to(diagram.period * diagram.ratio, batch)

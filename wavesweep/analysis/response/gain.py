@@ -10,9 +10,9 @@ from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.response.circle import circle
 from wavesweep.analysis.response.dominant import Dominant, Lifted
 from wavesweep.analysis.response.frame import Loop, prepare
+from wavesweep.analysis.response.static import held_at_rest
 from wavesweep.analysis.response.steady import GOOD, LOST, respond
 from wavesweep.analysis.response.ticks import taken
-from wavesweep.diagram.drift import hand_drifts
 from wavesweep.lifted.rounding import ROUNDING
 
 DENSE = 32  # up to this ratio LAPACK's singular values of the whole matrix are the quicker way
@@ -105,7 +105,7 @@ def _over_aliases(loop, ratio, frequency_hz, points=None):
     gain, error = (
         part.reshape(*part.shape[:-1], *aliases.shape) for part in (np.abs(found.admittance), found.admittance_error)
     )
-    held = (not hand_drifts(loop.diagram)) | (np.asarray(loop.wall[0]) != 0)[..., None, None]
+    held = held_at_rest(loop.diagram, loop.wall)[..., None, None]
     unbounded = (constant & ~held).any(-1)
     return np.where(unbounded, np.nan, gain.max(-1)), np.where(unbounded, 0.0, error.max(-1))
 

@@ -49,6 +49,15 @@ def zero_at_rest(loop: Loop) -> np.ndarray:
     return np.broadcast_to(_by_structure(loop.diagram.structure, loop.wall).any(0), loop.lost.shape)
 
 
+def held_at_rest(diagram: Diagram, wall) -> np.ndarray:
+    """Return whether something holds the hand's device, so that a constant force does not move it without end.
+
+    It follows from the drawing alone, for walls `(K_VE, B_VE)`, numbers or arrays, in their shape. A wall holds nothing if no
+    way leads from it to the device at rest.
+    """
+    return ~_by_structure(diagram.structure or diagram, wall)[0]
+
+
 def _by_structure(structure, wall):
     """Whether nothing holds the device, and whether no force reaches the hand, for walls `(K_VE, B_VE)`, numbers or arrays."""
     there = np.broadcast_arrays(*(np.asarray(part) != 0 for part in wall))
