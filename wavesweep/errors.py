@@ -19,7 +19,12 @@ class UsageError(WavesweepError):
 
 
 class IllPosedLoopError(WavesweepError):
-    """An algebraic loop has no solution, or none that double precision can find."""
+    """An algebraic loop has no solution, or none that double precision can find.
+
+    chunk: number of the part of a run in which there is such a loop, None if it is no part of one.
+    """
+
+    chunk: int | None = None
 
 
 class CheckpointError(UsageError):

@@ -41,6 +41,25 @@ def test_a_combination_that_makes_no_loop_is_named():
         sweep.intervals(spec)
 
 
+IN_A_RING = {
+    "rates": {"tick_hz": 1000},
+    "numbers": {"g": 0.5, "d": 2.0, "K": 100.0},
+    "block": {"arm": {"type": "mass", "mass": 0.5, "damping": "d"}, "amp": {"type": "gain", "k": "g"}},
+    "wire": {"amp.u": "amp.y - K*arm.x", "arm.f": "amp.y + hand"},
+    "ports": {"hand": {"force": "hand", "displacement": "arm.x"}},
+}
+
+
+@pytest.mark.parametrize("backend", [None, "threading"])
+@pytest.mark.parametrize("table", [wavesweep.stability_region, wavesweep.bode, wavesweep.passivity])
+def test_values_whose_loop_has_no_solution_are_named(table, backend):
+    values = {"d": [1.0, 2.0], "g": [0.25, 0.5, 1.0, 2.0]}
+    sweep = {"along": "K", "K": {"start": 0, "stop": 400}} | values
+    spec = IN_A_RING | {"sweep": sweep, "bode": values | {"frequency_hz": [1.0]}}
+    with pytest.raises(wavesweep.IllPosedLoopError, match=r"^d = 1.0, g = 1.0: the loop of direct terms through amp has no"):
+        table(spec, backend=backend)
+
+
 def test_whole_numbers_and_derived_keys_are_swept_as_values():
     axes = {"rates.slow_hz": [50.0, 100.0], "environment.delay": [0, 10], "filters.lp1.order": [1, 3]}
     run = sweep.intervals(spec_of(**axes))

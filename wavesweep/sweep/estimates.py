@@ -8,7 +8,9 @@ import numpy as np
 
 from wavesweep.disk import free_bytes
 from wavesweep.errors import UsageError
-from wavesweep.sweep.job import Job, cut_otherwise
+from wavesweep.kernel import chosen
+from wavesweep.sweep.job import Job, cut_otherwise, naming_values
+from wavesweep.sweep.tasks import timed
 
 AXIS_BYTES = 12  # of an axis in a row of CSV and Parquet file together
 
@@ -44,19 +46,21 @@ LONGEST = 0.3  # s; no further sample after that
 
 def expected_seconds(job: Job, longest: float = LONGEST) -> float:
     """Seconds of work in one process for the whole job, estimated from a small part of it; longest: for the samples, s."""
-    samples = _samples(job)
-    samples[0][0].records()  # the first call of everything costs more than it will later
-    started, seconds, slices = time.perf_counter(), 0.0, 0
-    for sample, size in samples:
-        sample.records()
-        seconds, slices = time.perf_counter() - started, slices + size
-        if seconds > longest:
-            break
+    job, numbers = _samples(job)
+    chunks, slices = [job.chunks[number] for number in numbers], 0
+    with naming_values(job):
+        timed(chunks[0].number, job.task(chunks[0]), chosen())  # the first call of everything costs more than it will later
+        started = time.perf_counter()
+        for chunk in chunks:
+            timed(chunk.number, job.task(chunk), chosen())
+            seconds, slices = time.perf_counter() - started, slices + chunk.slices
+            if seconds > longest:
+                break
     return seconds / slices * job.slices
 
 
 def _samples(job):
-    """Small tasks of the job and the numbers of their slices, alternately from its ends and its middle."""
+    """The job in small chunks, and the numbers of some of them, alternately from its ends and its middle."""
     chunks = job.chunks
     enough = max(1, chunks.deep * chunks.wide // SHARE)
     wide = min(chunks.walls, enough)
@@ -65,5 +69,4 @@ def _samples(job):
         deep = min(deep, FEW_DRAWN)
     small = cut_otherwise(job, deep=deep, wide=wide)
     shares = np.linspace(0, 1, PROBES)[[0, 3, 5, 1, 4, 2]]
-    numbers = dict.fromkeys(np.rint(shares * (len(small.chunks) - 1)).astype(int).tolist())
-    return [(small.task(small.chunks[number]), small.chunks[number].slices) for number in numbers]
+    return small, list(dict.fromkeys(np.rint(shares * (len(small.chunks) - 1)).astype(int).tolist()))

@@ -1,14 +1,16 @@
 """The job of a table, settled before any computing: slices in chunks, tasks for workers, columns for their records."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import ClassVar
 
 import numpy as np
 
-from wavesweep.errors import SpecError, UsageError
+from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
+from wavesweep.spec.checking import show
 from wavesweep.sweep.grid import Grid, groups, is_plain
 from wavesweep.sweep.tasks import Task, certified_slices
 
@@ -133,6 +135,41 @@ def cut_up(loops: int, walls: int, cost: float) -> Chunks:
 def cut_otherwise(job: Job, **sizes) -> Job:
     """The same job in chunks of other sizes (deep, wide)."""
     return replace(job, chunks=replace(job.chunks, **sizes))
+
+
+@contextmanager
+def naming_values(job: Job) -> Iterator[None]:
+    """Put the values of the axes in front of an error of a loop without a solution, if it comes out of a chunk of the job."""
+    try:
+        yield
+    except IllPosedLoopError as error:
+        values = "" if error.chunk is None else _unsolvable(job, job.chunks[error.chunk])
+        if not values:
+            raise
+        raise IllPosedLoopError(f"{values}: {error}") from error
+
+
+def _unsolvable(job, chunk):
+    """The axes' values of the first loop of a chunk that has no solution, as a text."""
+    at = {"loops": chunk.loops, "walls": chunk.walls}
+    for each in ("loops", "walls"):
+        while len(at[each]) > 1:
+            half = len(at[each]) // 2
+            first = at | {each: at[each][:half]}
+            at = first if _fails(job, first) else at | {each: at[each][half:]}
+    if not _fails(job, at):
+        return ""
+    loop, wall = (np.array([part[0]]) for part in at.values())
+    values = job.grid.loop_values(loop) | job.grid.wall_values(wall)
+    return ", ".join(f"{axis.name} = {show(values[axis.path][0].item())}" for axis in job.grid.axes if axis.path in values)
+
+
+def _fails(job, ranges):
+    try:
+        job.task(Chunk(0, first=0, **ranges)).records()
+    except IllPosedLoopError:
+        return True
+    return False
 
 
 def resolve_all(grid: Grid, table: str = "sweep") -> dict:

@@ -14,7 +14,7 @@ from wavesweep.analysis.given import boolean
 from wavesweep.errors import UsageError
 from wavesweep.sweep.checkpoint import DamagedError, MemoryCheckpoint, blocks, checkpoint_of
 from wavesweep.sweep.estimates import expected_seconds, refuse_full_disk
-from wavesweep.sweep.job import Job
+from wavesweep.sweep.job import Job, naming_values
 from wavesweep.sweep.table import Columns, joined
 from wavesweep.sweep.workers import WORTH, Workers, choose, results
 
@@ -172,7 +172,7 @@ def compute(
     known = set(store.finished())
     missing = (number for number in numbers if number not in known)
     finished = results(workers, missing, lambda number: job.task(job.chunks[number]))
-    with resumable(job, store, tally), closing(finished):
+    with resumable(job, store, tally), closing(finished), naming_values(job):
         for number, records, seconds in finished:
             store.save(number, records)
             tally.add(job.slices_of(job.chunks[number]), job.certified(records), seconds)

@@ -17,6 +17,7 @@ from wavesweep.analysis.intervals import Intervals, stable_intervals
 from wavesweep.analysis.response import felt, felt_map
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import WALL, draw, identity
+from wavesweep.errors import IllPosedLoopError
 from wavesweep.kernel import using
 from wavesweep.lifted import Cut, cut_at_wall, with_batch
 from wavesweep.lifted.lift import frame_at_rest
@@ -68,10 +69,17 @@ class Task(Protocol):
 
 
 def timed(number: int, task: Task, kernel: str) -> tuple[int, np.ndarray, float]:
-    """Compute a chunk with that kernel: its number, its records and the processor seconds used."""
+    """Compute a chunk with that kernel: its number, its records and the processor seconds used.
+
+    Errors: those of the task; an IllPosedLoopError has the number.
+    """
     started = time.thread_time()
-    with using(kernel):
-        records = task.records()
+    try:
+        with using(kernel):
+            records = task.records()
+    except IllPosedLoopError as error:
+        error.chunk = number
+        raise
     return number, records, time.thread_time() - started
 
 
