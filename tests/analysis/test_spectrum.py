@@ -5,7 +5,7 @@ import pytest
 
 import wavesweep
 from wavesweep.analysis import spectrum
-from wavesweep.analysis.spectrum import is_stable, radius_of
+from wavesweep.analysis.spectrum import count_outside, eigenvalues, is_stable, radius_of
 from wavesweep.cli.check import verdict_lines
 from wavesweep.lifted.rounding import balance
 
@@ -90,6 +90,45 @@ def test_a_bound_without_delays_is_below_the_smallest_singular_value():
     bound, exact = spectrum._at_least(E, units[0], w), np.linalg.svd(w[:, None, None] * np.eye(63) - balanced)[1][:, -1]
     assert np.all(bound <= exact)
     assert np.all(bound >= exact / 63)
+
+
+def in_a_row(radii, coupling=1.0):
+    """Less identity, rotations by a radian with these radii, each of which acts on the next one, and their states shuffled."""
+    turn, n = np.array([[np.cos(1), -np.sin(1)], [np.sin(1), np.cos(1)]]), 2 * len(radii)
+    E = np.zeros((n, n))
+    for k, radius in enumerate(radii):
+        at = slice(2 * k, 2 * k + 2)
+        E[at, at] = radius * turn - np.eye(2)
+        if k:
+            E[at, 2 * k - 2 : 2 * k] = coupling
+    order = np.random.default_rng(n).permutation(n)
+    return E[order][:, order]
+
+
+def test_equal_loops_in_a_row_keep_the_digits_of_one():
+    """As one matrix they have a Jordan block, whose computed eigenvalues are off by the eighth root of a rounding."""
+    E = in_a_row([0.99] * 8)
+    assert np.abs(1 + np.linalg.eigvals(E)).max() > 0.9905
+    assert float(radius_of(E)) == pytest.approx(0.99, rel=1e-14)
+    assert np.abs(1 + eigenvalues(E)[0]) == pytest.approx(np.full(16, 0.99), rel=1e-14)
+    assert np.array(count_outside(E[None])).tolist() == [[0], [True]]
+
+
+def test_loops_in_a_row_are_judged_one_by_one():
+    """A matrix without a coupling has other blocks, one that is not finite has no eigenvalue, whatever its blocks are."""
+    E = np.stack(
+        [in_a_row([0.5, 1.2, 0.9]), in_a_row([0.5, 1.2, 0.9], 0.0), in_a_row([1.1, 1.2, 1.2]), in_a_row([0.9, 1.0, 0.7])]
+    )
+    E[1, 0, 0] -= 1e-9  # so that no block is like another's
+    lost = E[:1].copy()
+    lost[0, 5, np.flatnonzero(lost[0, 5])[0]] = np.inf
+    E = np.concatenate([E, lost])
+    assert radius_of(E)[[0, 2, 3, 4]] == pytest.approx([1.2, 1.2, 1.0, np.inf], rel=1e-14)
+    assert np.array_equal(radius_of(E), [radius_of(each) for each in E])
+    assert np.array_equal(eigenvalues(E)[0], [eigenvalues(each)[0] for each in E])
+    count, clear = count_outside(E)
+    assert (count.tolist(), clear.tolist()) == ([2, 2, 6, count[3], -1], [True, True, True, False, False])
+    assert np.isnan(radius_of(E[:1], np.array([True]))).all()
 
 
 def test_a_bound_whose_inverse_underflows_is_none():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.errors import UsageError
 from wavesweep.spec import load
 from wavesweep.sweep.apart import apart
 
@@ -31,12 +32,70 @@ def test_joints_that_are_stable_at_different_gains_are_never_both_stable():
     assert (found.certified.all(), found["intervals"].tolist()) == (True, [0])
 
 
-def test_parts_keep_the_hand_where_it_moves_something():
-    one, other = apart(load(joints()).drawing)
-    assert ([block.name for block in one.blocks], [block.name for block in other.blocks]) == (["a", "ha"], ["b", "hb"])
-    assert (one.hand[0], other.hand) == ("hand", None)
-    assert [signal for port, terms in other.wires for signal, _ in terms] == ["b.x", "hb.y"]
-    assert len(apart(load(joints(gain="p*hb.y + 0.001*a.v")).drawing)) == 1
+def test_parts_are_of_blocks_that_act_on_one_another():
+    both = ["a", "ha"], ["b", "hb"]
+    for gain in ("p*hb.y", "p*hb.y + 0.001*a.v"):
+        one, other = apart(load(joints(gain=gain)).drawing)
+        assert ([block.name for block in one.blocks], [block.name for block in other.blocks]) == both
+        assert [signal for port, terms in other.wires for signal, _ in terms] == ["b.x", "hb.y"]
+        assert (one.hand, other.hand) == (None, None)
+    tables = joints(gain="p*hb.y + 0.001*a.v")
+    tables["wire"]["a.f"] += " - 0.001*hb.y"
+    assert len(apart(load(tables).drawing)) == 1
+
+
+def test_blocks_that_come_to_rest_by_themselves_are_in_no_part():
+    """But for those of a loop: a sum that reads what it gives does not come to rest."""
+    tables = joints()
+    tables["block"] |= {"seen": {"type": "butterworth", "order": 2, "cutoff_hz": 50.0}, "ring": {"type": "delay", "steps": 2}}
+    tables["wire"] |= {"seen.u": "a.x", "ring.u": "0.5*ring.y + b.x"}
+    names = [[block.name for block in part.blocks] for part in apart(load(tables).drawing)]
+    assert names == [["a", "ha"], ["b", "hb"], ["ring"]]
+    del tables["block"]["ring"], tables["wire"]["ring.u"]
+    for name in ("a", "ha", "b", "hb"):
+        del tables["block"][name]
+    tables = {"rates": tables["rates"], "numbers": {"g": 2.0}, "block": tables["block"], "wire": {"seen.u": "g*hand"}}
+    tables["ports"] = {"hand": {"force": "hand", "displacement": "seen.y"}}
+    assert len(apart(load(tables).drawing)) == 1
+
+
+def platoon(cars):
+    """Equal cars, each of which keeps its distance to the one ahead by what it saw of it five ticks ago."""
+    blocks, wires = {}, {}
+    for n in range(cars):
+        blocks |= {f"car{n}": {"type": "mass", "mass": "m", "damping": 0.2}, f"seen{n}": {"type": "hold", "every": 5}}
+        blocks |= {f"speed{n}": {"type": "difference", "every": 5}, f"engine{n}": {"type": "delay", "steps": 1}}
+        ahead = f" - K*seen{n - 1}.y" if n else ""
+        wires |= {f"seen{n}.u": f"car{n}.x", f"speed{n}.u": f"car{n}.x", f"car{n}.f": f"-engine{n}.y"}
+        wires |= {f"engine{n}.u": f"K*seen{n}.y + 2*speed{n}.y{ahead}"}
+    return {"rates": {"tick_hz": 1000}, "numbers": {"K": 50.0, "m": 0.5}, "block": blocks, "wire": wires}
+
+
+@pytest.mark.parametrize(("along", "span"), [("K", (0.0, 2000.0)), ("m", (0.004, 5.0))])
+def test_equal_cars_behind_one_another_have_the_limit_of_one(along, span):
+    """What is ahead acts on a car, and no car on what is ahead of it: all crossings coincide."""
+    one, three = (wavesweep.compile(platoon(cars)).stable_intervals(along, span) for cars in (1, 3))
+    assert (one.certified.tolist(), three.certified.tolist(), one["intervals"].tolist()) == ([True], [True], [1])
+    assert three[["low", "high"]].to_numpy() == pytest.approx(one[["low", "high"]].to_numpy(), rel=1e-12)
+    end, stable, unstable = (one.high[0], 0.999, 1.001) if along == "K" else (one.low[0], 1.001, 0.999)
+    radius = wavesweep.compile(platoon(1)).spectral_radius(**{along: [end * stable, end * unstable]})
+    assert radius[0] < 1 < radius[1]
+
+
+def test_a_shift_that_is_read_and_adds_up_is_no_drift():
+    """Each integrator by itself drifts, and one behind the other does not: its sum grows, and the mass behind it moves."""
+    tables = joints()
+    tables["block"] |= {"one": {"type": "integrator"}, "two": {"type": "integrator"}}
+    tables["wire"] |= {"one.u": "a.x", "two.u": "one.y", "b.f": "two.y - p*hb.y"}
+    found = wavesweep.compile(tables).stable_intervals("p", (0.0, 2000.0))
+    assert not (found.certified & (found.intervals > 0)).any()
+
+
+def test_values_at_which_nothing_leads_from_part_to_part_are_refused():
+    tables = joints()
+    tables["wire"]["b.f"] += " + a.v/(p - 100)"
+    with pytest.raises(UsageError, match="a value without a loop"):
+        wavesweep.compile(tables).stable_intervals("p", (0.0, 2000.0))
 
 
 @pytest.mark.parametrize("seed", range(12))

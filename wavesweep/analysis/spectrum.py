@@ -1,5 +1,7 @@
 """Eigenvalues of the closed loop relative to the unit circle: spectral radius, verdict, and their number outside."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from wavesweep.kernel import NUMPY, chosen
@@ -18,9 +20,60 @@ MOST_BY_SIGNS = 12  # eigenvalues; coefficients of more crowd, and signs of sums
 
 
 def eigenvalues(E):
-    """Return the eigenvalues less 1 of `I + E`, complex `(..., n)`, zeros if E is not finite, and whether it is."""
+    """Return the eigenvalues less 1 of `I + E`, complex `(..., n)`, zeros if E is not finite, and whether it is.
+
+    If the states are of several loops of which one acts on another, but none on itself by way of others, the eigenvalues are
+    those of each loop by itself (see `diagonal_blocks`): equal loops in a row would lose nearly all of their digits.
+    """
     finite = np.isfinite(E).all((-1, -2))
-    return np.linalg.eigvals(np.where(finite[..., None, None], E, 0.0)).astype(complex), finite
+    E = np.where(finite[..., None, None], E, 0.0)
+    groups = diagonal_blocks(E)
+    if not groups:
+        return np.linalg.eigvals(E).astype(complex), finite
+    found = np.empty((finite.size, E.shape[-1]), complex)
+    for some, blocks in groups:
+        found[some] = np.concatenate([np.linalg.eigvals(block) for block in blocks], axis=-1)
+    return found.reshape(E.shape[:-1]), finite
+
+
+def diagonal_blocks(E) -> list[tuple[np.ndarray, list[np.ndarray]]]:
+    """Return groups of matrices with the same diagonal blocks in some order of the states; none if all have a single one.
+
+    E: `(..., n, n)`. A group has the indices of its matrices (flat), and its blocks, `(matrices, k, k)` each. A block is of
+    states that all act on one another; states that act on none that acts on them are one block together. LAPACK finds these.
+    """
+    n = E.shape[-1]
+    there = E.reshape(-1, n, n) != 0
+    if n < 2 or not len(there):
+        return []
+    if (there == there[0]).all():
+        kinds, kind = there[:1], np.zeros(len(there), int)
+    else:
+        kinds, kind = np.unique(there, axis=0, return_inverse=True)
+    parts = [_parts(n, each.tobytes()) for each in kinds]
+    if max(map(len, parts)) < 2:
+        return []
+    found = []
+    for number, each in enumerate(parts):
+        some = np.flatnonzero(kind.reshape(-1) == number)
+        found.append((some, [E.reshape(-1, n, n)[some][:, at[:, None], at] for at in each]))
+    return found
+
+
+@lru_cache(maxsize=256)
+def _parts(n, pattern):
+    """The states of every diagonal block; one that has all of them if less than two have several."""
+    acts = np.frombuffer(pattern, bool).reshape(n, n) | np.eye(n, dtype=bool)
+    for _ in range((n - 1).bit_length()):
+        acts = (acts.astype(np.float32) @ acts.astype(np.float32)) > 0
+    both = acts & acts.T
+    first = np.argmax(both, axis=-1)  # of the states that act on one another
+    blocks = [np.flatnonzero(first == each) for each in np.unique(first)]
+    several = [block for block in blocks if block.size > 1]
+    if len(several) < 2:
+        return (np.arange(n),)
+    alone = [block for block in blocks if block.size == 1]
+    return (*several, *([np.concatenate(alone)] if alone else []))
 
 
 def excess(delta):
@@ -50,6 +103,12 @@ def radius_of(E, hidden=False) -> np.ndarray:
     Then the radius counts as known if no rounding of E makes one that is that much larger, by the smallest singular value there
     at the angle of each of them (see `count_outside`).
     """
+    groups = diagonal_blocks(E)
+    if groups:
+        found = np.empty(E.shape[:-2])
+        for some, blocks in groups:
+            found.reshape(-1)[some] = np.max([radius_of(block) for block in blocks], axis=0)
+        return np.where(hidden, np.nan, np.where(np.isfinite(E).all((-1, -2)), found, np.inf))
     delta, finite = eigenvalues(E)
     E = np.where(finite[..., None, None], E, 0.0)
     found = np.where(finite, _known(E, np.abs(1 + delta).max(-1, initial=0.0), delta), np.inf)
@@ -171,6 +230,15 @@ def count_outside(E):
 
 def _by_eigenvalues(E):
     """Return `count_outside` from computed eigenvalues."""
+    groups = diagonal_blocks(E)
+    if groups:
+        count, clear = np.zeros(len(E), int), np.ones(len(E), bool)
+        for some, blocks in groups:
+            for block in blocks:
+                more, known = _by_eigenvalues(block)
+                count[some], clear[some] = count[some] + more, clear[some] & known
+        finite = np.isfinite(E).all((-1, -2))
+        return np.where(finite, count, -1), clear & finite
     delta, finite = eigenvalues(E)
     outside = excess(delta)
     size = np.abs(E).max((-1, -2), initial=0)

@@ -1,4 +1,4 @@
-"""Loops drawn in one spec that nothing connects: each by itself, and the values at which all of them are stable."""
+"""Loops drawn in one spec that do not act on each other both ways: each by itself, and the values at which all are stable."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,33 +9,49 @@ import numpy as np
 from wavesweep.analysis.intervals import Intervals
 from wavesweep.spec.drawing import Drawing
 
+SETTLING = ("gain", "hold", "delay", "difference", "butterworth")  # types of blocks that come to rest by themselves
+
 
 @lru_cache(maxsize=64)
 def apart(drawing: Drawing) -> tuple[Drawing, ...]:
-    """Return the parts of a drawing between which there is no wire, in the order of their blocks.
+    """Return the parts of a drawing whose blocks all act on one another, in the order of their blocks.
 
-    Two equal joints of a robot cross the unit circle at the same value of a gain, which looks like one that only touches
-    it; by themselves they are simple crossings.
+    What acts on a part and is not acted on by it changes none of its eigenvalues, and those of the whole are those of all
+    parts. Two equal joints of a robot, or two equal cars of which one follows the other, cross the unit circle at the same
+    value of a gain, which looks like one that only touches it; by themselves they are simple crossings. A block that is no
+    part of a loop and comes to rest whatever its numbers are is in no part, unless there is no other.
     """
-    part = {block.name: block.name for block in drawing.blocks}
+    feeds = {block.name: set() for block in drawing.blocks}
     for port, terms in drawing.wires:
-        for signal, _ in terms:
-            ends = [part.get(each.partition(".")[0]) for each in (port, signal)]
-            if None not in ends:
-                part = {name: ends[0] if root == ends[1] else root for name, root in part.items()}
-    roots = list(dict.fromkeys(part.values()))
-    return tuple(_part(drawing, {name for name, root in part.items() if root == each}) for each in roots)
+        for source in (signal.partition(".")[0] for signal, _ in terms):
+            if source in feeds:
+                feeds[source].add(port.partition(".")[0])
+    reached = {name: _reached(feeds, name) for name in feeds}
+    parts = dict.fromkeys(frozenset({name, *(each for each in reached[name] if name in reached[each])}) for name in feeds)
+    rests = {
+        frozenset({block.name}) for block in drawing.blocks if block.type in SETTLING and block.name not in reached[block.name]
+    }
+    return tuple(_part(drawing, names) for names in parts if names not in rests) or (drawing,)
+
+
+def _reached(feeds, name):
+    """The blocks that a block acts on, by way of others too."""
+    found, open_ = set(), {name}
+    while open_:
+        open_ = set().union(*(feeds[each] for each in open_)) - found
+        found |= open_
+    return found
 
 
 def _part(drawing, names):
-    """The drawing of these blocks; the hand belongs to the part that it moves."""
-    force, place, _ = drawing.hand or ("", (), None)
-    held = any(signal.partition(".")[0] in names for signal, _ in place)
-    wires = [(port, terms) for port, terms in drawing.wires if port.partition(".")[0] in names]
-    if not held:
-        wires = [(port, tuple(term for term in terms if term[0] != force)) for port, terms in wires]
+    """The drawing of these blocks without what acts on them, a hand among it."""
+    wires = [
+        (port, tuple(term for term in terms if term[0].partition(".")[0] in names))
+        for port, terms in drawing.wires
+        if port.partition(".")[0] in names
+    ]
     blocks = tuple(block for block in drawing.blocks if block.name in names)
-    return replace(drawing, blocks=blocks, wires=tuple(wires), hand=drawing.hand if held else None, wall=None)
+    return replace(drawing, blocks=blocks, wires=tuple(wires), hand=None, wall=None)
 
 
 def common(found: Sequence[Intervals]) -> Intervals:

@@ -153,10 +153,16 @@ class DrawnTask:
 
     def _intervals(self, values, size, opened):
         parts = () if isinstance(self.drawing, Uneven) else apart(self.drawing)
-        if len(parts) <= 1:
+        if len(parts) <= 1 or self._drifts(values, self.drawing) != sum(self._drifts(values, part) for part in parts):
             return self.connected(values, size, opened)
+        domains(self.drawing, values, self.along, self.span, size)  # of what leads from one part to another, too
         alone = [(replace(self, drawing=part), open_loops(part, values, self.own, self.number)) for part in parts]
         return common([task.connected(values, size, each) for task, each in alone])
+
+    def _drifts(self, values, drawing):
+        """How many shifts of a drawing nothing opposes; those of a part may be opposed by what reads them."""
+        drift = drift_of(drawing, values | {self.along: 1.0}, self.own)
+        return len(drift.moved) + len(drift.folded)
 
     def connected(self, values, size, opened) -> Intervals:
         """The intervals of loops that are one piece; opened: without the number, see `open_loops`."""
