@@ -1427,3 +1427,33 @@ def test_terms_that_cancel_by_way_of_three_held_values_are_noticed(gains, left):
     exact = abs(Fraction(near) * Fraction(far) - Fraction(last)) / 2
     radius = loop.spectral_radius()
     assert np.isnan(radius) if left == 0 else radius == pytest.approx(float(exact) ** (1 / 3), rel=1e-3)
+
+
+@pytest.mark.parametrize(("every", "limit"), [((18, 300, 125), 211.08), ((9, 100, 125), 156.92), ((36, 400, 250), 244.55)])
+def test_three_rates_that_are_in_step_after_thousands_of_ticks_are_certified(every, limit):
+    """Motors at 1 kHz, a camera and a policy; the product of all ticks in a row has hardly any stretch twice."""
+    motor, camera, policy = every
+    tables = {
+        "rates": {"tick_hz": 1000 * motor},
+        "numbers": {"m": 0.5, "kp": 10.0, "kd": 3.0},
+        "block": {
+            "arm": {"type": "mass", "mass": "m", "damping": 1.0},
+            **{name: {"type": "hold", "every": motor} for name in ("seen", "told")},
+            "speed": {"type": "difference", "every": motor},
+            "force": {"type": "delay", "steps": 1, "every": motor},
+            "camera": {"type": "hold", "every": camera},
+            "policy": {"type": "delay", "steps": 1, "every": policy},
+        },
+        "wire": {
+            "seen.u": "arm.x", "speed.u": "arm.x", "camera.u": "arm.x", "policy.u": "camera.y", "told.u": "policy.y",
+            "force.u": "-kd*speed.y - kp*told.y - seen.y", "arm.f": "force.y",
+        },
+    }  # fmt: skip
+    loop = wavesweep.compile(tables)
+    for number, stop in (("kp", 3000.0), ("kd", 400.0)):
+        found = loop.stable_intervals(number, (0.0, stop))
+        assert (found.certified.tolist(), found["intervals"].tolist()) == ([True], [1])
+        assert found.high[0] == (pytest.approx(limit, rel=1e-4) if number == "kp" else stop)
+        if number == "kp":
+            radius = loop.spectral_radius(kp=found.high[0] * np.array([1 - 1e-7, 1 + 1e-7]))
+            assert radius[0] < 1 < radius[1]

@@ -175,16 +175,17 @@ def size_of(matrix) -> np.ndarray:
 def in_a_row(kinds, maps, joined):
     """Return the maps of a sequence of kinds joined in a row; repeated stretches are joined once.
 
-    joined(first, second): one map after the other.
+    joined(first, second): one map after the other. What does not repeat is joined two by two, so that bounds on errors go
+    through few joins: one after the other they would grow with the entries of hundreds of short stretches.
     """
     pairs, rest = _plan(np.asarray(kinds, np.int64).tobytes())
     known = dict(enumerate(maps))
     for name, (first, second) in pairs:
         known[name] = joined(known[first], known[second])
-    total = known[rest[0]]
-    for name in rest[1:]:
-        total = joined(total, known[name])
-    return total
+    row = [known[name] for name in rest]
+    while len(row) > 1:
+        row = [joined(*row[at : at + 2]) if at + 1 < len(row) else row[at] for at in range(0, len(row), 2)]
+    return row[0]
 
 
 @lru_cache(maxsize=64)
