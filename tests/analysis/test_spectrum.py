@@ -131,6 +131,18 @@ def test_loops_in_a_row_are_judged_one_by_one():
     assert np.isnan(radius_of(E[:1], np.array([True]))).all()
 
 
+def test_eigenvalues_are_counted_in_units_that_are_far_apart():
+    """Their largest entry is no measure of the rounding of eigenvalues, whose computation chooses units of its own."""
+    r = np.random.default_rng(11)
+    E, units = r.normal(size=(40, 4, 4)) / 2 - np.eye(4), np.exp2(np.array([0, 90, -150, 40]))
+    count, clear = count_outside(E)
+    assert clear.all()
+    assert [part.tolist() for part in count_outside(E * units / units[:, None])] == [count.tolist(), clear.tolist()]
+    on = 0.6 * E
+    on[:, 0], on[:, 0, 0] = 0.0, -2.0  # an eigenvalue -1
+    assert not count_outside(on * units / units[:, None])[1].any()
+
+
 def test_a_bound_whose_inverse_underflows_is_none():
     E = with_delays(3, 60)
     assert spectrum._at_least(E, np.ones(63), np.array([1e200])) == 0

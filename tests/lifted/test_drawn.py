@@ -1,6 +1,7 @@
 """Loops of several rates against limits that are known in closed form, the built-in loops, and products tick by tick."""
 
 import re
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.errors import UsageError
 from wavesweep.lifted.number import cut_of, open_frame
 from wavesweep.lifted.periodic import frame_of, in_a_row, then, ticks_of
+from wavesweep.lifted.rounding import frame_errors
 from wavesweep.lifted.tick_drift import closed_frame, drift_of_drawn
 
 
@@ -163,6 +165,23 @@ def test_maps_are_joined_in_their_order(length):
     for kind in kinds:
         whole = (np.eye(4) + maps[kind]) @ whole
     assert in_a_row(kinds, maps, then) + np.eye(4) == pytest.approx(whole, rel=1e-11, abs=1e-11)
+
+
+@pytest.mark.parametrize("length", [1, 2, 60, 900])
+def test_the_bound_on_the_rounding_of_a_frame_is_none_too_large(length):
+    """Damped turns in other units, in an order that repeats little; exact by fractions. Sizes alone grow by 3 % in a tick."""
+    r = np.random.default_rng(length)
+    kinds, angles, units = r.integers(0, 3, length), (0.02, 0.03, 0.04), np.array([[1.0, 0.1], [10.0, 1.0]])
+    turns = [np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]) for angle in angles]
+    changes = [0.999 * turn * units - np.eye(2) for turn in turns]
+    E, dE = frame_errors(kinds, changes, [np.abs(each) for each in changes])
+    exact = [[Fraction(i == j) for j in range(2)] for i in range(2)]
+    ticks = [[[Fraction(each[i, j]) + (i == j) for j in range(2)] for i in range(2)] for each in changes]
+    for kind in kinds.tolist():
+        exact = [[sum(row[k] * exact[k][j] for k in range(2)) for j in range(2)] for row in ticks[kind]]
+    off = np.array([[float(abs(Fraction(E[i, j]) + (i == j) - exact[i][j])) for j in range(2)] for i in range(2)])
+    assert np.all(off <= dE)
+    assert np.all(dE <= 100 * length * np.finfo(float).eps * units)
 
 
 def test_a_frame_that_is_too_long_is_refused():

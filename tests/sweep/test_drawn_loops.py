@@ -1429,13 +1429,11 @@ def test_terms_that_cancel_by_way_of_three_held_values_are_noticed(gains, left):
     assert np.isnan(radius) if left == 0 else radius == pytest.approx(float(exact) ** (1 / 3), rel=1e-3)
 
 
-@pytest.mark.parametrize(("every", "limit"), [((18, 300, 125), 211.08), ((9, 100, 125), 156.92), ((36, 400, 250), 244.55)])
-def test_three_rates_that_are_in_step_after_thousands_of_ticks_are_certified(every, limit):
-    """Motors at 1 kHz, a camera and a policy; the product of all ticks in a row has hardly any stretch twice."""
-    motor, camera, policy = every
-    tables = {
+def camera_and_policy(motor, camera, policy, **numbers):
+    """Motors at 1 kHz, a camera and a policy, which run every so many ticks."""
+    return {
         "rates": {"tick_hz": 1000 * motor},
-        "numbers": {"m": 0.5, "kp": 10.0, "kd": 3.0},
+        "numbers": {"m": 0.5, "kp": 10.0, "kd": 3.0, **numbers},
         "block": {
             "arm": {"type": "mass", "mass": "m", "damping": 1.0},
             **{name: {"type": "hold", "every": motor} for name in ("seen", "told")},
@@ -1449,7 +1447,12 @@ def test_three_rates_that_are_in_step_after_thousands_of_ticks_are_certified(eve
             "force.u": "-kd*speed.y - kp*told.y - seen.y", "arm.f": "force.y",
         },
     }  # fmt: skip
-    loop = wavesweep.compile(tables)
+
+
+@pytest.mark.parametrize(("every", "limit"), [((18, 300, 125), 211.08), ((9, 100, 125), 156.92), ((36, 400, 250), 244.55)])
+def test_three_rates_that_are_in_step_after_thousands_of_ticks_are_certified(every, limit):
+    """The product of all ticks in a row has hardly any stretch twice."""
+    loop = wavesweep.compile(camera_and_policy(*every))
     for number, stop in (("kp", 3000.0), ("kd", 400.0)):
         found = loop.stable_intervals(number, (0.0, stop))
         assert (found.certified.tolist(), found["intervals"].tolist()) == ([True], [1])
@@ -1457,3 +1460,23 @@ def test_three_rates_that_are_in_step_after_thousands_of_ticks_are_certified(eve
         if number == "kp":
             radius = loop.spectral_radius(kp=found.high[0] * np.array([1 - 1e-7, 1 + 1e-7]))
             assert radius[0] < 1 < radius[1]
+
+
+BEYOND = [
+    ((3, 30, 100), {"m": 0.425, "kp": 188.45}),
+    ((9, 45, 125), {"m": 0.255, "kp": 57.87}),
+    ((3, 25, 300), {"m": 0.035, "kp": 24.13}),
+]
+
+
+@pytest.mark.parametrize(("every", "numbers"), BEYOND)
+def test_a_range_that_goes_on_far_beyond_the_stable_values_is_certified(every, numbers):
+    """Frames grow by up to 10^200 there, which gives the states units in which other frames have entries as large."""
+    loop = wavesweep.compile(camera_and_policy(*every, **numbers))
+    found = loop.stable_intervals("kd", (0.0, 400.0))
+    assert (found.certified.tolist(), found["intervals"].tolist()) == ([True], [1])
+    ends = found[["low", "high"]].to_numpy()[0]
+    inside, outside = (
+        loop.spectral_radius(kd=ends * (1 + step)) for step in (np.array([1e-7, -1e-7]), np.array([-1e-7, 1e-7]))
+    )
+    assert (inside < 1).tolist() == (outside > 1).tolist() == [True, True]

@@ -14,6 +14,7 @@ ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue sa
 BACKWARD = 16  # of the largest entry of a balanced matrix, what its computed eigenvalues are exact for
 NEIGHBOURHOOD = 1e-3  # from the circle, where the digits that an eigenvalue may have lost matter
 MEETING = 4  # number of the nearest ones that are examined, and all others in the neighbourhood
+UNEVEN = 1e3  # times the largest entry of a balanced matrix: a larger one hides eigenvalues that are known
 MANY = 100  # states, from which on a bound on a singular value stands for it
 LARGE = 40  # states, from which on delays are left out of singular values, if they are most of them
 MOST_BY_SIGNS = 12  # eigenvalues; coefficients of more crowd, and signs of sums of them are seldom sure
@@ -246,6 +247,12 @@ def _by_eigenvalues(E):
     count = np.where(finite, (outside > 0).sum(-1), -1)
     distance = np.abs(outside)
     clear = finite & (distance.min(-1, initial=np.inf) > tolerance)
+    again = np.flatnonzero(finite & ~clear & (size > UNEVEN))
+    if again.size:  # in units in which its entries are much smaller
+        even = balance(E[again])[0]
+        better = size[again] > UNEVEN * np.abs(even).max((-1, -2), initial=0)
+        if better.any():
+            count[again[better]], clear[again[better]] = _by_eigenvalues(even[better])
     near = clear & (distance.min(-1, initial=np.inf) < NEIGHBOURHOOD)
     some = np.flatnonzero(clear & ~near & may_cross(delta, size))
     near[some] = may_cross(delta[some], np.abs(balance(E[some])[0]).max((-1, -2), initial=0)) if some.size else False

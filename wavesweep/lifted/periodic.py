@@ -178,14 +178,19 @@ def in_a_row(kinds, maps, joined):
     joined(first, second): one map after the other. What does not repeat is joined two by two, so that bounds on errors go
     through few joins: one after the other they would grow with the entries of hundreds of short stretches.
     """
+    row = stretches(kinds, maps, joined)
+    while len(row) > 1:
+        row = [joined(*row[at : at + 2]) if at + 1 < len(row) else row[at] for at in range(0, len(row), 2)]
+    return row[0]
+
+
+def stretches(kinds, maps, joined):
+    """Return the maps of the longest stretches of a sequence of kinds that repeat, and of what is between them, in a row."""
     pairs, rest = _plan(np.asarray(kinds, np.int64).tobytes())
     known = dict(enumerate(maps))
     for name, (first, second) in pairs:
         known[name] = joined(known[first], known[second])
-    row = [known[name] for name in rest]
-    while len(row) > 1:
-        row = [joined(*row[at : at + 2]) if at + 1 < len(row) else row[at] for at in range(0, len(row), 2)]
-    return row[0]
+    return [known[name] for name in rest]
 
 
 @lru_cache(maxsize=64)

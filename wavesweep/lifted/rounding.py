@@ -5,6 +5,7 @@ have lost digits, and show no sign of it.
 """
 
 from functools import partial
+from itertools import accumulate
 from math import prod
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from wavesweep.diagram.block import loss
 from wavesweep.lifted.batches import in_parts
 from wavesweep.lifted.circle import inverse
-from wavesweep.lifted.periodic import GROWING, Change, Ticks, in_a_row, then
+from wavesweep.lifted.periodic import GROWING, Change, Ticks, in_a_row, stretches, then
 
 ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
 ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
@@ -55,11 +56,30 @@ def frame_errors(kind, changes, sizes) -> tuple[np.ndarray, np.ndarray]:
 
     def frame(part):
         some = [tuple(each[part] if each.ndim > 2 else each for each in tick) for tick in ticks]
-        return np.stack(np.broadcast_arrays(*in_a_row(kinds, some, joined)), axis=-3)
+        return np.stack(np.broadcast_arrays(*_joined_at_once(stretches(kinds, some, joined))), axis=-3)
 
     with np.errstate(all="ignore"):  # of a frame that overflows
         found = in_parts(frame, batch, changes[0].shape[-1], float)
     return found[..., 0, :, :], found[..., 1, :, :]
+
+
+def _joined_at_once(row):
+    """Return all stretches of a row joined, less identity, and a bound on the error of its entries.
+
+    row: of pairs, as of `both`. The error that a stretch or a join leaves goes through the product of all that follows, and not
+    through one stretch after the other, whose sizes would multiply.
+    """
+    before, after = list(accumulate((E for E, _ in row), then)), list(accumulate((E for E, _ in row[:0:-1]), _ahead))[::-1]
+    eye, error = np.eye(before[0].shape[-1]), row[0][1]
+    own = [error]
+    for (E, dE), known in zip(row[1:], before, strict=False):
+        size, one = np.abs(E), np.abs(known)
+        own.append(dE @ np.abs(eye + known) + ROUNDING * (one + size + size @ one))
+    return before[-1], sum((np.abs(eye + later) @ each for later, each in zip(after, own, strict=False)), own[-1])
+
+
+def _ahead(later, earlier):
+    return then(earlier, later)
 
 
 def frame_and_cancellation(kind, changes, links=None, beyond: float = CANCELLED) -> tuple[np.ndarray, np.ndarray]:
