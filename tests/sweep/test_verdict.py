@@ -90,6 +90,43 @@ def test_rounding_at_the_lowest_frequencies_is_no_damping(slow_hz, wall, Kp):
     assert wavesweep.verdict(tables)["felt"]["damping"] == pytest.approx(impedance / (2 * np.pi * hz), rel=1e-3)
 
 
+def with_a_slow_part(stiffness, damping, slow, seconds):
+    """A wall with a part `slow/(seconds s + 1)`, N/m."""
+    return {
+        "rates": {"tick_hz": 1000},
+        "block": {
+            "arm": {"type": "mass", "mass": 0.44, "damping": 7.0},
+            "creep": {"type": "tf", "num": [slow], "den": [seconds, 1.0]},
+        },
+        "wire": {"creep.u": "arm.x", "arm.f": f"hand - {stiffness}*arm.x - {damping}*arm.v - creep.y"},
+        "ports": {
+            "hand": {"force": "hand", "displacement": "arm.x", "reaction": f"{stiffness}*arm.x + {damping}*arm.v + creep.y"}
+        },
+    }
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "slow", "seconds"), [(6800.0, 0.00831, 80.0), (680.0, 0.0831, 8.0), (50.0, 0.00831, 80.0)]
+)
+def test_a_slow_part_of_a_wall_is_felt_or_the_damping_is_not_known(stiffness, slow, seconds):
+    """It takes `slow seconds` of the damping. Above its own frequency looks at 1.5 N*s/m agree, better than those below."""
+    damping = wavesweep.verdict(with_a_slow_part(stiffness, 1.5, slow, seconds))["felt"]["damping"]
+    assert (damping is None) == (stiffness > 1000)
+    if damping is not None:
+        assert damping == pytest.approx(1.5 - slow * seconds, rel=2e-3)
+
+
+def test_an_interval_that_ends_where_nothing_is_known_does_not_reach_the_end_of_the_range():
+    loop = {
+        "rates": {"ratio": 500}, "device": {"mass": 0.2366291440102395},
+        "controller": {"kind": "pmw-lm", "b": 317.23109675852925},
+        "environment": {"K_VE": 4.560353580674335, "B_VE": 10.721229255849918}, "local_model": {"K_LM": 452.24926297127587},
+    }  # fmt: skip
+    b = limit_of(wavesweep.verdict(loop), "b")
+    assert (b["certified"], b["low"], b["from"]) == (False, None, pytest.approx(31.7231, rel=1e-5))
+    assert b["high"] == b["intervals"][0][1] < 1000 < b["to"]
+
+
 def test_a_late_wall_is_felt_with_less_damping():
     """A force that is late by tau has the damping B - K tau: half a frame of hold here."""
     felt = verdict(values_of("dc-slow", K_VE=50.0, B_VE=3.0))["felt"]

@@ -24,6 +24,7 @@ HANDS = {
     "box": ("stable with every hand of the box", "stable", "nowhere stable with every hand of the box in the swept range"),
     "port": ("hand's port passive, forces held over a tick", "passive", "nowhere passive in the swept range"),
 }
+STIFFNESS = ("N/m", "N*m/rad")
 MOST_SHOWN = 12  # slices whose intervals are shown one by one
 # Their rows are never proved as a whole: a doubt says nothing about the range outside of their intervals.
 SEARCHED = ("passive", "box", "port")
@@ -70,6 +71,9 @@ class IntervalTally:
         self._hand, self._axes, self._facts = hand, axes or {}, facts or {}
         self._rows = self._intervals = self._split = 0
         self._doubts: Counter[str] = Counter()
+        self._falls = (
+            False  # whether a stiffness felt is smaller at the high end of an interval, so that more may be felt between
+        )
         self._along = "?"
         self._largest, self._without_gap, self._felt = Extreme(), Extreme(), Extreme(FELT_ALIKE)
         self._slices: list[tuple[dict[str, float], list[str]]] = []  # values of the axes, and intervals, of the first few
@@ -92,6 +96,7 @@ class IntervalTally:
         low, high = columns["felt_low"], columns["felt_high"]
         stiffer = np.isnan(low) | np.isnan(high) | (high > low + FELT_ALIKE * np.abs(low))
         ends = np.where(stiffer, columns["high"], columns["low"])
+        self._falls |= bool((~stiffer & (high < low - FELT_ALIKE * np.abs(low))).any())
         self._felt.add(np.where(stiffer, high, low), {**columns, "value": ends})
 
     def _list(self, columns: Columns) -> None:
@@ -200,12 +205,16 @@ class IntervalTally:
         return f"{first} {found['value']:.6g}{self._unit(self._along)}{self._place(found)}{self._doubtful(found)}"
 
     def stiffest_felt(self) -> str:
-        """Text: the largest static stiffness that the hand feels within the stable intervals, and its place; may be empty."""
+        """Text: the largest static stiffness that the hand feels at an end of a stable interval, and its place; may be empty.
+
+        Between the ends of a range of stiffnesses nothing is felt that is stiffer, unless what is felt falls.
+        """
         found = self._felt_numbers()
         if found is None:
             return ""
         wall = f" with {self._along} = {found['with']:.6g}{self._unit(self._along)}{self._gap(self._felt.row['low'])}"
-        felt = f"stiffest wall as the hand feels it: {found['value']:.6g} {found['unit']}"
+        ends = ", at an end of an interval" if self._falls or self._unit(self._along).strip() not in STIFFNESS else ""
+        felt = f"stiffest wall as the hand feels it{ends}: {found['value']:.6g} {found['unit']}"
         return f"{felt}{wall}{self._place(found)}{self._doubtful(found)}"
 
     def feels_the_wall(self) -> bool:

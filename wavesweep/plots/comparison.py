@@ -16,6 +16,7 @@ from wavesweep.plots.style import (
     by_factors,
     distinct_colour,
     figure,
+    incomplete,
     label,
     note_assumptions,
     printed,
@@ -86,8 +87,10 @@ def _handles(specs: list[str], columns: Columns, responses: Columns | None) -> t
     from matplotlib.lines import Line2D
 
     stable, grey = columns["intervals"] > 0, {"color": "0.4"}
+    clipped = stable & np.isnan(columns["high_omega"])
+    ended = ", or nothing is known beyond" if (clipped & incomplete(columns)).any() else ""
     marks = [
-        (stable & np.isnan(columns["high_omega"]), _CLIPPED | grey, "the swept range ends it"),
+        (clipped, _CLIPPED | grey, f"the swept range ends it{ended}"),
         (stable & (columns["low"] > 0), _LOWER | grey, "lower end of a further interval"),
         (~columns["certified"] & stable, _DOUBTED, "not certified"),
     ]

@@ -373,7 +373,7 @@ def hand_handles(columns: Columns) -> list[Any]:
 def _extent(rows: Columns, bottom: float) -> str:
     if not rows["intervals"].any():
         return ": none"
-    whole = (rows["intervals"] == 1) & (rows["low"] == bottom) & np.isnan(rows["high_omega"])
+    whole = (rows["intervals"] == 1) & (rows["low"] == bottom) & np.isnan(rows["high_omega"]) & ~incomplete(rows)
     return ": whole range" if whole.all() else ""
 
 

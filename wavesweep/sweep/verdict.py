@@ -141,8 +141,8 @@ def _limit(spec, name, path, cut, span=None):
     if not inside.any():
         return found
     row = int(np.flatnonzero(inside)[0])
-    for end in ("low", "high"):
-        if not np.isnan(rows[f"{end}_omega"][row]):
+    for end, of_range in zip(("low", "high"), span, strict=True):  # one without a crossing may end where nothing is known
+        if not np.isnan(rows[f"{end}_omega"][row]) or rows[end][row] != of_range:
             found[end] = float(rows[end][row])
     return found
 
@@ -208,7 +208,9 @@ def _damping(response, low):
     """Imaginary part of the impedance over frequency towards 0 Hz; NaN if it is not known to ROUGHLY.
 
     It is extrapolated from pairs of ever lower frequencies, from `low` Hz on. Lower down a slow mode does less, and rounding
-    more: a pair is as good as it agrees with one next to it, and its own rounding allows. response: of frequencies.
+    more: a pair is as good as it agrees with one next to it, and its own rounding allows. Pairs above a slow mode may agree
+    better than those below it, so the best is looked for among those that agree with the lowest good one, and nothing is known
+    if one further down differs by more than its rounding. response: of frequencies.
     """
     frequency = low * np.array([1, 0.5]) / FALL ** np.arange(FALLS)[:, None]
     found = response(frequency.ravel())
@@ -218,7 +220,15 @@ def _damping(response, low):
         damping, rounding = (4 * values[:, 1] - values[:, 0]) / 3, (4 * unsure[:, 1] + unsure[:, 0]) / 3
         apart = np.pad(np.abs(np.diff(damping)), 1, constant_values=np.inf)
         off = np.fmin(apart[:-1], apart[1:]) + rounding
-        best = np.argmin(np.where(np.isnan(off), np.inf, off))
+        off = np.where(np.isnan(off), np.inf, off)
+        good = np.flatnonzero(off <= ROUGHLY * np.abs(damping))
+        if good.size:
+            alike = np.abs(damping - damping[good[-1]]) <= ROUGHLY * np.abs(damping[good[-1]])
+            off = np.where(alike, off, np.inf)
+        best = np.argmin(off)
+        below = np.abs(damping[best + 1 :] - damping[best]) > rounding[best + 1 :] + off[best]
+        if below.any():
+            return np.nan
         if off[best] <= ROUGHLY * np.abs(damping[best]):
             return damping[best]
         nothing = abs(damping[best]) <= off[best] <= NOTHING * np.abs(impedance[0, 0]) / low
