@@ -1480,3 +1480,29 @@ def test_a_range_that_goes_on_far_beyond_the_stable_values_is_certified(every, n
         loop.spectral_radius(kd=ends * (1 + step)) for step in (np.array([1e-7, -1e-7]), np.array([-1e-7, 1e-7]))
     )
     assert (inside < 1).tolist() == (outside > 1).tolist() == [True, True]
+
+
+def chain(masses):
+    """Masses on springs and dampers in a row, the first of which a PD law at 4 kHz holds."""
+    blocks = {f"m{i}": {"type": "mass", "mass": "m", "damping": 0.02} for i in range(masses)}
+    wires = {f"m{i}.f": "0" for i in range(masses)}
+    for i in range(masses - 1):
+        force = f"(k*(m{i + 1}.x - m{i}.x) + c*(m{i + 1}.v - m{i}.v))"
+        wires |= {f"m{i}.f": f"{wires[f'm{i}.f']} + {force}", f"m{i + 1}.f": f"-{force}"}
+    blocks |= {"speed": {"type": "difference"}}
+    wires |= {"speed.u": "m0.x", "m0.f": f"{wires['m0.f']} - kp*m0.x - kd*speed.y".removeprefix("0 + ")}
+    numbers = {"m": 0.05, "k": 2000.0, "c": 0.2, "kp": 50.0, "kd": 1.0}
+    return {"rates": {"tick_hz": 4000}, "numbers": numbers, "block": blocks, "wire": wires}
+
+
+@pytest.mark.parametrize(
+    ("masses", "along", "span"), [(9, "k", (100.0, 20000.0)), (10, "m", (0.01, 1.0)), (12, "c", (0.0, 5.0))]
+)
+def test_chains_of_many_slow_modes_are_certified(masses, along, span):
+    """The products of all their pairs are below the smallest double."""
+    loop = wavesweep.compile(chain(masses))
+    found = loop.stable_intervals(along, span)
+    assert found.certified.all()
+    p = np.geomspace(max(span[0], 1e-3 * span[1]), span[1], 40)[1:-1]
+    stable = loop.spectral_radius(**{along: p}) < 1
+    assert stable.tolist() == [any(low < each < high for low, high in zip(found.low, found.high, strict=True)) for each in p]

@@ -13,6 +13,7 @@ from wavesweep.analysis.intervals import critical, panels, stable_intervals
 from wavesweep.analysis.intervals.any_parameter import BENT, stable_along_any
 from wavesweep.analysis.intervals.panels import bracketed_roots
 from wavesweep.errors import UsageError
+from wavesweep.kernel import using
 
 RECIPES = Path(__file__).parents[3] / "sweeps" / "recipes"
 BANK = {"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit", "K_VE": 1000.0}}
@@ -176,6 +177,26 @@ def test_the_critical_functions_of_a_matrix_alone_have_the_same_bits_as_among_ot
         alone = function(E[column : column + 1])
         for one, all_ in zip(alone, together, strict=True):
             assert np.array_equal(one[:, 0], all_[:, column])
+
+
+@pytest.mark.parametrize("kernel", ["numpy", "numba"])
+def test_the_critical_function_of_many_slow_modes_is_as_small_as_their_product(kernel):
+    """The determinant that it comes from is beyond the smallest double."""
+    if kernel == "numba":
+        pytest.importorskip("numba", reason="an optional extra")
+    w = 1e-7 * 3.0 ** np.arange(6) * np.exp(1j * np.linspace(1.6, 2.9, 6))
+    E = np.zeros((2, 12, 12))
+    for k, each in enumerate(w):
+        E[:, 2 * k : 2 * k + 2, 2 * k : 2 * k + 2] = [[each.real, -each.imag], [each.imag, each.real]]
+    both = np.concatenate([w, w.conj()])
+    pairs = [-(both[i] + both[j] + both[i] * both[j]) for i in range(12) for j in range(i)]
+    assert np.log(np.abs(pairs)).sum() < -750
+    with using(kernel):
+        for function in FUNCTIONS:
+            phase, log, error = (part[critical.PAIR] for part in function(E))
+            assert critical.EPS * error.max() < 1e-3
+            assert log == pytest.approx(np.log(np.abs(pairs)).sum(), abs=1e-3)
+            assert phase.real == pytest.approx(np.sign(np.prod([each / abs(each) for each in pairs]).real))
 
 
 @pytest.mark.slow

@@ -309,4 +309,4 @@ def _last_but_one(q, reach):
         for j in range(half):
             total += np.abs(back[j, i]) * error[i, j]
     # A matrix that is exactly singular has no inverse to say what errors do to it.
-    return phase, np.where(log > -690, log, -690.0), np.where(lost | (phase == 0), np.inf, total)
+    return phase, np.where(phase == 0, -690.0, log), np.where(lost | (phase == 0), np.inf, total)

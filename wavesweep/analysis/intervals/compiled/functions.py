@@ -246,7 +246,7 @@ def _determinant(matrix, error):
     for i in range(n):
         for j in range(n):
             total += abs(inverse[j, i]) * error[i, j]
-    return phase, max(log, -690.0), total
+    return phase, log, total
 
 
 def characteristic(E):
