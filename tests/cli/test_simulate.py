@@ -72,6 +72,16 @@ def test_the_response_stands_beside_that_of_the_linear_loop(simulate):
         np.testing.assert_allclose(columns[name], columns[f"linear_{name}"], rtol=1e-3)
 
 
+@pytest.mark.parametrize(("hz", "left"), [("1, 2", ""), ("1, 2, 4", "4"), ("1, 2, 4, 5, 6, 7, 8, 9", "4, ..., 9")])
+def test_sines_that_are_not_measured_are_named(simulate, hz, left):
+    simulate("input=stepped-sine", f"frequency_hz=[{hz}]", "settle_s=0.1", "periods=1", "duration_s=2.5")
+    assert results.read("there/simulate-response.csv")["frequency_hz"].tolist() == [1.0, 2.0]
+    facts = json.loads(Path("there/simulate.datapackage.json").read_text())["wavesweep"]
+    assert [text for text in facts["notices"] if "not measured" in text] == [
+        f"not measured at {left} Hz: the input ends before they have settled; a longer simulate.duration_s measures them"
+    ] * bool(left)
+
+
 def test_the_facts_hold_the_whole_spec_and_its_digest(simulate):
     simulate("wall=0.002")
     for kind in ("simulate", "simulate-response"):

@@ -64,6 +64,7 @@ def simulation_of(spec: Spec, force=None, **changes: Any) -> Simulation:
 
 
 VELOCITY = "ports.hand.velocity"
+SHOWN = 5  # frequencies that a notice names
 
 
 def with_velocity(drawn: Drawn, drawing: Drawing) -> Drawn:
@@ -144,7 +145,7 @@ def simulate(spec: Spec) -> list[Table]:
     columns = table(simulation)
     simulated_at, linear, drawn = time.perf_counter(), linear_loop(spec), loop_of(spec) is not None
     methods, seconds = DRAWN_METHODS if drawn else METHODS, {"march_s": simulated_at - started}
-    facts = _facts(spec, methods, seconds, list(_notices(spec))) | {"linear_loop": linear}
+    facts = _facts(spec, methods, seconds, [*_unmeasured(spec, hand.tones), *_notices(spec)]) | {"linear_loop": linear}
     rows = len(columns["tick"])
     facts["ticks"] = {"wanted": len(hand.force), "simulated": rows, "stopped": _stopped(simulation, rows, len(hand.force))}
     if spec.drawing:  # whose rate may be an expression
@@ -160,6 +161,15 @@ def simulate(spec: Spec) -> list[Table]:
         facts = _facts(spec, methods, timings, notices) | {"linear_loop": linear}
         tables.append(Table.of("simulate-response", response, facts))
     return tables
+
+
+def _unmeasured(spec, tones):
+    """Yield a notice about the sines of which no settled section is within the record."""
+    if spec.simulate["input"] in ("sine", "stepped-sine"):
+        left = [f"{hz:g}" for hz in spec.simulate["frequency_hz"][len(tones) :]]
+        if left:
+            named = ", ".join(left if len(left) <= SHOWN else [left[0], "...", left[-1]])
+            yield f"not measured at {named} Hz: the input ends before they have settled; a longer simulate.duration_s measures them"
 
 
 def _images(tones, tick, frame):
