@@ -169,9 +169,8 @@ def _unmeasured(spec, tones):
         left = [f"{hz:g}" for hz in spec.simulate["frequency_hz"][len(tones) :]]
         if left:
             named = ", ".join(left if len(left) <= SHOWN else [left[0], "...", left[-1]])
-            yield (
-                f"not measured at {named} Hz: the input ends before they have settled; a longer simulate.duration_s measures them"
-            )
+            longer = "a longer simulate.duration_s measures them"
+            yield f"not measured at {named} Hz: the input ends before they have settled; {longer}"
 
 
 def _images(tones, tick, frame):
