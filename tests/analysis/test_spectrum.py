@@ -114,6 +114,24 @@ def test_equal_loops_in_a_row_keep_the_digits_of_one():
     assert np.array(count_outside(E[None])).tolist() == [[0], [True]]
 
 
+@pytest.mark.parametrize("states", [24, 210, 240])
+def test_blocks_are_those_of_states_that_act_on_one_another(states):
+    """Three rings, of which each acts on the next, and states that only hand on another one; shuffled."""
+    r, size = np.random.default_rng(states), states // 4
+    E = np.zeros((states, states))
+    for k in range(3):
+        at = np.arange(k * size, (k + 1) * size)
+        E[at, np.roll(at, 1)] = 1.0
+        E[at[0], max(0, at[0] - 1)] = 1.0
+    rest = np.arange(3 * size, states)
+    E[rest, rest - 1] = 1.0
+    order = r.permutation(states)
+    ((some, blocks),) = spectrum.diagonal_blocks(E[order][:, order])
+    assert some.tolist() == [0]
+    assert sorted(block.shape[-1] for block in blocks) == sorted([size] * 3 + [states - 3 * size])
+    assert spectrum.diagonal_blocks(E[: size + 1, : size + 1]) == []
+
+
 def test_loops_in_a_row_are_judged_one_by_one():
     """A matrix without a coupling has other blocks, one that is not finite has no eigenvalue, whatever its blocks are."""
     E = np.stack(

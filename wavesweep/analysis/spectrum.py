@@ -17,6 +17,7 @@ MEETING = 4  # number of the nearest ones that are examined, and all others in t
 UNEVEN = 1e3  # times the largest entry of a balanced matrix: a larger one hides eigenvalues that are known
 MANY = 100  # states, from which on a bound on a singular value stands for it
 LARGE = 40  # states, from which on delays are left out of singular values, if they are most of them
+SPARSE = 200  # states, from which on an import pays that finds the blocks of a matrix of few entries
 MOST_BY_SIGNS = 12  # eigenvalues; coefficients of more crowd, and signs of sums of them are seldom sure
 
 
@@ -61,15 +62,24 @@ def diagonal_blocks(E) -> list[tuple[np.ndarray, list[np.ndarray]]]:
     return found
 
 
-@lru_cache(maxsize=256)
-def _parts(n, pattern):
-    """The states of every diagonal block; one that has all of them if less than two have several."""
-    acts = np.frombuffer(pattern, bool).reshape(n, n) | np.eye(n, dtype=bool)
+def _blocks_of(acts):
+    """A number for each state, the same for those that act on one another."""
+    n = len(acts)
+    if n > SPARSE:
+        from scipy.sparse.csgraph import connected_components
+
+        return connected_components(acts, connection="strong")[1]
+    acts = acts | np.eye(n, dtype=bool)
     for _ in range((n - 1).bit_length()):
         acts = (acts.astype(np.float32) @ acts.astype(np.float32)) > 0
-    both = acts & acts.T
-    first = np.argmax(both, axis=-1)  # of the states that act on one another
-    blocks = [np.flatnonzero(first == each) for each in np.unique(first)]
+    return np.argmax(acts & acts.T, axis=-1)
+
+
+@lru_cache(maxsize=32)
+def _parts(n, pattern):
+    """The states of every diagonal block; one that has all of them if less than two have several."""
+    name = _blocks_of(np.frombuffer(pattern, bool).reshape(n, n))
+    blocks = [np.flatnonzero(name == each) for each in np.unique(name)]
     several = [block for block in blocks if block.size > 1]
     if len(several) < 2:
         return (np.arange(n),)

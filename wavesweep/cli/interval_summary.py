@@ -71,10 +71,7 @@ class IntervalTally:
         self._hand, self._axes, self._facts = hand, axes or {}, facts or {}
         self._rows = self._intervals = self._split = 0
         self._doubts: Counter[str] = Counter()
-        self._falls = (
-            False  # whether a stiffness felt is smaller at the high end of an interval, so that more may be felt between
-        )
-        self._along = "?"
+        self._falls = False  # whether less is felt at the high end of an interval: between its ends it may be more
         self._largest, self._without_gap, self._felt = Extreme(), Extreme(), Extreme(FELT_ALIKE)
         self._slices: list[tuple[dict[str, float], list[str]]] = []  # values of the axes, and intervals, of the first few
 

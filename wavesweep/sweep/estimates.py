@@ -46,21 +46,22 @@ LONGEST = 0.3  # s; no further sample after that
 
 def expected_seconds(job: Job, longest: float = LONGEST) -> float:
     """Seconds of work in one process for the whole job, estimated from a small part of it; longest: for the samples, s."""
-    job, numbers = _samples(job)
-    chunks, slices = [job.chunks[number] for number in numbers], 0
+    whole = job.slices
+    job, chunks = _samples(job)
+    tasks, slices = [job.task(chunk) for chunk in chunks], 0
     with naming_values(job):
-        timed(chunks[0].number, job.task(chunks[0]), chosen())  # the first call of everything costs more than it will later
+        timed(chunks[0].number, tasks[0], chosen())  # the first call of everything costs more than it will later
         started = time.perf_counter()
-        for chunk in chunks:
-            timed(chunk.number, job.task(chunk), chosen())
+        for chunk, task in zip(chunks, tasks, strict=True):
+            timed(chunk.number, task, chosen())
             seconds, slices = time.perf_counter() - started, slices + chunk.slices
             if seconds > longest:
                 break
-    return seconds / slices * job.slices
+    return seconds / slices * whole
 
 
 def _samples(job):
-    """The job in small chunks, and the numbers of some of them, alternately from its ends and its middle."""
+    """The job in small chunks, and some of them, alternately from its ends and its middle."""
     chunks = job.chunks
     enough = max(1, chunks.deep * chunks.wide // SHARE)
     wide = min(chunks.walls, enough)
@@ -69,4 +70,5 @@ def _samples(job):
         deep = min(deep, FEW_DRAWN)
     small = cut_otherwise(job, deep=deep, wide=wide)
     shares = np.linspace(0, 1, PROBES)[[0, 3, 5, 1, 4, 2]]
-    return small, list(dict.fromkeys(np.rint(shares * (len(small.chunks) - 1)).astype(int).tolist()))
+    numbers = dict.fromkeys(np.rint(shares * (len(small.chunks) - 1)).astype(int).tolist())
+    return small, [small.chunks[number] for number in numbers]
