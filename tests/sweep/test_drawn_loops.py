@@ -1506,3 +1506,16 @@ def test_chains_of_many_slow_modes_are_certified(masses, along, span):
     p = np.geomspace(max(span[0], 1e-3 * span[1]), span[1], 40)[1:-1]
     stable = loop.spectral_radius(**{along: p}) < 1
     assert stable.tolist() == [any(low < each < high for low, high in zip(found.low, found.high, strict=True)) for each in p]
+
+
+@pytest.mark.parametrize("low", [-123.4, -0.77, -2015.3, -1e-3])
+def test_an_end_at_0_within_a_range_is_0(low):
+    """And not what rounding of the range leaves of it. Without the spring the mass drifts."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"K": 10.0},
+        "block": {"arm": {"type": "mass", "mass": 0.5, "damping": 2.0}, "seen": {"type": "hold", "every": 3}},
+        "wire": {"seen.u": "arm.x", "arm.f": "-K*seen.y - 0.001*K*arm.v"},
+    }
+    found = wavesweep.compile(tables).stable_intervals("K", (low, -7.3 * low))
+    assert (found.low.tolist(), found.low_omega.tolist(), found.certified.tolist()) == ([0.0], [0.0], [True])

@@ -7,6 +7,7 @@ import numpy as np
 
 from wavesweep.analysis.doubt import COUNTS, NONE, SEARCH
 from wavesweep.analysis.intervals.critical import (
+    EPS,
     MOST_ERROR,
     PAIR,
     SURELY_UNSTABLE,
@@ -75,9 +76,11 @@ def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.i
         return EXACT + 0 * t if slope is None else EXACT * (np.abs(out(t)) + NEAR_ZERO * (high - low)) / slope(t)
 
     found = _by_recalled_states(partial(_through, evaluate, out), ends[:2], columns, period, bounds, slack)
-    # The range's own ends are given back as they were, not as they come out.
+    # The range's own ends are given back as they were, not as they come out, and 0 within it as what it is but for rounding.
+    nothing = EPS * (high - low) if low < 0 < high else 0.0
     lows, highs = (
-        np.where(part == end, own, out(part)) for part, end, own in zip((found.low, found.high), ends[:2], span, strict=True)
+        np.where(part == end, own, np.where(np.abs(out(part)) <= nothing, 0.0, out(part)))
+        for part, end, own in zip((found.low, found.high), ends[:2], span, strict=True)
     )
     return replace(found, low=lows, high=highs)
 
