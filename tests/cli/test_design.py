@@ -3,6 +3,7 @@
 import json
 import re
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,6 +20,8 @@ from wavesweep.seeking.genes import designs_of
 from wavesweep.seeking.study import DesignTask, box_of, job_of
 from wavesweep.seeking.verdicts import miss
 from wavesweep.spec import load
+from wavesweep.spec.design import WISHES
+from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.sweep import running, workers
 from wavesweep.sweep.checkpoint import DamagedError, FolderCheckpoint
 from wavesweep.sweep.hands import Guarantee
@@ -138,6 +141,12 @@ def test_the_bytes_are_the_same_for_two_workers_and_after_a_stop(run, tmp_path, 
     assert not list((tmp_path / "three").glob(".design-*"))
 
 
+def test_documents_name_the_stiffest_wall_that_is_searched():
+    assert f"of sweep.K_VE or {K_VE_SPAN[1]:g}" in str(WISHES["z_width"])
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    assert f"walls are searched up to the end of `sweep.K_VE`, by default {K_VE_SPAN[1]:g} N/m" in readme
+
+
 def test_bounds_that_no_design_meets_name_the_nearest_miss(run):
     walls = "sweep={K_VE={start=0, stop=60000}}"
     code, text, results = run("--set", "design.wish={z_width={at_least=50000, B_VE=[1]}}", "--set", walls)
@@ -223,6 +232,19 @@ def test_a_spec_without_a_design_is_refused(run, tmp_path):
     assert (code, "expected the tables [design.vary] and [design.wish], found none" in text) == (2, True)
 
 
+def test_bounds_that_no_design_meets_are_refused_before_any_search(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "far.toml").write_text(
+        '[controller]\nkind = "pmw"\n[design.vary]\nb = [10.0, 80.0]\n'
+        "[design.wish.damping_ratio]\nat_least = 2.0\n[design.wish.delay_margin]\nat_least = 50\n"
+    )
+    code, _, err = wavesweep("design", "far.toml")
+    assert code == 2
+    assert "far.toml:6:12: design.wish.damping_ratio.at_least: expected <= 1, found 2\n" in err
+    assert "far.toml:8:12: design.wish.delay_margin.at_least: expected <= 20, found 50\n" in err
+    assert not (tmp_path / "results").exists()
+
+
 @pytest.mark.parametrize(("designs", "said"), [(42, "2 of them as specs: "), (2, "as specs: ")])
 def test_the_summary_says_how_many_designs_are_written_as_specs(designs, said):
     counts = dict.fromkeys(("designs", "certified", "bounds_hold_between", "searched"), designs)
@@ -237,7 +259,7 @@ def test_the_summary_says_how_many_designs_are_written_as_specs(designs, said):
     assert not any("no further" in line for line, _ in design_lines(found))
     capped = found | {"own": {"z_width": 300.0}, "units": {"z_width": "N/m"}}
     assert any(line.startswith("walls are searched up to 300 N/m and no further") for line, _ in design_lines(capped))
-    assert f"{said}best/design-01.toml to best/design-42.toml" in [line for line, _ in design_lines(found)]
+    assert f"{said}best/design-01.toml ... best/design-42.toml" in [line for line, _ in design_lines(found)]
 
 
 def test_the_last_generation_is_checked_between_the_ends_of_the_ranges():

@@ -65,6 +65,9 @@ def test_ranks_by_domination():
     assert undominated(judged).tolist() == [0, 1, 2]
     assert undominated(Judged(f, f, np.array([1.0, 0, 0, 0, 0, 0]))).tolist() == [1, 2]
     assert undominated(Judged(f, f, np.array([1.0, 2, 3, 4, 5, 6]))).tolist() == [0]
+    noise = np.array([[-3000.0000000002674, 2.66e-6], [-3000.000000000064, 1.7e-21], [-2999.99999999998, 0.0], [-2999.9, 0.0]])
+    assert undominated(Judged(noise, noise, np.zeros(4))).tolist() == [2]  # whose walls differ by rounding alone
+    assert undominated(Judged(noise[:0], noise[:0], np.zeros(0))).tolist() == []
 
 
 def test_the_front_is_thinned_where_it_is_crowded():

@@ -64,7 +64,8 @@ def design_lines(found: Numbers) -> Iterator[Line]:
         yield f"walls are searched up to {found['walls_to']:g} N/m and no further: {further}", False
     if found["files"]:
         number = f"{len(found['files'])} of them " if 1 < len(found["files"]) < found["designs"] else ""
-        yield f"{number}as specs: {' to '.join(dict.fromkeys([found['files'][0], found['files'][-1]]))}", False
+        named = " ... ".join(dict.fromkeys([found["files"][0], found["files"][-1]]))
+        yield f"{number}as specs: {named}", False
     if "box" in found:
         kept, of = found["box"], count(found["designs"], "design")
         worst = f"; the worst keeps {100 * kept['least']:.3g} %" if kept["kept"] < found["designs"] else ""

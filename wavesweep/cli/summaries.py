@@ -329,8 +329,7 @@ def _range(values: np.ndarray) -> list[float] | None:
 
 
 def _span(ends: list[float], digits: int = 7) -> str:
-    low, high = ends
-    return f"{low:.{digits}g}" if low == high else f"{low:.{digits}g} to {high:.{digits}g}"
+    return " to ".join(dict.fromkeys(f"{end:.{digits}g}" for end in ends))
 
 
 BLOCKWISE = {"bode": BodeTally, "compare-bode": BodeTally, "passivity": PassivityTally, "compare": SpecTally}

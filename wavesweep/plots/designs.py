@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, figure, label, note_assumptions, printed, with_unit
+from wavesweep.plots.style import ONE_COLUMN, TWO_COLUMNS, by_factors, figure, label, note_assumptions, printed, with_unit
 from wavesweep.results.schema import fields
 from wavesweep.spec.design import WISHES
 
@@ -31,7 +31,7 @@ def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
     All values are the worst over what the designs have to hold for. The labels of the axes say which side is better. A single
     wish is a bar for the design that was found, and one for the spec's own.
     """
-    from matplotlib.ticker import MaxNLocator, NullFormatter
+    from matplotlib.ticker import FixedLocator, MaxNLocator
 
     wishes = list(facts["spec"]["design"]["wish"])
     free = [name for name in wishes if not {"at_least", "at_most"} & set(facts["spec"]["design"]["wish"][name])]
@@ -54,12 +54,13 @@ def design(columns: Mapping[str, np.ndarray], facts: Mapping[str, Any]) -> Any:
             panel = canvas.add_subplot(grid[1 + place // across, place % across])
             panel.plot(columns[x][order], columns[name][order], **_FRONT | {"markersize": 2.5})
             panel.set_title(label(name, facts), fontsize=7)
-            panel.set_xscale(front.get_xscale())
+            if front.get_xscale() == "log":
+                by_factors(panel.xaxis, columns[x].min(), columns[x].max())
             if (columns[name] > 0).all() and columns[name].max() > 5 * columns[name].min():
-                panel.set_yscale("log")
-                panel.yaxis.set_minor_formatter(NullFormatter())
+                by_factors(panel.yaxis, columns[name].min(), columns[name].max())
             if kinds[name] == "integer":
-                panel.yaxis.set_major_locator(MaxNLocator(integer=True))
+                most = columns[name].max() - columns[name].min()
+                panel.yaxis.set_major_locator(MaxNLocator(integer=True) if most else FixedLocator(columns[name][:1]))
                 panel.set_ylim(columns[name].min() - 0.5, columns[name].max() + 0.5)
             panel.grid(visible=True, color="0.9", linewidth=0.5)
             panel.tick_params(labelsize=6)
@@ -75,11 +76,11 @@ def _draw_front(axes: Any, columns: Mapping[str, np.ndarray], order: np.ndarray,
     axes.plot(columns[x][order], columns[y][order], label="designs that were found", **_FRONT)
     if own.get(x) is not None and own.get(y) is not None:
         axes.plot(own[x], own[y], label="the spec's own design", **_OWN)
-    for name, axis, scale in ((x, axes.xaxis, axes.set_xscale), (y, axes.yaxis, axes.set_yscale)):
+    for name, axis in ((x, axes.xaxis), (y, axes.yaxis)):
         axis.set_label_text(labels[name] if axis is axes.xaxis else labels[name].replace("), ", "),\n"))
         values = columns[name][np.isfinite(columns[name])]
         if values.size and values.min() > 0 and values.max() > 5 * values.min():
-            scale("log")
+            by_factors(axis, values.min(), values.max())
     axes.grid(visible=True, which="both", color="0.9", linewidth=0.5)
     axes.legend(loc="best")
 

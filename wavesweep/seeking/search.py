@@ -193,9 +193,15 @@ def spread(designs: Judged, count: int) -> Judged:
     return designs.take(order)
 
 
+_rounded = np.vectorize(lambda value: float(f"{value:.9g}"), otypes=[float])
+
+
 def undominated(designs: Judged) -> np.ndarray:
-    """Return the indices of the designs that no other dominates; of equal designs only the first is kept."""
-    violation, f = designs.violation, designs.objectives
+    """Return the indices of the designs that no other dominates; of equal designs only the first is kept.
+
+    Objectives are compared to the nine digits that they are good to: what differs by less is no reason to keep a design.
+    """
+    violation, f = designs.violation, _rounded(designs.objectives)
     better = (f[:, None] <= f[None]).all(-1) & (f[:, None] < f[None]).any(-1)
     earlier = (f[:, None] == f[None]).all(-1) & np.triu(np.ones((len(f), len(f)), bool), 1)
     feasible = violation == 0

@@ -20,6 +20,7 @@ from wavesweep.seeking.wishes import evaluate
 from wavesweep.spec import Spec
 from wavesweep.spec.design import HAND
 from wavesweep.spec.reading import Leaf
+from wavesweep.spec.resolving import longest_delay
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.sweep.checkpoint import checkpoint_of, records_of
 from wavesweep.sweep.grid import keys_of, loop_of, make_grid, no_controller
@@ -259,6 +260,7 @@ def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
         searched = f"<= {stop:g} {unit}, the stiffest wall that is searched; raise it: sweep.{name} = {{ stop = ... }}"
         mistake = Leaf(None, unseen.places["at_least"]).mistake("design.wish.z_width.at_least", searched, f"{unseen.bound:g}")
         raise SpecError([mistake])
+    _refuse_unreachable(spec, asked.wishes)
     for axis in asked.for_all:
         for value in axis.values if axis.structural else ():
             grid.spec.with_values({axis.path: value})  # or an error that names what it does not suit
@@ -269,6 +271,22 @@ def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
     return DesignJob(
         grid, chunks, {}, {}, scenarios_of(grid.spec), finer, finest, stop, box_of(spec) if hand == "box" else None
     )
+
+
+def _refuse_unreachable(spec, wishes):
+    """Raise SpecError for a bound that no design meets: no damping ratio is above 1, and a delay ends within its frame."""
+    most = {"damping_ratio": 1.0}
+    if not spec.drawing:
+        most["delay_margin"] = float(longest_delay(spec.values["rates.ratio"]))
+    mistakes = [
+        Leaf(None, wish.places["at_least"]).mistake(
+            f"design.wish.{wish.name}.at_least", f"<= {most[wish.name]:g}", f"{wish.bound:g}"
+        )
+        for wish in wishes
+        if (wish.bound or 0) > most.get(wish.name, np.inf)
+    ]
+    if mistakes:
+        raise SpecError(mistakes)
 
 
 def box_of(spec: Spec) -> HandBox:

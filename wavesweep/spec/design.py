@@ -59,7 +59,7 @@ WISHES = MappingProxyType(
         "z_width": WishKind(
             "N/m",
             True,
-            "stiffest wall up to which every wall is stable, at most that of sweep.K_VE or 5000",
+            "stiffest wall up to which every wall is stable, at most that of sweep.K_VE or 20000",
             _OF_WALL,
             ("wall",),
         ),
