@@ -126,10 +126,20 @@ def test_blocks_are_those_of_states_that_act_on_one_another(states):
     rest = np.arange(3 * size, states)
     E[rest, rest - 1] = 1.0
     order = r.permutation(states)
-    ((some, blocks),) = spectrum.diagonal_blocks(E[order][:, order])
+    ((some, blocks, alone),) = spectrum.diagonal_blocks(E[order][:, order])
     assert some.tolist() == [0]
-    assert sorted(block.shape[-1] for block in blocks) == sorted([size] * 3 + [states - 3 * size])
+    assert [block.shape[-1] for block in blocks] == [size] * 3
+    assert alone.shape == (1, states - 3 * size)
     assert spectrum.diagonal_blocks(E[: size + 1, : size + 1]) == []
+
+
+@pytest.mark.parametrize("shape", [(0, 0), (3, 0, 0), (0, 2, 2), (1, 1)])
+def test_matrices_without_entries_have_no_eigenvalue_outside(shape):
+    E = np.zeros(shape) - 0.5
+    assert eigenvalues(E)[0].shape == shape[:-1]
+    assert is_stable(E).all()
+    assert (radius_of(E) <= 0.5).all()
+    assert spectrum.diagonal_blocks(E) == []
 
 
 def test_loops_in_a_row_are_judged_one_by_one():

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import wavesweep
+from wavesweep.analysis.intervals import Intervals
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
-from wavesweep.sweep.apart import apart
+from wavesweep.sweep.apart import apart, common
 
 
 def joints(first=(0.1, 0.5, 4), second=(0.1, 0.5, 4), gain="p*hb.y", **numbers):
@@ -89,6 +90,61 @@ def test_a_shift_that_is_read_and_adds_up_is_no_drift():
     tables["wire"] |= {"one.u": "a.x", "two.u": "one.y", "b.f": "two.y - p*hb.y"}
     found = wavesweep.compile(tables).stable_intervals("p", (0.0, 2000.0))
     assert not (found.certified & (found.intervals > 0)).any()
+
+
+FREE = {"type": "mass", "mass": 0.3, "damping": 0}
+
+
+@pytest.mark.parametrize(("block", "wires"), [
+    (FREE, {"f.f": "b.v", "a.f": "hand - p*ha.y + f.x"}),
+    (FREE, {"f.f": "0", "a.f": "hand - p*ha.y + f.v"}),
+    (FREE, {"f.f": "hand"}),
+    ({"type": "tf", "num": [1], "den": [1, 0, 0]}, {"f.u": "b.v", "a.f": "hand - p*ha.y + f.y"}),
+])  # fmt: skip
+def test_a_mode_that_grows_with_time_is_none_of_a_part_that_drifts(block, wires):
+    """A free mass without damping moves on for ever if the hand or another loop pushes it, or if it pushes one."""
+    tables = joints()
+    tables["block"] |= {"f": block}
+    tables["wire"] |= wires
+    loop = wavesweep.compile(tables)
+    found = loop.stable_intervals("p", (0.0, 2000.0))
+    assert not (found.certified & (found.intervals > 0)).any()
+    assert not float(loop.spectral_radius(p=100.0)) < 1
+
+
+def test_a_part_without_a_solution_at_0_of_the_number_has_intervals_beyond():
+    tables = joints()
+    tables["block"] |= {"g": {"type": "gain", "k": 1}}
+    tables["wire"] |= {"g.u": "(c - p)*g.y + a.x"}
+    tables["numbers"] |= {"c": 1.0}
+    found = wavesweep.compile(tables).stable_intervals("p", (10.0, 200.0), c=[0.5, 1.0, 2.0])
+    assert (found.certified.tolist(), found.low.tolist(), found.high.tolist()) == ([True] * 3, [10.0] * 3, [200.0] * 3)
+
+
+def test_a_part_in_doubt_leaves_no_doubt_where_others_are_never_stable():
+    def intervals(low, high, doubt=0):
+        known = np.isfinite(low)
+        each = {"column": [0], "index": [0 if known else -1], "count": [int(known)], "low": [low], "high": [high]}
+        each |= {"low_omega": [0.0], "high_omega": [0.0], "doubt": [doubt], "residual": [0.0]}
+        return Intervals(**{name: np.array(value) for name, value in each.items()})
+
+    none, one, two, unknown = intervals(np.nan, np.nan), intervals(0.0, 1.0), intervals(2.0, 3.0), intervals(0.5, 9.0, 4)
+    within, seen = (0.5, 1.0), (0.5, 9.0)
+    cases = [((none, unknown), 0, None), ((one, two, unknown), 0, None), ((one, unknown), 4, within), ((unknown,) * 2, 4, seen)]
+    for parts, doubt, ends in cases:
+        found = common(parts)
+        assert (found.doubt.tolist(), found.count.tolist()) == ([doubt], [int(ends is not None)])
+        assert ends is None or (found.low[0], found.high[0]) == ends
+
+
+def test_a_delay_between_two_loops_hides_no_radius():
+    """Its states are twenty eigenvalues 0, and all but one are known to the twentieth root of a rounding."""
+    tables = joints(second=(0.2, 0.5, 4))
+    tables["block"] |= {"line": {"type": "delay", "steps": 20}}
+    tables["wire"] |= {"line.u": "a.x", "b.f": "line.y - p*hb.y"}
+    without = wavesweep.compile(joints(second=(0.2, 0.5, 4))).spectral_radius(p=[50.0, 100.0, 400.0])
+    assert wavesweep.compile(tables).spectral_radius(p=[50.0, 100.0, 400.0]) == pytest.approx(without, rel=1e-12)
+    assert not np.isnan(without).any()
 
 
 def test_values_at_which_nothing_leads_from_part_to_part_are_refused():

@@ -33,32 +33,34 @@ def eigenvalues(E):
     if not groups:
         return np.linalg.eigvals(E).astype(complex), finite
     found = np.empty((finite.size, E.shape[-1]), complex)
-    for some, blocks in groups:
-        found[some] = np.concatenate([np.linalg.eigvals(block) for block in blocks], axis=-1)
+    for some, blocks, alone in groups:
+        found[some] = np.concatenate([*map(np.linalg.eigvals, blocks), alone], axis=-1)
     return found.reshape(E.shape[:-1]), finite
 
 
-def diagonal_blocks(E) -> list[tuple[np.ndarray, list[np.ndarray]]]:
+def diagonal_blocks(E) -> list[tuple[np.ndarray, list[np.ndarray], np.ndarray]]:
     """Return groups of matrices with the same diagonal blocks in some order of the states; none if all have a single one.
 
-    E: `(..., n, n)`. A group has the indices of its matrices (flat), and its blocks, `(matrices, k, k)` each. A block is of
-    states that all act on one another; states that act on none that acts on them are one block together. LAPACK finds these.
+    E: `(..., n, n)`. A group has the indices of its matrices (flat), its blocks of several states, which all act on one
+    another, `(matrices, k, k)` each, and the entries on the diagonal of all other states, `(matrices, others)`, which are
+    eigenvalues.
     """
     n = E.shape[-1]
-    there = E.reshape(-1, n, n) != 0
-    if n < 2 or not len(there):
+    if n < 2 or not E.size:
         return []
+    there = E.reshape(-1, n, n) != 0
     if (there == there[0]).all():
         kinds, kind = there[:1], np.zeros(len(there), int)
     else:
         kinds, kind = np.unique(there, axis=0, return_inverse=True)
     parts = [_parts(n, each.tobytes()) for each in kinds]
-    if max(map(len, parts)) < 2:
+    if max(len(several) for several, _ in parts) < 2:
         return []
     found = []
-    for number, each in enumerate(parts):
+    for number, (several, alone) in enumerate(parts):
         some = np.flatnonzero(kind.reshape(-1) == number)
-        found.append((some, [E.reshape(-1, n, n)[some][:, at[:, None], at] for at in each]))
+        own = E.reshape(-1, n, n)[some]
+        found.append((some, [own[:, at[:, None], at] for at in several], own[:, alone, alone]))
     return found
 
 
@@ -77,14 +79,13 @@ def _blocks_of(acts):
 
 @lru_cache(maxsize=32)
 def _parts(n, pattern):
-    """The states of every diagonal block; one that has all of them if less than two have several."""
+    """The states of every diagonal block of several, and those of no such block; a single block has all."""
     name = _blocks_of(np.frombuffer(pattern, bool).reshape(n, n))
     blocks = [np.flatnonzero(name == each) for each in np.unique(name)]
     several = [block for block in blocks if block.size > 1]
     if len(several) < 2:
-        return (np.arange(n),)
-    alone = [block for block in blocks if block.size == 1]
-    return (*several, *([np.concatenate(alone)] if alone else []))
+        return (np.arange(n),), np.zeros(0, int)
+    return tuple(several), np.array([block[0] for block in blocks if block.size == 1], int)
 
 
 def excess(delta):
@@ -114,15 +115,14 @@ def radius_of(E, hidden=False) -> np.ndarray:
     Then the radius counts as known if no rounding of E makes one that is that much larger, by the smallest singular value there
     at the angle of each of them (see `count_outside`).
     """
-    groups = diagonal_blocks(E)
-    if groups:
-        found = np.empty(E.shape[:-2])
-        for some, blocks in groups:
-            found.reshape(-1)[some] = np.max([radius_of(block) for block in blocks], axis=0)
-        return np.where(hidden, np.nan, np.where(np.isfinite(E).all((-1, -2)), found, np.inf))
     delta, finite = eigenvalues(E)
     E = np.where(finite[..., None, None], E, 0.0)
-    found = np.where(finite, _known(E, np.abs(1 + delta).max(-1, initial=0.0), delta), np.inf)
+    radius, groups = np.abs(1 + delta).max(-1, initial=0.0), diagonal_blocks(E)
+    found = np.array(radius) if groups or not E.size else _known(E, radius, delta)
+    for some, blocks, _ in groups:  # each of which may hide that it exceeds the whole
+        for block in blocks:
+            found.reshape(-1)[some] += 0 * _known(block, np.reshape(radius, -1)[some], eigenvalues(block)[0])
+    found = np.where(finite, found, np.inf)
     found = np.where(_is_rounding(np.abs(1 - found), E), 1.0, found)
     return np.where(hidden, np.nan, found)
 
@@ -244,8 +244,8 @@ def _by_eigenvalues(E):
     groups = diagonal_blocks(E)
     if groups:
         count, clear = np.zeros(len(E), int), np.ones(len(E), bool)
-        for some, blocks in groups:
-            for block in blocks:
+        for some, blocks, alone in groups:
+            for block in (*blocks, *np.moveaxis(alone, -1, 0)[..., None, None]):
                 more, known = _by_eigenvalues(block)
                 count[some], clear[some] = count[some] + more, clear[some] & known
         finite = np.isfinite(E).all((-1, -2))

@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from wavesweep.analysis.doubt import NONE
 from wavesweep.analysis.intervals import Intervals
 from wavesweep.spec.drawing import Drawing
 
@@ -55,17 +56,17 @@ def _part(drawing, names):
 
 
 def common(found: Sequence[Intervals]) -> Intervals:
-    """Return the intervals in which all of several loops are stable, for every column; a doubt of one is one of the column.
+    """Return the intervals in which all of several loops are stable, for every column.
 
-    found: of each loop, the same columns.
+    found: of each loop, the same columns. A doubt of one is one of the column, unless the others are never stable together.
     """
     rows = [_by_column(each) for each in found]
     whole = {name: [] for name in ("column", "index", "count", "low", "high", "low_omega", "high_omega", "doubt", "residual")}
     for column in rows[0]:
-        shared = rows[0][column][0]
-        for other in rows[1:]:
-            shared = [both for one in shared for two in other[column][0] if (both := _overlap(one, two)) is not None]
-        doubt = max(each[column][1] for each in rows)
+        certain = [each[column][0] for each in rows if each[column][1] == NONE]
+        shared, doubt = _of_all(certain), NONE
+        if len(certain) < len(rows) and not (certain and not shared):
+            shared, doubt = _of_all([each[column][0] for each in rows]), max(each[column][1] for each in rows)
         for index, interval in enumerate(shared or [(np.nan, np.nan, np.nan, np.nan, 0.0)]):
             facts = (column, index if shared else -1, len(shared), *interval[:4], doubt, interval[4])
             for name, value in zip(whole, facts, strict=True):
@@ -84,6 +85,14 @@ def _by_column(found):
                 tuple(float(getattr(found, name)[at]) for name in ("low", "high", "low_omega", "high_omega", "residual"))
             )
     return dict(sorted(columns.items()))
+
+
+def _of_all(loops):
+    """What several lists of intervals have in common."""
+    shared = loops[0] if loops else []
+    for other in loops[1:]:
+        shared = [both for one in shared for two in other if (both := _overlap(one, two)) is not None]
+    return shared
 
 
 def _overlap(one, two):

@@ -153,16 +153,31 @@ class DrawnTask:
 
     def _intervals(self, values, size, opened):
         parts = () if isinstance(self.drawing, Uneven) else apart(self.drawing)
-        if len(parts) <= 1 or self._drifts(values, self.drawing) != sum(self._drifts(values, part) for part in parts):
+        if len(parts) <= 1:
             return self.connected(values, size, opened)
+        if not self._drift_alike(values, parts):
+            return self.connected(
+                values, size, None
+            )  # a cut would leave out a mode that grows and that its number does not see
         domains(self.drawing, values, self.along, self.span, size)  # of what leads from one part to another, too
-        alone = [(replace(self, drawing=part), open_loops(part, values, self.own, self.number)) for part in parts]
-        return common([task.connected(values, size, each) for task, each in alone])
+        alone = [replace(self, drawing=part) for part in parts]
+        return common([part.connected(values, size, part.opened(values)) for part in alone])
 
-    def _drifts(self, values, drawing):
-        """How many shifts of a drawing nothing opposes; those of a part may be opposed by what reads them."""
-        drift = drift_of(drawing, values | {self.along: 1.0}, self.own)
-        return len(drift.moved) + len(drift.folded)
+    def opened(self, values) -> OpenLoops | None:
+        """The loops without the number, None as well if they have no solution at 0 of it, which may be beyond the range."""
+        with suppress(IllPosedLoopError):
+            return open_loops(self.drawing, values, self.own, self.number)
+        return None
+
+    def _drift_alike(self, values, parts):
+        """Whether as many shifts of the parts are opposed by nothing as of the whole, and nothing else is left out of them.
+
+        What reads a part, or moves it, may make a shift of it a mode that grows with time.
+        """
+        whole, *drifts = (drift_of(drawing, values | {self.along: 1.0}, self.own) for drawing in (self.drawing, *parts))
+        unread, *others = ({each.states[state] for state in each.unread} for each in (whole, *drifts))
+        shifts, *own = (len(each.moved) + len(each.folded) for each in (whole, *drifts))
+        return shifts == sum(own) and unread >= set().union(*others)
 
     def connected(self, values, size, opened) -> Intervals:
         """The intervals of loops that are one piece; opened: without the number, see `open_loops`."""
