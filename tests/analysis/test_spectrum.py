@@ -129,7 +129,7 @@ def test_blocks_are_those_of_states_that_act_on_one_another(states):
     ((some, blocks, alone),) = spectrum.diagonal_blocks(E[order][:, order])
     assert some.tolist() == [0]
     assert [block.shape[-1] for block in blocks] == [size] * 3
-    assert alone.shape == (1, states - 3 * size)
+    assert alone.shape == (1, states - 3 * size, states - 3 * size)
     assert spectrum.diagonal_blocks(E[: size + 1, : size + 1]) == []
 
 

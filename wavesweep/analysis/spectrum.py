@@ -34,7 +34,7 @@ def eigenvalues(E):
         return np.linalg.eigvals(E).astype(complex), finite
     found = np.empty((finite.size, E.shape[-1]), complex)
     for some, blocks, alone in groups:
-        found[some] = np.concatenate([*map(np.linalg.eigvals, blocks), alone], axis=-1)
+        found[some] = np.concatenate([*map(np.linalg.eigvals, blocks), alone.diagonal(axis1=-2, axis2=-1)], axis=-1)
     return found.reshape(E.shape[:-1]), finite
 
 
@@ -42,8 +42,8 @@ def diagonal_blocks(E) -> list[tuple[np.ndarray, list[np.ndarray], np.ndarray]]:
     """Return groups of matrices with the same diagonal blocks in some order of the states; none if all have a single one.
 
     E: `(..., n, n)`. A group has the indices of its matrices (flat), its blocks of several states, which all act on one
-    another, `(matrices, k, k)` each, and the entries on the diagonal of all other states, `(matrices, others)`, which are
-    eigenvalues.
+    another, `(matrices, k, k)` each, and that of all other states, `(matrices, others, others)`, which is triangular in some
+    order, so its eigenvalues are on its diagonal.
     """
     n = E.shape[-1]
     if n < 2 or not E.size:
@@ -60,7 +60,7 @@ def diagonal_blocks(E) -> list[tuple[np.ndarray, list[np.ndarray], np.ndarray]]:
     for number, (several, alone) in enumerate(parts):
         some = np.flatnonzero(kind.reshape(-1) == number)
         own = E.reshape(-1, n, n)[some]
-        found.append((some, [own[:, at[:, None], at] for at in several], own[:, alone, alone]))
+        found.append((some, [own[:, at[:, None], at] for at in several], own[:, alone[:, None], alone]))
     return found
 
 
@@ -245,7 +245,7 @@ def _by_eigenvalues(E):
     if groups:
         count, clear = np.zeros(len(E), int), np.ones(len(E), bool)
         for some, blocks, alone in groups:
-            for block in (*blocks, *np.moveaxis(alone, -1, 0)[..., None, None]):
+            for block in (*blocks, alone) if alone.size else blocks:
                 more, known = _by_eigenvalues(block)
                 count[some], clear[some] = count[some] + more, clear[some] & known
         finite = np.isfinite(E).all((-1, -2))

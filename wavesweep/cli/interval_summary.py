@@ -204,7 +204,7 @@ class IntervalTally:
     def stiffest_felt(self) -> str:
         """Text: the largest static stiffness that the hand feels at an end of a stable interval, and its place; may be empty.
 
-        Between the ends of a range of stiffnesses nothing is felt that is stiffer, unless what is felt falls.
+        Between the ends of a range of stiffnesses nothing is felt that is stiffer, unless the stiffness felt falls.
         """
         found = self._felt_numbers()
         if found is None:

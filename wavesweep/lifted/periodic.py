@@ -175,7 +175,7 @@ def size_of(matrix) -> np.ndarray:
 def in_a_row(kinds, maps, joined):
     """Return the maps of a sequence of kinds joined in a row; repeated stretches are joined once.
 
-    joined(first, second): one map after the other. What does not repeat is joined two by two, so that bounds on errors go
+    joined(first, second): one map after the other. All that does not repeat is joined two by two, so that bounds on errors go
     through few joins: one after the other they would grow with the entries of hundreds of short stretches.
     """
     row = stretches(kinds, maps, joined)
@@ -185,7 +185,7 @@ def in_a_row(kinds, maps, joined):
 
 
 def stretches(kinds, maps, joined):
-    """Return the maps of the longest stretches of a sequence of kinds that repeat, and of what is between them, in a row."""
+    """Return the maps of the longest stretches of a sequence of kinds that repeat, and of the rest between them, in a row."""
     pairs, rest = _plan(np.asarray(kinds, np.int64).tobytes())
     known = dict(enumerate(maps))
     for name, (first, second) in pairs:

@@ -17,10 +17,10 @@ SETTLING = ("gain", "hold", "delay", "difference", "butterworth")  # types of bl
 def apart(drawing: Drawing) -> tuple[Drawing, ...]:
     """Return the parts of a drawing whose blocks all act on one another, in the order of their blocks.
 
-    What acts on a part and is not acted on by it changes none of its eigenvalues, and those of the whole are those of all
-    parts. Two equal joints of a robot, or two equal cars of which one follows the other, cross the unit circle at the same
+    A block that acts on a part and is not acted on by it changes none of its eigenvalues, and those of the whole are those of
+    all parts. Two equal joints of a robot, or two equal cars of which one follows the other, cross the unit circle at the same
     value of a gain, which looks like one that only touches it; by themselves they are simple crossings. A block that is no
-    part of a loop and comes to rest whatever its numbers are is in no part, unless there is no other.
+    part of a loop and comes to rest with any numbers is in no part, unless there is no other.
     """
     feeds = {block.name: set() for block in drawing.blocks}
     for port, terms in drawing.wires:
@@ -45,7 +45,7 @@ def _reached(feeds, name):
 
 
 def _part(drawing, names):
-    """The drawing of these blocks without what acts on them, a hand among it."""
+    """The drawing of these blocks without the others that act on them, and without a hand."""
     wires = [
         (port, tuple(term for term in terms if term[0].partition(".")[0] in names))
         for port, terms in drawing.wires
@@ -88,7 +88,7 @@ def _by_column(found):
 
 
 def _of_all(loops):
-    """What several lists of intervals have in common."""
+    """The intervals that several lists have in common."""
     shared = loops[0] if loops else []
     for other in loops[1:]:
         shared = [both for one in shared for two in other if (both := _overlap(one, two)) is not None]

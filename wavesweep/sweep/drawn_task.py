@@ -172,7 +172,7 @@ class DrawnTask:
     def _drift_alike(self, values, parts):
         """Whether as many shifts of the parts are opposed by nothing as of the whole, and nothing else is left out of them.
 
-        What reads a part, or moves it, may make a shift of it a mode that grows with time.
+        A block that reads a part, or a hand that moves it, may make a shift of it a mode that grows with time.
         """
         whole, *drifts = (drift_of(drawing, values | {self.along: 1.0}, self.own) for drawing in (self.drawing, *parts))
         unread, *others = ({each.states[state] for state in each.unread} for each in (whole, *drifts))
