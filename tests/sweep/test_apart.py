@@ -112,6 +112,17 @@ def test_a_mode_that_grows_with_time_is_none_of_a_part_that_drifts(block, wires)
     assert not float(loop.spectral_radius(p=100.0)) < 1
 
 
+def test_a_mode_that_grows_with_time_is_left_out_of_no_cut():
+    """The number is one gain of the frame, and sees nothing of a mass that the hand pushes."""
+    tables = joints()
+    tables["block"] = {name: tables["block"][name] for name in ("a", "ha")} | {"f": FREE}
+    tables["wire"] = {"ha.u": "a.x", "a.f": "-p*ha.y", "f.f": "hand"}
+    tables["ports"] = {"hand": {"force": "hand", "displacement": "f.x"}}
+    loop = wavesweep.compile(tables)
+    assert not loop.stable_intervals("p", (0.0, 2000.0)).certified.any()
+    assert not float(loop.spectral_radius(p=100.0)) < 1
+
+
 def test_a_part_without_a_solution_at_0_of_the_number_has_intervals_beyond():
     tables = joints()
     tables["block"] |= {"g": {"type": "gain", "k": 1}}

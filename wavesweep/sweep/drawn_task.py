@@ -155,10 +155,8 @@ class DrawnTask:
         parts = () if isinstance(self.drawing, Uneven) else apart(self.drawing)
         if len(parts) <= 1:
             return self.connected(values, size, opened)
-        if not self._drift_alike(values, parts):
-            return self.connected(
-                values, size, None
-            )  # a cut would leave out a mode that grows and that its number does not see
+        if not self._drift_alike(values, parts):  # a cut would leave out a mode that grows and that the number does not see
+            return self.connected(values, size, None)
         domains(self.drawing, values, self.along, self.span, size)  # of what leads from one part to another, too
         alone = [replace(self, drawing=part) for part in parts]
         return common([part.connected(values, size, part.opened(values)) for part in alone])
