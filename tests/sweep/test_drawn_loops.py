@@ -1511,6 +1511,38 @@ def test_chains_of_many_slow_modes_are_certified(masses, along, span):
     assert stable.tolist() == [any(low < each < high for low, high in zip(found.low, found.high, strict=True)) for each in p]
 
 
+def test_a_smith_predictor_is_certified_over_five_decades_of_its_time_constant():
+    """Its two delays are a chain of 40, whose eigenvalues are not known; far beyond the stable values traces tell."""
+    late, plant = {"type": "delay", "steps": 20}, {"type": "tf", "num": [1], "den": ["tau*tau", "tau", 1]}
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"kp": 2.0, "ki": 20.0, "tau": 0.05},
+        "block": {
+            "plant": plant,
+            "model": plant,
+            "late": late,
+            "late_model": late,
+            "held": {"type": "hold", "every": 1},
+            "sum": {"type": "integrator"},
+        },
+        "wire": {
+            "late.u": "held.y",
+            "plant.u": "late.y",
+            "model.u": "held.y",
+            "late_model.u": "model.y",
+            "sum.u": "-plant.y - model.y + late_model.y",
+            "held.u": "kp*(-plant.y - model.y + late_model.y) + ki*sum.y",
+        },
+    }
+    loop = wavesweep.compile(tables)
+    found = loop.stable_intervals("tau", (1e-4, 10.0))
+    assert found.certified.all()
+    tau = np.geomspace(1.01e-4, 9.9, 60)
+    assert [any(low < each < high for low, high in zip(found.low, found.high, strict=True)) for each in tau] == (
+        loop.spectral_radius(tau=tau) < 1
+    ).tolist()
+
+
 @pytest.mark.parametrize("low", [-123.4, -0.77, -2015.3, -1e-3])
 def test_an_end_at_0_within_a_range_is_0(low):
     """And not what rounding of the range leaves of it. Without the spring the mass drifts."""

@@ -179,6 +179,30 @@ def test_traces_that_are_known_change_no_bit(matrices):
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.parametrize("size", [1.0, 1e3])
+def test_traces_tell_unstable_frames_of_many_states_from_stable_ones(size):
+    """40 states, 36 of them a delay: a modulus of 1.5 is told, unless eigenvalues cancel in both sums, and 0.999 never."""
+    random = np.random.default_rng(11)
+    A = np.zeros((60, 40, 40))
+    A[:, range(1, 37), range(36)] = 1.0
+    A[:, 36:, 36:] = random.normal(size=(60, 4, 4))
+    radius = np.abs(np.linalg.eigvals(A[:, 36:, 36:])).max(-1)
+    goal = np.where(np.arange(60) % 2, 1.5, 0.999)
+    A[:, 36:, 36:] *= (goal / radius)[:, None, None]
+    A[:, 0, 36:] = size * random.normal(size=(60, 4))
+    sure, (phase, log, error) = surely_unstable_by_traces(A - np.eye(40))
+    assert not sure[goal < 1].any()
+    assert sure[goal > 1].mean() > 0.8
+    with mpmath.workdps(40):
+        for which in (0, 1):
+            z = [mpmath.mpc(value) ** 16 for value in np.linalg.eigvals(A[which, 36:, 36:])]
+            total, squares = mpmath.fsum(z), mpmath.fsum(value**2 for value in z)
+            exact = (total / 40) ** 2 + (total**2 - squares) / (40 * 39) - 2
+            found = phase[which] * mpmath.exp(log[which])
+            assert abs(found / exact - 1) < 1e-11
+            assert abs(found / exact - 1) <= EPS * error[which]
+
+
 def forgetful():
     """Frames with a chain of two held values behind two states, and a value that nothing enters: I + E."""
     random = np.random.default_rng(5)

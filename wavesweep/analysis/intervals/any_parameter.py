@@ -51,8 +51,8 @@ def stable_along_any(evaluate, span, columns: int, period, bounds=(-np.inf, np.i
     which is interpolated between a few values of p (`interpolated`). The roots are found and proved on Chebyshev
     panels, with the size of the functions beside the real axis as the bound on the parts that the samples do not show
     (`panels`); polished on the eigenvalue itself; and the counts of unstable eigenvalues in every region must change by 2 or 1
-    accordingly. If the sum of their fourth powers, or of the products of two of these, proves that one lies outside all over a
-    panel, its crossings are not searched for.
+    accordingly. If the sum of their fourth powers (of their sixteenth for large frames), or of the products of two of these,
+    proves that one lies outside all over a panel, its crossings are not searched for.
     A part of the span that could not be proved has no label; its column is in doubt, and the rest of it is given.
     Accuracy: ends to 1e-9 relative, usually 1e-13; those within 1e-9 of the span of its low end are given as that end, and as
     its high end those that are as near to it as ends are exact.

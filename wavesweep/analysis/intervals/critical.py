@@ -17,6 +17,7 @@ BLOCK = 512  # matrices at a time, which the cache holds
 EPS = np.finfo(float).eps
 SQUARINGS = 2  # of the eigenvalues whose sum tells that a loop is unstable
 POWER = 2**SQUARINGS
+TRACED = 4  # the same where powers of the frame itself are taken, in which a larger one loses nothing
 TINIEST = 1e-290  # of a sum that is not lost
 
 
@@ -25,14 +26,14 @@ def from_coefficients(E, units=1.0):
 
     E: `(matrices, n, n)`, real or complex, frames less identity, whose eigenvalues are `w_i = z_i - 1`; units: `(matrices, n)`,
     of the states, see `balance`. PAIR is `prod_{i<j} (1 - z_i z_j)`, ONE `prod (-w_i)`, MINUS_ONE `prod (2 + w_i)`.
-    SURELY_UNSTABLE is `(t/n)^2 + e/m - 2`, t the sum of the n fourth powers of the eigenvalues z, e that of the m products of
-    two of these: if it is positive |t| exceeds n or |e| exceeds m, so an eigenvalue exceeds 1 (if a complex pair dominates, t
-    may vanish, but e is its size to the eighth). No eigenvalue is needed: all are symmetric functions, so they follow from the
-    characteristic polynomial, which elimination to Hessenberg form gives (J. H. Wilkinson, The Algebraic Eigenvalue Problem,
-    1965, chapters 6 and 7). With `s = w/(2 + w)`, which maps the circle to the imaginary axis, PAIR is the last Hurwitz
-    determinant but one of the polynomial in s (L. Orlando, Math. Ann. 71, 1911), the resultant of its even and its odd part,
-    which is the determinant of their Bezout matrix. Its error is the effect of errors of the coefficients on that determinant,
-    to first order.
+    SURELY_UNSTABLE is `(t/n)^2 + e/m - 2`, t the sum of the n fourth powers of the eigenvalues z (their POWER-th), e that of
+    the m products of two of these: if it is positive |t| exceeds n or |e| exceeds m, so an eigenvalue exceeds 1 (if a complex
+    pair dominates, t may vanish, but e is its size to the eighth). No eigenvalue is needed: all are symmetric functions, so
+    they follow from the characteristic polynomial, which elimination to Hessenberg form gives (J. H. Wilkinson, The Algebraic
+    Eigenvalue Problem, 1965, chapters 6 and 7). With `s = w/(2 + w)`, which maps the circle to the imaginary axis, PAIR is the
+    last Hurwitz determinant but one of the polynomial in s (L. Orlando, Math. Ann. 71, 1911), the resultant of its even and its
+    odd part, which is the determinant of their Bezout matrix. Its error is the effect of errors of the coefficients on that
+    determinant, to first order.
     """
     E, finite = _finite(E, units)
     with np.errstate(all="ignore"):
@@ -84,19 +85,30 @@ def from_eigenvalues(E, units=1.0, traces=None):
 
 
 def _by_traces(E, size):
-    """Return SURELY_UNSTABLE from traces of powers; size: of the largest entry.
+    """Return SURELY_UNSTABLE from traces of a power of A = I + E, of the 2^TRACED-th; size: of the largest entry.
 
-    A change of the matrix A moves the trace of its k-th power by k times that of `A^(k-1)` times the change.
+    A is squared TRACED times. Each square is off by `2 |A|` times the error of A and by the rounding of its sums, and is scaled
+    by a power of two: the powers of a loop whose entries are large need not be.
     """
-    n, least = E.shape[-1], _least(size)
-    A = (E + np.eye(n)) / size[:, None, None]
-    before = np.linalg.matrix_power(A, POWER - 1)
-    power = before @ A
-    total, squares = power.trace(axis1=-2, axis2=-1), (power * np.swapaxes(power, -1, -2)).sum((-1, -2))
+    n, exponent = E.shape[-1], np.ceil(np.log2(size))
+    A = (E + np.eye(n)) * np.exp2(-exponent)[:, None, None]
+    norm = _norms(A)
+    off = CAUTION * norm  # in roundings
+    for _ in range(TRACED):
+        A, off, exponent = A @ A, 2 * norm * off + n * norm**2, 2 * exponent
+        # Never below 1: what is smaller is surely not unstable.
+        shift = np.maximum(np.ceil(np.log2(np.maximum(np.abs(A).max((-1, -2), initial=0), TINIEST))), -exponent)
+        A, off, exponent = A * np.exp2(-shift)[:, None, None], off * np.exp2(-shift), exponent + shift
+        norm = _norms(A)
+    total, squares = A.trace(axis1=-2, axis2=-1), (A * np.swapaxes(A, -1, -2)).sum((-1, -2))
     second = (total**2 - squares) / max(n * (n - 1), 1)
-    whole, most, last = (np.sqrt((np.abs(part) ** 2).sum((-1, -2))) for part in (A, before, power))
-    error = 4 * (CAUTION * POWER * most * (np.abs(total) + most * whole) + (n * last) ** 2) + least
-    return _split(total**2 / max(n, 1) ** 2 + second - least, error, 2 * POWER * np.log(size))
+    least = np.maximum(2 * np.exp2(-2 * exponent), TINIEST)
+    error = 4 * (np.sqrt(n) * off * np.abs(total) + norm * off + (n * norm) ** 2) + least
+    return _split(total**2 / max(n, 1) ** 2 + second - least, error, 2 * exponent * np.log(2))
+
+
+def _norms(A):
+    return np.sqrt((np.abs(A) ** 2).sum((-1, -2)))
 
 
 def surely_unstable_by_traces(E, units=1.0):
