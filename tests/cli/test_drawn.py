@@ -163,16 +163,17 @@ def test_what_is_not_known_is_not_called_unstable():
 
 
 @pytest.mark.parametrize(
-    ("stiffness", "damping", "text"),
+    ("stiffness", "damping", "rigid", "text"),
     [
-        (None, None, "not known"),
-        (None, 0.5, "stiffness not known and 0.5 N*s/m"),
-        (-200.0, -1.1, "-200 N/m and -1.1 N*s/m"),
-        (200.0, -1.1, "200 N/m and -1.1 N*s/m; negative, as the wall answers late"),
+        (None, None, False, "not known"),
+        (None, None, True, "rigid, a constant force moves nothing in the end"),
+        (None, 0.5, False, "stiffness not known and 0.5 N*s/m"),
+        (-200.0, -1.1, False, "-200 N/m and -1.1 N*s/m"),
+        (200.0, -1.1, False, "200 N/m and -1.1 N*s/m; negative, as the wall answers late"),
     ],
 )
-def test_what_is_felt_is_said_as_far_as_it_is_known(stiffness, damping, text):
-    assert check._felt({"stiffness": stiffness, "damping": damping}, "N/m", "N*s/m") == text
+def test_what_is_felt_is_said_as_far_as_it_is_known(stiffness, damping, rigid, text):
+    assert check._felt({"stiffness": stiffness, "damping": damping, "rigid": rigid}, "N/m", "N*s/m") == text
 
 
 def test_a_folder_that_begins_with_a_tilde_is_taken_as_it_is(run, tmp_path):

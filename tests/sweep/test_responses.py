@@ -207,3 +207,56 @@ def test_rates_with_a_long_common_frame_have_a_response(slow_hz):
     assert set(found.doubt) == {""}
     assert found.admittance_error.max() < 1e-7
     assert found.admittance_abs.to_numpy() == pytest.approx(near.admittance_abs.to_numpy(), rel=0.05)
+
+
+def with_integral(leak=0.0, ki=500.0):
+    """A servo with integral action, felt at its axis; leak: share of the integral that is lost in each tick."""
+    return {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"kp": 200.0, "ki": ki, "kd": 3.0, "leak": leak},
+        "block": {
+            "axis": {"type": "mass", "mass": 0.2, "damping": 0.5},
+            "speed": {"type": "difference"},
+            "sum": {"type": "integrator"},
+            "out": {"type": "hold", "every": 2},
+        },
+        "wire": {
+            "speed.u": "axis.x",
+            "sum.u": "axis.x - 1000*leak*sum.y",
+            "out.u": "kp*axis.x + ki*sum.y + kd*speed.y",
+            "axis.f": "hand - out.y",
+        },
+        "ports": {"hand": {"force": "hand", "displacement": "axis.x"}},
+    }
+
+
+def test_integral_action_is_rigid_at_rest():
+    """Towards 0 Hz the position is s/ki of the force: no admittance, an impedance without bound, and no doubt of either."""
+    columns = wavesweep.bode(with_integral() | {"bode": {"frequency_hz": [0.0, 1e-3]}})
+    assert columns["doubt"].tolist() == ["", ""]
+    assert columns["admittance_abs"][0] == 0.0
+    assert np.isnan(columns[["impedance_re", "impedance_abs", "impedance_error"]].iloc[0]).all()
+    assert columns["admittance_abs"][1] == pytest.approx(2 * np.pi * 1e-3 / 500.0, rel=1e-4)
+    assert wavesweep.verdict(with_integral())["felt"] == {"stiffness": None, "damping": None, "rigid": True}
+
+
+@pytest.mark.parametrize("leak", [1e-2, 1e-6, 1e-9])
+def test_an_integral_that_leaks_is_as_stiff_as_what_is_left_of_it(leak):
+    columns = wavesweep.bode(with_integral(leak) | {"bode": {"frequency_hz": [0.0]}})
+    assert columns["impedance_re"][0] == pytest.approx(200.0 + 500.0 * 0.001 / leak, rel=1e-6)
+    assert columns["doubt"].tolist() == [""]
+    assert not wavesweep.verdict(with_integral(leak))["felt"]["rigid"]
+
+
+@pytest.mark.parametrize("kind", ["dc", "pmw", "drawn"])
+def test_an_admittance_without_bound_is_missing_without_a_doubt(kind):
+    """Nothing holds the device: a constant force moves it without end, and the impedance at rest is 0."""
+    spec = {"controller": {"kind": kind, "Kp": 0.0} if kind == "pmw" else {"kind": kind}, "environment": {"K_VE": 0.0}}
+    if kind == "drawn":
+        spec = with_integral(ki=0.0)
+        spec["wire"] |= {"out.u": "(kp + ki + kd + leak)*speed.y"}
+        del spec["block"]["sum"], spec["wire"]["sum.u"]
+    columns = wavesweep.bode(spec | {"bode": {"frequency_hz": [0.0]}})
+    assert columns["impedance_abs"].tolist() == [0.0]
+    assert np.isnan(columns[["admittance_abs", "worst_gain", "admittance_error", "worst_gain_error"]].iloc[0]).all()
+    assert (columns["stable"].tolist(), columns["doubt"].tolist()) == ([1], [""])

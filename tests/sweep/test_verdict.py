@@ -159,7 +159,7 @@ def test_no_damping_is_felt_as_none(kind):
             "environment": {"K_VE": K, "B_VE": 0.0},
             "local_model": {"K_LM": 0.0, "B_LM": 0.0},
         }
-        assert wavesweep.verdict(spec)["felt"] == {"stiffness": K, "damping": 0.0}
+        assert wavesweep.verdict(spec)["felt"] == {"stiffness": K, "damping": 0.0, "rigid": False}
 
 
 def test_a_range_ends_where_the_spec_takes_no_more():

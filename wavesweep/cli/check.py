@@ -225,6 +225,8 @@ def _delay(delay: Facts) -> str:
 
 def _felt(felt: Facts, *units: str, wall: bool = True) -> str:
     stiffness, damping = felt["stiffness"], felt["damping"]
+    if felt["rigid"]:
+        return "rigid, a constant force moves nothing in the end"
     if stiffness is None and damping is None:
         return "not known"
     late = wall and damping is not None and damping < 0 and stiffness is not None and stiffness > 0

@@ -247,12 +247,18 @@ def _seen(port, ticks, frequency, radius):
     gain, gain_error = worst_gain_of_port(whole, frequency)
     columns = {"omega_Ts": 2 * np.pi * frequency * port.period * ticks[1]}
     columns |= complex_columns("admittance", found.admittance) | complex_columns("impedance", found.impedance)
-    errors = {"admittance": found.admittance_error, "impedance": found.impedance_error}
-    errors = {name: np.where(np.isnan(columns[f"{name}_re"]), np.nan, error) for name, error in errors.items()}
-    columns |= {"worst_gain": gain, "worst_gain_error": np.where(np.isnan(gain), np.nan, gain_error), "stable": stable}
-    columns |= {f"{name}_error": error for name, error in errors.items()}
-    known = [*errors.values(), *([gain_error] if whole.kind.size <= MOST_TICKS else [])]
-    return columns | {"doubt": _doubts(known, np.full(frequency.shape, stable), lost, radius == 1)}
+    columns |= {"worst_gain": gain, "stable": stable}
+    errors = {"admittance": found.admittance_error, "impedance": found.impedance_error, "worst_gain": gain_error}
+    columns |= _errors_shown(columns, errors)
+    if whole.kind.size > MOST_TICKS:
+        del errors["worst_gain"]
+    return columns | {"doubt": _doubts(errors.values(), np.full(frequency.shape, stable), lost, radius == 1)}
+
+
+def _errors_shown(columns, errors):
+    """The columns of errors. A number without bound is missing, and its error with it, but that is known, and no doubt."""
+    values = {name: columns[name if name in columns else f"{name}_re"] for name in errors}
+    return {f"{name}_error": np.where(np.isnan(values[name]), np.nan, error) for name, error in errors.items()}
 
 
 def own_value(spec, name, read):
@@ -294,8 +300,7 @@ def _block(values, frequency):
     errors = {"admittance": found.admittance_error, "impedance": found.impedance_error, "worst_gain": gain_error}
     stable = (radius < 1)[..., None]
     columns |= {"worst_gain": gain, "stable": stable}
-    # A gain without bound is missing, and that is known.
-    columns |= {f"{name}_error": np.where(np.isnan(columns.get(name, error)), np.nan, error) for name, error in errors.items()}
+    columns |= _errors_shown(columns, errors)
     marginal = (radius == 1)[..., None]
     return columns | {"doubt": _doubts(errors.values(), stable, (loop.lost | np.isnan(radius))[..., None], marginal)}
 

@@ -49,9 +49,10 @@ def own_design(spec: Spec, cut=None, loop=None) -> dict:
 
     stable, spectral_radius (per frame; missing after overflow or if rounding hides it, and then it is not known to be stable),
     period_s (of the frame), assumes (see `assumptions`); felt: stiffness (N/m) and damping (N*s/m) of the wall as the hand
-    feels it at low frequency; slowest: time constant (s), damping ratio and frequency (rad/s) of the slowest mode, at its
-    strongest line in the hand's position (see `strongest_turns`), or as it is seen once a frame if there is no hand;
-    channel_norm: of the wave channel, 1 or less if it is passive.
+    feels it at low frequency, and whether it is rigid, as an integrator makes it: then neither has a limit; slowest: time
+    constant (s), damping ratio and frequency (rad/s) of the slowest mode, at its strongest line in the hand's position (see
+    `strongest_turns`), or as it is seen once a frame if there is no hand; channel_norm: of the wave channel, 1 or less if it is
+    passive.
     A drawn loop has no channel that a spec would name, and is felt at the hand's port if it has one.
     cut, loop: the compiled loop and the one prepared for responses, if they are known already.
     """
@@ -194,14 +195,17 @@ def _felt(spec, loop):
         return _felt_at(loop)
     low = SLOW_SHARE * values["rates.fast_hz"] / values["rates.ratio"]
     damping = _damping(partial(respond, loop), low)
-    return {"stiffness": _number(float(felt(felt_map(loop.diagram), values[WALL[0]]))), "damping": _number(damping)}
+    stiffness = float(felt(felt_map(loop.diagram), values[WALL[0]]))
+    return {"stiffness": _number(stiffness), "damping": _number(damping), "rigid": False}
 
 
 def _felt_at(port):
     """Stiffness and damping at the hand's port of a drawn loop."""
-    stiffness = float(static_port_response(port)[1].real[0])
+    admittance, stiffness, _, _ = (part.real[0] for part in static_port_response(port))
+    if admittance == 0:
+        return {"stiffness": None, "damping": None, "rigid": True}
     damping = _damping(partial(respond_port, port), SLOW_SHARE / (port.period * port.kind.size))
-    return {"stiffness": _number(stiffness), "damping": _number(damping)}
+    return {"stiffness": _number(stiffness), "damping": _number(damping), "rigid": False}
 
 
 def _damping(response, low):

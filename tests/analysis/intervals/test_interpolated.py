@@ -7,6 +7,7 @@ from support.specs import values_of
 
 from wavesweep.analysis.intervals.critical import (
     EPS,
+    SURELY_UNSTABLE,
     characteristic,
     from_coefficients,
     from_eigenvalues,
@@ -192,6 +193,8 @@ def test_traces_tell_unstable_frames_of_many_states_from_stable_ones(size):
     A[:, 0, 36:] = size * random.normal(size=(60, 4))
     sure, (phase, log, error) = surely_unstable_by_traces(A - np.eye(40))
     assert not sure[goal < 1].any()
+    for part, own in zip(from_coefficients(A - np.eye(40))[:2], (phase, log), strict=True):
+        np.testing.assert_array_equal(part[SURELY_UNSTABLE], own)  # beside the real axis they come from coefficients
     assert sure[goal > 1].mean() > 0.8
     with mpmath.workdps(40):
         for which in (0, 1):

@@ -9,6 +9,7 @@ from wavesweep.analysis.doubt import COUNTS, NONE, SEARCH
 from wavesweep.analysis.intervals.critical import (
     EPS,
     MOST_ERROR,
+    MOST_ORDER,
     PAIR,
     SURELY_UNSTABLE,
     from_coefficients,
@@ -16,7 +17,7 @@ from wavesweep.analysis.intervals.critical import (
     surely_unstable_by_traces,
 )
 from wavesweep.analysis.intervals.frames import NODES, Frames, level, pole_inside
-from wavesweep.analysis.intervals.interpolated import MOST_ORDER, interpolated_loop
+from wavesweep.analysis.intervals.interpolated import interpolated_loop
 from wavesweep.analysis.intervals.labelled import LOST, NARROWEST, UNKNOWN, UNSTABLE, labelled_parts
 from wavesweep.analysis.intervals.living import MoreStatesError, RecalledError, living, typical
 from wavesweep.analysis.intervals.panels import RIM, ROUGH, panel_roots

@@ -17,7 +17,8 @@ BLOCK = 512  # matrices at a time, which the cache holds
 EPS = np.finfo(float).eps
 SQUARINGS = 2  # of the eigenvalues whose sum tells that a loop is unstable
 POWER = 2**SQUARINGS
-TRACED = 4  # the same where powers of the frame itself are taken, in which a larger one loses nothing
+MOST_ORDER = 14  # with more states the coefficients of characteristic polynomials have lost too much as a rule
+TRACED = 4  # as SQUARINGS, for frames of more than MOST_ORDER states, in which these are of the frame itself
 TINIEST = 1e-290  # of a sum that is not lost
 
 
@@ -26,20 +27,24 @@ def from_coefficients(E, units=1.0):
 
     E: `(matrices, n, n)`, real or complex, frames less identity, whose eigenvalues are `w_i = z_i - 1`; units: `(matrices, n)`,
     of the states, see `balance`. PAIR is `prod_{i<j} (1 - z_i z_j)`, ONE `prod (-w_i)`, MINUS_ONE `prod (2 + w_i)`.
-    SURELY_UNSTABLE is `(t/n)^2 + e/m - 2`, t the sum of the n fourth powers of the eigenvalues z (their POWER-th), e that of
-    the m products of two of these: if it is positive |t| exceeds n or |e| exceeds m, so an eigenvalue exceeds 1 (if a complex
-    pair dominates, t may vanish, but e is its size to the eighth). No eigenvalue is needed: all are symmetric functions, so
-    they follow from the characteristic polynomial, which elimination to Hessenberg form gives (J. H. Wilkinson, The Algebraic
-    Eigenvalue Problem, 1965, chapters 6 and 7). With `s = w/(2 + w)`, which maps the circle to the imaginary axis, PAIR is the
-    last Hurwitz determinant but one of the polynomial in s (L. Orlando, Math. Ann. 71, 1911), the resultant of its even and its
-    odd part, which is the determinant of their Bezout matrix. Its error is the effect of errors of the coefficients on that
-    determinant, to first order.
+    SURELY_UNSTABLE is `(t/n)^2 + e/m - 2`, t the sum of the n fourth powers of the eigenvalues z (their POWER-th; of more than
+    MOST_ORDER the sixteenth, from squares of the frame), e that of the m products of two of these: if it is positive |t|
+    exceeds n or |e| exceeds m, so an eigenvalue exceeds 1 (if a complex pair dominates, t may vanish, but e is its size to the
+    eighth). No eigenvalue is needed: all are symmetric functions, so they follow from the characteristic polynomial, which
+    elimination to Hessenberg form gives (J. H. Wilkinson, The Algebraic Eigenvalue Problem, 1965, chapters 6 and 7). With
+    `s = w/(2 + w)`, which maps the circle to the imaginary axis, PAIR is the last Hurwitz determinant but one of the polynomial
+    in s (L. Orlando, Math. Ann. 71, 1911), the resultant of its even and its odd part, which is the determinant of their Bezout
+    matrix. Its error is the effect of errors of the coefficients on that determinant, to first order.
     """
     E, finite = _finite(E, units)
     with np.errstate(all="ignore"):
         starts = range(0, len(E), BLOCK)
         blocks = [_functions(*characteristic(E[at : at + BLOCK])) for at in starts]
-    return _given([np.concatenate(part, axis=-1) for part in zip(*blocks, strict=True)], finite)
+        found = [np.concatenate(part, axis=-1) for part in zip(*blocks, strict=True)]
+        if E.shape[-1] > MOST_ORDER:
+            for part, own in zip(found, _by_traces(E), strict=True):
+                part[SURELY_UNSTABLE] = own
+    return _given(found, finite)
 
 
 def from_polynomials(c, reach, size):
@@ -80,26 +85,29 @@ def from_eigenvalues(E, units=1.0, traces=None):
         with np.errstate(over="ignore"):
             error = CAUTION * size / np.maximum(magnitude.min(-1, initial=1.0), 1e-30)
         found.append(((factor / magnitude).prod(-1), np.log(magnitude).sum(-1), error))
-    found.append(_by_traces(E, size) if traces is None else [np.resize(part, len(E)) for part in traces])
+    with np.errstate(all="ignore"):
+        own = _by_traces(E) if traces is None else [np.resize(part, len(E)) for part in traces]
+    found.append(own)
     return _given([np.stack(part) for part in zip(*found, strict=True)], finite, MOST_OF_EIGENVALUES)
 
 
-def _by_traces(E, size):
-    """Return SURELY_UNSTABLE from traces of a power of A = I + E, of the 2^TRACED-th; size: of the largest entry.
+def _by_traces(E):
+    """Return SURELY_UNSTABLE from traces of a power of A = I + E.
 
-    A is squared TRACED times. Each square is off by `2 |A|` times the error of A and by the rounding of its sums, and is scaled
-    by a power of two: the powers of a loop whose entries are large need not be.
+    A is squared again and again. Each square is off by `2 |A|` times the error of A and by the rounding of its sums. It is
+    scaled by a power of two, since the powers of a loop whose entries are large need not be large.
     """
-    n, exponent = E.shape[-1], np.ceil(np.log2(size))
+    n, exponent = E.shape[-1], np.ceil(np.log2(np.maximum(1, np.abs(E).max((-1, -2), initial=0))))
     A = (E + np.eye(n)) * np.exp2(-exponent)[:, None, None]
     norm = _norms(A)
     off = CAUTION * norm  # in roundings
-    for _ in range(TRACED):
+    for _ in range(TRACED if n > MOST_ORDER else SQUARINGS):
         A, off, exponent = A @ A, 2 * norm * off + n * norm**2, 2 * exponent
         # Never below 1: what is smaller is surely not unstable.
         shift = np.maximum(np.ceil(np.log2(np.maximum(np.abs(A).max((-1, -2), initial=0), TINIEST))), -exponent)
         A, off, exponent = A * np.exp2(-shift)[:, None, None], off * np.exp2(-shift), exponent + shift
         norm = _norms(A)
+        off = np.minimum(off, 4 / EPS * norm)  # then no digit is known, and none of any square
     total, squares = A.trace(axis1=-2, axis2=-1), (A * np.swapaxes(A, -1, -2)).sum((-1, -2))
     second = (total**2 - squares) / max(n * (n - 1), 1)
     least = np.maximum(2 * np.exp2(-2 * exponent), TINIEST)
@@ -115,7 +123,7 @@ def surely_unstable_by_traces(E, units=1.0):
     """Return `surely_unstable`, and SURELY_UNSTABLE as `from_eigenvalues` has it, for frames: `(matrices,)` each."""
     E, finite = _finite(E, units)
     with np.errstate(all="ignore"):
-        found = _by_traces(E, np.maximum(1, np.abs(E).max((-1, -2), initial=0)))
+        found = _by_traces(E)
         phase, log, error = (part[0] for part in _given([part[None] for part in found], finite, MOST_OF_EIGENVALUES))
         return (phase.real > 0) & (EPS * error < 1), (phase, log, error)
 

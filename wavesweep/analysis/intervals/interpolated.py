@@ -5,7 +5,14 @@ from functools import cache, partial
 
 import numpy as np
 
-from wavesweep.analysis.intervals.critical import EPS, LARGEST_ENTRY, characteristic, from_polynomials, surely_unstable
+from wavesweep.analysis.intervals.critical import (
+    EPS,
+    LARGEST_ENTRY,
+    MOST_ORDER,
+    characteristic,
+    from_polynomials,
+    surely_unstable,
+)
 from wavesweep.analysis.intervals.frames import level, pole_inside
 from wavesweep.analysis.intervals.living import of_order
 from wavesweep.analysis.intervals.panels import EXTENT, LEBESGUE, OVERLAP, RIM
@@ -16,7 +23,6 @@ from wavesweep.lifted.rounding import balance
 DEGREES = (14, 28, 56)  # of an interpolant; its points are kept when it is raised
 PIECES = 16  # a piece narrower than this part of the span that is not followed is computed at every point
 HOPELESS, WIDE = 0.05, 4  # last coefficients over the largest: a piece that is no wider than a WIDE-th of the span is given up
-MOST_ORDER = 14  # with more states the coefficients of characteristic polynomials have lost too much as a rule
 ROUNDED = 32  # roundings of all its terms that the sums of an interpolant cost
 LOOSE = 64.0  # roundings, as many as the values are off by themselves, that an interpolant may be off by besides
 MARGIN = 1e3  # of what a higher degree is expected to leave, since coefficients fall unevenly

@@ -10,7 +10,7 @@ from wavesweep.analysis.response.ticks import ordered_product
 from wavesweep.lifted.circle import on_circle
 
 POINTS = 256  # frequencies at a time
-NOTHING = 1e-11  # of the hand's force, up to which what rounding may leave of a force is none
+NOTHING = 1e-11  # of the hand's force, or of the terms of a position, up to which what rounding may leave of it is none
 LOST = 0.1  # relative error from which on a number has no digit
 
 
@@ -71,7 +71,8 @@ def static_port_response(port: Port, *, twice: bool = True) -> tuple[np.ndarray,
     """Return admittance (m/N) and impedance (N/m) of a port in the limit towards 0 Hz, and bounds on their relative errors.
 
     All are `(...)`, one entry for each port of a batch. NaN: there is none, or it is not known. If a constant force moves the
-    position without end, there is no admittance.
+    position without end, there is no admittance. If it does not move it at all in the end, as a position that an integrator
+    holds, the admittance is 0, and there is no impedance. The error of a number that does not exist is 0.
 
     With w = z - 1 of the tick and M ticks in a frame, both sides of `(z^M - 1 - E) X = g` and of the outputs of a frame are
     expanded to first order: `E X_0 = -g_0`, `E X_1 = M X_0 - g_1`. A change within a tick vanishes with w, and its slope is the
@@ -79,7 +80,7 @@ def static_port_response(port: Port, *, twice: bool = True) -> tuple[np.ndarray,
     of both solutions, and the difference of two frames that begin with different ticks; twice: whether the second is computed.
     """
     with np.errstate(all="ignore"):
-        value, slope, errors, size = _still(port)
+        value, slope, errors, (size, of_slopes) = _still(port)
         value_2, slope_2, *_ = _still(port.turned(port.kind.size // 2)) if twice else (value, slope)
         off, off_slope = (error + np.abs(a - b) for error, a, b in zip(errors, (value, slope), (value_2, slope_2), strict=True))
         going = np.abs(value) > off + STILL * size  # of the change in a tick: it changes without end
@@ -88,6 +89,8 @@ def static_port_response(port: Port, *, twice: bool = True) -> tuple[np.ndarray,
         if len(value) > 2:
             found[1], error[1] = found[1] + slope[2:], np.where(np.abs(value[2:]) > off[2:], np.nan, error[1] + off_slope[2:])
             forces = value[2], off[2] / np.abs(value[2])
+        rigid = (np.abs(found[0]) <= error[0]) & (error[0] <= NOTHING * of_slopes[:1]) & (np.abs(value[:1]) <= off[:1])
+        found[0], error[0] = np.where(rigid, 0.0, found[0]), np.where(rigid, 0.0, error[0])
         error[0] = np.where(np.abs(value[:1]) > off[:1], np.nan, error[0])  # if it is going, and if that is not clear
         none = (np.abs(found[-1]) <= error[-1]) & (error[-1] <= NOTHING) & (len(value) > 1)  # of 1 N: nothing but rounding
         found[-1], error[-1] = np.where(none, 0.0, found[-1]), np.where(none, 0.0, error[-1])
@@ -95,7 +98,8 @@ def static_port_response(port: Port, *, twice: bool = True) -> tuple[np.ndarray,
         stiffness = np.where(forces[0] == 0, 0.0, forces[0] / value[0])
         unsure = np.where(forces[0] == 0, 0.0, forces[1] + off[0] / np.abs(value[0]))
     impedance, unsure = (np.where(going[0], *pair) for pair in ((stiffness, impedance), (unsure, relative[1])))
-    return admittance + 0j, impedance + 0j, relative[0], unsure
+    impedance, unsure = (np.where(rigid[0], none, part) for none, part in ((np.nan, impedance), (0.0, unsure)))
+    return admittance + 0j, impedance + 0j, np.where(going[0], 0.0, relative[0]), unsure
 
 
 STEP = 1e-30  # of z, for slopes
@@ -104,7 +108,7 @@ STEP = 1e-30  # of z, for slopes
 def _still(port):
     """Return the outputs of a frame under a constant force and their slopes, `(outputs, ...)`, with their errors and sizes.
 
-    The errors are bounds for both. The sizes are those of the terms of the outputs, not of the slopes.
+    The errors are bounds for both. The sizes are those of the terms of both.
     """
     frame, M, rough = driven(port, np.array([1 + 1j * STEP])), port.kind.size, port.rough
     parts = (part for each in (frame.g, frame.G, frame.h) for part in (each.real, each.imag / STEP))
@@ -118,10 +122,11 @@ def _still(port):
     size = ordered_product(frame.G_size, np.abs(X)) + frame.h_size
     value, slope = ordered_product(G, X) + h, ordered_product(G_1, X) + ordered_product(G, X_1) + h_1
     error = ordered_product(np.abs(G), dX) + rough * size
-    of_slope = rough * (M * size + ordered_product(frame.G_size, np.abs(X_1)))
-    of_slope = of_slope + ordered_product(np.abs(G_1), dX) + ordered_product(np.abs(G), dX_1)
-    value, slope, error, of_slope, size = (np.moveaxis(part, -1, 0) / M for part in (value, slope, error, of_slope, size))
-    return value, slope, (error, of_slope), size
+    size_1 = M * size + ordered_product(frame.G_size, np.abs(X_1))
+    error_1 = rough * size_1 + ordered_product(np.abs(G_1), dX) + ordered_product(np.abs(G), dX_1)
+    parts = (np.moveaxis(part, -1, 0) / M for part in (value, slope, error, error_1, size, size_1))
+    value, slope, *pairs = parts
+    return value, slope, tuple(pairs[:2]), tuple(pairs[2:])
 
 
 def _with_law(E, unsure, right, later):

@@ -7,7 +7,7 @@ import numpy as np
 from wavesweep.analysis.response.bordered import CLOSE, bordered, conserved_output
 from wavesweep.analysis.response.circle import Circle, circle
 from wavesweep.analysis.response.frame import Loop
-from wavesweep.analysis.response.static import static_response, zero_at_rest
+from wavesweep.analysis.response.static import held_at_rest, static_response, zero_at_rest
 from wavesweep.lifted.circle import solve
 from wavesweep.lifted.rounding import ROUNDING
 
@@ -22,7 +22,10 @@ BLOCK = 200_000  # entries of one batch of matrices
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Response:
-    """Admittance (m/N) and impedance (N/m), complex, `(..., points)`, and bounds on their relative errors. NaN: not known."""
+    """Admittance (m/N) and impedance (N/m), complex, `(..., points)`, and bounds on their relative errors.
+
+    NaN: not known; with an error of 0 the number is known to have no bound.
+    """
 
     admittance: np.ndarray
     impedance: np.ndarray
@@ -90,6 +93,8 @@ def _at_rest(loop, modal):
         known = off < LOST
         found.append((np.where(known, value, np.nan) + 0j, np.where(known, off, np.nan)))
     (admittance, of_admittance), (impedance, of_impedance) = found
+    moves = ~held_at_rest(loop.diagram, loop.wall)[..., None] & ~loop.lost[..., None]
+    of_admittance = np.where(moves, 0.0, of_admittance)
     return admittance, impedance, of_admittance, of_impedance
 
 
