@@ -40,6 +40,14 @@ def test_the_static_limit_is_a_mark_at_the_left_edge():
     assert mark.get_ydata() == 1e3 * columns["admittance_abs"][0]
 
 
+def test_a_static_limit_of_0_has_no_mark():
+    """It has no place on a scale of factors, where a mark far below the panel left no room for it."""
+    free = {"controller": {"kind": "dc"}, "environment": {"K_VE": 0.0}, "bode": {"frequency_hz": [0.0, 0.1, 1.0]}}
+    columns, figure = figure_of(**free)
+    assert columns["impedance_abs"][0] == 0.0
+    assert [line for axes in figure.axes for line in axes.lines if line.get_marker() == "<"] == []
+
+
 def test_one_frequency_is_drawn_over_the_axis_that_varies():
     columns, figure = figure_of(bode={"frequency_hz": [5.0], "b": {"start": 5, "stop": 200, "num": 40, "scale": "log"}})
     axes = figure.axes[0]

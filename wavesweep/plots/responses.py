@@ -122,7 +122,8 @@ def _draw_panel(axes: Any, curves: list[Curve], name: str, x: str) -> None:
         axes.plot(*line, label=curve.label or None, **style)
         if alone and marked:  # beside the marks that tell the specs apart
             axes.plot(line[0][alone], line[1][alone], curve.style["marker"], markersize=3.5, **edge)
-        if static.any():
+        # A static limit of 0 has no place on a scale of factors, and no phase.
+        if (static & (curve.rows[f"{name.partition('_')[0]}_abs"][order] > 0)).any():
             axes.plot(positive, values[static][0], marker="<", markersize=4, clip_on=False, zorder=4, **edge)
         crossed = lost & ~static
         if crossed.any():
