@@ -1246,7 +1246,23 @@ def test_a_spring_that_no_drawing_with_other_numbers_has_leaves_the_loop_unknown
     found = loop.stable_intervals("d", (0, 5), k3=[20.0, 200.0])  # the other one has no spring, and is stable throughout
     assert found.certified.tolist() == [False, True]
     assert found.intervals.tolist() == [0, 1]
-    assert np.isnan(loop.spectral_radius())
+    plain = wavesweep.compile(sprung("k*arm.x", {"k": 52.0, "d": 1.0}))
+    assert loop.spectral_radius() == pytest.approx(plain.spectral_radius(), rel=1e-12)  # a loop alone has its own drift
+    np.testing.assert_allclose(
+        loop.spectral_radius(k3=[20.0, 200.0], d=[0.5, 1.0]).ravel(),
+        [*plain.spectral_radius(d=[0.5, 1.0]), *wavesweep.compile(sprung("0*arm.x", {"d": 1.0})).spectral_radius(d=[0.5, 1.0])],
+        rtol=1e-12,
+    )
+
+
+def test_a_column_that_is_not_known_has_a_single_row_whatever_was_found_in_it():
+    """And the rows of the others keep their own facts."""
+    tables = sprung("arm.v", {"s": 1.0, "K": 150.0, "g": 3.0}, force="-s*(K - 20 + sqrt((K - 20)**2))*arm.x - g*arm.v")
+    tables["block"] |= {"arm": {"type": "mass", "mass": 1.0, "damping": 1.0}, "h": {"type": "hold", "every": 4}}
+    loop = wavesweep.compile(tables)
+    found = loop.stable_intervals("s", (0, 1e5), K=[150.0, 10.0])
+    assert (found.certified.tolist(), found.intervals.tolist()) == ([False, True], [0, 1])
+    assert np.isnan(found[["low", "high"]].iloc[0]).all()
 
 
 def test_the_same_is_so_along_a_scalar_gain_of_the_frame():
@@ -1364,7 +1380,11 @@ def test_a_small_gain_that_no_drawing_has_opposes_a_shift_that_depends_on_a_numb
     }
     loop = wavesweep.compile(tables)
     assert not loop.stable_intervals("d", (0.001, 5)).certified.any()
-    assert np.isnan(loop.spectral_radius())
+    plain = {name: numbers for name, numbers in tables["numbers"].items() if name not in ("k0", "k1")}
+    wires = tables["wire"] | {"one.f": tables["wire"]["one.f"].replace(push, f"{share}*one.x")}
+    expected = wavesweep.compile(tables | {"numbers": plain, "wire": wires}).spectral_radius()
+    assert loop.spectral_radius() == pytest.approx(expected, rel=1e-12)
+    assert expected > 1
     free = wavesweep.compile(tables | {"numbers": tables["numbers"] | {"k1": 1.0}})
     assert free.stable_intervals("d", (0.001, 5)).certified.all()
     assert free.spectral_radius() < 1

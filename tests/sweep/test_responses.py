@@ -260,3 +260,34 @@ def test_an_admittance_without_bound_is_missing_without_a_doubt(kind):
     assert columns["impedance_abs"].tolist() == [0.0]
     assert np.isnan(columns[["admittance_abs", "worst_gain", "admittance_error", "worst_gain_error"]].iloc[0]).all()
     assert (columns["stable"].tolist(), columns["doubt"].tolist()) == ([1], [""])
+
+
+@pytest.mark.parametrize(
+    ("spring", "numbers", "stiffness"),
+    [
+        ("(K - 20 + sqrt((K - 20)**2))/2", {"K": 5000.0}, 4980.0),
+        ("s*(p*q - r + sqrt((p*q - r)**2))", {"p": 30.0, "q": 4.0, "r": 20.0, "s": 1.0}, 200.0),
+        ("(200 + n**a)", {"n": -1.5, "a": 3.0}, 196.625),
+        ("s*(1 + sqrt(n**(n-1)))", {"n": -1.0, "s": 100.0}, 200.0),
+    ],
+)
+def test_a_spring_that_other_numbers_would_not_have_is_felt(spring, numbers, stiffness):
+    """With the numbers in which drift is searched for the first two are 0, and the others are no real numbers."""
+
+    def compiled(gain, given):
+        return wavesweep.compile(
+            {
+                "rates": {"tick_hz": 1000},
+                "numbers": given,
+                "block": {"w": {"type": "mass", "mass": 1.0, "damping": 1.0}},
+                "wire": {"w.f": f"hand - {gain}*w.x"},
+                "ports": {"hand": {"force": "hand", "displacement": "w.x"}},
+            }
+        )
+
+    one, other = compiled(spring, numbers), compiled(stiffness, {})
+    frequency = [0.0, 0.1, 1.0, 20.0, 500.0]
+    assert one.response(frequency).equals(other.response(frequency))
+    assert one.passivity().equals(other.passivity())
+    assert one.spectral_radius() == other.spectral_radius()
+    assert wavesweep.verdict(one.spec)["felt"] == wavesweep.verdict(other.spec)["felt"]

@@ -17,7 +17,7 @@ from wavesweep.seeking.family import Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish
 from wavesweep.spec.resolving import longest_delay
-from wavesweep.sweep.drawn_loops import drift_of, telling_frames
+from wavesweep.sweep.drawn_loops import telling_frames
 from wavesweep.sweep.grid import distinct_rows, groups, selected
 from wavesweep.sweep.interval_table import at_points
 
@@ -267,7 +267,7 @@ def _slowest(spec, points):
     for members, values in _batches(spec, points):
         if spec.drawing:
             drawn = assembled(spec.drawing, values)
-            E, hidden = telling_frames(spec.drawing, values, drift_of(spec.drawing, values, spec.values))
+            E, hidden = telling_frames(spec.drawing, values, spec.values)
             period = np.real(drawn.period * drawn.ticks)
         else:
             cut = cut_at_wall(draw(values))

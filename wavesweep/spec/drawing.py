@@ -226,7 +226,7 @@ def _value(tree: Tree, numbers: Mapping[str, float]) -> float | None:
     try:
         value = value_of(tree, numbers)
         return value if not isinstance(value, complex) and math.isfinite(value) else None
-    except (ArithmeticError, ValueError):
+    except (ArithmeticError, ValueError, TypeError):  # the last of a root of what is no real number
         return None
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -86,19 +86,39 @@ def frames(drawing: Drawing | Uneven, values: Mapping[str, object], drift: TickD
         return closed_frame(drawn, drift)
 
 
-def telling_frames(drawing: Drawing | Uneven, values: Mapping[str, object], drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
-    """`frames`, and whether their spectral radius is hidden: the arguments of `radius_of`; see `telling_frame`."""
+def telling_frames(drawing: Drawing | Uneven, values: Mapping[str, object], own: Mapping[str, float]):
+    """`frames`, and whether their spectral radius is hidden: the arguments of `radius_of`; see `telling_frame`.
+
+    The drift of a loop alone is that of its own numbers if that of its twins (see `drift_of`) leaves the radius hidden, since a
+    gain may be zero with their numbers alone.
+    """
     drawn = assembled(drawing, values)
     with named_loops(drawn), np.errstate(all="ignore"):
-        return telling_frame(drawn, drift)
+        E, hidden = telling_frame(drawn, drift_of(drawing, values, own))
+        if hidden.all() and not any(np.ndim(value) for value in values.values()):
+            return telling_frame(drawn, drift_of(drawing, values, own, actual=True))
+        return E, hidden
+
+
+def radii_of(drawing: Drawing | Uneven, values: Mapping[str, object], own: Mapping[str, float], size: int) -> np.ndarray:
+    """Spectral radius per frame of each of `size` loops, `(size,)`, without drift, as `radius_of` returns it."""
+    found = np.array(np.broadcast_to(radius_of(*telling_frames(drawing, values, own)), (size,)))
+    for at in np.flatnonzero(np.isnan(found)).tolist() if size > 1 else ():
+        found[at] = radius_of(*telling_frames(drawing, _loop(values, at), own)).item()
+    return found
+
+
+def _loop(values, at):
+    """The numbers of one loop of a batch."""
+    return {path: v.item() if isinstance(v, np.generic) else v for path, v in selected(values, at).items()}
 
 
 def radii(grid) -> np.ndarray:
-    """Spectral radius per frame of every slice of the grid, without drift, as `radius_of` returns it."""
+    """`radii_of` every slice of the grid."""
     spec, drawing, found = grid.spec, grid.drawing, np.empty(grid.loops)
     for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):
         refuse_unsuitable(drawing, values)
-        found[members] = radius_of(*telling_frames(drawing, values, drift_of(drawing, values, spec.values)))
+        found[members] = radii_of(drawing, values, spec.values, members.size)
     return found
 
 
@@ -160,10 +180,10 @@ def ports_of_groups(drawing: Drawing | Uneven, parts: Groups, own: Mapping[str, 
         refuse_unsuitable(drawing, values)
         drift = drift_of(drawing, values, own, watched=watched)
         for at, number in enumerate(members.tolist()):
-            one = {path: v.item() if isinstance(v, np.generic) else v for path, v in selected(values, at).items()}
-            drawn = assembled(drawing, one)
+            one = _loop(values, at)
+            drawn, actual = assembled(drawing, one), partial(drift_of, drawing, one, own, watched=watched, actual=True)
             with named_loops(drawn):
-                yield number, port_of(drawn, ports, drift)
+                yield number, port_of(drawn, ports, drift, actual)
 
 
 def ports_of_loop(spec, drawing: Drawing | Uneven) -> Port:

@@ -197,8 +197,8 @@ class DrawnTask:
                 places = np.stack([low, low / 2 + high / 2, high], axis=-1)
                 hidden |= open_ & self._loops(values).examined(found.column[:, None], places)[1].any(-1)
             found = _doubted(found, cut.growth[found.column])
-            found = _unknown(found, np.broadcast_to(opposed(opened.frame.ticks, opened.drift), size)[found.column])
-            return self._unshaken(found, hidden, lambda: self._loops(values), cut.period, values)
+            found = self._unshaken(found, hidden, lambda: self._loops(values), cut.period, values)
+            return _unknown(found, np.broadcast_to(opposed(opened.frame.ticks, opened.drift), size)[found.column])
         loops = self._loops(values)
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
@@ -215,8 +215,8 @@ class DrawnTask:
             others = np.setdiff1d(found.column, found.column[reached == end])
             _, _, there = loops.examined(others, np.full(others.size, end)) if others.size else (None, None, np.zeros(0, bool))
             wrong |= np.isin(found.column, others[there])
-        found = _unknown(_doubted(found, growth.max(-1)), wrong)
-        return self._unshaken(found, hidden.any(-1), lambda: loops, period, values)
+        found = self._unshaken(_doubted(found, growth.max(-1)), hidden.any(-1), lambda: loops, period, values)
+        return _unknown(found, wrong)  # at last, since it leaves a single row of a column
 
     def _ends(self, found):
         """The ends of each interval, or of the range in columns without one."""

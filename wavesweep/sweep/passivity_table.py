@@ -18,7 +18,7 @@ from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
 from wavesweep.sweep.checkpoint import gather, stretches
-from wavesweep.sweep.drawn_loops import ports_of, ports_of_groups, watched_drift
+from wavesweep.sweep.drawn_loops import ports_of, ports_of_groups
 from wavesweep.sweep.grid import Grid, groups, loop_of, make_grid, no_controller, rates_of, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
 from wavesweep.sweep.running import Run, Work, run
@@ -136,19 +136,12 @@ class DrawnPortTask:
 
         records = np.empty(sum(members.size for members, _ in self.groups), PORT)
         records["slice"] = np.arange(records.size)
-        vague = np.zeros(records.size, bool)
-        for members, values in self.groups:
-            vague[members] = watched_drift(self.drawing, values, self.own).vague
         for number, port in ports_of_groups(self.drawing, self.groups, self.own):
             found = drawn_port_margin(port)
             needed = np.where(found.passive, 0.0, np.nan)
             row = (found.margin, found.omega, found.passive, found.certified, found.stable, needed)
             for name, value in zip(PORT.names[1:], row, strict=True):
                 records[name][number] = np.asarray(value).item()
-        for name in ("port_margin", "port_omega", "damping_needed"):
-            records[name][vague] = np.nan
-        for name in ("port_passive", "certified", "stable"):
-            records[name][vague] = False
         return records
 
 

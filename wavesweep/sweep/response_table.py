@@ -13,7 +13,7 @@ from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.drawn_gain import MOST_TICKS, worst_gain_of_port
 from wavesweep.analysis.response.port import frame_of_port
 from wavesweep.analysis.rows import complex_columns
-from wavesweep.analysis.spectrum import radius_of, spectral_radius
+from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw, identity
 from wavesweep.diagram.assembly import assembled
 from wavesweep.diagram.uneven import RATIO, Uneven, steps_of
@@ -21,7 +21,7 @@ from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.studies import beyond_half
-from wavesweep.sweep.drawn_loops import drift_of, ports_of, ports_of_groups, telling_frames
+from wavesweep.sweep.drawn_loops import ports_of, ports_of_groups, radii_of
 from wavesweep.sweep.grid import keys_of, make_grid, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
 from wavesweep.sweep.running import Run, Work, in_memory, run
@@ -227,11 +227,11 @@ class ResponseTask:
     def _fill(self, records):
         """Loops that are assembled tick by tick, one after the other."""
         for members, values in self.groups:
-            radius = radius_of(*telling_frames(self.drawing, values, drift_of(self.drawing, values, self.own)))
+            radius = radii_of(self.drawing, values, self.own, members.size)
             ticks, slow = (steps_of(values[RATIO])[0], values[RATIO]) if isinstance(self.drawing, Uneven) else (1, None)
             for number, port in ports_of_groups(self.drawing, ((members, values),), self.own):
-                own = np.broadcast_to(radius, members.shape)[np.searchsorted(members, number)]
-                for name, array in _seen(port, (ticks, slow or port.slowest), self.frequency, own).items():
+                own = (ticks, slow or port.slowest), self.frequency, radius[np.searchsorted(members, number)]
+                for name, array in _seen(port, *own).items():
                     records[name][number] = array
 
 

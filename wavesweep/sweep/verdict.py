@@ -101,7 +101,7 @@ def _frame_of(spec):
     drawing = loop_of(spec)
     refuse_singular(spec, drawing)
     drawn = assembled(drawing, spec.values)
-    found = telling_frames(drawing, spec.values, drift_of(drawing, spec.values, spec.values))
+    found = telling_frames(drawing, spec.values, spec.values)
     return *found, float(drawn.period * drawn.ticks)
 
 
