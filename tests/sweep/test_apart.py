@@ -123,6 +123,58 @@ def test_a_mode_that_grows_with_time_is_left_out_of_no_cut():
     assert not float(loop.spectral_radius(p=100.0)) < 1
 
 
+@pytest.mark.parametrize(("force", "back"), [("c*f.x", "-0.1*a.v"), ("c*(f.x - a.x)", "c*(a.x - f.x)"), ("c*c*f.x", "a.v")])
+@pytest.mark.parametrize("along", ["p", "c"])
+def test_a_coupling_of_gain_0_makes_no_free_mass_a_part_of_the_loop(force, back, along):
+    """Behind it the mass moves on for ever. Its velocity is no drift, and a cut at the number does not see it."""
+    tables = joints()
+    tables["block"] = {name: tables["block"][name] for name in ("a", "ha")} | {"f": FREE}
+    tables["numbers"] |= {"c": 0.0}
+    tables["wire"] = {"ha.u": "a.x", "a.f": f"hand - p*ha.y + {force}", "f.f": back}
+    loop = wavesweep.compile(tables)
+    found = loop.stable_intervals("p", (0.1, 2000.0), c=[0.0] if along == "p" else [0.0, 1e-3])
+    assert not (found.certified & (found.intervals > 0) & (found.c == 0)).any()
+    assert not float(loop.spectral_radius(p=100.0)) < 1
+
+
+@pytest.mark.parametrize("through", [{"type": "integrator"}, None])
+def test_what_a_hand_moves_has_to_come_to_rest_behind_a_position_that_drifts(through):
+    """The position may rest anywhere, so the sum of it grows, and with it the place of a mass that the hand holds."""
+    held = (
+        {"type": "mass", "mass": 1.0, "damping": 5.0, "stiffness": 30.0}
+        if through
+        else {"type": "mass", "mass": 1.0, "damping": 5.0}
+    )
+    tables = joints()
+    tables["block"] = {name: tables["block"][name] for name in ("a", "ha")} | {"s": held}
+    tables["wire"] = {"ha.u": "a.v", "a.f": "-p*ha.y", "s.f": "a.x + hand"}
+    tables["ports"] = {"hand": {"force": "hand", "displacement": "s.x"}}
+    if through:
+        tables["block"] |= {"i": through}
+        tables["wire"] |= {"i.u": "a.x", "s.f": "i.y + hand"}
+    loop = wavesweep.compile(tables)
+    assert not loop.stable_intervals("p", (0.1, 2000.0)).certified.any()
+    assert not float(loop.spectral_radius(p=10.0)) < 1
+    felt = wavesweep.compile(
+        tables | {"wire": tables["wire"] | {"a.f": "hand - p*ha.y", "s.f": tables["wire"]["s.f"].replace("hand", "0*a.v")}}
+    )
+    assert not felt.stable_intervals("p", (0.1, 2000.0)).certified.any()  # and so if the hand only feels it
+
+
+@pytest.mark.parametrize("gain", ["c", "2*c*c", "(c - 20 + sqrt((c - 20)**2))"])
+def test_equal_joints_with_a_coupling_that_is_switched_off_are_parts(gain):
+    tables = joints(first=(0.2, 0.1, 4), second=(0.2, 0.1, 4), c=0.0)
+    tables["wire"] = {"ha.u": "p*a.x + 3*a.v", "hb.u": "p*b.x + 3*b.v"}
+    tables["wire"] |= {"a.f": f"hand - ha.y + {gain}*(b.x - a.x)", "b.f": f"{gain}*(a.x - b.x) - hb.y"}
+    loop = wavesweep.compile(tables)
+    found = loop.stable_intervals("p", (1.0, 20000.0), c=[0.0, 30.0])
+    assert found.certified.all()
+    assert found.high[0] == pytest.approx(1550.516838911848, rel=1e-9)
+    for row in found.itertuples():
+        inside, outside = loop.spectral_radius(p=[row.high * (1 - 1e-7), row.high * (1 + 1e-7)], c=row.c).ravel()
+        assert inside < 1 < outside
+
+
 def test_a_part_without_a_solution_at_0_of_the_number_has_intervals_beyond():
     tables = joints()
     tables["block"] |= {"g": {"type": "gain", "k": 1}}

@@ -188,7 +188,10 @@ def _cut(E, B, c, d, drift, period, condition):
     C = np.concatenate(np.broadcast_arrays(v, advance, c[..., :1, :]), axis=-2)
     D = np.concatenate(np.broadcast_arrays(dv, step, d[..., :1, :]), axis=-2)
     read = _read_after(E, C, [kept.index(state) for state in drift.plain if state in kept])
-    left = (*leads, *(kept[i] for i in range(len(kept)) if i not in read))
+    idle = [i for i in range(len(kept)) if i not in read]
+    if any(np.any(E[..., i, i] == 0) for i in idle if kept[i] not in drift.unread):
+        return None  # an eigenvalue 1 that is no drift, as the velocity of a free mass behind a coupling of gain 0
+    left = (*leads, *(kept[i] for i in idle))
     E, B, C, kept = E[..., read, :][..., read], B[..., read, :], C[..., read], [kept[i] for i in read]
     if drift.ramp in kept and not set(kept) & set(drift.unread):  # these were left out when the ramp was found
         E, B, C = _counted_from(kept.index(drift.ramp), E, B, C)

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from wavesweep.diagram.assembly import POSITION, REACTION
 from wavesweep.diagram.drawn import Drawn, shifts
 from wavesweep.lifted.circle import solve
 from wavesweep.lifted.periodic import LOST, Ticks, frame_of, growth_of, known_frames, ticks_of
@@ -88,14 +89,18 @@ def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> TickDrift:
 
 
 def _alive(drawn, watched):
-    """The blocks that something reads, or that a force from outside moves, without those that only watch them."""
-    moved = {
-        each.block.name
-        for each in drawn.placed
-        for port in each.block.inputs
-        if drawn.sources(f"{each.block.name}.{port}") & set(drawn.inputs)
-    }
-    return moved | {each.block.name for each in drawn.living(watched).placed}
+    """The blocks that something reads, a hand's port among others, or that a force from outside moves, and what acts on them.
+
+    The others only watch them.
+    """
+    ports = {each.block.name: [f"{each.block.name}.{port}" for port in each.block.inputs] for each in drawn.placed}
+    sources = {name: set().union(*map(drawn.sources, of_block)) for name, of_block in ports.items()}
+    shown = [signal for signal in (POSITION, REACTION) if signal in drawn.sums]
+    found = {each.block.name for each in drawn.living((*watched, *shown)).placed}
+    found |= {name for name, read in sources.items() if read & set(drawn.inputs)}
+    while more := {source.rpartition(".")[0] for name in found for source in sources[name]} & ports.keys() - found:
+        found |= more
+    return found
 
 
 def opposed(ticks: Ticks, drift: TickDrift) -> np.ndarray:
@@ -195,10 +200,11 @@ def _at_rest_anywhere(E):
 def _shifts(drawn, watched):
     """Return the shifts that nothing opposes and that something reads, and whether they are exact.
 
-    A part of the loop that only watches a drifting position need not be at rest.
+    A part of the loop that only watches a drifting position need not be at rest, unless a hand moves it or feels it.
     """
-    living, (whole, exact) = drawn.living(watched), shifts(drawn)
-    if living is drawn:
+    names, (whole, exact) = _alive(drawn, watched), shifts(drawn)
+    living = replace(drawn, placed=tuple(each for each in drawn.placed if each.block.name in names))
+    if len(living.placed) == len(drawn.placed):
         return whole, exact or not whole
     known = {each.block.name for each in living.placed}
     alone = [shift for shift in whole if not any(name.partition(".")[0] in known for name in shift)]

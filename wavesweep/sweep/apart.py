@@ -14,8 +14,10 @@ SETTLING = ("gain", "hold", "delay", "difference", "butterworth")  # types of bl
 
 
 @lru_cache(maxsize=64)
-def apart(drawing: Drawing) -> tuple[Drawing, ...]:
+def apart(drawing: Drawing, silent: frozenset[tuple[str, str]] = frozenset()) -> tuple[Drawing, ...]:
     """Return the parts of a drawing whose blocks all act on one another, in the order of their blocks.
+
+    silent: ports and signals of the terms whose gain is 0, through which nothing acts.
 
     A block that acts on a part and is not acted on by it changes none of its eigenvalues, and those of the whole are those of
     all parts. Two equal joints of a robot, or two equal cars of which one follows the other, cross the unit circle at the same
@@ -24,7 +26,7 @@ def apart(drawing: Drawing) -> tuple[Drawing, ...]:
     """
     feeds = {block.name: set() for block in drawing.blocks}
     for port, terms in drawing.wires:
-        for source in (signal.partition(".")[0] for signal, _ in terms):
+        for source in (signal.partition(".")[0] for signal, _ in terms if (port, signal) not in silent):
             if source in feeds:
                 feeds[source].add(port.partition(".")[0])
     reached = {name: _reached(feeds, name) for name in feeds}

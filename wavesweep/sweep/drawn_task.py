@@ -16,7 +16,15 @@ from wavesweep.analysis.response.port import Ports
 from wavesweep.analysis.response.resting import Resting, resting
 from wavesweep.analysis.response.resting_frame import resting_frame, shows_at_rest
 from wavesweep.diagram import WALL
-from wavesweep.diagram.assembly import FACTOR, PRODUCT, assembled, refuse_unsuitable, scalar_place, seen_by_hand
+from wavesweep.diagram.assembly import (
+    FACTOR,
+    PRODUCT,
+    assembled,
+    refuse_unsuitable,
+    scalar_place,
+    seen_by_hand,
+    tame_pair,
+)
 from wavesweep.diagram.domain import bends_at_zero, domains, guards_at
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
@@ -28,6 +36,7 @@ from wavesweep.lifted.periodic import GROWN, LOST, growth_of, ticks_of
 from wavesweep.lifted.rounding import CANCELLED, frame_and_cancellation, hidden_in, sizes_in_all, turned
 from wavesweep.lifted.tick_drift import TickDrift, closed, errors_of_closed, filled, opposed, without_drift
 from wavesweep.spec.drawing import Drawing, name_of, path_of
+from wavesweep.spec.expressions import names_in
 from wavesweep.sweep.any_number import TINY
 from wavesweep.sweep.apart import apart, common
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
@@ -152,7 +161,7 @@ class DrawnTask:
         return None
 
     def _intervals(self, values, size, opened):
-        parts = () if isinstance(self.drawing, Uneven) else apart(self.drawing)
+        parts = () if isinstance(self.drawing, Uneven) else apart(self.drawing, self._silent(values))
         if len(parts) <= 1:
             return self.connected(values, size, opened)
         if not self._drift_alike(values, parts):  # a cut would leave out a mode that grows and that the number does not see
@@ -160,6 +169,17 @@ class DrawnTask:
         domains(self.drawing, values, self.along, self.span, size)  # of what leads from one part to another, too
         alone = [replace(self, drawing=part) for part in parts]
         return common([part.connected(values, size, part.opened(values)) for part in alone])
+
+    def _silent(self, values):
+        """The ports and signals of the terms whose gain is 0 in every loop, since numbers that it is made of are 0."""
+        known = values | {self.along: 1.0}
+        sums = [drawn.sums for drawn in (assembled(self.drawing, known), *tame_pair(self.drawing, known, self.own))]
+        gains = ((port, signal, gain) for port, terms in self.drawing.wires for signal, gain in terms)
+        return frozenset(
+            (port, signal)
+            for port, signal, gain in gains
+            if self.number not in dict(names_in(gain)) and not any(np.any(each[port][signal]) for each in sums)
+        )
 
     def opened(self, values) -> OpenLoops | None:
         """The loops without the number, None as well if they have no solution at 0 of it, which may be beyond the range."""
