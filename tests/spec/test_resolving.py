@@ -71,6 +71,16 @@ def test_what_makes_no_filter_is_a_mistake(name, keys, words):
     assert words in str(error.value)
 
 
+@pytest.mark.parametrize(("name", "low", "high"), [("lp1", 10, 40), ("hp", 20, 5)])
+def test_a_resolved_spec_is_a_spec(name, low, high):
+    """It has order and cutoff beside the band edges that they follow from."""
+    spec = load(tables(name, **EDGES | {"passband_hz": low, "stopband_hz": high, "stopband_db": 20}))
+    again = load(spec.tables())
+    assert again.values == spec.values
+    for changes in ({"rates.fast_hz": 2000.0}, {f"filters.{name}.stopband_db": 30.0}):
+        assert again.with_values(changes).values == spec.with_values(changes).values
+
+
 @pytest.mark.parametrize("name", ["lp1", "hp", "lp2"])
 def test_no_filter_needs_no_cutoff_below_half_the_rate(name):
     spec = load(tables(name, order=0) | {"rates": {"fast_hz": 100}}, [f"filters.{name}.cutoff_hz=60"])

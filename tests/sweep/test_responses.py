@@ -291,3 +291,15 @@ def test_a_spring_that_other_numbers_would_not_have_is_felt(spring, numbers, sti
     assert one.passivity().equals(other.passivity())
     assert one.spectral_radius() == other.spectral_radius()
     assert wavesweep.verdict(one.spec)["felt"] == wavesweep.verdict(other.spec)["felt"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "values"), [("pmw", "K_VE", [500.0, 1e-9, 1e-3]), ("pmw-lm", "K_LM", [500.0, 1e-9, 0.0])]
+)
+def test_the_static_limit_of_a_loop_does_not_depend_on_the_others_of_a_sweep(kind, name, values):
+    """It is held against frequencies that are low for the slowest of its own poles."""
+    loop = wavesweep.compile({"controller": {"kind": kind}})
+    together, alone = (loop.response([0.0], **{name: each}) for each in (values, values[:1]))
+    shown = ["admittance_re", "impedance_re", "admittance_error", "doubt"]
+    assert together[shown].iloc[0].to_list() == alone[shown].iloc[0].to_list()
+    assert alone["doubt"].to_list() == [""]

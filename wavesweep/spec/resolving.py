@@ -41,10 +41,14 @@ class Given:
         return DEVICES.get(leaf.value) if leaf is not None and isinstance(leaf.value, str) else None
 
     def replaced(self, path: str, leaf: Leaf) -> Given:
-        """Return the same with another value at `path`; a rate displaces the other way to give it."""
-        twin = {"rates.ratio": "rates.slow_hz", "rates.slow_hz": "rates.ratio"}.get(path)
-        kept = {name: old for name, old in self.leaves.items() if name != twin}
-        return Given({**kept, path: leaf}, self.source)
+        """Return the same with another value at `path`; a rate displaces the other way to give it.
+
+        Order and cutoff that a resolved spec has beside the band edges follow from these again.
+        """
+        others = {{"rates.ratio": "rates.slow_hz", "rates.slow_hz": "rates.ratio"}.get(path)}
+        by_edges = [name for name in FILTERS if f"filters.{name}.{BAND_EDGES[0]}" in self.leaves]
+        others |= {f"filters.{name}.{key}" for name in by_edges for key in ("order", "cutoff_hz")}
+        return Given({**{name: old for name, old in self.leaves.items() if name not in others}, path: leaf}, self.source)
 
 
 def resolve(given: Given) -> tuple[dict[str, float | int | str], list[Mistake]]:
@@ -138,21 +142,27 @@ def _nearest_rates(fast_hz: float, slow_hz: float) -> str:
 
 
 def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict) -> list[Mistake]:
-    """Set order and cutoff in `values` if the filter was given by its band edges."""
+    """Set order and cutoff in `values` if the filter was given by its band edges; a resolved spec has both, which agree."""
     path = f"filters.{name}"
     edges = [edge for edge in BAND_EDGES if f"{path}.{edge}" in given.leaves]
     if not edges:
         return []
     leaf = given.leaf(f"{path}.{edges[0]}")
-    if any(f"{path}.{key}" in given.leaves for key in ("order", "cutoff_hz")):
-        return [leaf.mistake(path, "either order and cutoff_hz or the four band edges", "both", of_key=True)]
+    direct = {
+        f"{path}.{key}": checked.get(f"{path}.{key}") for key in ("order", "cutoff_hz") if f"{path}.{key}" in given.leaves
+    }
+    either = "either order and cutoff_hz or the four band edges"
+    if direct and len(edges) < len(BAND_EDGES):
+        return [leaf.mistake(path, either, "both", of_key=True)]
     if len(edges) < len(BAND_EDGES):
         return [leaf.mistake(path, "all of " + ", ".join(BAND_EDGES), "only " + ", ".join(edges), of_key=True)]
     numbers = [checked.get(f"{path}.{edge}") for edge in BAND_EDGES]
     if None in numbers or _rejected("rates.fast_hz", given, checked):
         return []
-    mistakes = _check_edges(name, numbers, values["rates.fast_hz"], given)
-    return mistakes or _meet_edges(path, numbers, leaf, values)
+    mistakes = _check_edges(name, numbers, values["rates.fast_hz"], given) or _meet_edges(path, numbers, leaf, values)
+    if not mistakes and any(value not in (None, values[key]) for key, value in direct.items()):
+        return [leaf.mistake(path, either, "both, which differ", of_key=True)]
+    return mistakes
 
 
 def _meet_edges(path: str, numbers: list[float], leaf: Leaf, values: dict) -> list[Mistake]:

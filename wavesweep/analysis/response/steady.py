@@ -81,9 +81,14 @@ def _at_rest(loop, modal):
     The limit is compared with low frequencies f, f/2 and f/4, whose real parts are even in f.
     """
     limit = [part[..., None] for part in static_response(loop)]
-    slow = np.min(np.abs(modal.poles), where=np.abs(modal.poles) > 0, initial=1.0)
-    rate = float(np.min(loop.diagram.rate if loop.diagram.rate is not None else 1 / np.asarray(loop.diagram.period)))
-    low = _responses(loop, modal, circle(loop, LOW * slow * rate / loop.diagram.ratio * np.array([1, 0.5, 0.25])))
+    slow = np.min(np.abs(modal.poles), axis=-1, where=np.abs(modal.poles) > 0, initial=1.0)
+    rate = loop.diagram.rate if loop.diagram.rate is not None else 1 / np.asarray(loop.diagram.period)
+    # Powers of four, and each loop its own, so that what is found of one does not depend on the others of a batch.
+    level = np.floor(np.log2(LOW * slow * float(np.min(rate)) / loop.diagram.ratio) / 2)
+    low = [np.full((*level.shape, 3), np.nan, kind) for kind in (complex, complex, float, float)]
+    for each in np.unique(level):
+        parts = _responses(loop, modal, circle(loop, 4.0**each * np.array([1, 0.5, 0.25])))
+        low = [np.where((level == each)[..., None], part, whole) for part, whole in zip(parts, low, strict=True)]
     found = []
     for value, part, error, zero in zip(limit, low[:2], low[2:], (False, zero_at_rest(loop)[..., None]), strict=True):
         first, second = ((4 * part[..., [at + 1]] - part[..., [at]]).real / 3 for at in (0, 1))
