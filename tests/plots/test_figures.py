@@ -3,6 +3,7 @@
 import pathlib
 import struct
 import threading
+from dataclasses import replace
 from itertools import pairwise
 
 import matplotlib
@@ -340,6 +341,23 @@ def test_space_that_is_not_swept_does_not_pass_for_unstable():
     assert not [line for line in axes.lines if line.get_marker() == "x" and len(line.get_xdata())]
 
 
+def test_a_limit_below_all_others_has_room_for_what_is_unstable_below_it():
+    """The mass drifts at 0 of the spring, where stability begins, and what was swept below it is shown."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"k": 5.0, "d": 1.0},
+        "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.0}, "h": {"type": "hold", "every": 20}},
+        "wire": {"h.u": "-k*m.x - d*m.v", "m.f": "h.y"},
+    }
+    for start in (-500.0, -1.0):
+        spec = tables | {"sweep": {"along": "k", "k": {"start": start, "stop": 1e4}, "d": [1.0, 1.5, 2.0]}}
+        table = wavesweep.sweep.intervals(wavesweep.load(spec))
+        assert table.columns["low"].tolist() == [0.0, 0.0, 0.0]
+        largest = table.columns["high"].max()
+        low, _ = plots.stability_region(table.columns, table.facts).axes[0].get_xlim()
+        assert low == pytest.approx(max(-0.06 * largest, start))
+
+
 @pytest.mark.parametrize("values", [[0.0, 10.0, 100.0, 300.0, 1000.0], [0.0, 100.0]])
 def test_a_margin_of_an_unstable_loop_does_not_pass_for_passive(values):
     """Its loop is not passive, also where the margin is positive: the margins are crossed out, as lines and as dots."""
@@ -378,6 +396,18 @@ def test_the_static_limit_of_a_comparison_is_at_the_left_edge():
     marks = [line for axes in figure.axes[2:] for line in axes.lines if line.get_marker() == "<"]
     assert [line.get_xdata()[0] for line in marks] == [0.5, 0.5]
     assert marks[0].get_ydata()[0] == 1e3 * responses.columns["admittance_abs"][0]
+
+
+def test_a_comparison_with_a_loop_that_turns_names_both_units():
+    tables = wavesweep.load(pathlib.Path(__file__).parents[2] / "sweeps" / "recipes" / "two-rate-wall.toml").tables() | {
+        "bode": {"frequency_hz": [1.0, 2.0]}
+    }
+    turning = tables | {"ports": {**tables["ports"], "hand": {**tables["ports"]["hand"], "turns": True}}}
+    specs = [replace(wavesweep.load(each), name=name) for name, each in (("slides", tables), ("turns", turning))]
+    walls, responses = wavesweep.sweep.compare(specs)
+    figure = plots.compare(walls.columns, walls.facts, responses.columns, responses.facts)
+    lower = [axes.get_ylabel() for axes in figure.axes[2:]]
+    assert lower == ["admittance\n(mm/N or mrad/(N·m))", "impedance\n(N/m or N·m/rad)"]
 
 
 def test_numbers_below_a_narrow_panel_do_not_touch():

@@ -40,7 +40,7 @@ def command(specs: tuple[str, ...], options: Options) -> None:
             return [walls, responses]
         from wavesweep import plots
 
-        draw = partial(plots.compare, walls.columns, walls.facts, responses=responses.columns)
+        draw = partial(plots.compare, walls.columns, walls.facts, responses=responses.columns, of_responses=responses.facts)
         return [plots.with_figure(walls, draw), responses]
 
     produce(["compare", "compare-bode"], specs, options, compute)

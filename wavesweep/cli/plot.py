@@ -55,8 +55,8 @@ def command(table: str, formats: tuple[str, ...], out: str | None, **switches: b
         say(f"Wrote {', '.join(map(str, written))}")
 
 
-def _responses(kind: str, path: Path, facts: Mapping[str, Any]) -> list[Columns]:
-    """The responses that a comparison is drawn with, if their table lies beside that of the walls and is of the same run."""
+def _responses(kind: str, path: Path, facts: Mapping[str, Any]) -> list[Columns | dict]:
+    """The responses that a comparison is drawn with, and their facts, if their table is beside its own and of the same run."""
     beside = path.with_name(f"{path.stem}-bode{path.suffix}")
     if kind != "compare" or not beside.exists():
         return []
@@ -65,5 +65,5 @@ def _responses(kind: str, path: Path, facts: Mapping[str, Any]) -> list[Columns]
     with suppress(WavesweepError, OSError):
         other, columns, own = read_table(beside)
         if other == "compare-bode" and own["spec_sha256"] == facts["spec_sha256"]:
-            return [columns]
+            return [columns, own]
     return []

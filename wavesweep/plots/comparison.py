@@ -39,8 +39,13 @@ _FAINT = 0.35  # opacity
 _FEW = 25  # samples of a curve up to which each is marked
 
 
-def compare(columns: Columns, facts: Mapping[str, Any], responses: Columns | None = None) -> Any:
-    """Draw a `compare` table; responses: the columns of its `compare-bode`, drawn below if they are given.
+def compare(
+    columns: Columns,
+    facts: Mapping[str, Any],
+    responses: Columns | None = None,
+    of_responses: Mapping[str, Any] | None = None,
+) -> Any:
+    """Draw a `compare` table; responses, of_responses: columns and facts of its `compare-bode`, drawn below if they are given.
 
     Above are the ends of all stable intervals of K_VE, and the static stiffness that the hand feels there, over the damping of
     the wall, or else the first axis that has several values; those of a spec without that axis are lines from side to side.
@@ -61,7 +66,7 @@ def compare(columns: Columns, facts: Mapping[str, Any], responses: Columns | Non
             axes.set_ylabel(with_unit(title, unit))
         for axes, (name, title, of_port) in zip(grid[1] if responses is not None else (), _RESPONSES, strict=False):
             _curves(axes, responses, specs, name)
-            axes.set_ylabel(at_hand(title, name, of_port, facts))
+            axes.set_ylabel(at_hand(title, name, of_port, of_responses or facts))
         for axes in grid.flat:
             axes.grid(visible=True, color="0.9", linewidth=0.5)
         canvas.align_ylabels()

@@ -218,7 +218,7 @@ def _shows_felt(columns: Columns, layout: Layout) -> bool:
 def _view(columns: Columns, facts: Mapping[str, Any]) -> tuple[float, float]:
     """The limits that show every interval of the table, or the swept range if there is none; all panels share them.
 
-    There is room beyond the largest value, and below the least one if the swept range ends there. Space that is not swept is
+    There is room beyond the largest value, and below the least one as far as it is swept, or if the swept range ends there. Space that is not swept is
     not shown otherwise: it would pass for unstable.
     """
     swept = swept_range(facts, str(columns["along"][0]))
@@ -229,6 +229,8 @@ def _view(columns: Columns, facts: Mapping[str, Any]) -> tuple[float, float]:
         bottom = min(bottom, lowest - room if lowest <= 0 else max(lowest - room, 0.0))
     elif 0 < swept[0] < top:
         bottom = swept[0]
+    elif swept[0] < bottom:  # stability ends there, and what is below is unstable
+        bottom = max(swept[0], bottom - room)
     limits = (float(bottom), float(top + room))
     if top <= bottom:
         limits = swept if np.isfinite(swept).all() else (limits[0], 1.0)
