@@ -218,8 +218,8 @@ def _shows_felt(columns: Columns, layout: Layout) -> bool:
 def _view(columns: Columns, facts: Mapping[str, Any]) -> tuple[float, float]:
     """The limits that show every interval of the table, or the swept range if there is none; all panels share them.
 
-    There is room beyond the largest value, and below the least one as far as it is swept, or if the swept range ends there. Space that is not swept is
-    not shown otherwise: it would pass for unstable.
+    There is room beyond the largest value, and below the least one as far as it is swept, or if the swept range ends there.
+    Space that is not swept is not shown otherwise: it would pass for unstable.
     """
     swept = swept_range(facts, str(columns["along"][0]))
     bottom, top = np.nanmin(columns["low"], initial=0.0), np.nanmax(columns["high"], initial=0.0)
