@@ -82,6 +82,21 @@ def test_sines_that_are_not_measured_are_named(simulate, hz, left):
     ] * bool(left)
 
 
+@pytest.mark.parametrize(
+    ("given", "unread"),
+    [
+        (["record=r.csv"], "simulate.record"),
+        (["input=step", "width_s=3", "frequency_hz=4"], "simulate.frequency_hz, simulate.settle_s, simulate.width_s"),
+        (["input=pulse", "width_s=3", "at_s=0.1"], "simulate.settle_s"),
+        (["frequency_hz=4"], ""),
+    ],
+)
+def test_keys_that_the_input_does_not_read_are_named(simulate, given, unread):
+    _, _, err = simulate(*given)
+    lines = [line for line in err.splitlines() if "not read" in line]
+    assert [line.partition(":")[0] for line in lines] == [unread] * bool(unread)
+
+
 def test_the_facts_hold_the_whole_spec_and_its_digest(simulate):
     simulate("wall=0.002")
     for kind in ("simulate", "simulate-response"):

@@ -139,6 +139,11 @@ class Spec:
         """The resolved keys of [simulate] by their last name (`friction`), None if one is absent; read-only."""
         return MappingProxyType(self._experiment().values)
 
+    @property
+    def unread(self) -> list[str]:
+        """The keys of [simulate] that are given, and that its input does not read."""
+        return self._experiment().unread()
+
     def _experiment(self) -> Experiment:
         device = None if self.uneven else self._given.device()  # whose effects are left out then
         return self._studies.experiment.on(device) if device else self._studies.experiment

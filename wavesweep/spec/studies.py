@@ -11,7 +11,7 @@ from wavesweep.spec.axes import Axis, axis_place, build_axis, linear, logarithmi
 from wavesweep.spec.checking import Rejected, apart, check, nearest, show
 from wavesweep.spec.design import Design, build_design
 from wavesweep.spec.devices import HapticDevice
-from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, SIMULATE_KEYS, STUDY_KEYS, Names
+from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, INPUTS, SIMULATE_KEYS, STUDY_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.resolving import LIMITS, Given, check_each, exceeds_limit
 from wavesweep.spec.sorting import FREQUENCIES, OF_DRAWN_LOOPS, Sorted
@@ -30,6 +30,18 @@ INPUT_FREQUENCIES = {
     "sine": _default((5.0,)),
     "stepped-sine": _default(linear(0.5, 49.5, 50), "linear"),
     "chirp": _default((0.1, 50.0)),
+}
+
+FORCES = tuple(name for name in INPUTS if name != "record")
+# Keys that only some inputs read.
+READ_BY = {
+    "amplitude": FORCES,
+    "frequency_hz": tuple(INPUT_FREQUENCIES),
+    "settle_s": ("sine", "stepped-sine"),
+    "periods": ("stepped-sine",),
+    "at_s": ("step", "pulse"),
+    "width_s": ("pulse",),
+    "record": ("record",),
 }
 
 
@@ -54,6 +66,12 @@ class Experiment:
         """Return the experiment with the limits of a device, except for keys that are given themselves."""
         known = {name: value for name, value in device.simulation().items() if f"simulate.{name}" not in self.given}
         return replace(self, values=self.values | known)
+
+    def unread(self) -> list[str]:
+        """Return the keys that are given, and not as their defaults, and that the input does not read."""
+        given = {path: leaf.value for path, leaf in self.given.items()} | {FREQUENCIES: self.frequencies}
+        paths = {name: f"simulate.{name}" for name, inputs in READ_BY.items() if self.values["input"] not in inputs}
+        return [name for name, path in paths.items() if path in given and given[path] != SIMULATE_KEYS[path].default]
 
     def beyond_limits(self, fast_hz: float, rate: str = "rates.fast_hz") -> Iterator[Mistake]:
         """Yield the mistakes that only a simulation has to be without. fast_hz, rate: the fast rate and the path of its key."""

@@ -199,6 +199,9 @@ def _facts(spec: Spec, methods: Mapping[str, str], timings: Mapping[str, float],
 def _notices(spec: Spec) -> Iterator[str]:
     """Yield notices about values that a user may not expect."""
     options = spec.simulate
+    if unread := spec.unread:
+        keys = ", ".join(f"simulate.{name}" for name in unread)
+        yield f"{keys}: not read, as simulate.input is {options['input']!r}".replace("'", '"')
     limits = DEVICES[spec.preset].simulation().items() if spec.preset else ()
     if spec.uneven:
         yield "at rates that do not divide the table shows the hand and the device; the controller's own signals are left out"
