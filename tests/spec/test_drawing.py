@@ -57,6 +57,24 @@ def test_a_number_with_the_name_of_a_built_in_symbol_is_the_drawings_own(write):
     assert load(write(text), ["sweep.b=[1, 2]"]).sweep[0].path == "numbers.b"
 
 
+@pytest.mark.parametrize(
+    ("table", "slip"),
+    [("[rates]", "[rate]"), ("[numbers]", "[number]"), ("[wire]", "[wires]"), ("[ports]", "[port]"), ("[block.", "[blocks.")],
+)
+def test_a_table_with_a_wrong_name_is_one_mistake(write, table, slip):
+    """It is read as the one that is meant, so that all that needs it is no mistake as well."""
+    (line,) = mistakes(write(changed(ARM, (table, slip))))
+    name = table.strip("[].")
+    assert f": {slip.strip('[].')}: expected one of the tables" in line
+    assert line.endswith(f"found an unknown table; did you mean `{name}`?")
+
+
+def test_a_number_of_set_that_there_is_not_is_told_the_next_one(write):
+    for given, meant in (("kpp=4", "kp"), ("KD=1", "kd"), ("arm.mass=2", "block.arm")):
+        (line,) = mistakes(write(ARM), given)
+        assert line.endswith(f"found an unknown table; did you mean `{meant}`?")
+
+
 def test_whole_numbers_that_decide_the_structure_are_swept_as_values():
     spec = load(tomllib.loads(NETWORK))
     key = spec.names.find("k")

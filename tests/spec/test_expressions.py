@@ -126,6 +126,15 @@ def test_the_first_token_that_does_not_fit_is_named_with_its_offset(text, offset
     assert (fault.value.offset, fault.value.expected) == (offset, expected)
 
 
+@pytest.mark.parametrize(
+    ("sign", "meant"), [("^", "**"), ("\u2212", "-"), ("\u00b7", "*"), ("\u00d7", "*"), ("\u00f7", "/"), ("@", "")]
+)
+def test_signs_of_typeset_text_are_told_what_they_stand_for(sign, meant):
+    with pytest.raises(Fault) as fault:
+        parse(f"a {sign} b")
+    assert (fault.value.offset, fault.value.suggestion) == (2, meant)
+
+
 def test_a_text_too_long_or_too_deep_is_refused():
     for text in ("+".join(["a"] * LONGEST), "(" * 51 + "a" + ")" * 51, "-" * 51 + "a", "a" + "**a" * 51):
         with pytest.raises(Fault, match="at most"):

@@ -14,15 +14,36 @@ from wavesweep.spec.drawing_keys import NAME, KeyReader, is_name
 from wavesweep.spec.expressions import RESERVED, Terms, Tree, names_in
 from wavesweep.spec.keys import Key
 from wavesweep.spec.reading import Leaf, Place
+from wavesweep.spec.sorting import normal_path
 
 TABLES = ("rates", "numbers", "block", "wire", "ports")
 STUDIES = ("sweep", "bode", "simulate", "design")  # tables that are left to others
+KNOWN = (*TABLES, *STUDIES)
+TABLE, UNKNOWN = "one of the tables " + ", ".join(KNOWN), "an unknown table"
 NUMBER_PARTS = ("value", "unit", "description")
 PORTS = MappingProxyType({"hand": ("force", "displacement", "reaction", "turns"), "wall": ("stiffness", "damping")})
 OPTIONAL = ("reaction", "turns")
 LISTED = 8  # ports that a message lists
 
 Path = tuple[str, ...]
+
+
+def as_meant(leaves: Mapping[Path, Leaf]) -> tuple[dict[Path, Leaf], list[Mistake]]:
+    """Return the leaves, those of a table that there is not under the missing one whose name is nearest, and the mistakes.
+
+    So entries of that table, and others that need them, are no further mistakes.
+    """
+    given = {path[0] for path in leaves}
+    meant = {name: nearest(name, KNOWN) for name in given.difference(KNOWN)}
+    meant = {name: near for name, near in meant.items() if near and near not in given}
+    found, mistakes = {}, {}
+    for path, leaf in leaves.items():
+        table = path[0]
+        if table in meant:
+            mistake = Leaf(None, leaf.place.under(path[:1])).mistake(table, TABLE, UNKNOWN, meant[table], of_key=True)
+            mistakes.setdefault(table, mistake)
+        found[normal_path((meant[table], *path[1:])) if table in meant else path] = leaf
+    return found, list(mistakes.values())
 
 
 def read_drawing(
@@ -68,8 +89,8 @@ class _TableReader(KeyReader):
             if table == "controller":
                 self.refuse(leaf, table, "either a controller or blocks", "both")
             else:
-                known = (*TABLES, *STUDIES)
-                self.refuse(leaf, table, "one of the tables " + ", ".join(known), "an unknown table", nearest(table, known))
+                near = nearest(table, KNOWN) or nearest(table, tables["numbers"])  # of --set, which gives numbers by name
+                self.refuse(leaf, table, TABLE, UNKNOWN, f"block.{table}" if table in tables["block"] else near)
         return tables
 
     def drawing(self, tables: Mapping[str, dict]) -> tuple[Drawing, dict[str, float]]:

@@ -32,6 +32,10 @@ _TOKEN = re.compile(
 )
 
 
+# What is meant by signs of other languages and of typeset text.
+MEANT = {"^": "**", "\u2212": "-", "\u2013": "-", "\u00d7": "*", "\u00b7": "*", "\u22c5": "*", "\u00f7": "/", "\u2215": "/"}
+
+
 class Fault(ValueError):
     """One mistake in a text: its offset there, the expected text and the text found."""
 
@@ -58,7 +62,7 @@ def _tokens(text: str) -> Iterator[tuple[str, str, int]]:
         match = _TOKEN.match(text, at)
         if match is None:
             at += len(text[at:]) - len(text[at:].lstrip())
-            hint = "**" if text[at] == "^" else ""
+            hint = MEANT.get(text[at], "")
             raise Fault(at, "a number, a name, or one of + - * / ** ( )", show(text[at]), hint)
         yield match.lastgroup, match[match.lastgroup], match.start(match.lastgroup)
         at = match.end()

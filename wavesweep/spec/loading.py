@@ -12,7 +12,7 @@ from wavesweep.errors import Mistake, SpecError, UsageError
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import Rejected, check, show
 from wavesweep.spec.drawing import MARKS, RATE, names_of, path_of
-from wavesweep.spec.drawing_tables import read_drawing
+from wavesweep.spec.drawing_tables import as_meant, read_drawing
 from wavesweep.spec.keys import KEYS, SYMBOLS
 from wavesweep.spec.reading import Leaf, Place, file_stem, read_dict, read_file, read_override
 from wavesweep.spec.resolving import Given, resolve
@@ -158,12 +158,13 @@ def _out_of_range(axes: Iterable[Axis]) -> Iterator[Mistake]:
 
 def _drawn(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: list[Mistake]) -> Spec:
     """Return the spec of a drawn loop; its axes are checked as far as its numbers are known."""
+    leaves, unknown = as_meant(leaves)
     drawing, values, of_loop, wrong = read_drawing(leaves, place)
     names = drawing.names if drawing else names_of(leaves)
     belongs = sort_leaves(leaves, names)
     given = Given(of_loop, place)
     studies, wrong_studies = build_studies(belongs, given, names)
-    mistakes = [*mistakes, *wrong, *belongs.mistakes.values(), *wrong_studies]
+    mistakes = [*mistakes, *unknown, *wrong, *belongs.mistakes.values(), *wrong_studies]
     hz = drawing.rate(values) if drawing else values.get(RATE)
     mistakes += _beyond_rate(studies, hz, RATE) if hz else []
     if drawing:
