@@ -181,6 +181,22 @@ def test_a_margin_that_is_zero_by_structure_is_not_negative():
         assert (found.negative, found.passive) == (seed in negative, bool(found.stable) and seed not in negative)
 
 
+def test_a_margin_of_zero_is_written_as_zero():
+    """The port of a mass on a spring is passive up to a damper that samples too late; rounding alone made it -1e-21 m/N."""
+    tables = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"kp": 240.0, "kd": 0.7},
+        "block": {"m": {"type": "mass", "mass": 0.1, "damping": 1.0}, "v": {"type": "difference"}},
+        "wire": {"v.u": "m.x", "m.f": "hand - kp*m.x - kd*v.y"},
+        "ports": {"hand": {"force": "hand", "displacement": "m.x"}},
+    }
+    found = wavesweep.compile(tables).passivity(kd=np.linspace(0.1, 5, 60))
+    assert found.port_passive.sum() > 30
+    assert (found.port_margin[found.port_passive] == 0).mean() > 0.8
+    assert not ((found.port_margin != 0) & (np.abs(found.port_margin) < 1e-19)).any()
+    assert (found.port_margin[~found.port_passive] < 0).all()
+
+
 def test_a_margin_is_not_zero_where_no_way_leads_from_the_wall_to_the_hand(values):
     """The local model's spring is gone and the slow wave is not passed on at rest, so no wall holds the scene."""
     hidden = values(

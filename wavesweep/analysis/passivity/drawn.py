@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from wavesweep.analysis.passivity.hinf import SOFT, Element, angles, peak_by_levels, then, tick
-from wavesweep.analysis.passivity.port import SLACK, TOLERANCE, PortMargin
+from wavesweep.analysis.passivity.port import FAINT, SLACK, TOLERANCE, PortMargin
 from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.port import Port, frame_of_port
 from wavesweep.analysis.spectrum import count_outside, is_stable
@@ -61,6 +61,7 @@ def drawn_port_margin(port: Port) -> PortMargin:
     )
     period = port.period * M
     margin = np.where(np.isfinite(peak.value) & _known(given, peak.theta / period), -peak.value, np.nan)
+    margin = np.where(np.abs(margin) <= FAINT * mean, 0.0, margin)  # which is 0 but for rounding
     omega = np.where(np.isnan(margin), np.nan, peak.theta / period)
     negative = margin < -TOLERANCE * mean
     return PortMargin(margin, omega, np.array([mean]), stable, peak.certified, negative)

@@ -274,7 +274,9 @@ def lowest_eigenvalue(loop: PortLoop):
         lambda owner, level: SLACK * (np.abs(level) + loop.mean[owner]),
     )
     margin = np.where(loop.finite, -peak.value, np.nan)
-    return margin, peak.theta, peak.certified & loop.finite, _below_zero(response, margin, peak.theta)
+    negative = _below_zero(response, margin, peak.theta)
+    margin = np.where(np.abs(margin) <= FAINT * loop.mean, 0.0, margin)
+    return margin, peak.theta, peak.certified & loop.finite, negative
 
 
 def _below_zero(response, margin, theta):
