@@ -144,7 +144,8 @@ def test_waves_written_as_blocks_are_the_built_in_loop(changes):
     margin, expected = drawn_port_margin(port), own.passivity()
     assert margin.certified.all()
     assert margin.margin == pytest.approx(expected["port_margin"].to_numpy(), rel=1e-8)
-    assert margin.omega == pytest.approx(expected["port_omega"].to_numpy(), rel=1e-5)
+    # The place of a flat peak is known to the root of a rounding, 1.5e-8 rad a frame of 0.02 s.
+    assert margin.omega == pytest.approx(expected["port_omega"].to_numpy(), rel=1e-5, abs=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(40))
