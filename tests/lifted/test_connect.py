@@ -6,6 +6,7 @@ import pytest
 from support.lifted import transfer
 from support.specs import values_of
 
+from wavesweep import kernel
 from wavesweep.analysis.response import prepare
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
@@ -13,7 +14,8 @@ from wavesweep.errors import IllPosedLoopError
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.lifted.connect import connect
 from wavesweep.lifted.frame import lifted_system
-from wavesweep.lifted.sparse import Diagonal
+from wavesweep.lifted.plan import plan_of
+from wavesweep.lifted.tape import Tape
 
 
 def first_order(name, pole, through):
@@ -211,16 +213,64 @@ def test_the_same_branches_are_fine_a_little_further():
     assert np.isfinite(whole.E).all()
 
 
-def test_entries_of_matrices_along_a_diagonal_are_zero_only_if_all_are():
-    one, batch = np.array([[1.0, 0.0], [2.0, 3.0]]), np.array([[[0.0]], [[4.0]], [[0.0]]])
-    parts = Diagonal([one, batch])
-    assert len(parts) == 3
-    assert [parts.entry(0, column) for column in range(3)] == [1.0, None, None]
-    assert np.array_equal(parts.entry(2, 2), [0.0, 4.0, 0.0])
-    assert parts.filled(np.zeros((3, 3, 3)))[1].tolist() == [[1, 0, 0], [2, 3, 0], [0, 0, 4]]
-
-
 def test_the_pivot_of_one_loop_is_its_return_difference():
     gain = Block("g", ("u",), ("y",), (), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[0.25]]))
     closed = connect("loop", (gain,), {"g.u": {"g.y": 3.0, "in": 1}}, ("in",), ("g.y",))
     assert (closed.D[0, 0], closed.pivot) == (1.0, 0.25)
+
+
+@pytest.mark.parametrize("kind", [float, complex])
+@pytest.mark.parametrize("batch", [(), (1,), (150,)])
+@pytest.mark.parametrize("seed", range(12))
+def test_the_kernel_connects_as_numpy_does(seed, batch, kind):
+    """Real loops bit for bit; of complex products the last digits may differ."""
+    pytest.importorskip("numba")
+    net, found = random_net(seed, batch, kind), []
+    for name in (kernel.NUMPY, kernel.NUMBA):
+        with kernel.using(name):
+            found.append(connect("net", *net, terms=True))
+    rounding = 0.0 if kind is float else 1e-13
+    parts = [(*(getattr(block, part) for part in "EBCD"), *block.terms) for block in found]
+    for one, other in zip(*parts, strict=True):
+        assert (one.shape, one.dtype) == (other.shape, other.dtype)
+        assert (np.abs(one - other) <= rounding * (1 + np.abs(one).max(initial=0))).all()
+
+
+def test_a_loop_has_the_same_bits_in_any_batch_of_the_kernel():
+    pytest.importorskip("numba")
+    blocks, sums, inputs, outputs = random_net(3, (150,))
+    with kernel.using(kernel.NUMBA):
+        whole = connect("net", blocks, sums, inputs, outputs)
+        few = [Block(b.name, b.inputs, b.outputs, b.states, *(getattr(b, part)[70:73] for part in "EBCD")) for b in blocks]
+        own = {port: {s: g if np.ndim(g) == 0 else g[70:73] for s, g in terms.items()} for port, terms in sums.items()}
+        part = connect("net", few, own, inputs, outputs)
+    for name in "EBCD":
+        assert np.array_equal(getattr(part, name), getattr(whole, name)[70:73])
+
+
+def test_loops_of_one_structure_share_a_plan_and_others_do_not():
+    def plan(pole, through, gain=-1):
+        blocks = first_order("p", pole, through), first_order("q", -0.2, 2.0)
+        sums = {"p.u": {"r": 1, "back": gain}, "back": {"q.y": 3.0}, "q.u": {"p.y": 1}}
+        return plan_of(blocks, sums, ("r",), ("p.y",), terms=False)[0]
+
+    assert plan(0.9, 0.3) is plan(0.5, 0.7)
+    assert plan(0.9, 0.3).torn == 1
+    assert plan(0.9, 0.0).torn == 0  # no direct term, so nothing goes round at once
+    assert plan(0.9, 0.3, 1) is not plan(0.9, 0.3)  # a gain of 1 multiplies nothing
+
+
+def test_numbers_that_nothing_needs_are_not_computed_and_places_are_used_again():
+    tape = Tape(2)
+    a, b = tape.start
+    unused = abs(a * b)
+    for _ in range(20):
+        a = a * b + b
+    program, places = tape.program([a])
+    assert unused.at not in places
+    assert len(program.steps) == 40
+    assert program.places <= 4
+    x, y = 0.5, 0.25
+    for _ in range(20):
+        x = x * y + y
+    assert program.run([0.5, 0.25], ())[places[a.at]] == x

@@ -421,18 +421,18 @@ def test_regions_that_come_out_stable_are_counted_in_counted_columns_and_where_t
 
 
 def test_compiled_code_is_beside_the_sources_or_in_the_users_cache(monkeypatch, tmp_path):
-    from wavesweep.analysis.intervals.compiled import solving
+    from wavesweep.lifted.compiled import caching
 
-    monkeypatch.setattr(solving.config, "CACHE_DIR", "")
-    monkeypatch.setattr(solving, "__file__", str(tmp_path / "compiled" / "solving.py"))
+    monkeypatch.setattr(caching.config, "CACHE_DIR", "")
+    monkeypatch.setattr(caching, "__file__", str(tmp_path / "compiled" / "caching.py"))
     earlier = tmp_path / "compiled" / "__pycache__" / "wavesweep-0123456789abcdef"
     earlier.mkdir(parents=True)
-    place = solving._place()
+    place = caching._place()
     assert place.parent == earlier.parent
     assert not earlier.exists()
-    monkeypatch.setattr(solving.os, "access", lambda *_: False)
+    monkeypatch.setattr(caching.os, "access", lambda *_: False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    assert solving._place().parent == tmp_path / "cache" / "wavesweep"
+    assert caching._place().parent == tmp_path / "cache" / "wavesweep"
 
 
 SMALL = {
@@ -501,39 +501,39 @@ def test_numba_is_loaded_only_if_it_is_chosen(monkeypatch):
 
 def test_compiled_code_belongs_to_all_sources_of_the_package(tmp_path):
     """A constant of any module may be in it."""
-    from wavesweep.analysis.intervals.compiled import solving
+    from wavesweep.lifted.compiled import caching
 
     (tmp_path / "inner").mkdir()
     (tmp_path / "inner" / "constants.py").write_text("BALANCING = 3\n")
-    before = solving._place(tmp_path)
-    assert solving._place(tmp_path) == before
+    before = caching._place(tmp_path)
+    assert caching._place(tmp_path) == before
     (tmp_path / "inner" / "constants.py").write_text("BALANCING = 0\n")
-    assert solving._place(tmp_path) != before
-    assert solving._place() == solving.PLACE
+    assert caching._place(tmp_path) != before
+    assert caching._place() == caching.PLACE
 
 
 def test_a_full_disk_and_a_user_without_a_home_do_not_stop_the_kernel(monkeypatch):
-    from numba.core import caching
+    from numba.core.caching import Cache
 
-    from wavesweep.analysis.intervals.compiled import solving
+    from wavesweep.lifted.compiled import caching
 
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(caching.Cache, "save_overload", full)
+    monkeypatch.setattr(Cache, "save_overload", full)
 
     def double(x):
         return 2 * x
 
-    assert solving.compiled(double)(3) == 6
-    monkeypatch.setattr(solving, "PLACE", None)
-    assert solving.compiled(double)(3.5) == 7.0
+    assert caching.compiled(double)(3) == 6
+    monkeypatch.setattr(caching, "PLACE", None)
+    assert caching.compiled(double)(3.5) == 7.0
 
     def homeless():
         raise RuntimeError("Could not determine home directory.")
 
-    monkeypatch.setattr(solving.os, "access", lambda *_: False)
-    monkeypatch.setattr(solving.config, "CACHE_DIR", "")
-    monkeypatch.setattr(solving.Path, "home", homeless)
+    monkeypatch.setattr(caching.os, "access", lambda *_: False)
+    monkeypatch.setattr(caching.config, "CACHE_DIR", "")
+    monkeypatch.setattr(caching.Path, "home", homeless)
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
-    assert solving._place() is None
+    assert caching._place() is None

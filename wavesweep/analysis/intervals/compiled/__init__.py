@@ -30,11 +30,12 @@ from wavesweep.analysis.intervals.compiled.labelling import (
     _screened,
 )
 from wavesweep.analysis.intervals.compiled.lanes import LANES
-from wavesweep.analysis.intervals.compiled.solving import _room, compiled
+from wavesweep.analysis.intervals.compiled.solving import _room
 from wavesweep.analysis.intervals.crossings import FAR, NEAR_SEED, SPARE
 from wavesweep.analysis.intervals.regions import SHARES
 from wavesweep.analysis.intervals.stable import Intervals
 from wavesweep.analysis.spectrum import count_outside
+from wavesweep.lifted.compiled.caching import compiled
 from wavesweep.lifted.cut import Cut
 
 

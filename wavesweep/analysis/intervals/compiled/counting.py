@@ -7,9 +7,10 @@ first order in the rounding of the radii themselves.
 import numpy as np
 
 from wavesweep.analysis.intervals.compiled.labelling import _balanced_size
-from wavesweep.analysis.intervals.compiled.solving import _largest, _swapped, compiled
+from wavesweep.analysis.intervals.compiled.solving import _largest, _swapped
 from wavesweep.analysis.intervals.critical import _powers
 from wavesweep.analysis.spectrum import ROUNDINGS
+from wavesweep.lifted.compiled.caching import compiled
 
 EPS = float(np.finfo(float).eps)
 

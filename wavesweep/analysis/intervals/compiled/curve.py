@@ -22,10 +22,10 @@ from wavesweep.analysis.intervals.compiled.solving import (
     _solved_transposed,
     _states,
     _swapped,
-    compiled,
 )
 from wavesweep.analysis.intervals.crossings import FARTHEST, NEAREST
 from wavesweep.analysis.intervals.regions import FIRM, NEAR_ZERO, SMALL_RESIDUAL, USUAL
+from wavesweep.lifted.compiled.caching import compiled
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V
 
 EPS = float(np.finfo(float).eps)

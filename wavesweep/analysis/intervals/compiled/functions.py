@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from wavesweep.analysis.intervals.compiled.solving import _largest, _swapped, _taxicab, compiled
+from wavesweep.analysis.intervals.compiled.solving import _largest, _swapped, _taxicab
 from wavesweep.analysis.intervals.critical import MOST_ERROR, POWER, SQUARINGS, TINIEST, _powers
 from wavesweep.analysis.intervals.interpolated import least_on_rim
+from wavesweep.lifted.compiled.caching import compiled
 
 
 @compiled

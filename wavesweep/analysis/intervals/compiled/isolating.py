@@ -3,7 +3,7 @@
 import numpy as np
 
 from wavesweep.analysis.intervals.bernstein import HALVINGS, SHARE, STEPS, change_of_basis
-from wavesweep.analysis.intervals.compiled.solving import compiled
+from wavesweep.lifted.compiled.caching import compiled
 
 HALF = 0.5  # of the distance to the next root
 CUBIC = 1e-5  # of a piece, a step of Halley's method that is the last: its error is the third power of that

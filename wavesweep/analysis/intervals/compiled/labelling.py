@@ -5,8 +5,8 @@ If there is any doubt about a column, it is left to the code in numpy, so nothin
 
 import numpy as np
 
-from wavesweep.analysis.intervals.compiled.solving import compiled
 from wavesweep.analysis.intervals.regions import BEYOND_ORDER, NARROW, TRACE_ROUNDING
+from wavesweep.lifted.compiled.caching import compiled
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V
 from wavesweep.lifted.rounding import BALANCING
 

@@ -1,0 +1,85 @@
+"""A part of a plan, done by numpy or by the kernel."""
+
+from functools import cached_property
+
+import numpy as np
+
+from wavesweep.kernel import NUMPY, chosen
+from wavesweep.lifted.sparse import stacked
+from wavesweep.lifted.tape import CONSTANT, READ, Term
+
+
+class Stage:
+    """A part of a plan that makes matrices, given by rows of terms, and other terms."""
+
+    def __init__(self, tape, matrices, others=()):
+        self._tape, self._matrices, self._others = tape, matrices, others
+        self._numbers = None
+
+    def run(self, values, batch, kind, widths, of_sizes=(), own=(), sizes=()) -> tuple[list[np.ndarray], list]:
+        """Return the matrices, `(..., rows, width)`, and the other numbers.
+
+        values: those that are given. batch: shape. kind: type of the numbers. widths: of the matrices, the first of which has
+        `own` along its diagonal for entries that the rows lack. of_sizes, sizes: the same of the sizes of terms, which follow.
+        """
+        kinds = (kind,) * len(widths) + (np.dtype(float),) * len(of_sizes)
+        bases = {0: own, len(widths): sizes}
+        shapes = [
+            (width, of, bases.get(at, ())) for at, (width, of) in enumerate(zip((*widths, *of_sizes), kinds, strict=True))
+        ]
+        if chosen() != NUMPY and len(batch) <= 1:
+            return self._compiled(values, batch, kind, len(widths), shapes)
+        program, places = self._plain
+        work = program.run(values, (*own, *sizes))
+
+        def number(each):
+            return work[places[each.at]] if isinstance(each, Term) else each
+
+        found = []
+        for rows, (width, of, base) in zip(self._matrices, shapes, strict=True):
+            numbers = [{column: number(each) for column, each in row.items()} for row in rows]
+            found.append(stacked(numbers, width, batch, of, base))
+        return found, list(map(number, self._others))
+
+    def _compiled(self, values, batch, kind, count, shapes):
+        from wavesweep.lifted.compiled import programs
+
+        found = []
+        for rows, (width, of, base) in zip(self._matrices, shapes, strict=True):
+            plain = [{column: each for column, each in row.items() if isinstance(each, float)} for row in rows]
+            found.append(stacked(plain, width, batch, of, base))
+        loops = batch[0] if batch else 1
+        flat = [matrix.reshape(loops, -1) for matrix in found]
+        kept = np.empty((len(self._others), loops), kind)
+        steps, places, results = self._numbered(count, [width for width, *_ in shapes])
+        programs.run(steps, places, results, values, flat[:count], flat[count:], kept)
+        return found, list(kept)
+
+    def _numbered(self, count, widths):
+        """Return the arguments of `programs.run`; count: of matrices that are not sizes."""
+        if self._numbers is None:
+            from wavesweep.lifted.compiled.programs import MATRICES
+
+            program, places = self._tape.program(self._terms(), giving=True)
+            steps, results = [], []
+            for operation, one, other, at in program.steps:
+                if operation == CONSTANT:
+                    steps.append((operation, int(one), 0, at))
+                else:
+                    steps.append((operation, other[3], other[2], at) if operation == READ else (operation, one, other, at))
+            for at, (rows, width) in enumerate(zip(self._matrices, widths, strict=True)):
+                matrix = at if at < count else MATRICES + at - count
+                terms = ((i * width + j, each) for i, row in enumerate(rows) for j, each in row.items())
+                results += [(matrix, entry, places[each.at]) for entry, each in terms if isinstance(each, Term)]
+            results += [(2 * MATRICES, at, places[each.at]) for at, each in enumerate(self._others)]
+            tables = (np.array(some, np.int64).reshape(len(some), width) for some, width in ((steps, 4), (results, 3)))
+            self._numbers = next(tables), program.places, next(tables)
+        return self._numbers
+
+    @cached_property
+    def _plain(self):
+        return self._tape.program(self._terms())
+
+    def _terms(self):
+        rows = (row for rows in self._matrices for row in rows)
+        return [each for row in rows for each in row.values() if isinstance(each, Term)] + list(self._others)

@@ -1,0 +1,182 @@
+"""Arithmetic of a structure, recorded once, and done with the numbers of every batch of loops that has it."""
+
+from math import prod
+from typing import NamedTuple
+
+import numpy as np
+
+from wavesweep.diagram.block import numbers
+
+ROUNDING = 8 * np.finfo(float).eps  # of the terms of a sum, what is left of it when it should be zero
+NOTHING, ONE, ANY = range(3)  # patterns of an entry: 0 in the whole batch, 1 in the whole batch, or any number
+CONSTANT, READ, ADD, MULTIPLY, SIZE, CLEAN, GIVE = range(7)  # operations, see `Program`
+ARGUMENTS = {ADD: 2, MULTIPLY: 2, SIZE: 1, CLEAN: 2}  # number of their arguments that are results
+
+
+class Tape:
+    """Records operations on numbers that are not known yet.
+
+    given: number of the numbers that it starts from; `start`: these numbers.
+    """
+
+    def __init__(self, given: int):
+        self.start = [Term(self, at) for at in range(given)]
+        self.steps, self.known = [], {}
+
+    def do(self, *step) -> "Term":
+        """Return the result of an operation; none is done twice."""
+        if step not in self.known:
+            self.known[step] = Term(self, len(self.start) + len(self.steps))
+            self.steps.append(step)
+        return self.known[step]
+
+    def term(self, number) -> "Term":
+        """Return a plain number as a term."""
+        return number if isinstance(number, Term) else self.do(CONSTANT, number, 0)
+
+    def program(self, results, *, giving: bool = False) -> tuple["Program", dict[int, int]]:
+        """Return the program for the results, which are terms, and the place of each of these after it.
+
+        giving: whether numbers that are given are put in their places as they are needed, by steps GIVE, and not before.
+        """
+        given, last, needed = len(self.start), {}, []
+        steps = [(GIVE, at, 0) for at in range(given)] + self.steps
+        last |= dict.fromkeys([term.at for term in results], len(steps))
+        for at in reversed(range(len(steps))):
+            operation, *arguments = steps[at]
+            if at in last:
+                needed.append(at)
+                for argument in arguments[: ARGUMENTS.get(operation, 0)]:
+                    last.setdefault(argument, at)
+        places, free, done, size = {}, [], [], 0
+        if giving:  # each before its first use
+            ordered = self._as_needed(steps, reversed(needed))
+        else:
+            ordered, size, places = [at for at in reversed(needed) if at >= given], given, {at: at for at in range(given)}
+            free += [at for at in range(given) if at not in last]
+        for at in ordered:
+            operation, *arguments = steps[at]
+            count = ARGUMENTS.get(operation, 0)
+            if not free:
+                free.append(size)
+                size += 1
+            places[at] = free.pop()  # none of its arguments': loops over numbers that may overlap are slow
+            own = [places[argument] for argument in arguments[:count]] + arguments[count:]
+            free += {places[argument] for argument in arguments[:count] if last[argument] == at}
+            done.append((operation, *own, places[at]))
+        return Program(given, size, tuple(done)), {term.at: places[term.at] for term in results}
+
+    @staticmethod
+    def _as_needed(steps, wanted):
+        """Return the steps that are wanted, those that give a number moved to its first use, or to the end."""
+        wanted, done = list(wanted), {}
+        for at in wanted:
+            operation, *arguments = steps[at]
+            if operation != GIVE:
+                done |= dict.fromkeys(arguments[: ARGUMENTS.get(operation, 0)])
+                done[at] = None
+        return list(done | dict.fromkeys(wanted))
+
+
+class Term:
+    """A number that is not known yet."""
+
+    __slots__ = ("at", "tape")
+
+    def __init__(self, tape, at):
+        self.tape, self.at = tape, at
+
+    def __add__(self, other):
+        return self.tape.do(ADD, self.at, self.tape.term(other).at)
+
+    def __mul__(self, other):
+        return self.tape.do(MULTIPLY, self.at, self.tape.term(other).at)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def __abs__(self):
+        return self.tape.do(SIZE, self.at, 0)
+
+    def without_rounding(self, size) -> "Term":
+        """Return the term, or 0 if it is only rounding of terms whose sizes `size` is the sum of."""
+        return self.tape.do(CLEAN, self.at, size.at)
+
+
+class Program(NamedTuple):
+    """Steps on numbers in places, of which the first are given.
+
+    steps: an operation, its two arguments, and the place of its result. Arguments are places; but that of CONSTANT is a number,
+    that of GIVE which of the given numbers, and those of READ are a matrix, by number, and an entry: its row and column, its
+    number among all entries of the whole, and whether it is a size. SIZE is the absolute value of the first; CLEAN is the
+    first, or 0 if it is only rounding of terms whose sizes the second is the sum of.
+    """
+
+    given: int
+    places: int
+    steps: tuple
+
+    def run(self, values: list, matrices) -> list:
+        """Return the numbers in the places after all steps.
+
+        values: the numbers that are given: plain if they are the same real number in the whole batch, or arrays over it.
+        """
+        work = values + [0.0] * (self.places - len(values))
+        for operation, one, other, at in self.steps:
+            if operation == MULTIPLY:
+                work[at] = work[one] * work[other]
+            elif operation == ADD:
+                work[at] = work[one] + work[other]
+            elif operation == READ:
+                work[at] = plain_or_array(np.ascontiguousarray(matrices[one][..., other[0], other[1]]))
+            elif operation == SIZE:
+                work[at] = abs(work[one])
+            elif operation == CLEAN:
+                work[at] = _clean(work[one], work[other])
+            else:
+                work[at] = one
+        return work
+
+
+def _clean(total, size):
+    if isinstance(size, float):
+        return 0.0 if abs(total) <= ROUNDING * size < np.inf else total
+    return np.where((np.abs(total) <= ROUNDING * size) & np.isfinite(size), 0.0, total)
+
+
+def entries_of(matrix, values: list) -> bytes:
+    """Append the entries of a matrix of which there may be any to values, and return the patterns of all its entries, by rows.
+
+    An entry that does not vary over the batch is a plain number.
+    """
+    if matrix.ndim == 2 and matrix.dtype.kind != "c":
+        flat = matrix.ravel().tolist()
+        values += [each for each in flat if each not in (0.0, 1.0)]
+        return bytes([NOTHING if each == 0.0 else ONE if each == 1.0 else ANY for each in flat])
+    *batch, height, width = matrix.shape
+    flat, found = matrix.reshape(prod(batch), height * width), bytearray(height * width)
+    filled = np.flatnonzero((flat != 0).any(0))
+    if not filled.size:
+        return bytes(found)
+    some = np.ascontiguousarray(flat[:, filled].T)
+    one = some[:, 0]
+    plain = (some == one[:, None]).all(1) & (one.imag == 0)  # see `plain_or_array`
+    for at, place in enumerate(filled.tolist()):
+        value = one[at].real.item() if plain[at] else some[at].reshape(batch)
+        found[place] = ONE if plain[at] and value == 1.0 else ANY
+        if found[place] == ANY:
+            values.append(value)
+    return bytes(found)
+
+
+def plain_or_array(each):
+    """Return a plain number if `each` is the same real number in the whole batch, and an array otherwise.
+
+    Complex numbers stay in arrays, since Python multiplies them differently.
+    """
+    if isinstance(each, int | float):
+        return float(each)
+    each = numbers(each)
+    flat = each.ravel()
+    if not flat.size or flat[0] != flat[-1] or flat[0].imag != 0 or not (flat == flat[0]).all():
+        return each
+    return flat[0].real.item()
