@@ -32,7 +32,7 @@ def connect(name: str, blocks, sums, inputs, outputs, terms: bool = False) -> Bl
         if plan.torn:
             (loop, of_terms), values = plan.loop.run(values, batch, kind, (plan.torn,), (plan.torn,))
             inverse, condition, pivot = _loop_inverse(loop, of_terms, plan.reached, name, plan.closed)
-            pattern = entries_of(inverse, values)
+            pattern = entries_of((inverse,), values)
         widths = (n, m, n, m)
         parts, _ = plan.ending(pattern).run(values, batch, kind, widths, widths if terms else (), own, sizes)
     for block in blocks:

@@ -47,15 +47,15 @@ class Net:
                 ("C", (len(outputs), states), state),
                 ("D", (len(outputs), len(inputs)), port),
             ):
-                parts[part] += rows_of(next(patterns), shape, column, given)
+                parts[part] += rows_of(patterns, shape, column, given)
             state, port, output = state + states, port + len(inputs), output + len(outputs)
         sizes = {part: list(map(sizes_of, rows)) for part, rows in parts.items()}
         for (state, port, output), (_, inputs, outputs, states, known) in zip(places, structure.blocks, strict=True):
             own = ("B", (states, len(inputs)), state, port), ("C", (len(outputs), states), output, state)
             own = (*own, ("D", (len(outputs), len(inputs)), output, port))
             for part, shape, row, column in (own if structure.terms else own[2:]) if known else ():
-                sizes[part][row : row + shape[0]] = rows_of(next(patterns), shape, column, given)
-        gains = [1.0 if each == ONE else next(given) for each in next(patterns)]
+                sizes[part][row : row + shape[0]] = rows_of(patterns, shape, column, given)
+        gains = [1.0 if each == ONE else next(given) for each in patterns]
         tracer = _Tracer(structure, gains)
         ports = [f"{name}.{port}" for name, inputs, *_ in structure.blocks for port in inputs]
         into, out = ([tracer.gains(signal) for signal in signals] for signals in (ports, structure.outputs))

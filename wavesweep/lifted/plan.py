@@ -36,14 +36,14 @@ class _Structure(NamedTuple):
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     terms: bool
-    patterns: tuple[bytes, ...]
+    patterns: bytes
 
 
 def _structure(blocks, sums, inputs, outputs, terms, values) -> _Structure:
     """Return the structure, and append the entries and the gains that its patterns leave open to values."""
-    patterns = [entries_of(part, values) for block in blocks for part in (block.B, block.C, block.D)]
-    patterns += [entries_of(size, values) for block in blocks for size in _known_sizes(block.terms, terms)]
-    gains = bytearray()
+    matrices = [part for block in blocks for part in (block.B, block.C, block.D)]
+    matrices += [size for block in blocks for size in _known_sizes(block.terms, terms)]
+    patterns, gains = entries_of(matrices, values), bytearray()
     for sources in sums.values():
         for gain in sources.values():
             plain = plain_or_array(gain)
@@ -52,7 +52,7 @@ def _structure(blocks, sums, inputs, outputs, terms, values) -> _Structure:
                 values.append(plain)
     names = tuple([(b.name, b.inputs, b.outputs, len(b.states), b.terms is not None) for b in blocks])
     wires = tuple([(signal, tuple(sources)) for signal, sources in sums.items()])
-    return _Structure(names, wires, inputs, outputs, terms, (*patterns, bytes(gains)))
+    return _Structure(names, wires, inputs, outputs, terms, patterns + bytes(gains))
 
 
 def _known_sizes(sizes, terms):
@@ -69,7 +69,7 @@ class Plan:
     """
 
     def __init__(self, structure: _Structure):
-        self._tape, self._sizes = Tape(sum(each.count(ANY) for each in structure.patterns)), structure.terms
+        self._tape, self._sizes = Tape(structure.patterns.count(ANY)), structure.terms
         self._net, self._sized, self.used = Net.of(structure, self._tape)
         net, (self._order, self._torn) = self._net, self._net.order()
         self._rows, self._endings, first = net.followed(self._order, self._torn), {}, net.states + net.inputs
@@ -100,7 +100,7 @@ class Plan:
             on_tape = partial(moved, dict(zip(self._later, tape.start, strict=False)))
             net, rows = net.on(tape, on_tape), list(map(on_tape, rows))
             sized = sized.on(tape, on_tape) if self._sizes else None
-            inverse = rows_of(pattern, (len(torn), len(torn)), 0, iter(tape.start[len(self._later) :]))
+            inverse = rows_of(iter(pattern), (len(torn), len(torn)), 0, iter(tape.start[len(self._later) :]))
         known = net.solved(rows, torn, inverse)
         parts = net.assembled(net.untorn(rows, torn, known))
         if self._sizes:

@@ -12,14 +12,14 @@ alone decides, so a loop does not depend on its batch.
 """
 
 
-def rows_of(patterns: bytes, shape: tuple[int, int], first: int, given) -> list[Row]:
+def rows_of(patterns, shape: tuple[int, int], first: int, given) -> list[Row]:
     """Return the entries of each row that are not zero in the whole batch, by their columns, the first of which is `first`.
 
-    patterns: of all entries, by rows; given: an iterator over the terms of those that may be any number.
+    patterns: an iterator over those of all entries, by rows; given: one over the terms of those that may be any number.
     """
     (height, width), found = shape, []
-    for row in range(height):
-        own = enumerate(patterns[row * width : (row + 1) * width], first)
+    for _ in range(height):
+        own = list(zip(range(first, first + width), patterns, strict=False))
         found.append({column: 1.0 if each == ONE else next(given) for column, each in own if each != NOTHING})
     return found
 

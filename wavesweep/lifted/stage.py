@@ -22,38 +22,37 @@ class Stage:
         values: those that are given. batch: shape. kind: type of the numbers. widths: of the matrices, the first of which has
         `own` along its diagonal for entries that the rows lack. of_sizes, sizes: the same of the sizes of terms, which follow.
         """
-        kinds = (kind,) * len(widths) + (np.dtype(float),) * len(of_sizes)
-        bases = {0: own, len(widths): sizes}
-        shapes = [
-            (width, of, bases.get(at, ())) for at, (width, of) in enumerate(zip((*widths, *of_sizes), kinds, strict=True))
-        ]
-        if chosen() != NUMPY and len(batch) <= 1:
-            return self._compiled(values, batch, kind, len(widths), shapes)
-        program, places = self._plain
-        work = program.run(values, (*own, *sizes))
+        count, whole, found = len(widths), (*widths, *of_sizes), []
+        compiled = chosen() != NUMPY and len(batch) <= 1
+        if not compiled:
+            program, places = self._plain
+            work = program.run(values, (*own, *sizes))
 
         def number(each):
             return work[places[each.at]] if isinstance(each, Term) else each
 
-        found = []
-        for rows, (width, of, base) in zip(self._matrices, shapes, strict=True):
-            numbers = [{column: number(each) for column, each in row.items()} for row in rows]
+        for at, (rows, width) in enumerate(zip(self._constant if compiled else self._matrices, whole, strict=True)):
+            numbers = rows if compiled else [{column: number(each) for column, each in row.items()} for row in rows]
+            of, base = kind if at < count else float, own if at == 0 else sizes if at == count else ()
             found.append(stacked(numbers, width, batch, of, base))
-        return found, list(map(number, self._others))
-
-    def _compiled(self, values, batch, kind, count, shapes):
+        if not compiled:
+            return found, list(map(number, self._others))
         from wavesweep.lifted.compiled import programs
 
-        found = []
-        for rows, (width, of, base) in zip(self._matrices, shapes, strict=True):
-            plain = [{column: each for column, each in row.items() if isinstance(each, float)} for row in rows]
-            found.append(stacked(plain, width, batch, of, base))
         loops = batch[0] if batch else 1
         flat = [matrix.reshape(loops, -1) for matrix in found]
         kept = np.empty((len(self._others), loops), kind)
-        steps, places, results = self._numbered(count, [width for width, *_ in shapes])
+        steps, places, results = self._numbered(count, whole)
         programs.run(steps, places, results, values, flat[:count], flat[count:], kept)
         return found, list(kept)
+
+    @cached_property
+    def _constant(self):
+        """The entries of the matrices that are plain numbers."""
+        return [
+            [{column: each for column, each in row.items() if isinstance(each, float)} for row in rows]
+            for rows in self._matrices
+        ]
 
     def _numbered(self, count, widths):
         """Return the arguments of `programs.run`; count: of matrices that are not sizes."""

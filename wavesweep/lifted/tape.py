@@ -143,29 +143,47 @@ def _clean(total, size):
     return np.where((np.abs(total) <= ROUNDING * size) & np.isfinite(size), 0.0, total)
 
 
-def entries_of(matrix, values: list) -> bytes:
-    """Append the entries of a matrix of which there may be any to values, and return the patterns of all its entries, by rows.
+def entries_of(matrices, values: list) -> bytes:
+    """Append the entries of which there may be any to values, and return the patterns of all entries, by rows.
 
-    An entry that does not vary over the batch is a plain number.
+    matrices: one after the other. An entry that does not vary over the batch is a plain number.
     """
-    if matrix.ndim == 2 and matrix.dtype.kind != "c":
-        flat = matrix.ravel().tolist()
+    if all(matrix.ndim == 2 and matrix.dtype.kind != "c" for matrix in matrices):
+        flat = [each for matrix in matrices for each in matrix.ravel().tolist()]
         values += [each for each in flat if each not in (0.0, 1.0)]
         return bytes([NOTHING if each == 0.0 else ONE if each == 1.0 else ANY for each in flat])
-    *batch, height, width = matrix.shape
-    flat, found = matrix.reshape(prod(batch), height * width), bytearray(height * width)
-    filled = np.flatnonzero((flat != 0).any(0))
-    if not filled.size:
-        return bytes(found)
+    found, groups = [None] * len(matrices), {}
+    for at, matrix in enumerate(matrices):
+        if matrix.ndim == 2 and matrix.dtype.kind != "c":
+            own = []
+            found[at] = entries_of((matrix,), own), own
+        else:
+            groups.setdefault(matrix.shape[:-2], []).append(at)
+    for batch, members in groups.items():
+        for at, each in zip(members, _varied([matrices[at] for at in members], batch), strict=True):
+            found[at] = each
+    values += [each for _, own in found for each in own]
+    return b"".join(pattern for pattern, _ in found)
+
+
+def _varied(matrices, batch):
+    """Yield patterns and open entries of matrices over a batch, one after the other."""
+    widths = [prod(matrix.shape[-2:]) for matrix in matrices]
+    flat = np.concatenate([matrix.reshape(prod(batch), width) for matrix, width in zip(matrices, widths, strict=True)], -1)
+    filled = np.flatnonzero(flat.any(0))
     some = np.ascontiguousarray(flat[:, filled].T)
-    one = some[:, 0]
-    plain = (some == one[:, None]).all(1) & (one.imag == 0)  # see `plain_or_array`
+    one = some[:, :1]
+    plain = (some == one).all(1) & (one[:, 0].imag == 0) if len(flat) else np.zeros(0, bool)  # see `plain_or_array`
+    patterns, entries = bytearray(flat.shape[1]), [None] * flat.shape[1]
     for at, place in enumerate(filled.tolist()):
-        value = one[at].real.item() if plain[at] else some[at].reshape(batch)
-        found[place] = ONE if plain[at] and value == 1.0 else ANY
-        if found[place] == ANY:
-            values.append(value)
-    return bytes(found)
+        value = one[at, 0].real.item() if plain[at] else some[at].reshape(batch)
+        patterns[place] = ONE if plain[at] and value == 1.0 else ANY
+        entries[place] = value
+    first = 0
+    for width in widths:
+        pattern = bytes(patterns[first : first + width])
+        yield pattern, [each for each, what in zip(entries[first : first + width], pattern, strict=True) if what == ANY]
+        first += width
 
 
 def plain_or_array(each):

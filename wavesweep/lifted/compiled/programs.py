@@ -18,14 +18,17 @@ def run(steps, places: int, results, values, matrices, sizes, kept) -> None:
     up to MATRICES each, `(loops, entries)`. kept: `(rows, loops)`.
     """
     loops, kind = kept.shape[1], kept.dtype
-    row_of, plain, rows = np.empty(len(values), np.int64), [], []
-    for at, value in enumerate(values):
-        if isinstance(value, float):
-            plain.append(value)
-            row_of[at] = -len(plain)
-        else:
-            row_of[at] = len(rows)
-            rows.append(value if value.shape == (loops,) else np.broadcast_to(value, loops))
+    if set(map(type, values)) == {float}:
+        row_of, plain, rows = np.arange(-1, -len(values) - 1, -1), values, []
+    else:
+        row_of, plain, rows = np.empty(len(values), np.int64), [], []
+        for at, value in enumerate(values):
+            if isinstance(value, float):
+                plain.append(value)
+                row_of[at] = -len(plain)
+            else:
+                row_of[at] = len(rows)
+                rows.append(value if value.shape == (loops,) else np.broadcast_to(value, loops))
     varied = np.array(rows, kind) if rows else np.empty((0, loops), kind)
     nothing = tuple(np.empty((loops, 0), of) for of in (kind, float))
     found = [(*some, *(MATRICES - len(some)) * (none,)) for some, none in zip((matrices, sizes), nothing, strict=True)]

@@ -26,7 +26,7 @@ def _characteristics(E, c, reach, size):
         _characteristic(A, leading)
         for k in range(n + 1):
             c[k, at] = leading[n, k]
-            reach[k, at] = abs(leading[n, k]) + ((k + 1) * abs(leading[n, k + 1]) if k < n else 0.0)
+            reach[k, at] = _taxicab(leading[n, k]) + ((k + 1) * _taxicab(leading[n, k + 1]) if k < n else 0.0)
 
 
 @compiled
@@ -79,14 +79,20 @@ def _functions(c, reach, size, change, phase, log, error):
 def _room(c):
     """Return memory for `_at_one`."""
     half = (len(c) - 1) // 2
-    matrix, unsure = np.empty((half, half), c.dtype), np.empty((half, half))
-    return np.empty(len(c), c.dtype), np.empty(len(c)), matrix, unsure
+    matrix, unsure = np.empty((2, half, half), c.dtype), np.empty((half, half))
+    return (
+        np.empty(len(c), c.dtype),
+        np.empty(len(c)),
+        matrix,
+        unsure,
+        (np.empty((2, 2 * POWER + 1), c.dtype), np.empty((2, 2 * POWER + 1))),
+    )
 
 
 @compiled
 def _at_one(c, reach, size, change, room, phase, log, error):
     """`_functions` for one polynomial, `(4,)` each."""
-    (q, missed, matrix, unsure_of), n = room, len(c) - 1
+    (q, missed, matrix, unsure_of, powers), n = room, len(c) - 1
     largest, weight = 0.0, 1.0
     q[:], missed[:] = 0.0, 0.0
     for k in range(n + 1):
@@ -95,11 +101,11 @@ def _at_one(c, reach, size, change, room, phase, log, error):
             missed[i] += abs(change[i, k]) * (reach[k] * weight)
         weight /= size
     for k in range(n + 1):
-        largest = max(largest, abs(q[k])) if not np.isnan(abs(q[k])) else np.nan
+        largest = max(largest, _taxicab(q[k])) if not np.isnan(_taxicab(q[k])) else np.nan
     grown = n * np.log(size)
     _part(c[0], reach[0], grown, 1, phase, log, error)
     _part(q[n], missed[n], grown, 2, phase, log, error)
-    _beyond(c, reach, size, phase, log, error)
+    _beyond(c, reach, size, powers, phase, log, error)
     scale = 1 / largest  # numba raises an error where a complex number is divided by zero
     for k in range(n + 1):
         q[k], missed[k] = q[k] * scale, missed[k] * scale
@@ -108,31 +114,35 @@ def _at_one(c, reach, size, change, room, phase, log, error):
 
 
 @compiled
-def _beyond(c, reach, size, phase, log, error):
-    """Store SURELY_UNSTABLE; see `critical._beyond`."""
-    n, a, off = len(c) - 1, np.zeros(2 * POWER + 1, c.dtype), np.zeros(2 * POWER + 1)
+def _beyond(c, reach, size, room, phase, log, error):
+    """Store SURELY_UNSTABLE; see `critical._beyond`. Sizes of complex numbers are bounded by those of both parts together."""
+    n, (a, off), now = len(c) - 1, room, 0
+    for j in range(2 * POWER + 1):
+        a[0, j], off[0, j] = 0.0, 0.0
     for j in range(min(n, 2 * POWER) + 1):
-        weight = 1.0
+        weight, sign = 1.0, 1.0
         for d in range(j + 1):
-            weight = weight if d == 0 else weight * (n - j + d) / (d * size)
-            a[j] += (-1) ** d * weight * c[n - j + d]
-            off[j] += weight * reach[n - j + d]
+            if d:
+                weight, sign = weight * (n - j + d) / (d * size), -sign
+            a[0, j] += sign * weight * c[n - j + d]
+            off[0, j] += weight * reach[n - j + d]
     top = 2 * POWER
     for _ in range(SQUARINGS):
-        top //= 2
-        b, unsure = np.zeros(top + 1, c.dtype), np.zeros(top + 1)
+        top, later, outer = top // 2, 1 - now, 1.0
         for j in range(top + 1):
-            size_of = abs(a[j])
-            b[j], unsure[j] = a[j] * a[j], (2 * off[j] + size_of) * size_of
+            size_of = _taxicab(a[now, j])
+            total, unsure, sign = a[now, j] * a[now, j], (2 * off[now, j] + size_of) * size_of, -2.0
             for i in range(1, j + 1):
-                one, other = abs(a[j - i]), abs(a[j + i])
-                b[j] += 2 * (-1) ** i * (a[j - i] * a[j + i])
-                unsure[j] += 2 * (one * (off[j + i] + other) + off[j - i] * other)
-            b[j] *= (-1) ** j
-        a, off = b, unsure
+                one, other = _taxicab(a[now, j - i]), _taxicab(a[now, j + i])
+                total += sign * (a[now, j - i] * a[now, j + i])
+                unsure += 2 * (one * (off[now, j + i] + other) + off[now, j - i] * other)
+                sign = -sign
+            a[later, j], off[later, j], outer = total * outer, unsure, -outer
+        now = later
     pairs, least = max(n * (n - 1) / 2, 1.0), max(2 / size ** (2 * POWER), TINIEST)
-    value = a[1] ** 2 / n**2 + a[2] / pairs - least
-    whole = (2 * abs(a[1]) * off[1] + abs(a[1]) ** 2) / n**2 + (off[2] + abs(a[2])) / pairs + least
+    value = a[now, 1] ** 2 / n**2 + a[now, 2] / pairs - least
+    whole = (2 * _taxicab(a[now, 1]) * off[now, 1] + _taxicab(a[now, 1]) ** 2) / n**2
+    whole += (off[now, 2] + _taxicab(a[now, 2])) / pairs + least
     _part(value, 4 * whole, 2 * POWER * np.log(size), 3, phase, log, error)
 
 
@@ -146,9 +156,10 @@ def _part(value, reach, factor, row, phase, log, error):
 
 
 @compiled
-def _last_but_one(q, missed, matrix, error):
+def _last_but_one(q, missed, room, error):
     """Return phase, logarithm and relative error of the last Hurwitz determinant but one; see `critical._last_but_one`."""
-    half, n = len(matrix), len(q) - 1
+    matrix, inverse, n = room[0], room[1], len(q) - 1
+    half = len(matrix)
     one = q[0] * 0 + 1
     if not half:
         return one, 0.0, 0.0
@@ -156,7 +167,8 @@ def _last_but_one(q, missed, matrix, error):
         for j in range(half - 1, i - 1, -1):
             (e, de), (o, do) = _coefficient(q, missed, 2 * (j + 1)), _coefficient(q, missed, 2 * i + 1)
             (f, df), (p, dp) = _coefficient(q, missed, 2 * i), _coefficient(q, missed, 2 * (j + 1) + 1)
-            value, unsure = e * o - f * p, abs(e) * do + de * abs(o) + abs(f) * dp + df * abs(p)
+            value = e * o - f * p
+            unsure = _taxicab(e) * do + de * _taxicab(o) + _taxicab(f) * dp + df * _taxicab(p)
             if i and j + 1 < half:
                 value, unsure = value + matrix[i - 1, j + 1], unsure + error[i - 1, j + 1]
             matrix[i, j], error[i, j] = value, unsure
@@ -164,7 +176,7 @@ def _last_but_one(q, missed, matrix, error):
     if n % 2 == 0:  # of an even order the leading coefficient is a factor of the last column, and not one of the function
         for i in range(half):
             matrix[i, half - 1], error[i, half - 1] = q[2 * i + 1], missed[2 * i + 1]
-    return _determinant(matrix, error)
+    return _determinant(matrix, inverse, error)
 
 
 @compiled
@@ -191,8 +203,8 @@ def _followed(piece, x, degree, coefficients, reach, beside, size, least, noisy,
                 before, now = now, 2 * at * now - before
                 for j in range(n):
                     c[j] += now * coefficients[own, k, j]
-            noise = max(2 * abs(now), 1.0) if noisy else 1.0
-            missed = abs(at * now - before) / least[top]
+            noise = max(2 * _taxicab(now), 1.0) if noisy else 1.0
+            missed = _taxicab(at * now - before) / least[top]
             for j in range(n):
                 off[j] = reach[own, j] * noise + beside[own, j] * missed
             c[n], off[n] = 1.0, 1.0
@@ -219,15 +231,15 @@ def _coefficient(q, missed, k):
 
 
 @compiled
-def _determinant(matrix, error):
-    """Return phase and logarithm of the determinant, and the sum of `|inverse^T| error`; the matrix is used up.
+def _determinant(matrix, inverse, error):
+    """Return phase and logarithm of the determinant, and the sum of `|inverse^T| error`; both matrices are used up.
 
     Gauss-Jordan elimination with row exchanges is used, since it gives the rows of the inverse's transpose at once.
     """
     n, phase, log, total = len(matrix), matrix[0, 0] * 0 + 1, 0.0, 0.0
-    inverse = np.zeros_like(matrix)
     for i in range(n):
-        inverse[i, i] = 1.0
+        for j in range(n):
+            inverse[i, j] = 1.0 if i == j else 0.0
     for k in range(n):
         at = _largest(matrix, k, k)
         if not _taxicab(matrix[at, k]) > 0:
@@ -246,7 +258,7 @@ def _determinant(matrix, error):
                 inverse[i, j] -= factor * inverse[k, j]
     for i in range(n):
         for j in range(n):
-            total += abs(inverse[j, i]) * error[i, j]
+            total += _taxicab(inverse[j, i]) * error[i, j]
     return phase, log, total
 
 
