@@ -2,6 +2,7 @@
 
 import logging
 import os
+import platform
 import signal
 import subprocess
 import sys
@@ -169,3 +170,30 @@ def test_a_cluster_that_is_lost_is_an_error_and_not_a_wait(long, monkeypatch, tm
         running = LocalCluster(n_workers=0, **here)
     with running, pytest.raises(WavesweepError, match="has had no workers for 1 s"):
         sweep.intervals(long, backend="dask", scheduler=running.scheduler_address, checkpoint=tmp_path / "parts")
+
+
+FAULTS = """
+import resource
+import numpy as np
+from wavesweep.sweep.tasks import keep_memory
+
+if {keep}:
+    keep_memory()
+arrays = [np.ones(2**17) for _ in range(20)]  # of 1 MiB
+del arrays
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(10):
+    arrays = [np.ones(2**17) for _ in range(20)]
+    del arrays
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other allocators are left as they are")
+def test_freed_memory_is_not_given_back_and_cleared_between_steps():
+    def faults(keep):
+        program = [sys.executable, "-c", FAULTS.format(keep=keep)]
+        return int(subprocess.run(program, capture_output=True, text=True, check=True).stdout)
+
+    assert faults(keep=True) < 1000
+    assert faults(keep=False) > 10_000  # pages of 4 KiB, 51,200 in all
