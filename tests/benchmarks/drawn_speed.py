@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import wavesweep
+from wavesweep.sweep.tasks import keep_memory
 
 DRAWN = Path(__file__).parents[2] / "sweeps" / "recipes" / "controllers"
 KINDS = {"pmw-lm": {"b": 25.0, "Kp": 20.0}, "pmw": {"b": 25.0}}
@@ -30,6 +31,7 @@ def seconds(work):
 
 def main():
     """Print a line per kind and number of slices."""
+    keep_memory()  # as commands do
     print("| kind | slices | drawn (ms a slice) | built in (ms a slice) | ratio | largest difference of the ends |")
     print("| --- | --- | --- | --- | --- | --- |")
     for kind, values in KINDS.items():

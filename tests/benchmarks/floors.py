@@ -29,12 +29,14 @@ from wavesweep.bench.problems import PROBLEMS, bundles
 from wavesweep.library import frame
 from wavesweep.lifted import lift, open_ticks, periodic
 from wavesweep.sweep import any_number, drawn_task
+from wavesweep.sweep.tasks import keep_memory
 
 STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
 
 
 def main():
     """Print the tables."""
+    keep_memory()  # as commands do
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--study", action="store_true", help="the sweep of two million slices as well")
     study = parser.parse_args().study

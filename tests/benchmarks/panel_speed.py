@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import wavesweep
+from wavesweep.sweep.tasks import keep_memory
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 BANK = {"controller": {"kind": "pmw-lm", "b": 25.0, "Kp": 20.0}}
@@ -87,6 +88,7 @@ def seconds(work):
 
 def main():
     """Print a line per case."""
+    keep_memory()  # as commands do
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--recipes", action="store_true", help="every recipe along each of its smooth numbers")
     print("| loop | along | over | ms a slice | eigenvalues at 100 values (ms) | ratio | certified | intervals |")
