@@ -7,6 +7,7 @@ import numpy as np
 from wavesweep.diagram.block import Block, loss, unit_delay
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import latch
+from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.batches import in_parts
 from wavesweep.lifted.connect import connect
 
@@ -75,7 +76,7 @@ def lift_held(fast: Block, ratio: int, delay: int, held, sampled, whole=None) ->
         E, new = fast.E @ (whole if delay else late), late @ B
         condition = fast.condition
         if ratio > 1:
-            condition = condition * in_parts(lambda part: loss(E[part], ratio * np.abs(fast.E[part])), *_shape(E))
+            condition = condition * _loss(E, fast.E, ratio)
     parts = [("old", old, D)] if delay > 0 else []
     if delay < ratio:
         parts.append(("new", new, D if delay == 0 else np.zeros_like(D)))
@@ -91,6 +92,15 @@ def lift_held(fast: Block, ratio: int, delay: int, held, sampled, whole=None) ->
         condition=condition,
         pivot=fast.pivot,
     )
+
+
+def _loss(E, tick, ratio):
+    """Return `loss` of frames of so many equal ticks."""
+    if chosen() == NUMPY:
+        return in_parts(lambda part: loss(E[part], ratio * np.abs(tick[part])), *_shape(E))
+    from wavesweep.lifted.compiled.closing import losses
+
+    return losses(E, tick, ratio)
 
 
 def prune(block: Block) -> tuple[Block, tuple[str, ...]]:
