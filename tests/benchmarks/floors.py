@@ -7,8 +7,8 @@ grid, this tool, and of that compiling the loops, which every method begins with
 the time in which frames are made, which a search without them cannot be below; and of all that, the parts which no faster
 drawing and no faster search would save: the products of ticks, and characteristic polynomials or eigenvalues; and all of the
 arithmetic that is done by BLAS, LAPACK or the kernel: these two, connections, loops of direct terms, critical functions and
-roots. --study: the sweep of two million slices with two workers as well, and what two processors need at least for the processor seconds that it
-used.
+roots. --study: the sweep of two million slices with two workers as well, and what two processors need at least for the
+processor seconds that it used.
 """
 
 import argparse
