@@ -32,8 +32,8 @@ class Net:
     inputs: int
 
     @staticmethod
-    def of(structure, tape) -> tuple["Net", "Net", list[int]]:
-        """Return the net of a structure, the same with every number replaced by its size, and the gains that it uses.
+    def of(structure, tape) -> tuple["Net", object, list[int]]:
+        """Return the net of a structure, a function that returns it with the size of every number, and the gains that it uses.
 
         The sizes of blocks are those of their terms, if these are known; without `terms` only those between ports are right.
         """
@@ -49,12 +49,12 @@ class Net:
             ):
                 parts[part] += rows_of(patterns, shape, column, given)
             state, port, output = state + states, port + len(inputs), output + len(outputs)
-        sizes = {part: list(map(sizes_of, rows)) for part, rows in parts.items()}
+        known_sizes = []
         for (state, port, output), (_, inputs, outputs, states, known) in zip(places, structure.blocks, strict=True):
             own = ("B", (states, len(inputs)), state, port), ("C", (len(outputs), states), output, state)
             own = (*own, ("D", (len(outputs), len(inputs)), output, port))
             for part, shape, row, column in (own if structure.terms else own[2:]) if known else ():
-                sizes[part][row : row + shape[0]] = rows_of(patterns, shape, column, given)
+                known_sizes.append((part, row, rows_of(patterns, shape, column, given)))
         gains = [1.0 if each == ONE else next(given) for each in patterns]
         tracer = _Tracer(structure, gains)
         ports = [f"{name}.{port}" for name, inputs, *_ in structure.blocks for port in inputs]
@@ -63,9 +63,15 @@ class Net:
         counts = [states for *_, states, _ in structure.blocks]
         facts = {"ports": ports, "shown": shown, "states": sum(counts), "inputs": len(structure.inputs)}
         net = Net(partial(_entry, tape, counts, 0), **parts, into=into, out=out, **facts)
-        into, out = ([tuple(map(sizes_of, pair)) for pair in pairs] for pairs in (into, out))
-        sized = replace(net, E=partial(_entry, tape, counts, len(counts)), **sizes, into=into, out=out)
-        return net, sized, tracer.used
+        return net, partial(net.sized, partial(_entry, tape, counts, len(counts)), known_sizes), tracer.used
+
+    def sized(self, E, known) -> "Net":
+        """Return the net with every number replaced by its size; known: sizes of terms, by part and first row."""
+        sizes = {part: list(map(sizes_of, getattr(self, part))) for part in "BCD"}
+        for part, row, rows in known:
+            sizes[part][row : row + len(rows)] = rows
+        into, out = ([tuple(map(sizes_of, pair)) for pair in pairs] for pairs in (self.into, self.out))
+        return replace(self, E=E, **sizes, into=into, out=out)
 
     def order(self) -> tuple[list[int], list[int]]:
         """Return the ports that something reads, in an order of evaluation, and those of them that are torn.

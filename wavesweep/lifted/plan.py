@@ -70,8 +70,9 @@ class Plan:
 
     def __init__(self, structure: _Structure):
         self._tape, self._sizes = Tape(structure.patterns.count(ANY)), structure.terms
-        self._net, self._sized, self.used = Net.of(structure, self._tape)
+        self._net, sized, self.used = Net.of(structure, self._tape)
         net, (self._order, self._torn) = self._net, self._net.order()
+        self._sized = sized() if self._torn or structure.terms else None
         self._rows, self._endings, first = net.followed(self._order, self._torn), {}, net.states + net.inputs
         self.torn, self.states = len(self._torn), net.states
         if self.torn:
@@ -110,4 +111,4 @@ class Plan:
         return Stage(tape, (*parts, *terms))
 
 
-_plan = lru_cache(maxsize=512)(Plan)
+_plan = lru_cache(maxsize=256)(Plan)  # of some 0.1 MB each

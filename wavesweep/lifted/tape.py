@@ -10,7 +10,7 @@ from wavesweep.diagram.block import numbers
 ROUNDING = 8 * np.finfo(float).eps  # of the terms of a sum, what is left of it when it should be zero
 NOTHING, ONE, ANY = range(3)  # patterns of an entry: 0 in the whole batch, 1 in the whole batch, or any number
 CONSTANT, READ, ADD, MULTIPLY, SIZE, CLEAN, GIVE = range(7)  # operations, see `Program`
-ARGUMENTS = {ADD: 2, MULTIPLY: 2, SIZE: 1, CLEAN: 2}  # number of their arguments that are results
+ARGUMENTS = (0, 0, 2, 2, 1, 2, 0)  # of each operation, number of arguments that are results
 
 
 class Tape:
@@ -39,43 +39,45 @@ class Tape:
 
         giving: whether numbers that are given are put in their places as they are needed, by steps GIVE, and not before.
         """
-        given, last, needed = len(self.start), {}, []
+        given, wanted = len(self.start), [term.at for term in results]
         steps = [(GIVE, at, 0) for at in range(given)] + self.steps
-        last |= dict.fromkeys([term.at for term in results], len(steps))
-        for at in reversed(range(len(steps))):
-            operation, *arguments = steps[at]
-            if at in last:
-                needed.append(at)
-                for argument in arguments[: ARGUMENTS.get(operation, 0)]:
-                    last.setdefault(argument, at)
-        places, free, done, size = {}, [], [], 0
-        if giving:  # each before its first use
-            ordered = self._as_needed(steps, reversed(needed))
-        else:
-            ordered, size, places = [at for at in reversed(needed) if at >= given], given, {at: at for at in range(given)}
-            free += [at for at in range(given) if at not in last]
-        for at in ordered:
-            operation, *arguments = steps[at]
-            count = ARGUMENTS.get(operation, 0)
-            if not free:
-                free.append(size)
-                size += 1
-            places[at] = free.pop()  # none of its arguments': loops over numbers that may overlap are slow
-            own = [places[argument] for argument in arguments[:count]] + arguments[count:]
-            free += {places[argument] for argument in arguments[:count] if last[argument] == at}
-            done.append((operation, *own, places[at]))
-        return Program(given, size, tuple(done)), {term.at: places[term.at] for term in results}
-
-    @staticmethod
-    def _as_needed(steps, wanted):
-        """Return the steps that are wanted, those that give a number moved to its first use, or to the end."""
-        wanted, done = list(wanted), {}
+        last = [-1] * len(steps)  # step that needs each result last
         for at in wanted:
-            operation, *arguments = steps[at]
-            if operation != GIVE:
-                done |= dict.fromkeys(arguments[: ARGUMENTS.get(operation, 0)])
-                done[at] = None
-        return list(done | dict.fromkeys(wanted))
+            last[at] = len(steps)
+        for at in range(len(steps) - 1, given - 1, -1):
+            operation, one, other = steps[at]
+            count = ARGUMENTS[operation] if last[at] >= 0 else 0
+            if count and last[one] < 0:
+                last[one] = at
+            if count == 2 and last[other] < 0:
+                last[other] = at
+        if giving:
+            ordered, places, size, free = _as_needed(steps, given, last), [-1] * len(steps), 0, []
+        else:
+            ordered, places, size = [at for at in range(given, len(steps)) if last[at] >= 0], list(range(len(steps))), given
+            free = [at for at in range(given) if last[at] < 0]
+        done = []
+        for at in ordered:
+            operation, one, other = steps[at]
+            count, place = ARGUMENTS[operation], free.pop() if free else size
+            size, places[at] = max(size, place + 1), place  # none of its arguments': loops over what may overlap are slow
+            mine, others = places[one] if count else one, places[other] if count == 2 else other
+            if count and last[one] == at:
+                free.append(mine)
+            if count == 2 and other != one and last[other] == at:
+                free.append(others)
+            done.append((operation, mine, others, place))
+        return Program(given, size, tuple(done)), {at: places[at] for at in wanted}
+
+
+def _as_needed(steps, given, last):
+    """Return the steps that are needed, each number being given just before its first use, or at the end."""
+    done = {}
+    for at in range(given, len(steps)):
+        if last[at] >= 0:
+            done |= dict.fromkeys(steps[at][1 : 1 + ARGUMENTS[steps[at][0]]])
+            done[at] = None
+    return list(done | dict.fromkeys(at for at in range(given) if last[at] >= 0))
 
 
 class Term:
