@@ -4,22 +4,17 @@ import mpmath
 import numpy as np
 import pytest
 from support.lifted import transfer
-from support.specs import values_of
+from support.nets import SINGULAR, first_order, random_net
 
-from wavesweep import kernel
 from wavesweep.analysis.response import prepare
 from wavesweep.diagram import draw
-from wavesweep.diagram.block import Block, loss
+from wavesweep.diagram.block import Block
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.lifted.connect import connect
 from wavesweep.lifted.frame import lifted_system
 from wavesweep.lifted.plan import plan_of
 from wavesweep.lifted.tape import Tape
-
-
-def first_order(name, pole, through):
-    return Block(name, ("u",), ("y",), ("s",), E=[[pole - 1]], B=[[1.0]], C=[[0.5]], D=[[through]])
 
 
 def test_feedback_with_direct_terms_is_closed_exactly():
@@ -55,33 +50,6 @@ def test_one_loop_without_solution_is_found_in_a_batch():
     gain = np.array([1.0, 2.0, 3.0])
     with pytest.raises(IllPosedLoopError):
         connect("fast", (first_order("p", 0.9, 0.5),), {"p.u": {"r": 1, "p.y": gain}}, ("r",), ("p.y",))
-
-
-def random_net(seed, batch=(), kind=float):
-    """Blocks with direct terms that feed each other at random, so that several loops of these are closed, and their sums."""
-    random = np.random.default_rng(seed)
-    sizes = [(int(n), int(m), int(p)) for n, m, p in random.integers((0, 1, 1), (4, 3, 4), (5, 3))]
-
-    def entries(*shape):
-        values = random.normal(size=(*batch, *shape)) + (1j * random.normal(size=(*batch, *shape)) if kind is complex else 0)
-        return values * (random.random(shape) < 0.6)
-
-    blocks = [
-        Block(
-            f"b{i}", tuple(f"u{k}" for k in range(m)), tuple(f"y{k}" for k in range(p)), tuple(f"s{k}" for k in range(n)),
-            entries(n, n), entries(n, m), entries(p, n), 0.4 * entries(p, m),
-        )
-        for i, (n, m, p) in enumerate(sizes)
-    ]  # fmt: skip
-    sources = [f"b{i}.y{k}" for i, (_, _, p) in enumerate(sizes) for k in range(p)] + ["r", "q"]
-    ports = [f"b{i}.u{k}" for i, (_, m, _) in enumerate(sizes) for k in range(m)]
-
-    def gain():
-        return random.normal(size=batch) if batch and random.random() < 0.5 else float(random.normal())
-
-    sums = {port: {sources[i]: gain() for i in random.choice(len(sources), 3, replace=False)} for port in ports}
-    sums["seen"] = {sources[i]: gain() for i in random.choice(len(sources), 3, replace=False)}
-    return blocks, sums, ("r", "q"), ("seen", sources[0])
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -191,13 +159,6 @@ def test_torn_loops_are_conditioned_by_what_their_terms_cancel():
     assert closed.condition == pytest.approx(2e9, rel=1e-3)
 
 
-# Both branches reflect half of the wave, turned round: v_m = -v_m/2 - v_m/2 + ..., which has no solution.
-SINGULAR = values_of(
-    "pmw-lm", integration="explicit", B_VE=75.0, B_LM=75.0, lp1_order=0, hp_order=0, lp2_order=0,
-    **{"local_model.integration": "explicit", "local_model.delay": 0},
-)  # fmt: skip
-
-
 def test_two_branches_that_answer_each_other_at_once_are_refused():
     """With F_s and F_l of three times the impedance each, u_m does not determine v_m."""
     with pytest.raises(IllPosedLoopError, match="condition number"):
@@ -217,38 +178,6 @@ def test_the_pivot_of_one_loop_is_its_return_difference():
     gain = Block("g", ("u",), ("y",), (), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[0.25]]))
     closed = connect("loop", (gain,), {"g.u": {"g.y": 3.0, "in": 1}}, ("in",), ("g.y",))
     assert (closed.D[0, 0], closed.pivot) == (1.0, 0.25)
-
-
-@pytest.mark.parametrize("kind", [float, complex])
-@pytest.mark.parametrize("batch", [(), (1,), (150,)])
-@pytest.mark.parametrize("seed", range(12))
-def test_the_kernel_connects_as_numpy_does(seed, batch, kind):
-    """Real loops that need no inverse of several ports bit for bit; otherwise the last digits may differ."""
-    pytest.importorskip("numba")
-    net, found = random_net(seed, batch, kind), []
-    for name in (kernel.NUMPY, kernel.NUMBA):
-        with kernel.using(name):
-            found.append(connect("net", *net, terms=True))
-    torn = plan_of(*net, terms=True)[0].torn
-    rounding = 0.0 if kind is float and torn <= 1 else 1e-13 * found[0].condition.max()
-    parts = [(*(getattr(block, part) for part in "EBCD"), *block.terms) for block in found]
-    for one, other in zip(*parts, strict=True):
-        assert (one.shape, one.dtype) == (other.shape, other.dtype)
-        assert (np.abs(one - other) <= rounding * (1 + np.abs(one).max(initial=0))).all()
-    for fact in ("condition", "pivot"):
-        np.testing.assert_allclose(getattr(found[1], fact), getattr(found[0], fact), rtol=1e-9)
-
-
-def test_a_loop_has_the_same_bits_in_any_batch_of_the_kernel():
-    pytest.importorskip("numba")
-    blocks, sums, inputs, outputs = random_net(3, (150,))
-    with kernel.using(kernel.NUMBA):
-        whole = connect("net", blocks, sums, inputs, outputs)
-        few = [Block(b.name, b.inputs, b.outputs, b.states, *(getattr(b, part)[70:73] for part in "EBCD")) for b in blocks]
-        own = {port: {s: g if np.ndim(g) == 0 else g[70:73] for s, g in terms.items()} for port, terms in sums.items()}
-        part = connect("net", few, own, inputs, outputs)
-    for name in "EBCD":
-        assert np.array_equal(getattr(part, name), getattr(whole, name)[70:73])
 
 
 def test_loops_of_one_structure_share_a_plan_and_others_do_not():
@@ -277,26 +206,3 @@ def test_numbers_that_nothing_needs_are_not_computed_and_places_are_used_again()
     for _ in range(20):
         x = x * y + y
     assert program.run([0.5, 0.25], ())[places[a.at]] == x
-
-
-def test_a_loop_without_a_solution_has_none_by_the_kernel_either():
-    pytest.importorskip("numba")
-    gain = np.array([1.0, 2.0, 3.0])
-    with kernel.using(kernel.NUMBA), pytest.raises(IllPosedLoopError):
-        connect("fast", (first_order("p", 0.9, 0.5),), {"p.u": {"r": 1, "p.y": gain}}, ("r",), ("p.y",))
-    with kernel.using(kernel.NUMBA), pytest.raises(IllPosedLoopError, match="condition number"):
-        lifted_system(draw(SINGULAR), 20, 500.0, 75.0)
-
-
-@pytest.mark.parametrize("kind", [float, complex])
-def test_the_kernel_finds_the_losses_that_numpy_finds(kind):
-    pytest.importorskip("numba")
-    from wavesweep.lifted.compiled.closing import losses
-
-    random, shape = np.random.default_rng(5), (200, 4, 4)
-    tick = random.normal(size=shape) + (1j * random.normal(size=shape) if kind is complex else 0.0)
-    E = random.normal(size=shape) * 10.0 ** random.uniform(-6, 1, shape) + 0 * tick
-    E[:20, 0, 0], E[20:40, 1, 2], E[40, 2, 2] = 0.0, 0.0, np.nan
-    expected = loss(E, 20 * np.abs(tick))
-    assert (expected > 1e3).sum() > 20
-    np.testing.assert_allclose(losses(E, tick, 20), expected, rtol=1e-14)

@@ -9,6 +9,7 @@ import numpy as np
 
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawn import Drawn
+from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.batches import in_parts, product
 from wavesweep.lifted.connect import connect
 
@@ -259,7 +260,12 @@ class Change:
 
     @staticmethod
     def of(E) -> "Change":
-        return Change(E, _forgotten(E), _forgotten(np.swapaxes(E, -1, -2)))
+        if E.ndim != 3 or chosen() == NUMPY:
+            return Change(E, _forgotten(E), _forgotten(np.swapaxes(E, -1, -2)))
+        from wavesweep.lifted.compiled.states import forgotten
+
+        found = forgotten(np.ascontiguousarray(E))
+        return Change(E, *([(state, loops[:, state]) for state in np.flatnonzero(loops.any(0)).tolist()] for loops in found))
 
     def at(self, few) -> "Change":
         """Return the change of some matrices of a batch."""

@@ -11,6 +11,7 @@ from math import prod
 import numpy as np
 
 from wavesweep.diagram.block import loss
+from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.batches import in_parts
 from wavesweep.lifted.circle import inverse
 from wavesweep.lifted.periodic import GROWING, Change, Ticks, in_a_row, stretches, then
@@ -163,6 +164,11 @@ def balance(E, sweeps: int = BALANCING):
     by u_j/u_i. sweeps: number of passes over all states.
     """
     size = np.abs(E)
+    if chosen() != NUMPY:
+        from wavesweep.lifted.compiled.states import units_of
+
+        units = units_of(np.ascontiguousarray(size), sweeps)
+        return E * (units[:, None, :] / units[:, :, None]), units
     units = np.ones(E.shape[:-1])
     index = np.arange(E.shape[-1])
     size[:, index, index] = 0
