@@ -1,11 +1,15 @@
 """Connecting blocks: junctions, algebraic loops, and loops that have no solution."""
 
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
 import mpmath
 import numpy as np
 import pytest
 from support.lifted import transfer
 from support.nets import SINGULAR, first_order, random_net
 
+from wavesweep import kernel
 from wavesweep.analysis.response import prepare
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
@@ -13,6 +17,7 @@ from wavesweep.errors import IllPosedLoopError
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.lifted.connect import connect
 from wavesweep.lifted.frame import lifted_system
+from wavesweep.lifted.plan import _plan as plan_cache
 from wavesweep.lifted.plan import plan_of
 from wavesweep.lifted.tape import Tape
 
@@ -206,3 +211,38 @@ def test_numbers_that_nothing_needs_are_not_computed_and_places_are_used_again()
     for _ in range(20):
         x = x * y + y
     assert program.run([0.5, 0.25], ())[places[a.at]] == x
+
+
+def test_threads_that_connect_one_structure_at_once_find_what_one_finds():
+    """Its plan is worked out by the first of them, and nothing in it changes afterwards."""
+    random = np.random.default_rng(3)
+
+    def block(name):
+        return Block(
+            name, ("u",), ("y",), ("p", "q"), *(random.normal(size=shape) for shape in ((2, 2), (2, 1), (1, 2), (1, 1)))
+        )
+
+    blocks = [block(f"b{i}") for i in range(14)]
+    sums = {f"b{i}.u": {f"b{i - 1}.y": random.normal(), "r": 2.0} if i else {"r": 0.5} for i in range(14)}
+    given = "net", blocks, sums, ("r",), tuple(f"b{i}.y" for i in range(14))
+    expected, before, wrong = connect(*given, terms=True), sys.getswitchinterval(), 0
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            for _ in range(150):
+                plan_cache.cache_clear()
+                plan_of(*given[1:], terms=True)
+                for found in pool.map(lambda _: connect(*given, terms=True), range(4)):
+                    wrong += not all(np.array_equal(*pair) for pair in zip(found.terms, expected.terms, strict=True))
+    finally:
+        sys.setswitchinterval(before)
+    assert wrong == 0
+
+
+@pytest.mark.parametrize("name", [kernel.NUMPY, kernel.NUMBA])
+def test_a_batch_without_loops_is_connected_to_none(name):
+    if name == kernel.NUMBA:
+        pytest.importorskip("numba")
+    blocks, sums, inputs, outputs = random_net(3, (0,))
+    with kernel.using(name):
+        assert connect("net", blocks, sums, inputs, outputs).E.shape[0] == 0

@@ -83,6 +83,8 @@ class Plan:
             self.loop = Stage(self._tape, matrices, [Term(self._tape, at) for at in self._later])
             self.reached = net.reached(self._rows, self._torn)
             self.closed = [port for port, row in zip(net.ports, self._rows, strict=True) if max(row, default=0) >= first]
+        else:  # at once, since threads share a plan, and its tape must not change any more
+            self._endings[b""] = self._ending(b"")
 
     def ending(self, pattern: bytes) -> Stage:
         """Return the stage that gives E, B, C and D, and the sizes of their terms if they are wanted.

@@ -1,6 +1,7 @@
 """A part of a plan, done by numpy or by the kernel."""
 
 from functools import cached_property
+from math import prod
 
 import numpy as np
 
@@ -40,7 +41,7 @@ class Stage:
         from wavesweep.lifted.compiled import programs
 
         loops = batch[0] if batch else 1
-        flat = [matrix.reshape(loops, -1) for matrix in found]
+        flat = [matrix.reshape(loops, prod(matrix.shape[-2:])) for matrix in found]
         kept = np.empty((len(self._others), loops), kind)
         steps, places, results = self._numbered(count, whole)
         programs.run(steps, places, results, values, flat[:count], flat[count:], kept)

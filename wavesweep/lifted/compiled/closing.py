@@ -1,5 +1,7 @@
 """Return differences of torn ports, and losses of frames, loop by loop."""
 
+from math import prod
+
 import numpy as np
 
 from wavesweep.diagram.block import KEPT, LARGEST_LOSS
@@ -13,8 +15,9 @@ def inverses(loop, sizes, reached, refined: int):
     refined: number of steps of refinement.
     """
     n, batch = loop.shape[-1], loop.shape[:-2]
-    whole = np.ascontiguousarray(loop).reshape(-1, n, n)
-    sizes = np.ascontiguousarray(np.broadcast_to(sizes, loop.shape)).reshape(-1, n, n)
+    whole, sizes = (
+        np.ascontiguousarray(np.broadcast_to(part, loop.shape)).reshape(prod(batch), n, n) for part in (loop, sizes)
+    )
     inverse, pivot, condition = np.empty_like(whole), np.empty(len(whole), whole.dtype), np.empty(len(whole))
     _inverses(whole, sizes, reached, refined if n > 1 else 0, inverse, pivot, condition)
     return inverse.reshape(loop.shape), pivot.reshape(batch), condition.reshape(batch)
@@ -128,8 +131,8 @@ def _cleared(left, found, k):
 def losses(E, tick, ratio: int) -> np.ndarray:
     """Return `block.loss` of frames, `(...)`; E: less identity; tick: the same of their ticks, ratio: their number."""
     n, batch = E.shape[-1], E.shape[:-2]
-    found = np.empty(E.reshape(-1, n, n).shape[0])
-    _losses(np.ascontiguousarray(E).reshape(-1, n, n), np.ascontiguousarray(tick).reshape(-1, n, n), float(ratio), found)
+    found = np.empty(prod(batch))
+    _losses(*(np.ascontiguousarray(part).reshape(found.size, n, n) for part in (E, tick)), float(ratio), found)
     return found.reshape(batch)
 
 
