@@ -240,6 +240,31 @@ def test_integral_action_is_rigid_at_rest():
     assert wavesweep.verdict(with_integral())["felt"] == {"stiffness": None, "damping": None, "rigid": True}
 
 
+def test_integral_action_at_one_rate_is_rigid_at_rest():
+    """A frame of one tick has no other gain than that of the position."""
+    spec = with_integral()
+    spec["block"]["out"] = {"type": "gain"}
+    columns = wavesweep.bode(spec | {"bode": {"frequency_hz": [0.0, 1e-3]}})
+    assert columns["doubt"].tolist() == ["", ""]
+    assert (columns["admittance_abs"][0], columns["worst_gain"][0]) == (0.0, 0.0)
+    assert columns["worst_gain"][1] == pytest.approx(columns["admittance_abs"][1], rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("reaction", "doubt"), [("out.y", ""), ("kp*axis.x", "rounding"), ("axis.v", "rounding"), ("0*axis.x", "rounding")]
+)
+def test_an_impedance_of_what_vanishes_with_the_position_is_in_doubt_at_rest(reaction, doubt):
+    """The limit of kp*x over x is kp; of a force that stays there is none."""
+    spec = with_integral()
+    spec["ports"]["hand"]["reaction"] = reaction
+    columns = wavesweep.bode(spec | {"bode": {"frequency_hz": [0.0, 1e-2]}})
+    assert columns["doubt"].tolist() == [doubt, ""]
+    assert columns["admittance_abs"][0] == 0.0
+    assert np.isnan(columns["impedance_abs"][0])
+    if reaction == "kp*axis.x":
+        assert columns["impedance_re"][1] == pytest.approx(200.0, rel=1e-9)
+
+
 @pytest.mark.parametrize("leak", [1e-2, 1e-6, 1e-9])
 def test_an_integral_that_leaks_is_as_stiff_as_what_is_left_of_it(leak):
     columns = wavesweep.bode(with_integral(leak) | {"bode": {"frequency_hz": [0.0]}})

@@ -72,7 +72,8 @@ def static_port_response(port: Port, *, twice: bool = True) -> tuple[np.ndarray,
 
     All are `(...)`, one entry for each port of a batch. NaN: there is none, or it is not known. If a constant force moves the
     position without end, there is no admittance. If it does not move it at all in the end, as a position that an integrator
-    holds, the admittance is 0, and there is no impedance. The error of a number that does not exist is 0.
+    holds, the admittance is 0, and there is no impedance; or it is not known, if the force against the hand vanishes with the
+    position. The error of a number that does not exist is 0.
 
     With w = z - 1 of the tick and M ticks in a frame, both sides of `(z^M - 1 - E) X = g` and of the outputs of a frame are
     expanded to first order: `E X_0 = -g_0`, `E X_1 = M X_0 - g_1`. A change within a tick vanishes with w, and its slope is the
@@ -98,7 +99,9 @@ def static_port_response(port: Port, *, twice: bool = True) -> tuple[np.ndarray,
         stiffness = np.where(forces[0] == 0, 0.0, forces[0] / value[0])
         unsure = np.where(forces[0] == 0, 0.0, forces[1] + off[0] / np.abs(value[0]))
     impedance, unsure = (np.where(going[0], *pair) for pair in ((stiffness, impedance), (unsure, relative[1])))
-    impedance, unsure = (np.where(rigid[0], none, part) for none, part in ((np.nan, impedance), (0.0, unsure)))
+    opposed = len(value) == 1 or np.abs(found[1][0]) > error[1][0]
+    unsure = np.where(rigid[0], np.where(opposed, 0.0, np.nan), unsure)
+    impedance = np.where(rigid[0], np.nan, impedance)
     return admittance + 0j, impedance + 0j, np.where(going[0], 0.0, relative[0]), unsure
 
 

@@ -5,7 +5,7 @@ import numpy as np
 from wavesweep.analysis.response.circle import Circle
 from wavesweep.analysis.response.delayed import solved_frame
 from wavesweep.analysis.response.dominant import Dominant, Lifted
-from wavesweep.analysis.response.drawn import LOST
+from wavesweep.analysis.response.drawn import LOST, static_port_response
 from wavesweep.analysis.response.port import Port
 from wavesweep.analysis.response.steady import GOOD
 from wavesweep.lifted.rounding import ROUNDING, frame_errors
@@ -29,6 +29,9 @@ def worst_gain_of_port(port: Port, frequency_hz) -> tuple[np.ndarray, np.ndarray
         (gain, error), (other, _) = (_gain(lifted_map(each), points) for each in (port, port.turned(max(1, ticks // 2))))
         unbounded = (points.frame == 0) & (port.position is None)
         relative = np.where(unbounded, 0.0, (error + np.abs(gain - other)) / gain)
+        if ticks == 1 and not frequency.all():  # the gain is that of the position, which an integrator may hold at rest
+            rigid = (frequency == 0) & (static_port_response(port)[0] == 0)
+            gain, relative = (np.where(rigid, 0.0, part) for part in (gain, relative))
     unknown = ~(relative < LOST)
     return np.where(unknown | unbounded, np.nan, gain), np.where(unknown, np.nan, relative)
 
