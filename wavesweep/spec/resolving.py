@@ -23,6 +23,8 @@ from wavesweep.spec.keys import (
 )
 from wavesweep.spec.reading import Leaf, Place
 
+SAME = 1e-12  # relative: cutoffs that two machines find from the same edges
+
 
 @dataclass(frozen=True, slots=True)
 class Given:
@@ -160,7 +162,8 @@ def _resolve_filter(name: str, given: Given, checked: Mapping, values: dict) -> 
     if None in numbers or _rejected("rates.fast_hz", given, checked):
         return []
     mistakes = _check_edges(name, numbers, values["rates.fast_hz"], given) or _meet_edges(path, numbers, leaf, values)
-    if not mistakes and any(value not in (None, values[key]) for key, value in direct.items()):
+    apart = [value is not None and not math.isclose(value, values[key], rel_tol=SAME) for key, value in direct.items()]
+    if not mistakes and any(apart):
         return [leaf.mistake(path, either, "both, which differ", of_key=True)]
     return mistakes
 
