@@ -9,6 +9,14 @@ from wavesweep.lifted.compiled.caching import compiled
 
 
 @compiled
+def _size(number):
+    """Return the modulus of a number, whose square is in range if it is complex."""
+    if number.imag == 0:
+        return abs(number.real)
+    return np.sqrt(number.real * number.real + number.imag * number.imag)
+
+
+@compiled
 def _characteristics(E, c, reach, size):
     """`critical.characteristic` into c, reach `(n + 1, matrices)` and size."""
     count, n, _ = E.shape
@@ -26,7 +34,7 @@ def _characteristics(E, c, reach, size):
         _characteristic(A, leading)
         for k in range(n + 1):
             c[k, at] = leading[n, k]
-            reach[k, at] = _taxicab(leading[n, k]) + ((k + 1) * _taxicab(leading[n, k + 1]) if k < n else 0.0)
+            reach[k, at] = _size(leading[n, k]) + ((k + 1) * _size(leading[n, k + 1]) if k < n else 0.0)
 
 
 @compiled
@@ -101,7 +109,7 @@ def _at_one(c, reach, size, change, room, phase, log, error):
             missed[i] += abs(change[i, k]) * (reach[k] * weight)
         weight /= size
     for k in range(n + 1):
-        largest = max(largest, _taxicab(q[k])) if not np.isnan(_taxicab(q[k])) else np.nan
+        largest = max(largest, _size(q[k])) if not np.isnan(_size(q[k])) else np.nan
     grown = n * np.log(size)
     _part(c[0], reach[0], grown, 1, phase, log, error)
     _part(q[n], missed[n], grown, 2, phase, log, error)
@@ -115,7 +123,7 @@ def _at_one(c, reach, size, change, room, phase, log, error):
 
 @compiled
 def _beyond(c, reach, size, room, phase, log, error):
-    """Store SURELY_UNSTABLE; see `critical._beyond`. Sizes of complex numbers are bounded by those of both parts together."""
+    """Store SURELY_UNSTABLE; see `critical._beyond`."""
     n, (a, off), now = len(c) - 1, room, 0
     for j in range(2 * POWER + 1):
         a[0, j], off[0, j] = 0.0, 0.0
@@ -130,10 +138,10 @@ def _beyond(c, reach, size, room, phase, log, error):
     for _ in range(SQUARINGS):
         top, later, outer = top // 2, 1 - now, 1.0
         for j in range(top + 1):
-            size_of = _taxicab(a[now, j])
+            size_of = _size(a[now, j])
             total, unsure, sign = a[now, j] * a[now, j], (2 * off[now, j] + size_of) * size_of, -2.0
             for i in range(1, j + 1):
-                one, other = _taxicab(a[now, j - i]), _taxicab(a[now, j + i])
+                one, other = _size(a[now, j - i]), _size(a[now, j + i])
                 total += sign * (a[now, j - i] * a[now, j + i])
                 unsure += 2 * (one * (off[now, j + i] + other) + off[now, j - i] * other)
                 sign = -sign
@@ -141,8 +149,8 @@ def _beyond(c, reach, size, room, phase, log, error):
         now = later
     pairs, least = max(n * (n - 1) / 2, 1.0), max(2 / size ** (2 * POWER), TINIEST)
     value = a[now, 1] ** 2 / n**2 + a[now, 2] / pairs - least
-    whole = (2 * _taxicab(a[now, 1]) * off[now, 1] + _taxicab(a[now, 1]) ** 2) / n**2
-    whole += (off[now, 2] + _taxicab(a[now, 2])) / pairs + least
+    whole = (2 * _size(a[now, 1]) * off[now, 1] + _size(a[now, 1]) ** 2) / n**2
+    whole += (off[now, 2] + _size(a[now, 2])) / pairs + least
     _part(value, 4 * whole, 2 * POWER * np.log(size), 3, phase, log, error)
 
 
@@ -168,7 +176,7 @@ def _last_but_one(q, missed, room, error):
             (e, de), (o, do) = _coefficient(q, missed, 2 * (j + 1)), _coefficient(q, missed, 2 * i + 1)
             (f, df), (p, dp) = _coefficient(q, missed, 2 * i), _coefficient(q, missed, 2 * (j + 1) + 1)
             value = e * o - f * p
-            unsure = _taxicab(e) * do + de * _taxicab(o) + _taxicab(f) * dp + df * _taxicab(p)
+            unsure = _size(e) * do + de * _size(o) + _size(f) * dp + df * _size(p)
             if i and j + 1 < half:
                 value, unsure = value + matrix[i - 1, j + 1], unsure + error[i - 1, j + 1]
             matrix[i, j], error[i, j] = value, unsure
@@ -203,8 +211,8 @@ def _followed(piece, x, degree, coefficients, reach, beside, size, least, noisy,
                 before, now = now, 2 * at * now - before
                 for j in range(n):
                     c[j] += now * coefficients[own, k, j]
-            noise = max(2 * _taxicab(now), 1.0) if noisy else 1.0
-            missed = _taxicab(at * now - before) / least[top]
+            noise = max(2 * _size(now), 1.0) if noisy else 1.0
+            missed = _size(at * now - before) / least[top]
             for j in range(n):
                 off[j] = reach[own, j] * noise + beside[own, j] * missed
             c[n], off[n] = 1.0, 1.0
@@ -258,7 +266,7 @@ def _determinant(matrix, inverse, error):
                 inverse[i, j] -= factor * inverse[k, j]
     for i in range(n):
         for j in range(n):
-            total += _taxicab(inverse[j, i]) * error[i, j]
+            total += _size(inverse[j, i]) * error[i, j]
     return phase, log, total
 
 
