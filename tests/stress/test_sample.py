@@ -26,6 +26,11 @@ def test_entries_whose_products_overflow_are_no_fault():
     assert {(v.kind, v.certified) for v in verdicts("wild", 13400031)} == {("right", True)}
 
 
+def test_what_is_not_known_of_an_ill_posed_loop_needs_no_warning():
+    """Its samples on the circle are no numbers, and a wall whose input overflows may have crossings anywhere."""
+    assert {v.kind for v in verdicts("nearly_ill_posed", 24200922)} == {"right"}
+
+
 def test_a_short_climb_to_the_worst_end_stays_within_what_is_promised():
     (worst,) = climbs.judge(0, steps=10)
     assert worst.certified

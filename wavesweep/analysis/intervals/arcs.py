@@ -30,6 +30,7 @@ def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
     edges = np.linspace(0, np.pi, 5)
     column = np.repeat(np.arange(fixed.size), 4)
 
+    @np.errstate(all="ignore")  # samples of a loop whose entries overflow are not known
     def sample(column, theta):
         value, size, beyond, unsure = _boundary([part[column][:, None] for part in opened], shifts, theta, max(map(abs, span)))
         # The poles' distances from both z and 1/z, whose product is |z - pole|^2 on the circle and analytic beside it.
@@ -41,15 +42,14 @@ def arc_crossings(cut: Cut, along: str, fixed, span) -> Crossings:
         phase, log = np.array([value, beyond], complex) / magnitude, np.log(magnitude)
         phase *= (distance[0] / far[0] * (distance[1] / far[1])).prod(-1)
         log += sum(np.log(some).sum(-1) for some in far)
-        with np.errstate(over="ignore"):
-            error = np.minimum([size, unsure] / magnitude, MOST_ERROR)
-        return phase, log, error
+        return phase, log, np.minimum([size, unsure] / magnitude, MOST_ERROR)
 
     low, high = np.tile(edges[:-1], fixed.size), np.tile(edges[1:], fixed.size)
     found = panel_roots(sample, column, low, high, fixed.size, SMALLEST, MANY, end_bit=END_BIT, settling=1)
     return _collect(cut, along, fixed, span, lambda theta: _boundary(opened, shifts, theta)[0], found)
 
 
+@np.errstate(all="ignore")
 def _boundary(opened, shifts, theta, largest=0.0):
     """Return the two functions of the boundary at angles theta, and the sizes of their terms.
 

@@ -238,12 +238,11 @@ def open_inside(cut: Cut, owner, along: str, fixed, span, ends):
         far = np.concatenate([(bit[at, None] * OCTAVES).ravel(), far])
         t = terms(cut.at(owner[at[which]]), on_circle(np.abs(place - far)))
         solved, other = t.along(along)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            value = ((t.one - fixed[at[which]] * other) / solved).real
         least, most = np.full(at.size, np.inf), np.full(at.size, -np.inf)
-        np.minimum.at(least, which, value)
-        np.maximum.at(most, which, value)
-        with np.errstate(invalid="ignore"):  # of a wall that reads nothing
+        with np.errstate(divide="ignore", invalid="ignore"):  # of a wall that reads nothing; what is not known may be inside
+            value = ((t.one - fixed[at[which]] * other) / solved).real
+            np.minimum.at(least, which, value)
+            np.maximum.at(most, which, value)
             tip = np.where(np.isin(np.arange(at.size), which[at.size * OCTAVES.size :]), TIP * (most - least), 0.0)
         tip = np.where(np.isnan(tip), 0.0, tip)
         inside[at] |= ~((most + tip <= span[0] + slack) | (least - tip >= span[1] - slack))
