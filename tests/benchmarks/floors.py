@@ -38,11 +38,11 @@ STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
 
 def main():
     """Print the tables."""
-    keep_memory()  # as commands do
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--study", action="store_true", help="the sweep of two million slices as well")
     study = parser.parse_args().study
     comparisons()
+    keep_memory()  # as commands do
     frames()
     if study:
         two_millions()

@@ -12,7 +12,6 @@ import numpy as np
 
 import wavesweep
 from wavesweep.lifted import close
-from wavesweep.sweep.tasks import keep_memory
 
 SPECS = Path(__file__).parents[2] / "sweeps" / "paper"
 DAMPING, STIFFNESS = np.linspace(0, 15, 100), np.linspace(0, 20000, 101)[1:]
@@ -27,7 +26,6 @@ def seconds(work):
 
 def main():
     """Print a line per spec."""
-    keep_memory()  # as commands do
     for name in ("fig4", "fig4-b25", "fig6", "fig5-explicit"):
         loop = wavesweep.compile(SPECS / f"{name}.toml")
 
