@@ -31,19 +31,20 @@ def frame(
     kind: str,
     columns: Mapping[str, Any],
     facts: Mapping[str, Any] | None = None,
-    tables: Mapping[str, Any] | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> DataFrame:
     """Columns of a table of that kind as a DataFrame; `.attrs` has the `units` of the columns, and `facts` if there are any.
 
-    tables: those of the spec, if there are no facts.
+    units: if they are known; otherwise they follow from the kind and the facts.
     """
     import pandas
 
-    from wavesweep.results import fields_of
-
     table = pandas.DataFrame(dict(columns))
-    fields = fields_of(kind, columns, facts or {"spec": tables or {}})
-    table.attrs["units"] = Shared((field.name, field.unit) for field in fields)
+    if units is None:
+        from wavesweep.results import fields_of
+
+        units = {field.name: field.unit for field in fields_of(kind, columns, facts)}
+    table.attrs["units"] = Shared(units)
     if facts is not None:
         table.attrs["facts"] = Shared(facts)
     return table

@@ -223,8 +223,8 @@ class Loop:
     def _frame(self, kind, columns):
         from wavesweep.library import frame
 
-        # A controller's numbers have their units from the schema.
-        return frame(kind, columns, tables=self.spec.tables() if self.spec.drawing else None)
+        along = str(columns["along"][0]) if len(columns.get("along", ())) else ""
+        return frame(kind, columns, units=_units(self.spec, kind, tuple(columns), along))
 
     def _read(self, spec):
         return self.read if spec is self.spec else keys_of(spec)
@@ -245,6 +245,15 @@ class Loop:
             wrong = frequency[~((frequency >= 0) & np.isfinite(frequency))]
             raise UsageError(f"frequency_hz: expected finite numbers >= 0, found {wrong[0] if wrong.size else 'none'}")
         return frequency
+
+
+@lru_cache(maxsize=64)  # a compiled loop is asked for the same table again and again
+def _units(spec, kind, names, along):
+    """The units of the columns of a table of that kind. A controller's numbers have theirs from the schema."""
+    from wavesweep.results import fields_of
+
+    columns = dict.fromkeys(names, ()) | ({"along": (along,)} if along else {})
+    return {each.name: each.unit for each in fields_of(kind, columns, {"spec": spec.tables() if spec.drawing else {}})}
 
 
 def _key(spec, name):

@@ -54,6 +54,14 @@ def test_the_states_have_words_at_rates_that_do_not_divide_too(check):
     line = next(line for line in check("rates.slow_hz=60", "Kp=20").splitlines() if "states: " in line)
     assert "states: device velocity, measured velocity, " in line
     assert ", filter lp1, avatar position, avatar v held, " in line
+    assert ", shown v_1 held" in line
+
+
+def test_numbers_that_a_preset_gives_otherwise_are_named_where_a_design_is_judged(check):
+    settings = "device.preset=touch", "device.mass=0.1"
+    said = "the spec takes precedence over the preset touch: device.mass = 0.1 and not 0.045"
+    assert f"\n  {said}\n" in check(*settings)
+    assert json.loads(check(*settings, flags=["--json"]))["notices"] == [said]
 
 
 def test_the_ends_in_the_lines_are_those_of_stability(check):
@@ -143,3 +151,15 @@ def test_a_block_that_nothing_reads_is_named(wavesweep, tmp_path, monkeypatch):
         code, out, _ = wavesweep("check", "mine.toml")
         assert code == 0
         assert ("nothing reads g, which counts for stability all the same" in out) == said
+
+
+def test_a_motion_that_nothing_brakes_is_said_to_be_why_no_interval_is_certified(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    masses = '[block.a]\ntype = "mass"\nmass = 0.3\n[block.b]\ntype = "mass"\nmass = 0.5\n'
+    wires = '"a.f" = "kp*b.x - kp*a.x + 2*b.v - 2*a.v"\n"b.f" = "kp*a.x - kp*b.x + 2*a.v - 2*b.v"\n'
+    spec = f"[rates]\ntick_hz = 1000\n[numbers]\nkp = 50\n{masses}[wire]\n{wires}[sweep]\nkp = {{ start = 0, stop = 5000 }}\n"
+    for text, said in ((spec, True), (spec.replace("mass = 0.5", "mass = 0.5\ndamping = 0.1"), False)):
+        (tmp_path / "free.toml").write_text(text)
+        out = wavesweep("check", "free.toml")[1]
+        assert ("  not set aside: a steady motion along the drift, with a v at any value" in out) == said
+        assert ("not known whether it is stable" in out) == said

@@ -186,6 +186,13 @@ def test_a_format_for_no_figure_is_refused(name, words, wavesweep, sweep, spec):
     assert f"--format is of the figure, and {' '.join(words)} writes none" in err
 
 
+@pytest.mark.parametrize("name", SWEEPS)
+def test_a_figure_that_stdout_cannot_have_is_refused(name, wavesweep, sweep, spec):
+    code, out, err = wavesweep(name, spec, "--plot", "--out", "-")
+    assert (code, out, sweep.seen) == (2, "", [])
+    assert "--plot draws a figure, and --out - writes none" in err
+
+
 def test_an_edited_spec_replaces_its_own_results_and_says_the_changes(wavesweep, sweep, spec, tmp_path):
     def run(*more):
         return wavesweep("zwidth", spec, "--no-plot", *more)

@@ -174,6 +174,31 @@ def test_bounds_that_stand_against_each_other_are_named():
     assert text.endswith("z_width stands against channel: 1 designs met the one, 2 the other, none both")
 
 
+def test_a_design_with_unknown_values_is_never_nearer_than_one_without():
+    """However far beyond its bounds that is; one that is not certified counts as unknown."""
+    spec = load({"controller": {"kind": "pmw"}, "design": {"vary": {"b": [1]}, "wish": {
+        "settling": {"at_most": 1e-4}, "damping_ratio": {"at_least": 0.4}, "port": {"at_least": -1e-5}}}})  # fmt: skip
+    records = np.zeros(3, job_of(spec).dtype)
+    for name, values, certified in (
+        ("settling", [np.nan, 500, 400], [True, True, False]),
+        ("damping_ratio", [0.5, 0.01, 0.01], [True, True, True]),
+        ("port", [0, -1, -1], [True, True, True]),
+    ):
+        records[name], records[f"{name}_certified"] = values, certified
+    assert "the nearest has settling 500 s" in miss(spec, records, [Scenario({}, {})], study.wish_units(spec))
+    assert "the nearest has settling not known" in miss(spec, records[[0, 2]], [Scenario({}, {})], study.wish_units(spec))
+
+
+def test_a_value_that_is_not_certified_is_not_said_to_be_missing():
+    spec = load({"controller": {"kind": "pmw"}, "design": {"vary": {"b": [1]}, "wish": {"z_width": {}}}})
+    records = np.zeros(1, job_of(spec).dtype)
+    records["z_width"] = 600
+    said = miss(spec, records, [Scenario({}, {})], {"z_width": "N/m"})
+    assert said.startswith(
+        "no design of 1 has a certified value for every wish; the nearest has z_width 600 N/m, not certified"
+    )
+
+
 def test_all_bounds_give_the_design_that_keeps_them_best(run):
     code, text, results = run(
         "--no-plot", "--set", "design.wish={z_width={at_least=200, B_VE=[1]}, felt={at_least=100, B_VE=[1]}}"

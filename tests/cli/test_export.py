@@ -38,6 +38,11 @@ def test_the_summary_as_json(wavesweep, spec):
     summary = json.loads(out)
     assert (code, err, summary["command"], summary["specs"], summary["ticks"]) == (0, "", "export", ["wall"], 50)
     assert summary["files"] == [f"mine/{name}" for name in FILES]
+    assert summary["notices"] == []
+    preset = ("--set", "device.preset=touch", "--set", "device.mass=0.1", "--force")
+    said = "the spec takes precedence over the preset touch: device.mass = 0.1 and not 0.045"
+    assert said in wavesweep("export", spec, *SHORT, *preset)[2]
+    assert json.loads(wavesweep("export", spec, *SHORT, *preset, "--json")[1])["notices"] == [said]
 
 
 def test_an_unstable_loop_and_vectors_that_end_early_are_told(wavesweep, spec):

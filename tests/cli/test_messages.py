@@ -5,6 +5,8 @@ import pty
 import re
 import select
 import sys
+import threading
+import time
 from contextlib import contextmanager
 
 import pytest
@@ -84,6 +86,20 @@ def test_a_long_run_says_a_line_now_and_then_in_a_file(capsys):
         for at, after, left in ((10, "10 s", "12 min"), (20, "20 s", "12 min"), (40, "40 s", "12 min"), (80, "80 s", "11 min"),
                                 (160, "3 min", "10 min"), (320, "5 min", "7 min"), (640, "11 min", "2 min"))
     ]  # fmt: skip
+
+
+def test_a_run_without_a_report_says_that_it_is_at_work(monkeypatch, capsys):
+    monkeypatch.setattr(messages, "FIRST_WORD", 0.01)
+    for kernel, said in (("", ""), ("numba", "; the kernel is compiled at its first run, which takes half a minute")):
+        monkeypatch.setattr("wavesweep.kernel._installed", lambda: True)
+        monkeypatch.setenv("WAVESWEEP_KERNEL", kernel)
+        with messages.progress(quiet=False):
+            time.sleep(0.1)
+        assert capsys.readouterr() == ("", f"still at work on the first chunk{said}\n")
+    monkeypatch.setattr(messages, "FIRST_WORD", 5.0)
+    with messages.progress(quiet=False) as report:
+        report(1, 4)
+        assert not [each for each in threading.enumerate() if isinstance(each, threading.Timer) and not each.finished.is_set()]
 
 
 @pytest.mark.parametrize(("no_color", "coloured"), [("", True), ("1", False)])

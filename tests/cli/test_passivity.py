@@ -63,6 +63,16 @@ def test_a_controller_without_waves_has_a_row_too(wavesweep, filters):
     assert "dc has no wave channel" in err
 
 
+@pytest.mark.parametrize(
+    ("kind", "said"), [("pmw-lm", "take its other filters and its local model too"), ("dc", "dc sends no waves"), ("pmw", "")]
+)
+def test_the_orders_of_filters_are_said_to_be_those_of_pmw(wavesweep, filters, kind, said):
+    _, _, err = wavesweep("passivity", filters, "--filters", "--no-plot", "--set", f"controller.kind={kind}")
+    assert "adds at most 0.1 % of energy to the waves of pmw: " in err
+    assert said in err
+    assert ("not enough" in err, "needs no LP1" in err) == (kind == "pmw-lm", kind == "dc")
+
+
 def test_rates_that_do_not_divide_have_no_filter_choices_and_no_norm(wavesweep, filters, tmp_path, monkeypatch):
     monkeypatch.setattr(sweep, "passivity", None)  # the refusal comes before the work
     code, _, err = wavesweep("passivity", filters, "--filters", "--set", "rates.slow_hz=60")

@@ -1,13 +1,16 @@
 """`simulate` writes the time series, and for sines the response seen in it, and says what happened."""
 
 import json
+from math import exp
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import wavesweep as library
 from wavesweep import results
 from wavesweep.analysis.simulation import CONTROLLERS, both_loops
+from wavesweep.sweep import simulate as tables_of
 
 EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"
 SUFFIXES = (".csv", ".parquet", ".png", ".datapackage.json")
@@ -248,3 +251,18 @@ def test_a_kind_without_a_law_is_refused_in_a_sentence(simulate, monkeypatch):
     assert (code, out) == (2, "")
     assert "expected one that the simulator has a law for (dc, dc-slow, dc-lm, pmw-lm), found pmw" in err
     assert not Path("there").exists()
+
+
+@pytest.mark.parametrize("kind", ["dc", "pmw"])
+def test_a_mode_that_has_not_died_out_where_a_sine_is_measured_is_told(kind):
+    def said(settle):
+        spec = {"controller": {"kind": kind}, "simulate": {"settle_s": settle, "duration_s": settle + 2, "frequency_hz": [5]}}
+        (notice,) = tables_of(library.load(spec).as_simulated())[1].facts["notices"] or [""]
+        return notice
+
+    constant = library.verdict({"controller": {"kind": kind}})["slowest"]["time_constant_s"]
+    settle = round(2 * constant, 3)
+    assert f"still has {100 * exp(-settle / constant):.2g} % of its beginning" in said(settle)
+    enough = float(said(settle).split("; ")[1].split(" s leave")[0])
+    assert exp(-enough / constant) == pytest.approx(1e-3, rel=0.05)
+    assert said(round(enough, 3)) == ""

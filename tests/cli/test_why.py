@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -75,6 +76,21 @@ def test_another_axis_and_a_drawn_loop(wavesweep, hole, tmp_path):
     (end,) = found["ends"]
     assert (code, end["end"], end["felt"], found["along"]["unit"]) == (0, "high", None, "N*s/m")
     assert list(end["limit"]["elasticities"]) == ["kd", "kp", "rates.tick_hz"]
+
+
+def test_results_along_another_number_are_said_to_be_replaced(wavesweep, hole):
+    along = "--no-plot", "--along"
+    wavesweep("why", hole, *along, "device.mass")
+    assert (
+        "replaced the results of this spec; changed: along device.mass -> filters.lp1.cutoff_hz"
+        in (wavesweep("why", hole, *along, "filters.lp1.cutoff_hz")[2])
+    )
+
+
+def test_nothing_is_said_of_numbers_that_would_move_a_stiffness_of_0(wavesweep, tmp_path, monkeypatch):
+    path = Path(__file__).parents[2] / "sweeps/recipes/controllers/pmw.toml"
+    monkeypatch.chdir(tmp_path)
+    assert "  felt there: 0 N/m\n" in wavesweep("why", str(path), "--no-plot")[2]
 
 
 def test_no_limit_in_the_range_is_said(wavesweep, hole):

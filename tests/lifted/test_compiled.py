@@ -12,7 +12,7 @@ from wavesweep.lifted.connect import connect
 from wavesweep.lifted.frame import lifted_system
 from wavesweep.lifted.periodic import Change
 from wavesweep.lifted.plan import plan_of
-from wavesweep.lifted.rounding import SWEEPS, balance
+from wavesweep.lifted.rounding import SWEEPS, balance, measured_frame
 
 pytest.importorskip("numba")
 
@@ -97,3 +97,28 @@ def test_the_kernel_sees_the_states_that_numpy_sees_forgotten():
         assert tuple(state for state, _ in getattr(found, name)) == states
         assert all(np.array_equal(*pair) for pair in zip((each for _, each in getattr(found, name)), loops, strict=True))
     assert [state for state, _ in expected.unset] == [0, 3]
+
+
+@pytest.mark.parametrize("links", [None, "open"])
+def test_the_kernel_measures_frames_as_numpy_does(links):
+    """Loops with inputs of which the last becomes a ramp: the moment of the response is that of a sum tick by tick."""
+    random = np.random.default_rng(13)
+    changes = [random.normal(scale=scale, size=(40, 4, 7 if links else 4)) for scale in (0.5, 0.1)]
+    if links:
+        for E in changes:
+            E[..., 6] = 0.0
+        links = np.abs(random.normal(size=(5, 5)))
+    changes[0][7, 0, 0] = np.nan
+    kind = np.array([0, 1, 1, 1, 1, 1])
+    expected = measured_frame(kind, changes, links, ramp=links is not None)
+    with kernel.using(kernel.NUMBA):
+        found = measured_frame(kind, changes, links, ramp=links is not None)
+    for one, other in zip(expected, found, strict=True):
+        np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-15)
+    assert np.isinf(expected[2][7])
+    assert np.isfinite(np.delete(expected[2], 7)).all()
+    if links is not None:
+        x = np.zeros((40, 4))
+        for tick, at in enumerate(kind):
+            x = x + (changes[at][..., :4] @ x[..., None])[..., 0] + tick * changes[at][..., 5]
+        np.testing.assert_allclose(np.delete(expected[0][..., 6], 7, 0), np.delete(x, 7, 0), rtol=1e-12)

@@ -1,7 +1,9 @@
 """Connecting blocks: junctions, algebraic loops, and loops that have no solution."""
 
 import sys
+import warnings
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import mpmath
 import numpy as np
@@ -13,6 +15,7 @@ from wavesweep import kernel
 from wavesweep.analysis.response import prepare
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
+from wavesweep.diagram.device import impulse_and_step
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.lifted.connect import connect
@@ -253,3 +256,22 @@ def test_threads_that_connect_one_structure_at_once_find_what_one_finds():
 @pytest.mark.usefixtures("arithmetic")
 def test_a_batch_without_loops_is_connected_to_none():
     assert connect("net", *random_net(3, (0,))).E.shape[0] == 0
+
+
+@pytest.mark.parametrize("terms", [False, True])
+def test_sizes_beside_complex_numbers_are_real(terms):
+    blocks, sums, *signals = random_net(4, (5,), complex)
+    known = [replace(b, terms=tuple(np.abs(getattr(b, part)) for part in "EBCD")) for b in blocks]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # numpy warns if an imaginary part is left out
+        found, expected = (connect("net", each, sums, *signals, terms=terms) for each in (known, blocks))
+    for one, other in zip(found.terms or (), expected.terms or (), strict=True):
+        assert one.dtype == float
+        np.testing.assert_allclose(one, other, rtol=1e-12)
+    assert all(np.array_equal(getattr(found, part), getattr(expected, part)) for part in "EBCD")
+
+
+def test_sizes_of_a_device_with_complex_numbers_are_real():
+    damping, stiffness = np.array([300 + 5j, 2.0]), np.array([1e5 + 1e3j, 1e6])
+    *_, of_s, of_g = impulse_and_step(damping, stiffness, 0.01)
+    assert (of_s.dtype, of_g.dtype) == (float, float)

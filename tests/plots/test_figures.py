@@ -207,11 +207,13 @@ def test_every_hand_of_a_table_is_drawn(plane):
 
 def test_the_star_of_walls_whose_feel_is_not_known_is_at_the_stiffest(plane):
     unknown = plane | {"felt_high": np.full(plane["high"].size, np.nan)}
-    assert [text for text in texts_of(plots.zwidth(unknown, {})) if "largest" in text] == ["largest certified: 4500 N/m"]
+    said = [text for text in texts_of(plots.zwidth(unknown, {})) if "largest" in text]
+    assert said == ["largest certified: 4500 N/m, from 2600"]
     nothing = unknown["B_VE"] == unknown["B_VE"][0]  # the first slice has no interval
     lost = {"intervals": 0, "low": np.nan, "high": np.nan}
     unknown |= {name: np.where(nothing, value, unknown[name]) for name, value in lost.items()}
-    assert [text for text in texts_of(plots.zwidth(unknown, {})) if "largest" in text] == ["largest certified: 4475 N/m"]
+    said = [text for text in texts_of(plots.zwidth(unknown, {})) if "largest" in text]
+    assert said == ["largest certified: 4475 N/m, from 2650"]
     some = plane | {"felt_high": np.where(plane["B_VE"] == 15, plane["felt_high"], np.nan)}
     assert [text for text in texts_of(plots.zwidth(some, {})) if "largest" in text] == ["largest certified: 2300 N/m"]
     one = {name: column[-1:] for name, column in plane.items()}
@@ -387,6 +389,29 @@ def test_the_end_that_is_explained_is_no_stiffness_felt_whatever_the_order_of_it
     assert sorted(titles[0]) == sorted(titles[1])
     limit = columns["limit"][columns["quantity"] == "end"].max()
     assert f"= {limit:.5g} N/m" in "".join(titles[0])
+
+
+def test_ends_without_bars_have_a_line_each_that_says_why_and_no_empty_panel():
+    path = pathlib.Path(__file__).parents[2] / "sweeps/recipes/network.toml"
+    rows = wavesweep.why(wavesweep.load(path, ["k=5"]))  # with this delay two oscillations set the high end at once
+    figure = plots.why({name: rows[name].to_numpy() for name in rows}, rows.attrs["facts"])
+    assert not figure.axes
+    lines = figure._supxlabel.get_text().splitlines()
+    assert [line.partition(": ")[2] for line in lines] == [
+        "no bars, as a per cent of 0 is nothing.",
+        "no bars, since they are not known (defective).",
+    ]
+
+
+def test_a_range_above_0_fills_its_figure_and_has_what_is_felt_only_if_that_is_in_it():
+    for start, shown in ((700, False), (300, True)):
+        loop = wavesweep.compile(
+            {"controller": {"kind": "pmw", "b": 10}, "environment": {"integration": "explicit", "delay": 1}}
+        )
+        figure = loop.plot_zwidth("K_VE", (start, 900), B_VE=[0.0, 1.0, 2.0, 3.0])
+        (axes,) = figure.axes
+        assert start - 0.1 * (900 - start) < axes.get_ylim()[0] <= start
+        assert ("stiffness felt at the limit" in texts_of(figure)) == shown
 
 
 def test_the_static_limit_of_a_comparison_is_at_the_left_edge():

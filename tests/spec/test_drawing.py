@@ -69,6 +69,13 @@ def test_a_table_with_a_wrong_name_is_one_mistake(write, table, slip):
     assert line.endswith(f"found an unknown table; did you mean `{name}`?")
 
 
+def test_ticks_say_that_a_loop_is_drawn_although_all_its_other_tables_have_wrong_names(write):
+    slips = {"[numbers]": "[number]", "[wire]": "[wires]", "[ports]": "[port]", "[block.": "[blocks."}
+    lines = mistakes(write(changed(ARM, *slips.items())))
+    assert [line.split(": ")[1] for line in lines] == ["number", "blocks", "wires", "port"]
+    assert all("did you mean" in line for line in lines)
+
+
 def test_a_number_of_set_that_there_is_not_is_told_the_next_one(write):
     for given, meant in (("kpp=4", "kp"), ("KD=1", "kd"), ("arm.mass=2", "block.arm")):
         (line,) = mistakes(write(ARM), given)
@@ -90,7 +97,8 @@ def test_a_rate_may_be_an_expression():
     spec = load(tomllib.loads(changed(PD, ("tick_hz = 1000", 'tick_hz = "1000*m"'))))
     assert "rates.tick_hz" not in spec.values
     assert spec.drawing.rate(spec.values) == 200.0
-    assert spec.names.find("m").structural
+    assert spec.drawing.rating == {"m"}
+    assert not spec.names.find("m").structural
 
 
 def test_the_axis_of_the_intervals_may_be_the_only_span():

@@ -54,6 +54,14 @@ def test_the_text_of_a_tree_has_its_value_to_the_bit():
         compared += 1
 
 
+@pytest.mark.parametrize(
+    ("text", "short"),
+    [("-1*a", "-a"), ("((-1)*a - b)/kp", "(-a - b)/kp"), ("(-a)*b/kp", "-a*b/kp"), ("(-a)**2*b", "(-a)**2*b")],
+)
+def test_the_sign_of_a_product_goes_before_it(text, short):
+    assert text_of(parse(text)) == short
+
+
 @pytest.mark.parametrize("text", ["a - (b - kp)", "a*(b + 2)/kp", "-a", "(a + b)**2", "sqrt(a + 1)", "a/(b/kp)", "2*pi", "0.1"])
 def test_a_text_has_no_more_parentheses_than_it_needs(text):
     assert text_of(parse(text)) == text

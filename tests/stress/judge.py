@@ -109,9 +109,11 @@ def _compared(rows, truth, span):
 
 
 def _beyond_rounding(rows, span):
-    """The intervals but for those at an end of the span that are narrower than SAME."""
-    at_edge = [low == span[0] or high == span[1] for low, high, *_ in rows]
-    return [row for row, edge in zip(rows, at_edge, strict=True) if not (edge and row[1] - row[0] <= SAME * abs(row[1]))]
+    """The intervals but for those at an end of the span that are no wider than an end may be off."""
+    at_edge, least = [low == span[0] or high == span[1] for low, high, *_ in rows], NEAR_ZERO * (span[1] - span[0])
+    return [
+        row for row, edge in zip(rows, at_edge, strict=True) if not (edge and row[1] - row[0] <= SAME * (abs(row[1]) + least))
+    ]
 
 
 def reason(cut, question):

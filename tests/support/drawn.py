@@ -1,6 +1,7 @@
 """Loops drawn in specs: those with limits known in closed form, and the paper's five controllers written as blocks."""
 
 import re
+from math import lcm
 
 import numpy as np
 
@@ -262,6 +263,15 @@ def random_tables(seed):
     }
     ports = {"hand": {"force": "h", "displacement": "m.x"}}
     return {"rates": {"tick_hz": 1000.0}, "numbers": numbers, "block": block, "wire": wire, "ports": ports}
+
+
+def random_feedback(seed):
+    """`random_tables` whose feedback is held over the frame: k and d are gains of signals in the same wire."""
+    tables = random_tables(seed)
+    block, wire = tables["block"], tables["wire"]
+    last, *others = (f"{name}.y" for name in reversed(block) if name != "m")
+    block["out"] = {"type": "hold", "every": lcm(*(each.get("every", 1) for each in block.values()))}
+    return {**tables, "wire": wire | {"out.u": f"k*{last} + 0.1*d*{(*others, 'm.v')[0]}", "m.f": "h - out.y - k0*m.x"}}
 
 
 RANDOM = (

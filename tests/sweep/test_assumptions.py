@@ -4,7 +4,7 @@ import pytest
 from support.specs import KINDS
 
 from wavesweep import load
-from wavesweep.sweep import intervals, passivity, responses
+from wavesweep.sweep import intervals, passivity, responses, why
 from wavesweep.sweep.assumptions import assumed_by, assumes
 
 GIVEN = {"environment": {"integration": "trapezoidal", "delay": 7}, "device": {"velocity": "difference"}}
@@ -34,5 +34,5 @@ def test_several_specs_have_a_line_each_unless_they_agree():
 def test_numbers_that_a_preset_does_not_give_are_named_with_every_table():
     spec = load({"controller": {"kind": "pmw"}, "device": {"preset": "touch", "mass": 0.1}, "sweep": {"B_VE": [0.5, 1.0]}})
     said = "the spec takes precedence over the preset touch: device.mass = 0.1 and not 0.045"
-    for table in (intervals(spec), responses([spec]), passivity(spec)):
+    for table in (intervals(spec), responses([spec]), passivity(spec), why(spec)):
         assert said in table.facts["notices"]

@@ -11,17 +11,21 @@ from support.drawn import ARM, JOINT, NETWORK, PD, WALL, as_blocks, random_table
 from support.specs import KINDS, nested
 
 import wavesweep
-from wavesweep.analysis.intervals import regions
+from wavesweep.analysis.doubt import COUNTS
+from wavesweep.analysis.intervals import regions, stable_intervals
 from wavesweep.diagram import blocks
+from wavesweep.diagram.assembly import refuse_unsuitable
 from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.errors import SpecError, UsageError
+from wavesweep.lifted import with_batch
 from wavesweep.spec import load, sweep_axes
 from wavesweep.sweep.checkpoint import blocks as rows_of
 from wavesweep.sweep.checkpoint import checkpoint_of
-from wavesweep.sweep.drawn_task import exact_cut
 from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.interval_job import job_of, job_over
+from wavesweep.sweep.interval_table import intervals
 from wavesweep.sweep.job import cut_otherwise
+from wavesweep.sweep.open_loops import exact_cut
 from wavesweep.sweep.planning import plan
 from wavesweep.sweep.running import compute, in_memory
 from wavesweep.sweep.table import joined
@@ -296,6 +300,19 @@ def test_results_do_not_depend_on_the_workers():
     for text in SWEEPS:
         job = cut_otherwise(job_of(load(tomllib.loads(text))), deep=9)
         assert bytes_of(job, Workers(2, "loky", None, "")) == bytes_of(job)
+
+
+def test_rates_of_a_batch_are_refused():
+    spec = load(tomllib.loads(PD))
+    with pytest.raises(UsageError, match=r"rates\.tick_hz: expected a number > 0, found -5"):
+        refuse_unsuitable(spec.drawing, dict(spec.values) | {"rates.tick_hz": np.array([1000.0, -5.0])})
+
+
+@pytest.mark.parametrize("changes", [{"numbers.m": -0.2}, {"numbers.m": np.array([0.2, -0.2]), "numbers.kp": 1.0}])
+def test_numbers_of_a_batch_are_refused_whether_they_vary_or_not(changes):
+    spec = load(tomllib.loads(PD))
+    with pytest.raises(UsageError, match=r"block\.m\.mass: expected a number > 0, found -0\.2"):
+        refuse_unsuitable(spec.drawing, dict(spec.values) | {"numbers.kp": np.array([1.0, 2.0])} | changes)
 
 
 def test_a_combination_that_makes_no_loop_is_refused_before_anything_is_computed():
@@ -868,9 +885,11 @@ def test_the_gain_of_an_integrator_behind_a_free_mass_is_certified(method, dampi
 def test_no_unstable_stretch_is_given_as_stable_where_a_first_count_is_not_known(monkeypatch):
     """Above 400 an eigenvalue crosses at z = -1: one more than "not known" is not none."""
     monkeypatch.setattr(regions, "count_where_clear", lambda _, which, __: np.full(which.size, -1))
-    found = compiled(PD).stable_intervals("kd", (0, 2000), kp=[0.0])
-    assert found.doubt.tolist() == ["counts"]
-    np.testing.assert_allclose(found[["low", "high"]], [[0, 400]], rtol=1e-9)
+    spec = load(tomllib.loads(PD), ["kp=0"])
+    cut = exact_cut(spec.drawing, dict(spec.values), dict(spec.values), "kd")
+    found = stable_intervals(with_batch(cut, 1), "K_VE", (0, 2000), np.zeros((1, 1)))
+    assert found.doubt.tolist() == [COUNTS]
+    np.testing.assert_allclose([found.low, found.high], [[0], [400]], rtol=1e-9)
 
 
 @pytest.mark.parametrize("value", [1.0, 1.25])
@@ -1574,3 +1593,207 @@ def test_an_end_at_0_within_a_range_is_0(low):
     }
     found = wavesweep.compile(tables).stable_intervals("K", (low, -7.3 * low))
     assert (found.low.tolist(), found.low_omega.tolist(), found.certified.tolist()) == ([0.0], [0.0], [True])
+
+
+@pytest.mark.parametrize(
+    ("fast", "ways"), [([10, 20], "panels"), ([1], "polynomial"), ([10, 1], "both"), ([1, 10, 20], "both")]
+)
+def test_the_method_is_that_of_all_loops_of_a_sweep(fast, ways):
+    """Every tick reads the stiffness, which a frame of one tick does once."""
+    recipes = pathlib.Path(__file__).parents[2] / "sweeps" / "recipes"
+    spec = load(recipes / "two-rate-wall.toml", [f"sweep.n={fast}", "sweep.B=[1]"])
+    said = intervals(spec, "K").facts["methods"]["intervals"]
+    assert ("one real polynomial" in said, "Chebyshev panels" in said) == (ways != "panels", ways != "polynomial")
+
+
+UNDAMPED = {
+    "a damper on a mass and its spring": (
+        {"p": {"type": "mass", "mass": 0.159, "stiffness": 48.6}, "h": {"type": "hold", "every": 10}},
+        {"h.u": "-g*p.v", "p.f": "h.y"},
+    ),
+    "a damper between two masses": (
+        {
+            "p": {"type": "mass", "mass": 2.203, "stiffness": 17.66},
+            "q": {"type": "mass", "mass": 4.406, "stiffness": 17.66 / 3},
+            "h": {"type": "hold", "every": 2},
+        },
+        {"h.u": "g*q.v - g*p.v", "p.f": "h.y", "q.f": "-h.y"},
+    ),
+    "a speed loop with integral action": (
+        {
+            "p": {"type": "mass", "mass": 0.3},
+            "I": {"type": "integrator", "every": 5, "method": "implicit"},
+            "h": {"type": "hold", "every": 5},
+        },
+        {"I.u": "p.v", "h.u": "-g*p.v - 20*I.y", "p.f": "h.y"},
+    ),
+    "an oscillator of two integrators": (
+        {"v": {"type": "integrator", "method": "explicit"}, "x": {"type": "integrator", "method": "implicit"}},
+        {"v.u": "-191.8382352941176*x.y - g*v.y", "x.u": "v.y"},
+    ),
+}
+
+
+@pytest.mark.parametrize("low", [0, -1000])
+@pytest.mark.parametrize("name", UNDAMPED)
+def test_an_interval_begins_at_0_where_a_mode_without_damping_is_on_the_circle(name, low):
+    block, wire = UNDAMPED[name]
+    loop = wavesweep.compile({"rates": {"tick_hz": 1000}, "numbers": {"g": 1.0}, "block": block, "wire": wire})
+    (row,) = loop.stable_intervals("g", (low, 1e4)).itertuples()
+    assert (row.certified, row.low) == (True, 0)
+    assert row.low_omega > 0
+    radius = loop.spectral_radius(g=[1e-3 * row.high, row.high * (1 - 1e-9), row.high * (1 + 1e-9)])
+    assert (radius < 1).tolist() == [True, True, row.high == 1e4]
+
+
+PENDULUM = {
+    "rates": {"tick_hz": 1000},
+    "numbers": {"k1": -1.0},
+    "block": {
+        "pl": {
+            "type": "ss",
+            "A": [[0, 1, 0, 0], [0, -0.2, 0, 0], [0, 0, 0, 1], [0, 0.54, 26.4, -0.02]],
+            "B": [[0], [1], [0], [-2.7]],
+            "C": np.eye(4).tolist(),
+            "D": [[0]] * 4,
+            "inputs": ["a"],
+            "outputs": ["x", "v", "th", "om"],
+        },
+        "x": {"type": "hold"},
+        "dx": {"type": "difference"},
+        "th": {"type": "hold", "every": 2},
+        "dth": {"type": "difference", "every": 2},
+        "u": {"type": "hold"},
+    },
+    "wire": {
+        "x.u": "pl.x",
+        "dx.u": "pl.x",
+        "th.u": "pl.th",
+        "dth.u": "pl.th",
+        "u.u": "-k1*x.y + 2*dx.y + 19*th.y + 6*dth.y",
+        "pl.a": "u.y",
+    },
+}
+
+
+@pytest.mark.parametrize("span", [(-60, 60), (-60, 0), (-3, 1), (-10, 10), (-1000, 1000), (0, 60)])
+def test_a_gain_of_either_sign_has_its_end_at_0_where_the_drawing_has_an_eigenvalue_1(span):
+    """Without the gain nothing reads where the cart is."""
+    loop = wavesweep.compile(PENDULUM)
+    (row,) = loop.stable_intervals("k1", span).itertuples()
+    assert row.certified
+    if span[0] == 0:
+        assert row.intervals == 0
+        return
+    assert (str(row.high), row.high_omega) == ("0.0", 0)
+    assert (loop.spectral_radius(k1=[row.low * (1 - 1e-7), row.low * (1 + 1e-7), -1e-3, 1e-3]) < 1).tolist() == [1, 0, 1, 0]
+
+
+def test_values_of_the_axis_of_intervals_are_said_to_be_a_range():
+    spec = load({"controller": {"kind": "pmw"}, "sweep": {"K_VE": [2000, 100], "B_VE": [1]}})
+    assert (
+        "K_VE has values in [sweep]: searched between their ends, from 100 to 2000" in intervals(spec, "K_VE").facts["notices"]
+    )
+
+
+def test_what_rounding_leaves_of_a_held_velocity_is_no_part_of_a_drift():
+    """Masses that nothing else holds, as one block: at rest the velocity that the gain's loop holds is 1e-20 but for that."""
+    n, A = 4, np.zeros((8, 8)).astype(object)
+    for i in range(n):
+        A[2 * i, 2 * i + 1] = 1
+        for at, number in enumerate("kc"):
+            near = [j for j in (i - 1, i + 1) if 0 <= j < n]
+            A[2 * i + 1, 2 * i + at] = f"-{len(near)}*{number}/m"
+            for j in near:
+                A[2 * i + 1, 2 * j + at] = f"{number}/m"
+    masses = {"type": "ss", "A": A.tolist(), "B": [[0], ["1/m"], *[[0]] * 6], "D": [[0], [0]], "C": np.eye(8)[:2].tolist()}
+    hold = {"type": "hold", "every": 2}
+    loop = wavesweep.compile({
+        "rates": {"tick_hz": 1000},
+        "numbers": {"k": 36.3, "c": 0.179, "m": 0.984, "kp": 34.5},
+        "block": {"p": masses | {"inputs": ["f"], "outputs": ["x", "v"]}, "hx": hold, "hv": hold, "u": hold},
+        "wire": {"hx.u": "p.x", "hv.u": "p.v", "u.u": "-kp*hx.y - 2.06*hv.y", "p.f": "u.y"},
+    })  # fmt: skip
+    (row,) = loop.stable_intervals("kp", (0, 5000)).itertuples()
+    assert (row.certified, row.low, row.low_omega) == (True, 0, 0)
+    assert (loop.spectral_radius(kp=[1, row.high * (1 - 1e-9), row.high * (1 + 1e-9)]) < 1).tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize(("slow", "span", "stable"), [(5, (-60, 60), True), (10, (-200, 200), False)])
+def test_a_mode_on_the_circle_leaves_no_doubt_where_another_one_is_outside(slow, span, stable):
+    """At 0 nothing holds the cart; where the pendulum falls that does not matter, and elsewhere it is an end at 0."""
+    length, rate = (0.248, 1000) if stable else (0.255, 200)
+    pole = {"A": [[0, 1, 0, 0], [0, -0.2, 0, 0], [0, 0, 0, 1], [0, "1*0.2/l", "1*9.81/l", -0.02]]}
+    pole |= {"B": [[0], [1], [0], ["-1/l"]], "C": np.eye(4).tolist(), "D": [[0]] * 4, "inputs": ["a"]}
+    holds = {name: {"type": "hold", "every": every} for name, every in (("x", slow), ("th", 2 * slow))}
+    held = {"u": {"type": "hold", "every": slow, "phase": slow - (1 if stable else 2)}}
+    rates = {name: {"type": "difference", "every": every} for name, every in (("dx", slow), ("dth", 2 * slow))}
+    k3, k4 = (16.01, 4.979959839195493) if stable else (16.185000000000002, 5.049752469181039)
+    loop = wavesweep.compile({
+        "rates": {"tick_hz": rate},
+        "numbers": {"k1": -1.0, "l": length},
+        "block": {"pl": PENDULUM["block"]["pl"] | pole} | holds | held | rates,
+        "wire": PENDULUM["wire"] | {"u.u": f"-k1*x.y + 2*dx.y + {k3}*th.y + {k4}*dth.y"},
+    })  # fmt: skip
+    (row,) = loop.stable_intervals("k1", span).itertuples()
+    assert (row.certified, row.intervals) == (True, int(stable))
+    if stable:
+        assert (row.high, row.high_omega) == (0, 0)
+    radius = loop.spectral_radius(k1=np.linspace(*span, 82).tolist())
+    assert (radius < 1).any() == stable
+
+
+@pytest.mark.parametrize("span", [(0, 100), (-1, 10)])
+def test_what_is_too_crowded_along_the_circle_is_searched_by_panels(span):
+    """A gain around PID control of a plant with integral action, which slow modes follow to z = 1 as it goes to 0."""
+    every = {"every": 2}
+    loop = wavesweep.compile({
+        "rates": {"tick_hz": 1000},
+        "numbers": {"ks": 1.0},
+        "block": {
+            "p": {"type": "tf", "num": [-0.01, 1], "den": [0.212 * 0.02, 0.212 + 0.02, 1, 0]},
+            "I": every | {"type": "integrator", "method": "implicit"},
+            "d": every | {"type": "difference"},
+            "f": every | {"type": "tf", "discrete": True, "num": [0.49, 0], "den": [1, -0.51]},
+            "s": every | {"type": "hold"},
+            "u": every | {"type": "delay", "steps": 4},
+        },
+        "wire": {
+            "I.u": "s.y", "d.u": "s.y", "f.u": "d.y", "p.u": "u.y", "s.u": "p.y",
+            "u.u": "-ks*(4.18*s.y + 2.06*I.y + 0.212*f.y)",
+        },
+    })  # fmt: skip
+    (row,) = loop.stable_intervals("ks", span).itertuples()
+    assert (row.certified, row.low, row.intervals) == (True, 0, 1)
+    limit = 26.092042914565
+    assert row.high == pytest.approx(min(limit, span[1]), rel=1e-11)
+    assert (loop.spectral_radius(ks=[0.01, limit * (1 - 1e-9), limit * (1 + 1e-9)]) < 1).tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize(
+    ("near", "spans"), [(2.5e-7, [(-1000, 1000), (-1e4, 1e4), (-1e6, 1e6)]), (0.5, [(-1, 1e9), (-10, 1e10), (-2, 1e9)])]
+)
+def test_what_crosses_next_to_0_of_a_wide_range_is_not_taken_for_the_drift_that_ends_there(near, spans):
+    """Below `near` a mode of the first mass grows; at 0 nothing holds the second one."""
+    first = {"type": "mass", "mass": 0.466, "stiffness": 70.0}
+    second = {"type": "mass", "mass": 1.53, "damping": 0.0 if near < 0.1 else 5.0}
+    wire = {"a.f": f"-(p - {near})*a.v + 0.0145*b.v", "b.f": "-p*b.x - 0.0145*a.v - p*0.0155*b.v"}
+    loop = wavesweep.compile(
+        {"rates": {"tick_hz": 1000}, "numbers": {"p": 1.0}, "block": {"a": first, "b": second}, "wire": wire}
+    )
+    (narrow,) = loop.stable_intervals("p", (-1, 10)).itertuples()
+    assert narrow.certified
+    assert narrow.low > 0.9 * near
+    for span in spans:
+        for row in loop.stable_intervals("p", span).itertuples():
+            promised = 1e-9 * (narrow.low + 1e-5 * (span[1] - span[0]))
+            assert not row.certified or abs(row.low - narrow.low) <= promised
+
+
+def test_two_oscillations_that_cross_at_once_are_searched_by_panels():
+    """With a quarter of the period as delay both limits of Zhang, Branicky and Phillips are the same."""
+    recipes = pathlib.Path(__file__).parents[2] / "sweeps" / "recipes"
+    loop = wavesweep.compile(load(recipes / "network.toml", ["k=5"]))
+    (row,) = loop.stable_intervals("K", (0, 400)).itertuples()
+    assert (row.certified, row.low) == (True, 0)
+    assert row.high == pytest.approx(200, rel=1e-9)

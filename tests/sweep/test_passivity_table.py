@@ -117,3 +117,22 @@ def test_a_channel_that_is_not_computed_is_not_said_to_be_passive():
     drawn = passivity(load(Path(__file__).parents[2] / "sweeps/recipes/controllers/pmw.toml"))
     assert np.isnan(drawn.columns["channel_norm"]).all()
     assert not drawn.columns["channel_passive"].any()
+
+
+@pytest.mark.parametrize(
+    ("kind", "given"),
+    [
+        ("dc", {}),
+        ("dc-slow", {}),
+        ("dc-lm", {"local_model": {"K_LM": 400}}),
+        ("pmw", {}),
+        ("pmw-lm", {"controller": {"kind": "pmw-lm", "Kp": 20}, "environment": {"K_VE": 500}}),
+    ],
+)
+def test_a_drawn_controller_has_the_margins_of_the_built_in_one(kind, given):
+    """At rest as well, where the smallest eigenvalue is the same at all low frequencies but for rounding."""
+    drawn = passivity(load(Path(__file__).parents[2] / f"sweeps/recipes/controllers/{kind}.toml")).columns
+    walls = {"sweep": {"B_VE": drawn["B"].tolist()}, "environment": {"K_VE": 500}}
+    built_in = passivity(load({"controller": {"kind": kind}} | walls | given)).columns
+    np.testing.assert_allclose(drawn["port_margin"], built_in["port_margin"], rtol=1e-8, atol=1e-15)
+    np.testing.assert_array_equal(drawn["port_passive"], built_in["port_passive"])

@@ -17,6 +17,8 @@ class Rows:
     @classmethod
     def join(cls, parts):
         """Return the rows of several such values, one after the other."""
+        if len(parts) == 1:
+            return parts[0]
         return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
 
 

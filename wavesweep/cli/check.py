@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import nullcontext
 from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -65,10 +65,13 @@ def command(
         return verified(verify, switches["quiet"], switches["as_json"])
     from wavesweep import spec as specs
     from wavesweep import sweep
+    from wavesweep.cli.messages import patience
+    from wavesweep.sweep.assumptions import over_preset
     from wavesweep.sweep.verdict import verdict
 
     loaded = specs.load(spec, overrides)
-    with _patience(loaded.name, switches["quiet"]):
+    words = f"{loaded.name}: still at work; the ranges of loops with hundreds of states, such as long delays, take minutes"
+    with nullcontext() if switches["quiet"] else patience(words):
         found, lines = verdict(loaded), sweep.plan(loaded)
         if loaded.design:
             from wavesweep.seeking import study
@@ -80,9 +83,9 @@ def command(
 
         summary = {"command": "check", "specs": [loaded.name], "spec_sha256": loaded.sha256, "assumes": found["assumes"]}
         files = {"files": [str(path) for path in pictures]} if plot else {}
-        show_json(summary | {"verdict": found, "plan": lines} | files)
+        show_json(summary | {"verdict": found, "plan": lines, "notices": list(over_preset(loaded))} | files)
     elif not switches["quiet"]:
-        click.echo("\n".join([*verdict_lines(loaded, found), *lines]))
+        click.echo("\n".join([*verdict_lines(loaded, found), *(f"  {line}" for line in over_preset(loaded)), *lines]))
         if pictures:
             from wavesweep.cli.messages import say
 
@@ -104,24 +107,6 @@ def _refuse_at_odds(spec: str | None, verify: str | None, plot: bool, out: str |
         raise click.UsageError("--out: expected --plot, since nothing else is written, found none")
     if not plot and click.get_current_context().get_parameter_source("formats") is not ParameterSource.DEFAULT:
         raise click.UsageError("--format: expected --plot, since no other figure is drawn, found none")
-
-
-@contextmanager
-def _patience(name: str, quiet: bool) -> Iterator[None]:
-    """Say once that the work goes on, if it takes long."""
-    from threading import Timer
-
-    from wavesweep.cli.messages import FIRST_WORD, say
-
-    words = f"{name}: still at work; the ranges of loops with hundreds of states, such as long delays, take minutes"
-    timer = Timer(FIRST_WORD, say, [words])
-    timer.daemon = True
-    if not quiet:
-        timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()
 
 
 def _picture(spec: Spec, out: str | None, formats: tuple[str, ...]) -> list[Path]:

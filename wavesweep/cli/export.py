@@ -42,7 +42,7 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
     from wavesweep.cli.output import refuse_other_things, write_whole
     from wavesweep.cli.summaries import unstable
     from wavesweep.export import exported
-    from wavesweep.sweep.assumptions import assumes
+    from wavesweep.sweep.assumptions import assumes, over_preset
     from wavesweep.sweep.simulation_table import linear_loop
 
     started = time.perf_counter()
@@ -60,6 +60,7 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
     seconds, ticks = time.perf_counter() - started, found["vectors.csv"].count("\n") - 1
     if switches["as_json"]:
         facts = {"specs": [loaded.name], "spec_sha256": simulated.sha256, "assumes": assumes(loaded)}
+        facts |= {"notices": list(over_preset(loaded))}
         files = [str(path) for path in paths]
         facts |= {"ticks": ticks, "wanted_ticks": wanted, "linear_loop": linear}
         show_json({"command": "export", **facts, "files": files, "seconds": round(seconds, 3)})
@@ -71,6 +72,8 @@ def command(spec: str, to: str, out: str | None, force: bool, overrides: tuple[s
             say(f"the vectors end after {ticks} of {wanted} ticks, where the run stops; simulate says why", warning=True)
         for line in filter(None, [assumes(loaded)]):
             say(f"assumes: {line}")
+        for line in over_preset(loaded):
+            say(line)
         say(f"Wrote {', '.join([str(paths[0]), *(path.name for path in paths[1:])])} in {seconds:.2f} s")
 
 

@@ -40,19 +40,42 @@ def say(text: str, warning: bool = False) -> None:
 def progress(quiet: bool) -> Iterator[Progress | None]:
     """Yield a function of (done, total, certified) that moves a progress bar; None if nothing is to be said.
 
-    If stderr is no terminal, it writes a line now and then instead: after FIRST_WORD seconds, then ever more rarely.
+    If stderr is no terminal, it writes a line now and then instead: after FIRST_WORD seconds, then ever more rarely. Until the
+    first report there is a line after FIRST_WORD seconds in any case.
     """
     if quiet:
         yield None
-    elif sys.stderr.isatty():
-        opened = ExitStack()
+        return
+    from wavesweep.kernel import NUMBA, chosen
+
+    compiles = "; the kernel is compiled at its first run, which takes half a minute" if chosen() == NUMBA else ""
+    opened = ExitStack()
+    move = _bar(opened) if sys.stderr.isatty() else Murmur().hear
+    with patience(f"still at work on the first chunk{compiles}") as reached:
+
+        def report(*given: Any) -> None:
+            reached()
+            move(*given)
+
         try:
-            yield _bar(opened)
+            yield report
         finally:
             with suppress(OSError):
                 opened.close()
-    else:
-        yield Murmur().hear
+
+
+@contextmanager
+def patience(words: str) -> Iterator[Callable[[], None]]:
+    """Say these words once, if the work takes longer than FIRST_WORD seconds; yield a function that says it is done."""
+    from threading import Timer
+
+    timer = Timer(FIRST_WORD, say, [words])
+    timer.daemon = True
+    timer.start()
+    try:
+        yield timer.cancel
+    finally:
+        timer.cancel()
 
 
 def _bar(opened: ExitStack) -> Progress:

@@ -134,6 +134,9 @@ def common(body: Callable[..., None]) -> Callable[..., None]:
         if not drawn and asked is ParameterSource.COMMANDLINE:
             why = "--out -" if options.plot else "--no-plot"
             raise click.UsageError(f"--format is of the figure, and {why} writes none; leave one of them out")
+        asked = click.get_current_context().get_parameter_source("plot")
+        if options.plot and options.to_stdout and asked is ParameterSource.COMMANDLINE:
+            raise click.UsageError("--plot draws a figure, and --out - writes none; name a folder, or leave one of them out")
         options = options if options.plot else replace(options, formats=())
         if options.scheduler is not None and options.backend != "dask":
             raise click.UsageError(f"--scheduler needs --backend dask, found --backend {options.backend or 'missing'}")

@@ -194,7 +194,10 @@ def parts_of(name: str, specs: Sequence[Spec], options: Options) -> Path:
 
 
 def prepare_work(options: Options) -> None:
-    """Say if fewer workers are used than `--jobs` names. Raises UsageError if the backend or stdout cannot be used."""
+    """Keep freed memory for the work, and say if fewer workers are used than `--jobs` names.
+
+    Raises UsageError if the backend or stdout cannot be used.
+    """
     from wavesweep.sweep.tasks import keep_memory
     from wavesweep.sweep.workers import excess, refuse_backend
 

@@ -189,6 +189,7 @@ def filter_choices(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """The least sufficient order of LP1 at each cutoff, missing if none is."""
     order = dict(zip(columns["lp1_cutoff_hz"].tolist(), columns["sufficient_order"].tolist(), strict=True))
     return {
+        "controller": facts["spec"]["controller"]["kind"],
         "tolerance": facts["tolerance"],
         "highest_order": int(columns["lp1_order"].max()),
         "sufficient_orders": [
@@ -201,11 +202,15 @@ def filter_lines(found: Numbers) -> Iterator[Line]:
     """Yield the lines, each with a flag that is true for a warning."""
     orders = found["sufficient_orders"]
     known = [f"{each['order']} at {each['cutoff_hz']:g} Hz" for each in orders if each["order"] is not None]
-    least = f"least order of LP1 with which aliasing adds at most {100 * found['tolerance']:g} % of energy"
+    least = f"least order of LP1 with which aliasing adds at most {100 * found['tolerance']:g} % of energy to the waves of pmw"
     yield f"{least}: {', '.join(known) or 'none'}", False
     beyond = [f"{each['cutoff_hz']:g} Hz" for each in orders if each["order"] is None]
     if beyond and known:
         yield f"no order up to {found['highest_order']} is enough at {', '.join(beyond)}", False
+    if found["controller"] == "pmw-lm":
+        yield "the waves of pmw-lm take its other filters and its local model too, for which these orders are not enough", False
+    elif found["controller"] != "pmw":
+        yield f"{found['controller']} sends no waves, and needs no LP1", False
 
 
 def simulation(columns: Columns, facts: Mapping[str, Any]) -> Numbers:

@@ -95,7 +95,8 @@ def _end_lines(name: str, end: Numbers) -> Iterator[Line]:
     yield _moves(limit)
     if felt is not None:
         line, warning = _moves(felt)
-        said = felt["value"] == limit["value"] == 0 and not felt["doubts"]
+        said = felt["value"] == limit["value"] == 0  # of which a per cent is nothing either
+        warning = warning and not said
         yield f"  felt there: {felt['value']:.6g}{_unit(felt['unit'])}{'' if said else ';' + line.removeprefix(' ')}", warning
 
 

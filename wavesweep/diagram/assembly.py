@@ -20,20 +20,22 @@ from wavesweep.spec.expressions import degree, names_in, with_number
 
 POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
 PRODUCT, FACTOR = "ports.product", "ports.factor"  # of a number that is taken out of its wire, and what it multiplies
+BESIDE = "ports.beside"  # what another number of the same wire multiplies, see `shares_wire`
 HAND = "ports.hand."  # keys of the hand's port
 PARAMETERS = {("butterworth", "pass"): "passes"}  # keys that have another name in `blocks`
 
 
-def assembled(drawing: Drawing | Uneven, values: Mapping[str, object], out: str = "") -> Drawn:
+def assembled(drawing: Drawing | Uneven, values: Mapping[str, object], out: str = "", beside: str = "") -> Drawn:
     """Return the drawn loop of `values`: flat numbers, or arrays over a batch, real or complex.
 
     out: a number to take out of its place (see `scalar_place`): its product is then the input PRODUCT, and it would multiply
-    the signal FACTOR. A value that is not finite makes entries that are not finite.
+    the signal FACTOR. beside: a number of the same wire (see `shares_wire`) whose value is 0; it would multiply the signal
+    BESIDE. A value that is not finite makes entries that are not finite.
     """
     if isinstance(drawing, Uneven):
         with np.errstate(all="ignore"):
             return drawing.placed(values, out, (PRODUCT, FACTOR))
-    known = {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}
+    known = _known(values)
     with np.errstate(all="ignore"):
         rate = values_of(drawing.tick_hz, known)
         tick = 1 / numbers(rate)
@@ -41,12 +43,31 @@ def assembled(drawing: Drawing | Uneven, values: Mapping[str, object], out: str 
         sums = {port: _gains(terms, known) for port, terms in drawing.wires}
         if out:
             placed = _take_out(drawing, placed, sums, known, out)
+        if beside:
+            sums[BESIDE] = _factor(dict(drawing.wires)[scalar_place(drawing, beside).partition(".")[2]], known, beside)
     inputs = (drawing.hand[0],) if drawing.hand else ()
     if drawing.hand:
         for signal, terms in zip((POSITION, REACTION), drawing.hand[1:], strict=True):
             if terms is not None:
                 sums[signal] = _gains(terms, known)
     return Drawn(tick, placed, sums, (*inputs, PRODUCT) if out else inputs, rate=rate)
+
+
+def gains(drawing: Drawing, values: Mapping[str, object]) -> dict[str, dict[str, object]]:
+    """Return the gain of each signal in the wire of each port; values: as for `assembled`."""
+    known = _known(values)
+    with np.errstate(all="ignore"):
+        return {port: _gains(terms, known) for port, terms in drawing.wires}
+
+
+def rate_of(drawing: Drawing, values: Mapping[str, object]):
+    """Return the rate of the tick (Hz); values: as for `assembled`."""
+    with np.errstate(all="ignore"):
+        return values_of(drawing.tick_hz, _known(values))
+
+
+def _known(values):
+    return {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}
 
 
 def _gains(terms, known):
@@ -89,7 +110,7 @@ def _take_out(drawing, placed, sums, known, out):
     if table == "wire":
         parts = {signal: _parts(gain, known, out) for signal, gain in dict(drawing.wires)[place]}
         sums[place] = {PRODUCT: 1.0} | {signal: constant for signal, (constant, _) in parts.items()}
-        sums[FACTOR] = {signal: slope for signal, (_, slope) in parts.items() if np.any(slope)}
+        sums[FACTOR] = _factor(dict(drawing.wires)[place], known, out)
         return placed
     constant, slope = _parts(dict(next(each.keys for each in drawing.blocks if each.name == block))["k"], known, out)
     sums[FACTOR] = {signal: slope * gain for signal, gain in sums[f"{block}.u"].items()}
@@ -98,12 +119,19 @@ def _take_out(drawing, placed, sums, known, out):
     return tuple(replace(each, block=both) if each.block.name == block else each for each in placed)
 
 
+def _factor(terms, known, out):
+    """The signals that a number of a wire multiplies, with their factors."""
+    slopes = {signal: _parts(gain, known, out)[1] for signal, gain in terms}
+    return {signal: slope for signal, slope in slopes.items() if np.any(slope)}
+
+
 def _parts(gain, known, out):
     """The constant part of a gain that is linear in a number, and the factor of the number."""
     constant, total = (with_number(gain, out, p) for p in (0.0, 1.0))
     return values_of(constant, known), values_of(("-", total, constant, 0), known)
 
 
+@lru_cache(maxsize=256)  # a compiled loop is asked again and again
 def scalar_place(drawing: Drawing | Uneven, number: str) -> str:
     """The path of the only wire, or of the factor of the only gain, that reads a number, if it is linear in it; else empty.
 
@@ -120,6 +148,16 @@ def scalar_place(drawing: Drawing | Uneven, number: str) -> str:
     return path if (is_gain or path.startswith("wire.")) and all(degree(tree, number) <= 1 for tree in trees) else ""
 
 
+@lru_cache(maxsize=256)
+def shares_wire(drawing: Drawing | Uneven, number: str, other: str) -> bool:
+    """Whether another number is the factor of other terms in the same wire, see `scalar_place`."""
+    place = scalar_place(drawing, number)
+    if not place.startswith("wire.") or scalar_place(drawing, other) != place:
+        return False
+    return not any({number, other} <= {name for name, _ in names_in(tree)} for path, tree in drawing.trees() if path == place)
+
+
+@lru_cache(maxsize=256)
 def seen_by_hand(drawing: Drawing | Uneven, number: str) -> bool:
     """Whether the signals at the hand's port read a number themselves."""
     return not isinstance(drawing, Uneven) and any(path.startswith(HAND) for path in _readers(drawing, number))
@@ -131,27 +169,40 @@ def _readers(drawing, number):
 
 
 def tame_pair(
-    drawing: Drawing | Uneven, values: Mapping[str, object], own: Mapping[str, float], out: str = "", actual: bool = False
+    drawing: Drawing | Uneven,
+    values: Mapping[str, object],
+    own: Mapping[str, float],
+    out: str = "",
+    beside: str = "",
+    *,
+    actual: bool = False,
 ) -> tuple[Drawn, Drawn]:
     """Return two drawings of the same structure with different moderate numbers, in which drift is searched for.
 
     values: of one or of several loops of the same structure; a number is zero in the drawings if it is zero in all of them.
-    own: the spec's own values, from which the numbers differ little if keys or expressions accept no moderate ones. out: a
-    number to take out, see `assembled`. actual: whether numbers that are the same in all loops keep their values.
+    own: the spec's own values, from which the numbers differ little if keys or expressions accept no moderate ones, or if the
+    rate follows from them and varies. out, beside: numbers to take out, see `assembled`. actual: whether numbers that are the
+    same in all loops keep their values.
     """
     if isinstance(drawing, Uneven):
         words = (str, int, type(None))
         shape = {path: value if isinstance(value, words) else bool(np.any(value)) for path, value in values.items()}
         return _uneven_pair(drawing, tuple((shape | {RATIO: values[RATIO]}).items()))
-    kept = {RATE, *map(path_of, drawing.shaping)}
-    kept |= {path for path, value in values.items() if actual and np.ndim(value) == 0}
+    single = {path for path, value in values.items() if actual and np.ndim(value) == 0}
+    rating = {path for path in map(path_of, drawing.rating) if np.ndim(values[path]) or values[path] != own[path]} - single
+    kept = {RATE, *map(path_of, drawing.rating | drawing.shaping), *single} - rating
     # As keys 1 and 1.0 are the same, and a number of its own is another thing than one that is not zero.
-    fixed = tuple((path, path in kept, value if path in kept else _sign(value)) for path, value in values.items())
-    return _tame_pair(drawing, fixed, tuple(own.items()), out)
+    fixed = tuple(
+        (path, path in kept, value if path in kept else OF_RATE if path in rating else _sign(value))
+        for path, value in values.items()
+    )
+    return _tame_pair(drawing, fixed, tuple(own.items()), out, beside)
 
 
 def _sign(value):
     """0 for a number that is zero in all loops, -1 if it is negative in all (its real part, if it is complex), 1 for others."""
+    if type(value) is float:
+        return 0 if value == 0 else -1 if value < 0 else 1
     real = np.real(value)
     return 0 if not np.any(value) else -1 if np.all(real < 0) else 1
 
@@ -162,7 +213,7 @@ def _uneven_pair(drawing, shape):
 
 
 @lru_cache(maxsize=256)
-def _tame_pair(drawing, fixed, own, out):
+def _tame_pair(drawing, fixed, own, out, beside):
     for scale in (*SCALES, None):
         pair = [
             {path: value if kept else _tamed(path, value, dict(own)[path], salt, scale) for path, kept, value in fixed}
@@ -170,9 +221,12 @@ def _tame_pair(drawing, fixed, own, out):
         ]
         if not any(list(drawing.faults(values)) for values in pair):
             break
-    return tuple(replace(assembled(drawing, values, out), exact=partial(exact_shifts, drawing, values, out)) for values in pair)
+    return tuple(
+        replace(assembled(drawing, values, out, beside), exact=partial(exact_shifts, drawing, values, out)) for values in pair
+    )
 
 
+OF_RATE = "of the rate"  # in place of the sign of a number that the rate follows from, and that is not the spec's own
 # Small gains do not overflow over a long frame. The others are tried if an expression or a key does not accept them.
 SCALES = (0.3, 3.0, 30.0, 300.0, 0.003)
 TAMED = 1 / 32  # power of the spec's own number, which leaves the order of two that are not alike: a gain may be their maximum
@@ -180,6 +234,8 @@ TAMED = 1 / 32  # power of the spec's own number, which leaves the order of two 
 
 def _tamed(path, value, own, salt, scale):
     factor = scattered(path, salt)
+    if value == OF_RATE:
+        return own * (1 + 0.01 * factor)
     if scale is None and own:
         return abs(value) * own * (1 + 0.01 * factor)
     return value * (scale or 1.0) * (abs(own) or 1.0) ** TAMED * (1 + 0.02 * factor)
@@ -189,22 +245,40 @@ def refuse_unsuitable(drawing: Drawing | Uneven, values: Mapping[str, object]) -
     """Raise UsageError if a loop of a batch has a number that a key does not accept. values: as for `assembled`."""
     if isinstance(drawing, Uneven):
         return  # its values are those of a spec, which has accepted them
-    size = max((np.size(value) for value in values.values()), default=1)
-    arrays = {path: np.broadcast_to(value, (size,)) for path, value in values.items() if np.ndim(value)}
-    with np.errstate(all="ignore"):
-        known = {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}
-        wrong = np.zeros(size, bool)
-        for tree, low, above_low in _checked(drawing):
-            found = values_of(tree, known)
-            wrong |= np.logical_not(np.isfinite(found) & (found > low if above_low else found >= low))
-        for block in drawing.blocks:
-            wrong |= np.broadcast_to(_without_block(drawing, block, known), (size,))
+    wrong = unsuitable(drawing, values)
     if wrong.any():
+        arrays = {path: np.broadcast_to(value, wrong.shape) for path, value in values.items() if np.ndim(value)}
         at = int(np.flatnonzero(wrong)[0])
         loop = {path: float(arrays[path][at]) if path in arrays else value for path, value in values.items()}
         named = ", ".join(f"{name_of(path)} = {loop[path]:g}" for path in arrays)
         path, expected, found = next(drawing.faults(loop), ("a key", "another value", "none"))
         raise UsageError(f"{named} makes no loop: {path}: expected {expected}, found {found}")
+
+
+def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
+    """Return which loops of a batch have a number that a key does not accept, `(loops,)`. values: as for `assembled`."""
+    arrays = {path for path, value in values.items() if np.ndim(value)}
+    varied, single = frozenset(map(name_of, arrays)), tuple(item for item in values.items() if item[0] not in arrays)
+    wrong = np.full(max((np.size(values[path]) for path in arrays), default=1), _unsuitable_alone(drawing, single, varied))
+    known = _known(values)
+    with np.errstate(all="ignore"):
+        for names, check in _checked(drawing) if arrays else ():
+            if names & varied:
+                wrong |= check(known)
+    return wrong
+
+
+@lru_cache(maxsize=64)
+def _unsuitable_alone(drawing, items, others):
+    """Whether keys that read none of the `others` do not accept the numbers of a single loop."""
+    known = _known(dict(items))
+    with np.errstate(all="ignore"):
+        return any(bool(np.any(check(known))) for names, check in _checked(drawing) if not names & others)
+
+
+def _out_of_range(tree, low, above_low, known):
+    found = values_of(tree, known)
+    return np.logical_not(np.isfinite(found) & (found > low if above_low else found >= low))
 
 
 def _without_block(drawing, block, known):
@@ -221,15 +295,20 @@ def _without_block(drawing, block, known):
 
 @lru_cache(maxsize=64)
 def _checked(drawing):
-    """Trees that read numbers, each with the least value that its key accepts, and whether it has to be above that."""
+    """Checks of keys that read numbers, and of blocks: the names of these, and whether those of a loop are not suitable."""
     found, types = [], {block.name: block.type for block in drawing.blocks}
     for path, tree in drawing.trees():
         table, *rest = path.split(".")
         limited = table == "block" and rest[1] not in ("every", "phase")
         key = TYPES[types[rest[0]]].keys[rest[1]] if limited else None
-        low = -np.inf if key is None or key.low is None else key.low
+        low = 0.0 if path == RATE else -np.inf if key is None or key.low is None else key.low
         if any(names_in(tree)):
-            found.append((tree, low, bool(key and key.above_low)))
+            names = frozenset(name for name, _ in names_in(tree))
+            found.append((names, partial(_out_of_range, tree, low, path == RATE or bool(key and key.above_low))))
+    for block in drawing.blocks:
+        own = [tree for path, tree in drawing.trees() if path.startswith(f"block.{block.name}.")]
+        names = frozenset(name for tree in (drawing.tick_hz, *own) for name, _ in names_in(tree))
+        found.append((names, partial(_without_block, drawing, block)))
     return tuple(found)
 
 

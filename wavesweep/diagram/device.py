@@ -85,7 +85,7 @@ def impulse_and_step(damping, stiffness, period):
             more = step < doublings
             two_s, two_g = np.abs(2 - 2 * damping * s - 2 * stiffness * g), np.abs(2 - 2 * stiffness * g)
             terms_s = np.abs(s) * (2 + np.abs(damping * s) + 2 * np.abs(stiffness * g))
-            terms_g = np.abs(g) * (2 + np.abs(stiffness * g)) + s * s
+            terms_g = np.abs(g) * (2 + np.abs(stiffness * g)) + np.abs(s * s)
             of_s, of_g = (
                 np.where(more, two_s * of_s + 2 * np.abs(stiffness * s) * of_g + terms_s, of_s),
                 np.where(more, two_g * of_g + 2 * np.abs(s) * of_s + terms_g, of_g),

@@ -9,7 +9,7 @@ import numpy as np
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.diagram.values import values_of
 from wavesweep.errors import UsageError
-from wavesweep.spec.drawing import Drawing, name_of, scalars
+from wavesweep.spec.drawing import RATE, Drawing, name_of, scalars
 from wavesweep.spec.expressions import degree, names_in, singular
 
 
@@ -31,8 +31,9 @@ def domains(drawing: Drawing, values: Mapping[str, object], path: str, span: tup
 
     values: flat numbers, or arrays over the loops. Divisors, arguments of roots, masses and the like must not vanish there, but
     an argument of a root may at a low end of 0, which is then the lowest value (see `bends_at_zero`). Beyond the span their
-    changes of sign are searched for on a grid that is finer near the span; half of the way to the nearest one is allowed. What
-    holds for a loop does not depend on the others. Errors: UsageError if one vanishes within the span.
+    changes of sign are searched for on a grid that is finer near the span; half of the way to the nearest one is allowed, and
+    of a cutoff all of the way to 0. What holds for a loop does not depend on the others. Errors: UsageError if one vanishes
+    within the span.
     """
     below, above = np.full(size, -np.inf), np.full(size, np.inf)
     for key, guard, known, root in _known_guards(drawing, values, path):
@@ -54,6 +55,7 @@ def _known_guards(drawing, values, path):
 def _limits(key, guard, root, known, name, span):
     """The lowest and the highest value that a guard allows in each loop, `(loops,)`; known: other numbers, `(loops, 1)`."""
     low, high = span
+    to_zero = key.endswith(".cutoff_hz") and guard[0] == "name"  # a filter is smooth there as well
     away = np.geomspace(1e-6, 1e3, 400) * (high - low)
     within = np.linspace(low, high, 401)
     with np.errstate(all="ignore"):
@@ -76,7 +78,8 @@ def _limits(key, guard, root, known, name, span):
         points = np.concatenate([[end], end + direction * away])
         with np.errstate(all="ignore"):
             good = _keep_sign(np.asarray(values_of(guard, {**known, name: points})).reshape(-1, points.size))
-        limit = (end + points[np.argmin(good, axis=-1)]) / 2
+        first = np.argmin(good, axis=-1)
+        limit = points[first - 1] if to_zero else (end + points[first]) / 2
         found.append(np.where(good.all(-1) | nothing, direction * np.inf, limit))
     return tuple(np.broadcast_arrays(np.where(from_root, low, found[0]), found[1]))
 
@@ -169,6 +172,7 @@ def _guards(drawing):
     """Yield the path of a key, a tree that must not vanish, and the root or power that it is the argument of."""
     for path, tree in drawing.trees():
         yield from ((path, *guard) for guard in singular(tree))
+    yield RATE, drawing.tick_hz, None
     for block in drawing.blocks:
         keys = dict(block.keys)
         for name in ("mass", "b", "cutoff_hz"):

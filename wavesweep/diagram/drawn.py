@@ -62,8 +62,9 @@ class Drawn:
     period: of the tick (s), a number or an array over the batch. sums: junctions by the signal that they make: source signal ->
     gain (a number or an array over the batch); a port is the signal "block.port". inputs: signals from outside. All blocks that
     run in the same tick see each other's outputs of that tick. exact: gives the exact shifts (see `shifts`) of some of the
-    blocks from those with rounding, or None if these are wrong; None if the entries of the blocks are all that is known. rate:
-    ticks per second (Hz) as it was given, from which 1/period may differ in the last bit; by default 1/period.
+    blocks from those with rounding and the sums that outputs are, or None if these are wrong; None if the entries of the blocks
+    are all that is known. rate: ticks per second (Hz) as it was given, from which 1/period may differ in the last bit; by
+    default 1/period.
     Errors: UsageError for a frame of more than LONGEST_FRAME ticks.
     """
 
@@ -71,7 +72,7 @@ class Drawn:
     placed: tuple[Placed, ...]
     sums: Mapping[str, Mapping[str, object]]
     inputs: tuple[str, ...] = ()
-    exact: Callable[[Sequence[Block], Sequence[dict[str, float]]], list[dict[str, float]] | None] | None = None
+    exact: Callable[[Sequence[Block], Sequence[dict[str, float]], Mapping], list[dict[str, float]] | None] | None = None
     rate: object = None
     ticks: int = field(init=False)
 
@@ -90,7 +91,8 @@ class Drawn:
         for block in (each.block for each in self.placed):
             readable = block.labels or [f"{block.name} {state}" for state in block.states]
             found |= {f"{block.name}.{state}": label for state, label in zip(block.states, readable, strict=True)}
-            found |= {f"{block.name}.{port} held": f"{block.name} {port} held" for port in block.outputs}
+            alone = len(block.outputs) == 1 and not block.states  # nothing else of it could be meant
+            found |= {f"{block.name}.{port} held": f"{block.name}{'' if alone else f' {port}'} held" for port in block.outputs}
         return found
 
     def refuse_wrong_names(self) -> None:
@@ -212,7 +214,7 @@ def shifts(drawn: Drawn) -> tuple[list[dict[str, float]], bool]:
     values = {unknowns[i]: N[i] for i in states} | held
     found = _with_leads(values, [unknowns[i] for i in states])
     if found and drawn.exact:
-        exact = drawn.exact(blocks, found)
+        exact = drawn.exact(blocks, found, outputs)
         return exact or found, exact is not None
     if not found:
         return found, True

@@ -15,15 +15,21 @@ from wavesweep.spec.expressions import Tree, evaluate
 
 
 def exact_shifts(
-    drawing: Drawing, values: Mapping[str, object], out: str, blocks: Sequence[Block], shifts: Sequence[dict[str, float]]
+    drawing: Drawing,
+    values: Mapping[str, object],
+    out: str,
+    blocks: Sequence[Block],
+    shifts: Sequence[dict[str, float]],
+    outputs: Mapping[str, Sequence[tuple[str, float]]],
 ) -> list[dict[str, float]] | None:
-    """Return the shifts without states that do not move, or None if blocks of a drawing do not have exactly these.
+    """Return the shifts of all that moves exactly, or None if blocks of a drawing do not have exactly these.
 
     The numbers of a spec are taken as doubles or, if that fails, as decimals. values: flat numbers. out: a number that is taken
-    out of its place. shifts: see `wavesweep.diagram.drawn.shifts`; rounding may have left traces in them of zeros.
+    out of its place. shifts: see `wavesweep.diagram.drawn.shifts`; rounding may have left traces in them of zeros. outputs: of
+    each port the (unknown, factor) pairs of which it is the sum.
     """
     try:
-        tried = (_agreeing(*_equations(drawing, values, out, decimals, blocks), shifts) for decimals in (False, True))
+        tried = (_agreeing(*_equations(drawing, values, out, decimals, blocks), shifts, outputs) for decimals in (False, True))
         return next((found for found in tried if found is not None), None)
     except (ZeroDivisionError, OverflowError, ValueError):  # numbers that make no loop
         return None
@@ -40,7 +46,7 @@ def _equations(drawing, values, out, decimals, blocks):
     return *_Equations(drawing, values, out, field).of(blocks), unknowns, field
 
 
-def _agreeing(rows, known, unknowns, field, shifts):
+def _agreeing(rows, known, unknowns, field, shifts, outputs):
     leads = [next(iter(shift)) for shift in shifts]
     pivots = _reduced(rows, leads, field)
     if pivots is None or len(unknowns) - len(pivots) != len(leads):
@@ -48,9 +54,14 @@ def _agreeing(rows, known, unknowns, field, shifts):
     moved = [{lead} | {name for name, row in pivots.items() if row.get(lead)} for lead in leads]
     if not all(each & known <= shift.keys() for each, shift in zip(moved, shifts, strict=True)):
         return None
+
+    def moves(name, each):
+        """Whether a state moves, or anything that a held output is the sum of."""
+        port = name.removesuffix(" held")
+        return name in each or (port in outputs and any(source in each for source, factor in outputs[port] if factor))
+
     return [
-        {name: factor for name, factor in shift.items() if name in each or name not in known}
-        for each, shift in zip(moved, shifts, strict=True)
+        {name: factor for name, factor in shift.items() if moves(name, each)} for each, shift in zip(moved, shifts, strict=True)
     ]
 
 

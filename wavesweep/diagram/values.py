@@ -16,6 +16,8 @@ def values_of(tree: Tree, numbers: Mapping[str, Any]) -> Any:
     numbers: name -> number, or array of numbers. Where digits are lost, as in sums that cancel, the value is computed again in
     decimal arithmetic, each element from its own numbers alone. A missing value is NaN or infinite.
     """
+    if tree[0] in ("number", "name"):
+        return evaluate(tree, numbers)
     without = []
 
     def watch(*operation):

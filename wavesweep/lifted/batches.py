@@ -11,19 +11,18 @@ MANY, SPARSE = 100, 0.05  # rows from which on, and share of entries up to which
 
 
 def product(A, B) -> np.ndarray:
-    """Return `A @ B`, `(..., n, n)`; of many rows with few entries, as those of long delays are, by these entries alone.
+    """Return `A @ B`, `(..., n, m)`; of many rows with few entries, as those of long delays are, by these entries alone.
 
     Then infinities times zeros are left out. What is done with a matrix does not depend on the others of a batch.
     """
-    n = A.shape[-1]
-    if n < MANY:
+    if A.shape[-1] < MANY:
         return A @ B
-    batch = np.broadcast_shapes(A.shape[:-2], B.shape[:-2])
-    first, second = (np.broadcast_to(part, (*batch, n, n)).reshape(-1, n, n) for part in (A, B))
-    found = np.empty(first.shape, np.result_type(A, B))
+    batch, size = np.broadcast_shapes(A.shape[:-2], B.shape[:-2]), B.shape[-2:]
+    first, second = (np.broadcast_to(each, (*batch, *each.shape[-2:])).reshape(-1, *each.shape[-2:]) for each in (A, B))
+    found = np.empty(second.shape, np.result_type(A, B))
     for a, b, out in zip(first, second, found, strict=True):
         out[...] = _product(a, b)
-    return found.reshape(*batch, n, n)
+    return found.reshape(*batch, *size)
 
 
 def _product(A, B):

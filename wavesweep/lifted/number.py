@@ -1,15 +1,14 @@
 """A drawn loop cut at a number that is one scalar gain of its frame."""
 
 from dataclasses import dataclass, replace
-from functools import reduce
 
 import numpy as np
 
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.elimination import ROUNDING
 from wavesweep.lifted.cut import Cut
-from wavesweep.lifted.periodic import GROWING, Ticks, growth_of, in_a_row, reach_of, reach_together, then, ticks_of
-from wavesweep.lifted.rounding import CANCELLED, frame_and_cancellation, sizes_in_all
+from wavesweep.lifted.periodic import Ticks, ticks_of
+from wavesweep.lifted.rounding import measured_frame, sizes_in_all
 from wavesweep.lifted.tick_drift import TickDrift, consistent_solution, counted_from_leads
 
 FAR = 1e-6  # of the change along a state that rests, what rounding of the frame may add to it through the other states
@@ -22,8 +21,8 @@ class OpenFrame:
 
     ticks: of that frame, with the sizes of their terms. E `(..., n, n)`; B `(..., n, 1)` of the number's product, and of a
     hand's force if there is one two columns more: of a force that is constant over the frame, and of one that grows by 1 with
-    every tick from 0. C, D: rows of the signals read and shown, in the first tick; columns of D as those of B. growth: see
-    `growth_of`. period: s. inputs: those of the ticks that make the first columns of B.
+    every tick from 0. C, D: rows of the signals read and shown, in the first tick; columns of D as those of B. growth,
+    cancellation: see `measured_frame`. period: s. inputs: those of the ticks that make the first columns of B.
     """
 
     ticks: Ticks
@@ -32,6 +31,7 @@ class OpenFrame:
     C: np.ndarray
     D: np.ndarray
     growth: np.ndarray
+    cancellation: np.ndarray
     period: np.ndarray
     inputs: tuple[int, ...]
 
@@ -53,22 +53,23 @@ def open_frame(
     """Return the frame without a number that is one scalar gain of it; None if it is not one.
 
     drawn: the loop whose last input `force` is the number's product. read: the signal that the number multiplies, and others
-    that are watched as closely. The number is one scalar of the frame if the product reaches the loop in a single tick of a
-    frame, or if what it multiplies changes in a single one and is held in between. hand: another input. shown: more signals,
-    which need no state that would hold them.
+    that are watched as closely, as the one is that another number of the same sum multiplies. The number is one scalar of the
+    frame if the product reaches the loop in a single tick of a frame, or if what it multiplies changes in a single one and is
+    held in between. hand: another input. shown: more signals, which need no state that would hold them.
     """
     ticks = ticks_of(drawn, (*read, *shown), held=drawn.held(read), terms=True)
     w = drawn.inputs.index(force)
     at = _only_tick(_showing(ticks, len(read)) if shown else ticks, w)
     if at is None:
         return None
-    first, whole_frame = at
-    ticks = ticks.from_tick(first)
+    ticks = ticks.from_tick(at)
     inputs = [w, *([drawn.inputs.index(hand)] if hand else [])]
-    E, B, growth = _with_inputs(ticks, inputs, whole_frame)
-    head = ticks.maps[ticks.kind[0]]
-    D = _with_moment(head.D[..., inputs])
-    return OpenFrame(ticks, E, B, head.C, D, growth, np.asarray(drawn.period) * drawn.ticks, tuple(inputs))
+    head, n = ticks.maps[ticks.kind[0]], len(ticks.states)
+    changes, links = [_beside(each.E, _with_moment(each.B[..., inputs])) for each in ticks.maps], np.zeros((n + 1, n + 1))
+    links[n, :n] = np.abs(head.C[..., : len(read), :]).max((*range(head.C.ndim - 2), -2))
+    E, growth, cancellation = measured_frame(ticks.kind, changes, links, ramp=bool(hand))
+    parts = E[..., :n], E[..., n:], head.C, _with_moment(head.D[..., inputs])
+    return OpenFrame(ticks, *parts, growth, cancellation, np.asarray(drawn.period) * drawn.ticks, tuple(inputs))
 
 
 def cut_of(frame: OpenFrame, drift: TickDrift, read: int = 1) -> Cut | None:
@@ -88,22 +89,6 @@ def cut_of(frame: OpenFrame, drift: TickDrift, read: int = 1) -> Cut | None:
     return replace(cut, growth=frame.growth) if cut is not None and cut.states else None
 
 
-def cancels_between_ticks(frame: OpenFrame) -> np.ndarray:
-    """Return in which loops terms of stretches of such a frame cancel, `(...)`; see `frame_and_cancellation`."""
-    n, product = frame.E.shape[-1], frame.inputs[0]  # a state that nothing changes: only if it is held it reaches several ticks
-    changes, links = [_wide(each.E, each.B[..., product : product + 1]) for each in frame.ticks.maps], np.zeros((n + 1, n + 1))
-    links[n, :n] = np.abs(frame.C[..., 0, :]).max(tuple(range(frame.C.ndim - 2)))
-    return frame_and_cancellation(frame.ticks.kind, changes, links)[1] > CANCELLED
-
-
-def _wide(E, B):
-    """Changes of the states and of an input that keeps its value."""
-    n = E.shape[-1]
-    found = np.zeros((*np.broadcast_shapes(E.shape[:-2], B.shape[:-2]), n + 1, n + 1))
-    found[..., :n, :n], found[..., :n, n:] = E, B
-    return found
-
-
 def _showing(ticks, count):
     """The ticks with their first signals alone."""
     parts = ({"outputs": each.outputs[:count], "C": each.C[..., :count, :], "D": each.D[..., :count, :]} for each in ticks.maps)
@@ -111,16 +96,16 @@ def _showing(ticks, count):
 
 
 def _only_tick(ticks, w):
-    """Return the tick in which the frame begins for this input, and whether it is held over the frame; None if none."""
+    """Return the tick in which the frame begins, the only one in which the input reaches the loop or changes; None if none."""
     reached = [np.any(each.B[..., w]) or np.any(each.D[..., w]) for each in ticks.maps]
     where = np.flatnonzero(np.array(reached)[ticks.kind])
     if where.size == 0:
         return None
     if where.size == 1:
-        return int(where[0]), False
+        return int(where[0])
     changes = _changing(ticks)
     where = np.flatnonzero(np.isin(ticks.kind, changes)) if changes else np.zeros(0)
-    return (int(where[0]), True) if where.size == 1 else None
+    return int(where[0]) if where.size == 1 else None
 
 
 def _changing(ticks):
@@ -143,25 +128,10 @@ def _alike(one, other, size):
     return bool((np.abs(one - other) <= ROUNDING * size).all())
 
 
-def _with_inputs(ticks, inputs, held):
-    """Return the frame, with the first input in its first tick or the same in all of its ticks, and its growth."""
-    kinds = ticks.kind.tolist()
-    driven = [(each.E, _with_moment(each.B[..., inputs]), 1, reach_of(each.E), 1.0) for each in ticks.maps]
-    silent = [(E, np.concatenate([np.zeros_like(B[..., :1]), B[..., 1:]], -1), *rest) for E, B, *rest in driven]
-
-    def joined(first, second):
-        (E, B, count, reach, most), (later, more, others, further, other) = first, second
-        both, B = then(E, later), B + later @ B + more
-        B[..., 2:] += count * more[..., 1:2]
-        return both, B, count + others, reach_of(both), max(most, other, reach_together(reach, further))
-
-    with np.errstate(all="ignore"):
-        if held:
-            E, B, *_, most = in_a_row(kinds, driven, joined)
-        else:
-            rest = [in_a_row(kinds[1:], silent, joined)] if len(kinds) > 1 else []
-            E, B, *_, most = reduce(joined, rest, driven[kinds[0]])
-        return E, B, np.ones(E.shape[:-2]) if most <= GROWING else growth_of(ticks.kind, [each.E for each in ticks.maps])
+def _beside(E, B):
+    """Changes of states, and columns of inputs behind them."""
+    batch = np.broadcast_shapes(E.shape[:-2], B.shape[:-2])
+    return np.concatenate([np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in (E, B)], axis=-1)
 
 
 def _with_moment(columns):

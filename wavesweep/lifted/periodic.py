@@ -122,14 +122,8 @@ def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
 
     Of a frame of stretches P and Q a rounding of `|Q| |P|` is unknown, which exceeds `Q P` by as much as its terms cancel.
     The size of each such product (see `size_of`) is compared to that of Q P and to that of the frame, or to 1.
-    Accuracy: a measure of the digits that are lost, not a bound. It is given as 1 where the products of the largest entries in
-    any loop of a batch are no larger than GROWING.
+    Accuracy: a measure of the digits that are lost, not a bound.
     """
-
-    def within(first, second):
-        (E, reach, largest), (later, more, other) = first, second
-        both = then(E, later)
-        return both, reach_of(both), max(largest, other, reach_together(reach, more))
 
     def joined(first, second):
         (E, *found), (later, *others) = first, second
@@ -138,25 +132,9 @@ def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
         largest, lost = (np.maximum(one, other) for one, other in zip(found, others, strict=True))
         return both, np.maximum(largest, terms), np.fmax(lost, terms / np.fmax(1.0, size_of(_whole(both))))
 
-    kinds = kind.tolist()
     with np.errstate(all="ignore"):  # of a frame that overflows
-        E, _, most = in_a_row(kinds, [(E, reach_of(E), 1.0) for E in changes], within)
-        if most <= GROWING:
-            return np.ones(E.shape[:-2])
-        E, largest, lost = in_a_row(kinds, [(E, 1.0, 1.0) for E in changes], joined)
+        E, largest, lost = in_a_row(kind.tolist(), [(E, 1.0, 1.0) for E in changes], joined)
         return np.fmax(lost, largest / np.fmax(1.0, size_of(_whole(E))))
-
-
-def reach_of(E: np.ndarray) -> np.ndarray:
-    """Return bounds on the sizes of the entries of a stretch, each for all loops of the batch, `(n, n)`; E: less identity."""
-    over = tuple(range(E.ndim - 2))
-    return _whole(np.maximum(E.max(over), -E.min(over)) if E.dtype.kind == "f" else np.abs(E).max(over))
-
-
-def reach_together(first: np.ndarray, second: np.ndarray) -> float:
-    """Return the largest size that products of entries of two stretches may have in any loop, from `reach_of`; NaN: unknown."""
-    size = size_of(second @ first)
-    return float(size) if np.isfinite(size) else np.inf
 
 
 def known_frames(E: np.ndarray, growth) -> np.ndarray:
@@ -250,7 +228,8 @@ def then(first, second):
 class Change:
     """The change of states over some ticks, less the identity, and the states that the ticks forget.
 
-    unread: states on whose values before these ticks no state depends after them, each with the loops in which that is so.
+    E: `(..., n, n)`, or with columns of inputs that are held over the ticks behind it, `(..., n, n + inputs)`. unread: states
+    on whose values before these ticks no state depends after them, each with the loops in which that is so.
     unset: states whose values after these ticks are zero, in the same way.
     """
 
@@ -261,7 +240,8 @@ class Change:
     @staticmethod
     def of(E) -> "Change":
         if E.ndim != 3 or chosen() == NUMPY:
-            return Change(E, _forgotten(E), _forgotten(np.swapaxes(E, -1, -2)))
+            own = E[..., : E.shape[-2]]
+            return Change(E, _forgotten(own), _forgotten(np.swapaxes(own, -1, -2)))
         from wavesweep.lifted.compiled.states import forgotten
 
         found = forgotten(np.ascontiguousarray(E))
@@ -275,7 +255,7 @@ class Change:
 
     def then(self, later) -> "Change":
         E = self.E + later.E
-        E += product(later.E, self.E)
+        E += product(later.E[..., : E.shape[-2]], self.E)
         for state, loops in (*self.unread, *later.unset):  # the other entries of its column, or its row, cancel exactly
             E[..., state, state] = np.where(loops, -1.0, E[..., state, state])
         return Change(E, self.unread, later.unset)

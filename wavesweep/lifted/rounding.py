@@ -14,7 +14,7 @@ from wavesweep.diagram.block import loss
 from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.batches import in_parts
 from wavesweep.lifted.circle import inverse
-from wavesweep.lifted.periodic import GROWING, Change, Ticks, in_a_row, stretches, then
+from wavesweep.lifted.periodic import GROWING, Change, Ticks, growth_of, in_a_row, size_of, stretches, then
 
 ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
 ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
@@ -83,41 +83,54 @@ def _ahead(later, earlier):
     return then(earlier, later)
 
 
-def frame_and_cancellation(kind, changes, links=None, beyond: float = CANCELLED) -> tuple[np.ndarray, np.ndarray]:
-    """Return the frame less identity, `(..., n, n)`, and how far terms of its stretches of ticks cancel, `(...)`.
+def measured_frame(
+    kind, changes, links=None, ramp: bool = False, beyond: float = CANCELLED
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the frame less identity, its growth (see `growth_of`), and how far terms of its stretches of ticks cancel.
 
-    kind: of each tick. changes: per kind, the matrix less identity. links: sizes of other entries that close the loop, if
-    it is open. beyond: from which on the measure is that of each loop.
+    kind: of each tick. changes: per kind, the matrix less identity, `(..., n, n)`, or with columns of inputs that are held over
+    a frame behind it, `(..., n, n + inputs)`. links: sizes of other entries that close a loop of the states and the first
+    input, `(n + 1, n + 1)`, if it is open. ramp: whether the last input becomes one that grows by the one before it with every
+    tick, from 0. beyond: from which on the measure of cancellation is that of each loop.
 
     Of stretches P and Q each entry of `|Q| |P|` is compared to the largest entries of its row and column of `Q P`, in units of
     the states that give the rows and columns of all ticks together similar sizes, and in a closed loop to LITTLE, below which
     no digits matter to an eigenvalue beside the circle. So it shows by way of how ever many states terms cancel.
-    Accuracy: a measure of the digits that are lost, not a bound.
+    Accuracy: both are measures of the digits that are lost, `(...)`, and not bounds. Growth is given as 1 where the products of
+    the largest entries in many loops of a batch are no larger than GROWING.
     """
     kinds, batch = kind.tolist(), np.broadcast_shapes(*(each.shape[:-2] for each in changes))
-    n, measure = changes[0].shape[-1], np.zeros(batch)
-    little, links = (LITTLE, 0.0) if links is None else (0.0, links)
-    changes, scale = [_spread(each, batch) for each in changes], _scale(links + sum(_largest(each) for each in changes))
+    n, growth, measure = changes[0].shape[-2], np.ones(batch), np.zeros(batch)
+    little, links = (LITTLE, np.zeros((n, n))) if links is None else (0.0, links)
+    changes, size = [_spread(each, batch) for each in changes], len(links)
+    scale = _scale(links + sum(_square(_largest(each), size) for each in changes))
 
     def frame(part):
         some = [each[part] if each.ndim > 2 else each for each in changes]
-        E, most = in_a_row(kinds, [(Change.of(each), _extremes(each, scale)[0], 0.0) for each in some], within)[::2]
+        ticks = [(Change.of(each), 1, _extremes(each, scale)[0], 1.0, 0.0) for each in some]
+        E, _, _, grown, most = in_a_row(kinds, ticks, within)
+        if not grown <= GROWING:
+            growth[part] = growth_of(kind, [each[..., :n] for each in some])
         if not most * SURELY <= beyond:
-            own = _scale(links + sum(np.abs(each) for each in some))
-            stretches = [(each, np.abs(np.eye(n) + each) * own, 0.0) for each in some]
+            own = _scale(links + sum(np.abs(_square(each, size)) for each in some))
+            stretches = [(each, np.abs(np.eye(size) + each) * own, 0.0) for each in (_square(each, size) for each in some)]
             most = in_a_row(kinds, stretches, partial(_joined_in_units, own, little))[2]
         measure[part] = most
         return E.E
 
     def within(first, second):
-        (P, one, most), (Q, other, least) = first, second
+        (P, count, one, *known), (Q, more, other, *others) = first, second
         both = P.then(Q)
-        high, low = _extremes(both.E, scale)
-        lost = _cancelled(other @ one, low.max(-1, initial=0.0), low.max(-2, initial=0.0), little)
-        return both, high, max(most, least, lost)
+        if ramp:
+            both.E[..., -1] += count * Q.E[..., -2]
+        (high, low), terms = _extremes(both.E, scale), other @ one
+        lost = _cancelled(terms, low.max(-1, initial=0.0), low.max(-2, initial=0.0), little)
+        # The size of a product is the same in all units.
+        found = np.nan_to_num(size_of(terms), nan=np.inf), lost
+        return both, count + more, high, *map(max, known, others, found)
 
     with np.errstate(all="ignore"):  # of a frame that overflows
-        return in_parts(frame, batch, n, float), measure
+        return in_parts(frame, batch, n, float), growth, measure
 
 
 def _joined_in_units(scale, little, first, second):
@@ -128,10 +141,27 @@ def _joined_in_units(scale, little, first, second):
     return both, size, np.maximum(np.maximum(most, least), lost)
 
 
+def _square(E, size):
+    """The changes of the states, and of the first input, which keeps its value, if size is larger by 1."""
+    n = E.shape[-2]
+    if n == size:
+        return E[..., :n]
+    return np.concatenate([E[..., :size], np.zeros((*E.shape[:-2], 1, size))], axis=-2)
+
+
 def _extremes(E, scale):
     """The largest and the smallest sizes of entries in a batch."""
-    size = np.abs(np.eye(E.shape[-1]) + E)
-    return size.max(_over(E)) * scale, size.min(_over(E)) * scale
+    rows, columns = E.shape[-2], len(scale)
+    found = np.zeros((2, columns, columns))
+    found[:, rows:, rows:] = 1.0
+    if E.ndim != 3 or chosen() == NUMPY:
+        size, over = np.abs(E[..., :columns] + np.eye(rows, columns)), tuple(range(E.ndim - 2))
+        found[:, :rows] = size.max(over), size.min(over)
+    else:
+        from wavesweep.lifted.compiled.states import extremes
+
+        found[:, :rows] = extremes(np.ascontiguousarray(E), columns)
+    return found * scale
 
 
 def _scale(whole):
@@ -142,12 +172,7 @@ def _scale(whole):
 
 
 def _largest(E):
-    return np.abs(E).max(_over(E))
-
-
-def _over(E):
-    """The axes of the batch."""
-    return tuple(range(E.ndim - 2))
+    return np.abs(E).max(tuple(range(E.ndim - 2)))
 
 
 def _cancelled(terms, row, column, little):
@@ -214,7 +239,11 @@ def turned(E, sizes) -> np.ndarray:
 
     E: of the frame, less identity; sizes: see `sizes_in_all`.
     """
-    return loss(E, sizes) > TURNED
+    if chosen() == NUMPY or E.ndim < 3:
+        return loss(E, sizes) > TURNED
+    from wavesweep.lifted.compiled.closing import losses
+
+    return losses(E, np.broadcast_to(sizes, E.shape), 1) > TURNED
 
 
 def sizes_in_all(ticks: Ticks, part: int = 0) -> np.ndarray:

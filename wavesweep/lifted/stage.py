@@ -23,24 +23,26 @@ class Stage:
         values: those that are given. batch: shape. kind: type of the numbers. widths: of the matrices, the first of which has
         `own` along its diagonal for entries that the rows lack. of_sizes, sizes: the same of the sizes of terms, which follow.
         """
-        count, whole, found = len(widths), (*widths, *of_sizes), []
-        compiled = chosen() != NUMPY and len(batch) <= 1
-        if not compiled:
+        count, whole = len(widths), (*widths, *of_sizes)
+
+        def filled(matrices):
+            bases = {0: own, count: sizes}
+            kinds = (kind,) * count + (float,) * len(of_sizes)
+            each = enumerate(zip(matrices, whole, kinds, strict=True))
+            return [stacked(rows, width, batch, of, bases.get(at, ())) for at, (rows, width, of) in each]
+
+        if chosen() == NUMPY or len(batch) > 1:
             program, places = self._plain
             work = program.run(values, (*own, *sizes))
 
-        def number(each):
-            return work[places[each.at]] if isinstance(each, Term) else each
+            def number(term):
+                return work[places[term.at]] if isinstance(term, Term) else term
 
-        for at, (rows, width) in enumerate(zip(self._constant if compiled else self._matrices, whole, strict=True)):
-            numbers = rows if compiled else [{column: number(each) for column, each in row.items()} for row in rows]
-            of, base = kind if at < count else float, own if at == 0 else sizes if at == count else ()
-            found.append(stacked(numbers, width, batch, of, base))
-        if not compiled:
-            return found, list(map(number, self._others))
+            matrices = [[{at: number(term) for at, term in row.items()} for row in rows] for rows in self._matrices]
+            return filled(matrices), list(map(number, self._others))
         from wavesweep.lifted.compiled import programs
 
-        loops = batch[0] if batch else 1
+        loops, found = batch[0] if batch else 1, filled(self._constant)
         flat = [matrix.reshape(loops, prod(matrix.shape[-2:])) for matrix in found]
         kept = np.empty((len(self._others), loops), kind)
         steps, places, results = self._numbered(count, whole)

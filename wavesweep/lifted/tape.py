@@ -67,7 +67,7 @@ class Tape:
             if count == 2 and other != one and last[other] == at:
                 free.append(others)
             done.append((operation, mine, others, place))
-        return Program(given, size, tuple(done)), {at: places[at] for at in wanted}
+        return Program(size, tuple(done)), {at: places[at] for at in wanted}
 
 
 def _as_needed(steps, given, last):
@@ -113,7 +113,6 @@ class Program(NamedTuple):
     first, or 0 if it is only rounding of terms whose sizes the second is the sum of.
     """
 
-    given: int
     places: int
     steps: tuple
 
@@ -160,8 +159,8 @@ def entries_of(matrices, values: list) -> bytes:
             own = []
             found[at] = entries_of((matrix,), own), own
         else:
-            groups.setdefault(matrix.shape[:-2], []).append(at)
-    for batch, members in groups.items():
+            groups.setdefault((matrix.shape[:-2], matrix.dtype), []).append(at)  # sizes of complex numbers are real
+    for (batch, _), members in groups.items():
         for at, each in zip(members, _varied([matrices[at] for at in members], batch), strict=True):
             found[at] = each
     values += [each for _, own in found for each in own]

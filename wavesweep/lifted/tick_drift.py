@@ -7,8 +7,8 @@ import numpy as np
 from wavesweep.diagram.assembly import POSITION, REACTION
 from wavesweep.diagram.drawn import Drawn, shifts
 from wavesweep.lifted.circle import solve
-from wavesweep.lifted.periodic import LOST, Ticks, frame_of, growth_of, known_frames, ticks_of
-from wavesweep.lifted.rounding import frame_and_cancellation, frame_errors, hidden_in, radius_hidden
+from wavesweep.lifted.periodic import LOST, Ticks, frame_of, known_frames, ticks_of
+from wavesweep.lifted.rounding import frame_errors, hidden_in, measured_frame, radius_hidden
 
 RANK = 1e-12  # of the largest singular value of a frame of tame numbers, up to which the smallest is 0
 SAME = 1e-12  # relative difference of two factors of a shift, up to which it does not depend on the numbers
@@ -282,15 +282,16 @@ def closed_frame(drawn: Drawn, drift: TickDrift) -> np.ndarray:
     Loops of fewer than two states are filled up with eigenvalues at 0 of the frame.
     """
     ticks = ticks_of(drawn, alone=True)
-    return known_frames(closed(ticks, drift), _growth(ticks))
+    E, growth, _ = measured_frame(ticks.kind, [each.E for each in ticks.maps])
+    return known_frames(filled(without_drift(E, drift)), growth)
 
 
 def telling_frame(drawn: Drawn, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
     """Return `closed_frame`, and whether its spectral radius is hidden, `(...)`: by terms that cancel (see `radius_hidden`), by
     ticks that grow and leave no digits of their product, or by a drift that is vague."""
     ticks = ticks_of(drawn, alone=True, terms=True)
-    E, cancellation = frame_and_cancellation(ticks.kind, [each.E for each in ticks.maps], beyond=LOST)
-    E, growth = filled(without_drift(E, drift)), _growth(ticks)
+    E, growth, cancellation = measured_frame(ticks.kind, [each.E for each in ticks.maps], beyond=LOST)
+    E = filled(without_drift(E, drift))
     lost = (growth > LOST) & np.isfinite(E).all((-1, -2))
     parts = hidden_in(ticks) | (cancellation > LOST), drift.vague | opposed(ticks, drift) | lost
     hidden, vague = (np.broadcast_to(part, E.shape[:-2]) for part in parts)
@@ -298,10 +299,6 @@ def telling_frame(drawn: Drawn, drift: TickDrift) -> tuple[np.ndarray, np.ndarra
     if vague.all() or not hidden.any():
         return E, vague
     return E, vague | hidden & radius_hidden(*errors_of_closed(ticks, drift))
-
-
-def _growth(ticks):
-    return growth_of(ticks.kind, [each.E for each in ticks.maps])
 
 
 def closed(ticks: Ticks, drift: TickDrift) -> np.ndarray:

@@ -24,8 +24,9 @@ _QUANTITIES = {"end": "the limit", "felt": "the stiffness felt there"}
 def why(columns: Columns, facts: Mapping[str, Any]) -> Any:
     """Draw a `why` table: a panel per end and crossing, with the numbers that move it most and how many are left out."""
     panels = _panels(columns)
-    drawn = [rows for rows in panels if not _nothing_to_draw(rows)]
-    notes = [f"{_end(rows)}: no bars, as a per cent of 0 is nothing." for rows in panels if _nothing_to_draw(rows)][:PANELS]
+    drawn = [rows for rows in panels if not _without_bars(rows)]
+    notes = [f"{_end(rows)}: no bars, {why}." for rows in panels if (why := _without_bars(rows))]
+    notes = list(dict.fromkeys(notes))[:PANELS]
     notes += [f"Shown: {PANELS} of {len(drawn)} ends."] if len(drawn) > PANELS else []
     notes += [_without_ends(facts)] if not panels else []
     notes += [f"Assumes: {assumed(facts)}."] if facts.get("assumes") else []
@@ -53,8 +54,14 @@ def _without_ends(facts: Mapping[str, Any]) -> str:
     return "Stability sets no end of an interval in the range searched."
 
 
-def _nothing_to_draw(rows: Columns) -> bool:
-    return bool((rows["limit"] == 0).all() and not np.nan_to_num(rows["elasticity"]).any())
+def _without_bars(rows: Columns) -> str:
+    """Why a panel has no bars; empty if it has some."""
+    if (np.abs(np.nan_to_num(rows["elasticity"])) > ROUNDED).any():
+        return ""
+    if (rows["limit"] == 0).all():
+        return "as a per cent of 0 is nothing"
+    missing = np.isnan(rows["elasticity"]).all()
+    return f"since they are not known ({_why_missing(rows)})" if missing else "since no number moves it"
 
 
 def _panels(columns: Columns) -> list[Columns]:
@@ -98,8 +105,6 @@ def _draw(axis: Any, rows: Columns, numbers: list[str], note: str) -> None:
     axis.set_yticks(range(len(numbers)), [symbol(number) for number in numbers])
     axis.set_ylim(max(len(numbers), 1) - 0.4, -0.6)
     axis.axvline(0, color="black", linewidth=0.6)
-    if not numbers:
-        axis.set_xlim(-1, 1)
     axis.margins(x=0.08)
     axis.grid(visible=True, axis="x", color="0.9", linewidth=0.5)
     axis.set_axisbelow(True)

@@ -190,7 +190,7 @@ def _draw_panel(axes: Any, columns: Columns, facts: Mapping[str, Any], layout: L
     if logarithmic:
         by_factors(axes.xaxis, columns[layout.x].min(), columns[layout.x].max())
     view = view_of(layout.x, logarithmic, *inches)
-    felt = _shows_felt(columns, layout)
+    felt = _shows_felt(columns, facts, layout)
     curves = _curves(members, view, facts, "hand" in columns)
     for number, (look, curve) in enumerate(zip(looks, curves, strict=True)):
         shift = _APART * (number - (len(looks) - 1) / 2)
@@ -211,8 +211,12 @@ def _curves(members: Sequence[Columns], view: Any, facts: Mapping[str, Any], han
     return [curve for member in members for curve in curves_of([member], view, facts)]
 
 
-def _shows_felt(columns: Columns, layout: Layout) -> bool:
-    return layout.x == "B_VE" and str(columns["along"][0]) == "K_VE" and "hand" not in columns and felt_differs(columns)
+def _shows_felt(columns: Columns, facts: Mapping[str, Any], layout: Layout) -> bool:
+    """Whether the hand feels other stiffnesses at the limits, some of which the panels show."""
+    if layout.x != "B_VE" or str(columns["along"][0]) != "K_VE" or "hand" in columns or not felt_differs(columns):
+        return False
+    low, high = _view(columns, facts)
+    return bool(((columns["felt_high"] >= low) & (columns["felt_high"] <= high)).any())
 
 
 def _view(columns: Columns, facts: Mapping[str, Any]) -> tuple[float, float]:
@@ -222,7 +226,8 @@ def _view(columns: Columns, facts: Mapping[str, Any]) -> tuple[float, float]:
     Space that is not swept is not shown otherwise: it would pass for unstable.
     """
     swept = swept_range(facts, str(columns["along"][0]))
-    bottom, top = np.nanmin(columns["low"], initial=0.0), np.nanmax(columns["high"], initial=0.0)
+    top = np.nanmax(columns["high"], initial=0.0)
+    bottom = np.nanmin(columns["low"], initial=swept[0] if 0 < swept[0] < top else 0.0)
     room = 0.06 * (top - bottom)
     lowest = range_end(columns, "low")
     if lowest is not None:
@@ -290,7 +295,7 @@ def _entries(
         )
         names = [valued(layout.family, value, facts) for value in layout.members]
         handles = handles_of([name + _extent(each, bottom) for name, each in zip(names, rows, strict=True)])
-    if layout.x is not None and _shows_felt(columns, layout):
+    if layout.x is not None and _shows_felt(columns, facts, layout):
         alone = HANDS["free"][0].colour if layout.family is None else "0.3"
         handles.append(Line2D([], [], color=alone, linestyle=FELT_LINE, linewidth=0.8, label="stiffness felt at the limit"))
     if best:
@@ -313,7 +318,8 @@ def _in_words(best: Mapping[str, Any], facts: Mapping[str, Any], sure: str) -> s
     over = "" if best["high_omega"] == best["high_omega"] else "over "
     felt = best.get("felt_high", np.nan)
     if along != "K_VE" or not abs(felt - best["high"]) > 0.005 * best["high"]:
-        return f"largest{sure}: {over}{best['high']:.5g} {unit(along, facts)}".rstrip()
+        start = f", from {best['low']:.5g}" if best.get("interval", 0) > 0 else ""  # above a hole, and perhaps thin
+        return f"largest{sure}: {over}{best['high']:.5g} {unit(along, facts)}".rstrip() + start
     return f"stiffest felt{sure and ','}{sure}: {felt:.4g} N/m, of a wall of {over}{best['high']:.5g}"
 
 

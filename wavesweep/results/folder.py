@@ -95,7 +95,9 @@ def _changed(old: Mapping[str, Any], new: Mapping[str, Any], key: str) -> Iterat
 def _numbers(facts: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield the keys of the specs of a run, the short ones if there are some, and their values."""
     short = {path: symbol for symbol, path in SYMBOLS.items()}
-    several = facts.get("specs")
+    several, along = facts.get("specs"), facts.get("along")
+    if isinstance(along, Mapping):  # of `why`, which an option may name
+        yield "along", along.get("name")
     for name, tables in (several if several and isinstance(several, Mapping) else {"": facts.get("spec")}).items():
         if not isinstance(tables, Mapping):  # a package that somebody has changed
             continue

@@ -8,7 +8,7 @@ from wavesweep.seeking.family import Scenario
 from wavesweep.spec import Spec
 from wavesweep.spec.design import Design, Wish
 
-UNKNOWN = 10.0  # violation of a value that is missing or not certified, above that of most that are
+MOST = 10.0  # what the violation of one bound counts at most, as a share of it; values that are not known count more than all
 LEAST = 1e-9  # of a quantity of which the logarithm is an objective
 BY_RATIO = ("z_width", "felt")  # quantities that count by their ratios
 
@@ -22,8 +22,8 @@ def margin(wish: Wish, value: np.ndarray) -> np.ndarray:
 def judged(design: Design, records: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Return objectives to be made small, `(designs, objectives)`, and violations, `(designs,)`.
 
-    A violation is 0 if all bounds are kept and all values are certified. Without a free wish the objective is the smallest
-    margin with its sign reversed.
+    A violation is 0 if all bounds are kept and all values are certified; a design with fewer values that are missing or not
+    certified has the smaller one. Without a free wish the objective is the smallest margin with its sign reversed.
     """
     free = [wish for wish in design.wishes if wish.bound is None]
     bounded = [wish for wish in design.wishes if wish.bound is not None]
@@ -34,16 +34,21 @@ def judged(design: Design, records: Mapping[str, np.ndarray]) -> tuple[np.ndarra
     margins = []
     for wish in bounded:
         kept = margin(wish, records[wish.name])
-        margins.append(np.where(np.isnan(kept), -UNKNOWN, kept))
-        violation += np.maximum(-margins[-1], 0.0)
+        margins.append(np.where(np.isnan(kept), -np.inf, kept))
+        by = np.maximum(-kept, 0.0)
+        violation += np.where(np.isnan(by), MOST, MOST * by / (MOST + by))
     for wish in design.wishes:
-        unknown = np.isnan(records[wish.name]) | ~records[f"{wish.name}_certified"]
-        if wish.name in BY_RATIO:  # a design that can render no wall is none
-            unknown |= records[wish.name] <= 0
-        violation += np.where(unknown, UNKNOWN, 0.0)
+        unknown = _missing(wish, records) | ~records[f"{wish.name}_certified"]
+        violation += np.where(unknown, MOST * len(design.wishes), 0.0)
     if not free:
         objectives = [-np.min(margins, axis=0)]
     return np.stack(objectives, axis=1), violation
+
+
+def _missing(wish, records):
+    """Where there is no value; a design that can render no wall is none."""
+    value = records[wish.name]
+    return np.isnan(value) | ((value <= 0) & (wish.name in BY_RATIO))
 
 
 def _objective(wish, value):
@@ -68,7 +73,9 @@ def miss(spec: Spec, records: np.ndarray, scenarios: Sequence[Scenario], units: 
         parts.append(f"{wish.name} {said}{f' with {place}' if place and wish.bound is not None else ''}")
     against = _against(design, records)
     bounded = any(wish.bound is not None for wish in design.wishes)
-    wanted = "meets all bounds" if bounded else "has a value for every wish, as a loop that is unstable has none"
+    missing = any(bool(_missing(wish, records)[at]) for wish in design.wishes)
+    value = "value for every wish, as a loop that is unstable has none" if missing else "certified value for every wish"
+    wanted = "meets all bounds" if bounded else f"has a {value}"
     return f"no design of {len(records)} {wanted}; the nearest has {'; '.join(parts)}{against}"
 
 

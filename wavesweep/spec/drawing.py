@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from itertools import product
 
@@ -88,6 +88,20 @@ class Drawing:
     hand: tuple[str, Terms, Terms | None] | None = None
     wall: tuple[str, ...] | None = None
     turns: bool = False
+    hashed: int = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self):
+        """Hash the trees once, since a drawing is looked up again and again."""
+        object.__setattr__(self, "hashed", hash(self._parts()))
+
+    def __hash__(self) -> int:
+        return self.hashed
+
+    def __reduce__(self):
+        return type(self), self._parts()  # another process has other hashes
+
+    def _parts(self):
+        return tuple(getattr(self, each.name) for each in fields(self) if each.init)
 
     def trees(self) -> Iterator[tuple[str, Tree]]:
         """Yield the path of the key and the tree for each number of the drawing."""
@@ -107,6 +121,11 @@ class Drawing:
     def shaping(self) -> frozenset[str]:
         """Names of the numbers on which the structure of the loop depends."""
         return _shaping(self)
+
+    @property
+    def rating(self) -> frozenset[str]:
+        """Names of the numbers that the rate of the tick follows from."""
+        return frozenset(name for name, _ in names_in(self.tick_hz))
 
     @property
     def names(self) -> Names:
@@ -180,7 +199,7 @@ class Drawing:
 
 @lru_cache(maxsize=64)  # a compiled loop is asked again and again
 def _shaping(drawing: Drawing) -> frozenset[str]:
-    keys = [tree for path, tree in drawing.trees() if path == RATE or decides(path)]
+    keys = [tree for path, tree in drawing.trees() if decides(path)]
     return frozenset(name for tree in keys for name, _ in names_in(tree))
 
 
@@ -188,7 +207,7 @@ def _shaping(drawing: Drawing) -> frozenset[str]:
 def _names(drawing: Drawing) -> Names:
     keys = {}
     if drawing.tick_hz == ("name", RATE, 0):
-        keys[RATE] = replace(TICK_HZ, path=RATE, required=False, shaping=True)
+        keys[RATE] = replace(TICK_HZ, path=RATE, required=False)
     for name, unit, description in drawing.numbers:
         kind = "integer" if name in drawing.whole else "number"
         path = path_of(name)

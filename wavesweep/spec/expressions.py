@@ -156,10 +156,22 @@ def text_of(tree: Tree, least: int = 0) -> str:
         return "pi" if parts[0] == math.pi else short if float(short) == parts[0] else repr(parts[0])
     if operation == "sqrt":
         return f"sqrt({text_of(parts[0])})"
+    if operation in ("*", "/") and (unsigned := _unsigned(tree)) is not None:
+        return text_of(("negative", unsigned, tree[-1]), least)
     rank, sides, sign = _RANKS[operation]
     text = sign.join(text_of(part, side) for part, side in zip(parts, sides, strict=True))
     text = f"-{text}" if operation == "negative" else text
     return text if rank >= least else f"({text})"
+
+
+def _unsigned(tree: Tree) -> Tree | None:
+    """Return a product or quotient without the sign of its first factor, which is left out if it is -1; None without one."""
+    operation, first = tree[0], tree[1]
+    if operation == "negative":
+        return first
+    if operation not in ("*", "/") or (inner := _unsigned(first)) is None:
+        return None
+    return tree[2] if operation == "*" and inner[:2] == ("number", 1.0) else (operation, inner, *tree[2:])
 
 
 # Rank of an operation, the ranks that its parts need, and its sign.

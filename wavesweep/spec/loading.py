@@ -118,7 +118,8 @@ def _overlap(one: Path, other: Path) -> bool:
 
 
 def _build(name: str, path: str | None, leaves: dict[Path, Leaf], place: Place, mistakes: list[Mistake]) -> Spec:
-    if any(each[0] in MARKS for each in leaves):
+    tables = {each[0] for each in leaves}
+    if tables & {*MARKS} or ("controller" not in tables and tuple(RATE.split(".")) in leaves):
         return _drawn(name, path, leaves, place, mistakes)
     belongs = sort_leaves(leaves)
     given = Given(belongs.loop, place)

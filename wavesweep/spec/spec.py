@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -11,7 +11,7 @@ from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.design import Design
 from wavesweep.spec.drawing import RATE, Drawing, path_of, resolve_drawn, written
-from wavesweep.spec.keys import BUILT_IN, DEVICE_EFFECTS, KEYS, SIMULATE_KEYS, SYMBOLS, TURNED, Names
+from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, DEVICE_EFFECTS, KEYS, SIMULATE_KEYS, SYMBOLS, TURNED, Names
 from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.resolving import Given, resolve
 from wavesweep.spec.studies import Experiment, Studies, axis_fault
@@ -47,6 +47,16 @@ class Spec:
         """
         device = self._given.device()
         return frozenset((*self._given.leaves, *self._studies.experiment.given, *(device.numbers if device else ())))
+
+    def builds(self, path: str, changes: Iterable[str]) -> bool:
+        """Return whether a number decides how the loop is built, or others follow from it: then it is none to vary smoothly.
+
+        So is the fast rate if a ratio follows from it and a slow rate, or a filter from the edges of its band. path: of the
+        number. changes: paths that are given besides the spec's own.
+        """
+        given = (*self._given.leaves, *changes)
+        alone = not any(each == "rates.slow_hz" or each.rpartition(".")[2] in BAND_EDGES for each in given)
+        return self.names.keys[path].structural and not (path == "rates.fast_hz" and alone)
 
     @property
     def preset(self) -> str | None:
@@ -265,11 +275,11 @@ def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tupl
     fault = axis_fault(name, spec.names)
     if fault:
         raise SpecError([Mistake("", "along", "the name of a numeric key", *fault)])
-    path, structural = spec.names.find(name).path, spec.names.find(name).structural
+    path = spec.names.find(name).path
     others = tuple(axis for axis in spec.sweep if axis.path != path and (axis.values or not swept))
     wanted = [axis for axis in spec.sweep if axis.path == path and (swept or axis.start < axis.stop)]
     wanted = wanted or _default_axes(spec, name, path, about=not swept)
-    if structural:
+    if spec.builds(path, [axis.path for axis in spec.sweep]):
         raise UsageError(no_axis(spec, name))
     if not wanted or not wanted[0].start < wanted[0].stop:
         expected = f"a span to search, `{name} = {{ start = ..., stop = ... }}` in [sweep]"
@@ -280,6 +290,11 @@ def sweep_axes(spec: Spec, along: str | None = None, swept: bool = True) -> tupl
 
 def no_axis(spec: Spec, name: str) -> str:
     """Return the message that a number has no intervals, since it decides how the loop is built; spec, name: of the axis."""
+    if name == "rates.fast_hz":
+        return (
+            f"intervals along {name}: expected a ratio of the rates, and filters by order and cutoff, found a slow rate or the "
+            "edges of a band, with which a ratio or an order jumps; give rates.ratio, or order and cutoff_hz"
+        )
     return (
         f"intervals along {name}: expected a number that the loop varies with smoothly, found one that decides "
         f"how it is built; sweep it as values ({name} = [...]) and look along another axis"

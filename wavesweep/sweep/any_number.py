@@ -8,10 +8,10 @@ from wavesweep.analysis.doubt import NONE
 from wavesweep.analysis.intervals import Intervals, stable_along_any
 from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.spectrum import count_outside
-from wavesweep.diagram import WALL, draw
+from wavesweep.diagram import WALL, draw, keys_read
 from wavesweep.lifted import close, cut_at_wall, with_batch
 from wavesweep.lifted.cut import moves_on, wall_pivot
-from wavesweep.sweep.grid import selected
+from wavesweep.sweep.grid import FAST, selected
 
 TINY = 1e-300  # in place of a zero, which would take a state out of the loop
 
@@ -36,18 +36,19 @@ def along_any_number(task, values, own):
             return Frames(close(cuts, *there), (cuts.pivot * wall_pivot(cuts, *there))[:, None], cuts.condition)
 
     rate = np.broadcast_to(np.asarray(values["rates.fast_hz"], float), (size,))
-    period, bounds = np.repeat(draw(values).ratio / rate, walls), _bounds(task, rate)
+    period, bounds = np.repeat(draw(values).ratio / rate, walls), [np.repeat(end, walls) for end in _bounds(task, values, rate)]
     restless = np.flatnonzero(_restless(task, values, own))
     if restless.size:  # their numbers have to agree
         restless = restless[~count_outside(evaluate(restless, np.full(restless.size, sum(task.span) / 2)).E)[1]]
     if not restless.size:
-        return stable_along_any(evaluate, task.span, size * walls, period, bounds)
+        return _in_own_time(task, stable_along_any(evaluate, task.span, size * walls, period, bounds), rate, walls)
     open_, found = np.setdiff1d(np.arange(size * walls), restless), [_nowhere(restless)]
     if open_.size:
-        part = stable_along_any(lambda column, p: evaluate(open_[column], p), task.span, open_.size, period[open_], bounds)
+        between = [end[open_] for end in bounds]
+        part = stable_along_any(lambda column, p: evaluate(open_[column], p), task.span, open_.size, period[open_], between)
         found.append(replace(part, column=open_[part.column]))
     whole = Intervals.join(found)
-    return whole.take(np.argsort(whole.column, kind="stable"))
+    return _in_own_time(task, whole.take(np.argsort(whole.column, kind="stable")), rate, walls)
 
 
 def _restless(task, values, own):
@@ -84,9 +85,23 @@ def _different(loop, p):
     return order[new], back
 
 
-def _bounds(task, rate):
-    """The bounds of the parameter; a cutoff may go half way from the span to half the fast rate (Hz)."""
-    low, high = task.bounds
+def _bounds(task, values, rate):
+    """The bounds of the parameter in each loop: a cutoff may go half way from the span to half the fast rate (Hz), and so may
+    that rate to twice the cutoffs."""
+    low, high = (np.broadcast_to(end, rate.shape) for end in task.bounds)
     if task.along.endswith("cutoff_hz"):
-        high = min(high, (task.span[1] + rate.min() / 2) / 2)
+        high = np.minimum(high, (task.span[1] + rate / 2) / 2)
+    if task.along == FAST:
+        for path in keys_read(values):
+            name, _, key = path.rpartition(".")
+            if key == "cutoff_hz" and values[f"{name}.order"]:  # of order 0 it is no filter
+                low = np.maximum(low, (task.span[0] + 2 * values[path]) / 2)
     return low, high
+
+
+def _in_own_time(task, found, rate, walls):
+    """The intervals, each omega of one along the fast rate with the rate at its end."""
+    if task.along != FAST:
+        return found
+    own = rate[found.column // walls]
+    return replace(found, low_omega=found.low_omega * (found.low / own), high_omega=found.high_omega * (found.high / own))

@@ -24,8 +24,8 @@ from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.lifted.tick_drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
 from wavesweep.spec.checking import show
-from wavesweep.spec.drawing import OF_PLANT, Drawing
-from wavesweep.sweep.grid import groups, selected
+from wavesweep.spec.drawing import OF_PLANT, Drawing, path_of
+from wavesweep.sweep.grid import distinct_rows, groups, selected
 
 Groups = tuple[tuple[np.ndarray, Mapping[str, object]], ...]
 SURE = 1e-6  # relative error up to which a stiffness counts as known
@@ -67,10 +67,17 @@ def _unsolvable(drawing, items):
 
 
 def drift_of(
-    drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], out: str = "", watched=(), actual: bool = False
+    drawing: Drawing,
+    values: Mapping[str, object],
+    own: Mapping[str, float],
+    out: str = "",
+    watched=(),
+    beside: str = "",
+    *,
+    actual: bool = False,
 ) -> TickDrift:
     """The drift of loops of one structure; see `tame_pair` and `drift_of_drawn`."""
-    return _drift(*tame_pair(drawing, values, own, out, actual), tuple(watched))
+    return _drift(*tame_pair(drawing, values, own, out, beside, actual=actual), tuple(watched))
 
 
 @lru_cache(maxsize=256)  # twins of the same structure are the same objects
@@ -151,7 +158,13 @@ def felt_of(drawing: Drawing | Uneven, values: Mapping[str, object], own: Mappin
             with suppress(IllPosedLoopError):  # of direct terms through blocks that need not run together
                 found = resting(drawn, ports).stiffness(np.arange(size), np.zeros(size))
         unknown = np.flatnonzero(np.isnan(found))
-        if unknown.size:
+        rates = {path: values[path] for path in _rating(drawing) if np.ndim(values[path])}
+        if drift.folded and rates:  # what drifts may depend on the rate: the loops of each one by themselves
+            first, of = distinct_rows(selected(rates, unknown), unknown.size)
+            for number, at in enumerate(unknown[first].tolist()):
+                some, one = unknown[of == number], {path: rate[at].item() for path, rate in rates.items()}
+                found[some] = felt_of(drawing, selected(values, some) | one, {**own, **one}, some.size)
+        elif unknown.size:
             some = drawn if unknown.size == size else assembled(drawing, selected(values, unknown))
             with named_loops(drawn):
                 _, stiffness, _, unsure = static_port_response(port_of(some, ports, drift), twice=False)
@@ -167,9 +180,14 @@ def felt_of(drawing: Drawing | Uneven, values: Mapping[str, object], own: Mappin
 
 def watched_drift(drawing: Drawing | Uneven, values: Mapping[str, object], own: Mapping[str, object]) -> TickDrift:
     """The drift as the hand's port sees it."""
-    ports = hand_of(drawing)
-    shape = {path: max(np.ravel(v), key=abs) if np.ndim(v) else v for path, v in values.items()}
+    ports, kept = hand_of(drawing), _rating(drawing)
+    shape = {path: max(np.ravel(v), key=abs) if np.ndim(v) and path not in kept else v for path, v in values.items()}
     return drift_of(drawing, shape, own, watched=(ports.position, *((ports.reaction,) if ports.reaction else ())))
+
+
+def _rating(drawing):
+    """The paths of the numbers that the rate of the tick follows from."""
+    return [] if isinstance(drawing, Uneven) else [path_of(name) for name in drawing.rating]
 
 
 def ports_of_groups(drawing: Drawing | Uneven, parts: Groups, own: Mapping[str, object]) -> Iterator[tuple[int, Port]]:

@@ -3,90 +3,50 @@
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from math import prod
 
 import numpy as np
 
-from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING
-from wavesweep.analysis.intervals import Intervals, stable_along_any, stable_intervals
+from wavesweep.analysis.doubt import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING
+from wavesweep.analysis.intervals import Intervals, joined, stable_along_any
 from wavesweep.analysis.intervals.any_parameter import BENT, FROM_ZERO
+from wavesweep.analysis.intervals.crossings import SLIVER
 from wavesweep.analysis.intervals.frames import Frames
+from wavesweep.analysis.intervals.polishing import ATTACHED
 from wavesweep.analysis.intervals.shaken import shaken
-from wavesweep.analysis.response.port import Ports
 from wavesweep.analysis.response.resting import Resting, resting
-from wavesweep.analysis.response.resting_frame import resting_frame, shows_at_rest
 from wavesweep.diagram import WALL
 from wavesweep.diagram.assembly import (
     FACTOR,
     PRODUCT,
     assembled,
+    gains,
+    rate_of,
     refuse_unsuitable,
     scalar_place,
     seen_by_hand,
     tame_pair,
 )
 from wavesweep.diagram.domain import bends_at_zero, domains, guards_at
-from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.lifted import Cut, with_batch
-from wavesweep.lifted.number import OpenFrame, cancels_between_ticks, cut_of, open_frame
+from wavesweep.lifted import with_batch
 from wavesweep.lifted.open_ticks import OpenTicks, facts_of
-from wavesweep.lifted.periodic import GROWN, LOST, growth_of, ticks_of
-from wavesweep.lifted.rounding import CANCELLED, frame_and_cancellation, hidden_in, sizes_in_all, turned
+from wavesweep.lifted.periodic import GROWN, LOST, ticks_of
+from wavesweep.lifted.rounding import CANCELLED, hidden_in, measured_frame, sizes_in_all, turned
 from wavesweep.lifted.tick_drift import TickDrift, closed, errors_of_closed, filled, opposed, without_drift
-from wavesweep.spec.drawing import Drawing, name_of, path_of
+from wavesweep.spec.drawing import Drawing, name_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.sweep.any_number import TINY
 from wavesweep.sweep.apart import apart, common
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
-from wavesweep.sweep.grid import selected
+from wavesweep.sweep.grid import distinct, selected
+from wavesweep.sweep.open_loops import Opened, varied_beside
 from wavesweep.sweep.tasks import FELT, felt_at_ends, records_of
 
-
-def exact_cut(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], number: str) -> Cut | None:
-    """The loops cut at a number that is one scalar gain of a frame; None if it is not one."""
-    found = open_loops(drawing, values, own, number)
-    return found and cut_of(found.frame, found.drift)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class OpenLoops:
-    """Loops without a number that is one scalar gain of their frame, with their hand if the frame may show its force."""
-
-    drawn: Drawn
-    frame: OpenFrame
-    drift: TickDrift
-    hand: Ports | None = None
-
-    def at_rest(self) -> Resting | None:
-        """The loops as their hand feels them at rest; None without a hand, or if the frame does not tell."""
-        return self.hand and resting_frame(self.drawn, self.hand, self.frame, self.drift)
-
-
-def open_loops(
-    drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], number: str, *, felt: bool = False
-) -> OpenLoops | None:
-    """The loops without a number that is one scalar gain of a frame; None if it is not one. felt: whether to see their hand."""
-    if isinstance(drawing, Uneven) or not scalar_place(drawing, number):
-        return None
-    path = path_of(number)
-    values, own = {**values, path: 1.0}, {**own, path: 1.0}
-    if drift_of(drawing, values, own).folded:  # a conserved combination, which the cut loop would take for a crossing
-        return None
-    drift = drift_of(drawing, values, own, number, (FACTOR,))
-    if drift.folded:  # its factors depend on numbers, which may be the same in all loops
-        drift = drift_of(drawing, values, own, number, (FACTOR,), actual=True)
-    if drift.folded:
-        return None
-    drawn = assembled(drawing, values, number)
-    hand = hand_of(drawing) if felt and feels(drawing) and not seen_by_hand(drawing, number) else None
-    if hand and not shows_at_rest(drawn, hand, (FACTOR,)):
-        hand = None
-    with named_loops(drawn), np.errstate(all="ignore"):
-        seen = (hand.force, (hand.reaction,)) if hand else ("", ())
-        frame = open_frame(drawn, PRODUCT, (FACTOR,), *seen)
-    return frame and OpenLoops(drawn, frame, drift, hand)
+STRAIGHT = 1e-3  # of its mean, by how much a slope may vary that is one
+STILL, NEXT = 100.0, 1e-12  # of its change, how far an eigenvalue has to be from the circle; and from rounding
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +55,7 @@ class DrawnTask:
 
     groups: see `IntervalTask`. own: the spec's values. bounds: all loops exist between these values of the number. If this
     is one scalar gain of a frame, it is cut out; otherwise its intervals are found by panels. felt: give the stiffness that a
-    hand feels at the ends too.
+    hand feels at the ends too. checked: whether the numbers are known to make loops.
     """
 
     drawing: Drawing
@@ -105,35 +65,80 @@ class DrawnTask:
     groups: Groups
     own: Mapping[str, float]
     felt: bool = True
+    checked: bool = False
 
     def records(self) -> np.ndarray:
         """The intervals as records, with the stiffness that a hand feels."""
         parts, slices = [], []
-        for _, values in self.groups:
+        for _, values in () if self.checked else self.groups:
             refuse_unsuitable(self.drawing, values)
-        opened = [open_loops(self.drawing, values, self.own, self.number, felt=self.felt) for _, values in self.groups]
-        for (members, values), each in zip(self.groups, opened, strict=True):
+        opened = self._opened()
+        for members, values, each in opened:
             parts.append(self._intervals(values, members.size, each))
             slices.append(members[parts[-1].column])
         slices = np.concatenate(slices)
         order = np.argsort(slices, kind="stable")
         records = records_of(replace(Intervals.join(parts), column=slices).take(order))
         records["felt_low"] = records["felt_high"] = np.nan
-        for (members, values), each in zip(self.groups, opened, strict=True) if self.felt and feels(self.drawing) else ():
-            rows = np.flatnonzero(np.isin(records["slice"], members) & (records["intervals"] > 0))
+        for members, values, each in opened if self.felt and feels(self.drawing) else ():
+            rows = np.flatnonzero(records["intervals"] > 0)
+            rows = rows[np.isin(records["slice"][rows], members)] if len(opened) > 1 else rows
             at = np.searchsorted(members, records["slice"][rows])
-            known = (each and each.at_rest()) or self._resting(values)
+            known = each if each and each.loops.at_rest else self._resting(values)
             if known is not None:
-                for name, end in zip(FELT, ("low", "high"), strict=True):
-                    records[name][rows] = known.stiffness(at, records[end][rows])
+                ends = np.concatenate([records[end][rows] for end in ("low", "high")])
+                both = known.stiffness(np.tile(at, 2), ends)
+                if known is each and each.loops.beside and np.isnan(both).any():
+                    both = self._felt_alone(values, np.tile(at, 2), ends, both)
+                for name, part in zip(FELT, np.split(both, 2), strict=True):
+                    records[name][rows] = part
                 unknown = np.flatnonzero(np.isnan([records[name][rows] for name in FELT]).any(0))
                 rows, at = rows[unknown], at[unknown]
 
             def stiffness(some, p, values=values, at=at):
-                return felt_of(self.drawing, selected(values, at[some]) | {self.along: p}, self.own, p.size)
+                found, columns = np.empty(p.size), at[some]
+                for part in distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], p.size):
+                    of = selected(values, columns[part]) | {self.along: p[part]}
+                    found[part] = felt_of(self.drawing, of, self.own, part.size)
+                return found
 
-            felt_at_ends(records, rows, stiffness)
+            if rows.size:
+                felt_at_ends(records, rows, stiffness)
         return records
+
+    def _opened(self):
+        """The groups, and the loops of each without the number; those that such loops may have in common are one group."""
+        whole = self._with_zeros()
+        if whole:
+            opened = self.opened(whole[1], whole[0].size)
+            if opened and opened.loops.beside:
+                return [(*whole, opened)]
+        return [(members, values, self.opened(values, members.size)) for members, values in self.groups]
+
+    def _with_zeros(self):
+        """Two groups as one, that are apart since a number which loops may be without is 0 in one of them; else None."""
+        if len(self.groups) != 2:
+            return None
+        (first, one), (second, other) = self.groups
+        arrays = [path for path, v in one.items() if np.ndim(v)]
+        zero = [path for path in arrays if np.any(one[path]) != np.any(other[path])]
+        alike = all(one[path] == other[path] for path in one.keys() - {*arrays})
+        if not alike or zero != [varied_beside(self.drawing, one, self.number)]:
+            return None
+        if any(len(apart(self.drawing, self._silent(values))) > 1 for values in (one, other)):
+            return None
+        members = np.concatenate([first, second])
+        order = np.argsort(members)
+        return members[order], one | {path: np.concatenate([one[path], other[path]])[order] for path in arrays}
+
+    def _felt_alone(self, values, at, ends, known):
+        """The stiffness felt of slices `at` if the number has these values, from their own loops where it is not known yet."""
+        unknown = np.flatnonzero(np.isnan(known) & ~np.isnan(ends))
+        for columns in _by_zeros(values, np.unique(at[unknown])):
+            alone, some = self._alone(selected(values, columns), columns.size), unknown[np.isin(at[unknown], columns)]
+            if alone and alone.loops.at_rest:
+                known[some] = alone.stiffness(np.searchsorted(columns, at[some]), ends[some])
+        return known
 
     @property
     def number(self) -> str:
@@ -168,23 +173,27 @@ class DrawnTask:
             return self.connected(values, size, None)
         domains(self.drawing, values, self.along, self.span, size)  # of what leads from one part to another, too
         alone = [replace(self, drawing=part) for part in parts]
-        return common([part.connected(values, size, part.opened(values)) for part in alone])
+        return common([part.connected(values, size, part.opened_or_none(values, size)) for part in alone])
 
     def _silent(self, values):
         """The ports and signals of the terms whose gain is 0 in every loop, since numbers that it is made of are 0."""
         known = values | {self.along: 1.0}
-        sums = [drawn.sums for drawn in (assembled(self.drawing, known), *tame_pair(self.drawing, known, self.own))]
-        gains = ((port, signal, gain) for port, terms in self.drawing.wires for signal, gain in terms)
-        return frozenset(
-            (port, signal)
-            for port, signal, gain in gains
-            if self.number not in dict(names_in(gain)) and not any(np.any(each[port][signal]) for each in sums)
-        )
+        few = _without_gain(self.drawing, *tame_pair(self.drawing, known, self.own), self.number)
+        sums = gains(self.drawing, known) if few else {}
+        return frozenset((port, signal) for port, signal in few if not np.any(sums[port][signal]))
 
-    def opened(self, values) -> OpenLoops | None:
-        """The loops without the number, None as well if they have no solution at 0 of it, which may be beyond the range."""
+    def opened(self, values, size: int) -> Opened | None:
+        """The loops of `size` slices without the number, see `Opened`; None if it is not one scalar gain of a frame."""
+        return Opened.of(self.drawing, values, self.own, self.number, size, felt=self.felt)
+
+    def _alone(self, values, size):
+        """The same, a loop for every slice."""
+        return Opened.alone(self.drawing, values, self.own, self.number, size, felt=self.felt)
+
+    def opened_or_none(self, values, size: int) -> Opened | None:
+        """The same, None as well if the loops have no solution at 0 of the number, which may be beyond the range."""
         with suppress(IllPosedLoopError):
-            return open_loops(self.drawing, values, self.own, self.number)
+            return self.opened(values, size)
         return None
 
     def _drift_alike(self, values, parts):
@@ -200,25 +209,51 @@ class DrawnTask:
     def connected(self, values, size, opened) -> Intervals:
         """The intervals of loops that are one piece; opened: without the number, see `open_loops`."""
         found = self._searched(values, size, opened)
-        drifts = [drift_of(self.drawing, values | {self.along: 1.0}, self.own), *([opened.drift] if opened else [])]
+        drifts = [drift_of(self.drawing, values | {self.along: 1.0}, self.own), *([opened.loops.drift] if opened else [])]
         return _unknown(found, np.ones(found.column.size, bool)) if any(drift.vague for drift in drifts) else found
 
     def _searched(self, values, size, opened):
-        """The same, if the drift is one."""
-        cut = opened and cut_of(opened.frame, opened.drift)
-        if cut is not None:
-            cut = with_batch(cut, size)
-            found = stable_intervals(cut, "K_VE", self.span, np.zeros((size, 1)))
-            hidden = np.broadcast_to(hidden_in(opened.frame.ticks, opened.frame.growth), size)[found.column]
-            hidden |= np.broadcast_to(turned(opened.frame.E, sizes_in_all(opened.frame.ticks)), size)[found.column]
-            open_ = np.broadcast_to(cancels_between_ticks(opened.frame), size)[found.column]
-            if (open_ & ~hidden).any():  # these terms may be nothing beside those that the number closes
-                low, high = self._ends(found)
-                places = np.stack([low, low / 2 + high / 2, high], axis=-1)
-                hidden |= open_ & self._loops(values).examined(found.column[:, None], places)[1].any(-1)
-            found = _doubted(found, cut.growth[found.column])
-            found = self._unshaken(found, hidden, lambda: self._loops(values), cut.period, values)
-            return _unknown(found, np.broadcast_to(opposed(opened.frame.ticks, opened.drift), size)[found.column])
+        """The same, if the drift is one; columns in which the search along the circle leaves a doubt are searched by panels."""
+        if opened is None or opened.loops.cut is None:
+            return self._by_panels(values, size)
+        found = self._by_cut(values, opened)
+        if not (found.doubt != NONE).any():
+            return found
+        if opened.loops.beside:  # each by itself
+            parts = [found.take(~np.isin(found.column, found.column[found.doubt != NONE]))]
+            for columns in _by_zeros(values, np.unique(found.column[found.doubt != NONE])):
+                few = selected(values, columns)
+                alone = self._searched(few, columns.size, self._alone(few, columns.size))
+                parts.append(replace(alone, column=columns[alone.column]))
+            whole = Intervals.join(parts)
+            return whole.take(np.argsort(whole.column, kind="stable"))
+        again = np.unique(found.column[np.isin(found.doubt, (COUNTS, CROWDED))])
+        if not again.size:
+            return found
+        other = self._by_panels(selected(values, again), again.size)
+        proved = np.setdiff1d(np.arange(again.size), other.column[other.doubt != NONE])
+        new = other.take(np.isin(other.column, proved))
+        whole = Intervals.join([found.take(~np.isin(found.column, again[proved])), replace(new, column=again[new.column])])
+        return whole.take(np.argsort(whole.column, kind="stable"))
+
+    def _by_cut(self, values, opened):
+        loops, size = opened.loops, int(opened.which.max()) + 1
+        cut = loops.alone if size == 1 else with_batch(loops.cut, size)
+        found = opened.intervals(cut, self.span)
+        of = opened.which[found.column]
+        hidden, cancels, wrong = (
+            np.broadcast_to(part, size)[of] for part in (loops.hidden, loops.frame.cancellation > CANCELLED, loops.opposed)
+        )
+        if (cancels & ~hidden).any():  # these terms may be nothing beside those that the number closes
+            some = np.flatnonzero(cancels & ~hidden)
+            few, values_of_few = found.take(some), selected(values, found.column[some])
+            hidden = hidden.copy()
+            hidden[some] = self._loops(values_of_few).examined(np.arange(some.size), self._places(few))[1].any(0)
+        found = _doubted(found, cut.growth[of])
+        found = self._unshaken(found, hidden, cut.period[opened.which], values)
+        return _unknown(found, wrong)
+
+    def _by_panels(self, values, size):
         loops = self._loops(values)
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
@@ -227,20 +262,33 @@ class DrawnTask:
         bounds = self.bounds if uneven else domains(self.drawing, values, self.along, self.span, size)
         found = stable_along_any(loops.frames, self.span, size, period, bounds, variable)
         if variable == FROM_ZERO:
-            found = self._beginning_at_one(found, values)
-        low, high = self._ends(found)
-        growth, hidden, wrong = loops.examined(found.column[:, None], np.stack([low, low / 2 + high / 2, high], axis=-1))
-        wrong = wrong.any(-1)
+            found = self._meeting_one_at_zero(found, values)
+        elif self.span[0] <= 0 <= self.span[1]:
+            found = self._from_zero(found, loops, period, bounds, values)
+        low, _, high = places = self._places(found)
+        growth, hidden, wrong = loops.examined(found.column, places)
+        wrong = wrong.any(0)
         for end, reached in zip(self.span, (low, high), strict=True):
             others = np.setdiff1d(found.column, found.column[reached == end])
             _, _, there = loops.examined(others, np.full(others.size, end)) if others.size else (None, None, np.zeros(0, bool))
             wrong |= np.isin(found.column, others[there])
-        found = self._unshaken(_doubted(found, growth.max(-1)), hidden.any(-1), lambda: loops, period, values)
+        found = self._unshaken(_doubted(found, growth.max(0)), hidden.any(0), period, values, loops)
+        found = found if uneven or self.number not in self.drawing.rating else self._in_own_time(found, values)
         return _unknown(found, wrong)  # at last, since it leaves a single row of a column
 
-    def _ends(self, found):
-        """The ends of each interval, or of the range in columns without one."""
-        return (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), self.span, strict=True))
+    def _in_own_time(self, found, values):
+        """Intervals along a number that the rate of the tick follows from, each omega with the rate at its end."""
+        own = rate_of(self.drawing, selected(values, found.column))
+        changed = {}
+        for end in ("low", "high"):
+            there = rate_of(self.drawing, selected(values, found.column) | {self.along: getattr(found, end)})
+            changed[f"{end}_omega"] = getattr(found, f"{end}_omega") * (there / own)
+        return replace(found, **changed)
+
+    def _places(self, found):
+        """Both ends and the middle of each interval, `(3, rows)`, or of the range in columns without one."""
+        low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), self.span, strict=True))
+        return np.stack([low, low / 2 + high / 2, high])
 
     def _variable(self):
         """How the number is followed; see `stable_along_any`."""
@@ -248,11 +296,51 @@ class DrawnTask:
             return BENT
         return FROM_ZERO if self.span[0] == 0 and bends_at_zero(self.drawing, self.along) else ""
 
-    def _beginning_at_one(self, found, values):
-        """Intervals that begin at 0 with an eigenvalue 1, if a drift of the loop is stopped by the number alone."""
-        if not self._stops_drift(values):
+    def _meeting_one_at_zero(self, found, values):
+        """Intervals that end at 0 with an eigenvalue 1, if a drift of the loop is stopped by the number alone.
+
+        An end is there if it is as near as ends are promised.
+        """
+        nothing = SLIVER * (self.span[1] - self.span[0])
+        near = {end: np.abs(getattr(found, end)) <= nothing for end in ("low", "high")}
+        if not any(map(np.any, near.values())) or not self._stops_drift(values):
             return found
-        return replace(found, low_omega=np.where(found.low == 0, 0.0, found.low_omega))
+        changed = {}
+        for end, at in near.items():
+            omega = getattr(found, f"{end}_omega")
+            changed[end] = np.where(at, 0.0, getattr(found, end))
+            changed[f"{end}_omega"] = np.where(at & ~(omega > 0), 0.0, omega)  # another mode may cross there as well
+        return replace(found, **changed)
+
+    def _from_zero(self, found, loops, period, bounds, values):
+        """Columns in doubt again, from 0 in both directions, if an eigenvalue is 1 there by the drawing.
+
+        An end at 0, which is known, is then none that has to be found. Within a range nothing else may cross so near to it that
+        the search from 0 gives it as 0.
+        """
+        again = np.unique(found.column[found.doubt != NONE])
+        if not again.size or not self._stops_drift(values):
+            return self._meeting_one_at_zero(found, values)
+        if self.span[0] < 0:
+            again = again[_alone_at_zero(loops.frames, again, ATTACHED * max(-self.span[0], self.span[1]))]
+        if not again.size:
+            return self._meeting_one_at_zero(found, values)
+        below, above = (np.broadcast_to(part, period.shape)[again] for part in bounds)
+        halves = []
+        for sign, reach, beyond in ((-1, -self.span[0], (-above, -below)), (1, self.span[1], (below, above))):
+            if reach > 0:
+                own = partial(_in_direction, loops.frames, again, sign)
+                half = stable_along_any(own, (0.0, reach), again.size, period[again], beyond, FROM_ZERO)
+                halves.append(half if sign > 0 else half.mirrored())
+        whole = joined(halves)
+        proved = np.ones(again.size, bool)
+        proved[whole.column[whole.doubt != NONE]] = False
+        # If stable intervals are on both sides of 0, the eigenvalue does not cross there.
+        proved[np.intersect1d(whole.column[whole.low == 0], whole.column[whole.high == 0])] = False
+        new = whole.take(proved[whole.column])
+        kept = found.take(~np.isin(found.column, again[proved]))
+        found = Intervals.join([kept, replace(new, column=again[new.column])])
+        return self._meeting_one_at_zero(found.take(np.argsort(found.column, kind="stable")), values)
 
     def _stops_drift(self, values):
         """Whether at 0 of the number, and only there, the loops have an eigenvalue that is exactly 1."""
@@ -263,19 +351,24 @@ class DrawnTask:
         drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
         return _Along(self.drawing, self.along, values, drift, self._open_ticks(values))
 
-    def _unshaken(self, found, hidden, loops, period, values):
+    def _unshaken(self, found, hidden, period, values, loops=None):
         """Intervals in doubt if rounding of terms that cancel could move them.
 
-        hidden: of which elements there are some; loops(): all loops of the batch.
+        hidden: of which elements there are some. loops: all of the batch, if they are known.
         """
         some = np.flatnonzero(hidden)
         if not some.size:
             return found
-        at_zero = (found.low[some] == 0) | (found.high[some] == 0)
-        loops, exact = loops(), 0.0 if at_zero.any() and self.span[0] < 0 and self._stops_drift(values) else np.nan
-        some = some[shaken(found.take(some), self.span, period, loops.errors, exact)]
-        if some.size and loops.open_ticks:  # closing a tick may lose more than connecting it with the number in its place
-            some = some[shaken(found.take(some), self.span, period, replace(loops, open_ticks=None).errors, exact)]
+        few = found.take(some)
+        if loops is None:
+            columns, column = np.unique(few.column, return_inverse=True)
+            few, loops, period = replace(few, column=column), self._loops(selected(values, columns)), period[columns]
+        at_zero = (few.low == 0) | (few.high == 0)
+        exact = 0.0 if at_zero.any() and self.span[0] < 0 and self._stops_drift(values) else np.nan
+        for each in (loops, replace(loops, open_ticks=None)) if loops.open_ticks else (loops,):
+            if some.size:  # closing a tick may lose more than connecting it with the number in its place
+                left = shaken(few, self.span, period, each.errors, exact)
+                some, few = some[left], few.take(left)
         return _in_doubt(found, found.column[some], np.full(some.size, ROUNDING))
 
 
@@ -306,7 +399,7 @@ class _Along:
 
     def examined(self, number, p) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The growth over a frame (see `growth_of`), whether terms cancel in or between its ticks or turn (see `hidden_in`,
-        `frame_and_cancellation`, `turned`), and whether the drift is one (see `opposed`).
+        `measured_frame`, `turned`), and whether the drift is one (see `opposed`).
 
         Loops of direct terms without a solution have a growth of 1.
         """
@@ -318,9 +411,8 @@ class _Along:
                 return np.ones(p.shape), *np.zeros((2, *p.shape), bool)
             each = [self.examined(*one) for one in _one_by_one(number, p)]
             return tuple(np.reshape(part, p.shape) for part in zip(*each, strict=True))
-        growth = growth_of(ticks.kind, [each.E for each in ticks.maps])
         with np.errstate(all="ignore"):
-            E, cancellation = frame_and_cancellation(ticks.kind, [each.E for each in ticks.maps])
+            E, growth, cancellation = measured_frame(ticks.kind, [each.E for each in ticks.maps])
             hidden = hidden_in(ticks, growth) | turned(E, sizes_in_all(ticks)) | (cancellation > CANCELLED)
         wrong = opposed(ticks, self.drift)
         if self.drift.folded:  # next to 0 of the number a factor may be beyond all digits
@@ -350,8 +442,52 @@ class _Along:
         return selected(self.values, number) | {self.along: p}
 
 
+def _by_zeros(values, columns):
+    """The columns whose numbers are zero alike, together."""
+    return [columns[part] for part in distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], columns.size)]
+
+
+@lru_cache(maxsize=256)  # twins of the same structure are the same objects
+def _without_gain(drawing, one, other, number):
+    """The ports and signals of the terms whose gain is 0 in both twins of a drawing, but for those that read the number."""
+    terms = ((port, signal, gain) for port, terms in drawing.wires for signal, gain in terms)
+    return tuple(
+        (port, signal)
+        for port, signal, gain in terms
+        if not any(np.any(each.sums[port][signal]) for each in (one, other)) and number not in dict(names_in(gain))
+    )
+
+
+def _alone_at_zero(frames, columns, reach):
+    """Whether only the eigenvalue that is 1 at 0 of the number crosses the circle up to `reach` on both sides, `(columns,)`.
+
+    So it is if that eigenvalue moves in proportion to the number, and the others move by a hundredth of their distance from the
+    circle at most, as far as four values of the number show, which is a small part of the range.
+    """
+    p = reach * np.repeat([-1.0, -0.5, 0.5, 1.0], columns.size)
+    with np.errstate(all="ignore"):
+        E = frames(np.tile(columns, 4), p).E
+        known = np.isfinite(E).all((-1, -2))
+        delta = np.linalg.eigvals(np.where(known[:, None, None], E, 0.0)).astype(complex)
+        order = np.argsort(np.abs(delta), axis=-1)
+        delta = np.take_along_axis(delta, order, axis=-1).reshape(4, columns.size, -1)
+        slope, others = (delta[..., 0] / p.reshape(4, -1)), delta[..., 1:]
+        mean = slope.mean(0)
+        alone = (slope.imag == 0).all(0) & (mean != 0) & (np.abs(slope - mean) <= STRAIGHT * np.abs(mean)).all(0)
+        moved = np.abs(others[:3, :, :, None] - others[3, :, None, :]).min(-1).max((0, 2), initial=0.0)
+        far = np.abs(np.abs(1 + others) - 1).min((0, 2), initial=np.inf)
+    return alone & (far > STILL * moved + NEXT) & known.reshape(4, -1).all(0)
+
+
+def _in_direction(frames, columns, sign, column, p):
+    """The frames of some columns at values p from 0 on in one direction."""
+    return frames(columns[column], sign * p)
+
+
 def _doubted(found, growth):
     """Intervals in doubt where stretches of ticks grow beyond the frame that they make; growth: of each, see `growth_of`."""
+    if (growth <= GROWN).all():
+        return found
     return _in_doubt(found, found.column, np.select([growth > LOST, growth > GROWN], [OVERFLOW, ROUNDING], NONE))
 
 

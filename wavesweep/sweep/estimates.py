@@ -33,9 +33,13 @@ def refuse_full_disk(folder: Path | None, jobs: Iterable[Job]) -> None:
     need, free = sum(map(expected_bytes, jobs)) - kept, free_bytes(place)
     if need > free:
         raise UsageError(
-            f"{folder.parent}: the run needs about {need / 1e9:.3g} GB, found {free / 1e9:.3g} GB free on this disk; name "
+            f"{folder.parent}: the run needs about {_size(need)}, found {_size(free)} free on this disk; name "
             "another folder for the results, or sweep fewer values"
         )
+
+
+def _size(count):
+    return f"{count / 1e9:.3g} GB" if count >= 1e9 else f"{count / 1e6:.3g} MB"
 
 
 PROBES = 6  # samples of the sweep

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from wavesweep.diagram.uneven import Uneven
     from wavesweep.spec.drawing import Drawing
 
+FAST = "rates.fast_hz"
 MOST = 1_000_000_000  # combinations, or rows: months of work, and hundreds of gigabytes
 MOST_DRAWN = 10_000  # combinations of axes that the loop is drawn anew for, each of which is checked before the work begins
 
@@ -194,29 +195,36 @@ def _flat(axes, digits, size):
     return np.ravel_multi_index([digits[axis.path] for axis in axes], tuple(len(axis.values) for axis in axes))
 
 
-def groups(spec: Spec, changes: Mapping[str, np.ndarray], size: int, resolved=None) -> Iterator[tuple[np.ndarray, dict]]:
+def groups(
+    spec: Spec, changes: Mapping[str, np.ndarray], size: int, resolved=None, *, rates: bool = False
+) -> Iterator[tuple[np.ndarray, dict]]:
     """Yield (members, values): indices into the `size` loops, and flat values with arrays for those in which they differ.
 
     changes: path -> value per loop. Loops of one group differ in floats only. If such a float is zero in one of them, it
     is zero in all, since a zero may take a branch out of the drawing. Whole numbers and keys that others derive from go
-    through the spec, once per distinct combination. resolved: a dict that remembers these from call to call.
+    through the spec, once per distinct combination. resolved: a dict that remembers these from call to call. rates: whether
+    the loops of a group may have different fast rates.
     """
-    structural = {path: column for path, column in changes.items() if not is_plain(spec, path)}
+    structural = {path: column for path, column in changes.items() if not is_plain(spec, path, changes if rates else None)}
     plain = {path: column for path, column in changes.items() if path not in structural}
     for members, settled in _by_structure(spec, structural, size, {} if resolved is None else resolved):
         zeros = [column[members] == 0 for column in plain.values()]
-        for part in _distinct(zeros, members.size):
+        for part in distinct(zeros, members.size):
             index = members[part]
             yield index, {**settled, **{path: column[index] for path, column in plain.items()}}
 
 
-def is_plain(spec, path) -> bool:
-    """Whether the key may have an array of floats in place of its value."""
-    return not spec.names.find(path).structural and isinstance(spec.values.get(path), float)
+def is_plain(spec, path, changes: Iterable[str] | None = None) -> bool:
+    """Whether the key may have an array of floats in place of its value.
+
+    changes: all paths that have one, if the fast rate may have one too, from which nothing follows then.
+    """
+    building = spec.names.find(path).structural if changes is None else spec.builds(path, changes)
+    return not building and isinstance(spec.values.get(path), float)
 
 
 def _by_structure(spec, structural, size, resolved):
-    for part in _distinct(list(structural.values()), size):
+    for part in distinct(list(structural.values()), size):
         first = {path: column[part[0]].item() for path, column in structural.items()}
         key = tuple(first.items())
         if key not in resolved:
@@ -224,11 +232,15 @@ def _by_structure(spec, structural, size, resolved):
         yield part, resolved[key]
 
 
-def _distinct(columns, size):
+def distinct(columns, size) -> list[np.ndarray]:
     """Indices of the rows that agree in all columns, in order of first appearance."""
-    if not columns or size < 2:
+    if size < 2 or all((column == column[0]).all() for column in columns):
         return [np.arange(size)] if size else []
-    _, label = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
+    if len(columns) == 1 and columns[0].dtype == bool:
+        like_first = columns[0] == columns[0][0]
+        return [np.flatnonzero(like_first), np.flatnonzero(~like_first)]
+    whole = columns[0] if len(columns) == 1 else np.stack(columns, axis=1)
+    _, label = np.unique(whole, axis=0 if len(columns) > 1 else None, return_inverse=True)
     label = label.reshape(-1)
     order = np.argsort(label, kind="stable")
     return sorted(np.split(order, np.flatnonzero(np.diff(label[order])) + 1), key=lambda part: part[0])

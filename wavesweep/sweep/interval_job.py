@@ -11,9 +11,9 @@ from wavesweep.diagram import WALL, draw, identity, items_of
 from wavesweep.errors import UsageError
 from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.spec import KEYS, Axis, Spec, no_axis, sweep_axes
-from wavesweep.spec.drawing import name_of
-from wavesweep.sweep.grid import Grid, groups, make_grid
-from wavesweep.sweep.job import Chunk, Job, cut_up, resolve_all, some_loops
+from wavesweep.spec.drawing import name_of, path_of
+from wavesweep.sweep.grid import FAST, Grid, groups, make_grid, selected
+from wavesweep.sweep.job import CHECKED, Chunk, Job, cut_up, resolve_all, some_loops
 from wavesweep.sweep.tasks import HAND_RECORD, RECORD, IntervalTask, Task
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 # panels, along any parameter but the wall.
 BY_POLYNOMIAL, BY_ARCS, BY_PANELS = 0.4e-6, 30e-6, 15e-6
 CROWDED = 24  # states
+STRUCTURES = 8  # of a sweep's loops, whose way is looked for
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,14 +31,15 @@ class IntervalJob(Job):
     """Stable intervals along `axis` for every slice of the grid, cut into chunks.
 
     guarantee: the hands for which the intervals are guaranteed; if None, they are those of the spec's own loop. bounds: the
-    values of the axis between which the loop exists. exact: whether the axis is one scalar gain of a frame, as the wall is.
+    values of the axis between which the loop exists. exact: whether the axis is one scalar gain of a frame, as the wall is;
+    None if it is so in some loops.
     """
 
     axis: Axis
     cut: Cut | None = None
     guarantee: "Guarantee | None" = None
     bounds: tuple[float, float] = (-np.inf, np.inf)
-    exact: bool = False
+    exact: bool | None = False
     rows: ClassVar[float] = 1.2  # some slices have several intervals
     row_bytes: ClassVar[int] = 160  # 130 in the CSV and 30 in the Parquet file, measured on sweeps of millions of rows
 
@@ -55,9 +57,10 @@ class IntervalJob(Job):
     def task(self, chunk: Chunk) -> Task:
         """The task of a worker for that chunk."""
         changes = self.grid.loop_values(np.arange(chunk.loops.start, chunk.loops.stop))
-        parts = groups(self.grid.spec, changes, len(chunk.loops), resolved=self.resolved)
+        parts = groups(self.grid.spec, changes, len(chunk.loops), self.resolved, rates=True)
         walls = self.grid.wall_values(np.arange(chunk.walls.start, chunk.walls.stop))
-        own = task_over(self.grid.spec, self.grid.drawing, self.axis, self.bounds, parts, walls, self.cut)
+        checked = self.grid.loops <= CHECKED
+        own = task_over(self.grid.spec, self.grid.drawing, self.axis, self.bounds, parts, walls, self.cut, checked=checked)
         return own if self.guarantee is None else self.guarantee.task(own)
 
     def columns(self, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
@@ -68,17 +71,19 @@ class IntervalJob(Job):
         return leading | {"along": np.full(records.size, self.axis.name, dtype=object)} | found
 
 
-def task_over(spec: Spec, drawing, axis: Axis, bounds, parts, walls: dict, cut: Cut | None = None) -> Task:
+def task_over(
+    spec: Spec, drawing, axis: Axis, bounds, parts, walls: dict, cut: Cut | None = None, *, checked: bool = False
+) -> Task:
     """The task for loops of the spec (`parts`, see `groups`), each closed with every wall.
 
-    drawing: see `loop_of`; a loop that has one has no further walls.
+    drawing: see `loop_of`; a loop that has one has no further walls. checked: whether its numbers are known to make loops.
     """
     span = (float(axis.start), float(axis.stop))
     if drawing is None:
         return IntervalTask(axis.path, span, bounds, tuple(parts), walls, cut)
     from wavesweep.sweep.drawn_task import DrawnTask
 
-    return DrawnTask(drawing, axis.path, span, bounds, tuple(parts), dict(spec.values))
+    return DrawnTask(drawing, axis.path, span, bounds, tuple(parts), dict(spec.values), checked=checked)
 
 
 def job_of(spec: Spec, along: str | None = None) -> IntervalJob:
@@ -89,15 +94,17 @@ def job_of(spec: Spec, along: str | None = None) -> IntervalJob:
 
 def job_over(grid: Grid, axis: Axis, cut: Cut | None = None) -> IntervalJob:
     """The job of a grid; cut: its compiled loop, if it has only one."""
-    if axis.structural:
+    if axis.structural and grid.spec.builds(axis.path, [axis.path, *(each.path for each in grid.loop_axes)]):
         raise UsageError(no_axis(grid.spec, axis.name))
-    resolved = resolve_all(grid)
+    resolved = resolve_all(grid, rates=True)
+    if axis.path == FAST:
+        grid.spec.with_values({FAST: float(axis.start)})
     if grid.drawing:
         return _job_of_drawing(grid, axis, resolved)
     ends = [next(iter(resolved.values())), *list(resolved.values())[-1:]]
     order = cut.order if cut else max(_order(*identity(values)) for values in ends)
     cost = expected_cost(order, axis.path in WALL)
-    bounds = bounds_within(grid.spec, None, axis, {}, grid.loops)
+    bounds = bounds_within(grid.spec, None, axis)
     chunks = cut_up(grid.loops, grid.walls, cost)
     return IntervalJob(grid, chunks, resolved, axis, cut, bounds=bounds, exact=axis.path in WALL)
 
@@ -112,7 +119,7 @@ def _order(_, items):
 def _order_of_drawing(drawing, path, items, own):
     """States of a loop, and whether the number is one scalar gain of its frame."""
     from wavesweep.sweep.drawn_loops import drift_of, frames
-    from wavesweep.sweep.drawn_task import exact_cut
+    from wavesweep.sweep.open_loops import exact_cut
 
     values, own = ({path: np.array(v) if isinstance(v, tuple) else v for path, v in some} for some in (items, own))
     cut = exact_cut(drawing, values, own, name_of(path))
@@ -123,46 +130,48 @@ def _order_of_drawing(drawing, path, items, own):
 
 def _job_of_drawing(grid: Grid, axis: Axis, resolved: dict) -> IntervalJob:
     """The job of a drawn loop: the range in which it exists is found."""
+    from wavesweep.diagram.assembly import unsuitable
     from wavesweep.sweep.drawn_loops import refuse_singular
 
     spec, span = grid.spec, (float(axis.start), float(axis.stop))
     refuse_singular(spec, grid.drawing)
-    for end in span:
-        spec.with_values({axis.path: end})
+    if spec.drawing is None or unsuitable(grid.drawing, {**spec.values, axis.path: np.array(span)}).any():
+        for end in span:
+            spec.with_values({axis.path: end})
     index = some_loops(grid)
-    bounds = bounds_within(spec, grid.drawing, axis, grid.loop_values(index), index.size, resolved)
-    _, first = next(groups(spec, grid.loop_values(np.arange(1)), 1, resolved=resolved))
-    cost, exact = cost_of(spec, grid.drawing, axis, first)
-    chunks = cut_up(grid.loops, 1, cost)
-    return IntervalJob(grid, chunks, resolved, axis, bounds=bounds, exact=exact)
+    parts = list(groups(spec, grid.loop_values(index), index.size, resolved=resolved))
+    bounds = bounds_within(spec, grid.drawing, axis, parts, checked=True)
+    ours = (selected(values, [0]) for _, values in parts[:STRUCTURES])
+    costs, ways = zip(*(cost_of(spec, grid.drawing, axis, values) for values in ours), strict=True)
+    exact = ways[0] if len({*ways}) == 1 else None
+    return IntervalJob(grid, cut_up(grid.loops, 1, costs[0]), resolved, axis, bounds=bounds, exact=exact)
 
 
-def bounds_within(
-    spec: Spec, drawing, axis: Axis, changes: dict, size: int, resolved: dict | None = None
-) -> tuple[float, float]:
-    """The values of the axis between which `size` loops exist; drawing: see `loop_of`; changes: their values, see `groups`."""
+def bounds_within(spec: Spec, drawing, axis: Axis, parts=(), *, checked: bool = False) -> tuple[float, float]:
+    """The values of the axis between which loops exist; drawing: see `loop_of`; parts: see `groups`; checked: see `task_over`.
+
+    For a controller whose rates divide, the task looks at its loops itself.
+    """
     span = (float(axis.start), float(axis.stop))
-    if spec.drawing is None and not axis.path.endswith("cutoff_hz"):
-        return bounds_of(axis.path, span)
     if spec.drawing is None:
-        rates = [np.min(values["rates.fast_hz"]) for _, values in groups(spec, changes, size, resolved=resolved)]
         below, above = bounds_of(axis.path, span)
-        return below, min(above, (span[1] + float(min(rates)) / 2) / 2) if drawing else above
+        if drawing and axis.path.endswith("cutoff_hz"):
+            rate = min(float(np.min(values["rates.fast_hz"])) for _, values in parts)
+            above = min(above, (span[1] + rate / 2) / 2)
+        return below, above
     from wavesweep.diagram.assembly import refuse_unsuitable
     from wavesweep.diagram.domain import domain
 
-    bounds = []
-    for _, values in groups(spec, changes, size, resolved=resolved):
+    for _, values in () if checked else parts:
         refuse_unsuitable(drawing, values)
-        bounds.append(domain(drawing, values, axis.path, span))
-    below, above = zip(*bounds, strict=True)
+    below, above = zip(*(domain(drawing, values, axis.path, span) for _, values in parts), strict=True)
     return max(below), min(above)
 
 
 def bounds_of(path, span):
-    """Values of the key between which the drawing exists; a gain may go a little below zero."""
+    """Values of the key between which the drawing exists; a gain may go a little below zero, and a cutoff to zero."""
     key, (low, high) = KEYS[path], span
-    below = low / 2 if key.above_low or key.low != 0 else -np.inf
+    below = 0.0 if path.endswith("cutoff_hz") else low / 2 if key.above_low or key.low != 0 else -np.inf
     return below, np.inf if key.high is None else (high + key.high) / 2
 
 
@@ -183,5 +192,19 @@ def cost_of(spec: Spec, drawing, axis: Axis, values: dict | None = None) -> tupl
     values = dict(spec.values) if values is None else values
     if drawing is None:
         return expected_cost(_order(*identity(values)), axis.path in WALL), axis.path in WALL
+    values = _like_own(values, spec) if spec.drawing else values
     order, exact = _order_of_drawing(drawing, axis.path, items_of(values), items_of(spec.values))
     return expected_cost(order, exact), exact
+
+
+def _like_own(values, spec):
+    """Values of a loop, those of the spec in place of others of the same sign, which have the same structure as a rule.
+
+    A compiled loop is asked about other values again and again.
+    """
+    kept, found = {path_of(name) for name in spec.drawing.shaping}, dict(values)
+    for path, value in values.items():
+        own, one = spec.values[path], value[0] if np.ndim(value) else value
+        if path not in kept and isinstance(own, float) and (one > 0, one < 0) == (own > 0, own < 0):
+            found[path] = np.array([own]) if np.ndim(value) else own
+    return found

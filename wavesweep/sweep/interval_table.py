@@ -127,8 +127,8 @@ def _part(spec, drawing, axis, points, ties, felt, members, loops, walls, owner,
         path: points[path][loops if own else walls].reshape(shape) if path in points else np.full(shape, spec.values[path])
         for path in of_walls
     }
-    bounds = bounds_within(spec, drawing, axis, changes, loops.size)
-    task = task_over(spec, drawing, axis, bounds, groups(spec, changes, loops.size), wanted)
+    parts = list(groups(spec, changes, loops.size, rates=True))
+    task = task_over(spec, drawing, axis, bounds_within(spec, drawing, axis, parts), parts, wanted, checked=True)
     if ties or not felt:
         task = replace(task, felt=felt, **({"ties": ties} if ties else {}))
     records = task.records()
@@ -179,9 +179,11 @@ def _with_hand(block, hand, box):
 
 
 def _linear(axis) -> Iterator[str]:
-    """Yield the notice of a range that is searched and has a spacing."""
+    """Yield the notice of a range that is searched and has a spacing or values."""
     if axis.scale == "log" and not axis.values:
         yield f'{axis.name}: scale = "log" is for values (num); the whole range is searched, and drawn evenly'
+    if axis.values:
+        yield f"{axis.name} has values in [sweep]: searched between their ends, from {axis.start:g} to {axis.stop:g}"
 
 
 def _facts(spec, hands, stages, certified, timings) -> dict:
@@ -195,8 +197,12 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     return facts | (hands.facts() if hands else {})
 
 
+EXACT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
+PANELS = "roots of the eigenvalues' critical functions on Chebyshev panels, proved by discs or signs, polished"
+
+
 def method(job: IntervalJob) -> str:
     """How the intervals of a job are found, in a line."""
-    if job.exact:
-        return "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"
-    return "roots of the eigenvalues' critical functions on Chebyshev panels, proved by discs or signs, polished"
+    if job.exact is None:
+        return f"{EXACT}, in loops of which the axis is one scalar gain of a frame; {PANELS}, in others"
+    return EXACT if job.exact else PANELS

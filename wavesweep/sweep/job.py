@@ -172,9 +172,13 @@ def _fails(job, ranges):
     return False
 
 
-def resolve_all(grid: Grid, table: str = "sweep") -> dict:
-    """The spec's values for each combination of the axes that go through the spec. Raises UsageError if one makes no loop."""
-    axes = [axis for axis in grid.loop_axes if not is_plain(grid.spec, axis.path)]
+def resolve_all(grid: Grid, table: str = "sweep", *, rates: bool = False) -> dict:
+    """The spec's values for each combination of the axes that go through the spec; rates: see `groups`.
+
+    Errors: UsageError if a combination makes no loop.
+    """
+    paths = [axis.path for axis in grid.loop_axes] if rates else None
+    axes = [axis for axis in grid.loop_axes if not is_plain(grid.spec, axis.path, paths)]
     resolved = {}
     for values in product(*(axis.values for axis in axes)):
         changes = {axis.path: value for axis, value in zip(axes, values, strict=True)}
@@ -203,4 +207,6 @@ def _refuse_unsuitable(grid: Grid, resolved: dict) -> None:
 
 def some_loops(grid: Grid) -> np.ndarray:
     """The numbers of all loops or, if they are very many, of CHECKED ones from the first to the last."""
-    return np.unique(np.linspace(0, grid.loops - 1, min(grid.loops, CHECKED)).astype(int))
+    if grid.loops <= CHECKED:
+        return np.arange(grid.loops)
+    return np.unique(np.linspace(0, grid.loops - 1, CHECKED).astype(int))

@@ -10,11 +10,11 @@ from wavesweep.errors import SpecError, UsageError
 from wavesweep.lifted import cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
-from wavesweep.sweep.drawn_task import exact_cut
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds
 from wavesweep.sweep.grid import loop_of, make_grid
 from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.interval_table import method
+from wavesweep.sweep.open_loops import exact_cut
 from wavesweep.sweep.passivity_table import jobs_of, not_computed, with_norm
 from wavesweep.sweep.response_table import response_job
 from wavesweep.sweep.workers import choose
@@ -151,7 +151,7 @@ def _drawn_plan(spec):
         f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms",
         *_runs_lines(drawing, drawn),
         *_unread_lines(drawing),
-        *_state_lines(drift, [name.replace(".", " ") for name in drift.states]),
+        *_state_lines(drift, list(map(drawn.labels().get, drift.states))),
         *_number_lines(spec),
     ]
     for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
@@ -185,6 +185,11 @@ def _state_lines(drift, names):
     for lead, others in drift.moved:
         along = _listed([names[index] for index, _ in others])
         yield f"  drift set aside: {names[lead]}{f', and with it {along}' if along else ''}, which nothing in the loop holds"
+    if drift.ramp is not None:
+        yield (
+            f"  not set aside: a steady motion along the drift, with {names[drift.ramp]} at any value, that nothing brakes, as "
+            "of masses without friction that act on each other alone; with this eigenvalue 1 no interval can be certified"
+        )
     if drift.folded:
         yield f"  drift set aside: a combination with {_listed([names[i] for i in drift.folded])} that nothing changes"
     if drift.unread:

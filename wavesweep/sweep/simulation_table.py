@@ -6,7 +6,7 @@ import hashlib
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from math import isfinite, isnan
+from math import isfinite, isnan, log
 from typing import Any
 
 import numpy as np
@@ -65,6 +65,7 @@ def simulation_of(spec: Spec, force=None, **changes: Any) -> Simulation:
 
 VELOCITY = "ports.hand.velocity"
 SHOWN = 5  # frequencies that a notice names
+SETTLED = 0.01  # of its beginning, what may be left of the slowest mode where a sine is measured
 
 
 def with_velocity(drawn: Drawn, drawing: Drawing) -> Drawn:
@@ -157,7 +158,7 @@ def simulate(spec: Spec) -> list[Table]:
         response = seen_response(spec, simulation, tones)
         timings = {"estimate_s": time.perf_counter() - simulated_at}
         methods = DRAWN_RESPONSE_METHODS if drawn else RESPONSE_METHODS
-        notices = list(_images(tones, 1 / spec.tick_hz, simulation.frame))
+        notices = [*_images(tones, 1 / spec.tick_hz, simulation.frame), *_unsettled(spec, linear, simulation.frame)]
         facts = _facts(spec, methods, timings, notices) | {"linear_loop": linear}
         tables.append(Table.of("simulate-response", response, facts))
     return tables
@@ -180,6 +181,18 @@ def _images(tones, tick, frame):
         yield (
             f"at {', '.join(own)} Hz, a multiple of half the frame's rate, a sine is its own image: the response seen depends "
             "on its phase"
+        )
+
+
+def _unsettled(spec, linear, frame):
+    """Yield a notice if the slowest mode has not died out where the sines are measured; frame: its ticks."""
+    radius, settle = linear["spectral_radius"], spec.simulate["settle_s"]
+    left = radius ** (settle * spec.tick_hz / frame) if linear["stable"] else 0.0
+    if left > SETTLED:
+        enough = log(SETTLED / 10) / log(radius) * frame / spec.tick_hz
+        yield (
+            f"the slowest mode still has {100 * left:.2g} % of its beginning after simulate.settle_s = {settle:g} s, and is "
+            f"part of the response seen; {enough:.3g} s leave {10 * SETTLED:g} % of it"
         )
 
 

@@ -87,6 +87,8 @@ def timed(number: int, task: Task, kernel: str) -> tuple[int, np.ndarray, float]
 def settle_in(parent: int) -> None:
     """Make this process a worker of the process `parent`: signals and warnings are left to it, and both end together.
 
+    Memory that is freed is kept.
+
     The watch begins before the first task. A parent that was killed while this process was starting is not its parent any
     more, and a pool's worker would wait for minutes for its next task.
     """
@@ -301,7 +303,7 @@ def radius_over(spec, axes, cut=None) -> np.ndarray:
         return radii(grid)[grid.slice_of(np.arange(grid.size))]
     K, B = grid.wall_values().values()
     found = np.empty((grid.loops, grid.walls))
-    for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):
+    for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True):
         diagram = draw(values)
         loops = cut if cut is not None and not grid.loop_axes else cut_at_wall(diagram)
         radius = spectral_radius(with_batch(loops, members.size).at((slice(None), None)), K, B)

@@ -20,6 +20,7 @@ from wavesweep.spec.drawing import decides, path_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.spec.loading import naming
 from wavesweep.sweep.any_number import TINY
+from wavesweep.sweep.assumptions import over_preset
 from wavesweep.sweep.grid import Grid, groups, keys_of, make_grid, selected
 from wavesweep.sweep.interval_job import job_over
 from wavesweep.sweep.interval_table import method
@@ -65,6 +66,7 @@ def why(spec: Spec, along: str | None = None) -> Table:
         notices.append(
             f"without derivatives, since they are whole numbers or decide how the loop is built: {', '.join(left_out)}"
         )
+    notices += over_preset(spec)
     counts = {"computed": 1, "skipped": 0, "certified": certified}
     timings = {"compute_s": time.perf_counter() - started}
     facts = facts_of(spec, {"intervals": method(job), "why": METHOD}, counts, timings, notices, [axis.path])

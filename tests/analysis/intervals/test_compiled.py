@@ -194,7 +194,7 @@ def test_what_rounding_moves_is_bounded_and_no_more_than_numpy_says(seed, along)
     _polished((*arrays, *facts), y, theta, value, good, top, room)
     assert good.all()
     residual, moved, usual = np.empty((3, 8))
-    _end((*arrays, *facts), 1.0, y, value, theta, residual, moved, usual, room)
+    _end((*arrays, *facts), 1.0, y, value, theta, 0.0, residual, moved, usual, room)
     numpys = end_errors(cut, along, y[:1], value[:1], np.exp(1j * theta[:1]) - 1, np.zeros(1, bool))
     assert residual[0] <= 64 * usual[0] + 1e-14
     assert 0 < moved[0] <= 1.5 * numpys[1][0]

@@ -1,6 +1,7 @@
 """Loops of direct terms that have no solution at some value of a number, or next to it: nothing is certified over them."""
 
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +12,15 @@ from wavesweep.analysis.intervals import stable_along_any
 from wavesweep.analysis.intervals.frames import NODES, level, pole_inside
 from wavesweep.analysis.intervals.panels import RIM
 from wavesweep.diagram import draw
+from wavesweep.diagram.domain import domain
 from wavesweep.errors import UsageError
 from wavesweep.lifted import close, cut_at_wall
 from wavesweep.lifted.cut import OFFSET, V, wall_pivot
+from wavesweep.spec.loading import naming
 from wavesweep.sweep import any_number
+from wavesweep.sweep.interval_job import bounds_of
+
+RECIPES = Path(__file__).parents[3] / "sweeps" / "recipes"
 
 
 def pair_of_poles(beside):
@@ -147,6 +153,24 @@ def test_a_mass_that_vanishes_beside_the_axis_is_not_certified_over():
     rows = loop.stable_intervals("c", (0, 3))
     assert loop.spectral_radius(c=[1.0])[0] > 1
     assert not ((rows.low <= 1) & (rows.high >= 1) & rows.certified).any()
+
+
+@pytest.mark.parametrize("drawn", [False, True])
+def test_a_filter_goes_on_to_a_cutoff_of_0(drawn):
+    """A frame has no pole there: the lower end of the range leaves no digits for it."""
+    if drawn:
+        loop, name = wavesweep.compile(RECIPES / "controllers" / "pmw-lm.toml"), "block.lp1.cutoff_hz"
+        spec = naming(loop.spec, [name])
+        assert domain(spec.drawing, spec.values, name, (2.0, 60.0))[0] < 0.2
+    else:
+        loop, name = wavesweep.compile({"controller": {"kind": "pmw-lm", "b": 25.0, "Kp": 20.0}}), "filters.lp1.cutoff_hz"
+        assert bounds_of(name, (2.0, 60.0))[0] == 0
+    found = [loop.stable_intervals(name, (low, 60.0), b=[30.0, 50.0]) for low in (2.0, 1e-3)]
+    assert all(table.certified.all() for table in found)
+    assert [table.low.tolist() for table in found] == [[2.0, 2.0], [1e-3, 1e-3]]
+    assert found[0].high.to_numpy() == pytest.approx(found[1].high.to_numpy(), rel=1e-11)
+    radius = loop.spectral_radius(b=50.0, **{name: found[0].high[1] * np.array([1 - 1e-6, 1 + 1e-6])})
+    assert radius[0] < 1 < radius[1]
 
 
 def test_a_pivot_whose_zeros_cancel_poles_is_seen_through():

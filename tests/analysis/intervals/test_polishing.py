@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import wavesweep
 from wavesweep.analysis.intervals import labelled, panels, polishing, stable_along_any
@@ -89,6 +90,41 @@ def test_roots_that_crowd_next_to_an_end_take_few_panels(end):
     found = panels.panel_roots(sample, np.zeros(1, int), -np.ones(1), np.ones(1), 1, 1e-9, 512)
     assert sorted(end * found.x) == [pytest.approx(0.97 - 1e-5, abs=1e-6), pytest.approx(0.97 + 1e-5, abs=1e-6)]
     assert sum(asked) <= 12
+
+
+@pytest.mark.parametrize("bound", [-1.1, -1.001])
+def test_no_samples_are_taken_where_the_ellipse_of_a_panel_is_beyond_the_bounds(bound):
+    """A root of 1 - x**2/4 - exp(x + 0.3) within them."""
+    asked = []
+
+    def sample(_, x):
+        asked.append(x)
+        value = (1 - x**2 / 4 - np.exp(x + 0.3))[None]
+        size = np.abs(value)
+        return value / size, np.log(size), np.ones(size.shape)
+
+    found = panels.panel_roots(sample, np.zeros(1, int), -np.ones(1), np.ones(1), 1, 1e-9, 512, (bound, np.inf))
+    root = brentq(lambda x: 1 - x**2 / 4 - np.exp(x + 0.3), -1, 1)
+    assert np.abs(found.x - root) <= found.within
+    assert found.within.tolist() == [pytest.approx(0, abs=0.2)]
+    assert not found.lost[0].size
+    real, rims = ([x for x in asked if np.iscomplexobj(x) == imaginary] for imaginary in (False, True))
+    assert sum(map(len, real)) == sum(map(len, rims))
+    assert min(x.real.min() for x in asked) > bound
+
+
+def test_bounds_within_the_span_end_the_search():
+    asked = []
+
+    def sample(_, x):
+        asked.append(len(x))
+        return x[None] * 0 + 1, x.real[None] * 0, np.ones((1, *x.shape))
+
+    found = panels.panel_roots(sample, np.zeros(1, int), -np.ones(1), np.ones(1), 1, 1e-4, 64, (0.3, np.inf))
+    assert sum(asked) < 500
+    assert not found.x.size
+    assert found.lost[0].size
+    assert found.lost[1].min() == -1
 
 
 @pytest.mark.parametrize("kind", [float, complex])

@@ -132,3 +132,18 @@ def test_a_slow_peak_is_found_without_the_eigenvalues_of_its_level(slow):
 
     assert found(()) < 0.3
     assert found(passive_hand.SOFT) > 0.9
+
+
+def test_along_the_fast_rate_the_bound_is_that_of_colgate_and_schenkel(values):
+    """K T/2 + B < d: the rate has to be above K/(2 (d - B))."""
+    v = values("dc", **ENCODER, K_VE=800.0, B_VE=0.5, **{"device.damping": 1.5})
+    found = any_hand_walls(v, (100.0, 4000.0), path="rates.fast_hz")
+    assert found.low == [pytest.approx(400.0, rel=1e-5)]
+    assert found.low[0] >= 400.0
+    assert found.high == [4000.0]
+
+
+@pytest.mark.parametrize(("K", "low"), [(800.0, [0.05]), (5000.0, [])])
+def test_the_damping_needed_does_not_depend_on_the_mass(K, low, values):
+    v = values("dc", **ENCODER, K_VE=K, B_VE=0.5, **{"device.damping": 1.5})
+    assert any_hand_walls(v, (0.05, 1.0), path="device.mass").low.tolist() == low

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.sweep import drawn_task
+from wavesweep.sweep import open_loops
 
 TABLES = {
     "rates": {"tick_hz": 1000},
@@ -69,8 +69,8 @@ def test_what_is_felt_at_an_end_is_the_response_at_0_hz(drawn, seed, monkeypatch
     tables = TABLES | {"block": {"device": DEVICE, **blocks}}
     device = "hand - (" + force + ")" if drawn is not wave_line else " - ".join(["hand", *force.split(" + ")])
     loop = wavesweep.compile(tables | {"wire": {**wires, "device.f": device}, "ports": _ports(force)})
-    used, asked = [], drawn_task.resting_frame
-    monkeypatch.setattr(drawn_task, "resting_frame", lambda *given: used.append(asked(*given)) or used[-1])
+    used, asked = [], open_loops.resting_frame
+    monkeypatch.setattr(open_loops, "resting_frame", lambda *given: used.append(asked(*given)) or used[-1])
     waves = [10.0, 25.0, 60.0]
     table = loop.stable_intervals("K", b=waves)
     assert [each is not None for each in used] == [True]
@@ -95,8 +95,8 @@ def test_a_loop_that_nothing_holds_is_not_told_by_its_frame():
     blocks = {"device": DEVICE, "h": {"type": "hold", "every": 10}, "wall": {"type": "gain", "k": "K"}}
     wires = {"h.u": "device.v", "wall.u": "h.y", "device.f": "hand - wall.y - B*device.v - b*device.v"}
     loop = wavesweep.compile(TABLES | {"block": blocks, "wire": wires, "ports": _ports("wall.y")})
-    opened = drawn_task.open_loops(loop.spec.drawing, dict(loop.spec.values), dict(loop.spec.values), "K", felt=True)
-    assert np.isnan(opened.at_rest().stiffness(np.zeros(3, int), np.array([0.0, 1.0, 20.0]))).all()
+    opened = open_loops.open_loops(loop.spec.drawing, dict(loop.spec.values), dict(loop.spec.values), "K", felt=True)
+    assert np.isnan(opened.at_rest.stiffness(np.zeros(3, int), np.array([0.0, 1.0, 20.0]))).all()
     assert loop.stable_intervals("K", (0, 100)).felt_high.tolist() == [0.0]
 
 
@@ -105,11 +105,11 @@ def test_a_frame_that_grows_leaves_the_others_of_a_batch_as_they_are():
     wires = {**wires, "device.f": f"hand - ({force})"}
     loop = wavesweep.compile(TABLES | {"block": {"device": DEVICE, **blocks}, "wire": wires, "ports": _ports(force)})
     own = dict(loop.spec.values)
-    opened = drawn_task.open_loops(loop.spec.drawing, own | {"numbers.b": np.array([25.0, 60.0])}, own, "K", felt=True)
+    opened = open_loops.open_loops(loop.spec.drawing, own | {"numbers.b": np.array([25.0, 60.0])}, own, "K", felt=True)
     at, K = np.arange(2), np.array([100.0, 100.0])
-    known = opened.at_rest().stiffness(at, K)
+    known = opened.at_rest.stiffness(at, K)
     grown = replace(opened, frame=replace(opened.frame, growth=np.array([1.0, 2e3])))
-    np.testing.assert_array_equal(grown.at_rest().stiffness(at, K), [known[0], np.nan])
+    np.testing.assert_array_equal(grown.at_rest.stiffness(at, K), [known[0], np.nan])
 
 
 def test_a_number_that_the_port_reads_too_is_one_gain_of_the_frame():
@@ -122,7 +122,7 @@ def test_a_number_that_the_port_reads_too_is_one_gain_of_the_frame():
         }
         loop = wavesweep.compile(TABLES | {"block": blocks | more, "wire": wires, "ports": _ports(force)})
         values = dict(loop.spec.values)
-        assert drawn_task.exact_cut(loop.spec.drawing, values, values, "K") is not None
+        assert open_loops.exact_cut(loop.spec.drawing, values, values, "K") is not None
         found.append(loop.stable_intervals("K", b=[5.0, 10.0]))
     names = ["low", "high", "felt_low", "felt_high"]
     np.testing.assert_allclose(*(table[names] for table in found), rtol=1e-9)

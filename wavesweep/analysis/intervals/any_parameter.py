@@ -303,16 +303,24 @@ def _of_frames(E, units, most):
 def _where_unsure(E, units, panels):
     """The functions from eigenvalues; of panels that seem surely unstable at every point the one that says so, and no other.
 
-    The others are like it there, but not known.
+    The others are like it there, but not known. On panels that are not surely unstable in their middle that one is negative.
     """
-    sure, parts = surely_unstable_by_traces(E, units)
-    found = [np.tile(part, (4, 1)).reshape(4, panels, -1) for part in parts]
-    found[0], found[2][:SURELY_UNSTABLE] = found[0].astype(complex), MOST_ERROR
-    rest = np.flatnonzero(~sure.reshape(panels, -1).all(1))
+    rows = np.arange(len(E)).reshape(panels, -1)
+    found = [np.full((4, *rows.shape), each) for each in (-1.0 + 0j, 0.0, MOST_ERROR)]
+    one = rows[:, rows.shape[1] // 2]
+    some = np.flatnonzero(surely_unstable_by_traces(E[one], units[one])[0])
+    unsure = np.ones(panels, bool)
+    if some.size:
+        sure, parts = surely_unstable_by_traces(E[rows[some].ravel()], units[rows[some].ravel()])
+        for whole, part in zip(found, parts, strict=True):
+            whole[:, some] = part.reshape(some.size, -1)
+        found[2][:SURELY_UNSTABLE] = MOST_ERROR
+        unsure[some] = ~sure.reshape(some.size, -1).all(1)
+    rest = np.flatnonzero(unsure)
     if rest.size:
-        rows = np.arange(len(E)).reshape(panels, -1)[rest].ravel()
-        traces = [part[rows] for part in parts]
-        for part, better in zip(found, from_eigenvalues(E[rows], units[rows], traces), strict=True):
+        at = rows[rest].ravel()
+        traces = [part[SURELY_UNSTABLE, rest].ravel() for part in found]
+        for part, better in zip(found, from_eigenvalues(E[at], units[at], traces), strict=True):
             part[:, rest] = better.reshape(4, rest.size, -1)
     return found
 

@@ -91,9 +91,9 @@ def read(C, state):
     return total
 
 
-def residual(t: Terms, K, B):
-    """Return the relative residual of the characteristic equation: 0 exact, 1 meaningless."""
-    parts = np.abs(t.one) + np.abs(K * t.x) + np.abs(B * t.v)
+def residual(t: Terms, K, B, least=0.0):
+    """Return the relative residual of the characteristic equation: 0 exact, 1 meaningless; least: size of a further term."""
+    parts = np.abs(t.one) + np.abs(K * t.x) + np.abs(B * t.v) + least
     return np.abs(t.one - K * t.x - B * t.v) / parts
 
 
@@ -157,10 +157,11 @@ def _solved(t, slopes, along, fixed, w):
         return value, (slopes.one - fixed * d_other - value * d_solved) / solved * (1j * (1 + w))
 
 
-def end_errors(cut: Cut, along: str, fixed, value, w, on_axis, back=None):
+def end_errors(cut: Cut, along: str, fixed, value, w, on_axis, back=None, least: float = 0.0):
     """Return the residuals of the characteristic equation at crossings, and two effects of rounding.
 
-    The residual is relative to the equation's terms. The second number is the change of the wall parameter if every entry of
+    The residual is relative to the equation's terms and to that of the value `least`, since an end next to zero, as a mode
+    without damping has one, has few digits of itself. The second number is the change of the wall parameter if every entry of
     the loop changes by a rounding; it is larger if the algebraic loops behind these entries are ill-conditioned. The third is
     the residual that such changes leave.
 
@@ -176,10 +177,11 @@ def end_errors(cut: Cut, along: str, fixed, value, w, on_axis, back=None):
         exact, turned = _solved(t, slopes, along, fixed, w)
         left = np.abs(fixed) * of_other + np.abs(exact) * of_solved
         grazing = np.where(on_axis, 1.0, np.abs(turned) / np.abs(turned.imag))
-        size = np.abs(t.one) + np.abs(fixed * other) + np.abs(exact * solved)
+        more = least * np.abs(solved)
+        size = np.abs(t.one) + np.abs(fixed * other) + np.abs(exact * solved) + more
         size = np.where(size > 0, size, 1)  # at K_VE = 0 the equation is 0 = 0 by structure
         moved = np.maximum(1, cut.condition / ORDINARY) * left / np.abs(solved) * grazing
-        return residual(t, *((value, fixed) if along == K_VE else (fixed, value))), moved, left / size
+        return residual(t, *((value, fixed) if along == K_VE else (fixed, value)), more), moved, left / size
 
 
 def _with_errors(cut, w, back):
@@ -189,7 +191,9 @@ def _with_errors(cut, w, back):
     """
     A, back, state = _states(cut, w, back)
     left = cut.C @ back
-    left = left + (cut.C - left @ A) @ back
+    change = (cut.C - left @ A) @ back
+    # Next to a pole of the loop itself, as a mode without damping is one, the change would be rounding of another scale.
+    left = left + np.where(np.abs(change).max(-1, keepdims=True) < np.abs(left).max(-1, keepdims=True), change, 0.0)
     size = np.abs(state)
     far = np.abs(left) @ (np.abs(cut.E) @ size + np.abs(cut.B)) + np.abs(cut.C) @ size + np.abs(cut.D)
     missed = np.abs(left) @ np.abs(cut.B - A @ state)

@@ -128,7 +128,7 @@ TIP = 0.02  # of the values there, by how much a peak may be beyond them
 NEARBY = 8.0  # times that angle, within which a mode matters
 DAMPED = 4.0  # times its angle, decay of a mode, from which on octaves show it
 SHIFT = -1 + 0.3j  # of z - 1, about which zeros are computed
-SLIVER = 1e-14  # of the span, at either end of it, in which a crossing next to z = +-1 does not matter: so are ends promised
+SLIVER = 1e-14  # of the span, at either end of it, in which a crossing counts as at that end: so are ends promised
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +214,7 @@ def _growth_above(value, jump, span):
     infinity or the other.
     """
     low, size = span[0], np.abs(value)
-    near = np.abs(value - low) <= 4 * np.spacing(np.maximum(abs(low), size))
+    near = np.abs(value - low) <= np.maximum(SLIVER * (span[1] - low), 4 * np.spacing(np.maximum(abs(low), size)))
     growth = np.where((value > low) & ~near, jump, 0.0)
     growth = np.where(size > FAR * max(map(abs, span)), np.nan, growth)
     return np.where(np.isnan(value), np.nan, np.where(size == np.inf, np.minimum(jump, 0), growth))

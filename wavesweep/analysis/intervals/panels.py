@@ -25,6 +25,8 @@ RIM = (RIM + 1 / RIM) / 2
 EXTENT = (ELLIPSE + 1 / ELLIPSE) / 2  # of its real axis
 INTERPOLANT_ERROR = 4 * ELLIPSE ** (1 - NODES) / (ELLIPSE - 1)  # over the largest value on the ellipse
 ROUGH = 10.0  # of itself, up to which the error of a value on the rim counts; what is beyond is no better known
+CUT_AT = 0.48  # of its width, where a panel is cut as a rule; not in the middle, where symmetric loops have roots
+MOST_BEYOND = 4  # panels at the ends of a span
 CROWDED = 0.7  # of half a panel, from its middle: how far out its smallest sample says where to cut
 LEBESGUE = 4  # more than the constant of the nodes: how much an interpolant may exceed the largest of its samples
 for _array in (NODE, TRANSFORM, RIM):
@@ -92,9 +94,8 @@ def panel_roots(
         given_up[kind].append((column[which], low[which], high[which]))
 
     while column.size:
-        reach = OVERLAP * (high - low)
-        left, right = np.maximum(low - reach, bounds[0][column]), np.minimum(high + reach, bounds[1][column])
-        panels = _Panels(column, (left + right) / 2, (right - left) / 2)
+        column, low, high = _with_ellipses(column, low, high, smallest, bounds)
+        panels = _panels(column, low, high, bounds)
         proved, settled, finite, nothing, roots, share = _judged(sample, panels, bounds, settling)
         found += roots
         at_ends = [~proved & (end == ends[i]) & (high - low < end_bit) for i, end in enumerate((low, high))]
@@ -123,6 +124,34 @@ class _Panels(Rows):
     def at(self, place):
         """Return points of all panels, `(panels, points)`; place: position on [-1, 1], or beside it."""
         return self.middle[:, None] + self.half[:, None] * place
+
+
+def _panels(column, low, high, bounds):
+    """These parts of the interval with their overlap, within the bounds."""
+    reach = OVERLAP * (high - low)
+    left, right = np.maximum(low - reach, bounds[0][column]), np.minimum(high + reach, bounds[1][column])
+    return _Panels(column, (left + right) / 2, (right - left) / 2)
+
+
+def _with_ellipses(column, low, high, smallest, bounds):
+    """The panels, those of which the ellipse is beyond the bounds cut until it is not: on these nothing can be proved.
+
+    So are the panels at the ends of a span, and no others unless all of the span is.
+    """
+    while True:
+        beyond = (high - low > smallest) & ~_ellipse_within(_panels(column, low, high, bounds), bounds)
+        beyond &= np.bincount(column[beyond], minlength=column.max(initial=0) + 1)[column] <= MOST_BEYOND
+        if not beyond.any():
+            return column, low, high
+        parts = zip(_cut(column, low, high, CUT_AT, beyond), (column, low, high), strict=True)
+        column, low, high = (np.concatenate([part, whole[~beyond]]) for part, whole in parts)
+
+
+def _ellipse_within(panels, bounds):
+    """Whether the ellipse about each panel is within the bounds of its column."""
+    least, most = (end[panels.column] for end in bounds)
+    there = panels.half > 0  # none of a panel that is beyond the bounds itself
+    return there & (panels.middle - EXTENT * panels.half >= least) & (panels.middle + EXTENT * panels.half <= most)
 
 
 def _judged(sample, panels, bounds, settling):
@@ -202,9 +231,7 @@ def _hidden(sample, panels, bounds, which, trend, peak):
     It is infinite for other panels, and if the ellipse of a panel is not within the bounds.
     """
     hidden = np.full(peak.shape, np.inf)
-    least, most = (end[panels.column] for end in bounds)
-    inside = (panels.middle - EXTENT * panels.half >= least) & (panels.middle + EXTENT * panels.half <= most)
-    which = which[inside[which]]
+    which = which[_ellipse_within(panels, bounds)[which]]
     if not which.size:
         return hidden
     some = panels.take(which)
@@ -253,15 +280,14 @@ def _proved_roots(coefficients, noise):
 def _share(size):
     """Return the place at which a panel is best cut, as a share of its width.
 
-    Roots may crowd next to the smallest sample, so it is put into a small part if it is near an end. The cut is never in the
-    middle, since symmetric loops have roots there.
+    Roots may crowd next to the smallest sample, so it is put into a small part if it is near an end.
     """
     place = NODE[np.argmin(size.min(0), axis=-1)]
-    return np.where(np.abs(place) < CROWDED, 0.48, np.where(place > 0, 0.76, 0.24))
+    return np.where(np.abs(place) < CROWDED, CUT_AT, np.where(place > 0, 0.76, 0.24))
 
 
 def _cut(column, low, high, share, split):
-    column, low, high, share = column[split], low[split], high[split], share[split]
+    column, low, high, share = column[split], low[split], high[split], np.broadcast_to(share, split.shape)[split]
     cut_at = low + share * (high - low)
     return np.tile(column, 2), np.concatenate([low, cut_at]), np.concatenate([cut_at, high])
 

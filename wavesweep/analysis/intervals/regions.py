@@ -6,7 +6,7 @@ import numpy as np
 
 from wavesweep.analysis.doubt import COUNTS, NONE, ROUNDING
 from wavesweep.analysis.intervals.boundary import K_VE, end_errors
-from wavesweep.analysis.intervals.crossings import Crossings
+from wavesweep.analysis.intervals.crossings import SLIVER, Crossings
 from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import count_outside
 from wavesweep.lifted.circle import on_circle
@@ -114,7 +114,8 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
     column are not all proved, or one of its counts is not clear, every region of it is counted at many points, and a region has
     no label if these disagree.
     """
-    parts = cut_span(span, fixed.size, found.column, found.value, found.theta, found.jump)
+    slack = SLIVER * (span[1] - span[0])
+    parts = cut_span(span, fixed.size, found.column, found.value, found.theta, found.jump, (slack, slack))
     doubt, rise = np.zeros(parts.column.size, int), np.cumsum(parts.gain)
     first = np.flatnonzero(~parts.has_previous)
     rise -= rise[first][parts.column]
@@ -182,11 +183,12 @@ def _judged_ends(cut, owner, along, fixed, span, found, parts, unstable):
     column, value, theta = (part[of_stable] for part in (column, value, theta))
     places = fixed[column], value, _place(theta), (theta == 0.0) | (theta == np.pi)
     back = found.inverses[found.inverse[parts.order[of_stable]]]
-    left, moved, usual = end_errors(cut.at(owner[column]), along, *places, back)
+    least = NEAR_ZERO * (span[1] - span[0])
+    left, moved, usual = end_errors(cut.at(owner[column]), along, *places, back, least)
     # At z = 1 an integrating loop meets the equation 0 = 0 at K_VE = 0, by structure.
     error[of_stable] = np.where(cut.integrates & (theta == 0.0), 0.0, left)
     clear = error[of_stable] <= USUAL * (usual + np.finfo(float).eps)
-    firm = moved <= FIRM * (np.abs(value) + NEAR_ZERO * (span[1] - span[0]))
+    firm = moved <= FIRM * (np.abs(value) + least)
     doubt[of_stable] = np.where(clear & firm, NONE, ROUNDING)
     return error, doubt
 

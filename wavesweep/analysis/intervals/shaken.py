@@ -45,12 +45,18 @@ def shaken(found: Intervals, span, period, errors, exact=np.nan) -> np.ndarray:
 
 
 def _may_not_be(stable, E, dE):
-    """Whether a loop may be stable or not otherwise than as given, an eigenvalue be beyond the circle, or E is not finite."""
+    """Whether a loop may be stable or not otherwise than as given, or E is not finite.
+
+    A loop is surely unstable if no eigenvalue can be on a circle between the unit circle and its largest one.
+    """
     finite = np.isfinite(E).all((-1, -2)) & np.isfinite(dE).all((-1, -2))
     E, dE = (np.where(finite[:, None, None], part, 0.0) for part in (E, dE))
     delta = np.linalg.eigvals(E).astype(complex)
-    verdict = (excess(delta) < 0).all(-1)
-    return ~finite | (verdict != stable) | may_have(E, dE, at_angles_of(delta, 1.0, np.abs(excess(delta))))
+    size, verdict = np.abs(1 + delta), (excess(delta) < 0).all(-1)
+    largest = size.max(-1, initial=1.0)
+    radius = np.maximum(np.sqrt(largest), largest / 2)  # where a frame grows so much, rounding of it reaches far as well
+    rank = np.where(stable[:, None], np.abs(excess(delta)), np.abs(size - radius[:, None]))
+    return ~finite | (verdict != stable) | may_have(E, dE, at_angles_of(delta, np.where(stable, 1.0, radius), rank))
 
 
 def _moved(E, dE, later, step, at):

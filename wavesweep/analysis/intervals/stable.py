@@ -45,6 +45,26 @@ class Intervals(Rows):
         """Whether each element's column is proved as a whole."""
         return self.doubt == NONE
 
+    def mirrored(self) -> "Intervals":
+        """Return the intervals of a parameter of which this one is the negative."""
+        ends = {"low": 0.0 - self.high, "high": 0.0 - self.low, "low_omega": self.high_omega, "high_omega": self.low_omega}
+        found = replace(self, **ends, index=np.where(self.index < 0, -1, self.count - 1 - self.index))
+        return found.take(np.lexsort((found.index, found.column)))
+
+
+def joined(parts) -> Intervals:
+    """Return the intervals of parts, the same columns in neighbouring ranges; the gravest doubt is that of a whole column."""
+    whole = Intervals.join(parts)
+    whole = whole.take(np.lexsort((whole.low, whole.column)))  # NaN, of a range without an interval, goes last
+    stable, size = whole.index >= 0, int(whole.column.max(initial=-1)) + 1
+    count, doubt = np.bincount(whole.column[stable], minlength=size), np.zeros(size, int)
+    np.maximum.at(doubt, whole.column, whole.doubt)
+    first = np.append(True, np.diff(whole.column) != 0)[: whole.column.size]
+    whole = whole.take(stable | (first & (count[whole.column] == 0)))
+    column = whole.column
+    index = np.arange(column.size) - np.searchsorted(column, column)
+    return replace(whole, index=np.where(count[column] > 0, index, -1), count=count[column], doubt=doubt[column])
+
 
 def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     """Return all stable intervals of `along` ("K_VE" or "B_VE") within `span`, for every loop and every value of the other one.
@@ -67,7 +87,15 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     if along != K_VE and cut.integrates and np.any(fixed == 0):
         return _joined(cut, along, span, fixed)
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
-    cut = _in_own_units(cut)
+    found = _by_kernel(_in_own_units(cut), owner, along, flat, span)
+    if not span[0] < 0 < span[1]:
+        return found
+    nothing = np.finfo(float).eps * (span[1] - span[0])  # an end at 0 within the span is 0, and not what rounding leaves
+    return replace(found, **{end: np.where(np.abs(v := getattr(found, end)) <= nothing, 0.0, v) for end in ("low", "high")})
+
+
+def _by_kernel(cut, owner, along, flat, span) -> Intervals:
+    """Return the intervals of the columns with the loops `cut.at(owner)`; numpy has those that a kernel does not prove."""
     if chosen() == NUMPY:
         return _by_numpy(cut, owner, along, flat, span)
     from wavesweep.analysis.intervals import compiled

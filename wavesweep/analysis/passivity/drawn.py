@@ -11,8 +11,8 @@ from wavesweep.analysis.response.port import Port, frame_of_port
 from wavesweep.analysis.spectrum import count_outside, is_stable
 from wavesweep.errors import UsageError
 from wavesweep.lifted.circle import on_circle, solve
-from wavesweep.lifted.periodic import GROWING, growth_of, in_a_row
-from wavesweep.lifted.rounding import CANCELLED, balance, frame_and_cancellation, hides
+from wavesweep.lifted.periodic import GROWING, in_a_row
+from wavesweep.lifted.rounding import CANCELLED, balance, hides, measured_frame
 
 SWEEPS = 12  # over the states, for their units
 LONGEST = 600  # ticks; the map of a frame is a matrix of that size
@@ -59,7 +59,9 @@ def drawn_port_margin(port: Port) -> PortMargin:
         lambda _, level: SLACK * (np.abs(level) + mean),
         SOFT,
     )
-    period = port.period * M
+    # Beside a peak at rest the response is the same but for rounding, and less well known.
+    at_rest = np.where(-smallest(0, np.zeros(1)) >= peak.value - SLACK * (np.abs(peak.value) + mean), 0.0, peak.theta)
+    peak, period = replace(peak, theta=at_rest), port.period * M
     margin = np.where(np.isfinite(peak.value) & _known(given, peak.theta / period), -peak.value, np.nan)
     margin = np.where(np.abs(margin) <= FAINT * mean, 0.0, margin)  # which is 0 but for rounding
     omega = np.where(np.isnan(margin), np.nan, peak.theta / period)
@@ -76,8 +78,8 @@ def _without_digits(E, stable):
 def _known(port, omega):
     """Whether no terms cancel in or between ticks, or the response at these frequencies (rad/s) keeps its digits even so."""
     changes, sizes = ([each[0] for each in parts] for parts in (port.maps, port.sizes))
-    sure = not hides(changes, sizes) and growth_of(port.kind, changes) <= GROWING
-    if sure and frame_and_cancellation(port.kind, changes)[1] <= CANCELLED:
+    _, growth, cancellation = measured_frame(port.kind, changes)
+    if not hides(changes, sizes) and growth <= GROWING and cancellation <= CANCELLED:
         return True
     return respond_port(port, omega / (2 * np.pi)).admittance_error <= SURE
 

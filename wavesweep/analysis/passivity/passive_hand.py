@@ -190,7 +190,8 @@ def any_hand_walls(values, span, hand_damping: float = 0.0, path: str = "environ
 
     def passive(p):
         at = dict(values) | {path: _away_from_zero(path, p)}
-        return damping_needed(at).suffices(at["device.damping"] + hand_damping)
+        enough = damping_needed(at).suffices(at["device.damping"] + hand_damping)
+        return np.broadcast_to(enough, np.shape(p))  # the damping needed does not depend on the device's mass
 
     return _intervals(passive, span)
 

@@ -9,8 +9,8 @@ import numpy as np
 from wavesweep.analysis.response.ticks import long_sum, ordered_product
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
-from wavesweep.lifted.periodic import growth_of, in_a_row, known_frames, then, ticks_of
-from wavesweep.lifted.rounding import ENTRIES, both
+from wavesweep.lifted.periodic import in_a_row, known_frames, then, ticks_of
+from wavesweep.lifted.rounding import ENTRIES, both, measured_frame
 from wavesweep.lifted.tick_drift import TickDrift, counted_from_leads, opposed
 from wavesweep.spec.drawing import OF_PLANT
 
@@ -146,9 +146,8 @@ def _kept(drift):
 
 def frame_of_port(port: Port) -> np.ndarray:
     """Return the frame-to-frame matrix less identity of a port's loop; NaN if rounding leaves nothing of it."""
-    changes = [each[0] for each in port.maps]
-    with np.errstate(over="ignore", invalid="ignore"):
-        return known_frames(in_a_row(port.kind.tolist(), changes, then), growth_of(port.kind, changes))
+    E, growth, _ = measured_frame(port.kind, [each[0] for each in port.maps])
+    return known_frames(E, growth)
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,25 +26,28 @@ class Resting:
 
     shown: `(loops, 3, 2)`; the rows are position (m), force against the hand (N) and the number's product. The first column is
     for the case that the signal which the number multiplies is 0; the second is the change for a 1 of that signal. error:
-    bounds on the errors. free: whether there is such a number.
+    bounds on the errors. free: whether there is such a number. A fourth row is the signal that another number multiplies, whose
+    product is added to that of the first one.
     """
 
     shown: np.ndarray
     error: np.ndarray
     free: bool
 
-    def stiffness(self, at, p) -> np.ndarray:
+    def stiffness(self, at, p, beside=0.0) -> np.ndarray:
         """Return the stiffness (N/m) that the hand feels of the loops `at` if the number is p, `(n,)` all.
 
-        NaN: not known to SURE. If nothing is swept, one loop represents all.
+        beside: the number of the fourth row. NaN: not known to SURE. If nothing is swept, one loop represents all.
 
         The product of the number is p times the signal that it multiplies, and that signal is `F_0/(p - F_1)` (Sherman and
-        Morrison 1950).
+        Morrison 1950); of F the product of the other number is a part.
         """
         at = at if len(self.shown) > 1 else 0 * at
         (still, more), (unsure, of_more) = (np.moveaxis(part[at], (-1, -2), (0, 1)) for part in (self.shown, self.error))
         with np.errstate(all="ignore"):
             if self.free:
+                if len(still) > 3:
+                    (still, unsure), (more, of_more) = (_less(*each, beside) for each in ((still, unsure), (more, of_more)))
                 left = p - more[2]
                 of_left = of_more[2] + ROUNDING * (np.abs(p) + np.abs(more[2]))
                 sizes = np.abs(still[:2] * left), np.abs(still[2] * more[:2])
@@ -56,6 +59,14 @@ class Resting:
             felt, off = found[1] / found[0], error / np.abs(found)
             felt = np.where((off[1] >= 1) & (error[1] <= SURE * rigid * np.abs(found[0])), 0.0, felt)
             return np.where((off[0] <= SURE) & ((off[1] <= SURE) | (felt == 0)), felt, np.nan)
+
+
+def _less(rows, errors, beside):
+    """The first three rows with the fourth one times a number taken from the third, and the errors."""
+    product = beside * rows[3]
+    third = rows[2] - product
+    error = errors[2] + np.abs(beside) * errors[3] + ROUNDING * (np.abs(rows[2]) + np.abs(product))
+    return np.stack([*rows[:2], third]), np.stack([*errors[:2], error])
 
 
 def resting(drawn: Drawn, ports: Ports, product: str = "", factor: str = "") -> Resting:

@@ -33,8 +33,8 @@ def shows_at_rest(drawn: Drawn, ports: Ports, read: tuple[str, ...]) -> bool:
 def resting_frame(drawn: Drawn, ports: Ports, frame: OpenFrame, drift: TickDrift) -> Resting | None:
     """Return the loops at rest, free in the number that the frame is without; None if the frame does not tell.
 
-    frame: with the hand's force; its signals are first the one that the number multiplies, and last the force against the hand.
-    drift: that of the open loop.
+    frame: with the hand's force; its signals are first the one that the number multiplies, then perhaps the one that another
+    number of the same sum multiplies, and last the force against the hand. drift: that of the open loop.
 
     Unknowns X are the states that the two signals depend on, and the number's product F. At rest `E X + B F + g = 0` and
     `C X + D F + d = r`; r is the signal that the number multiplies. A share of the position that no state reads changes in a
@@ -75,8 +75,9 @@ class _Equations:
     """The equations at rest, and the sizes of the terms of their entries, times their rounding.
 
     P `(..., n + 3, n + 3)`: rows of the states, those that leads move being counted from them, of the signal that the number
-    multiplies, of the force against the hand and of the position; columns of the states, of the product, and of a hand's force
-    that is constant, and of one that grows with every tick.
+    multiplies, of the force against the hand and of the position, and perhaps a further one of the signal that another number
+    multiplies; columns of the states, of the product, and of a hand's force that is constant, and of one that grows with every
+    tick.
     """
 
     P: np.ndarray
@@ -93,13 +94,17 @@ class _Equations:
         parts = counted_from_leads((frame.E, frame.B), drift), counted_from_leads(sizes, drift, 1)
         place, still = (position, np.zeros((1, 3))), (np.abs(position), np.zeros((1, 3)))
         rows = (frame.C, frame.D), shown_sizes
-        rows = [[tuple(part[..., [0, -1], :] for part in each), own] for each, own in zip(rows, (place, still), strict=True)]
+        beside = frame.C.shape[-2] > 2
+        rows = [
+            [tuple(part[..., some, :] for part in each) if some else own for some in ([0, -1], [], [1])[: 2 + beside]]
+            for each, own in zip(rows, (place, still), strict=True)
+        ]
         both = []
         for (E, B), signals, size in zip(parts, rows, (False, True), strict=True):
             batch = np.broadcast_shapes(*(part.shape[:-2] for part in (E, B, frame.C, frame.D, position)))
-            P = np.zeros((*batch, n + 3, n + 3))
+            P = np.zeros((*batch, n + 3 + beside, n + 3))
             P[..., :n, : n - len(leads)], P[..., :n, n:] = E[..., order, :][..., order[: n - len(leads)]], B[..., order, :]
-            for at, (C, D) in zip((slice(n, n + 2), slice(n + 2, n + 3)), signals, strict=True):
+            for at, (C, D) in zip((slice(n, n + 2), slice(n + 2, n + 3), slice(n + 3, n + 4)), signals, strict=False):
                 along = shown_of_leads(C, drift, size)
                 P[..., at, :n], P[..., at, n:] = np.concatenate([C[..., order[: n - len(leads)]], along], axis=-1), D
             both.append(P)
@@ -119,32 +124,35 @@ class _Equations:
         else:
             X, inverse = solved(A, dA, right, unsure), (0 * A, 0 * A)
         # Of the share of the position that is read by no state: the change in a frame, and what it is counted from.
-        share = P[..., n + 2 :, :][..., adding]
+        share = P[..., n + 2 : n + 3, :][..., adding]
         change, of_change = share @ P[..., adding, :], np.abs(share) @ dP[..., adding, :]
         law = _product((change[..., at], of_change[..., at]), inverse)
         hand = P[..., at, n + 1 :], dP[..., at, n + 1 :]
         kept = (change[..., n + 1 :], of_change[..., n + 1 :]), _product(law, hand)
         kept = kept[0][0] - kept[1][0], kept[0][1] + kept[1][1]
         held = (np.abs(kept[0][..., 0]) <= SURELY * kept[1][..., 0]) & (np.abs(law[0][..., -1]) <= SURELY * law[1][..., -1])
-        own = [part[..., n + 2 :, :][..., at] for part in (P, dP)]
+        own = [part[..., n + 2 : n + 3, :][..., at] for part in (P, dP)]
         for part, more in zip(own, law, strict=True):
             part[..., :-1] += more[..., :-1]
         one = np.zeros_like(A[..., :1, :])
         one[..., -1] = 1
-        force = (part[..., n + 1 : n + 2, :][..., at] for part in (P, dP))
-        rows = [np.concatenate(parts, axis=-2) for parts in zip(own, force, (one, 0 * one), strict=True)]
+        force, beside = (
+            [part[..., rows, :][..., at] for part in (P, dP)] for rows in (slice(n + 1, n + 2), slice(n + 3, None))
+        )
+        rows = [np.concatenate(parts, axis=-2) for parts in zip(own, force, (one, 0 * one), beside, strict=True)]
         shown, error = _product(rows, X)
         for part, moment, reaction in zip((shown, error), kept, (P, dP), strict=True):
             part[..., 0, 0] += moment[..., 0, 1] / ticks
             part[..., 1, 0] += reaction[..., n + 1, n + 1]
+            part[..., 3:, 0] += reaction[..., n + 3 :, n + 1]
         error[..., 0, :] = np.where(held, error[..., 0, :], np.inf)
-        return Resting(*(part.reshape(-1, 3, 2) for part in (shown, error)), True)
+        return Resting(*(part.reshape(-1, *part.shape[-2:]) for part in (shown, error)), True)
 
     def _unknowns(self, n):
         """Indices of the states that the signals depend on, and of those that the position alone reads."""
         reads = (self.P != 0).any(tuple(range(self.P.ndim - 2)))[:, :n]
         shown = np.flatnonzero(reads[n + 2]).tolist()
-        rows, known = [n, n + 1, *shown], set()
+        rows, known = [n, n + 1, *range(n + 3, self.P.shape[-2]), *shown], set()
         for row in rows:
             more = set(np.flatnonzero(reads[row]).tolist()) - known
             known |= more

@@ -1,4 +1,4 @@
-"""Units of states, and states that ticks forget, loop by loop."""
+"""Units of states, states that ticks forget, and the range of entries in a batch, loop by loop."""
 
 import numpy as np
 
@@ -51,3 +51,24 @@ def forgotten(E):
                     column, row = column and E[at, i, k] == 0, row and E[at, k, i] == 0
             unread[at, k], unset[at, k] = column, row
     return unread, unset
+
+
+@compiled
+def extremes(E, columns: int):
+    """Return the largest and the smallest sizes of entries of `I + E` in a batch, `(2, n, columns)`.
+
+    E: `(matrices, n, at least columns)`. NaN is passed on.
+    """
+    count, n, _ = E.shape
+    found = np.empty((2, n, columns))
+    found[0], found[1] = 0.0, np.inf
+    for at in range(count):
+        for i in range(n):
+            for j in range(columns):
+                size = abs(E[at, i, j] + 1.0) if i == j else abs(E[at, i, j])
+                unknown = size != size  # noqa: PLR0124 - not a number
+                if unknown or size > found[0, i, j]:
+                    found[0, i, j] = size
+                if unknown or size < found[1, i, j]:
+                    found[1, i, j] = size
+    return found

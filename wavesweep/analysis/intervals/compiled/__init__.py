@@ -31,7 +31,7 @@ from wavesweep.analysis.intervals.compiled.labelling import (
 )
 from wavesweep.analysis.intervals.compiled.lanes import LANES
 from wavesweep.analysis.intervals.compiled.solving import _room
-from wavesweep.analysis.intervals.crossings import FAR, NEAR_SEED, SPARE
+from wavesweep.analysis.intervals.crossings import FAR, NEAR_SEED, SLIVER, SPARE
 from wavesweep.analysis.intervals.regions import SHARES
 from wavesweep.analysis.intervals.stable import Intervals
 from wavesweep.analysis.spectrum import count_outside
@@ -161,7 +161,7 @@ def _add_growth(low, high, state, ends, above):
     """Add the parts of the crossings at z = 1 and -1."""
     for column in range(len(state)):
         for side in range(2 if state[column] == OPEN else 0):
-            above[column] += _growth(ends[0, side, column], ends[1, side, column], low, max(abs(low), abs(high)))
+            above[column] += _growth(ends[0, side, column], ends[1, side, column], low, high)
 
 
 @compiled
@@ -181,7 +181,7 @@ def _settled(own, low, high, state, fixed, above, found, inner, room):
             inner[0, at], inner[1, at] = value[lane], theta[lane]
             if not (good[lane] and abs(theta[lane] - seed[lane]) <= NEAR_SEED * min(seed[lane], np.pi - seed[lane])):
                 state[column] = LEFT
-            above[column] += _growth(value[lane], inner[2, at], low, most)
+            above[column] += _growth(value[lane], inner[2, at], low, high)
 
 
 @compiled
@@ -251,13 +251,13 @@ def _side(over, noise, fixed, cosine, low, high):
 
 
 @compiled
-def _growth(value, jump, low, most):
+def _growth(value, jump, low, high):
     """Return the part of a crossing in the growth from the low end on; see `crossings._growth_above`."""
     size = abs(value)
-    if np.isnan(value) or FAR * most < size < np.inf:
+    if np.isnan(value) or FAR * max(abs(low), abs(high)) < size < np.inf:
         return np.nan
     if size == np.inf:
         return min(jump, 0.0)
     larger = max(abs(low), size)
-    near = abs(value - low) <= 4 * (np.nextafter(larger, np.inf) - larger)
+    near = abs(value - low) <= max(SLIVER * (high - low), 4 * (np.nextafter(larger, np.inf) - larger))
     return jump if value > low and not near else 0.0

@@ -257,16 +257,16 @@ def _judged(own, condition, y, p, theta, width, residual, room):
     It is infinite if it is more than rounding, or if rounding of the loop's entries moves the wall parameter p by more than is
     allowed.
     """
-    moved, usual = np.empty((2, LANES))
-    _end(own, condition, y, p, theta, residual, moved, usual, room)
+    (moved, usual), least = np.empty((2, LANES)), NEAR_ZERO * width
+    _end(own, condition, y, p, theta, least, residual, moved, usual, room)
     for lane in range(LANES):
-        firm = moved[lane] <= FIRM * (abs(p[lane]) + NEAR_ZERO * width)
+        firm = moved[lane] <= FIRM * (abs(p[lane]) + least)
         if not (residual[lane] <= USUAL * (usual[lane] + EPS) and residual[lane] <= SMALL_RESIDUAL and firm):
             residual[lane] = np.inf
 
 
 @compiled
-def _end(own, condition, y, p, theta, residual, moved, usual, room):
+def _end(own, condition, y, p, theta, least, residual, moved, usual, room):
     """`boundary.end_errors` for lanes of crossings; all arrays are `(LANES,)`.
 
     An entry's change reaches the equation through one row, `exact` times that of the parameter solved for and y times that of
@@ -284,10 +284,10 @@ def _end(own, condition, y, p, theta, residual, moved, usual, room):
         exact, on_axis = _over(unit - y[lane] * other, solved), theta[lane] == 0.0 or theta[lane] == np.pi
         turned = _over(d_unit - y[lane] * d_other - exact * d_solved, solved) * (1j * (1 + at))
         on_one, on_solved, on_other = _modulus(unit), _modulus(solved), abs(y[lane]) * _modulus(other)
-        whole[lane] = on_one + on_other + _modulus(exact) * on_solved
+        whole[lane] = on_one + on_other + (_modulus(exact) + least) * on_solved
         moves[lane] = (1.0 if on_axis else _modulus(turned) / abs(turned.imag)) / on_solved
         left_over = _modulus(unit - p[lane] * solved - y[lane] * other)
-        residual[lane] = left_over / (on_one + abs(p[lane]) * on_solved + on_other)
+        residual[lane] = left_over / (on_one + (abs(p[lane]) + least) * on_solved + on_other)
         if integrates and at == 0:
             residual[lane] = 0.0  # the equation is 0 = 0 at K_VE = 0, by structure
         on_x, on_v = (exact, y[lane] + 0j) if along_k else (y[lane] + 0j, exact)

@@ -5,6 +5,7 @@ If there is any doubt about a column, it is left to the code in numpy, so nothin
 
 import numpy as np
 
+from wavesweep.analysis.intervals.crossings import SLIVER
 from wavesweep.analysis.intervals.regions import BEYOND_ORDER, NARROW, TRACE_ROUNDING
 from wavesweep.lifted.compiled.caching import compiled
 from wavesweep.lifted.cut import ADVANCE, OFFSET, V
@@ -68,7 +69,7 @@ def _cut(low, high, found, inner, ends, state):
             at += 1
         if state[column] != OPEN:
             continue
-        count, at_low = _sorted(low, high, inner[:, first:at], ends[:, :, column], sorted_)
+        count, at_low, at_high = _sorted(low, high, inner[:, first:at], ends[:, :, column], sorted_)
         risen = 0.0
         for i in range(count + 1):
             risen += sorted_[2, i - 1] if i else 0.0
@@ -76,7 +77,7 @@ def _cut(low, high, found, inner, ends, state):
                 if side <= i < count + side:
                     value, theta = sorted_[0, i - side], sorted_[1, i - side]
                 else:
-                    value, theta = (low, at_low) if side else (high, np.nan)
+                    value, theta = (low, at_low) if side else (high, at_high)
                 bounds[1 - side, region], bounds[3 - side, region], bounds[5 - side, region] = value, theta, 0.0
             rise[region] = risen
             region += 1
@@ -88,17 +89,19 @@ def _cut(low, high, found, inner, ends, state):
 def _sorted(low, high, inner, ends, found):
     """Store the crossings of a column inside the span, sorted, in `found`.
 
-    Returns their number, and the angle of one at the low end of the span.
+    Returns their number, and the angles of one at the low end of the span and of one at its high end.
     """
-    count, at_low, arcs = 0, np.nan, inner.shape[1]
+    count, at_low, at_high, arcs = 0, np.nan, np.nan, inner.shape[1]
     for i in range(arcs + 2):
         if i < arcs:
             p, theta, jump = inner[0, i], inner[1, i], inner[2, i]
         else:
             p, theta, jump = ends[0, i - arcs], np.pi * (i - arcs), ends[1, i - arcs]
         larger = max(abs(low), abs(p))
-        if abs(p - low) <= 4 * (np.nextafter(larger, np.inf) - larger):
+        if abs(p - low) <= max(SLIVER * (high - low), 4 * (np.nextafter(larger, np.inf) - larger)):
             at_low = theta
+        elif abs(p - high) <= SLIVER * (high - low):
+            at_high = theta
         elif low < p < high:
             place = count
             while place > 0 and found[0, place - 1] > p:
@@ -107,7 +110,7 @@ def _sorted(low, high, inner, ends, found):
                 place -= 1
             found[0, place], found[1, place], found[2, place] = p, theta, jump
             count += 1
-    return count, at_low
+    return count, at_low, at_high
 
 
 @compiled

@@ -1,0 +1,226 @@
+"""The rate of a drawn loop as an axis: of intervals, and of slices that are one batch."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep.diagram.domain import domain
+from wavesweep.errors import SpecError, UsageError
+from wavesweep.spec import load
+from wavesweep.sweep import any_number, drawn_loops, tasks
+
+RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
+I, STEPS = 0.025101925, np.linspace(0.002, 0.008, 25)
+
+
+def longest_step(kp, kd):
+    """The time step up to which semi-implicit Euler of the joint is stable: `kp h^2 = 4 I + 2 h kd`."""
+    return (kd + np.sqrt(kd**2 + 4 * I * kp)) / kp
+
+
+@pytest.mark.parametrize("kd", [1.0, 6.3088])
+def test_time_steps_of_a_physics_engine(kd):
+    joint = wavesweep.compile(RECIPES / "physics-joint.toml")
+    table = joint.stable_intervals("h", (5e-4, 0.05), kp=[1000.0, 5000.0, 9910.0], kd=kd)
+    assert table.certified.all()
+    assert table.low.tolist() == [5e-4] * 3
+    assert table.high.to_numpy() == pytest.approx(longest_step(table.kp.to_numpy(), kd), rel=1e-11)
+    # z = -1: half of the rate that the loop has there.
+    assert table.high_omega.to_numpy() == pytest.approx(np.pi / table.high.to_numpy(), rel=1e-11)
+
+
+def test_an_answer_of_the_recipe_along_the_time_step():
+    text = (RECIPES / "physics-joint.toml").read_text(encoding="utf-8")
+    for kd, answer in ((6.3088, "5.917"), (1.0, "4.686")):
+        assert f"{answer} ms" in text
+        assert f"{1e3 * longest_step(5000.0, kd):.3f}" == answer
+
+
+def test_slices_of_several_rates_are_one_batch_and_have_the_bits_of_each_alone(monkeypatch):
+    joint, sizes, frame = wavesweep.compile(RECIPES / "physics-joint.toml"), [], drawn_loops.assembled
+    monkeypatch.setattr(
+        "wavesweep.sweep.open_loops.assembled",
+        lambda drawing, values, *given: (
+            sizes.append(max(np.size(value) for value in values.values())) or frame(drawing, values, *given)
+        ),
+    )
+    table = joint.stable_intervals("kp", (0, 50000), h=STEPS)
+    assert sizes[-1] == STEPS.size
+    assert len([size for size in sizes if size > 1]) == 1
+    assert table.high.to_numpy() == pytest.approx(np.minimum((4 * I + 2 * STEPS * 6.3088) / STEPS**2, 50000), rel=1e-12)
+    for row in table.iloc[::8].itertuples():
+        alone = wavesweep.compile(load(joint.spec.tables(), [f"h={row.h!r}"])).stable_intervals("kp", (0, 50000))
+        assert [row.low, row.high] == [alone.low[0], alone.high[0]]
+
+
+@pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm", "pmw", "pmw-lm"])
+def test_loops_of_several_rates_have_what_each_has_alone(kind):
+    loop, rates = wavesweep.compile(RECIPES / "controllers" / f"{kind}.toml"), [700.0, 1000.0, 1900.0]
+    table = loop.stable_intervals("K", (0, 20000), **{"rates.tick_hz": rates})
+    assert table.certified.all()
+    for rate in rates:
+        spec = load(loop.spec.tables(), [f"rates.tick_hz={rate!r}"])
+        alone = wavesweep.compile(spec).stable_intervals("K", (0, 20000))
+        mine = table[table["rates.tick_hz"] == rate].reset_index(drop=True)
+        for name in ("low", "high", "low_omega", "high_omega", "felt_low", "felt_high"):
+            assert mine[name].to_numpy() == pytest.approx(alone[name].to_numpy(), rel=1e-10, nan_ok=True)
+
+
+def test_a_wall_needs_some_rate():
+    """Directly coupled, a wall is passive and stable below some stiffness of the rate: at its end the radius is 1."""
+    loop = wavesweep.compile(RECIPES / "controllers" / "dc.toml")
+    table = loop.stable_intervals("rates.tick_hz", (100, 20000), K=[2000.0, 4000.0, 8000.0])
+    assert table.certified.all()
+    assert (table.high == 20000).all()
+    assert (np.diff(table.low) > 0).all()
+    for K, low in zip(table.K, table.low, strict=True):
+        radius = loop.spectral_radius(K=K, **{"rates.tick_hz": [low * (1 - 1e-6), low * (1 + 1e-6)]})
+        assert radius[0] > 1 > radius[1]
+
+
+@pytest.mark.parametrize(
+    ("recipe", "along", "span", "axes", "said"),
+    [
+        ("physics-joint", "h", (0, 0.05), {}, "finite number"),
+        ("physics-joint", "h", (-1, 0.05), {}, "a number > 0"),
+        ("physics-joint", "kp", (0, 5000), {"h": [0.005, -0.1]}, "a number > 0"),
+        ("controllers/pmw", "rates.tick_hz", (10, 3000), {}, "half the block's own rate"),
+        ("controllers/pmw", "K", (0, 3000), {"rates.tick_hz": [1000.0, 15.0]}, "half the block's own rate"),
+    ],
+)
+def test_rates_that_make_no_loop_are_refused(recipe, along, span, axes, said):
+    with pytest.raises(SpecError, match=said):
+        wavesweep.compile(RECIPES / f"{recipe}.toml").stable_intervals(along, span, **axes)
+
+
+BAND = {"lp1": {"passband_hz": 8.0, "stopband_hz": 40.0, "passband_db": 1.0, "stopband_db": 20.0}}
+
+
+@pytest.mark.parametrize(
+    ("tables", "axes", "batch"),
+    [
+        ({}, {"rates.fast_hz": [700.0, 1000.0], "b": [10.0, 20.0]}, 4),
+        ({}, {"rates.fast_hz": [1000.0, 2000.0], "rates.ratio": [5, 20]}, 2),
+        ({}, {"rates.fast_hz": [1000.0, 2000.0], "rates.slow_hz": [50.0, 100.0]}, 1),
+        ({"rates": {"fast_hz": 1000.0, "slow_hz": 50.0}}, {"rates.fast_hz": [1000.0, 2000.0]}, 1),
+        ({"filters": BAND}, {"rates.fast_hz": [1000.0, 2000.0]}, 1),
+    ],
+)
+def test_fast_rates_of_a_controller_are_one_batch_if_nothing_follows_from_them(tables, axes, batch, monkeypatch):
+    spec, sizes, cut = load({"controller": {"kind": "pmw-lm", "b": 12.0}, **tables}), [], tasks.cut_at_wall
+    loop = wavesweep.compile(spec)
+    monkeypatch.setattr(
+        tasks, "cut_at_wall", lambda diagram, *given: sizes.append(np.size(diagram.period)) or cut(diagram, *given)
+    )
+    table = loop.stable_intervals("K_VE", (0, 20000), **axes)
+    assert table.certified.all()
+    assert max(sizes) == batch
+    for row in table.itertuples():
+        given = {**tables, "controller": {"kind": "pmw-lm", "b": 12.0}}
+        alone = load(given, [f"{name}={value!r}" for name, value in zip(axes, row[1:], strict=False)])
+        found = wavesweep.compile(alone).stable_intervals("K_VE", (0, 20000))
+        assert row.high in found.high.tolist()
+        assert row.felt_high == pytest.approx(found.felt_high[row.interval], rel=1e-12)
+
+
+def test_a_cutoff_at_several_fast_rates_has_the_bits_of_each_alone():
+    spec = load({"controller": {"kind": "pmw-lm", "b": 45.0, "Kp": 20.0}})
+    cutoff, rates = "filters.lp1.cutoff_hz", [1000.0, 1600.0]
+    table = wavesweep.compile(spec).stable_intervals(cutoff, (2, 300), **{"rates.fast_hz": rates})
+    for rate in rates:
+        alone = wavesweep.compile(load(spec.tables(), [f"rates.fast_hz={rate}"])).stable_intervals(cutoff, (2, 300))
+        assert table[table["rates.fast_hz"] == rate].high.tolist() == alone.high.tolist()
+    assert table.high.min() < 300
+
+
+def test_beyond_its_range_a_rate_goes_half_way_to_where_a_loop_ends():
+    task = SimpleNamespace(along="rates.fast_hz", span=(500.0, 3000.0), bounds=(250.0, np.inf))
+    values = load({"controller": {"kind": "pmw-lm"}, "filters": {"lp1": {"cutoff_hz": 200.0}}}).values
+    assert any_number._bounds(task, values, np.array([1000.0, 2000.0]))[0].tolist() == [450.0, 450.0]
+    task = SimpleNamespace(along="filters.lp1.cutoff_hz", span=(2.0, 300.0), bounds=(0.0, np.inf))
+    assert any_number._bounds(task, values, np.array([1000.0, 2000.0]))[1].tolist() == [400.0, 650.0]
+    tables = {"rates": {"tick_hz": "1000-20*q"}, "numbers": {"q": 5.0}, "block": {"m": {"type": "mass", "mass": 0.1}}}
+    spec = load(tables | {"wire": {"m.f": "-m.x - m.v"}})
+    assert domain(spec.drawing, spec.values, "numbers.q", (0.0, 40.0))[1] == pytest.approx(45.0, rel=0.01)
+
+
+@pytest.mark.parametrize(("along", "unit"), [("rates.fast_hz", "Hz"), ("device.mass", "kg"), ("K_VE", "N/m")])
+def test_the_ends_have_the_unit_of_their_axis(along, unit):
+    loop = wavesweep.compile({"controller": {"kind": "dc"}})
+    assert loop.stable_intervals(along, (500.0, 600.0)).attrs["units"]["low"] == unit
+
+
+@pytest.mark.parametrize(
+    ("kind", "own", "K"), [("dc", {}, 4000.0), ("dc-slow", {}, 1500.0), ("pmw-lm", {"b": 25.0, "Kp": 20.0}, 4000.0)]
+)
+def test_the_fast_rate_of_a_controller_has_the_intervals_of_its_drawing(kind, own, K):
+    """Those of the waves with a local model have an island at low rates."""
+    drawn, span = wavesweep.compile(RECIPES / "controllers" / f"{kind}.toml"), (300.0, 6000.0)
+    loop = wavesweep.compile({"controller": {"kind": kind, **own}})
+    B = drawn.spec.values["numbers.B"]
+    mine, same = (
+        loop.stable_intervals("rates.fast_hz", span, K_VE=K, B_VE=B),
+        drawn.stable_intervals("rates.tick_hz", span, K=K),
+    )
+    assert mine.certified.all()
+    assert len(mine) == 1 + (kind == "pmw-lm")
+    for name in ("low", "high", "low_omega", "high_omega"):
+        assert mine[name].to_numpy() == pytest.approx(same[name].to_numpy(), rel=1e-10, nan_ok=True)
+    inner = [end for end in (*mine.low, *mine.high) if end not in span]
+    radius = loop.spectral_radius(K_VE=K, B_VE=B, **{"rates.fast_hz": inner})
+    assert radius == pytest.approx(1.0, abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("rates", "start", "said"),
+    [
+        ({"slow_hz": 50.0}, 300.0, "give rates.ratio"),
+        ({}, 15.0, "half of rates.fast_hz"),
+        ({}, 0.0, "a number > 0"),
+    ],
+)
+def test_ranges_of_a_fast_rate_that_make_no_loop_are_refused(rates, start, said):
+    axis = {"along": "rates.fast_hz", "rates.fast_hz": {"start": start, "stop": 6000.0}}
+    with pytest.raises((SpecError, UsageError), match=said):
+        wavesweep.stability_region({"controller": {"kind": "pmw-lm"}, "rates": rates, "sweep": axis})
+
+
+@pytest.mark.parametrize(
+    ("tables", "span"),
+    [
+        ({"controller": {"kind": "dc"}}, (20.0, 3000.0)),
+        ({"controller": {"kind": "pmw"}, "filters": {"hp": {"cutoff_hz": 400.0}}}, (300.0, 3000.0)),
+        ({"controller": {"kind": "pmw-lm"}, "filters": {"lp1": {"order": 0, "cutoff_hz": 400.0}}}, (300.0, 3000.0)),
+    ],
+)
+def test_filters_that_a_controller_does_not_have_leave_the_range_as_it_is(tables, span):
+    assert wavesweep.compile(tables).stable_intervals("rates.fast_hz", span).certified.all()
+
+
+@pytest.mark.parametrize(("along", "other"), [("B", "K"), ("K", "B")])
+def test_what_is_felt_at_several_rates_is_known_if_what_drifts_depends_on_the_rate(along, other):
+    """Without the wall the device drifts, and a filter's states with it, by factors of the rate."""
+    tables = {
+        "rates": {"tick_hz": 1000.0},
+        "numbers": {"K": 100.0, "B": 1.0},
+        "block": {
+            "m": {"type": "mass", "mass": 0.2, "damping": 1.5},
+            "lp": {"type": "butterworth", "order": 2, "cutoff_hz": 40.0},
+            "v": {"type": "difference"},
+        },
+        "wire": {"lp.u": "m.x", "v.u": "m.x", "m.f": "h - K*lp.y - B*v.y"},
+        "ports": {
+            "hand": {"force": "h", "displacement": "m.x", "reaction": "K*lp.y + B*v.y"},
+            "wall": {"stiffness": "K", "damping": "B"},
+        },
+    }
+    loop, rates = wavesweep.compile(tables), [800.0, 1000.0]
+    table = loop.stable_intervals(along, (0, 60), **{"rates.tick_hz": rates, other: [0.0, 2.0]})
+    assert np.isfinite(table.felt_low).all()
+    for row in table.itertuples():
+        spec = load(tables, [f"rates.tick_hz={row[1]!r}", f"{other}={row[2]!r}"])
+        alone = wavesweep.compile(spec).stable_intervals(along, (0, 60))
+        assert [row.felt_low, row.felt_high] == pytest.approx([alone.felt_low[0], alone.felt_high[0]], rel=1e-9, nan_ok=True)

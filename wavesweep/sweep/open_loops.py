@@ -1,0 +1,205 @@
+"""Drawn loops without a number that is one scalar gain of their frame, and slices that share such a loop."""
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from wavesweep.analysis.intervals import Intervals, stable_intervals
+from wavesweep.analysis.response.port import Ports
+from wavesweep.analysis.response.resting import Resting
+from wavesweep.analysis.response.resting_frame import resting_frame, shows_at_rest
+from wavesweep.diagram import items_of
+from wavesweep.diagram.assembly import BESIDE, FACTOR, PRODUCT, assembled, scalar_place, seen_by_hand, shares_wire
+from wavesweep.diagram.drawn import Drawn
+from wavesweep.diagram.uneven import Uneven
+from wavesweep.errors import IllPosedLoopError
+from wavesweep.kernel import chosen
+from wavesweep.lifted import Cut, with_batch
+from wavesweep.lifted.connect import WORST_CONDITION
+from wavesweep.lifted.number import OpenFrame, cut_of, open_frame
+from wavesweep.lifted.rounding import hidden_in, sizes_in_all, turned
+from wavesweep.lifted.tick_drift import TickDrift, opposed
+from wavesweep.spec.drawing import Drawing, name_of, path_of
+from wavesweep.sweep.drawn_loops import drift_of, feels, hand_of, named_loops
+from wavesweep.sweep.grid import distinct_rows, selected
+
+
+def exact_cut(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], number: str) -> Cut | None:
+    """The loops cut at a number that is one scalar gain of a frame; None if it is not one."""
+    found = open_loops(drawing, values, own, number)
+    return found and found.cut
+
+
+@dataclass(frozen=True, eq=False)
+class OpenLoops:
+    """Loops without a number that is one scalar gain of their frame, with their hand if the frame may show its force.
+
+    beside: another number of the same wire, that they are without as well (see `shares_wire`), or empty.
+    """
+
+    drawn: Drawn
+    frame: OpenFrame
+    drift: TickDrift
+    hand: Ports | None = None
+    beside: str = ""
+
+    @cached_property
+    def cut(self) -> Cut | None:
+        """The loops cut at the number, or at the two numbers; None if their drift is none that a cut keeps."""
+        return cut_of(self.frame, self.drift, 1 + bool(self.beside))
+
+    @cached_property
+    def alone(self) -> Cut:
+        """The cut of a single loop, as a batch of one."""
+        return with_batch(self.cut, 1)
+
+    @cached_property
+    def at_rest(self) -> Resting | None:
+        """The loops as their hand feels them at rest; None without a hand, or if the frame does not tell."""
+        return self.hand and resting_frame(self.drawn, self.hand, self.frame, self.drift)
+
+    @cached_property
+    def hidden(self) -> np.ndarray:
+        """Whether terms of the loops cancel so that their digits may be missed, `(...)`; see `hidden_in` and `turned`."""
+        ticks = self.frame.ticks
+        return hidden_in(ticks, self.frame.growth) | turned(self.frame.E, sizes_in_all(ticks))
+
+    @cached_property
+    def opposed(self) -> np.ndarray:
+        """Whether something opposes the drift, `(...)`; see `opposed`."""
+        return opposed(self.frame.ticks, self.drift)
+
+
+def open_loops(
+    drawing: Drawing,
+    values: Mapping[str, object],
+    own: Mapping[str, float],
+    number: str,
+    beside: str = "",
+    *,
+    felt: bool = False,
+) -> OpenLoops | None:
+    """The loops without a number that is one scalar gain of a frame; None if it is not one.
+
+    beside: another number of the same wire, without which they are as well; None if they drift in another way without it.
+    felt: whether to see their hand.
+    """
+    if isinstance(drawing, Uneven) or not scalar_place(drawing, number):
+        return None
+    path, read = path_of(number), (FACTOR, BESIDE)[: 1 + bool(beside)]
+    values, own = {**values, path: 1.0}, {**own, path: 1.0}
+    with_it = {**values, path_of(beside): 1.0} if beside else values
+    if drift_of(drawing, with_it, own).folded:  # a conserved combination, which the cut loop would take for a crossing
+        return None
+    if beside:
+        values = {**values, path_of(beside): 0.0}
+        whole, drift = (drift_of(drawing, each, own, number, read, beside) for each in (with_it, values))
+        # Of a second eigenvalue 1 rounding leaves a trace in the signal of the other number, which may have any size.
+        if (whole.moved, whole.folded) != (drift.moved, drift.folded) or whole.ramp is not None or drift.ramp is not None:
+            return None
+    else:
+        drift = drift_of(drawing, values, own, number, read)
+    if drift.folded:  # its factors depend on numbers, which may be the same in all loops
+        drift = drift_of(drawing, values, own, number, read, beside, actual=True)
+    if drift.folded:
+        return None
+    drawn = assembled(drawing, values, number, beside)
+    hand = hand_of(drawing) if felt and feels(drawing) else None
+    if any(seen_by_hand(drawing, each) for each in (number, beside)):
+        hand = None
+    if hand and not shows_at_rest(drawn, hand, read):
+        hand = None
+    with named_loops(drawn), np.errstate(all="ignore"):
+        seen = (hand.force, (hand.reaction,)) if hand else ("", ())
+        frame = open_frame(drawn, PRODUCT, read, *seen)
+    return frame and OpenLoops(drawn, frame, drift, hand, beside)
+
+
+@lru_cache(maxsize=16)  # a compiled loop is asked again and again
+def _open_loop(drawing, items, own, number, beside, felt, kernel):  # noqa: ARG001 - other kernels have other last digits
+    """`open_loops` of a single loop."""
+    return open_loops(drawing, dict(items), dict(own), number, beside, felt=felt)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Opened:
+    """Slices with their loops without the number, and perhaps without another one as well.
+
+    which: the loop of each slice. beside: the values of the other number. swapped: whether the loops are cut at that one, and
+    the intervals are those of the one beside it, as of a damping beside a stiffness.
+    """
+
+    loops: OpenLoops
+    which: np.ndarray
+    beside: np.ndarray
+    swapped: bool = False
+
+    @staticmethod
+    def of(drawing, values, own, number: str, size: int, *, felt: bool) -> "Opened | None":
+        """Return `size` slices with their loops without the number; None if it is not one scalar gain of a frame.
+
+        values: of the slices. Those that differ in another number of the same wire alone have one loop, which is without that
+        number as well; of several such numbers it is one that is varied. own, felt: see `open_loops`.
+        Errors: IllPosedLoopError if the loops have no solution without the number.
+        """
+        path = varied_beside(drawing, values, number)
+        for swapped in (False, True) if path else ():
+            with suppress(IllPosedLoopError):
+                found = _without(drawing, values, own, number, size, path, swapped, felt=felt)
+                if found and found.loops.cut and found.solvable:
+                    return found
+        return Opened.alone(drawing, values, own, number, size, felt=felt)
+
+    @staticmethod
+    def alone(drawing, values, own, number: str, size: int, *, felt: bool) -> "Opened | None":
+        """`of` slices that have a loop each."""
+        return _without(drawing, values, own, number, size, felt=felt)
+
+    @property
+    def solvable(self) -> bool:
+        """Whether the loops of direct terms that the other number closes have solutions."""
+        direct = self.loops.frame.D[..., int(not self.swapped), 0]
+        through = self.beside * np.broadcast_to(direct, (int(self.which.max()) + 1,))[self.which]
+        return bool((1 + np.abs(through) < WORST_CONDITION * np.abs(1 - through)).all())
+
+    def stiffness(self, at, p) -> np.ndarray:
+        """The stiffness that the hand feels of the slices `at` if the number is p, `(n,)` all, if the frame tells."""
+        pair = p, self.beside[at]
+        return self.loops.at_rest.stiffness(self.which[at], *(pair[::-1] if self.swapped else pair))
+
+    def intervals(self, cut, span) -> Intervals:
+        """The intervals of the cut loops, sorted by slice."""
+        order, counts = np.argsort(self.which, kind="stable"), np.bincount(self.which)
+        starts, parts = np.cumsum(counts) - counts, []
+        for count in np.unique(counts[counts > 0]).tolist():
+            some = np.flatnonzero(counts == count)
+            slices = order[starts[some][:, None] + np.arange(count)]
+            loops = cut if some.size == counts.size else cut.at(some)
+            found = stable_intervals(loops, "B_VE" if self.swapped else "K_VE", span, self.beside[slices])
+            parts.append(replace(found, column=slices.reshape(-1)[found.column]))
+        whole = Intervals.join(parts)
+        return whole.take(np.argsort(whole.column, kind="stable"))
+
+
+def varied_beside(drawing, values, number: str) -> str:
+    """The path of a number of the same wire (see `shares_wire`) in which slices differ, the last one; else empty."""
+    others = [path for path, v in values.items() if np.ndim(v) and shares_wire(drawing, number, name_of(path))]
+    return others[-1] if others else ""
+
+
+def _without(drawing, values, own, number, size, path="", swapped=False, *, felt):
+    """The slices with loops without the number, and without that with the path `path` if there is one; see `Opened`."""
+    of, beside, numbers = np.arange(size), np.zeros(size), (number, name_of(path) if path else "")
+    numbers = numbers[::-1] if swapped else numbers
+    if path:
+        others = {each: v for each, v in values.items() if np.ndim(v) and each != path}
+        first, of = distinct_rows(others, size)
+        values, beside = selected(values, first) | {path: 0.0}, values[path]
+    if any(np.ndim(v) for v in values.values()):
+        loops = open_loops(drawing, values, own, *numbers, felt=felt)
+    else:
+        loops = _open_loop(drawing, items_of(values), items_of(own), *numbers, felt, chosen())
+    return loops and Opened(loops, of, beside, swapped)
