@@ -21,6 +21,7 @@ LAYERS = (
     "controllers",
     "kernel",
     "spec",
+    "loops",
     "diagram",
     "lifted",
     "analysis",

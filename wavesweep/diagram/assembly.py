@@ -86,7 +86,8 @@ def _placed(block, known, tick):
             keys["rests"] = tuple(_rests(trees[name], keys[name], known) for name in ("num", "den"))
         else:
             keys["rests"] = [_rests(*row, known) for row in zip(trees["A"], keys["A"], strict=True)]
-    return Placed(getattr(blocks, block.type)(block.name, every * tick, **keys), every, phase)
+    period = every * tick if not block.phases else every * tick / len(block.phases)
+    return Placed(getattr(blocks, block.type)(block.name, period, **keys), every, block.phases or phase)
 
 
 def _rests(trees, values, known):

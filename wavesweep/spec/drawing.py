@@ -30,13 +30,17 @@ OF_PLANT = "a position that a plant has in every tick, such as a mass's x"
 
 @dataclass(frozen=True, slots=True)
 class DrawnBlock:
-    """A block: its keys hold trees of numbers, tuples of these, or words."""
+    """A block: its keys hold trees of numbers, tuples of these, or words.
+
+    phases: the ticks in which it runs, if these are several of each `every`.
+    """
 
     name: str
     type: str
     keys: tuple[tuple[str, object], ...]
     every: Tree
     phase: Tree
+    phases: tuple[int, ...] = ()
 
     @property
     def plant(self) -> bool:
@@ -123,6 +127,11 @@ class Drawing:
         return _shaping(self)
 
     @property
+    def reads(self) -> frozenset[str]:
+        """Paths of the keys whose numbers the loop reads."""
+        return _reads(self)
+
+    @property
     def rating(self) -> frozenset[str]:
         """Names of the numbers that the rate of the tick follows from."""
         return frozenset(name for name, _ in names_in(self.tick_hz))
@@ -203,6 +212,11 @@ def _shaping(drawing: Drawing) -> frozenset[str]:
     return frozenset(name for tree in keys for name, _ in names_in(tree))
 
 
+@lru_cache(maxsize=256)
+def _reads(drawing: Drawing) -> frozenset[str]:
+    return frozenset(path_of(name) for _, tree in drawing.trees() for name, _ in names_in(tree))
+
+
 @lru_cache(maxsize=64)
 def _names(drawing: Drawing) -> Names:
     keys = {}
@@ -238,7 +252,7 @@ def name_of(path: str) -> str:
 
 def scalars(values: Mapping[str, object]) -> dict[str, object]:
     """Return the values of a drawn spec by the names that trees have for them."""
-    return {name_of(path): value for path, value in values.items()}
+    return {name_of(path): value for path, value in values.items() if not isinstance(value, str)}
 
 
 def _value(tree: Tree, numbers: Mapping[str, float]) -> float | None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from wavesweep.diagram import WALL, keys_read
 from wavesweep.errors import UsageError
+from wavesweep.loops.controllers import loop_drawing
 from wavesweep.spec import Axis, Spec
 from wavesweep.sweep.assumptions import over_preset
 
@@ -212,6 +213,23 @@ def groups(
         for part in distinct(zeros, members.size):
             index = members[part]
             yield index, {**settled, **{path: column[index] for path, column in plain.items()}}
+
+
+def drawn_groups(
+    spec: Spec, changes: Mapping[str, np.ndarray], size: int, resolved=None, *, rates: bool = False, along: str = ""
+) -> Iterator[tuple[np.ndarray, "Drawing", dict]]:
+    """Yield (members, drawing, values): `groups`, each with the drawing of its loops and the numbers that this reads.
+
+    along: path of a number that is varied in every loop beside the changes, as that of an axis of intervals.
+    """
+    for members, values in groups(spec, changes, size, resolved, rates=rates):
+        drawing = drawing_for(spec, values, along)
+        yield members, drawing, {path: value for path, value in values.items() if path in drawing.reads}
+
+
+def drawing_for(spec: Spec, values: Mapping[str, object], along: str = "") -> "Drawing":
+    """The drawing of loops of the spec with these flat values: its own, or that of its controller."""
+    return spec.drawing or loop_drawing(values, (along,))
 
 
 def is_plain(spec, path, changes: Iterable[str] | None = None) -> bool:
