@@ -86,7 +86,7 @@ class Loop:
         from wavesweep.sweep.running import in_memory
 
         grid, axis = self._asked(along, span, axes)
-        return self._frame("zwidth", in_memory(job_over(grid, axis, None if grid.loop_axes else self.cut)))
+        return self._frame("zwidth", in_memory(job_over(grid, axis)))
 
     def sensitivity(self, along: str | None = None, span=None, **axes):
         """How each end of the stable intervals, and the stiffness felt there, moves with each number: a DataFrame.
@@ -99,7 +99,7 @@ class Loop:
         from wavesweep.sweep.why_table import sensitivities
 
         grid, axis = self._asked(along, span, axes)
-        return self._frame("why", sensitivities(grid, axis, None if grid.loop_axes else self.cut))
+        return self._frame("why", sensitivities(grid, axis))
 
     def spectral_radius(self, **axes) -> np.ndarray:
         """Largest eigenvalue modulus per frame of `ratio` ticks, without drift, over the product of the axes given.
@@ -112,7 +112,7 @@ class Loop:
         spec = naming(self.spec, axes)
         asked = _axes(spec, axes)
         shape = tuple(len(axis.values) for axis, values in zip(asked, axes.values(), strict=True) if np.ndim(values))
-        return radius_over(spec, asked, self.cut).reshape(shape)
+        return radius_over(spec, asked).reshape(shape)
 
     def response(self, frequency_hz=None, **axes):
         """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.

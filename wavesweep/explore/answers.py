@@ -135,7 +135,7 @@ def certified_plane(spec: Spec, plane: Plane) -> dict:
     `certified_columns`.
     """
     along = _axis(spec, plane.y, (), plane.y_span)
-    seconds, exact = cost_of(spec, loop_of(spec), along)
+    seconds, exact = cost_of(spec, along)
     if not exact:
         return {"how": "single"}
     across = _axis(spec, plane.x, np.linspace(*plane.x_span, int(np.clip(SECONDS / seconds, FEWEST, COLUMNS))))

@@ -25,7 +25,7 @@ from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.lifted.tick_drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
 from wavesweep.spec.checking import show
 from wavesweep.spec.drawing import OF_PLANT, Drawing, path_of
-from wavesweep.sweep.grid import distinct_rows, groups, selected
+from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, read_by, selected
 
 Groups = tuple[tuple[np.ndarray, Mapping[str, object]], ...]
 SURE = 1e-6  # relative error up to which a stiffness counts as known
@@ -121,11 +121,19 @@ def _loop(values, at):
 
 
 def radii(grid) -> np.ndarray:
-    """`radii_of` every slice of the grid."""
-    spec, drawing, found = grid.spec, grid.drawing, np.empty(grid.loops)
-    for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops):
-        refuse_unsuitable(drawing, values)
-        found[members] = radii_of(drawing, values, spec.values, members.size)
+    """`radii_of` every slice of the grid.
+
+    The radius of a controller whose frame is a single tick, as that of direct coupling, is counted per frame of its spec.
+    """
+    spec, found = grid.spec, np.empty(grid.loops)
+    for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True):
+        drawing, ratio = drawing_for(spec, values), values.get("rates.ratio", 1)
+        if spec.drawing:
+            refuse_unsuitable(drawing, values)
+        radius = radii_of(drawing, read_by(drawing, values), read_by(drawing, spec.values), members.size)
+        ticks = 1 if "rates.ratio" in drawing.reads or isinstance(ratio, float) else ratio
+        with np.errstate(over="ignore"):
+            found[members] = radius**ticks
     return found
 
 

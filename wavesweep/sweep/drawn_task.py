@@ -29,7 +29,6 @@ from wavesweep.diagram.assembly import (
     tame_pair,
 )
 from wavesweep.diagram.domain import bends_at_zero, domains, guards_at
-from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.lifted import with_batch
 from wavesweep.lifted.open_ticks import OpenTicks, facts_of
@@ -53,15 +52,14 @@ STILL, NEXT = 100.0, 1e-12  # of its change, how far an eigenvalue has to be fro
 class DrawnTask:
     """Stable intervals of drawn loops along the number `along` within span = (low, high).
 
-    groups: see `IntervalTask`. own: the spec's values. bounds: all loops exist between these values of the number. If this
-    is one scalar gain of a frame, it is cut out; otherwise its intervals are found by panels. felt: give the stiffness that a
-    hand feels at the ends too. checked: whether the numbers are known to make loops.
+    groups: (members, values) pairs, see `groups`; the members of all of them number the loops. own: the spec's values. If the
+    number is one scalar gain of a frame, it is cut out; otherwise its intervals are found by panels. felt: give the stiffness
+    that a hand feels at the ends too. checked: whether the numbers are known to make loops.
     """
 
     drawing: Drawing
     along: str
     span: tuple[float, float]
-    bounds: tuple[float, float]
     groups: Groups
     own: Mapping[str, float]
     felt: bool = True
@@ -166,7 +164,7 @@ class DrawnTask:
         return None
 
     def _intervals(self, values, size, opened):
-        parts = () if isinstance(self.drawing, Uneven) else apart(self.drawing, self._silent(values))
+        parts = apart(self.drawing, self._silent(values))
         if len(parts) <= 1:
             return self.connected(values, size, opened)
         if not self._drift_alike(values, parts):  # a cut would leave out a mode that grows and that the number does not see
@@ -258,8 +256,7 @@ class DrawnTask:
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
         variable = self._variable()
-        uneven = isinstance(self.drawing, Uneven)
-        bounds = self.bounds if uneven else domains(self.drawing, values, self.along, self.span, size)
+        bounds = domains(self.drawing, values, self.along, self.span, size)
         found = stable_along_any(loops.frames, self.span, size, period, bounds, variable)
         if variable == FROM_ZERO:
             found = self._meeting_one_at_zero(found, values)
@@ -273,7 +270,7 @@ class DrawnTask:
             _, _, there = loops.examined(others, np.full(others.size, end)) if others.size else (None, None, np.zeros(0, bool))
             wrong |= np.isin(found.column, others[there])
         found = self._unshaken(_doubted(found, growth.max(0)), hidden.any(0), period, values, loops)
-        found = found if uneven or self.number not in self.drawing.rating else self._in_own_time(found, values)
+        found = found if self.number not in self.drawing.rating else self._in_own_time(found, values)
         return _unknown(found, wrong)  # at last, since it leaves a single row of a column
 
     def _in_own_time(self, found, values):
@@ -292,7 +289,7 @@ class DrawnTask:
 
     def _variable(self):
         """How the number is followed; see `stable_along_any`."""
-        if isinstance(self.drawing, Uneven) and self.along in WALL and self.span[0] >= 0:
+        if self.along in WALL and self.span[0] >= 0:
             return BENT
         return FROM_ZERO if self.span[0] == 0 and bends_at_zero(self.drawing, self.along) else ""
 
@@ -373,13 +370,25 @@ class DrawnTask:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class SeveralTasks:
+    """Tasks for loops of different drawings, whose members number the loops of all."""
+
+    tasks: tuple[DrawnTask, ...]
+
+    def records(self) -> np.ndarray:
+        """The intervals of all loops as records, sorted by slice."""
+        found = np.concatenate([task.records() for task in self.tasks])
+        return found[np.argsort(found["slice"], kind="stable")]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class _Along:
     """Loops of a batch at values p of the number `along`, `number` being those of the loops in the batch.
 
     open_ticks: the loops without the number in their ticks, if it is one scalar gain of them.
     """
 
-    drawing: Drawing | Uneven
+    drawing: Drawing
     along: str
     values: Mapping[str, object]
     drift: TickDrift

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavesweep.analysis.doubt import words
-from wavesweep.diagram import WALL
 from wavesweep.spec import Axis, Spec
-from wavesweep.sweep.grid import distinct_rows, groups, loop_of, no_controller
-from wavesweep.sweep.interval_job import IntervalJob, bounds_within, job_of, task_over
+from wavesweep.sweep.grid import no_controller
+from wavesweep.sweep.interval_job import IntervalJob, job_of, task_over
 from wavesweep.sweep.job import cut_otherwise
 from wavesweep.sweep.running import Work, run
 from wavesweep.sweep.table import Columns, Table, facts_of, spans_held
@@ -20,7 +19,6 @@ from wavesweep.sweep.tasks import END_HANDS, FELT, RECORD
 if TYPE_CHECKING:
     from wavesweep.sweep.hands import Guarantee, Hands
 
-WASTE = 4  # a product of loops and walls is computed whole if at most so many times the points are wanted
 FEW = 4  # slices of a chunk of guarantees: each takes from tenths of a second to some seconds
 ABOUT_ENDS = (*END_HANDS["low"], *END_HANDS["high"], "settled")
 
@@ -82,9 +80,7 @@ def stages_of(spec: Spec, along: str | None, hands: "Hands | None") -> list[Stag
 
 
 def _guaranteed(own: IntervalJob, guarantee: "Guarantee") -> IntervalJob:
-    walls = own.grid.walls
-    few = cut_otherwise(own, deep=max(1, FEW // walls), wide=min(FEW, walls))
-    return replace(few, guarantee=guarantee, cut=None)
+    return replace(cut_otherwise(own, deep=FEW), guarantee=guarantee)
 
 
 def at_points(
@@ -96,48 +92,8 @@ def at_points(
     values are the factors. felt: compute the felt stiffness at the ends too, which is missing otherwise.
     """
     count = len(next(iter(points.values())))
-    drawing = loop_of(spec, points)
-    of_walls = () if drawing else WALL
-    loops, loop = distinct_rows({path: column for path, column in points.items() if path not in of_walls}, count)
-    walls, wall = distinct_rows({path: column for path, column in points.items() if path in of_walls}, count)
-    if loops.size * walls.size > WASTE * count and count <= WASTE * loops.size:  # every point a loop with a wall of its own
-        loops, loop, walls, wall = *(np.arange(count),) * 2, None, None
-        parts = [(np.arange(count), loops, None)]
-    elif loops.size * walls.size <= WASTE * count:
-        parts = [(np.arange(count), np.sort(loops), np.sort(walls))]
-    else:  # the product would be mostly points that nobody wants
-        by = loop if loops.size <= walls.size else wall
-        members = [np.flatnonzero(by == number) for number in range(by.max() + 1)]
-        parts = [(each, np.unique(loops[loop[each]]), np.unique(walls[wall[each]])) for each in members]
-    owners = loops[loop], walls if walls is None else walls[wall]
-    found = [_part(spec, drawing, axis, points, ties, felt, *part, *owners) for part in parts]
-    records = np.concatenate(found)
-    records = records[np.argsort(records["slice"], kind="stable")]
+    records = task_over(spec, axis, points, count, ties=ties, felt=felt, checked=True).records()
     return {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
-
-
-def _part(spec, drawing, axis, points, ties, felt, members, loops, walls, owner, wall_of):
-    """The records of the points `members`, from the product of some loops and walls, each given by a point that has it; walls:
-    None if every loop has the wall of its point alone."""
-    of_walls = () if drawing else WALL
-    changes = {path: column[loops] for path, column in points.items() if path not in of_walls}
-    own = walls is None
-    shape = (loops.size, 1) if own else walls.shape
-    wanted = {
-        path: points[path][loops if own else walls].reshape(shape) if path in points else np.full(shape, spec.values[path])
-        for path in of_walls
-    }
-    parts = list(groups(spec, changes, loops.size, rates=True))
-    task = task_over(spec, drawing, axis, bounds_within(spec, drawing, axis, parts), parts, wanted, checked=True)
-    if ties or not felt:
-        task = replace(task, felt=felt, **({"ties": ties} if ties else {}))
-    records = task.records()
-    number = np.searchsorted(loops, owner[members])
-    number = number if own else number * walls.size + np.searchsorted(walls, wall_of[members])
-    order = np.argsort(number, kind="stable")
-    kept = records[np.isin(records["slice"], number)]
-    kept["slice"] = members[order][np.searchsorted(number[order], kept["slice"])]
-    return kept
 
 
 def _rows(stages, found, hands) -> Iterator[Columns]:

@@ -16,14 +16,13 @@ import numpy as np
 
 from wavesweep.analysis.intervals import Intervals, stable_intervals
 from wavesweep.analysis.response import felt, felt_map
-from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import WALL, draw, identity
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.kernel import using
 from wavesweep.lifted import Cut, cut_at_wall, with_batch
 from wavesweep.lifted.lift import frame_at_rest
 from wavesweep.sweep.any_number import along_any_number, varied
-from wavesweep.sweep.grid import groups, make_grid
+from wavesweep.sweep.grid import make_grid
 
 WATCH = 0.5  # s between two looks at the parent
 
@@ -291,23 +290,9 @@ class PortTask:
         return records
 
 
-def radius_over(spec, axes, cut=None) -> np.ndarray:
-    """Spectral radius per frame of `ratio` ticks for every combination of the axes, flat, the first axis slowest.
+def radius_over(spec, axes) -> np.ndarray:
+    """Spectral radius per frame of `ratio` ticks for every combination of the axes, flat, the first axis slowest."""
+    from wavesweep.sweep.drawn_loops import radii
 
-    cut: the loop of the spec's own values, used if only the wall is swept.
-    """
     grid = make_grid(spec, axes)
-    if grid.drawing:
-        from wavesweep.sweep.drawn_loops import radii
-
-        return radii(grid)[grid.slice_of(np.arange(grid.size))]
-    K, B = grid.wall_values().values()
-    found = np.empty((grid.loops, grid.walls))
-    for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True):
-        diagram = draw(values)
-        loops = cut if cut is not None and not grid.loop_axes else cut_at_wall(diagram)
-        radius = spectral_radius(with_batch(loops, members.size).at((slice(None), None)), K, B)
-        # A loop may have a frame of fewer ticks, as the ideal coupling has; counted per frame of the spec, controllers compare.
-        with np.errstate(over="ignore"):
-            found[members] = radius ** (values["rates.ratio"] // diagram.ratio)
-    return found.reshape(-1)[grid.slice_of(np.arange(grid.size))]
+    return radii(grid)[grid.slice_of(np.arange(grid.size))]
