@@ -19,7 +19,7 @@ LAYERS = (
     "errors",
     "disk",
     "controllers",
-    "kernel",
+    "arithmetic",
     "spec",
     "loops",
     "diagram",
@@ -34,7 +34,7 @@ LAYERS = (
 )
 TOP = len(LAYERS)
 MODULE = re.compile(r"wavesweep(\.[a-z_]+)+")
-HEAVY = ("numba", "numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
+HEAVY = ("numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
 
 
 def layer_of(module):

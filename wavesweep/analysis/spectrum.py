@@ -4,7 +4,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted import Cut, close
 from wavesweep.lifted.circle import inverse, on_circle
 from wavesweep.lifted.rounding import TELLING, balance
@@ -18,7 +17,6 @@ UNEVEN = 1e3  # times the largest entry of a balanced matrix: a larger one hides
 MANY = 100  # states, from which on a bound on a singular value stands for it
 LARGE = 40  # states, from which on delays are left out of singular values, if they are most of them
 SPARSE = 200  # states, from which on an import pays that finds the blocks of a matrix of few entries
-MOST_BY_SIGNS = 12  # eigenvalues; coefficients of more crowd, and signs of sums of them are seldom sure
 
 
 def eigenvalues(E):
@@ -225,28 +223,14 @@ def count_outside(E):
     small. Eigenvalues that nearly meet keep only a root of the digits, and others may lose many. So if one is near the circle,
     or if some are so near to each other that this could bring them there (`may_cross`), those nearest to it also count as
     within rounding of it if a rounding of E could move them onto it: if the smallest singular value of `z I - (I + E)` at the
-    nearest z of the circle is that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1). If the
-    kernel is chosen, the count follows from signs if these are sure, which needs no eigenvalues (see `compiled.counting`).
+    nearest z of the circle is that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1).
     """
-    if chosen() == NUMPY or not 0 < E.shape[-1] <= MOST_BY_SIGNS or not E.size or np.iscomplexobj(E):
-        return _by_eigenvalues(E)
-    from wavesweep.analysis.intervals.compiled import counting
-
-    count = counting.count_outside(E)
-    clear, rest = np.ones(count.size, bool), np.flatnonzero(count < 0)
-    if rest.size:
-        count[rest], clear[rest] = _by_eigenvalues(E[rest])
-    return count, clear
-
-
-def _by_eigenvalues(E):
-    """Return `count_outside` from computed eigenvalues."""
     groups = diagonal_blocks(E)
     if groups:
         count, clear = np.zeros(len(E), int), np.ones(len(E), bool)
         for some, blocks, alone in groups:
             for block in (*blocks, alone) if alone.size else blocks:
-                more, known = _by_eigenvalues(block)
+                more, known = count_outside(block)
                 count[some], clear[some] = count[some] + more, clear[some] & known
         finite = np.isfinite(E).all((-1, -2))
         return np.where(finite, count, -1), clear & finite
@@ -262,7 +246,7 @@ def _by_eigenvalues(E):
         even = balance(E[again])[0]
         better = size[again] > UNEVEN * np.abs(even).max((-1, -2), initial=0)
         if better.any():
-            count[again[better]], clear[again[better]] = _by_eigenvalues(even[better])
+            count[again[better]], clear[again[better]] = count_outside(even[better])
     near = clear & (distance.min(-1, initial=np.inf) < NEIGHBOURHOOD)
     some = np.flatnonzero(clear & ~near & may_cross(delta, size))
     near[some] = may_cross(delta[some], np.abs(balance(E[some])[0]).max((-1, -2), initial=0)) if some.size else False

@@ -16,7 +16,6 @@ from wavesweep.diagram.assembly import BESIDE, FACTOR, PRODUCT, assembled, scala
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.kernel import chosen
 from wavesweep.lifted import Cut, with_batch
 from wavesweep.lifted.connect import WORST_CONDITION
 from wavesweep.lifted.number import OpenFrame, cut_of, open_frame
@@ -119,7 +118,7 @@ def open_loops(
 
 
 @lru_cache(maxsize=16)  # a compiled loop is asked again and again
-def _open_loop(drawing, items, own, number, beside, felt, kernel):  # noqa: ARG001 - other kernels have other last digits
+def _open_loop(drawing, items, own, number, beside, felt):
     """`open_loops` of a single loop."""
     return open_loops(drawing, dict(items), dict(own), number, beside, felt=felt)
 
@@ -201,5 +200,5 @@ def _without(drawing, values, own, number, size, path="", swapped=False, *, felt
     if any(np.ndim(v) for v in values.values()):
         loops = open_loops(drawing, values, own, *numbers, felt=felt)
     else:
-        loops = _open_loop(drawing, items_of(values), items_of(own), *numbers, felt, chosen())
+        loops = _open_loop(drawing, items_of(values), items_of(own), *numbers, felt)
     return loops and Opened(loops, of, beside, swapped)

@@ -18,7 +18,6 @@ from wavesweep.analysis.intervals import Intervals, stable_intervals
 from wavesweep.analysis.response import felt, felt_map
 from wavesweep.diagram import WALL, draw, identity
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.kernel import using
 from wavesweep.lifted import Cut, cut_at_wall, with_batch
 from wavesweep.lifted.lift import frame_at_rest
 from wavesweep.sweep.any_number import along_any_number, varied
@@ -68,15 +67,14 @@ class Task(Protocol):
         """Compute the result, a structured array."""
 
 
-def timed(number: int, task: Task, kernel: str) -> tuple[int, np.ndarray, float]:
-    """Compute a chunk with that kernel: its number, its records and the processor seconds used.
+def timed(number: int, task: Task) -> tuple[int, np.ndarray, float]:
+    """Compute a chunk: its number, its records and the processor seconds used.
 
     Errors: those of the task; an IllPosedLoopError has the number.
     """
     started = time.thread_time()
     try:
-        with using(kernel):
-            records = task.records()
+        records = task.records()
     except IllPosedLoopError as error:
         error.chunk = number
         raise

@@ -17,7 +17,6 @@ USUAL = 64.0  # times rounding: what a polished end may leave of its equation
 FIRM = 1e-9 / 16  # of an end, what one rounding of every entry of the loop may move it by; lifting a loop costs some more
 NEAR_ZERO = 1e-5  # of the span, which an end is given in addition: one next to zero has few digits of itself
 NARROW = 1e-6  # of the span; eigenvalues of so small a region are always counted
-BEYOND_ORDER, TRACE_ROUNDING = 1.001, 1e-8  # of the number of eigenvalues, and of a trace's terms, what it has to exceed
 SHARES = (0.5, 0.1, 0.9, 1e-3, 0.999, 1e-6)  # of a region's width: the count is the same at all, and clearer at some
 MANY_SHARES = (*np.linspace(0, 1, 18)[1:-1], 1e-2, 1e-3, 1e-4, 1e-6)  # where it may not be the same
 

@@ -8,15 +8,15 @@ from wavesweep.analysis.doubt import COUNTS, CROWDED, NONE, OVERFLOW
 from wavesweep.analysis.intervals.arcs import arc_crossings
 from wavesweep.analysis.intervals.boundary import K_VE
 from wavesweep.analysis.intervals.crossings import crossings, sampled_polynomial, warp_scale
-from wavesweep.analysis.intervals.regions import BEYOND_ORDER, TRACE_ROUNDING, Regions, cut_span, regions
+from wavesweep.analysis.intervals.regions import Regions, cut_span, regions
 from wavesweep.analysis.rows import Rows
-from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
 from wavesweep.lifted.rounding import balance
 
 MOST_STATES = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
 UNEVEN, SWEEPS = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that
 HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
+BEYOND_ORDER, TRACE_ROUNDING = 1.001, 1e-8  # of the number of eigenvalues, and of its terms, what a trace has to exceed
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,25 +87,11 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     if along != K_VE and cut.integrates and np.any(fixed == 0):
         return _joined(cut, along, span, fixed)
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
-    found = _by_kernel(_in_own_units(cut), owner, along, flat, span)
+    found = _by_each_method(_in_own_units(cut), owner, along, flat, span)
     if not span[0] < 0 < span[1]:
         return found
     nothing = np.finfo(float).eps * (span[1] - span[0])  # an end at 0 within the span is 0, and not what rounding leaves
     return replace(found, **{end: np.where(np.abs(v := getattr(found, end)) <= nothing, 0.0, v) for end in ("low", "high")})
-
-
-def _by_kernel(cut, owner, along, flat, span) -> Intervals:
-    """Return the intervals of the columns with the loops `cut.at(owner)`; numpy has those that a kernel does not prove."""
-    if chosen() == NUMPY:
-        return _by_numpy(cut, owner, along, flat, span)
-    from wavesweep.analysis.intervals import compiled
-
-    found, left = compiled.proved(cut, owner, along, flat, span)
-    if not left.size:
-        return found
-    rest = _by_numpy(cut, owner[left], along, flat[left], span)
-    whole = Intervals.join([found, replace(rest, column=left[rest.column])])
-    return whole.take(np.argsort(whole.column, kind="stable"))
 
 
 def uneven_units(sizes):
@@ -141,7 +127,7 @@ def _in_own_units(cut: Cut) -> Cut:
     return replace(cut, E=E, B=B, C=C)
 
 
-def _by_numpy(cut, owner, along, fixed, span) -> Intervals:
+def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
     """Return the intervals of the columns with the loops `cut.at(owner)`, each by the first method that proves it."""
     pending, done = np.arange(fixed.size), []
     cut, overflown = _finite(cut)
