@@ -58,7 +58,7 @@ def product_with_errors(
 
 
 def pattern_of(kind: np.ndarray, changes: Sequence[np.ndarray], *, ramp: bool = False) -> np.ndarray:
-    """Return which entries of the product of ticks, identity included, may be other than zero in some loop, `(n, n + inputs)`."""
+    """Return which entries of the product of ticks, identity included, may be other than 0 in a loop, `(n, n + inputs)`."""
     patterns, (n, width) = [], changes[0].shape[-2:]
     for each in changes:
         pattern = (each != -np.eye(n, width)).any(tuple(range(each.ndim - 2)))
@@ -106,7 +106,7 @@ def _after(ramp, first, second):
 
 
 def _after_with_errors(ramp, first, second):
-    """The same of stretches with the largest sizes of the entries of E and of I + E in all loops, and a bound on their errors."""
+    """The same with the largest sizes of the entries of E and of I + E in all loops, and a bound on their errors."""
     (P, one, kept, dP), (Q, two, moved, dQ) = first, second
     both, n = _after(ramp, P, Q), len(one)
     dE = moved[:, :n] @ dP + dQ[:, :n] @ kept + ROUNDING * (one + two + two[:, :n] @ one)

@@ -15,7 +15,7 @@ from wavesweep.spec import Axis, Spec, no_axis, sweep_axes
 from wavesweep.spec.drawing import name_of, path_of
 from wavesweep.sweep.drawn_loops import drift_of, frames, refuse_singular
 from wavesweep.sweep.drawn_task import DrawnTask, SeveralTasks
-from wavesweep.sweep.grid import Grid, drawn_groups, groups, make_grid, own_loop, read_by, selected
+from wavesweep.sweep.grid import FAST, Grid, drawn_groups, groups, make_grid, own_loop, read_by, selected
 from wavesweep.sweep.job import CHECKED, Chunk, Job, cut_up, resolve_all, some_loops
 from wavesweep.sweep.open_loops import exact_cut
 from wavesweep.sweep.tasks import HAND_RECORD, RECORD, IntervalTask, Task
@@ -113,7 +113,8 @@ def job_over(grid: Grid, axis: Axis) -> IntervalJob:
         raise UsageError(no_axis(spec, axis.name))
     resolved = resolve_all(grid, rates=True)
     for end in _span(axis):
-        if spec.drawing is None or unsuitable(spec.drawing, {**spec.values, axis.path: np.array([end])}).any():
+        wrong = spec.drawing and unsuitable(spec.drawing, {**spec.values, axis.path: np.array([end])}).any()
+        if wrong or spec.uneven or axis.path == FAST:
             spec.with_values({axis.path: end})
     if spec.drawing:
         refuse_singular(spec, spec.drawing)

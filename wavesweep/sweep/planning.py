@@ -69,7 +69,7 @@ def _interval_lines(spec, command, along):
     product = " x ".join(f"{a.name}[{len(a.values)}]" for a in grid.axes) or "the spec's own values"
     workers = choose(None, None, None, len(job.chunks), expected)
     repeated = f", {grid.size - job.slices} more are repeats" if grid.size > job.slices else ""
-    slices = f"{_count(job.slices, 'slice')} over {_count(grid.loops, 'compiled loop')}{repeated}"
+    slices = f"{_count(job.slices, 'slice')}{repeated}"
     span = f"({axis.start:g}, {axis.stop:g})"
     who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
     return [
