@@ -14,7 +14,8 @@ from wavesweep.diagram.assembly import first_of
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.drawn_loop import DrawnLoop, refuse_infinite
 from wavesweep.errors import UsageError
-from wavesweep.lifted import Cut, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import Cut
 from wavesweep.lifted.tick_drift import drift_of_drawn
 from wavesweep.spec import SYMBOLS, Axis, Spec, load
 from wavesweep.spec.axes import NARROWEST_SPAN

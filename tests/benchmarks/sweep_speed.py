@@ -22,7 +22,8 @@ from pathlib import Path
 import numpy as np
 
 from wavesweep.diagram import draw
-from wavesweep.lifted import close, cut_at_wall, with_batch
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import close, with_batch
 from wavesweep.spec import load
 from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.tasks import records_of, solve

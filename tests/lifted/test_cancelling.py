@@ -6,7 +6,7 @@ from support.intervals import intervals_of, pairs
 from support.specs import INTEGRATIONS, values_of
 
 from wavesweep.diagram import draw
-from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 
 IMPEDANCES = [1e-6, 2.273804480282737e-06, 0.3, 1e6]
 

@@ -16,8 +16,9 @@ from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.device import impulse_and_step
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.connect import connect
+from wavesweep.lifted.cut import close
 from wavesweep.lifted.frame import lifted_system
 from wavesweep.lifted.plan import _plan as plan_cache
 from wavesweep.lifted.plan import plan_of

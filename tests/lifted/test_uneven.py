@@ -13,7 +13,7 @@ from wavesweep.diagram import CONTROLLERS, WALL, draw
 from wavesweep.diagram.assembly import FACTOR, PRODUCT, assembled
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.open_ticks import OpenTicks
 from wavesweep.lifted.periodic import ticks_of
 from wavesweep.lifted.tick_drift import closed, closed_frame

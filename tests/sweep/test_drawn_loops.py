@@ -17,7 +17,7 @@ from wavesweep.diagram import blocks
 from wavesweep.diagram.assembly import refuse_unsuitable
 from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.lifted import with_batch
+from wavesweep.lifted.cut import with_batch
 from wavesweep.spec import load, sweep_axes
 from wavesweep.sweep.checkpoint import blocks as rows_of
 from wavesweep.sweep.checkpoint import checkpoint_of

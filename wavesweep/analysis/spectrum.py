@@ -4,9 +4,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.lifted import Cut, close
 from wavesweep.lifted.circle import inverse, on_circle
-from wavesweep.lifted.rounding import TELLING, balance
+from wavesweep.lifted.cut import Cut, close
+from wavesweep.lifted.rounding import TELLING, at_angles_of, balance, may_have
 from wavesweep.lifted.shifts import DelayLines
 
 ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
@@ -16,6 +16,7 @@ MEETING = 4  # number of the nearest ones that are examined, and all others in t
 UNEVEN = 1e3  # times the largest entry of a balanced matrix: a larger one hides eigenvalues that are known
 MANY = 100  # states, from which on a bound on a singular value stands for it
 LARGE = 40  # states, from which on delays are left out of singular values, if they are most of them
+FINE = 1e-12  # of the largest entry, or of 1, errors of entries that are no more than roundings
 SPARSE = 200  # states, from which on an import pays that finds the blocks of a matrix of few entries
 
 
@@ -216,7 +217,25 @@ def spectral_radius(cut: Cut, K_VE, B_VE) -> np.ndarray:
     return radius_of(close(cut, K_VE, B_VE))
 
 
-def count_outside(E):
+def count_outside(E, dE=None):
+    """Return the number of eigenvalues of `I + E` outside the unit circle, and whether no error of E can change it.
+
+    E, dE: `(matrices, n, n)`, matrices less identity and bounds on the errors of their entries, by default of a rounding each.
+    The count is -1 if E is not finite. See `_count_outside`; where errors are larger than roundings, or an eigenvalue is near
+    the circle, no matrix within dE of E may have the nearest eigenvalues on the circle (see `may_have`).
+    """
+    count, clear = _count_outside(E)
+    if dE is None or not E.size:
+        return count, clear
+    size = np.maximum(1, np.abs(E).max((-1, -2), initial=0))
+    some = np.flatnonzero(clear & ~(dE.max((-1, -2), initial=0) <= FINE * size))
+    if some.size:
+        delta = eigenvalues(E[some])[0]
+        clear[some] = ~may_have(E[some], dE[some], at_angles_of(delta, 1.0, np.abs(excess(delta))))
+    return count, clear
+
+
+def _count_outside(E):
     """Return the number of eigenvalues of `I + E` outside the unit circle, and whether none lies within rounding of it.
 
     The count is -1 if E is not finite. An eigenvalue is within rounding of the circle if its computed distance from it is that
@@ -230,7 +249,7 @@ def count_outside(E):
         count, clear = np.zeros(len(E), int), np.ones(len(E), bool)
         for some, blocks, alone in groups:
             for block in (*blocks, alone) if alone.size else blocks:
-                more, known = count_outside(block)
+                more, known = _count_outside(block)
                 count[some], clear[some] = count[some] + more, clear[some] & known
         finite = np.isfinite(E).all((-1, -2))
         return np.where(finite, count, -1), clear & finite
@@ -246,7 +265,7 @@ def count_outside(E):
         even = balance(E[again])[0]
         better = size[again] > UNEVEN * np.abs(even).max((-1, -2), initial=0)
         if better.any():
-            count[again[better]], clear[again[better]] = count_outside(even[better])
+            count[again[better]], clear[again[better]] = _count_outside(even[better])
     near = clear & (distance.min(-1, initial=np.inf) < NEIGHBOURHOOD)
     some = np.flatnonzero(clear & ~near & may_cross(delta, size))
     near[some] = may_cross(delta[some], np.abs(balance(E[some])[0]).max((-1, -2), initial=0)) if some.size else False

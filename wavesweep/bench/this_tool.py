@@ -25,7 +25,7 @@ from wavesweep.analysis.intervals.stable import trace_excludes_stability
 from wavesweep.bench.measuring import Row
 from wavesweep.bench.problems import COLUMNS, PROBLEMS, Intervals, Problem
 from wavesweep.diagram import draw
-from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.paper.specs import folder
 from wavesweep.spec import Spec
 

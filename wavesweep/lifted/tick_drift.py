@@ -8,7 +8,8 @@ from wavesweep.diagram.assembly import POSITION, REACTION
 from wavesweep.diagram.drawn import Drawn, shifts
 from wavesweep.lifted.circle import solve
 from wavesweep.lifted.periodic import LOST, Ticks, frame_of, known_frames, ticks_of
-from wavesweep.lifted.rounding import frame_errors, hidden_in, measured_frame, radius_hidden
+from wavesweep.lifted.product import product_with_errors
+from wavesweep.lifted.rounding import hidden_in, measured_frame, radius_hidden
 
 RANK = 1e-12  # of the largest singular value of a frame of tame numbers, up to which the smallest is 0
 SAME = 1e-12  # relative difference of two factors of a shift, up to which it does not depend on the numbers
@@ -311,7 +312,7 @@ def errors_of_closed(ticks: Ticks, drift: TickDrift) -> tuple[np.ndarray, np.nda
 
     The bounds take a shift that depends on the numbers as it is computed.
     """
-    E, dE = frame_errors(ticks.kind, [each.E for each in ticks.maps], [each.terms[0] for each in ticks.maps])
+    E, dE = product_with_errors(ticks.kind, [each.E for each in ticks.maps], [each.terms[0] for each in ticks.maps])
     return filled(without_drift(E, drift)), filled(without_drift(E, drift, dE), 0.0)
 
 

@@ -12,7 +12,8 @@ from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, radius_of, s
 from wavesweep.diagram import WALL, draw, keys_read
 from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
-from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import close
 from wavesweep.seeking.family import Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish

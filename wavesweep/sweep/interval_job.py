@@ -97,7 +97,7 @@ def _span(axis):
 def _wall_task(spec, axis, changes, size, resolved):
     """The same for guarantees for hands, a wall for each loop."""
     walls = {path: np.broadcast_to(np.asarray(changes.get(path, spec.values[path]), float), size)[:, None] for path in WALL}
-    return IntervalTask(axis.path, _span(axis), (0.0, np.inf), tuple(groups(spec, changes, size, resolved)), walls)
+    return IntervalTask(axis.path, _span(axis), tuple(groups(spec, changes, size, resolved)), walls)
 
 
 def job_of(spec: Spec, along: str | None = None) -> IntervalJob:

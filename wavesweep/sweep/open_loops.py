@@ -16,11 +16,9 @@ from wavesweep.diagram.assembly import BESIDE, FACTOR, PRODUCT, assembled, scala
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.lifted import Cut, with_batch
 from wavesweep.lifted.connect import WORST_CONDITION
-from wavesweep.lifted.number import OpenFrame, cut_of, open_frame
-from wavesweep.lifted.rounding import hidden_in, sizes_in_all, turned
-from wavesweep.lifted.tick_drift import TickDrift, opposed
+from wavesweep.lifted.cut import Cut, OpenFrame, cut_of, open_frame, with_batch
+from wavesweep.lifted.tick_drift import TickDrift
 from wavesweep.spec.drawing import Drawing, name_of, path_of
 from wavesweep.sweep.drawn_loops import drift_of, feels, hand_of, named_loops
 from wavesweep.sweep.grid import distinct_rows, selected
@@ -36,7 +34,8 @@ def exact_cut(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, 
 class OpenLoops:
     """Loops without a number that is one scalar gain of their frame, with their hand if the frame may show its force.
 
-    beside: another number of the same wire, that they are without as well (see `shares_wire`), or empty.
+    beside: another number of the same wire, that they are without as well (see `shares_wire`), or empty. conserved: whether a
+    combination of states drifts in the loops with the number.
     """
 
     drawn: Drawn
@@ -44,11 +43,12 @@ class OpenLoops:
     drift: TickDrift
     hand: Ports | None = None
     beside: str = ""
+    conserved: bool = False
 
     @cached_property
     def cut(self) -> Cut | None:
         """The loops cut at the number, or at the two numbers; None if their drift is none that a cut keeps."""
-        return cut_of(self.frame, self.drift, 1 + bool(self.beside))
+        return cut_of(self.frame, self.drift, 1 + bool(self.beside), conserved=self.conserved)
 
     @cached_property
     def alone(self) -> Cut:
@@ -59,17 +59,6 @@ class OpenLoops:
     def at_rest(self) -> Resting | None:
         """The loops as their hand feels them at rest; None without a hand, or if the frame does not tell."""
         return self.hand and resting_frame(self.drawn, self.hand, self.frame, self.drift)
-
-    @cached_property
-    def hidden(self) -> np.ndarray:
-        """Whether terms of the loops cancel so that their digits may be missed, `(...)`; see `hidden_in` and `turned`."""
-        ticks = self.frame.ticks
-        return hidden_in(ticks, self.frame.growth) | turned(self.frame.E, sizes_in_all(ticks))
-
-    @cached_property
-    def opposed(self) -> np.ndarray:
-        """Whether something opposes the drift, `(...)`; see `opposed`."""
-        return opposed(self.frame.ticks, self.drift)
 
 
 def open_loops(
@@ -91,8 +80,7 @@ def open_loops(
     path, read = path_of(number), (FACTOR, BESIDE)[: 1 + bool(beside)]
     values, own = {**values, path: 1.0}, {**own, path: 1.0}
     with_it = {**values, path_of(beside): 1.0} if beside else values
-    if drift_of(drawing, with_it, own).folded:  # a conserved combination, which the cut loop would take for a crossing
-        return None
+    closed = drift_of(drawing, with_it, own)
     if beside:
         values = {**values, path_of(beside): 0.0}
         whole, drift = (drift_of(drawing, each, own, number, read, beside) for each in (with_it, values))
@@ -105,6 +93,9 @@ def open_loops(
         drift = drift_of(drawing, values, own, number, read, beside, actual=True)
     if drift.folded:
         return None
+    conserved = bool(closed.folded)
+    if conserved and len(closed.moved) + len(closed.folded) != len(drift.moved):
+        return None
     drawn = assembled(drawing, values, number, beside)
     hand = hand_of(drawing) if felt and feels(drawing) else None
     if any(seen_by_hand(drawing, each) for each in (number, beside)):
@@ -114,7 +105,7 @@ def open_loops(
     with named_loops(drawn), np.errstate(all="ignore"):
         seen = (hand.force, (hand.reaction,)) if hand else ("", ())
         frame = open_frame(drawn, PRODUCT, read, *seen)
-    return frame and OpenLoops(drawn, frame, drift, hand, beside)
+    return frame and OpenLoops(drawn, frame, drift, hand, beside, conserved)
 
 
 @lru_cache(maxsize=16)  # a compiled loop is asked again and again

@@ -7,7 +7,7 @@ from wavesweep.diagram import drift_of as drift_of_diagram
 from wavesweep.diagram.assembly import assembled
 from wavesweep.diagram.uneven import steps_of
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds

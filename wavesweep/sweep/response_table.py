@@ -18,7 +18,7 @@ from wavesweep.diagram import draw, identity
 from wavesweep.diagram.assembly import assembled
 from wavesweep.diagram.uneven import RATIO, Uneven, steps_of
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.studies import beyond_half
 from wavesweep.sweep.drawn_loops import ports_of, ports_of_groups, radii_of

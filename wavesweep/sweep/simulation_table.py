@@ -24,7 +24,7 @@ from wavesweep.diagram import draw
 from wavesweep.diagram.assembly import POSITION, assembled
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
-from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.drawing import Drawing

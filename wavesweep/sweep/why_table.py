@@ -17,9 +17,9 @@ from wavesweep.spec import Axis, Spec, sweep_axes
 from wavesweep.spec.drawing import decides, path_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.spec.loading import naming
-from wavesweep.sweep.any_number import TINY
 from wavesweep.sweep.assumptions import over_preset
 from wavesweep.sweep.drawn_loops import drift_of, feels, felt_of, frames
+from wavesweep.sweep.drawn_task import TINY
 from wavesweep.sweep.grid import Grid, drawn_groups, keys_of, make_grid, own_loop, selected
 from wavesweep.sweep.interval_job import job_over
 from wavesweep.sweep.interval_table import method

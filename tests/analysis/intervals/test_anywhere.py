@@ -80,7 +80,8 @@ def test_the_loop_is_stable_just_inside_and_unstable_just_outside_of_every_end(a
 def test_along_the_wall_it_finds_what_the_exact_way_finds():
     """The general way, used on K_VE itself, whose ends are known exactly: holes and ends at z = -1 included."""
     from wavesweep.diagram import draw
-    from wavesweep.lifted import close, cut_at_wall
+    from wavesweep.lifted.at_wall import cut_at_wall
+    from wavesweep.lifted.cut import close
 
     spec = {
         "controller": {"kind": "pmw"},
@@ -102,7 +103,8 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
 def test_a_bent_variable_finds_what_the_exact_way_finds(low, integration):
     """It begins even and ends as a logarithm; a pole of the wall's own loop lies below zero."""
     from wavesweep.diagram import draw
-    from wavesweep.lifted import close, cut_at_wall
+    from wavesweep.lifted.at_wall import cut_at_wall
+    from wavesweep.lifted.cut import close
 
     values = values_of("pmw", integration=integration, Kp=20.0) | {"controller.b": np.linspace(5, 60, 12)}
     cut, span = cut_at_wall(draw(values)), (low, 20000.0)

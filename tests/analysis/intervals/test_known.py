@@ -11,7 +11,8 @@ import wavesweep
 from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.analysis.intervals.crossings import poles_at_one
 from wavesweep.diagram import draw
-from wavesweep.lifted import cut_at_wall, number
+from wavesweep.lifted import number
+from wavesweep.lifted.at_wall import cut_at_wall
 
 EXPLICIT = {"integration": "explicit", "lp1_cutoff_hz": 8.57}
 

@@ -10,7 +10,8 @@ from wavesweep.analysis.intervals.boundary import K_VE
 from wavesweep.analysis.intervals.crossings import crossings, sampled_polynomial, warp_scale
 from wavesweep.analysis.intervals.regions import Regions, cut_span, regions
 from wavesweep.analysis.rows import Rows
-from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
+from wavesweep.analysis.spectrum import count_outside
+from wavesweep.lifted.cut import ADVANCE, ERRORS, OFFSET, PARTS, Cut, V
 from wavesweep.lifted.rounding import balance
 
 MOST_STATES = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
@@ -87,11 +88,39 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     if along != K_VE and cut.integrates and np.any(fixed == 0):
         return _joined(cut, along, span, fixed)
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
-    found = _by_each_method(_in_own_units(cut), owner, along, flat, span)
+    found = _with_others(_by_each_method(_in_own_units(cut), owner, along, flat, span), cut, owner)
     if not span[0] < 0 < span[1]:
         return found
     nothing = np.finfo(float).eps * (span[1] - span[0])  # an end at 0 within the span is 0, and not what rounding leaves
     return replace(found, **{end: np.where(np.abs(v := getattr(found, end)) <= nothing, 0.0, v) for end in ("low", "high")})
+
+
+def _with_others(found, cut, owner) -> Intervals:
+    """The intervals, without any in columns of which a part that the wall does not act on is unstable, or may be."""
+    if not cut.others:
+        return found
+    outside = np.zeros(cut.batch, int)
+    for block in cut.others:
+        E = np.broadcast_to(block, (*cut.batch, *block.shape[-2:]))
+        count, clear = count_outside(E)
+        outside = np.where((outside < 0) | ~clear, -1, outside + count)
+    outside = outside[owner]
+    return without_any(without_any(found, outside > 0), outside < 0, COUNTS)
+
+
+def without_any(found: Intervals, columns, doubt: int = NONE) -> Intervals:
+    """Return the intervals with none in some columns, a mask; doubt: the reason why nothing is known of them, if it is not."""
+    some = columns[found.column]
+    if not some.any():
+        return found
+    empty = found.take(some)
+    empty = empty.take(np.unique(empty.column, return_index=True)[1])
+    size = empty.column.size
+    nothing = dict.fromkeys(("low", "high", "low_omega", "high_omega"), np.full(size, np.nan))
+    none = {"index": np.full(size, -1), "count": np.zeros(size, int), "residual": np.zeros(size)}
+    reasons = np.full(size, NONE) if doubt == NONE else np.maximum(empty.doubt, doubt)
+    whole = Intervals.join([found.take(~some), replace(empty, **nothing, **none, doubt=reasons)])
+    return whole.take(np.argsort(whole.column, kind="stable"))
 
 
 def uneven_units(sizes):
@@ -117,14 +146,16 @@ def _in_own_units(cut: Cut) -> Cut:
         some = np.flatnonzero((np.maximum(own, into * out) > UNEVEN) & np.isfinite(own + into * out))
     if not some.size:
         return cut
+    dE, dB, dC = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])).copy() for part in (cut.dE, cut.dB, cut.dC))
     n, (E, B, C) = E.shape[-1], (part.copy() for part in (E, B, C))
     whole = np.zeros((some.size, n + 1, n + 1))
     whole[:, :n, :n], whole[:, :n, n], whole[:, n, :n] = E[some], B[some, :, 0], np.abs(C[some]).max(-2)
     units = uneven_units(whole)
     units = (units[:, :n] / units[:, n:])[:, None, :]
     back = np.swapaxes(units, -1, -2)
-    E[some], B[some], C[some] = E[some] * (units / back), B[some] / back, C[some] * units
-    return replace(cut, E=E, B=B, C=C)
+    for e, b, c in ((E, B, C), (dE, dB, dC)):
+        e[some], b[some], c[some] = e[some] * (units / back), b[some] / back, c[some] * units
+    return replace(cut, E=E, B=B, C=C, dE=dE, dB=dB, dC=dC)
 
 
 def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
@@ -157,7 +188,7 @@ def _finite(cut) -> tuple[Cut, np.ndarray]:
     """Return the loops with those that overflowed replaced by zeros, and which these are."""
     bad = ~np.broadcast_to(np.logical_and.reduce([np.isfinite(getattr(cut, p)).all((-1, -2)) for p in "EBCD"]), cut.batch)
     if bad.any():
-        cut = replace(cut, **{p: np.where(bad[..., None, None], 0.0, getattr(cut, p)) for p in "EBCD"})
+        cut = replace(cut, **{p: np.where(bad[..., None, None], 0.0, getattr(cut, p)) for p in (*PARTS, *ERRORS)})
     return cut, bad
 
 

@@ -9,8 +9,9 @@ from wavesweep.analysis.passivity.hand import HandBox, cut_with_hands, with_hand
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drift import drift_of
-from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.connect import connect
+from wavesweep.lifted.cut import close
 from wavesweep.lifted.lift import fast_side, latches, lift_held, slow_sums
 
 TERMS = 12  # of the device's series, whose n-th is at most about 0.6^n/n!
