@@ -10,7 +10,7 @@ from wavesweep.diagram.drawn import Drawn
 from wavesweep.lifted.circle import inverse
 from wavesweep.lifted.periodic import Ticks, ticks_of
 from wavesweep.lifted.product import ENTRIES, ROUNDING, blocks_of, product_with_errors
-from wavesweep.lifted.tick_drift import TickDrift, counted_from_leads
+from wavesweep.lifted.tick_drift import TickDrift, counted_ticks
 
 V, ADVANCE, OFFSET = 0, 1, 2  # rows of C and D
 ALIKE = 64 * np.finfo(float).eps  # of the terms of a sum, what rounding may leave of it
@@ -143,13 +143,14 @@ def errors_of_closed(cut: Cut, K, F) -> np.ndarray:
 class OpenFrame:
     """The frame of a loop without a number that is one scalar gain of it, in delta form, from the tick in which it is read.
 
-    ticks: of that frame, with the sizes of their terms. E `(..., n, n)`; B `(..., n, 1)` of the number's product, and of a
-    hand's force if there is one two columns more: of a force that is constant over the frame, and of one that grows by 1 with
-    every tick from 0. C, D: rows of the signals read and shown, in the first tick; columns of D as those of B. dE, dB, dC, dD:
-    bounds on the errors of their entries. period: s.
+    ticks: of that frame, with the sizes of their terms. counted: which states are counted from which, see `counted_ticks`.
+    E `(..., n, n)`; B `(..., n, 1)` of the number's product, and of a hand's force if there is one two columns more: of a force
+    that is constant over the frame, and of one that grows by 1 with every tick from 0. C, D: rows of signals read and shown,
+    in the first tick; columns of D as those of B. dE, dB, dC, dD: bounds on the errors of their entries. period: s.
     """
 
     ticks: Ticks
+    counted: tuple
     E: np.ndarray
     B: np.ndarray
     C: np.ndarray
@@ -162,21 +163,23 @@ class OpenFrame:
 
 
 def open_frame(
-    drawn: Drawn, force: str, read: tuple[str, ...], hand: str = "", shown: tuple[str, ...] = ()
+    drawn: Drawn, drift: TickDrift, force: str, read: tuple[str, ...], hand: str = "", shown: tuple[str, ...] = ()
 ) -> OpenFrame | None:
     """Return the frame without a number that is one scalar gain of it; None if it is not one.
 
-    drawn: the loop whose last input `force` is the number's product. read: the signal that the number multiplies, and perhaps
-    the one that another number of the same sum multiplies. The number is one scalar of the frame if the product reaches the
-    loop in a single tick of a frame, or if what it multiplies changes in a single one and is held in between. hand: another
-    input. shown: more signals, which need no state that would hold them.
+    drawn: the loop whose last input `force` is the number's product. drift: its drift with the signals watched. read: the
+    signal that the number multiplies, and perhaps the one that another number of the same sum multiplies. The number is one
+    scalar of the frame if the product reaches the loop in a single tick of a frame, or if what it multiplies changes in a
+    single one and is held in between. hand: another input. shown: more signals, which need no state that would hold them.
     """
     ticks = ticks_of(drawn, (*read, *shown), held=drawn.held(read), terms=True)
     w = drawn.inputs.index(force)
     at = _only_tick(_showing(ticks, len(read)) if shown else ticks, w)
     if at is None:
         return None
-    ticks = ticks.from_tick(at)
+    if ticks.states != drift.states:
+        raise ValueError(f"the drift is that of other states: {drift.states}, expected {ticks.states}")
+    ticks, groups = counted_ticks(ticks.from_tick(at), drift)
     inputs = [w, *([drawn.inputs.index(hand)] if hand else [])]
     head, n = ticks.maps[ticks.kind[0]], len(ticks.states)
     changes = [_beside(each.E, _with_moment(each.B[..., inputs])) for each in ticks.maps]
@@ -184,7 +187,7 @@ def open_frame(
     E, dE = product_with_errors(ticks.kind, changes, sizes, ramp=bool(hand))
     D, dD = (_with_moment(each[..., inputs]) for each in (head.D, head.terms[3]))
     parts = E[..., :n], E[..., n:], head.C, D, dE[..., :n], dE[..., n:], ENTRIES * head.terms[2], ENTRIES * dD
-    return OpenFrame(ticks, *parts, np.asarray(drawn.period) * drawn.ticks)
+    return OpenFrame(ticks, groups, *parts, np.asarray(drawn.period) * drawn.ticks)
 
 
 def _showing(ticks, count):
@@ -244,18 +247,15 @@ def cut_of(frame: OpenFrame, drift: TickDrift, read: int = 1, *, conserved: bool
     integrator that the number reads remains in the closed loop: then a combination of states, which no number changes, takes
     its place.
     """
-    if frame.ticks.states != drift.states:
-        raise ValueError(f"the drift is that of other states: {drift.states}, expected {frame.ticks.states}")
     c, d, dc, dd = (part[..., :read, :] for part in (frame.C, frame.D[..., :1], frame.dC, frame.dD[..., :1]))
-    if drift.folded or (read > 1 and np.any(shown_of_leads(c[..., 1:, :], drift))):
-        return None
-    share = shown_of_leads(c[..., :1, :], drift)[..., 0, :]
     leads = [lead for lead, _ in drift.moved]
+    if drift.folded or (read > 1 and np.any(c[..., 1:, leads])):
+        return None
+    share = c[..., 0, leads]
     seen = [at for at in range(len(leads)) if np.any(share[..., at])]
     if len(seen) > 1:
         return None
-    E, B = counted_from_leads((frame.E, frame.B[..., :1]), drift)
-    dE, dB = counted_from_leads((frame.dE + ROUNDING * np.abs(frame.E), frame.dB[..., :1]), drift, 1)
+    E, B, dE, dB = frame.E, frame.B[..., :1], frame.dE, frame.dB[..., :1]
     kept = [i for i in range(len(drift.states)) if i not in leads and i not in drift.unread]
     rows = [(0 * part[..., :1, kept], 0 * whole[..., :1, :]) for part, whole in ((c, d), (dc, dd))]
     if seen:
@@ -293,20 +293,6 @@ def _without_integrator(cut):
     for part in (C, D, dC, dD):
         part[..., ADVANCE, :] = 0.0
     return replace(cut, C=C, D=D, dC=dC, dD=dD, integrates=False)
-
-
-def shown_of_leads(c, drift, size: bool = False):
-    """The displacements of outputs along each shift, `(..., rows, shifts)`; 0 if the terms cancel to rounding.
-
-    size: whether c has sizes of terms; then these are added.
-    """
-    parts = []
-    for lead, others in drift.moved:
-        factors = [(index, abs(factor) if size else factor) for index, factor in others]
-        terms = np.stack([c[..., lead], *(factor * c[..., index] for index, factor in factors)], axis=-1)
-        total = terms.sum(-1)
-        parts.append(np.where(np.abs(total) <= ALIKE * np.abs(terms).sum(-1), 0.0, total))
-    return np.stack(parts, axis=-1) if parts else np.zeros((*c.shape[:-1], 0))
 
 
 def _acted_on(cut: Cut, left: tuple[str, ...]) -> Cut | None:

@@ -13,6 +13,7 @@ from wavesweep.lifted.rounding import hidden_in, measured_frame, radius_hidden
 
 RANK = 1e-12  # of the largest singular value of a frame of tame numbers, up to which the smallest is 0
 SAME = 1e-12  # relative difference of two factors of a shift, up to which it does not depend on the numbers
+ALIKE = 64 * np.finfo(float).eps  # of the terms of a sum, what rounding may leave of it
 OPPOSED = 1e-9  # of the terms of a change along a shift, up to which it is rounding
 SOLVED = 1e-6  # of the terms of equations for a shift, up to which a remainder is rounding
 ROUNDED = 1e3  # roundings of the largest unknown, or right side, that may be left of any equation
@@ -158,6 +159,96 @@ def _reached(entries):
     for _ in range(n.bit_length()):
         found = (found.astype(float) @ found) > 0
     return found
+
+
+def counted_ticks(ticks: Ticks, drift: TickDrift) -> tuple[Ticks, tuple]:
+    """Return the ticks with states counted from others: those that a drift moves from its lead, and copies from their source;
+    and which are counted from which, as `TickDrift.moved`.
+
+    A copy is a state that takes over another one's value at times, as that of a difference or of a sampled position does. If
+    both were kept, what they have in common would be cancelled in every tick, and its digits with it.
+    """
+    known = {state for lead, others in drift.moved for state in (lead, *(index for index, _ in others))}
+    copies = [(lead, tuple((state, 1.0) for state in some if state not in known)) for lead, some in _copies(ticks).items()]
+    copies = [each for each in copies if each[1]]
+    groups = (*drift.moved, *copies)
+    if not groups:
+        return ticks, groups
+    leads = [lead for lead, _ in drift.moved]
+    return replace(ticks, maps=tuple(_counted(each, groups, leads, dict(copies)) for each in ticks.maps)), groups
+
+
+def counted_row(row, groups):
+    """Return a row over states `(..., n)` as one over states that are counted from others."""
+    row = row.copy()
+    for lead, others in groups:
+        terms = np.stack([row[..., lead], *(factor * row[..., index] for index, factor in others)], axis=-1)
+        total = terms.sum(-1)
+        row[..., lead] = np.where(np.abs(total) <= ALIKE * np.abs(terms).sum(-1), 0.0, total)
+    return row
+
+
+def _counted(block, groups, leads, copies):
+    """The map of a tick in these states; copies: source -> its copies, which either take over its value or keep theirs."""
+    parts, sizes, before = [block.E, block.B, block.C], list(block.terms[:3]), block.E
+    for lead, others in groups:
+        for index, factor in others:
+            for part, by in ((parts, factor), (sizes, abs(factor))):
+                part[0], part[2] = (_column_added(each, lead, index, by) for each in (part[0], part[2]))
+            if lead not in copies:
+                for part, by in ((parts, -factor), (sizes, abs(factor))):
+                    part[0], part[1] = (_row_added(each, index, lead, by) for each in part[:2])
+                continue
+            for part, sign in ((parts, -1.0), (sizes, 1.0)):
+                part[0], part[1] = (_row_set(each, index, sign * each[..., lead, :]) for each in part[:2])
+                part[0][..., index, index] += sign * np.abs(before[..., index, index])
+    E, B, C = (np.where(np.abs(part) <= ALIKE * size, 0.0, part) for part, size in zip(parts, sizes, strict=True))
+    E[..., leads] = 0.0  # nothing opposes a drift
+    sizes = [np.where(part == 0, 0.0, size) for part, size in zip((E, B, C), sizes, strict=True)]
+    return replace(block, E=E, B=B, C=C, terms=(*sizes, block.terms[3]))
+
+
+def _row_added(part, row, other, factor):
+    return _row_set(part, row, part[..., row, :] + factor * part[..., other, :])
+
+
+def _row_set(part, row, values):
+    part = part.copy()
+    part[..., row, :] = values
+    return part
+
+
+def _column_added(part, column, other, factor):
+    part = part.copy()
+    part[..., column] += factor * part[..., other]
+    return part
+
+
+def _copies(ticks):
+    """State -> the states that take over its value in some kind of tick, and keep theirs in all others."""
+    n, rows = len(ticks.states), [[] for _ in ticks.states]
+    for each in ticks.maps:
+        E, B = each.E.reshape(-1, n, n), each.B.reshape(-1, n, each.B.shape[-1])
+        alike = (E[0] == E).all((0, 2)) & ~np.any(B, axis=(0, 2))
+        for state in range(n):
+            rows[state].append(E[0, state] if alike[state] else None)
+    sources = {state: source for state in range(n) if (source := _copied(state, rows[state])) is not None}
+    found = {}
+    for state, source in sources.items():
+        if source not in sources:
+            found.setdefault(source, []).append(state)
+    return found
+
+
+def _copied(state, rows):
+    """The state that a state copies, None if it is none; rows: of all kinds of tick, None for one that is no copy's."""
+    if any(row is None for row in rows):
+        return None
+    entries = {tuple((int(at), float(row[at])) for at in np.flatnonzero(row)) for row in rows} - {()}
+    pairs = [dict(each) for each in entries]
+    if len(pairs) != 1 or len(pairs[0]) != 2 or pairs[0].get(state) != -1.0:
+        return None
+    return next((at for at, value in pairs[0].items() if at != state and value == 1.0), None)
 
 
 def _in_both(first, second):
@@ -312,6 +403,7 @@ def errors_of_closed(ticks: Ticks, drift: TickDrift) -> tuple[np.ndarray, np.nda
 
     The bounds take a shift that depends on the numbers as it is computed.
     """
+    (ticks, _), drift = counted_ticks(ticks, drift), replace(drift, moved=tuple((lead, ()) for lead, _ in drift.moved))
     E, dE = product_with_errors(ticks.kind, [each.E for each in ticks.maps], [each.terms[0] for each in ticks.maps])
     return filled(without_drift(E, drift)), filled(without_drift(E, drift, dE), 0.0)
 

@@ -104,7 +104,7 @@ def open_loops(
         hand = None
     with named_loops(drawn), np.errstate(all="ignore"):
         seen = (hand.force, (hand.reaction,)) if hand else ("", ())
-        frame = open_frame(drawn, PRODUCT, read, *seen)
+        frame = open_frame(drawn, drift, PRODUCT, read, *seen)
     return frame and OpenLoops(drawn, frame, drift, hand, beside, conserved)
 
 

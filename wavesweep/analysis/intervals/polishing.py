@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-
 from wavesweep.analysis.intervals.critical import CAUTION, MINUS_ONE, ONE, PAIR, from_eigenvalues
 from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.intervals.meeting import ROUNDED, function_of_two

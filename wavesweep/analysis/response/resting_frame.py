@@ -12,9 +12,9 @@ from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.response.port import Ports
 from wavesweep.analysis.response.resting import Resting
 from wavesweep.diagram.drawn import Drawn
-from wavesweep.lifted.cut import OpenFrame, shown_of_leads
+from wavesweep.lifted.cut import OpenFrame
 from wavesweep.lifted.rounding import ROUNDING
-from wavesweep.lifted.tick_drift import TickDrift, counted_from_leads
+from wavesweep.lifted.tick_drift import TickDrift, counted_row
 
 SURELY = 2  # bounds on the rounding of a sum, up to which it is 0
 
@@ -43,6 +43,7 @@ def resting_frame(drawn: Drawn, ports: Ports, frame: OpenFrame, drift: TickDrift
     position = _position(drawn, ports.position, frame.ticks.states)
     if drift.folded or position is None:
         return None
+    position = counted_row(position, frame.counted)
     with np.errstate(all="ignore"):
         return _Equations.of(frame, drift, position).resting(drawn.ticks)
 
@@ -84,7 +85,7 @@ class _Equations:
         sizes = frame.dE + ROUNDING * np.abs(frame.E), frame.dB + ROUNDING * np.abs(frame.B)
         leads = [lead for lead, _ in drift.moved]
         order = [state for state in range(n) if state not in leads] + leads
-        parts = counted_from_leads((frame.E, frame.B), drift), counted_from_leads(sizes, drift, 1)
+        parts = (frame.E, frame.B), sizes
         place, still = (position, np.zeros((1, 3))), (ROUNDING * np.abs(position), np.zeros((1, 3)))
         rows = (frame.C, frame.D), shown_sizes
         beside = frame.C.shape[-2] > 2
@@ -93,13 +94,12 @@ class _Equations:
             for each, own in zip(rows, (place, still), strict=True)
         ]
         both = []
-        for (E, B), signals, size in zip(parts, rows, (False, True), strict=True):
+        for (E, B), signals in zip(parts, rows, strict=True):
             batch = np.broadcast_shapes(*(part.shape[:-2] for part in (E, B, frame.C, frame.D, position)))
             P = np.zeros((*batch, n + 3 + beside, n + 3))
             P[..., :n, : n - len(leads)], P[..., :n, n:] = E[..., order, :][..., order[: n - len(leads)]], B[..., order, :]
             for at, (C, D) in zip((slice(n, n + 2), slice(n + 2, n + 3), slice(n + 3, n + 4)), signals, strict=False):
-                along = shown_of_leads(C, drift, size)
-                P[..., at, :n], P[..., at, n:] = np.concatenate([C[..., order[: n - len(leads)]], along], axis=-1), D
+                P[..., at, :n], P[..., at, n:] = C[..., order], D
             both.append(P)
         return cls(*both)
 

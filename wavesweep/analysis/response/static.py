@@ -11,7 +11,6 @@ from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import scene_drift
 from wavesweep.lifted.circle import solve
-
 from wavesweep.lifted.frame import unrolled
 from wavesweep.lifted.lift import frame_at_rest, only, prune
 
