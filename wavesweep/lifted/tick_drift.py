@@ -228,8 +228,8 @@ def _copies(ticks):
     """State -> the states that take over its value in some kind of tick, and keep theirs in all others."""
     n, rows = len(ticks.states), [[] for _ in ticks.states]
     for each in ticks.maps:
-        E, B = each.E.reshape(-1, n, n), each.B.reshape(-1, n, each.B.shape[-1])
-        alike = (E[0] == E).all((0, 2)) & ~np.any(B, axis=(0, 2))
+        E, driven = each.E.reshape(-1, n, n), np.any(each.B, axis=(*range(each.B.ndim - 2), -1))
+        alike = (E == E[0]).all((0, 2)) & ~driven
         for state in range(n):
             rows[state].append(E[0, state] if alike[state] else None)
     sources = {state: source for state in range(n) if (source := _copied(state, rows[state])) is not None}
