@@ -9,10 +9,7 @@ from wavesweep.diagram.elimination import ROUNDING
 from wavesweep.lifted.cut import Cut
 from wavesweep.lifted.periodic import Ticks, ticks_of
 from wavesweep.lifted.rounding import measured_frame, sizes_in_all
-from wavesweep.lifted.tick_drift import TickDrift, consistent_solution, counted_from_leads
-
-FAR = 1e-6  # of the change along a state that rests, what rounding of the frame may add to it through the other states
-LEFT = 1e-10  # of the largest entry of a row, what rounding over a frame may leave of the change along a state that rests
+from wavesweep.lifted.tick_drift import TickDrift, counted_from_leads
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,7 +81,7 @@ def cut_of(frame: OpenFrame, drift: TickDrift, read: int = 1) -> Cut | None:
     c, d = frame.C[..., :read, :], frame.D[..., :read, :1]
     if drift.folded or (read > 1 and np.any(shown_of_leads(c[..., 1:, :], drift))):
         return None
-    cut = _cut(frame.E, frame.B[..., :1], c, d, drift, frame.period, frame.condition)
+    cut = _cut(frame, c, d, drift)
     # Without states beside what drifts, the loop of direct terms decides alone, or a polynomial of order 1.
     return replace(cut, growth=frame.growth) if cut is not None and cut.states else None
 
@@ -139,14 +136,14 @@ def _with_moment(columns):
     return np.concatenate([columns, np.zeros_like(columns[..., 1:])], axis=-1)
 
 
-def _cut(E, B, c, d, drift, period, condition):
+def _cut(frame, c, d, drift):
     leads = [lead for lead, _ in drift.moved]
-    E, B = counted_from_leads((E, B), drift)
+    E, B = counted_from_leads((frame.E, frame.B[..., :1]), drift)
     share = dict(zip(leads, np.moveaxis(shown_of_leads(c[..., :1, :], drift), -1, 0), strict=True))
     read = [lead for lead, value in share.items() if np.any(value)]
     if len(read) > 1:
         return None
-    kept = [i for i in range(len(drift.states)) if i not in leads]
+    kept, plain = drift.kept, _plain(E, frame.ticks)
     advance, step = np.zeros((1, len(kept))), np.zeros((1, 1))
     if read:
         advance, step = (
@@ -157,41 +154,28 @@ def _cut(E, B, c, d, drift, period, condition):
     v, dv = (c[..., 1:, :], d[..., 1:, :]) if c.shape[-2] > 1 else (0 * c, 0 * d)
     C = np.concatenate(np.broadcast_arrays(v, advance, c[..., :1, :]), axis=-2)
     D = np.concatenate(np.broadcast_arrays(dv, step, d[..., :1, :]), axis=-2)
-    read = _read_after(E, C, [kept.index(state) for state in drift.plain if state in kept])
+    read = _read_after(E, C, [at for at, state in enumerate(kept) if state in plain])
     idle = [i for i in range(len(kept)) if i not in read]
-    if any(np.any(E[..., i, i] == 0) for i in idle if kept[i] not in drift.unread):
+    if any(np.any(E[..., i, i] == 0) for i in idle):
         return None  # an eigenvalue 1 that is no drift, as the velocity of a free mass behind a coupling of gain 0
-    left = (*leads, *(kept[i] for i in idle))
+    left = (*leads, *drift.unread, *(kept[i] for i in idle))
     E, B, C, kept = E[..., read, :][..., read], B[..., read, :], C[..., read], [kept[i] for i in read]
-    if drift.ramp in kept and not set(kept) & set(drift.unread):  # these were left out when the ramp was found
-        E, B, C = _counted_from(kept.index(drift.ramp), E, B, C)
     names, left = (tuple(drift.states[i] for i in some) for some in (kept, left))
-    return Cut(E, B, C, D, integrates, period=period, states=names, unread=left, condition=condition)
+    return Cut(E, B, C, D, integrates, period=frame.period, states=names, unread=left, condition=frame.condition)
 
 
-def _counted_from(ramp, E, B, C):
-    """Return the loop with the other states counted from one that may rest anywhere, whose column of E is then exactly 0.
+def _plain(E, ticks):
+    """States that every frame overwrites, like a held output, or that only add up others: their own change is -1 or 0.
 
-    A loop in which that state may not rest anywhere, by more than rounding leaves, stays as it is.
+    E: of the frame. In a frame alone -1 may also be a state that has died out.
     """
-    others = [i for i in range(E.shape[-1]) if i != ramp]
-    column = E[..., ramp]
-    V = consistent_solution(E[..., others], -column[..., None])[..., 0]
-    left = np.abs(column + (E[..., others] * V[..., None, :]).sum(-1))
-    size = np.abs(E).max(-1) * np.maximum(np.abs(V).max(-1, initial=0.0), 1.0)[..., None]
-    rests = (left <= LEFT * size).all(-1, keepdims=True)
-    with np.errstate(all="ignore"):  # a solution so large rests on rounded zeros
-        far = np.finfo(float).eps * np.abs(E).max((-1, -2)) * np.abs(V).max(-1, initial=0.0)
-        rests &= (far <= FAR * np.abs(column).max(-1))[..., None]
-    V = np.where(rests, V, 0.0)
-    E, B, C = (part.copy() for part in (E, B, C))
-    E[..., ramp] = np.where(rests, 0.0, column)
-    E[..., others, :] -= V[..., None] * E[..., ramp : ramp + 1, :]
-    B[..., others, :] = B[..., others, :] - V[..., None] * B[..., ramp : ramp + 1, :]
-    shown = C[..., ramp] + (C[..., others] * V[..., None, :]).sum(-1)
-    C = np.array(np.broadcast_to(C, (*shown.shape, C.shape[-1])))
-    C[..., ramp] = shown
-    return E, B, C
+    set_anew = np.any([(_own(each.E) == -1).all(0) for each in ticks.maps], axis=0)
+    return np.flatnonzero((_own(E) == 0).all(0) | ((_own(E) == -1).all(0) & set_anew))
+
+
+def _own(E):
+    """The changes of states by themselves, `(loops, n)`."""
+    return E.diagonal(axis1=-2, axis2=-1).reshape(-1, E.shape[-1])
 
 
 def shown_of_leads(c, drift, size: bool = False):
@@ -209,7 +193,7 @@ def shown_of_leads(c, drift, size: bool = False):
 
 
 def _read_after(E, C, plain):
-    """Return the indices of the states without some that nothing reads; plain: those that may be left out, see `TickDrift`."""
+    """Return the indices of the states without some that nothing reads; plain: those that may be left out."""
     moves, shown = (np.any(part != 0, axis=tuple(range(part.ndim - 2))) for part in (E, C))
     kept = list(range(E.shape[-1]))
     while idle := [i for i in kept if i in plain and not shown[:, i].any() and not any(moves[j, i] for j in kept if j != i)]:

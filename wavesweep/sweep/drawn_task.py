@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from math import prod
 
 import numpy as np
@@ -26,7 +26,6 @@ from wavesweep.diagram.assembly import (
     refuse_unsuitable,
     scalar_place,
     seen_by_hand,
-    tame_pair,
 )
 from wavesweep.diagram.domain import bends_at_zero, domains, guards_at
 from wavesweep.diagram.uneven import Uneven
@@ -35,7 +34,7 @@ from wavesweep.lifted import with_batch
 from wavesweep.lifted.open_ticks import OpenTicks, facts_of
 from wavesweep.lifted.periodic import GROWN, LOST, ticks_of
 from wavesweep.lifted.rounding import CANCELLED, hidden_in, measured_frame, sizes_in_all, turned
-from wavesweep.lifted.tick_drift import TickDrift, closed, errors_of_closed, filled, opposed, without_drift
+from wavesweep.lifted.tick_drift import TickDrift, closed, errors_of_closed, filled, without_drift
 from wavesweep.spec.drawing import Drawing, name_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.sweep.any_number import TINY
@@ -53,7 +52,7 @@ STILL, NEXT = 100.0, 1e-12  # of its change, how far an eigenvalue has to be fro
 class DrawnTask:
     """Stable intervals of drawn loops along the number `along` within span = (low, high).
 
-    groups: see `IntervalTask`. own: the spec's values. bounds: all loops exist between these values of the number. If this
+    groups: see `IntervalTask`. bounds: all loops exist between these values of the number. If this
     is one scalar gain of a frame, it is cut out; otherwise its intervals are found by panels. felt: give the stiffness that a
     hand feels at the ends too. checked: whether the numbers are known to make loops.
     """
@@ -63,7 +62,6 @@ class DrawnTask:
     span: tuple[float, float]
     bounds: tuple[float, float]
     groups: Groups
-    own: Mapping[str, float]
     felt: bool = True
     checked: bool = False
 
@@ -99,7 +97,7 @@ class DrawnTask:
                 found, columns = np.empty(p.size), at[some]
                 for part in distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], p.size):
                     of = selected(values, columns[part]) | {self.along: p[part]}
-                    found[part] = felt_of(self.drawing, of, self.own, part.size)
+                    found[part] = felt_of(self.drawing, of, part.size)
                 return found
 
             if rows.size:
@@ -151,7 +149,7 @@ class DrawnTask:
         if not scalar_place(self.drawing, number) or seen_by_hand(self.drawing, number):
             return None
         with suppress(IllPosedLoopError):
-            drift = watched_drift(self.drawing, values, self.own)
+            drift = watched_drift(self.drawing, self._along(values))
             if not (drift.moved or drift.folded):
                 return resting(assembled(self.drawing, values, number), hand_of(self.drawing), PRODUCT, FACTOR)
         return None
@@ -177,18 +175,22 @@ class DrawnTask:
 
     def _silent(self, values):
         """The ports and signals of the terms whose gain is 0 in every loop, since numbers that it is made of are 0."""
-        known = values | {self.along: 1.0}
-        few = _without_gain(self.drawing, *tame_pair(self.drawing, known, self.own), self.number)
-        sums = gains(self.drawing, known) if few else {}
-        return frozenset((port, signal) for port, signal in few if not np.any(sums[port][signal]))
+        sums = gains(self.drawing, values | {self.along: 1.0})
+        terms = ((port, signal, gain) for port, terms in self.drawing.wires for signal, gain in terms)
+        silent = ((port, signal, gain) for port, signal, gain in terms if not np.any(sums[port][signal]))
+        return frozenset((port, signal) for port, signal, gain in silent if self.number not in dict(names_in(gain)))
+
+    def _along(self, values):
+        """The values, with all of the range of the number."""
+        return values | {self.along: np.array(self.span)}
 
     def opened(self, values, size: int) -> Opened | None:
         """The loops of `size` slices without the number, see `Opened`; None if it is not one scalar gain of a frame."""
-        return Opened.of(self.drawing, values, self.own, self.number, size, felt=self.felt)
+        return Opened.of(self.drawing, values, self.number, size, felt=self.felt)
 
     def _alone(self, values, size):
         """The same, a loop for every slice."""
-        return Opened.alone(self.drawing, values, self.own, self.number, size, felt=self.felt)
+        return Opened.alone(self.drawing, values, self.number, size, felt=self.felt)
 
     def opened_or_none(self, values, size: int) -> Opened | None:
         """The same, None as well if the loops have no solution at 0 of the number, which may be beyond the range."""
@@ -201,19 +203,16 @@ class DrawnTask:
 
         A block that reads a part, or a hand that moves it, may make a shift of it a mode that grows with time.
         """
-        whole, *drifts = (drift_of(drawing, values | {self.along: 1.0}, self.own) for drawing in (self.drawing, *parts))
+        whole, *drifts = (drift_of(drawing, self._along(values)) for drawing in (self.drawing, *parts))
         unread, *others = ({each.states[state] for state in each.unread} for each in (whole, *drifts))
         shifts, *own = (len(each.moved) + len(each.folded) for each in (whole, *drifts))
         return shifts == sum(own) and unread >= set().union(*others)
 
     def connected(self, values, size, opened) -> Intervals:
-        """The intervals of loops that are one piece; opened: without the number, see `open_loops`."""
-        found = self._searched(values, size, opened)
-        drifts = [drift_of(self.drawing, values | {self.along: 1.0}, self.own), *([opened.loops.drift] if opened else [])]
-        return _unknown(found, np.ones(found.column.size, bool)) if any(drift.vague for drift in drifts) else found
+        """The intervals of loops that are one piece; opened: without the number, see `open_loops`.
 
-    def _searched(self, values, size, opened):
-        """The same, if the drift is one; columns in which the search along the circle leaves a doubt are searched by panels."""
+        Columns in which the search along the circle leaves a doubt are searched by panels.
+        """
         if opened is None or opened.loops.cut is None:
             return self._by_panels(values, size)
         found = self._by_cut(values, opened)
@@ -223,7 +222,7 @@ class DrawnTask:
             parts = [found.take(~np.isin(found.column, found.column[found.doubt != NONE]))]
             for columns in _by_zeros(values, np.unique(found.column[found.doubt != NONE])):
                 few = selected(values, columns)
-                alone = self._searched(few, columns.size, self._alone(few, columns.size))
+                alone = self.connected(few, columns.size, self._alone(few, columns.size))
                 parts.append(replace(alone, column=columns[alone.column]))
             whole = Intervals.join(parts)
             return whole.take(np.argsort(whole.column, kind="stable"))
@@ -241,17 +240,14 @@ class DrawnTask:
         cut = loops.alone if size == 1 else with_batch(loops.cut, size)
         found = opened.intervals(cut, self.span)
         of = opened.which[found.column]
-        hidden, cancels, wrong = (
-            np.broadcast_to(part, size)[of] for part in (loops.hidden, loops.frame.cancellation > CANCELLED, loops.opposed)
-        )
+        hidden, cancels = (np.broadcast_to(part, size)[of] for part in (loops.hidden, loops.frame.cancellation > CANCELLED))
         if (cancels & ~hidden).any():  # these terms may be nothing beside those that the number closes
             some = np.flatnonzero(cancels & ~hidden)
             few, values_of_few = found.take(some), selected(values, found.column[some])
             hidden = hidden.copy()
             hidden[some] = self._loops(values_of_few).examined(np.arange(some.size), self._places(few))[1].any(0)
         found = _doubted(found, cut.growth[of])
-        found = self._unshaken(found, hidden, cut.period[opened.which], values)
-        return _unknown(found, wrong)
+        return self._unshaken(found, hidden, cut.period[opened.which], values)
 
     def _by_panels(self, values, size):
         loops = self._loops(values)
@@ -265,16 +261,9 @@ class DrawnTask:
             found = self._meeting_one_at_zero(found, values)
         elif self.span[0] <= 0 <= self.span[1]:
             found = self._from_zero(found, loops, period, bounds, values)
-        low, _, high = places = self._places(found)
-        growth, hidden, wrong = loops.examined(found.column, places)
-        wrong = wrong.any(0)
-        for end, reached in zip(self.span, (low, high), strict=True):
-            others = np.setdiff1d(found.column, found.column[reached == end])
-            _, _, there = loops.examined(others, np.full(others.size, end)) if others.size else (None, None, np.zeros(0, bool))
-            wrong |= np.isin(found.column, others[there])
+        growth, hidden = loops.examined(found.column, self._places(found))
         found = self._unshaken(_doubted(found, growth.max(0)), hidden.any(0), period, values, loops)
-        found = found if uneven or self.number not in self.drawing.rating else self._in_own_time(found, values)
-        return _unknown(found, wrong)  # at last, since it leaves a single row of a column
+        return found if uneven or self.number not in self.drawing.rating else self._in_own_time(found, values)
 
     def _in_own_time(self, found, values):
         """Intervals along a number that the rate of the tick follows from, each omega with the rate at its end."""
@@ -344,11 +333,11 @@ class DrawnTask:
 
     def _stops_drift(self, values):
         """Whether at 0 of the number, and only there, the loops have an eigenvalue that is exactly 1."""
-        held, free = (drift_of(self.drawing, values | {self.along: value}, self.own) for value in (1.0, 0.0))
+        held, free = (drift_of(self.drawing, each) for each in (self._along(values), values | {self.along: 0.0}))
         return len(free.moved) + len(free.folded) > len(held.moved) + len(held.folded)
 
     def _loops(self, values) -> "_Along":
-        drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
+        drift = drift_of(self.drawing, self._along(values))
         return _Along(self.drawing, self.along, values, drift, self._open_ticks(values))
 
     def _unshaken(self, found, hidden, period, values, loops=None):
@@ -397,9 +386,9 @@ class _Along:
         divisors = guards_at(self.drawing, varied, self.along, shape)
         return replace(found, pivots=np.concatenate([found.pivots, divisors.reshape(p.size, -1)], axis=-1))
 
-    def examined(self, number, p) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The growth over a frame (see `growth_of`), whether terms cancel in or between its ticks or turn (see `hidden_in`,
-        `measured_frame`, `turned`), and whether the drift is one (see `opposed`).
+    def examined(self, number, p) -> tuple[np.ndarray, np.ndarray]:
+        """The growth over a frame (see `growth_of`), and whether terms cancel in or between its ticks or turn (see `hidden_in`,
+        `measured_frame`, `turned`).
 
         Loops of direct terms without a solution have a growth of 1.
         """
@@ -408,16 +397,13 @@ class _Along:
             ticks = self._ticks(number, p)
         except IllPosedLoopError:
             if p.size == 1:
-                return np.ones(p.shape), *np.zeros((2, *p.shape), bool)
+                return np.ones(p.shape), np.zeros(p.shape, bool)
             each = [self.examined(*one) for one in _one_by_one(number, p)]
             return tuple(np.reshape(part, p.shape) for part in zip(*each, strict=True))
         with np.errstate(all="ignore"):
             E, growth, cancellation = measured_frame(ticks.kind, [each.E for each in ticks.maps])
             hidden = hidden_in(ticks, growth) | turned(E, sizes_in_all(ticks)) | (cancellation > CANCELLED)
-        wrong = opposed(ticks, self.drift)
-        if self.drift.folded:  # next to 0 of the number a factor may be beyond all digits
-            wrong = wrong & (p != TINY)
-        return tuple(np.broadcast_to(part, p.shape) for part in (growth, hidden, wrong))
+        return tuple(np.broadcast_to(part, p.shape) for part in (growth, hidden))
 
     def errors(self, number, p) -> tuple[np.ndarray, np.ndarray]:
         """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution."""
@@ -445,17 +431,6 @@ class _Along:
 def _by_zeros(values, columns):
     """The columns whose numbers are zero alike, together."""
     return [columns[part] for part in distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], columns.size)]
-
-
-@lru_cache(maxsize=256)  # twins of the same structure are the same objects
-def _without_gain(drawing, one, other, number):
-    """The ports and signals of the terms whose gain is 0 in both twins of a drawing, but for those that read the number."""
-    terms = ((port, signal, gain) for port, terms in drawing.wires for signal, gain in terms)
-    return tuple(
-        (port, signal)
-        for port, signal, gain in terms
-        if not any(np.any(each.sums[port][signal]) for each in (one, other)) and number not in dict(names_in(gain))
-    )
 
 
 def _alone_at_zero(frames, columns, reach):
@@ -489,23 +464,6 @@ def _doubted(found, growth):
     if (growth <= GROWN).all():
         return found
     return _in_doubt(found, found.column, np.select([growth > LOST, growth > GROWN], [OVERFLOW, ROUNDING], NONE))
-
-
-def _unknown(found, wrong):
-    """No interval in columns with one that is wrong, `(rows,)`, since a mode that counts as a drift may be unstable."""
-    if not wrong.any():
-        return found
-    of_those = np.isin(found.column, found.column[wrong])
-    whole = Intervals.join([found.take(~of_those), _nothing_known(found.take(of_those))])
-    return whole.take(np.argsort(whole.column, kind="stable"))
-
-
-def _nothing_known(found):
-    found = found.take(np.unique(found.column, return_index=True)[1])
-    size = found.column.size
-    known = dict.fromkeys(("low", "high", "low_omega", "high_omega"), np.full(size, np.nan))
-    none = {"index": np.full(size, -1), "count": np.zeros(size, int), "residual": np.zeros(size)}
-    return replace(found, **known, **none, doubt=np.maximum(found.doubt, ROUNDING))
 
 
 def _in_doubt(found, column, doubt):

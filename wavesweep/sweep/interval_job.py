@@ -60,7 +60,7 @@ class IntervalJob(Job):
         parts = groups(self.grid.spec, changes, len(chunk.loops), self.resolved, rates=True)
         walls = self.grid.wall_values(np.arange(chunk.walls.start, chunk.walls.stop))
         checked = self.grid.loops <= CHECKED
-        own = task_over(self.grid.spec, self.grid.drawing, self.axis, self.bounds, parts, walls, self.cut, checked=checked)
+        own = task_over(self.grid.drawing, self.axis, self.bounds, parts, walls, self.cut, checked=checked)
         return own if self.guarantee is None else self.guarantee.task(own)
 
     def columns(self, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
@@ -71,10 +71,8 @@ class IntervalJob(Job):
         return leading | {"along": np.full(records.size, self.axis.name, dtype=object)} | found
 
 
-def task_over(
-    spec: Spec, drawing, axis: Axis, bounds, parts, walls: dict, cut: Cut | None = None, *, checked: bool = False
-) -> Task:
-    """The task for loops of the spec (`parts`, see `groups`), each closed with every wall.
+def task_over(drawing, axis: Axis, bounds, parts, walls: dict, cut: Cut | None = None, *, checked: bool = False) -> Task:
+    """The task for loops (`parts`, see `groups`), each closed with every wall.
 
     drawing: see `loop_of`; a loop that has one has no further walls. checked: whether its numbers are known to make loops.
     """
@@ -83,7 +81,7 @@ def task_over(
         return IntervalTask(axis.path, span, bounds, tuple(parts), walls, cut)
     from wavesweep.sweep.drawn_task import DrawnTask
 
-    return DrawnTask(drawing, axis.path, span, bounds, tuple(parts), dict(spec.values), checked=checked)
+    return DrawnTask(drawing, axis.path, span, bounds, tuple(parts), checked=checked)
 
 
 def job_of(spec: Spec, along: str | None = None) -> IntervalJob:
@@ -116,16 +114,16 @@ def _order(_, items):
 
 
 @lru_cache(maxsize=64)
-def _order_of_drawing(drawing, path, items, own):
+def _order_of_drawing(drawing, path, items):
     """States of a loop, and whether the number is one scalar gain of its frame."""
     from wavesweep.sweep.drawn_loops import drift_of, frames
     from wavesweep.sweep.open_loops import exact_cut
 
-    values, own = ({path: np.array(v) if isinstance(v, tuple) else v for path, v in some} for some in (items, own))
-    cut = exact_cut(drawing, values, own, name_of(path))
+    values = {path: np.array(v) if isinstance(v, tuple) else v for path, v in items}
+    cut = exact_cut(drawing, values, name_of(path))
     if cut is not None:
         return cut.order, True
-    return frames(drawing, values, drift_of(drawing, values, own)).shape[-1], False
+    return frames(drawing, values, drift_of(drawing, values)).shape[-1], False
 
 
 def _job_of_drawing(grid: Grid, axis: Axis, resolved: dict) -> IntervalJob:
@@ -193,7 +191,7 @@ def cost_of(spec: Spec, drawing, axis: Axis, values: dict | None = None) -> tupl
     if drawing is None:
         return expected_cost(_order(*identity(values)), axis.path in WALL), axis.path in WALL
     values = _like_own(values, spec) if spec.drawing else values
-    order, exact = _order_of_drawing(drawing, axis.path, items_of(values), items_of(spec.values))
+    order, exact = _order_of_drawing(drawing, axis.path, items_of(values))
     return expected_cost(order, exact), exact
 
 

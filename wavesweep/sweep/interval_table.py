@@ -128,7 +128,7 @@ def _part(spec, drawing, axis, points, ties, felt, members, loops, walls, owner,
         for path in of_walls
     }
     parts = list(groups(spec, changes, loops.size, rates=True))
-    task = task_over(spec, drawing, axis, bounds_within(spec, drawing, axis, parts), parts, wanted, checked=True)
+    task = task_over(drawing, axis, bounds_within(spec, drawing, axis, parts), parts, wanted, checked=True)
     if ties or not felt:
         task = replace(task, felt=felt, **({"ties": ties} if ties else {}))
     records = task.records()

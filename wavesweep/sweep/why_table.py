@@ -186,13 +186,16 @@ class _Loops:
         """Frames less identity `(count, n, n)`."""
         if self.drawing is None:
             return close(with_batch(cut_at_wall(draw(varied)), count), *(varied[path] for path in WALL))
-        from wavesweep.sweep.drawn_loops import drift_of, frames
+        from wavesweep.sweep.drawn_loops import frames
 
-        E = frames(self.drawing, varied, drift_of(self.drawing, self._tame(), self.spec.values))
+        E = frames(self.drawing, varied, self._drift())
         return np.broadcast_to(E, (count, *E.shape[-2:]))
 
-    def _tame(self):
-        return {**self.values, self.axis.path: 1.0}
+    def _drift(self):
+        from wavesweep.sweep.drawn_loops import drift_of
+
+        varied = {path: np.ravel(self.values[path])[:, None] * [1, 2] for path in self.moving}
+        return drift_of(self.drawing, {**self.values, **varied, self.axis.path: np.array([self.axis.start, self.axis.stop])})
 
     @property
     def walls(self) -> tuple[str, ...]:
@@ -214,7 +217,7 @@ class _Loops:
                 path: np.real(value) + np.imag(value) * (share * MOVED / STEP) if np.iscomplexobj(value) else value
                 for path, value in varied.items()
             }
-            found.append(felt_of(self.drawing, moved, self.spec.values, count))
+            found.append(felt_of(self.drawing, moved, count))
         own, up, down, far_up, far_down = found
         return own + 1j * STEP * (8 * (up - down) - (far_up - far_down)) / (12 * MOVED)
 
@@ -226,9 +229,7 @@ class _Loops:
             cut, labels = cut_at_wall(diagram), state_labels(diagram)
             names = [*cut.states, *([drift_of_diagram(diagram).lead] if cut.integrates else [])]
             return cut.period, [labels[name] for name in names]
-        from wavesweep.sweep.drawn_loops import drift_of
-
-        drawn, drift = assembled(self.drawing, first), drift_of(self.drawing, self._tame(), self.spec.values)
+        drawn, drift = assembled(self.drawing, first), self._drift()
         labels = drawn.labels()
         return np.real(drawn.period * drawn.ticks), [labels[drift.states[index]] for index in drift.kept]
 
