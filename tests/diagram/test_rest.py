@@ -7,10 +7,10 @@ from fractions import Fraction
 import pytest
 from support.drawn import NETWORK, as_blocks, random_tables
 from support.specs import KINDS
+from wavesweep.diagram.residues import PRIMES, Field, NoRoot, Residue
 
 import wavesweep
 from wavesweep.diagram.elimination import PRIME
-from wavesweep.diagram.residues import PRIMES, Field, NoRoot, Residue
 from wavesweep.diagram.rest import _Equations
 from wavesweep.spec import load
 from wavesweep.spec.expressions import parse

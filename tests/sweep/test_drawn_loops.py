@@ -886,7 +886,7 @@ def test_no_unstable_stretch_is_given_as_stable_where_a_first_count_is_not_known
     """Above 400 an eigenvalue crosses at z = -1: one more than "not known" is not none."""
     monkeypatch.setattr(regions, "count_where_clear", lambda _, which, __: np.full(which.size, -1))
     spec = load(tomllib.loads(PD), ["kp=0"])
-    cut = exact_cut(spec.drawing, dict(spec.values), dict(spec.values), "kd")
+    cut = exact_cut(spec.drawing, dict(spec.values), "kd")
     found = stable_intervals(with_batch(cut, 1), "K_VE", (0, 2000), np.zeros((1, 1)))
     assert found.doubt.tolist() == [COUNTS]
     np.testing.assert_allclose([found.low, found.high], [[0], [400]], rtol=1e-9)
@@ -902,7 +902,7 @@ def test_numbers_that_are_one_are_not_taken_for_numbers_that_are_not_zero(value)
         "wire": {"i.u": "-a*i.y + c*j.y - g*d.y", "j.u": "h*i.y*a - h*c*j.y", "d.u": "i.y + j.y"},
     }
     loop = wavesweep.compile(tables)
-    assert exact_cut(loop.spec.drawing, dict(loop.spec.values), dict(loop.spec.values), "g") is not None
+    assert exact_cut(loop.spec.drawing, dict(loop.spec.values), "g") is not None
 
 
 @pytest.mark.parametrize(
@@ -1287,7 +1287,7 @@ def test_a_column_that_is_not_known_has_a_single_row_whatever_was_found_in_it():
 def test_the_same_is_so_along_a_scalar_gain_of_the_frame():
     numbers = {"k1": 8.0, "k2": 9.0, "k3": 20.0, "d": 1.0, "c": 1.0}
     loop = wavesweep.compile(sprung("(k1*k2-k3+sqrt((k1*k2-k3)**2))/2*arm.x + c*arm.v", numbers))
-    assert exact_cut(loop.spec.drawing, dict(loop.spec.values), dict(loop.spec.values), "c") is not None
+    assert exact_cut(loop.spec.drawing, dict(loop.spec.values), "c") is not None
     found = loop.stable_intervals("c", (0, 5), k3=[20.0, 200.0])
     assert (found.certified.tolist(), found.intervals.tolist()) == ([False, True], [0, 1])
 

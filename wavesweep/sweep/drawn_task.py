@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from math import prod
 
 import numpy as np
@@ -26,7 +26,6 @@ from wavesweep.diagram.assembly import (
     refuse_unsuitable,
     scalar_place,
     seen_by_hand,
-    tame_pair,
 )
 from wavesweep.diagram.domain import bends_at_zero, domains, guards_at
 from wavesweep.errors import IllPosedLoopError
@@ -51,16 +50,15 @@ STILL, NEXT = 100.0, 1e-12  # of its change, how far an eigenvalue has to be fro
 class DrawnTask:
     """Stable intervals of drawn loops along the number `along` within span = (low, high).
 
-    groups: (members, values) pairs, see `groups`; the members of all of them number the loops. own: the spec's values. If the
-    number is one scalar gain of a frame, it is cut out; otherwise its intervals are found by panels. felt: give the stiffness
-    that a hand feels at the ends too. checked: whether the numbers are known to make loops.
+    groups: (members, values) pairs, see `groups`; the members of all of them number the loops. If the number is one scalar gain
+    of a frame, it is cut out; otherwise its intervals are found by panels. felt: give the stiffness that a hand feels at the
+    ends too. checked: whether the numbers are known to make loops.
     """
 
     drawing: Drawing
     along: str
     span: tuple[float, float]
     groups: Groups
-    own: Mapping[str, float]
     felt: bool = True
     checked: bool = False
 
@@ -96,7 +94,7 @@ class DrawnTask:
                 found, columns = np.empty(p.size), at[some]
                 for part in distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], p.size):
                     of = selected(values, columns[part]) | {self.along: p[part]}
-                    found[part] = felt_of(self.drawing, of, self.own, part.size)
+                    found[part] = felt_of(self.drawing, of, part.size)
                 return found
 
             if rows.size:
@@ -148,7 +146,7 @@ class DrawnTask:
         if not scalar_place(self.drawing, number) or seen_by_hand(self.drawing, number):
             return None
         with suppress(IllPosedLoopError):
-            drift = watched_drift(self.drawing, values, self.own)
+            drift = watched_drift(self.drawing, self._along(values))
             if not (drift.moved or drift.folded):
                 return resting(assembled(self.drawing, values, number), hand_of(self.drawing), PRODUCT, FACTOR)
         return None
@@ -174,18 +172,22 @@ class DrawnTask:
 
     def _silent(self, values):
         """The ports and signals of the terms whose gain is 0 in every loop, since numbers that it is made of are 0."""
-        known = values | {self.along: 1.0}
-        few = _without_gain(self.drawing, *tame_pair(self.drawing, known, self.own), self.number)
-        sums = gains(self.drawing, known) if few else {}
-        return frozenset((port, signal) for port, signal in few if not np.any(sums[port][signal]))
+        sums = gains(self.drawing, values | {self.along: 1.0})
+        terms = ((port, signal, gain) for port, terms in self.drawing.wires for signal, gain in terms)
+        silent = ((port, signal, gain) for port, signal, gain in terms if not np.any(sums[port][signal]))
+        return frozenset((port, signal) for port, signal, gain in silent if self.number not in dict(names_in(gain)))
+
+    def _along(self, values):
+        """The values, with all of the range of the number."""
+        return values | {self.along: np.array(self.span)}
 
     def opened(self, values, size: int) -> Opened | None:
         """The loops of `size` slices without the number, see `Opened`; None if it is not one scalar gain of a frame."""
-        return Opened.of(self.drawing, values, self.own, self.number, size, felt=self.felt)
+        return Opened.of(self.drawing, values, self.number, size, felt=self.felt)
 
     def _alone(self, values, size):
         """The same, a loop for every slice."""
-        return Opened.alone(self.drawing, values, self.own, self.number, size, felt=self.felt)
+        return Opened.alone(self.drawing, values, self.number, size, felt=self.felt)
 
     def opened_or_none(self, values, size: int) -> Opened | None:
         """The same, None as well if the loops have no solution at 0 of the number, which may be beyond the range."""
@@ -198,7 +200,7 @@ class DrawnTask:
 
         A block that reads a part, or a hand that moves it, may make a shift of it a mode that grows with time.
         """
-        whole, *drifts = (drift_of(drawing, values | {self.along: 1.0}, self.own) for drawing in (self.drawing, *parts))
+        whole, *drifts = (drift_of(drawing, self._along(values)) for drawing in (self.drawing, *parts))
         unread, *others = ({each.states[state] for state in each.unread} for each in (whole, *drifts))
         shifts, *own = (len(each.moved) + len(each.folded) for each in (whole, *drifts))
         return shifts == sum(own) and unread >= set().union(*others)
@@ -311,11 +313,11 @@ class DrawnTask:
 
     def _stops_drift(self, values):
         """Whether at 0 of the number, and only there, the loops have an eigenvalue that is exactly 1."""
-        held, free = (drift_of(self.drawing, values | {self.along: value}, self.own) for value in (1.0, 0.0))
+        held, free = (drift_of(self.drawing, each) for each in (self._along(values), values | {self.along: 0.0}))
         return len(free.moved) + len(free.folded) > len(held.moved) + len(held.folded)
 
     def _loops(self, values) -> "_Along":
-        drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
+        drift = drift_of(self.drawing, self._along(values))
         return _Along(self.drawing, self.along, values, drift, self._open_ticks(values))
 
     def _unshaken(self, found, period, values, loops):
@@ -392,17 +394,6 @@ class _Along:
 def _by_zeros(values, columns):
     """The columns whose numbers are zero alike, together."""
     return [columns[part] for part in distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], columns.size)]
-
-
-@lru_cache(maxsize=256)  # twins of the same structure are the same objects
-def _without_gain(drawing, one, other, number):
-    """The ports and signals of the terms whose gain is 0 in both twins of a drawing, but for those that read the number."""
-    terms = ((port, signal, gain) for port, terms in drawing.wires for signal, gain in terms)
-    return tuple(
-        (port, signal)
-        for port, signal, gain in terms
-        if not any(np.any(each.sums[port][signal]) for each in (one, other)) and number not in dict(names_in(gain))
-    )
 
 
 def _alone_at_zero(frames, columns, reach):

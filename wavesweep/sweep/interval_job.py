@@ -15,7 +15,7 @@ from wavesweep.spec import Axis, Spec, no_axis, sweep_axes
 from wavesweep.spec.drawing import name_of, path_of
 from wavesweep.sweep.drawn_loops import drift_of, frames, refuse_singular
 from wavesweep.sweep.drawn_task import DrawnTask, SeveralTasks
-from wavesweep.sweep.grid import FAST, Grid, drawn_groups, groups, make_grid, own_loop, read_by, selected
+from wavesweep.sweep.grid import FAST, Grid, drawn_groups, groups, make_grid, own_loop, selected
 from wavesweep.sweep.job import CHECKED, Chunk, Job, cut_up, resolve_all, some_loops
 from wavesweep.sweep.open_loops import exact_cut
 from wavesweep.sweep.tasks import HAND_RECORD, RECORD, IntervalTask, Task
@@ -84,9 +84,8 @@ def task_over(
         parts.setdefault(drawing, []).append((members, values))
     tasks = []
     for drawing, groups_of in parts.items():
-        own = read_by(drawing, spec.values)
         drawn = drawing.tied(axis.path, ties) if ties else drawing
-        tasks.append(DrawnTask(drawn, axis.path, _span(axis), tuple(groups_of), own, felt, checked or not spec.drawing))
+        tasks.append(DrawnTask(drawn, axis.path, _span(axis), tuple(groups_of), felt, checked or not spec.drawing))
     return tasks[0] if len(tasks) == 1 else SeveralTasks(tuple(tasks))
 
 
@@ -130,13 +129,13 @@ def job_over(grid: Grid, axis: Axis) -> IntervalJob:
 
 
 @lru_cache(maxsize=64)
-def _order_of_drawing(drawing, path, items, own):
+def _order_of_drawing(drawing, path, items):
     """States of a loop, and whether the number is one scalar gain of its frame."""
-    values, own = ({path: np.array(v) if isinstance(v, tuple) else v for path, v in some} for some in (items, own))
-    cut = exact_cut(drawing, values, own, name_of(path))
+    values = {path: np.array(v) if isinstance(v, tuple) else v for path, v in items}
+    cut = exact_cut(drawing, values, name_of(path))
     if cut is not None:
         return cut.order, True
-    return frames(drawing, values, drift_of(drawing, values, own)).shape[-1], False
+    return frames(drawing, values, drift_of(drawing, values)).shape[-1], False
 
 
 def expected_cost(order: int, wall: bool) -> float:
@@ -155,9 +154,8 @@ def cost_of(spec: Spec, axis: Axis) -> tuple[float, bool]:
 
 
 def _cost(spec, drawing, axis, values):
-    own = read_by(drawing, spec.values)
     values = _like_own(values, spec, drawing)
-    order, exact = _order_of_drawing(drawing, axis.path, items_of(values), items_of(own))
+    order, exact = _order_of_drawing(drawing, axis.path, items_of(values))
     return expected_cost(order, exact), exact
 
 
