@@ -24,6 +24,7 @@ LAYERS = (
     "diagram",
     "lifted",
     "analysis",
+    "prove",
     "sweep",
     "export",
     "results",
@@ -33,7 +34,7 @@ LAYERS = (
 )
 TOP = len(LAYERS)
 MODULE = re.compile(r"wavesweep(\.[a-z_]+)+")
-HEAVY = ("numba", "numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
+HEAVY = ("flint", "numba", "numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
 
 
 def layer_of(module):
