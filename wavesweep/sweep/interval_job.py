@@ -1,6 +1,6 @@
 """The job of stable intervals along an axis."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
@@ -13,7 +13,8 @@ from wavesweep.lifted import Cut, cut_at_wall
 from wavesweep.spec import KEYS, Axis, Spec, no_axis, sweep_axes
 from wavesweep.spec.drawing import name_of, path_of
 from wavesweep.sweep.grid import FAST, Grid, groups, make_grid, selected
-from wavesweep.sweep.job import CHECKED, Chunk, Job, cut_up, resolve_all, some_loops
+from wavesweep.sweep.job import CHECKED, Chunk, Job, cut_otherwise, cut_up, resolve_all, some_loops
+from wavesweep.sweep.proving import MOST_LOOPS, PROOF, PROVED_RECORD
 from wavesweep.sweep.tasks import HAND_RECORD, RECORD, IntervalTask, Task
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ class IntervalJob(Job):
 
     guarantee: the hands for which the intervals are guaranteed; if None, they are those of the spec's own loop. bounds: the
     values of the axis between which the loop exists. exact: whether the axis is one scalar gain of a frame, as the wall is;
-    None if it is so in some loops.
+    None if it is so in some loops. prove: whether columns in doubt are computed again in ball arithmetic.
     """
 
     axis: Axis
@@ -40,18 +41,21 @@ class IntervalJob(Job):
     guarantee: "Guarantee | None" = None
     bounds: tuple[float, float] = (-np.inf, np.inf)
     exact: bool | None = False
+    prove: bool = False
     rows: ClassVar[float] = 1.2  # some slices have several intervals
     row_bytes: ClassVar[int] = 160  # 130 in the CSV and 30 in the Parquet file, measured on sweeps of millions of rows
 
     @property
     def dtype(self) -> np.dtype:
-        """Guarantees for hands have more fields."""
+        """Guarantees for hands have more fields, and so have proofs."""
+        if self.prove:
+            return PROVED_RECORD
         return RECORD if self.guarantee is None else HAND_RECORD
 
     @property
     def identity(self) -> dict[str, object]:
         """The axis and the guarantee."""
-        along = {"along": self.axis.name}
+        along = {"along": self.axis.name} | ({"prove": True} if self.prove else {})
         return along if self.guarantee is None else along | {"guarantee": repr(self.guarantee)}
 
     def task(self, chunk: Chunk) -> Task:
@@ -61,11 +65,12 @@ class IntervalJob(Job):
         walls = self.grid.wall_values(np.arange(chunk.walls.start, chunk.walls.stop))
         checked = self.grid.loops <= CHECKED
         own = task_over(self.grid.spec, self.grid.drawing, self.axis, self.bounds, parts, walls, self.cut, checked=checked)
+        own = replace(own, prove=True) if self.prove else own
         return own if self.guarantee is None else self.guarantee.task(own)
 
     def columns(self, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
         """The axes, `along`, and the fields of the records."""
-        found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
+        found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name not in ("slice", *PROOF)}
         found["doubt"] = words(found["doubt"])
         leading = self.grid.axis_columns(combination)
         return leading | {"along": np.full(records.size, self.axis.name, dtype=object)} | found
@@ -86,21 +91,27 @@ def task_over(
     return DrawnTask(drawing, axis.path, span, bounds, tuple(parts), dict(spec.values), checked=checked)
 
 
-def job_of(spec: Spec, along: str | None = None) -> IntervalJob:
+def job_of(spec: Spec, along: str | None = None, *, prove: bool = False) -> IntervalJob:
     """The job of a spec's [sweep]. Raises UsageError if it cannot be done, before anything is computed."""
     axis, others = sweep_axes(spec, along)
-    return job_over(make_grid(spec, others, axis.path), axis)
+    return job_over(make_grid(spec, others, axis.path), axis, prove=prove)
 
 
-def job_over(grid: Grid, axis: Axis, cut: Cut | None = None) -> IntervalJob:
-    """The job of a grid; cut: its compiled loop, if it has only one."""
+def job_over(grid: Grid, axis: Axis, cut: Cut | None = None, *, prove: bool = False) -> IntervalJob:
+    """The job of a grid; cut: its compiled loop, if it has only one. prove: compute the columns in doubt again, if the spec
+    draws its loop."""
     if axis.structural and grid.spec.builds(axis.path, [axis.path, *(each.path for each in grid.loop_axes)]):
         raise UsageError(no_axis(grid.spec, axis.name))
     resolved = resolve_all(grid, rates=True)
     if axis.path == FAST:
         grid.spec.with_values({FAST: float(axis.start)})
     if grid.drawing:
-        return _job_of_drawing(grid, axis, resolved)
+        job = _job_of_drawing(grid, axis, resolved)
+        return (
+            replace(cut_otherwise(job, deep=min(job.chunks.deep, MOST_LOOPS)), prove=True)
+            if prove and grid.spec.drawing
+            else job
+        )
     ends = [next(iter(resolved.values())), *list(resolved.values())[-1:]]
     order = cut.order if cut else max(_order(*identity(values)) for values in ends)
     cost = expected_cost(order, axis.path in WALL)
