@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 
+import numpy as np
 from flint import arb, arb_mat, arb_poly, ctx
 
 from wavesweep.prove.polynomials import Budget, Part, bernstein, chebyshev
@@ -20,7 +21,7 @@ from wavesweep.prove.ticks import UndecidedError
 NARROW = 0.45  # share of the bits: a box this narrow encloses a crossing well enough
 SHRUNK = 0.7  # of its size, below which a box is contracted again before it is cut
 DEEPEST = 6  # cuts of a box for each bit
-MOST_OPEN = 400  # boxes at a time, and crossings of a part, beyond which these bits are too few
+MOST_OPEN = 200  # boxes at a time, and crossings of a part, beyond which these bits are too few
 POLISHED = 3  # times that an enclosure is contracted further
 
 
@@ -112,7 +113,7 @@ def _boxes(U, V, budget):
         elif shrunk:
             open_.append(box.cut(ranges, polished=box.polished + all(thin)))
         else:
-            along = 1 if thin[0] or (not thin[1] and box.depth % 2) else 0
+            along = int(thin[0] or (not thin[1] and _bends_along_number(box)))
             halves = (arb(0), arb(0.5)), (arb(0.5), arb(1))
             open_ += [box.cut([half if i == along else (arb(0), arb(1)) for i in range(2)]) for half in halves]
         if box.depth > DEEPEST * ctx.prec or len(open_) > MOST_OPEN or count > MOST_OPEN:
@@ -134,6 +135,17 @@ class _Box:
         """The part of the box in these shares of its ranges."""
         U, V = (_cut(part, ranges) for part in (self.U, self.V))
         return _Box(U, V, _inside(self.x, ranges[0]), _inside(self.k, ranges[1]), self.depth + 1, polished)
+
+
+def _bends_along_number(box):
+    """Whether the functions vary more with the number than with x, relative to their size."""
+    total = np.zeros(2)
+    for part in (box.U, box.V):
+        largest = max(abs(c).mid() for c in part.entries())
+        if largest > 0:
+            size = np.array([float((c / largest).mid()) for c in part.entries()]).reshape(part.nrows(), part.ncols())
+            total += [np.abs(np.diff(size, axis=axis)).sum(axis).max(initial=0.0) for axis in (0, 1)]
+    return total[1] > total[0]
 
 
 def _excluded(U):
