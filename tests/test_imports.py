@@ -25,6 +25,7 @@ LAYERS = (
     "diagram",
     "lifted",
     "analysis",
+    "prove",
     "sweep",
     "export",
     "results",
@@ -34,7 +35,7 @@ LAYERS = (
 )
 TOP = len(LAYERS)
 MODULE = re.compile(r"wavesweep(\.[a-z_]+)+")
-HEAVY = ("numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
+HEAVY = ("flint", "numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
 
 
 def layer_of(module):

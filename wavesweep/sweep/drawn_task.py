@@ -39,6 +39,7 @@ from wavesweep.sweep.apart import apart, common
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
 from wavesweep.sweep.grid import distinct, selected
 from wavesweep.sweep.open_loops import Opened, varied_beside
+from wavesweep.sweep.proving import with_proofs, with_tries
 from wavesweep.sweep.tasks import FELT, felt_at_ends, records_of
 
 TINY = 1e-300  # in place of a zero, which would take a state out of the loop
@@ -52,7 +53,7 @@ class DrawnTask:
 
     groups: (members, values) pairs, see `groups`; the members of all of them number the loops. If the number is one scalar gain
     of a frame, it is cut out; otherwise its intervals are found by panels. felt: give the stiffness that a hand feels at the
-    ends too. checked: whether the numbers are known to make loops.
+    ends too. checked: whether the numbers are known to make loops. prove: compute columns in doubt again in ball arithmetic.
     """
 
     drawing: Drawing
@@ -61,6 +62,7 @@ class DrawnTask:
     groups: Groups
     felt: bool = True
     checked: bool = False
+    prove: bool = False
 
     def records(self) -> np.ndarray:
         """The intervals as records, with the stiffness that a hand feels."""
@@ -73,7 +75,7 @@ class DrawnTask:
             slices.append(members[parts[-1].column])
         slices = np.concatenate(slices)
         order = np.argsort(slices, kind="stable")
-        records = records_of(replace(Intervals.join(parts), column=slices).take(order))
+        records = self._recorded(replace(Intervals.join(parts), column=slices).take(order))
         records["felt_low"] = records["felt_high"] = np.nan
         for members, values, each in opened if self.felt and feels(self.drawing) else ():
             rows = np.flatnonzero(records["intervals"] > 0)
@@ -100,6 +102,13 @@ class DrawnTask:
             if rows.size:
                 felt_at_ends(records, rows, stiffness)
         return records
+
+    def _recorded(self, found):
+        """Intervals as records, with those that are proved in place of those in doubt."""
+        if not self.prove:
+            return records_of(found)
+        found, tried = with_proofs(found, self.drawing, self.groups, self.along, self.span)
+        return with_tries(records_of(found), tried)
 
     def _opened(self):
         """The groups, and the loops of each without the number; those that such loops may have in common are one group."""
