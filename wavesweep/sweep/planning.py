@@ -7,7 +7,7 @@ from wavesweep.diagram import drift_of as drift_of_diagram
 from wavesweep.diagram.assembly import assembled
 from wavesweep.diagram.uneven import steps_of
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.at_wall import conserves, cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds
@@ -54,7 +54,7 @@ def _loop_lines(spec):
     yield f"  loop: {frame}; {cut.order} states with the wall: {_listed(states)}"
     if cut.unread:
         yield f"  states left out, since nothing in the loop reads them: {_listed([labels[name] for name in cut.unread])}"
-    if cut.conserved:
+    if conserves(diagram, cut):
         yield f"  drift set aside: the wall cannot change {labels[lead]} less the hand's displacement"
     elif cut.integrates and spec.values["operator.stiffness"] == 0:
         yield "  drift set aside at K_VE = 0: the position of the whole scene, which only the wall holds"
