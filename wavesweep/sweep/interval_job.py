@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 # panels, along any parameter but the wall.
 BY_POLYNOMIAL, BY_ARCS, BY_PANELS = 0.4e-6, 30e-6, 15e-6
 CROWDED = 24  # states
+VARIED = 1.001  # times its own value, another one of a number that varies
 STRUCTURES = 8  # of a sweep's loops, whose way is looked for
 
 
@@ -176,5 +177,5 @@ def _like_own(values, spec, drawing):
     for path, value in values.items():
         own, one = spec.values[path], value[0] if np.ndim(value) else value
         if path not in kept and isinstance(own, float) and (one > 0, one < 0) == (own > 0, own < 0):
-            found[path] = np.array([own]) if np.ndim(value) else own
+            found[path] = own * np.array([1.0, VARIED]) if np.ndim(value) else own
     return found
