@@ -37,7 +37,7 @@ from wavesweep.spec.drawing import Drawing, name_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.sweep.apart import apart, common
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
-from wavesweep.sweep.grid import distinct, selected
+from wavesweep.sweep.grid import distinct, distinct_rows, selected
 from wavesweep.sweep.open_loops import Opened, varied_beside
 from wavesweep.sweep.proving import with_proofs, with_tries
 from wavesweep.sweep.tasks import FELT, felt_at_ends, records_of
@@ -327,7 +327,10 @@ class DrawnTask:
 
     def _loops(self, values) -> "_Along":
         drift = drift_of(self.drawing, self._along(values))
-        return _Along(self.drawing, self.along, values, drift, self._open_ticks(values))
+        open_ticks = self._open_ticks(values)
+        others = [path for path, v in values.items() if np.ndim(v) and path != self.along] if open_ticks is None else []
+        shared = next((path for path in others if scalar_place(self.drawing, name_of(path))), "")
+        return _Along(self.drawing, self.along, values, drift, open_ticks, shared)
 
     def _unshaken(self, found, period, values, loops):
         """Intervals in doubt if errors of the frames' entries could move or hide them."""
@@ -356,7 +359,8 @@ class SeveralTasks:
 class _Along:
     """Loops of a batch at values p of the number `along`, `number` being those of the loops in the batch.
 
-    open_ticks: the loops without the number in their ticks, if it is one scalar gain of them.
+    open_ticks: the loops without the number in their ticks, if it is one scalar gain of them. shared: path of another number
+    that is one, in which loops differ: without it in their ticks these are the same loops.
     """
 
     drawing: Drawing
@@ -364,18 +368,34 @@ class _Along:
     values: Mapping[str, object]
     drift: TickDrift
     open_ticks: OpenTicks | None
+    shared: str = ""
 
     def frames(self, number, p) -> Frames:
         """The frames, number and p being broadcast together; NaN for loops of direct terms without a solution."""
         p = np.where(p == 0, TINY, p)
         varied, shape = self._varied(number, p), p.shape
         if self.open_ticks is None:
-            found = _where_solvable(self.drawing, varied, self.drift, shape)
+            found = self._shared(number, p) if self.shared else None
+            found = _where_solvable(self.drawing, varied, self.drift, shape) if found is None else found
         else:
             E, *facts = self.open_ticks.frames(number, p)
             found = _frames(filled(without_drift(E, self.drift)), facts, shape)
         divisors = guards_at(self.drawing, varied, self.along, shape)
         return replace(found, pivots=np.concatenate([found.pivots, divisors.reshape(p.size, -1)], axis=-1))
+
+    def _shared(self, number, p):
+        """The frames from ticks without the shared number; None if too few loops share them, or some have no solution."""
+        number, p = (each.ravel() for each in np.broadcast_arrays(number, p))
+        others = {path: v[number] for path, v in self.values.items() if np.ndim(v) and path != self.shared}
+        first, of = distinct_rows(others | {"real": p.real, "imag": p.imag}, p.size)
+        if 2 * first.size > p.size:
+            return None
+        values = selected(self.values, number[first]) | {self.along: p[first], self.shared: 1.0}
+        with suppress(IllPosedLoopError), np.errstate(all="ignore"):
+            whole, cut_open = assembled(self.drawing, values), assembled(self.drawing, values, name_of(self.shared))
+            E, *facts = OpenTicks.of(cut_open, whole, PRODUCT, FACTOR).frames(of, self.values[self.shared][number])
+            return _frames(filled(without_drift(E, self.drift)), facts, p.shape)
+        return None
 
     def errors(self, number, p) -> tuple[np.ndarray, np.ndarray]:
         """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution."""
