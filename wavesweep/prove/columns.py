@@ -14,7 +14,7 @@ from flint import arb, ctx
 
 from wavesweep.analysis.doubt import NONE
 from wavesweep.analysis.intervals import Intervals
-from wavesweep.prove.crossings import Crossing, count_outside, crossings
+from wavesweep.prove.crossings import Crossing, count_outside, crossings, is_unstable
 from wavesweep.prove.polynomials import Budget, Family
 from wavesweep.prove.ticks import Loop, UndecidedError
 from wavesweep.spec.drawing import Drawing, name_of
@@ -81,7 +81,13 @@ def precision(bits: int) -> Iterator[None]:
 def _proof(loop, span, integrators, budget):
     family = Family(loop, span, budget)
     way = POLYNOMIAL if family.exact else PARTS
-    if family.find_ones() > integrators:
+    try:
+        ones = family.find_ones()
+    except UndecidedError:
+        if not all(map(is_unstable, family.over_range())):
+            raise
+        return Proof((), ctx.prec, way)
+    if ones > integrators:
         return Proof((), ctx.prec, way)
     found = [each for part in family.over_range() for each in crossings(part, budget)]
     ends = _merged([Crossing(end, arb("nan")) for end in map(arb, span)] + found)

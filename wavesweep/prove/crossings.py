@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
+from math import comb
 
 import numpy as np
 from flint import arb, arb_mat, arb_poly, ctx
@@ -51,6 +52,20 @@ def crossings(part: Part, budget: Budget) -> Iterator[Crossing]:
         for (left, right), (low, high) in _boxes(to_U * table, to_V * table, budget) if n > 1 else ():
             angle = 2 * (1 - left.union(right)).nonnegative_part().sqrt().min(1).asin()
             yield Crossing(part.low + width * low.union(high), angle)
+
+
+def is_unstable(part: Part) -> bool:
+    """Whether some root is outside the circle for every value in a part, since a coefficient is too large.
+
+    Coefficients of a frame that grows by many powers of ten say so long before the small roots can be told.
+    """
+    for table in part.polynomials:
+        rows, n = table.tolist(), table.nrows() - 1
+        for j, row in enumerate(rows[:-1]):
+            sides = [[a + sign * comb(n, j) * b for a, b in zip(row, rows[-1], strict=True)] for sign in (1, -1)]
+            if _have_one_sign([*sides[0], *sides[1]]):
+                return True
+    return False
 
 
 def count_outside(p: list[arb]) -> int:
@@ -100,7 +115,7 @@ def _boxes(U, V, budget):
     while open_:
         box = open_.pop()
         budget.use((U.nrows() + U.ncols()) * U.nrows() * U.ncols() + 400)
-        if _excluded(box.U) or (V is not U and _excluded(box.V)):
+        if _have_one_sign(box.U.entries()) or (V is not U and _have_one_sign(box.V.entries())):
             continue
         thin = [box.U.nrows() == 1 or box.x[1] - box.x[0] < narrow, box.k[1] - box.k[0] < narrow]
         ranges = _contracted(box.U, box.V)
@@ -148,9 +163,7 @@ def _bends_along_number(box):
     return total[1] > total[0]
 
 
-def _excluded(U):
-    """Whether all coefficients have the same sign for sure."""
-    entries = U.entries()
+def _have_one_sign(entries):
     return all(c > 0 for c in entries) if entries[0] > 0 else entries[0] < 0 and all(c < 0 for c in entries)
 
 
