@@ -4,7 +4,7 @@ import os
 import sys
 from pathlib import Path
 
-from wavesweep.kernel import ONE_THREAD
+from wavesweep.arithmetic import ONE_THREAD
 
 sys.path.insert(0, str(Path(__file__).parent))
 # As the command line does: threads of BLAS in every worker of the tests are in each other's way. Nothing has loaded numpy yet.

@@ -12,7 +12,7 @@ from support.specs import values_of
 from wavesweep import diagram, plots
 from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.cli.entry import COMMANDS, module_of
-from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.results.schema import TABLES
 
 ROOT = Path(__file__).parents[1]

@@ -19,12 +19,13 @@ LAYERS = (
     "errors",
     "disk",
     "controllers",
-    "kernel",
+    "arithmetic",
     "spec",
     "loops",
     "diagram",
     "lifted",
     "analysis",
+    "prove",
     "sweep",
     "export",
     "results",
@@ -34,7 +35,7 @@ LAYERS = (
 )
 TOP = len(LAYERS)
 MODULE = re.compile(r"wavesweep(\.[a-z_]+)+")
-HEAVY = ("numba", "numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
+HEAVY = ("flint", "numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
 
 
 def layer_of(module):

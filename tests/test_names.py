@@ -11,7 +11,7 @@ import wavesweep
 from wavesweep.controllers import CONTROLLERS, drawing_of
 from wavesweep.diagram import draw, state_labels
 from wavesweep.diagram.drawing import Diagram, Hand
-from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.sweep.planning import plan
 
 NEW = "another"

@@ -14,7 +14,8 @@ from wavesweep.diagram.assembly import first_of
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.drawn_loop import DrawnLoop, refuse_infinite
 from wavesweep.errors import UsageError
-from wavesweep.lifted import Cut, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import Cut
 from wavesweep.lifted.tick_drift import drift_of_drawn
 from wavesweep.spec import SYMBOLS, Axis, Spec, load
 from wavesweep.spec.axes import NARROWEST_SPAN
@@ -72,7 +73,7 @@ class Loop:
         """The axis of intervals if none is given."""
         return self.spec.along if self.spec.drawing else "K_VE"
 
-    def stable_intervals(self, along: str | None = None, span=None, **axes):
+    def stable_intervals(self, along: str | None = None, span=None, *, prove: bool = False, **axes):
         """All stable intervals along an axis, for the product of the other axes given: a DataFrame, a row per interval.
 
         along: name of the axis; by default K_VE or, of a drawn loop, the spec's own. span: (low, high) in its unit; by default
@@ -80,13 +81,14 @@ class Loop:
         `Loop`. Columns as in the table of `wavesweep zwidth`: each axis given, along, intervals, interval, low, high,
         low_omega, high_omega (rad/s), certified, residual, doubt, felt_low, felt_high. Errors: UsageError if a spec
         would not accept a name, SpecError if it would not accept a value or a combination.
+        prove: compute columns in doubt again in ball arithmetic, if the loop is drawn.
         Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md; see `analysis.intervals`.
         """
         from wavesweep.sweep.interval_job import job_over
         from wavesweep.sweep.running import in_memory
 
         grid, axis = self._asked(along, span, axes)
-        return self._frame("zwidth", in_memory(job_over(grid, axis, None if grid.loop_axes else self.cut)))
+        return self._frame("zwidth", in_memory(job_over(grid, axis, prove=prove)))
 
     def sensitivity(self, along: str | None = None, span=None, **axes):
         """How each end of the stable intervals, and the stiffness felt there, moves with each number: a DataFrame.
@@ -99,7 +101,7 @@ class Loop:
         from wavesweep.sweep.why_table import sensitivities
 
         grid, axis = self._asked(along, span, axes)
-        return self._frame("why", sensitivities(grid, axis, None if grid.loop_axes else self.cut))
+        return self._frame("why", sensitivities(grid, axis))
 
     def spectral_radius(self, **axes) -> np.ndarray:
         """Largest eigenvalue modulus per frame of `ratio` ticks, without drift, over the product of the axes given.
@@ -112,7 +114,7 @@ class Loop:
         spec = naming(self.spec, axes)
         asked = _axes(spec, axes)
         shape = tuple(len(axis.values) for axis, values in zip(asked, axes.values(), strict=True) if np.ndim(values))
-        return radius_over(spec, asked, self.cut).reshape(shape)
+        return radius_over(spec, asked).reshape(shape)
 
     def response(self, frequency_hz=None, **axes):
         """Admittance, impedance, worst-case gain and verdict: a DataFrame with the columns of `wavesweep bode`.

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from flint import arb_mat, ctx
+from support import certified
 
 import wavesweep
 from wavesweep.analysis import spectrum
@@ -187,3 +189,24 @@ def test_a_bound_on_the_smallest_singular_value_of_many_states_is_none_too_large
     assert (bound <= exact * (1 + 1e-6)).all()
     assert (bound >= exact / np.sqrt(20)).all()
     assert spectrum._smallest(np.zeros((1, 20, 20)), np.zeros((1, 1))).max() < 1e-15
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 9])
+def test_eigenvalues_next_to_the_circle_are_counted_as_ball_arithmetic_counts_them(n):
+    """No clear count is wrong."""
+    random, known, before = np.random.default_rng(n), 0, ctx.prec
+    ctx.prec = 2000
+    try:
+        for _ in range(60):
+            radius = 1 + random.choice([-1, 1], n) * 10.0 ** random.uniform(-16 / n, 0, n)
+            own = np.diag(radius * random.choice([-1, 1], n) - 1) + np.triu(random.normal(size=(n, n)), 1)
+            change = np.linalg.qr(random.normal(size=(n, n)))[0] * 2.0 ** random.integers(-8, 8, n)
+            E = np.linalg.solve(change, own @ change)
+            (count,), (clear,) = count_outside(E[None])
+            known += clear
+            if clear:
+                whole = arb_mat(n, n, E.ravel().tolist()) + arb_mat(n, n, np.eye(n).ravel().tolist())
+                assert count == certified.count_outside(whole.charpoly())
+    finally:
+        ctx.prec = before
+    assert known > 40

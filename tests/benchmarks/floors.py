@@ -5,10 +5,9 @@
 For 200 columns of each problem of `wavesweep bench`, in turn, medians of 15: D-decomposition on 180 angles, a refined batched
 grid, this tool, and of that compiling the loops, which every method begins with, and the DataFrame. Then slices along numbers:
 the time in which frames are made, which a search without them cannot be below; and of all that, the parts which no faster
-drawing and no faster search would save: the products of ticks, and characteristic polynomials or eigenvalues; and all of the
-arithmetic that is done by BLAS, LAPACK or the kernel: these two, connections, loops of direct terms, critical functions and
-roots. --study: the sweep of two million slices with two workers as well, and what two processors need at least for the
-processor seconds that it used.
+drawing and no faster search would save: the products of ticks, and characteristic polynomials or eigenvalues. --study: the
+sweep of two million slices with two workers as well, and what two processors need at least for the processor seconds that it
+used.
 """
 
 import argparse
@@ -27,7 +26,6 @@ import wavesweep
 from wavesweep.analysis.intervals import interpolated
 from wavesweep.bench import rivals, this_tool
 from wavesweep.bench.problems import PROBLEMS, bundles
-from wavesweep.kernel import NUMPY, chosen
 from wavesweep.library import frame
 from wavesweep.lifted import lift, open_ticks, periodic
 from wavesweep.sweep import any_number, drawn_task
@@ -74,7 +72,7 @@ def comparisons():
 
 def frames():
     """Slices along numbers, and the share of making frames: drawing, connecting, lifting and closing loops."""
-    spent = dict.fromkeys(("frames", "ticks", "polynomials", "others"), 0.0)
+    spent = dict.fromkeys(("frames", "ticks", "polynomials"), 0.0)
     count = [0]
 
     def timed(part, work, *given, **options):
@@ -101,38 +99,20 @@ def frames():
         ("polynomials", np.linalg, "eigvals"),
     ):
         setattr(module, name, partial(timed, part, getattr(module, name)))
-    for module, name in arithmetic() if chosen() != NUMPY else ():
-        setattr(module, name, partial(timed, "others", getattr(module, name)))
-    print("| loop | along | over | ms a slice | frames a slice | their time (ms) | ticks, polynomials (ms) | arithmetic (ms) |")
-    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    print("| loop | along | over | ms a slice | frames a slice | their time (ms) | ticks, polynomials (ms) |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
     for name, source, along, span, axes in CASES:
         loop, rows = wavesweep.compile(source), []
         for _ in range(4):
             spent.update(dict.fromkeys(spent, 0.0))
             count[0] = 0
             rows.append((seconds(partial(loop.stable_intervals, along, span, **axes)), *spent.values(), count[0]))
-        whole, made, ticks, polynomials, others, frames = np.median(rows[1:], axis=0)
+        whole, made, ticks, polynomials, frames = np.median(rows[1:], axis=0)
         print(
             f"| {name} | {along} | {', '.join(axes)} | {10 * whole:.2f} | {frames / 100:.0f} | {10 * made:.2f} | "
-            f"{10 * ticks:.2f}, {10 * polynomials:.2f} | {10 * (ticks + polynomials + others):.2f} |",
+            f"{10 * ticks:.2f}, {10 * polynomials:.2f} |",
             flush=True,
         )
-
-
-def arithmetic():
-    """Functions of the kernel that compute, but for polynomials: a module and a name each."""
-    from wavesweep.analysis.intervals.compiled import counting, functions, isolating
-    from wavesweep.lifted.compiled import closing, programs
-
-    return (
-        (programs, "_run"),
-        (closing, "_inverses"),
-        (closing, "_losses"),
-        (functions, "_functions"),
-        (functions, "_followed"),
-        (isolating, "_of_rows"),
-        (counting, "_counts"),
-    )
 
 
 def two_millions():

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import wavesweep
-from wavesweep.lifted import close
+from wavesweep.lifted.cut import close
 
 SPECS = Path(__file__).parents[2] / "sweeps" / "paper"
 DAMPING, STIFFNESS = np.linspace(0, 15, 100), np.linspace(0, 20000, 101)[1:]

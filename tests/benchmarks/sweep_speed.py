@@ -22,7 +22,8 @@ from pathlib import Path
 import numpy as np
 
 from wavesweep.diagram import draw
-from wavesweep.lifted import close, cut_at_wall, with_batch
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import close, with_batch
 from wavesweep.spec import load
 from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.tasks import records_of, solve
@@ -31,7 +32,7 @@ STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
 GRID, THOUSANDTH = 100, 1000
 PARTS = {  # function -> what it stands for; the time is that of the function and of all that it calls
     "cut_at_wall": "compile the loops", "sampled_polynomial": "polynomial", "isolate": "roots and their proof",
-    "polish": "polish", "regions": "counts and residuals", "proved": "compiled kernel", "with_felt": "felt stiffness",
+    "polish": "polish", "regions": "counts and residuals", "with_felt": "felt stiffness",
     "records_of": "records",
 }  # fmt: skip
 
@@ -62,9 +63,9 @@ def run(spec, jobs, out):
     facts = json.loads((out / "zwidth.datapackage.json").read_text())["wavesweep"]
     timings, slices = facts["timings"], facts["slices"]
     peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    rate = slices["computed"] / timings["kernel_s"]
+    rate = slices["computed"] / timings["processor_s"]
     print(f"  {jobs} jobs ({timings['workers']} workers): wall {wall:.1f} s, of that computing {timings['compute_s']:.1f} s")
-    print(f"    {rate:,.0f} slices per processor second in the kernels")
+    print(f"    {rate:,.0f} slices per processor second")
     print(f"    {slices['certified']} of {slices['computed']} certified")
     print(f"    peak memory of the largest process so far {peak:.0f} MiB")
     for name in ("zwidth.csv", "zwidth.parquet", "zwidth.png"):

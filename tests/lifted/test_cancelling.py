@@ -5,22 +5,17 @@ import pytest
 from support.intervals import intervals_of, pairs
 from support.specs import INTEGRATIONS, values_of
 
-from wavesweep import kernel
 from wavesweep.diagram import draw
-from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 
 IMPEDANCES = [1e-6, 2.273804480282737e-06, 0.3, 1e6]
 
 
 @pytest.mark.parametrize("b", [*IMPEDANCES, np.array(IMPEDANCES)], ids=str)
-@pytest.mark.parametrize("name", [kernel.NUMPY, kernel.NUMBA])
 @pytest.mark.parametrize("integration", INTEGRATIONS)
-def test_a_line_without_filter_and_delay_moves_the_avatar_by_the_hand_alone(b, name, integration):
+def test_a_line_without_filter_and_delay_moves_the_avatar_by_the_hand_alone(b, integration):
     """The wall's force reaches the avatar by +1/b and -1/b: its velocity is the hand's."""
-    if name == kernel.NUMBA:
-        pytest.importorskip("numba")
-    with kernel.using(name):
-        cut = cut_at_wall(draw(values_of("pmw", lp1_order=0, integration=integration) | {"controller.b": b}))
+    cut = cut_at_wall(draw(values_of("pmw", lp1_order=0, integration=integration) | {"controller.b": b}))
     assert not np.any(cut.D)
 
 

@@ -11,27 +11,18 @@ import pytest
 from support.lifted import transfer
 from support.nets import SINGULAR, first_order, random_net
 
-from wavesweep import kernel
 from wavesweep.analysis.response import prepare
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.device import impulse_and_step
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.connect import connect
+from wavesweep.lifted.cut import close
 from wavesweep.lifted.frame import lifted_system
 from wavesweep.lifted.plan import _plan as plan_cache
 from wavesweep.lifted.plan import plan_of
 from wavesweep.lifted.tape import Tape
-
-
-@pytest.fixture(params=[kernel.NUMPY, kernel.NUMBA])
-def arithmetic(request):
-    """By numpy, and by the kernel."""
-    if request.param == kernel.NUMBA:
-        pytest.importorskip("numba")
-    with kernel.using(request.param):
-        yield request.param
 
 
 def test_feedback_with_direct_terms_is_closed_exactly():
@@ -129,7 +120,6 @@ def static(D, outputs="stuvw"):
     return Block("b", tuple("abcde"[:m]), tuple(outputs[:p]), (), np.zeros((0, 0)), np.zeros((0, m)), np.zeros((p, 0)), D)
 
 
-@pytest.mark.usefixtures("arithmetic")
 @pytest.mark.parametrize(("gain", "off"), [(1.0, 1e-14), (1e6, 1e-14), (1e9, 1e-13), (1e11, 1e-10)])
 def test_small_entries_of_a_loop_keep_their_digits_beside_large_ones(gain, off):
     """Ports of three rows that feed each other, one gain large: the inverse of `I - D`, entry by entry, in 60 digits."""
@@ -148,7 +138,6 @@ def test_small_entries_of_a_loop_keep_their_digits_beside_large_ones(gain, off):
     assert tried > 20
 
 
-@pytest.mark.usefixtures("arithmetic")
 def test_what_a_port_does_not_need_is_exactly_zero_in_it():
     """The inverse of a loop whose second half alone sees the state keeps roundings of the first."""
     random = np.random.default_rng(0)
@@ -253,7 +242,6 @@ def test_threads_that_connect_one_structure_at_once_find_what_one_finds():
     assert wrong == 0
 
 
-@pytest.mark.usefixtures("arithmetic")
 def test_a_batch_without_loops_is_connected_to_none():
     assert connect("net", *random_net(3, (0,))).E.shape[0] == 0
 

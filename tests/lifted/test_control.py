@@ -8,7 +8,8 @@ from support.specs import KINDS, random_values, values_of
 
 from wavesweep.analysis.response import prepare, steady_state
 from wavesweep.diagram import draw
-from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import close
 from wavesweep.lifted.frame import lifted_system
 
 

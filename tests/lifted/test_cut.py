@@ -7,8 +7,8 @@ from support.lifted import poles, same_spectrum
 from support.specs import KINDS, random_values, values_of
 
 from wavesweep.diagram import draw
-from wavesweep.lifted import close, cut_at_wall
-from wavesweep.lifted.cut import ADVANCE, OFFSET, V
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import ADVANCE, OFFSET, V, close
 from wavesweep.lifted.frame import lifted_system
 from wavesweep.lifted.lift import frame_at_rest
 

@@ -19,7 +19,8 @@ from support.march import State, numbers_of, random_state, tick, with_numbers
 from support.specs import random_values
 from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.diagram import draw
-from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import close
 
 STEP = 1e-3  # relative, from an end to the probe
 SLOWEST = 1e-7

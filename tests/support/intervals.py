@@ -4,7 +4,8 @@ import numpy as np
 
 from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.diagram import draw
-from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import close
 
 
 def cut_of(values):

@@ -50,7 +50,7 @@ def test_a_run_goes_on_where_it_was_stopped(stopped, long, long_table, same):
     told = []
     run = sweep.intervals(long, jobs=1, checkpoint=stopped, progress=lambda *counts: told.append(counts))
     assert len(told) == 2
-    assert run.facts["timings"]["slices_from_checkpoint"] == 8100
+    assert run.facts["timings"]["slices_from_checkpoint"] == 8192
     same(run.columns, long_table)
     run.forget()
     assert not stopped.exists()
@@ -66,7 +66,7 @@ def test_a_checkpoint_of_another_spec_is_refused_and_thrown_away_with_force(stop
 
 def test_force_keeps_a_checkpoint_of_the_same_run(stopped, long):
     run = sweep.intervals(long, jobs=1, checkpoint=stopped, force=True)
-    assert run.facts["timings"]["slices_from_checkpoint"] == 8100
+    assert run.facts["timings"]["slices_from_checkpoint"] == 8192
 
 
 def truncate(folder):
@@ -187,7 +187,7 @@ def test_a_damaged_manifest_costs_nothing_but_that_of_another_run_is_seen(stoppe
     with pytest.raises(CheckpointError, match=r"of another run, as manifest\.json is"):
         sweep.intervals(mixed, jobs=1, checkpoint=stopped)
     run = sweep.intervals(long, jobs=1, checkpoint=stopped)
-    assert run.facts["timings"]["slices_from_checkpoint"] == 8100
+    assert run.facts["timings"]["slices_from_checkpoint"] == 8192
     assert [warning.endswith("it is written again") for warning in run.facts["warnings"]] == [True]
 
 

@@ -8,7 +8,7 @@ import wavesweep
 from wavesweep import sweep
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
-from wavesweep.sweep import estimates, grid, running, workers
+from wavesweep.sweep import estimates, running, workers
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds, refuse_full_disk
 from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.workers import WORTH, choose
@@ -91,7 +91,7 @@ def test_the_expectation_is_of_the_whole(long):
 
 def test_check_says_slices_chunks_workers_and_why(mixed, long):
     lines = "\n".join(sweep.plan(mixed))
-    assert "84 slices over 12 compiled loops, 84 more are repeats" in lines
+    assert "84 slices, 84 more are repeats" in lines
     assert "1 chunk, about" in lines
     assert "no workers (a single chunk of work)" in lines
     assert "4 chunks, about" in "\n".join(sweep.plan(long))
@@ -124,18 +124,6 @@ def test_a_disk_that_is_too_small_is_refused_before_the_work(long, tmp_path, mon
         else:
             refuse_full_disk(folder, [job])
     refuse_full_disk(None, [job])
-
-
-def test_the_walls_of_a_chunk_are_made_and_no_others(monkeypatch):
-    walls = {"K_VE": {"start": 1, "stop": 1500, "num": 3000}, "B_VE": {"start": 0, "stop": 15, "num": 3000}}
-    job, made = job_of(spec_of(along="b", b={"start": 5, "stop": 100}, **walls)), []
-    whole = grid.Grid.wall_values
-    monkeypatch.setattr(grid.Grid, "wall_values", lambda self, index=None: made.append(index.size) or whole(self, index))
-    task = job.task(job.chunks[len(job.chunks) - 1])
-    assert (task.walls["environment.K_VE"][-1], task.walls["environment.B_VE"][-1]) == (1500.0, 15.0)
-    assert job.slices == 9_000_000
-    assert made == [task.walls["environment.K_VE"].size]
-    assert made[0] <= 4096
 
 
 @pytest.mark.slow

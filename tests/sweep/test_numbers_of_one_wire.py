@@ -7,7 +7,7 @@ import pytest
 
 import wavesweep
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.lifted import with_batch
+from wavesweep.lifted.cut import with_batch
 from wavesweep.spec import load
 from wavesweep.sweep import drawn_task, open_loops
 

@@ -4,10 +4,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.kernel import NUMPY, chosen
-from wavesweep.lifted import Cut, close
 from wavesweep.lifted.circle import inverse, on_circle
-from wavesweep.lifted.rounding import TELLING, balance
+from wavesweep.lifted.cut import Cut, close
+from wavesweep.lifted.rounding import TELLING, at_angles_of, balance, may_have
 from wavesweep.lifted.shifts import DelayLines
 
 ROUNDINGS = 256  # of the largest entry, how near to the circle an eigenvalue says nothing
@@ -17,8 +16,8 @@ MEETING = 4  # number of the nearest ones that are examined, and all others in t
 UNEVEN = 1e3  # times the largest entry of a balanced matrix: a larger one hides eigenvalues that are known
 MANY = 100  # states, from which on a bound on a singular value stands for it
 LARGE = 40  # states, from which on delays are left out of singular values, if they are most of them
+FINE = 1e-12  # of the largest entry, or of 1, errors of entries that are no more than roundings
 SPARSE = 200  # states, from which on an import pays that finds the blocks of a matrix of few entries
-MOST_BY_SIGNS = 12  # eigenvalues; coefficients of more crowd, and signs of sums of them are seldom sure
 
 
 def eigenvalues(E):
@@ -218,35 +217,39 @@ def spectral_radius(cut: Cut, K_VE, B_VE) -> np.ndarray:
     return radius_of(close(cut, K_VE, B_VE))
 
 
-def count_outside(E):
+def count_outside(E, dE=None):
+    """Return the number of eigenvalues of `I + E` outside the unit circle, and whether no error of E can change it.
+
+    E, dE: `(matrices, n, n)`, matrices less identity and bounds on the errors of their entries, by default of a rounding each.
+    The count is -1 if E is not finite. See `_count_outside`; where errors are larger than roundings, or an eigenvalue is near
+    the circle, no matrix within dE of E may have the nearest eigenvalues on the circle (see `may_have`).
+    """
+    count, clear = _count_outside(E)
+    if dE is None or not E.size:
+        return count, clear
+    size = np.maximum(1, np.abs(E).max((-1, -2), initial=0))
+    some = np.flatnonzero(clear & ~(dE.max((-1, -2), initial=0) <= FINE * size))
+    if some.size:
+        delta = eigenvalues(E[some])[0]
+        clear[some] = ~may_have(E[some], dE[some], at_angles_of(delta, 1.0, np.abs(excess(delta))))
+    return count, clear
+
+
+def _count_outside(E):
     """Return the number of eigenvalues of `I + E` outside the unit circle, and whether none lies within rounding of it.
 
     The count is -1 if E is not finite. An eigenvalue is within rounding of the circle if its computed distance from it is that
     small. Eigenvalues that nearly meet keep only a root of the digits, and others may lose many. So if one is near the circle,
     or if some are so near to each other that this could bring them there (`may_cross`), those nearest to it also count as
     within rounding of it if a rounding of E could move them onto it: if the smallest singular value of `z I - (I + E)` at the
-    nearest z of the circle is that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1). If the
-    kernel is chosen, the count follows from signs if these are sure, which needs no eigenvalues (see `compiled.counting`).
+    nearest z of the circle is that small (L. N. Trefethen, M. Embree, Spectra and Pseudospectra, 2005, Theorem 2.1).
     """
-    if chosen() == NUMPY or not 0 < E.shape[-1] <= MOST_BY_SIGNS or not E.size or np.iscomplexobj(E):
-        return _by_eigenvalues(E)
-    from wavesweep.analysis.intervals.compiled import counting
-
-    count = counting.count_outside(E)
-    clear, rest = np.ones(count.size, bool), np.flatnonzero(count < 0)
-    if rest.size:
-        count[rest], clear[rest] = _by_eigenvalues(E[rest])
-    return count, clear
-
-
-def _by_eigenvalues(E):
-    """Return `count_outside` from computed eigenvalues."""
     groups = diagonal_blocks(E)
     if groups:
         count, clear = np.zeros(len(E), int), np.ones(len(E), bool)
         for some, blocks, alone in groups:
             for block in (*blocks, alone) if alone.size else blocks:
-                more, known = _by_eigenvalues(block)
+                more, known = _count_outside(block)
                 count[some], clear[some] = count[some] + more, clear[some] & known
         finite = np.isfinite(E).all((-1, -2))
         return np.where(finite, count, -1), clear & finite
@@ -262,7 +265,7 @@ def _by_eigenvalues(E):
         even = balance(E[again])[0]
         better = size[again] > UNEVEN * np.abs(even).max((-1, -2), initial=0)
         if better.any():
-            count[again[better]], clear[again[better]] = _by_eigenvalues(even[better])
+            count[again[better]], clear[again[better]] = _count_outside(even[better])
     near = clear & (distance.min(-1, initial=np.inf) < NEIGHBOURHOOD)
     some = np.flatnonzero(clear & ~near & may_cross(delta, size))
     near[some] = may_cross(delta[some], np.abs(balance(E[some])[0]).max((-1, -2), initial=0)) if some.size else False

@@ -13,7 +13,7 @@ from wavesweep import sweep
 from wavesweep.bench.measuring import Patience, Row, interleaved
 from wavesweep.bench.this_tool import run
 from wavesweep.diagram import draw
-from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.paper.specs import folder, load_paper
 
 RATIOS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)

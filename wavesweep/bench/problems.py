@@ -18,7 +18,8 @@ import numpy as np
 
 from wavesweep.diagram import draw, keys_read
 from wavesweep.errors import WavesweepError
-from wavesweep.lifted import Cut, cut_at_wall, with_batch
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import Cut, with_batch
 from wavesweep.paper.specs import load_paper
 from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.grid import groups, make_grid

@@ -17,7 +17,6 @@ from wavesweep.bench.measuring import FIELDS, FULL, QUICK, Row, columns_of
 from wavesweep.bench.problems import FILE, PROBLEMS
 from wavesweep.bench.stiffness import COMMAND, DECOMPOSITION, LIBRARY, PART
 from wavesweep.bench.this_tool import LAPACK, profile_rows
-from wavesweep.kernel import versions
 from wavesweep.sweep import Table
 from wavesweep.sweep.table import Columns
 
@@ -59,8 +58,7 @@ def _facts(quick: bool, seconds: float) -> dict:
     return {
         "schema_version": 1, "tool_version": __version__, "spec_sha256": hashlib.sha256(FILE.read_bytes()).hexdigest(),
         "methods": METHODS, "quick": quick, "titles": _titles(), "timings": {"total_s": round(seconds, 3)},
-        "versions": {"python": platform.python_version(), "numpy": np.__version__, "control": control.__version__}
-        | {name: text for name, text in versions().items() if name == "kernel"},
+        "versions": {"python": platform.python_version(), "numpy": np.__version__, "control": control.__version__},
         "machine": platform.machine(),
     }  # fmt: skip
 

@@ -25,8 +25,7 @@ from wavesweep.analysis.intervals.stable import trace_excludes_stability
 from wavesweep.bench.measuring import Row
 from wavesweep.bench.problems import COLUMNS, PROBLEMS, Intervals, Problem
 from wavesweep.diagram import draw
-from wavesweep.kernel import NUMPY, chosen
-from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.paper.specs import folder
 from wavesweep.spec import Spec
 
@@ -99,17 +98,8 @@ def profile_rows(repeats: int = 20) -> Iterator[Row]:
 
 def _stages(stats: pstats.Stats) -> dict[str, float]:
     """Cumulative seconds of each stage, and of the rest."""
-    spent = {stage: stats.stats[_profiled(function)][3] for function, stage in _taken().items()}
+    spent = {stage: stats.stats[_profiled(function)][3] for function, stage in STAGES.items()}
     return {**spent, "tables and the rest": stats.total_tt - sum(spent.values())}
-
-
-def _taken() -> dict[Callable, str]:
-    """The stages that a call goes through."""
-    if chosen() == NUMPY:
-        return STAGES
-    from wavesweep.analysis.intervals.compiled import proved
-
-    return {draw: STAGES[draw], cut_at_wall: STAGES[cut_at_wall], proved: "compiled kernel"}
 
 
 def _profiled(function: Callable) -> tuple[str, int, str]:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import click
 
+from wavesweep.arithmetic import ONE_THREAD
 from wavesweep.cli.options import Options, common
-from wavesweep.kernel import ONE_THREAD
 
 FOLDER = Path("results", "bench")
 

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from wavesweep.arithmetic import ONE_THREAD
 from wavesweep.errors import SpecError, WavesweepError
-from wavesweep.kernel import ONE_THREAD
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem

@@ -46,12 +46,9 @@ def progress(quiet: bool) -> Iterator[Progress | None]:
     if quiet:
         yield None
         return
-    from wavesweep.kernel import NUMBA, chosen
-
-    compiles = "; the kernel is compiled at its first run, which takes half a minute" if chosen() == NUMBA else ""
     opened = ExitStack()
     move = _bar(opened) if sys.stderr.isatty() else Murmur().hear
-    with patience(f"still at work on the first chunk{compiles}") as reached:
+    with patience("still at work on the first chunk") as reached:
 
         def report(*given: Any) -> None:
             reached()

@@ -48,8 +48,15 @@ def domains(drawing: Drawing, values: Mapping[str, object], path: str, span: tup
 def _known_guards(drawing, values, path):
     """Yield the path of a key, a guard that reads the number, the other numbers that it reads, and its root."""
     known = scalars({**values, path: 0.0})
+    none = {f"block.{each.name}.cutoff_hz" for each in drawing.blocks if _is_no_filter(each, known)}
     for key, guard, read, root in _guards_of(drawing, name_of(path)):
+        if key in none:
+            continue
         yield key, guard, {name: value for name, value in known.items() if name in read}, root
+
+
+def _is_no_filter(block, known):
+    return block.type == "butterworth" and int(values_of(dict(block.keys)["order"], known)) == 0
 
 
 def _limits(key, guard, root, known, name, span):

@@ -16,7 +16,8 @@ from wavesweep.analysis.response.frame import Loop
 from wavesweep.analysis.rows import complex_columns
 from wavesweep.diagram import WALL, draw
 from wavesweep.errors import WavesweepError
-from wavesweep.lifted import Cut, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import Cut
 from wavesweep.plots.refine import KNOWN, Curve, View, curves_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.sweep.drawn_loops import ports_of_loop
@@ -135,7 +136,7 @@ def certified_plane(spec: Spec, plane: Plane) -> dict:
     `certified_columns`.
     """
     along = _axis(spec, plane.y, (), plane.y_span)
-    seconds, exact = cost_of(spec, loop_of(spec), along)
+    seconds, exact = cost_of(spec, along)
     if not exact:
         return {"how": "single"}
     across = _axis(spec, plane.x, np.linspace(*plane.x_span, int(np.clip(SECONDS / seconds, FEWEST, COLUMNS))))

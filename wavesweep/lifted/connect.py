@@ -4,7 +4,6 @@ import numpy as np
 
 from wavesweep.diagram.block import Block
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.plan import plan_of
 from wavesweep.lifted.tape import entries_of
 
@@ -52,14 +51,9 @@ def _loop_inverse(loop, sizes, reached, name, ports):
     one = np.eye(loop.shape[-1])
     loop = one - loop
     overflown = ~np.isfinite(loop).all((-1, -2))  # a frame that overflows is for the caller to see
-    if chosen() == NUMPY:
-        with np.errstate(all="ignore"):
-            inverse, pivot = (1 / loop, loop[..., 0, 0]) if loop.shape[-1] == 1 else _inverse(loop, overflown, reached)
-        condition = _condition(inverse, one + sizes)
-    else:
-        from wavesweep.lifted.compiled.closing import inverses
-
-        inverse, pivot, condition = inverses(loop, one + sizes, reached, REFINED)
+    with np.errstate(all="ignore"):
+        inverse, pivot = (1 / loop, loop[..., 0, 0]) if loop.shape[-1] == 1 else _inverse(loop, overflown, reached)
+    condition = _condition(inverse, one + sizes)
     if not np.all((condition < WORST_CONDITION) | overflown):
         raise IllPosedLoopError(
             f"the algebraic loop of the {name} side through {', '.join(ports)} is ill-posed: condition number "

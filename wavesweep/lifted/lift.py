@@ -7,7 +7,6 @@ import numpy as np
 from wavesweep.diagram.block import Block, loss, unit_delay
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import latch
-from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.batches import in_parts
 from wavesweep.lifted.connect import connect
 
@@ -96,11 +95,7 @@ def lift_held(fast: Block, ratio: int, delay: int, held, sampled, whole=None) ->
 
 def _loss(E, tick, ratio):
     """Return `loss` of frames of so many equal ticks."""
-    if chosen() == NUMPY:
-        return in_parts(lambda part: loss(E[part], ratio * np.abs(tick[part])), *_shape(E))
-    from wavesweep.lifted.compiled.closing import losses
-
-    return losses(E, tick, ratio)
+    return in_parts(lambda part: loss(E[part], ratio * np.abs(tick[part])), *_shape(E))
 
 
 def prune(block: Block) -> tuple[Block, tuple[str, ...]]:

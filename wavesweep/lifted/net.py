@@ -197,8 +197,7 @@ def _entry(tape, counts, first, row, column):
     for block, count in enumerate(counts):
         if start <= row < start + count:
             inside = start <= column < start + count
-            place = row - start, column - start, row * sum(counts) + column, first > 0
-            return tape.do(READ, first + block, place) if inside else None
+            return tape.do(READ, first + block, (row - start, column - start)) if inside else None
         start += count
     raise IndexError(f"row: expected one of {start}, found {row}")
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawn import Drawn
-from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.batches import in_parts, product
 from wavesweep.lifted.connect import connect
 
@@ -239,13 +238,8 @@ class Change:
 
     @staticmethod
     def of(E) -> "Change":
-        if E.ndim != 3 or chosen() == NUMPY:
-            own = E[..., : E.shape[-2]]
-            return Change(E, _forgotten(own), _forgotten(np.swapaxes(own, -1, -2)))
-        from wavesweep.lifted.compiled.states import forgotten
-
-        found = forgotten(np.ascontiguousarray(E))
-        return Change(E, *([(state, loops[:, state]) for state in np.flatnonzero(loops.any(0)).tolist()] for loops in found))
+        own = E[..., : E.shape[-2]]
+        return Change(E, _forgotten(own), _forgotten(np.swapaxes(own, -1, -2)))
 
     def at(self, few) -> "Change":
         """Return the change of some matrices of a batch."""

@@ -11,7 +11,6 @@ from math import prod
 import numpy as np
 
 from wavesweep.diagram.block import loss
-from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.batches import in_parts
 from wavesweep.lifted.circle import inverse
 from wavesweep.lifted.periodic import GROWING, Change, Ticks, growth_of, in_a_row, size_of, stretches, then
@@ -154,13 +153,8 @@ def _extremes(E, scale):
     rows, columns = E.shape[-2], len(scale)
     found = np.zeros((2, columns, columns))
     found[:, rows:, rows:] = 1.0
-    if E.ndim != 3 or chosen() == NUMPY:
-        size, over = np.abs(E[..., :columns] + np.eye(rows, columns)), tuple(range(E.ndim - 2))
-        found[:, :rows] = size.max(over), size.min(over)
-    else:
-        from wavesweep.lifted.compiled.states import extremes
-
-        found[:, :rows] = extremes(np.ascontiguousarray(E), columns)
+    size, over = np.abs(E[..., :columns] + np.eye(rows, columns)), tuple(range(E.ndim - 2))
+    found[:, :rows] = size.max(over), size.min(over)
     return found * scale
 
 
@@ -188,13 +182,7 @@ def balance(E, sweeps: int = BALANCING):
     The units are powers of two. E: `(matrices, n, n)`. In units u `(matrices, n)` the entry (i, j) of any matrix is multiplied
     by u_j/u_i. sweeps: number of passes over all states.
     """
-    size = np.abs(E)
-    if chosen() != NUMPY:
-        from wavesweep.lifted.compiled.states import units_of
-
-        units = units_of(np.ascontiguousarray(size), sweeps)
-        return E * (units[:, None, :] / units[:, :, None]), units
-    units = np.ones(E.shape[:-1])
+    size, units = np.abs(E), np.ones(E.shape[:-1])
     index = np.arange(E.shape[-1])
     size[:, index, index] = 0
     for _ in range(sweeps):
@@ -239,11 +227,7 @@ def turned(E, sizes) -> np.ndarray:
 
     E: of the frame, less identity; sizes: see `sizes_in_all`.
     """
-    if chosen() == NUMPY or E.ndim < 3:
-        return loss(E, sizes) > TURNED
-    from wavesweep.lifted.compiled.closing import losses
-
-    return losses(E, np.broadcast_to(sizes, E.shape), 1) > TURNED
+    return loss(E, sizes) > TURNED
 
 
 def sizes_in_all(ticks: Ticks, part: int = 0) -> np.ndarray:

@@ -9,8 +9,8 @@ from wavesweep.diagram.block import numbers
 
 ROUNDING = 8 * np.finfo(float).eps  # of the terms of a sum, what is left of it when it should be zero
 NOTHING, ONE, ANY = range(3)  # patterns of an entry: 0 in the whole batch, 1 in the whole batch, or any number
-CONSTANT, READ, ADD, MULTIPLY, SIZE, CLEAN, GIVE = range(7)  # operations, see `Program`
-ARGUMENTS = (0, 0, 2, 2, 1, 2, 0)  # of each operation, number of arguments that are results
+CONSTANT, READ, ADD, MULTIPLY, SIZE, CLEAN = range(6)  # operations, see `Program`
+ARGUMENTS = (0, 0, 2, 2, 1, 2)  # of each operation, number of arguments that are results
 
 
 class Tape:
@@ -34,31 +34,24 @@ class Tape:
         """Return a plain number as a term."""
         return number if isinstance(number, Term) else self.do(CONSTANT, number, 0)
 
-    def program(self, results, *, giving: bool = False) -> tuple["Program", dict[int, int]]:
-        """Return the program for the results, which are terms, and the place of each of these after it.
-
-        giving: whether numbers that are given are put in their places as they are needed, by steps GIVE, and not before.
-        """
+    def program(self, results) -> tuple["Program", dict[int, int]]:
+        """Return the program for the results, which are terms, and the place of each of these after it."""
         given, wanted = len(self.start), [term.at for term in results]
-        steps = [(GIVE, at, 0) for at in range(given)] + self.steps
-        last = [-1] * len(steps)  # step that needs each result last
+        size = given + len(self.steps)
+        last = [-1] * size  # step that needs each result last
         for at in wanted:
-            last[at] = len(steps)
-        for at in range(len(steps) - 1, given - 1, -1):
-            operation, one, other = steps[at]
+            last[at] = size
+        for at in range(size - 1, given - 1, -1):
+            operation, one, other = self.steps[at - given]
             count = ARGUMENTS[operation] if last[at] >= 0 else 0
             if count and last[one] < 0:
                 last[one] = at
             if count == 2 and last[other] < 0:
                 last[other] = at
-        if giving:
-            ordered, places, size, free = _as_needed(steps, given, last), [-1] * len(steps), 0, []
-        else:
-            ordered, places, size = [at for at in range(given, len(steps)) if last[at] >= 0], list(range(len(steps))), given
-            free = [at for at in range(given) if last[at] < 0]
-        done = []
-        for at in ordered:
-            operation, one, other = steps[at]
+        free, places, done, size = [at for at in range(given) if last[at] < 0], list(range(size)), [], given
+        for at, (operation, one, other) in enumerate(self.steps, start=given):
+            if last[at] < 0:
+                continue
             count, place = ARGUMENTS[operation], free.pop() if free else size
             size, places[at] = max(size, place + 1), place  # none of its arguments': loops over what may overlap are slow
             mine, others = places[one] if count else one, places[other] if count == 2 else other
@@ -68,16 +61,6 @@ class Tape:
                 free.append(others)
             done.append((operation, mine, others, place))
         return Program(size, tuple(done)), {at: places[at] for at in wanted}
-
-
-def _as_needed(steps, given, last):
-    """Return the steps that are needed, each number being given just before its first use, or at the end."""
-    done = {}
-    for at in range(given, len(steps)):
-        if last[at] >= 0:
-            done |= dict.fromkeys(steps[at][1 : 1 + ARGUMENTS[steps[at][0]]])
-            done[at] = None
-    return list(done | dict.fromkeys(at for at in range(given) if last[at] >= 0))
 
 
 class Term:
@@ -108,9 +91,8 @@ class Program(NamedTuple):
     """Steps on numbers in places, of which the first are given.
 
     steps: an operation, its two arguments, and the place of its result. Arguments are places; but that of CONSTANT is a number,
-    that of GIVE which of the given numbers, and those of READ are a matrix, by number, and an entry: its row and column, its
-    number among all entries of the whole, and whether it is a size. SIZE is the absolute value of the first; CLEAN is the
-    first, or 0 if it is only rounding of terms whose sizes the second is the sum of.
+    and those of READ are a matrix, by number, and the row and column of an entry. SIZE is the absolute value of the first;
+    CLEAN is the first, or 0 if it is only rounding of terms whose sizes the second is the sum of.
     """
 
     places: int
@@ -128,7 +110,7 @@ class Program(NamedTuple):
             elif operation == ADD:
                 work[at] = work[one] + work[other]
             elif operation == READ:
-                work[at] = plain_or_array(np.ascontiguousarray(matrices[one][..., other[0], other[1]]))
+                work[at] = plain_or_array(np.ascontiguousarray(matrices[one][(..., *other)]))
             elif operation == SIZE:
                 work[at] = abs(work[one])
             elif operation == CLEAN:

@@ -15,7 +15,7 @@ from wavesweep.analysis.simulation import hand_force, simulated
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw
 from wavesweep.diagram.drawing import Diagram
-from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.sweep.simulation_table import seen_response
 from wavesweep.sweep.table import Columns

@@ -9,7 +9,8 @@ import numpy as np
 from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.analysis.passivity import ChannelNorm, channel_norm
 from wavesweep.diagram import draw, keys_read
-from wavesweep.lifted import cut_at_wall, with_batch
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import with_batch
 from wavesweep.paper.felt_responses import CONTROLLERS, FeltResponse, estimated, respond_to
 from wavesweep.paper.readings import Reading
 from wavesweep.paper.specs import load_paper

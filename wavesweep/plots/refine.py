@@ -247,9 +247,9 @@ def _question(members, x, facts) -> _Question | None:
         spec = spec.with_values(dict.fromkeys((f"operator.{part}" for part in ("mass", "damping", "stiffness")), 0.0))
     axis, axes = sweep_axes(spec, str(rows["along"][0]))
     grid = make_grid(spec, axes, axis.path)
-    used = (*grid.loop_axes, *grid.wall_axes)
+    used = grid.loop_axes
     keys = [tuple((each.path, rows[each.name][0].item()) for each in used if each.path != path) for rows in members]
     designs = list(dict.fromkeys(keys))
-    cost, exact = cost_of(spec.with_values(dict(designs[0])), grid.drawing, axis)
+    cost, exact = cost_of(spec.with_values(dict(designs[0])), axis)
     cost, batch = (cost, 0.0) if exact else (max(cost, DEAR), ROUND)
     return _Question(spec, axis, path if any(each.path == path for each in used) else None, keys, designs, cost, batch)

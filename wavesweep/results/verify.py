@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavesweep import kernel
+from wavesweep.arithmetic import versions
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results.files import in_short, read, read_rows, unreadable
 from wavesweep.results.folder import SUFFIXES
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 ROWS = 20
 SEED = 0
-CLOSE = 1e-9  # relative difference that counts as none if the versions of this program, of numpy or of another kernel differ
+CLOSE = 1e-9  # relative difference that counts as none if the versions of this program or of numpy differ
 NOISE = ("residual",)  # rounding errors, which agree to the bit or not at all
 
 
@@ -41,7 +41,7 @@ def verify(directory: str | Path, rows: int = ROWS, seed: int = SEED) -> Verific
 
     directory: of results. rows: of a table of intervals, so many combinations are drawn at random; the smaller tables of
     responses, passivity and simulation are computed again as a whole. seed: of the draw.
-    Rows are compared to the bit or, if another version of this program, of numpy or of a kernel made them, to 1e-9, relative.
+    Rows are compared to the bit or, if another version of this program or of numpy made them, to 1e-9, relative.
     Raises UsageError if the folder has no data package of this program.
     """
     packages = sorted(Path(directory).glob(f"*{SUFFIXES[-1]}"))
@@ -170,7 +170,7 @@ def _intervals(spec: Spec, kind: str, facts: Mapping[str, Any]) -> _Again:
         box = {name: tuple(ends) for name, ends in facts.get("hand_box", {}).items()}
         hands = hands_of(known["hand"], box, known["port"])
     run = (spec, "K_VE" if kind == "zwidth" else None, hands)
-    return _Again(spec.sha256, None, combinations(*run), lambda picked: rows_again(*run, picked))
+    return _Again(spec.sha256, None, combinations(*run), lambda picked: rows_again(*run, picked, prove="proved" in facts))
 
 
 def _named(spec: Spec, name: str) -> Spec:
@@ -189,7 +189,7 @@ def _stem(package: Path) -> str:
 def _rows(package: Path, facts: Mapping[str, Any], again: _Again, rows: int, seed: int) -> Iterator[tuple[str, bool]]:
     """Yield the sentences about the rows that are computed again."""
     parquet, exact = package.with_name(package.name.replace(SUFFIXES[-1], ".parquet")), _same_versions(facts)
-    how = "to the bit" if exact else f"to {CLOSE:g}, since another version of this program, of numpy or of a kernel made them"
+    how = "to the bit" if exact else f"to {CLOSE:g}, since another version of this program or of numpy made them"
     try:
         if again.some is None:
             difference = _compared(parquet, again.whole(), exact)
@@ -219,8 +219,7 @@ def _compared(parquet: Path, blocks: Iterable[Columns], exact: bool) -> str:
 
 
 def _same_versions(facts: Mapping[str, Any]) -> bool:
-    names = ("tool_version", "numpy_version", "kernel")
-    return [facts.get(name) for name in names] == [kernel.versions().get(name) for name in names]
+    return all(facts.get(name) == version for name, version in versions().items())
 
 
 def _sampled(parquet: Path, again: _Again, rows: int, seed: int, exact: bool) -> str:

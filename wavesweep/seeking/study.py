@@ -200,7 +200,7 @@ def design(
     still = undominated(Judged(front.genes, *judged(asked, records)))
     columns, kept = _columns(spec, job, front.genes[still], records[still])
     counts = {"computed": run.tally.done, "skipped": 0, "certified": int(kept["certified"].sum())}
-    timings = {"compute_s": time.perf_counter() - started, "kernel_s": run.tally.seconds, "workers": run.workers.count}
+    timings = {"compute_s": time.perf_counter() - started, "processor_s": run.tally.seconds, "workers": run.workers.count}
     facts = facts_of(spec, METHODS, counts, timings, _notices(job)) | {"warnings": warnings}
     facts |= {"own": own_design(spec, job), "stop": job.stop}
     facts |= {"scenarios": len(job.scenarios), "checked_scenarios": len(job.finest), "units": wish_units(spec)}

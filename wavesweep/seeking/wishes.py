@@ -12,7 +12,8 @@ from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, radius_of, s
 from wavesweep.diagram import WALL, draw, keys_read
 from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
-from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import close
 from wavesweep.seeking.family import Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish
@@ -267,7 +268,7 @@ def _slowest(spec, points):
     for members, values in _batches(spec, points):
         if spec.drawing:
             drawn = assembled(spec.drawing, values)
-            E, hidden = telling_frames(spec.drawing, values, spec.values)
+            E, hidden = telling_frames(spec.drawing, values)
             period = np.real(drawn.period * drawn.ticks)
         else:
             cut = cut_at_wall(draw(values))

@@ -117,6 +117,15 @@ class Drawing:
             terms += [("ports.hand.displacement", self.hand[1]), ("ports.hand.reaction", self.hand[2] or ())]
         yield from ((path, gain) for path, some in terms for _, gain in some)
 
+    def tied(self, along: str, paths: tuple[str, ...]) -> Drawing:
+        """Return the drawing in which some numbers follow another one: their values are factors of that one."""
+        for name in map(name_of, paths):
+            product = ("*", ("name", name, 0), ("name", name_of(along), 0), 0)
+            parts = ("tick_hz", "blocks", "wires", "hand")
+            parts = {part: _replaced(getattr(self, part), ("name", name), product) for part in parts}
+            self = replace(self, **parts)  # noqa: PLW0642 - the same drawing, with one number less of its own
+        return self
+
     def rate(self, values: Mapping[str, float]) -> float:
         """Return the rate of the tick in Hz."""
         return value_of(self.tick_hz, scalars(values))
@@ -204,6 +213,15 @@ class Drawing:
             found = "the force itself" if signal == force else f"{signal} is a velocity" if signal in velocities else slow
             if found and _value(gain, numbers):
                 yield "ports.hand.displacement", OF_PLANT, found
+
+
+def _replaced(part: object, leaf: tuple, tree: Tree) -> object:
+    """Nested tuples and blocks with a tree in place of each leaf that begins so."""
+    if isinstance(part, DrawnBlock):
+        return replace(part, keys=_replaced(part.keys, leaf, tree))
+    if not isinstance(part, tuple):
+        return part
+    return tree if part[:2] == leaf else tuple(_replaced(each, leaf, tree) for each in part)
 
 
 @lru_cache(maxsize=64)  # a compiled loop is asked again and again

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep import kernel
+from wavesweep.arithmetic import versions
 from wavesweep.disk import TEMPORARY, is_folder, make_folders, put_away, read_file, remove_folder, remove_old, write_file
 from wavesweep.errors import CheckpointError
 from wavesweep.sweep.job import Job
@@ -218,7 +218,7 @@ def identity_of(job: Job) -> dict[str, object]:
     return {
         "layout": LAYOUT,
         "spec_sha256": job.grid.spec.sha256,
-        **kernel.versions(),
+        **versions(),
         "chunks": [chunks.loops, chunks.walls, chunks.deep, chunks.wide],
         **job.identity,
     }

@@ -3,12 +3,12 @@
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from math import prod
 
 import numpy as np
 
-from wavesweep.analysis.doubt import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING
+from wavesweep.analysis.doubt import COUNTS, CROWDED, NONE, ROUNDING
 from wavesweep.analysis.intervals import Intervals, joined, stable_along_any
 from wavesweep.analysis.intervals.any_parameter import BENT, FROM_ZERO
 from wavesweep.analysis.intervals.crossings import SLIVER
@@ -26,25 +26,23 @@ from wavesweep.diagram.assembly import (
     refuse_unsuitable,
     scalar_place,
     seen_by_hand,
-    tame_pair,
 )
 from wavesweep.diagram.domain import bends_at_zero, domains, guards_at
-from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.lifted import with_batch
+from wavesweep.lifted.cut import with_batch
 from wavesweep.lifted.open_ticks import OpenTicks, facts_of
-from wavesweep.lifted.periodic import GROWN, LOST, ticks_of
-from wavesweep.lifted.rounding import CANCELLED, hidden_in, measured_frame, sizes_in_all, turned
-from wavesweep.lifted.tick_drift import TickDrift, closed, errors_of_closed, filled, opposed, without_drift
+from wavesweep.lifted.periodic import ticks_of
+from wavesweep.lifted.tick_drift import TickDrift, closed, errors_of_closed, filled, without_drift
 from wavesweep.spec.drawing import Drawing, name_of
 from wavesweep.spec.expressions import names_in
-from wavesweep.sweep.any_number import TINY
 from wavesweep.sweep.apart import apart, common
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
 from wavesweep.sweep.grid import distinct, selected
 from wavesweep.sweep.open_loops import Opened, varied_beside
+from wavesweep.sweep.proving import with_proofs, with_tries
 from wavesweep.sweep.tasks import FELT, felt_at_ends, records_of
 
+TINY = 1e-300  # in place of a zero, which would take a state out of the loop
 STRAIGHT = 1e-3  # of its mean, by how much a slope may vary that is one
 STILL, NEXT = 100.0, 1e-12  # of its change, how far an eigenvalue has to be from the circle; and from rounding
 
@@ -53,19 +51,18 @@ STILL, NEXT = 100.0, 1e-12  # of its change, how far an eigenvalue has to be fro
 class DrawnTask:
     """Stable intervals of drawn loops along the number `along` within span = (low, high).
 
-    groups: see `IntervalTask`. own: the spec's values. bounds: all loops exist between these values of the number. If this
-    is one scalar gain of a frame, it is cut out; otherwise its intervals are found by panels. felt: give the stiffness that a
-    hand feels at the ends too. checked: whether the numbers are known to make loops.
+    groups: (members, values) pairs, see `groups`; the members of all of them number the loops. If the number is one scalar gain
+    of a frame, it is cut out; otherwise its intervals are found by panels. felt: give the stiffness that a hand feels at the
+    ends too. checked: whether the numbers are known to make loops. prove: compute columns in doubt again in ball arithmetic.
     """
 
     drawing: Drawing
     along: str
     span: tuple[float, float]
-    bounds: tuple[float, float]
     groups: Groups
-    own: Mapping[str, float]
     felt: bool = True
     checked: bool = False
+    prove: bool = False
 
     def records(self) -> np.ndarray:
         """The intervals as records, with the stiffness that a hand feels."""
@@ -78,7 +75,7 @@ class DrawnTask:
             slices.append(members[parts[-1].column])
         slices = np.concatenate(slices)
         order = np.argsort(slices, kind="stable")
-        records = records_of(replace(Intervals.join(parts), column=slices).take(order))
+        records = self._recorded(replace(Intervals.join(parts), column=slices).take(order))
         records["felt_low"] = records["felt_high"] = np.nan
         for members, values, each in opened if self.felt and feels(self.drawing) else ():
             rows = np.flatnonzero(records["intervals"] > 0)
@@ -99,12 +96,19 @@ class DrawnTask:
                 found, columns = np.empty(p.size), at[some]
                 for part in distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], p.size):
                     of = selected(values, columns[part]) | {self.along: p[part]}
-                    found[part] = felt_of(self.drawing, of, self.own, part.size)
+                    found[part] = felt_of(self.drawing, of, part.size)
                 return found
 
             if rows.size:
                 felt_at_ends(records, rows, stiffness)
         return records
+
+    def _recorded(self, found):
+        """Intervals as records, with those that are proved in place of those in doubt."""
+        if not self.prove:
+            return records_of(found)
+        found, tried = with_proofs(found, self.drawing, self.groups, self.along, self.span)
+        return with_tries(records_of(found), tried)
 
     def _opened(self):
         """The groups, and the loops of each without the number; those that such loops may have in common are one group."""
@@ -151,7 +155,7 @@ class DrawnTask:
         if not scalar_place(self.drawing, number) or seen_by_hand(self.drawing, number):
             return None
         with suppress(IllPosedLoopError):
-            drift = watched_drift(self.drawing, values, self.own)
+            drift = watched_drift(self.drawing, self._along(values))
             if not (drift.moved or drift.folded):
                 return resting(assembled(self.drawing, values, number), hand_of(self.drawing), PRODUCT, FACTOR)
         return None
@@ -166,7 +170,7 @@ class DrawnTask:
         return None
 
     def _intervals(self, values, size, opened):
-        parts = () if isinstance(self.drawing, Uneven) else apart(self.drawing, self._silent(values))
+        parts = apart(self.drawing, self._silent(values))
         if len(parts) <= 1:
             return self.connected(values, size, opened)
         if not self._drift_alike(values, parts):  # a cut would leave out a mode that grows and that the number does not see
@@ -177,18 +181,22 @@ class DrawnTask:
 
     def _silent(self, values):
         """The ports and signals of the terms whose gain is 0 in every loop, since numbers that it is made of are 0."""
-        known = values | {self.along: 1.0}
-        few = _without_gain(self.drawing, *tame_pair(self.drawing, known, self.own), self.number)
-        sums = gains(self.drawing, known) if few else {}
-        return frozenset((port, signal) for port, signal in few if not np.any(sums[port][signal]))
+        sums = gains(self.drawing, values | {self.along: 1.0})
+        terms = ((port, signal, gain) for port, terms in self.drawing.wires for signal, gain in terms)
+        silent = ((port, signal, gain) for port, signal, gain in terms if not np.any(sums[port][signal]))
+        return frozenset((port, signal) for port, signal, gain in silent if self.number not in dict(names_in(gain)))
+
+    def _along(self, values):
+        """The values, with all of the range of the number."""
+        return values | {self.along: np.array(self.span)}
 
     def opened(self, values, size: int) -> Opened | None:
         """The loops of `size` slices without the number, see `Opened`; None if it is not one scalar gain of a frame."""
-        return Opened.of(self.drawing, values, self.own, self.number, size, felt=self.felt)
+        return Opened.of(self.drawing, values, self.number, size, felt=self.felt)
 
     def _alone(self, values, size):
         """The same, a loop for every slice."""
-        return Opened.alone(self.drawing, values, self.own, self.number, size, felt=self.felt)
+        return Opened.alone(self.drawing, values, self.number, size, felt=self.felt)
 
     def opened_or_none(self, values, size: int) -> Opened | None:
         """The same, None as well if the loops have no solution at 0 of the number, which may be beyond the range."""
@@ -201,29 +209,26 @@ class DrawnTask:
 
         A block that reads a part, or a hand that moves it, may make a shift of it a mode that grows with time.
         """
-        whole, *drifts = (drift_of(drawing, values | {self.along: 1.0}, self.own) for drawing in (self.drawing, *parts))
+        whole, *drifts = (drift_of(drawing, self._along(values)) for drawing in (self.drawing, *parts))
         unread, *others = ({each.states[state] for state in each.unread} for each in (whole, *drifts))
         shifts, *own = (len(each.moved) + len(each.folded) for each in (whole, *drifts))
         return shifts == sum(own) and unread >= set().union(*others)
 
     def connected(self, values, size, opened) -> Intervals:
-        """The intervals of loops that are one piece; opened: without the number, see `open_loops`."""
-        found = self._searched(values, size, opened)
-        drifts = [drift_of(self.drawing, values | {self.along: 1.0}, self.own), *([opened.loops.drift] if opened else [])]
-        return _unknown(found, np.ones(found.column.size, bool)) if any(drift.vague for drift in drifts) else found
+        """The intervals of loops that are one piece; opened: without the number, see `open_loops`.
 
-    def _searched(self, values, size, opened):
-        """The same, if the drift is one; columns in which the search along the circle leaves a doubt are searched by panels."""
+        Columns in which the search along the circle leaves a doubt are searched by panels.
+        """
         if opened is None or opened.loops.cut is None:
             return self._by_panels(values, size)
-        found = self._by_cut(values, opened)
+        found = self._by_cut(opened)
         if not (found.doubt != NONE).any():
             return found
         if opened.loops.beside:  # each by itself
             parts = [found.take(~np.isin(found.column, found.column[found.doubt != NONE]))]
             for columns in _by_zeros(values, np.unique(found.column[found.doubt != NONE])):
                 few = selected(values, columns)
-                alone = self._searched(few, columns.size, self._alone(few, columns.size))
+                alone = self.connected(few, columns.size, self._alone(few, columns.size))
                 parts.append(replace(alone, column=columns[alone.column]))
             whole = Intervals.join(parts)
             return whole.take(np.argsort(whole.column, kind="stable"))
@@ -236,45 +241,23 @@ class DrawnTask:
         whole = Intervals.join([found.take(~np.isin(found.column, again[proved])), replace(new, column=again[new.column])])
         return whole.take(np.argsort(whole.column, kind="stable"))
 
-    def _by_cut(self, values, opened):
+    def _by_cut(self, opened):
         loops, size = opened.loops, int(opened.which.max()) + 1
-        cut = loops.alone if size == 1 else with_batch(loops.cut, size)
-        found = opened.intervals(cut, self.span)
-        of = opened.which[found.column]
-        hidden, cancels, wrong = (
-            np.broadcast_to(part, size)[of] for part in (loops.hidden, loops.frame.cancellation > CANCELLED, loops.opposed)
-        )
-        if (cancels & ~hidden).any():  # these terms may be nothing beside those that the number closes
-            some = np.flatnonzero(cancels & ~hidden)
-            few, values_of_few = found.take(some), selected(values, found.column[some])
-            hidden = hidden.copy()
-            hidden[some] = self._loops(values_of_few).examined(np.arange(some.size), self._places(few))[1].any(0)
-        found = _doubted(found, cut.growth[of])
-        found = self._unshaken(found, hidden, cut.period[opened.which], values)
-        return _unknown(found, wrong)
+        return opened.intervals(loops.alone if size == 1 else with_batch(loops.cut, size), self.span)
 
     def _by_panels(self, values, size):
         loops = self._loops(values)
         drawn = assembled(self.drawing, values)
         period = np.broadcast_to(np.asarray(drawn.period * drawn.ticks, float), (size,))
         variable = self._variable()
-        uneven = isinstance(self.drawing, Uneven)
-        bounds = self.bounds if uneven else domains(self.drawing, values, self.along, self.span, size)
+        bounds = domains(self.drawing, values, self.along, self.span, size)
         found = stable_along_any(loops.frames, self.span, size, period, bounds, variable)
         if variable == FROM_ZERO:
             found = self._meeting_one_at_zero(found, values)
         elif self.span[0] <= 0 <= self.span[1]:
             found = self._from_zero(found, loops, period, bounds, values)
-        low, _, high = places = self._places(found)
-        growth, hidden, wrong = loops.examined(found.column, places)
-        wrong = wrong.any(0)
-        for end, reached in zip(self.span, (low, high), strict=True):
-            others = np.setdiff1d(found.column, found.column[reached == end])
-            _, _, there = loops.examined(others, np.full(others.size, end)) if others.size else (None, None, np.zeros(0, bool))
-            wrong |= np.isin(found.column, others[there])
-        found = self._unshaken(_doubted(found, growth.max(0)), hidden.any(0), period, values, loops)
-        found = found if uneven or self.number not in self.drawing.rating else self._in_own_time(found, values)
-        return _unknown(found, wrong)  # at last, since it leaves a single row of a column
+        found = self._unshaken(found, period, values, loops)
+        return found if self.number not in self.drawing.rating else self._in_own_time(found, values)
 
     def _in_own_time(self, found, values):
         """Intervals along a number that the rate of the tick follows from, each omega with the rate at its end."""
@@ -285,14 +268,9 @@ class DrawnTask:
             changed[f"{end}_omega"] = getattr(found, f"{end}_omega") * (there / own)
         return replace(found, **changed)
 
-    def _places(self, found):
-        """Both ends and the middle of each interval, `(3, rows)`, or of the range in columns without one."""
-        low, high = (np.where(found.count > 0, *pair) for pair in zip((found.low, found.high), self.span, strict=True))
-        return np.stack([low, low / 2 + high / 2, high])
-
     def _variable(self):
         """How the number is followed; see `stable_along_any`."""
-        if isinstance(self.drawing, Uneven) and self.along in WALL and self.span[0] >= 0:
+        if self.along in WALL and self.span[0] >= 0:
             return BENT
         return FROM_ZERO if self.span[0] == 0 and bends_at_zero(self.drawing, self.along) else ""
 
@@ -344,32 +322,34 @@ class DrawnTask:
 
     def _stops_drift(self, values):
         """Whether at 0 of the number, and only there, the loops have an eigenvalue that is exactly 1."""
-        held, free = (drift_of(self.drawing, values | {self.along: value}, self.own) for value in (1.0, 0.0))
+        held, free = (drift_of(self.drawing, each) for each in (self._along(values), values | {self.along: 0.0}))
         return len(free.moved) + len(free.folded) > len(held.moved) + len(held.folded)
 
     def _loops(self, values) -> "_Along":
-        drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
+        drift = drift_of(self.drawing, self._along(values))
         return _Along(self.drawing, self.along, values, drift, self._open_ticks(values))
 
-    def _unshaken(self, found, hidden, period, values, loops=None):
-        """Intervals in doubt if rounding of terms that cancel could move them.
-
-        hidden: of which elements there are some. loops: all of the batch, if they are known.
-        """
-        some = np.flatnonzero(hidden)
-        if not some.size:
-            return found
-        few = found.take(some)
-        if loops is None:
-            columns, column = np.unique(few.column, return_inverse=True)
-            few, loops, period = replace(few, column=column), self._loops(selected(values, columns)), period[columns]
-        at_zero = (few.low == 0) | (few.high == 0)
+    def _unshaken(self, found, period, values, loops):
+        """Intervals in doubt if errors of the frames' entries could move or hide them."""
+        at_zero = (found.low == 0) | (found.high == 0)
         exact = 0.0 if at_zero.any() and self.span[0] < 0 and self._stops_drift(values) else np.nan
+        some = np.arange(found.column.size)
         for each in (loops, replace(loops, open_ticks=None)) if loops.open_ticks else (loops,):
             if some.size:  # closing a tick may lose more than connecting it with the number in its place
-                left = shaken(few, self.span, period, each.errors, exact)
-                some, few = some[left], few.take(left)
+                some = some[shaken(found.take(some), self.span, period, each.errors, exact)]
         return _in_doubt(found, found.column[some], np.full(some.size, ROUNDING))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeveralTasks:
+    """Tasks for loops of different drawings, whose members number the loops of all."""
+
+    tasks: tuple[DrawnTask, ...]
+
+    def records(self) -> np.ndarray:
+        """The intervals of all loops as records, sorted by slice."""
+        found = np.concatenate([task.records() for task in self.tasks])
+        return found[np.argsort(found["slice"], kind="stable")]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -379,7 +359,7 @@ class _Along:
     open_ticks: the loops without the number in their ticks, if it is one scalar gain of them.
     """
 
-    drawing: Drawing | Uneven
+    drawing: Drawing
     along: str
     values: Mapping[str, object]
     drift: TickDrift
@@ -396,28 +376,6 @@ class _Along:
             found = _frames(filled(without_drift(E, self.drift)), facts, shape)
         divisors = guards_at(self.drawing, varied, self.along, shape)
         return replace(found, pivots=np.concatenate([found.pivots, divisors.reshape(p.size, -1)], axis=-1))
-
-    def examined(self, number, p) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The growth over a frame (see `growth_of`), whether terms cancel in or between its ticks or turn (see `hidden_in`,
-        `measured_frame`, `turned`), and whether the drift is one (see `opposed`).
-
-        Loops of direct terms without a solution have a growth of 1.
-        """
-        p = np.where(p == 0, TINY, p)
-        try:
-            ticks = self._ticks(number, p)
-        except IllPosedLoopError:
-            if p.size == 1:
-                return np.ones(p.shape), *np.zeros((2, *p.shape), bool)
-            each = [self.examined(*one) for one in _one_by_one(number, p)]
-            return tuple(np.reshape(part, p.shape) for part in zip(*each, strict=True))
-        with np.errstate(all="ignore"):
-            E, growth, cancellation = measured_frame(ticks.kind, [each.E for each in ticks.maps])
-            hidden = hidden_in(ticks, growth) | turned(E, sizes_in_all(ticks)) | (cancellation > CANCELLED)
-        wrong = opposed(ticks, self.drift)
-        if self.drift.folded:  # next to 0 of the number a factor may be beyond all digits
-            wrong = wrong & (p != TINY)
-        return tuple(np.broadcast_to(part, p.shape) for part in (growth, hidden, wrong))
 
     def errors(self, number, p) -> tuple[np.ndarray, np.ndarray]:
         """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution."""
@@ -447,17 +405,6 @@ def _by_zeros(values, columns):
     return [columns[part] for part in distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], columns.size)]
 
 
-@lru_cache(maxsize=256)  # twins of the same structure are the same objects
-def _without_gain(drawing, one, other, number):
-    """The ports and signals of the terms whose gain is 0 in both twins of a drawing, but for those that read the number."""
-    terms = ((port, signal, gain) for port, terms in drawing.wires for signal, gain in terms)
-    return tuple(
-        (port, signal)
-        for port, signal, gain in terms
-        if not any(np.any(each.sums[port][signal]) for each in (one, other)) and number not in dict(names_in(gain))
-    )
-
-
 def _alone_at_zero(frames, columns, reach):
     """Whether only the eigenvalue that is 1 at 0 of the number crosses the circle up to `reach` on both sides, `(columns,)`.
 
@@ -482,30 +429,6 @@ def _alone_at_zero(frames, columns, reach):
 def _in_direction(frames, columns, sign, column, p):
     """The frames of some columns at values p from 0 on in one direction."""
     return frames(columns[column], sign * p)
-
-
-def _doubted(found, growth):
-    """Intervals in doubt where stretches of ticks grow beyond the frame that they make; growth: of each, see `growth_of`."""
-    if (growth <= GROWN).all():
-        return found
-    return _in_doubt(found, found.column, np.select([growth > LOST, growth > GROWN], [OVERFLOW, ROUNDING], NONE))
-
-
-def _unknown(found, wrong):
-    """No interval in columns with one that is wrong, `(rows,)`, since a mode that counts as a drift may be unstable."""
-    if not wrong.any():
-        return found
-    of_those = np.isin(found.column, found.column[wrong])
-    whole = Intervals.join([found.take(~of_those), _nothing_known(found.take(of_those))])
-    return whole.take(np.argsort(whole.column, kind="stable"))
-
-
-def _nothing_known(found):
-    found = found.take(np.unique(found.column, return_index=True)[1])
-    size = found.column.size
-    known = dict.fromkeys(("low", "high", "low_omega", "high_omega"), np.full(size, np.nan))
-    none = {"index": np.full(size, -1), "count": np.zeros(size, int), "residual": np.zeros(size)}
-    return replace(found, **known, **none, doubt=np.maximum(found.doubt, ROUNDING))
 
 
 def _in_doubt(found, column, doubt):

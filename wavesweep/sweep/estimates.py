@@ -8,7 +8,6 @@ import numpy as np
 
 from wavesweep.disk import free_bytes
 from wavesweep.errors import UsageError
-from wavesweep.kernel import chosen
 from wavesweep.sweep.job import Job, cut_otherwise, naming_values
 from wavesweep.sweep.tasks import timed
 
@@ -54,10 +53,10 @@ def expected_seconds(job: Job, longest: float = LONGEST) -> float:
     job, chunks = _samples(job)
     tasks, slices = [job.task(chunk) for chunk in chunks], 0
     with naming_values(job):
-        timed(chunks[0].number, tasks[0], chosen())  # the first call of everything costs more than it will later
+        timed(chunks[0].number, tasks[0])  # the first call of everything costs more than it will later
         started = time.perf_counter()
         for chunk, task in zip(chunks, tasks, strict=True):
-            timed(chunk.number, task, chosen())
+            timed(chunk.number, task)
             seconds, slices = time.perf_counter() - started, slices + chunk.slices
             if seconds > longest:
                 break

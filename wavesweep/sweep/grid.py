@@ -134,8 +134,8 @@ def keys_of(spec: Spec) -> frozenset[str]:
 def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: bool = True) -> Grid:
     """The grid of the axes; `along` (a path) is the axis that intervals lie on, not among `axes`.
 
-    read: the keys that the controller reads, if they are known already. apart: keep the axes of the wall apart from the
-    others; if not, each slice is a loop of its own, and slices of one drawing follow each other.
+    read: the keys that the controller reads, if they are known already. apart: whether slices follow each other as their
+    combinations do; if not, those of one drawing follow each other.
     """
     read = keys_of(spec) if read is None else read
     if along is not None and not _is_read(along, read):
@@ -149,16 +149,8 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: b
     drawn = [axis for axis in used if not is_plain(spec, axis.path)]
     _refuse_too_many("combinations of the axes that the loop is drawn anew for", drawn, MOST_DRAWN)
     drawing = loop_of(spec, {axis.path: axis.values for axis in axes})
-    wall = () if drawing else tuple(axis for axis in used if axis.path in WALL and apart)
-    loop = [axis for axis in used if axis not in wall]
-    return Grid(
-        spec,
-        tuple(axes),
-        tuple(loop if apart else sorted(loop, key=lambda axis: axis not in drawn)),
-        wall,
-        {axis.path: np.asarray(axis.values) for axis in axes},
-        drawing,
-    )
+    loop = tuple(used if apart else sorted(used, key=lambda axis: axis not in drawn))
+    return Grid(spec, tuple(axes), loop, (), {axis.path: np.asarray(axis.values) for axis in axes}, drawing)
 
 
 def refuse_rows(table: str, rows: int) -> None:
@@ -224,7 +216,18 @@ def drawn_groups(
     """
     for members, values in groups(spec, changes, size, resolved, rates=rates):
         drawing = drawing_for(spec, values, along)
-        yield members, drawing, {path: value for path, value in values.items() if path in drawing.reads}
+        yield members, drawing, read_by(drawing, values)
+
+
+def read_by(drawing: "Drawing", values: Mapping[str, object]) -> dict:
+    """The flat values that a drawing reads."""
+    return {path: value for path, value in values.items() if path in drawing.reads}
+
+
+def own_loop(spec: Spec, along: str = "") -> tuple["Drawing", dict]:
+    """The drawing of the spec's own loop, and the numbers that it reads; along: see `drawn_groups`."""
+    drawing = drawing_for(spec, spec.values, along)
+    return drawing, read_by(drawing, spec.values)
 
 
 def drawing_for(spec: Spec, values: Mapping[str, object], along: str = "") -> "Drawing":

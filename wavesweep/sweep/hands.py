@@ -189,17 +189,17 @@ class HandTask(IntervalTask):
 
     def records(self) -> np.ndarray:
         """The intervals as records; slices are numbered as by `solve`."""
-        walls = len(self.walls[WALL[0]])
+        walls = self.walls[WALL[0]].shape[-1]
         found = {}
         for members, values in self.groups:
             for place, loop in enumerate(members.tolist()):
                 for wall in range(walls):
-                    records = self.guarantee.records(self._values(values, place, wall), self.along, self.span)
+                    records = self.guarantee.records(self._values(values, place), self.along, self.span)
                     records["slice"] = number = loop * walls + wall
                     found[number] = records
         return with_felt(self, np.concatenate([found[number] for number in sorted(found)]))
 
-    def _values(self, values, place, wall):
-        """Flat keys, numbers, of one loop and wall."""
-        own = selected(values, place) | selected(self.walls, wall)
+    def _values(self, values, place):
+        """Flat keys, numbers, of one loop."""
+        own = selected(values, place)
         return {path: v.item() if isinstance(v, np.generic) else v for path, v in own.items()}

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wavesweep.analysis.doubt import words
-from wavesweep.diagram import WALL
 from wavesweep.spec import Axis, Spec
-from wavesweep.sweep.grid import distinct_rows, groups, loop_of, no_controller
-from wavesweep.sweep.interval_job import IntervalJob, bounds_within, job_of, task_over
+from wavesweep.sweep.grid import no_controller
+from wavesweep.sweep.interval_job import IntervalJob, job_of, task_over
 from wavesweep.sweep.job import cut_otherwise
+from wavesweep.sweep.proving import facts_of_proofs, notice_of
 from wavesweep.sweep.running import Work, run
 from wavesweep.sweep.table import Columns, Table, facts_of, spans_held
 from wavesweep.sweep.tasks import END_HANDS, FELT, RECORD
@@ -20,7 +20,6 @@ from wavesweep.sweep.tasks import END_HANDS, FELT, RECORD
 if TYPE_CHECKING:
     from wavesweep.sweep.hands import Guarantee, Hands
 
-WASTE = 4  # a product of loops and walls is computed whole if at most so many times the points are wanted
 FEW = 4  # slices of a chunk of guarantees: each takes from tenths of a second to some seconds
 ABOUT_ENDS = (*END_HANDS["low"], *END_HANDS["high"], "settled")
 
@@ -29,6 +28,7 @@ def intervals(
     spec: Spec,
     along: str | None = None,
     hands: "Hands | None" = None,
+    prove: bool = False,
     **work: Any,
 ) -> Table:
     """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
@@ -36,14 +36,16 @@ def intervals(
     hands: adds the column `hand` and rows for other hands. Its words are "free" for the device alone, "operator" for the
     spec's operator if it has one, "passive" and "box" (see `Hands`), and "port" for the intervals in which the spec's own
     loop is stable and passive at the hand's port. If only the port is added, the other rows are those of the spec's loop.
+    prove: compute columns in doubt again in ball arithmetic.
     work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`.
     Raises UsageError, CheckpointError (torn, or of another run), WavesweepError (a worker process died).
     """
-    stages = stages_of(spec, along, hands)
+    stages = stages_of(spec, along, hands, prove=prove)
     work = Work.of(work)
     found = run({stage.hand: stage.job for stage in stages}, work)
     timings = {name: number for name, number in found.timings.items() if hands is None or name != "workers"}
     facts = _facts(spec, hands, stages, found.certified, timings) | {"warnings": found.warnings}
+    facts = _with_proofs(facts, stages[0], found) if prove else facts
     axes = {axis.name: axis.values for axis in stages[0].job.grid.axes}
     return Table("zwidth", partial(_rows, stages, found, hands), facts, axes, forget=found.forget)
 
@@ -60,9 +62,9 @@ class Stage:
     method: str
 
 
-def stages_of(spec: Spec, along: str | None, hands: "Hands | None") -> list[Stage]:
+def stages_of(spec: Spec, along: str | None, hands: "Hands | None", *, prove: bool = False) -> list[Stage]:
     """The stages of a run, settled before anything is computed. Raises UsageError for a job that cannot be done."""
-    own = job_of(spec, along)
+    own = job_of(spec, along, prove=prove)
     how = method(own)
     if hands is None:
         return [Stage("", own, how)]
@@ -82,9 +84,7 @@ def stages_of(spec: Spec, along: str | None, hands: "Hands | None") -> list[Stag
 
 
 def _guaranteed(own: IntervalJob, guarantee: "Guarantee") -> IntervalJob:
-    walls = own.grid.walls
-    few = cut_otherwise(own, deep=max(1, FEW // walls), wide=min(FEW, walls))
-    return replace(few, guarantee=guarantee, cut=None)
+    return replace(cut_otherwise(own, deep=FEW), guarantee=guarantee)
 
 
 def at_points(
@@ -96,48 +96,8 @@ def at_points(
     values are the factors. felt: compute the felt stiffness at the ends too, which is missing otherwise.
     """
     count = len(next(iter(points.values())))
-    drawing = loop_of(spec, points)
-    of_walls = () if drawing else WALL
-    loops, loop = distinct_rows({path: column for path, column in points.items() if path not in of_walls}, count)
-    walls, wall = distinct_rows({path: column for path, column in points.items() if path in of_walls}, count)
-    if loops.size * walls.size > WASTE * count and count <= WASTE * loops.size:  # every point a loop with a wall of its own
-        loops, loop, walls, wall = *(np.arange(count),) * 2, None, None
-        parts = [(np.arange(count), loops, None)]
-    elif loops.size * walls.size <= WASTE * count:
-        parts = [(np.arange(count), np.sort(loops), np.sort(walls))]
-    else:  # the product would be mostly points that nobody wants
-        by = loop if loops.size <= walls.size else wall
-        members = [np.flatnonzero(by == number) for number in range(by.max() + 1)]
-        parts = [(each, np.unique(loops[loop[each]]), np.unique(walls[wall[each]])) for each in members]
-    owners = loops[loop], walls if walls is None else walls[wall]
-    found = [_part(spec, drawing, axis, points, ties, felt, *part, *owners) for part in parts]
-    records = np.concatenate(found)
-    records = records[np.argsort(records["slice"], kind="stable")]
+    records = task_over(spec, axis, points, count, ties=ties, felt=felt, checked=True).records()
     return {name: np.ascontiguousarray(records[name]) for name in RECORD.names} | {"doubt": words(records["doubt"])}
-
-
-def _part(spec, drawing, axis, points, ties, felt, members, loops, walls, owner, wall_of):
-    """The records of the points `members`, from the product of some loops and walls, each given by a point that has it; walls:
-    None if every loop has the wall of its point alone."""
-    of_walls = () if drawing else WALL
-    changes = {path: column[loops] for path, column in points.items() if path not in of_walls}
-    own = walls is None
-    shape = (loops.size, 1) if own else walls.shape
-    wanted = {
-        path: points[path][loops if own else walls].reshape(shape) if path in points else np.full(shape, spec.values[path])
-        for path in of_walls
-    }
-    parts = list(groups(spec, changes, loops.size, rates=True))
-    task = task_over(spec, drawing, axis, bounds_within(spec, drawing, axis, parts), parts, wanted, checked=True)
-    if ties or not felt:
-        task = replace(task, felt=felt, **({"ties": ties} if ties else {}))
-    records = task.records()
-    number = np.searchsorted(loops, owner[members])
-    number = number if own else number * walls.size + np.searchsorted(walls, wall_of[members])
-    order = np.argsort(number, kind="stable")
-    kept = records[np.isin(records["slice"], number)]
-    kept["slice"] = members[order][np.searchsorted(number[order], kept["slice"])]
-    return kept
 
 
 def _rows(stages, found, hands) -> Iterator[Columns]:
@@ -147,12 +107,14 @@ def _rows(stages, found, hands) -> Iterator[Columns]:
             yield block if hands is None else _with_hand(block, stage.hand, hands.box)
 
 
-def rows_again(spec: Spec, along: str | None, hands: "Hands | None", picked: Iterable[int]) -> Iterator[Columns]:
+def rows_again(
+    spec: Spec, along: str | None, hands: "Hands | None", picked: Iterable[int], *, prove: bool = False
+) -> Iterator[Columns]:
     """Compute some combinations of a table again, each by itself, and yield the rows of each.
 
-    spec, along, hands: as for `intervals`. picked: numbers of the combinations, counted over all kinds of rows.
+    spec, along, hands, prove: as for `intervals`. picked: numbers of the combinations, counted over all kinds of rows.
     """
-    stages = stages_of(spec, along, hands)
+    stages = stages_of(spec, along, hands, prove=prove)
     ends = np.cumsum([stage.job.grid.size for stage in stages])
     for number in picked:
         stage = stages[int(np.searchsorted(ends, number, side="right"))]
@@ -195,6 +157,13 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     swept = [own.axis.path, *(axis.path for axis in own.grid.axes)]
     facts = facts_of(spec, methods, counts, timings, notices, swept)
     return facts | (hands.facts() if hands else {})
+
+
+def _with_proofs(facts, stage, found) -> dict:
+    """The facts with those about proofs."""
+    store = found.stores[stage.hand]
+    proved = facts_of_proofs(store.load(number) for number in store.finished())
+    return facts | {"proved": proved, "notices": [*facts["notices"], notice_of(proved)]}
 
 
 EXACT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"

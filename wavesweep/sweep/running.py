@@ -99,7 +99,7 @@ class Run:
         """Seconds of the run and in the workers, the number of workers of the last job, and slices of earlier runs."""
         return {
             "compute_s": self.seconds,
-            "kernel_s": sum(tally.seconds for tally in self.tallies.values()),
+            "processor_s": sum(tally.seconds for tally in self.tallies.values()),
             "workers": self.workers.count,
             "slices_from_checkpoint": sum(tally.kept for tally in self.tallies.values()),
         }

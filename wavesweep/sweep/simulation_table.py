@@ -19,7 +19,7 @@ from wavesweep.analysis.simulation.march import FARTHEST, STRONGEST
 from wavesweep.analysis.simulation.record import components, own_image
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw
-from wavesweep.lifted import cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.sweep.assumptions import over_preset

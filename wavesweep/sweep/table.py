@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep import kernel
+from wavesweep.arithmetic import versions
 
 Columns = Mapping[str, np.ndarray]
 
@@ -76,7 +76,7 @@ def facts_of(specs, methods, slices, timings, notices=(), swept=()) -> dict:
 
     return {
         "schema_version": 1,
-        **kernel.versions(),
+        **versions(),
         "spec_name": "+".join(spec.name for spec in several),
         "spec": several[0].tables(),
         "spec_sha256": digest_of(several),

@@ -7,23 +7,17 @@ import time
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
-from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
 
-from wavesweep.analysis.intervals import Intervals, stable_intervals
+from wavesweep.analysis.intervals import Intervals
 from wavesweep.analysis.response import felt, felt_map
-from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import WALL, draw, identity
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.kernel import using
-from wavesweep.lifted import Cut, cut_at_wall, with_batch
-from wavesweep.lifted.lift import frame_at_rest
-from wavesweep.sweep.any_number import along_any_number, varied
-from wavesweep.sweep.grid import groups, make_grid
+from wavesweep.sweep.grid import make_grid, selected
 
 WATCH = 0.5  # s between two looks at the parent
 
@@ -69,15 +63,14 @@ class Task(Protocol):
         """Compute the result, a structured array."""
 
 
-def timed(number: int, task: Task, kernel: str) -> tuple[int, np.ndarray, float]:
-    """Compute a chunk with that kernel: its number, its records and the processor seconds used.
+def timed(number: int, task: Task) -> tuple[int, np.ndarray, float]:
+    """Compute a chunk: its number, its records and the processor seconds used.
 
     Errors: those of the task; an IllPosedLoopError has the number.
     """
     started = time.thread_time()
     try:
-        with using(kernel):
-            records = task.records()
+        records = task.records()
     except IllPosedLoopError as error:
         error.chunk = number
         raise
@@ -125,53 +118,36 @@ def keep_memory() -> None:
         mallopt(M_TRIM_THRESHOLD, KEPT)
 
 
-SYMBOL = dict(zip(WALL, ("K_VE", "B_VE"), strict=True))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class IntervalTask:
-    """Stable intervals along the path `along` within span = (low, high).
+    """Intervals along the path `along` within span = (low, high) that are guaranteed for hands.
 
-    groups: (members, values) pairs, see `groups`; the members of all of them number the loops from 0.
-    walls: path -> value of every wall that each loop is closed with, `(walls,)`, or `(loops, walls)` if loops have their own.
-    bounds: the drawing exists between these values of the parameter. cut: the compiled loop, if there is only one and it
-    is known already. ties: paths of numbers that follow the parameter; their values are the factors. felt: give
-    the felt stiffness at the ends too.
+    groups: (members, values) pairs, see `groups`; the members of all of them number the loops from 0. walls: path -> value of
+    the wall of each loop, `(loops, 1)`.
     """
 
     along: str
     span: tuple[float, float]
-    bounds: tuple[float, float]
     groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
     walls: Mapping[str, np.ndarray]
-    cut: Cut | None = None
-    ties: tuple[str, ...] = ()
-    felt: bool = True
-
-    def records(self) -> np.ndarray:
-        """The intervals as records."""
-        drawn: dict[int, tuple] = {}
-        return with_felt(self, records_of(solve(self, drawn)), drawn)
 
 
-def with_felt(task: IntervalTask, records: np.ndarray, drawn: Mapping[int, tuple] = MappingProxyType({})) -> np.ndarray:
-    """The records with the static stiffness that the hand feels at both ends of each interval (N/m; NaN: none); drawn: see
-    `solve`."""
+def with_felt(task: IntervalTask, records: np.ndarray) -> np.ndarray:
+    """The records with the static stiffness that the hand feels at both ends of each interval (N/m; NaN: none)."""
     walls = task.walls[WALL[0]]
     loop, wall = np.divmod(records["slice"], walls.shape[-1])
     K = np.atleast_2d(walls)[loop if walls.ndim > 1 else 0, wall]
     for name in FELT:
         records[name] = np.nan
-    for number, (members, values) in enumerate(task.groups if task.felt else ()):
+    for members, values in task.groups:
         mine = np.isin(loop, members) if len(task.groups) > 1 else True
         rows = np.flatnonzero(mine & (records["intervals"] > 0))
         at = np.searchsorted(members, loop[rows])
         if not rows.size:
             continue
-        if task.along in WALL and not task.ties:
+        if task.along in WALL:
             batch = _batch(values)
-            diagram, whole = drawn.get(number) or (None, None)
-            known = felt_map(diagram or draw(values), batch, whole) if batch else _felt_of_one(*identity(values))
+            known = felt_map(draw(values), batch) if batch else _felt_of_one(*identity(values))
             known = np.broadcast_to(known.reshape(3, -1), (3, members.size))[:, at]
             for name, end in zip(FELT, ("low", "high"), strict=True):
                 records[name][rows] = felt(known, records[end][rows] if task.along == WALL[0] else K[rows])
@@ -179,7 +155,7 @@ def with_felt(task: IntervalTask, records: np.ndarray, drawn: Mapping[int, tuple
 
         def stiffness(some, p, values=values, at=at, rows=rows):
             wall = p if task.along == WALL[0] else K[rows[some]]
-            return felt(felt_map(draw(varied(task, values, at[some], p)), p.shape), wall)
+            return felt(felt_map(draw(selected(values, at[some]) | {task.along: p}), p.shape), wall)
 
         felt_at_ends(records, rows, stiffness)
     return records
@@ -225,44 +201,6 @@ def _batch(values):
     return np.broadcast_shapes(*(value.shape for value in values.values() if isinstance(value, np.ndarray)))
 
 
-def solve(task: IntervalTask, drawn: dict[int, tuple] | None = None) -> Intervals:
-    """The intervals, sorted by slice; slices are numbered `loop * walls + wall`.
-
-    drawn: gets, for groups of several loops, the drawing and its frame, with which `with_felt` goes on.
-    """
-    walls = task.walls[WALL[0]].shape[-1]
-    exact = task.along in WALL and not task.ties
-    parts, slices = [], []
-    for number, (members, values) in enumerate(task.groups):
-        own = {
-            path: np.broadcast_to(each[members] if each.ndim > 1 else each, (members.size, walls))
-            for path, each in task.walls.items()
-        }
-        if exact:
-            parts.append(_along_wall(task, values, own, number, drawn if task.felt else None))
-        else:
-            parts.append(along_any_number(task, values, own))
-        slices.append(members[parts[-1].column // walls] * walls + parts[-1].column % walls)
-    if len(parts) == 1:
-        return replace(parts[0], column=slices[0])
-    slices = np.concatenate(slices)
-    order = np.argsort(slices, kind="stable")
-    return replace(Intervals.join(parts), column=slices).take(order)
-
-
-def _along_wall(task, values, walls, number, drawn):
-    """Exact intervals: the wall is one scalar of the cut loop."""
-    other, cut = next(path for path in WALL if path != task.along), task.cut
-    if cut is None:
-        diagram, whole = draw(values), None
-        if drawn is not None and _batch(values):
-            whole = frame_at_rest(diagram)
-            drawn[number] = diagram, whole
-        cut = cut_at_wall(diagram, whole)
-    loops = with_batch(cut, len(walls[other]))
-    return stable_intervals(loops, SYMBOL[task.along], task.span, walls[other])
-
-
 PORT = np.dtype([
     ("slice", "<i4"), ("port_margin", "<f8"), ("port_omega", "<f8"), ("port_passive", "?"), ("certified", "?"),
     ("stable", "?"), ("damping_needed", "<f8"),
@@ -291,23 +229,9 @@ class PortTask:
         return records
 
 
-def radius_over(spec, axes, cut=None) -> np.ndarray:
-    """Spectral radius per frame of `ratio` ticks for every combination of the axes, flat, the first axis slowest.
+def radius_over(spec, axes) -> np.ndarray:
+    """Spectral radius per frame of `ratio` ticks for every combination of the axes, flat, the first axis slowest."""
+    from wavesweep.sweep.drawn_loops import radii
 
-    cut: the loop of the spec's own values, used if only the wall is swept.
-    """
     grid = make_grid(spec, axes)
-    if grid.drawing:
-        from wavesweep.sweep.drawn_loops import radii
-
-        return radii(grid)[grid.slice_of(np.arange(grid.size))]
-    K, B = grid.wall_values().values()
-    found = np.empty((grid.loops, grid.walls))
-    for members, values in groups(spec, grid.loop_values(np.arange(grid.loops)), grid.loops, rates=True):
-        diagram = draw(values)
-        loops = cut if cut is not None and not grid.loop_axes else cut_at_wall(diagram)
-        radius = spectral_radius(with_batch(loops, members.size).at((slice(None), None)), K, B)
-        # A loop may have a frame of fewer ticks, as the ideal coupling has; counted per frame of the spec, controllers compare.
-        with np.errstate(over="ignore"):
-            found[members] = radius ** (values["rates.ratio"] // diagram.ratio)
-    return found.reshape(-1)[grid.slice_of(np.arange(grid.size))]
+    return radii(grid)[grid.slice_of(np.arange(grid.size))]

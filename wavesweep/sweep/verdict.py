@@ -12,7 +12,8 @@ from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, radius_of, s
 from wavesweep.diagram import WALL, draw
 from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import SpecError, WavesweepError
-from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import close
 from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
 from wavesweep.spec.resolving import longest_delay
@@ -41,7 +42,7 @@ def verdict(spec: Spec) -> dict:
     delay: the number of ticks it may grow to. A drawn loop has no delay that a spec would name.
     """
     cut = None if loop_of(spec) else cut_at_wall(draw(spec.values))
-    return own_design(spec, cut) | {"limits": limits(spec, cut), "delay": _delays(spec)}
+    return own_design(spec, cut) | {"limits": limits(spec), "delay": _delays(spec)}
 
 
 def own_design(spec: Spec, cut=None, loop=None) -> dict:
@@ -101,11 +102,11 @@ def _frame_of(spec):
     drawing = loop_of(spec)
     refuse_singular(spec, drawing)
     drawn = assembled(drawing, spec.values)
-    found = telling_frames(drawing, spec.values, spec.values)
+    found = telling_frames(drawing, spec.values)
     return *found, float(drawn.period * drawn.ticks)
 
 
-def limits(spec: Spec, cut=None) -> list[dict]:
+def limits(spec: Spec) -> list[dict]:
     """For each symbol that the loop reads: value, the ends of the stable interval about it, and the factors to them.
 
     low, high: None if the interval goes on to the end of the range that was searched (`from`, `to`): 0 or a tenth of the
@@ -114,10 +115,10 @@ def limits(spec: Spec, cut=None) -> list[dict]:
     """
     read = keys_of(spec)
     names = {name: path for name, path in spec.names.symbols.items() if path in read and not spec.names.keys[path].structural}
-    return [_limit(spec, name, path, cut) for name, path in names.items()]
+    return [_limit(spec, name, path) for name, path in names.items()]
 
 
-def _limit(spec, name, path, cut, span=None):
+def _limit(spec, name, path, span=None):
     value = spec.values[path]
     wall = spec.wall
     usual = USUAL.get(dict(zip(wall, ("K_VE", "B_VE"), strict=False)).get(path, name), 1.0)
@@ -127,13 +128,13 @@ def _limit(spec, name, path, cut, span=None):
     axis = Axis(name, path, (), *span, False, "linear")
     found = {"name": name, "value": value, "from": span[0], "to": span[1], "low": None, "high": None, "intervals": []}
     try:
-        rows = in_memory(job_over(make_grid(spec, (), path), axis, cut))
+        rows = in_memory(job_over(make_grid(spec, (), path), axis))
     except WavesweepError as error:
         if value == 0 and span[0] < 0:  # a number that may not be negative
-            return _limit(spec, name, path, cut, (0.0, span[1]))
+            return _limit(spec, name, path, (0.0, span[1]))
         less = tuple(_reached(spec, path, value, end) for end in span)
         if less != span and less[0] < less[1]:
-            return _limit(spec, name, path, cut, less)
+            return _limit(spec, name, path, less)
         return found | {"stable": None, "doubt": str(error), "certified": False}
     inside = (rows["low"] <= value) & (value <= rows["high"])
     pairs = zip(rows["low"].tolist(), rows["high"].tolist(), strict=True)
@@ -176,7 +177,7 @@ def _delays(spec):
     drawing, frame = loop_of(spec), longest_delay(ratio)
     for delay in range(now, min(frame, now + DELAYS) + 1):
         values = {**spec.values, path: delay}
-        E = _closed(values) if drawing is None else frames(drawing, values, drift_of(drawing, values, spec.values))
+        E = _closed(values) if drawing is None else frames(drawing, values, drift_of(drawing, values))
         if np.abs(1 + eigenvalues(E)[0]).max(initial=0.0) >= 1:
             break
         most = delay

@@ -10,18 +10,17 @@ import numpy as np
 from wavesweep.analysis.response import felt, felt_map
 from wavesweep.analysis.sensitivity import SLOPPY, STEP, Crossings, crossings_of, tracked_eigenvalue
 from wavesweep.analysis.spectrum import damping_ratio, eigenvalues
-from wavesweep.diagram import WALL, draw, state_labels
-from wavesweep.diagram import drift_of as drift_of_diagram
+from wavesweep.diagram import WALL, draw
 from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.lifted import close, cut_at_wall, with_batch
 from wavesweep.spec import Axis, Spec, sweep_axes
 from wavesweep.spec.drawing import decides, path_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.spec.loading import naming
-from wavesweep.sweep.any_number import TINY
 from wavesweep.sweep.assumptions import over_preset
-from wavesweep.sweep.grid import Grid, groups, keys_of, make_grid, selected
+from wavesweep.sweep.drawn_loops import drift_of, feels, felt_of, frames
+from wavesweep.sweep.drawn_task import TINY
+from wavesweep.sweep.grid import Grid, drawn_groups, keys_of, make_grid, own_loop, selected
 from wavesweep.sweep.interval_job import job_over
 from wavesweep.sweep.interval_table import method
 from wavesweep.sweep.running import in_memory
@@ -101,14 +100,14 @@ def _spans(found):
     return zip(found["low"][some].tolist(), found["high"][some].tolist(), strict=True)
 
 
-def sensitivities(grid: Grid, axis: Axis, cut=None) -> dict:
-    """The same columns for every combination of a grid, in memory; cut: its compiled loop, if it has only one."""
+def sensitivities(grid: Grid, axis: Axis) -> dict:
+    """The same columns for every combination of a grid, in memory."""
     taken = sorted({other.name for other in grid.axes} & set(COLUMNS))
     if taken:
         raise UsageError(
             f"{', '.join(taken)}: the table has a column of this name; name the axis by its path, numbers.{taken[0]}"
         )
-    return _table(grid, axis, in_memory(job_over(grid, axis, cut)))
+    return _table(grid, axis, in_memory(job_over(grid, axis)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +131,8 @@ def _table(grid, axis, found) -> dict:
     """The columns, from those of the table of intervals."""
     ends, parts = _Ends.of(found, axis), []
     changes = {other.path: np.asarray(found[other.name])[ends.row] for other in grid.axes}
-    for members, values in groups(grid.spec, changes, ends.row.size):
-        loops = _Loops(grid.spec, grid.drawing, axis, values)
+    for members, drawing, values in drawn_groups(grid.spec, changes, ends.row.size, rates=True, along=axis.path):
+        loops = _Loops(grid.spec, drawing, axis, values)
         most = max(1, BATCH // max(STEPS, len(loops.moving) + 1))
         for start in range(0, members.size, most):
             part = slice(start, start + most)
@@ -184,15 +183,12 @@ class _Loops:
 
     def frames(self, varied, count) -> np.ndarray:
         """Frames less identity `(count, n, n)`."""
-        if self.drawing is None:
-            return close(with_batch(cut_at_wall(draw(varied)), count), *(varied[path] for path in WALL))
-        from wavesweep.sweep.drawn_loops import drift_of, frames
-
-        E = frames(self.drawing, varied, drift_of(self.drawing, self._tame(), self.spec.values))
+        E = frames(self.drawing, varied, self._drift())
         return np.broadcast_to(E, (count, *E.shape[-2:]))
 
-    def _tame(self):
-        return {**self.values, self.axis.path: 1.0}
+    def _drift(self):
+        varied = {path: np.ravel(self.values[path])[:, None] * [1, 2] for path in self.moving}
+        return drift_of(self.drawing, {**self.values, **varied, self.axis.path: np.array([self.axis.start, self.axis.stop])})
 
     @property
     def walls(self) -> tuple[str, ...]:
@@ -201,10 +197,9 @@ class _Loops:
 
     def felt(self, varied, count):
         """Stiffness that the hand feels at rest, `(count,)`; None for a loop without a wall and a hand."""
-        if self.drawing is None:
-            return np.broadcast_to(felt(felt_map(draw(varied), (count,)), varied[WALL[0]]), (count,))
-        from wavesweep.sweep.drawn_loops import feels, felt_of
-
+        if self.spec.drawing is None and not self.spec.uneven:
+            whole = dict(self.spec.values) | varied
+            return np.broadcast_to(felt(felt_map(draw(whole), (count,)), whole[WALL[0]]), (count,))
         if not feels(self.drawing):
             return None
         # What is felt of a loop tick by tick takes a complex step itself: here the steps are real, of fourth order.
@@ -214,32 +209,24 @@ class _Loops:
                 path: np.real(value) + np.imag(value) * (share * MOVED / STEP) if np.iscomplexobj(value) else value
                 for path, value in varied.items()
             }
-            found.append(felt_of(self.drawing, moved, self.spec.values, count))
+            found.append(felt_of(self.drawing, moved, count))
         own, up, down, far_up, far_down = found
         return own + 1j * STEP * (8 * (up - down) - (far_up - far_down)) / (12 * MOVED)
 
     def about(self, p) -> tuple[np.ndarray, list[str]]:
         """The frame's period in s, and a readable label of each state. p: values of the axis, `(loops,)`."""
         first = self.with_end(p, 1)
-        if self.drawing is None:
-            diagram = draw(first)
-            cut, labels = cut_at_wall(diagram), state_labels(diagram)
-            names = [*cut.states, *([drift_of_diagram(diagram).lead] if cut.integrates else [])]
-            return cut.period, [labels[name] for name in names]
-        from wavesweep.sweep.drawn_loops import drift_of
-
-        drawn, drift = assembled(self.drawing, first), drift_of(self.drawing, self._tame(), self.spec.values)
+        drawn, drift = assembled(self.drawing, first), self._drift()
         labels = drawn.labels()
         return np.real(drawn.period * drawn.ticks), [labels[drift.states[index]] for index in drift.kept]
 
 
 def _smooth(spec) -> list[str]:
     """Paths of the floats that the loop reads and that do not decide how it is built."""
-    read = keys_of(spec)
+    drawing, values = own_loop(spec)
     deciding = {"rates.ratio"}
-    if spec.drawing:
-        deciding |= {path_of(name) for path, tree in spec.drawing.trees() if decides(path) for name, _ in names_in(tree)}
-    return [path for path, value in spec.values.items() if path in read and isinstance(value, float) and path not in deciding]
+    deciding |= {path_of(name) for path, tree in drawing.trees() if decides(path) for name, _ in names_in(tree)}
+    return [path for path, value in values.items() if isinstance(value, float) and path not in deciding]
 
 
 def _left_out(spec) -> list[str]:
@@ -292,7 +279,7 @@ def _rows(loops, found, ends, members) -> dict:
         slope, error = _felt(stiffness.reshape(p.size, each)[at], felt_there, size[at], crossings)
         if loops.axis.path not in loops.walls:  # another number's 0 takes a branch out of the loop, see also `felt_at_ends`
             error[(p[at] == 0) | (ends.omega[members][at] == 0)] = np.inf
-        elif loops.drawing is not None:  # nothing holds what feels no wall, and real steps lead there
+        elif loops.spec.drawing or loops.spec.uneven:  # nothing holds what feels no wall, and real steps lead there
             error[p[at] == 0] = np.inf
         quantities["felt"] = (felt_there, slope, error)
     value = np.stack([np.broadcast_to(loops.values[path], p.shape)[at] for path in loops.numbers], -1)

@@ -18,8 +18,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
 
+from wavesweep.arithmetic import ONE_THREAD
 from wavesweep.errors import UsageError, WavesweepError
-from wavesweep.kernel import ONE_THREAD, chosen
 from wavesweep.sweep.tasks import settle_in, timed
 
 EXTRAS = {"dask": "distributed", "ray": "ray"}  # backend, also the name of our extra -> the package that it needs
@@ -101,14 +101,14 @@ def results(workers: Workers, numbers, task_of: Callable) -> Iterator[tuple]:
     WavesweepError if a worker dies or a cluster is lost. Closing the generator ends the workers.
     """
     if workers.backend is None:
-        return (timed(number, task_of(number), chosen()) for number in numbers)
+        return (timed(number, task_of(number)) for number in numbers)
     return _elsewhere(workers, numbers, task_of)
 
 
 def _elsewhere(workers, numbers, task_of):
     refuse_backend(workers.backend)
     with BACKENDS[workers.backend](workers) as pool:
-        calls = ((number, task_of(number), chosen()) for number in numbers)
+        calls = ((number, task_of(number)) for number in numbers)
         waiting = {pool.submit(timed, *call) for call in islice(calls, AHEAD * pool.count)}
         while waiting:
             done, waiting = wait(waiting, LOOK, FIRST_COMPLETED)

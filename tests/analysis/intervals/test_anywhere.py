@@ -13,7 +13,6 @@ from wavesweep.analysis.intervals import critical, panels, stable_intervals
 from wavesweep.analysis.intervals.any_parameter import BENT, stable_along_any
 from wavesweep.analysis.intervals.panels import bracketed_roots
 from wavesweep.errors import UsageError
-from wavesweep.kernel import using
 
 RECIPES = Path(__file__).parents[3] / "sweeps" / "recipes"
 BANK = {"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit", "K_VE": 1000.0}}
@@ -81,7 +80,8 @@ def test_the_loop_is_stable_just_inside_and_unstable_just_outside_of_every_end(a
 def test_along_the_wall_it_finds_what_the_exact_way_finds():
     """The general way, used on K_VE itself, whose ends are known exactly: holes and ends at z = -1 included."""
     from wavesweep.diagram import draw
-    from wavesweep.lifted import close, cut_at_wall
+    from wavesweep.lifted.at_wall import cut_at_wall
+    from wavesweep.lifted.cut import close
 
     spec = {
         "controller": {"kind": "pmw"},
@@ -103,7 +103,8 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
 def test_a_bent_variable_finds_what_the_exact_way_finds(low, integration):
     """It begins even and ends as a logarithm; a pole of the wall's own loop lies below zero."""
     from wavesweep.diagram import draw
-    from wavesweep.lifted import close, cut_at_wall
+    from wavesweep.lifted.at_wall import cut_at_wall
+    from wavesweep.lifted.cut import close
 
     values = values_of("pmw", integration=integration, Kp=20.0) | {"controller.b": np.linspace(5, 60, 12)}
     cut, span = cut_at_wall(draw(values)), (low, 20000.0)
@@ -179,11 +180,8 @@ def test_the_critical_functions_of_a_matrix_alone_have_the_same_bits_as_among_ot
             assert np.array_equal(one[:, 0], all_[:, column])
 
 
-@pytest.mark.parametrize("kernel", ["numpy", "numba"])
-def test_the_critical_function_of_many_slow_modes_is_as_small_as_their_product(kernel):
+def test_the_critical_function_of_many_slow_modes_is_as_small_as_their_product():
     """The determinant that it comes from is beyond the smallest double."""
-    if kernel == "numba":
-        pytest.importorskip("numba", reason="an optional extra")
     w = 1e-7 * 3.0 ** np.arange(6) * np.exp(1j * np.linspace(1.6, 2.9, 6))
     E = np.zeros((2, 12, 12))
     for k, each in enumerate(w):
@@ -191,12 +189,28 @@ def test_the_critical_function_of_many_slow_modes_is_as_small_as_their_product(k
     both = np.concatenate([w, w.conj()])
     pairs = [-(both[i] + both[j] + both[i] * both[j]) for i in range(12) for j in range(i)]
     assert np.log(np.abs(pairs)).sum() < -750
-    with using(kernel):
-        for function in FUNCTIONS:
-            phase, log, error = (part[critical.PAIR] for part in function(E))
-            assert critical.EPS * error.max() < 1e-3
-            assert log == pytest.approx(np.log(np.abs(pairs)).sum(), abs=1e-3)
-            assert phase.real == pytest.approx(np.sign(np.prod([each / abs(each) for each in pairs]).real))
+    for function in FUNCTIONS:
+        phase, log, error = (part[critical.PAIR] for part in function(E))
+        assert critical.EPS * error.max() < 1e-3
+        assert log == pytest.approx(np.log(np.abs(pairs)).sum(), abs=1e-3)
+        assert phase.real == pytest.approx(np.sign(np.prod([each / abs(each) for each in pairs]).real))
+
+
+def test_a_polynomial_of_zeros_has_no_pair_and_no_error():
+    c, reach, size = np.zeros((4, 2), complex), np.zeros((4, 2)), np.ones(2)
+    _, log, error = critical.from_polynomials(c, reach, size)
+    assert (log[critical.PAIR] == -np.inf).all()
+    assert (error[critical.PAIR] == critical.MOST_ERROR).all()
+
+
+def test_functions_of_a_polynomial_that_is_not_finite_are_not_known():
+    c = np.ones((4, 3))
+    c[1, 1] = np.nan
+    phase, log, error = critical.from_polynomials(c, np.zeros((4, 3)), np.ones(3))
+    assert np.isnan(phase[:, 1]).all()
+    assert (log[:, 1] == np.inf).all()
+    assert (error[:, 1] == critical.MOST_ERROR).all()
+    assert np.isfinite(log[:, [0, 2]]).all()
 
 
 @pytest.mark.slow

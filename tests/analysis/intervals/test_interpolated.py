@@ -18,7 +18,8 @@ from wavesweep.analysis.intervals.interpolated import DEGREES, chebyshev, interp
 from wavesweep.analysis.intervals.living import MoreStatesError, RecalledError, living, of_order, typical
 from wavesweep.analysis.intervals.panels import RIM
 from wavesweep.diagram import draw
-from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import close
 
 EVERYWHERE = (-np.inf, np.inf)
 

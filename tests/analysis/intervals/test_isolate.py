@@ -1,6 +1,5 @@
 """Real roots of a polynomial in (-1, 1): what is called proved must be so, exactly."""
 
-from importlib.util import find_spec
 from itertools import pairwise
 from math import comb
 
@@ -10,17 +9,9 @@ from support import sturm
 
 from wavesweep.analysis.intervals import bernstein
 from wavesweep.analysis.intervals.bernstein import change_of_basis, largest_bernstein, roots_by_sign
-from wavesweep.analysis.intervals.isolate import EDGE, by_discs, by_signs, isolate
+from wavesweep.analysis.intervals.isolate import EDGE, by_discs, isolate
 
-WITHOUT = pytest.mark.skipif(not find_spec("numba"), reason="numba is not installed")
-
-
-def by_slopes(coefficients, noise):
-    """`by_signs` for noise that is a polynomial of the same degree."""
-    return by_signs(coefficients, noise, (coefficients.shape[1] - 1) ** 2)
-
-
-METHODS = [isolate, by_discs, pytest.param(by_slopes, marks=WITHOUT)]
+METHODS = [isolate, by_discs]
 
 
 def random_roots(r, degree):
@@ -97,29 +88,6 @@ def test_what_is_proved_is_so(hard, method):
         c = np.array([float(a) for a in sturm.from_roots(roots)])
         proved += check(c, 0.0, method) + check(c, np.abs(c).max() * 10 ** r.uniform(-16, -6), method)
     assert proved >= (36 if hard in (nothing, multiple) else 8)
-
-
-@pytest.mark.slow
-@WITHOUT
-@pytest.mark.parametrize("noise", [1e-5, 1e-4, 1e-3, 1e-2])
-def test_slopes_decide_where_noise_hides_the_signs_of_coefficients(noise):
-    """Random rows of degree 13: the roots are those of every polynomial within the noise, and many are told by slopes alone."""
-    r, proved, by_coefficients = np.random.default_rng(5), 0, 0
-    for _ in range(30):
-        c = r.standard_normal(14) * 0.4 ** np.arange(14)
-        c /= np.abs(c).max()
-        proved += check(c, noise, by_slopes)
-        by_coefficients += int(roots_by_sign(c[None], np.array([noise]))[1][0])
-    assert proved > by_coefficients
-    assert proved > 12
-
-
-@WITHOUT
-@pytest.mark.parametrize("steep", [2.0, 10.0, 20.0, 40.0, 400.0])
-def test_a_slope_that_noise_may_turn_proves_nothing(steep):
-    """A line of that slope, in units of its noise: a Chebyshev polynomial of degree 13 turns it back where it is steeper."""
-    for root in np.linspace(-0.95, 0.95, 39):
-        assert check(np.array([-root, 0.5, *np.zeros(12)]), 1 / steep, by_slopes) == (steep == 400.0)
 
 
 @pytest.mark.parametrize("gap", [1e-1, 1e-2, 1e-3, 1e-4])

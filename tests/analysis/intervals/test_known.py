@@ -1,5 +1,7 @@
 """Intervals whose ends are known: in closed form, or to 40 digits."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.intervals import intervals_of, pairs
@@ -9,7 +11,8 @@ import wavesweep
 from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.analysis.intervals.crossings import poles_at_one
 from wavesweep.diagram import draw
-from wavesweep.lifted import cut_at_wall, number
+from wavesweep.lifted import number
+from wavesweep.lifted.at_wall import cut_at_wall
 
 EXPLICIT = {"integration": "explicit", "lp1_cutoff_hz": 8.57}
 
@@ -429,3 +432,13 @@ def test_an_island_between_a_pair_that_leaves_and_one_that_enters_is_not_certifi
     }
     found = wavesweep.compile(tables).stable_intervals("p", (-1.0, 1.0))
     assert not found.certified.any() or found.intervals[0] == 1
+
+
+def test_a_wall_that_reads_nothing_ends_no_interval():
+    """Without a division by zero: stable throughout, or nowhere if a stiffness leaves the position's eigenvalue 1."""
+    cut = cut_at_wall(draw(values_of("pmw"))).at(np.newaxis)
+    blind = replace(cut, C=0 * cut.C, D=0 * cut.D)
+    found = stable_intervals(blind, "B_VE", (0.0, 300.0), np.array([[0.0, 20.0, 300.0]]))
+    assert found.count.tolist() == [1, 0, 0]
+    assert pairs(found)[:1] == [(0.0, 300.0)]
+    assert np.isnan(found.high_omega).all()

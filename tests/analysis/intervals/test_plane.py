@@ -6,7 +6,8 @@ import pytest
 from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.analysis.intervals.plane import plane_curve, plane_lines, quick_columns, refined_curve
 from wavesweep.diagram import draw
-from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import close
 from wavesweep.spec import load
 
 LOOPS = {

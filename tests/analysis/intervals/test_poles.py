@@ -14,8 +14,8 @@ from wavesweep.analysis.intervals.panels import RIM
 from wavesweep.diagram import draw
 from wavesweep.diagram.domain import domain
 from wavesweep.errors import UsageError
-from wavesweep.lifted import close, cut_at_wall
-from wavesweep.lifted.cut import OFFSET, V, wall_pivot
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import OFFSET, V, close, wall_pivot
 from wavesweep.spec.loading import naming
 from wavesweep.sweep import any_number
 from wavesweep.sweep.interval_job import bounds_of

@@ -8,7 +8,7 @@ from wavesweep.analysis.passivity.enclosure import excluded, over_box, solved_le
 from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, cut_with_hands, worst_modes
 from wavesweep.analysis.passivity.hand_box import MARGIN, box_intervals, prove
 from wavesweep.analysis.passivity.hand_frame import basis, frame_over, hand_loop
-from wavesweep.lifted import close
+from wavesweep.lifted.cut import close
 
 quick = pytest.fixture(quick_search)
 NARROW = HandBox((0.05, 0.1), (3.0, 4.0), (300.0, 400.0))

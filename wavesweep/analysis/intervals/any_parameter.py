@@ -170,7 +170,7 @@ def _counted_regions(evaluate, span, columns, ends, labelled, slack):
     def matrices(some, value):
         return Frames.of(evaluate(parts.column[some], value)).E
 
-    unstable[counted] = count_where_clear(parts, counted, matrices)
+    unstable[counted] = count_where_clear(parts, counted, lambda some, value: (matrices(some, value), None))
     hidden = counted[unstable[counted] < 0]  # by the rounding of an eigenvalue that is very large, for one
     if hidden.size:
         surely, _ = surely_unstable_by_traces(matrices(hidden, parts.at(0.5)[hidden]))

@@ -16,7 +16,6 @@ ROUNDS = 12  # Newton from a seed of 8 digits needs 2; from the fallback's arcs 
 LAST_STEP = 1e-9  # of the distance to the nearer end of the circle, a step after which an angle is exact: errors are its square
 NEAREST_END = 1e-3  # of that distance, what a step leaves of it at least
 NEAR = 1e-8  # of a state, by which it may change from where an inverse was taken for one refinement to make up for it
-ORDINARY = 16.0  # condition of the algebraic loops up to which entries are good to a few roundings
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,33 +160,33 @@ def end_errors(cut: Cut, along: str, fixed, value, w, on_axis, back=None, least:
     """Return the residuals of the characteristic equation at crossings, and two effects of rounding.
 
     The residual is relative to the equation's terms and to that of the value `least`, since an end next to zero, as a mode
-    without damping has one, has few digits of itself. The second number is the change of the wall parameter if every entry of
-    the loop changes by a rounding; it is larger if the algebraic loops behind these entries are ill-conditioned. The third is
-    the residual that such changes leave.
+    without damping has one, has few digits of itself. The second number bounds the change of the wall parameter by the errors
+    of the loop's entries. The third is the residual that a rounding of every entry leaves.
 
     cut: one loop per crossing. value: the wall parameter. w: `exp(j theta) - 1` there. on_axis: whether the crossing is held at
     z = 1 or -1. back: inverses of `w I - E` there or next to it. To first order an entry's change reaches `G` as `C R dE R B`,
     R the resolvent, and `K = (one - fixed*other)/solved` with it; if K grazes the real axis, the angle changes by
     `Im dK/Im K'`, which moves K by `Re K'` times as much.
     """
-    G, error, dG = _with_errors(cut, w, back)
-    t, slopes, errors = terms_of(cut, w, G), _slopes_of(cut, w, G, dG), terms_of(cut, np.abs(w), error)
-    (solved, other), (of_solved, of_other) = t.along(along), errors.along(along)
+    G, rounding, error, dG = _with_errors(cut, w, back)
+    t, slopes = terms_of(cut, w, G), _slopes_of(cut, w, G, dG)
+    (solved, other), *errors = (each.along(along) for each in (t, *(terms_of(cut, np.abs(w), e) for e in (error, rounding))))
     with np.errstate(all="ignore"):
         exact, turned = _solved(t, slopes, along, fixed, w)
-        left = np.abs(fixed) * of_other + np.abs(exact) * of_solved
+        left, usual = (np.abs(fixed) * of_other + np.abs(exact) * of_solved for of_solved, of_other in errors)
         grazing = np.where(on_axis, 1.0, np.abs(turned) / np.abs(turned.imag))
         more = least * np.abs(solved)
         size = np.abs(t.one) + np.abs(fixed * other) + np.abs(exact * solved) + more
         size = np.where(size > 0, size, 1)  # at K_VE = 0 the equation is 0 = 0 by structure
-        moved = np.maximum(1, cut.condition / ORDINARY) * left / np.abs(solved) * grazing
-        return residual(t, *((value, fixed) if along == K_VE else (fixed, value)), more), moved, left / size
+        moved = left / np.abs(solved) * grazing
+        return residual(t, *((value, fixed) if along == K_VE else (fixed, value)), more), moved, usual / size
 
 
 def _with_errors(cut, w, back):
     """Return rows V, ADVANCE, OFFSET of G at w, their errors, and their derivative by w.
 
-    The errors are those of a rounding of every entry and of the solve itself.
+    The first errors are those of a rounding of every entry and of the solve itself, the second ones those of the bounds on the
+    errors of the entries, and of the solve.
     """
     A, back, state = _states(cut, w, back)
     left = cut.C @ back
@@ -195,6 +194,8 @@ def _with_errors(cut, w, back):
     # Next to a pole of the loop itself, as a mode without damping is one, the change would be rounding of another scale.
     left = left + np.where(np.abs(change).max(-1, keepdims=True) < np.abs(left).max(-1, keepdims=True), change, 0.0)
     size = np.abs(state)
-    far = np.abs(left) @ (np.abs(cut.E) @ size + np.abs(cut.B)) + np.abs(cut.C) @ size + np.abs(cut.D)
-    missed = np.abs(left) @ np.abs(cut.B - A @ state)
-    return ((cut.C @ state + cut.D)[..., 0], (np.finfo(float).eps * far + missed)[..., 0], -(left @ state)[..., 0])
+    reach, missed = np.abs(left), np.abs(left) @ np.abs(cut.B - A @ state)
+    far = reach @ (np.abs(cut.E) @ size + np.abs(cut.B)) + np.abs(cut.C) @ size + np.abs(cut.D)
+    rounding = np.finfo(float).eps * far + missed
+    error = rounding + reach @ (cut.dE @ size + cut.dB) + cut.dC @ size + cut.dD
+    return (cut.C @ state + cut.D)[..., 0], rounding[..., 0], error[..., 0], -(left @ state)[..., 0]

@@ -5,7 +5,6 @@ from math import comb
 
 import numpy as np
 
-from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.circle import inverse
 
 PAIR, ONE, MINUS_ONE, SURELY_UNSTABLE = 0, 1, 2, 3  # the functions: a complex pair, z = 1, z = -1; surely unstable
@@ -144,10 +143,6 @@ def characteristic(E):
     E: `(matrices, n, n)`. The coefficients are `(n + 1, matrices)`, that of the lowest power first; size is a power of two for
     every matrix.
     """
-    if chosen() != NUMPY and E.size:
-        from wavesweep.analysis.intervals.compiled import functions
-
-        return functions.characteristic(E)
     A = np.moveaxis(E, 0, -1).copy()
     n, size = len(A), np.exp2(np.ceil(np.log2(np.maximum(1, np.abs(A).max((0, 1), initial=0)))))
     c = _characteristic(_hessenberg(A / size))
@@ -160,10 +155,6 @@ def characteristic(E):
 def _functions(c, reach, size):
     """Return phases, logarithms and errors, `(4, matrices)` each; the matrices are in the last axis from here on."""
     n = len(c) - 1
-    if chosen() != NUMPY and n:
-        from wavesweep.analysis.intervals.compiled import functions
-
-        return functions.functions(c, reach, size, _powers(n))
     q, errors = _mapped(c, reach, size)
     largest = np.abs(q).max(0)
     phase, log, error = _last_but_one(q / largest, errors / largest)

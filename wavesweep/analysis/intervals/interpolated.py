@@ -17,7 +17,6 @@ from wavesweep.analysis.intervals.frames import level, pole_inside
 from wavesweep.analysis.intervals.living import of_order
 from wavesweep.analysis.intervals.panels import EXTENT, LEBESGUE, OVERLAP, RIM
 from wavesweep.analysis.rows import Rows
-from wavesweep.kernel import NUMPY, chosen
 from wavesweep.lifted.rounding import balance
 
 DEGREES = (14, 28, 56)  # of an interpolant; its points are kept when it is raised
@@ -61,12 +60,6 @@ def _rim(degree):
     """Return `chebyshev` on the rim of the ellipse, with the least size there of the polynomial that vanishes at the nodes."""
     basis, vanishing = chebyshev(RIM, degree)
     return basis, np.abs(vanishing).min()
-
-
-@cache
-def least_on_rim():
-    """Return the least size of `_rim` by the degree; 1 for degrees that are not in DEGREES."""
-    return np.array([_rim(degree)[1] if degree in DEGREES else 1.0 for degree in range(DEGREES[-1] + 1)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,23 +148,7 @@ class InterpolatedLoop:
 
         They are phase, logarithm of the size and error, `(4, panels, points)` each, see `critical.from_polynomials`.
         """
-        at = np.flatnonzero(~self._rims(piece, p)) if chosen() != NUMPY else np.zeros(0, int)
-        if not at.size:
-            return [part.reshape(4, *p.shape) for part in from_polynomials(*self.polynomials(piece, p))]
-        from wavesweep.analysis.intervals.compiled import functions
-
-        x = (p - self.pieces.middle[piece, None]) / self.pieces.half[piece, None]
-        if at.size == piece.size:
-            return functions.interpolated(self.pieces, piece, x)
-        found = [np.empty((4, *p.shape), kind) for kind in (complex, float, float)]
-        rims = np.setdiff1d(np.arange(piece.size), at)
-        for some, parts in (
-            (at, functions.interpolated(self.pieces, piece[at], x[at])),
-            (rims, self.functions(piece[rims], p[rims])),
-        ):
-            for whole, part in zip(found, parts, strict=True):
-                whole[:, some] = part
-        return found
+        return [part.reshape(4, *p.shape) for part in from_polynomials(*self.polynomials(piece, p))]
 
     def _rims(self, piece, p):
         """Return which panels are pieces themselves, whose rim was computed."""

@@ -53,22 +53,6 @@ def isolate(coefficients, noise) -> Roots:
     return found
 
 
-def by_signs(coefficients, noise, steep) -> Roots:
-    """`isolate` by the compiled kernel, for rows that signs and slopes decide; the other rows are not proved.
-
-    The noise may be of any kind with a slope of at most `steep` times its size.
-    """
-    from wavesweep.analysis.intervals.compiled.isolating import rows_by_sign
-
-    coefficients, noise = _of_size_one(coefficients, noise)
-    value, within, slope, count = rows_by_sign(coefficients, noise, steep)
-    inside = np.arange(value.shape[1] - 1) < count[:, None]
-    found = _none(coefficients)
-    return replace(
-        found, value=value[:, :-1], radius=within[:, :-1], inside=inside, slope_sign=slope[:, :-1], proved=count >= 0
-    )
-
-
 def by_discs(coefficients, noise) -> Roots:
     """`isolate` by Smith's discs about the eigenvalues of the colleague matrix, the n-1 complex roots (Specht 1957; Good 1961).
 

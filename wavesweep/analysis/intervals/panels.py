@@ -1,22 +1,16 @@
 """Roots of analytic functions on an interval: Chebyshev panels, split until their roots are proved."""
 
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
-from wavesweep.analysis.intervals.isolate import at_ends, by_discs, by_signs
+from wavesweep.analysis.intervals.isolate import at_ends, by_discs
 from wavesweep.analysis.rows import Rows
-from wavesweep.kernel import NUMPY, chosen
 
 NODES, KEPT = 20, 14  # samples per panel; the Chebyshev coefficients from KEPT on must have decayed and bound the error
 DECAYED = 1e-5  # of the largest, above which a panel is split at once and no proof is tried
 OVERLAP = 0.035  # of its width a panel reaches into each neighbour, so that no root stays on an edge
 DEGREES = (1, 2, 4, 7, 10, KEPT)  # an interpolant is cut to each of these in turn, what is cut away added to its error
-SIGNED = (7, KEPT)  # degrees at which the kernel looks at signs first
-# Slope of the error of an interpolant over its size: that of a polynomial through the nodes is at most the square of its degree
-# (V. A. Markov 1892), 361; that of what hides between them 395, by the bounds of its Chebyshev coefficients.
-STEEP = 400.0
 NODE = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
 TRANSFORM = np.cos(np.outer(np.arccos(NODE), np.arange(NODES))) * (2 / NODES)
 ELLIPSE, OUTER = 2.5, 8  # sum of the semi-axes of the ellipse about a panel; points on its upper half
@@ -77,7 +71,7 @@ def panel_roots(
     settling: number of a function that settles a panel on which it is proved to be positive, whatever the others do; its own
     roots do not count.
 
-    On each panel the interpolant at NODES points must have decayed, and `by_signs` or `by_discs` must prove its roots for every
+    On each panel the interpolant at NODES points must have decayed, and `by_discs` must prove its roots for every
     function within the error bound; otherwise the panel is split. The bound consists of rounding, of the coefficients that are
     cut away, and of features that the nodes may miss: the interpolant of a function that is analytic and at most G inside an
     ellipse about the panel with semi-axes of sum r is off by at most `4 G r^-n/(r - 1)`, n its degree (L. N. Trefethen,
@@ -265,16 +259,13 @@ def _proved_roots(coefficients, noise):
     weight = np.arange(1, KEPT + 1) * np.abs(coefficients)
     # A value at an end that may be zero leaves that end open at every degree.
     rows = np.flatnonzero(np.min(np.abs(at_ends(coefficients)), axis=0) > noise)
-    for method, degrees in (
-        ((partial(by_signs, steep=STEEP), SIGNED), (by_discs, DEGREES)) if chosen() != NUMPY else ((by_discs, DEGREES),)
-    ):
-        for degree in degrees:
-            if not rows.size:
-                return
-            roots = method(coefficients[rows, :degree], noise[rows] + weight[rows, degree:].sum(-1))
-            proved = roots.proved & ~roots.open_at_one & ~roots.open_at_minus_one
-            yield rows[proved], roots.take(proved)
-            rows = rows[~proved]
+    for degree in DEGREES:
+        if not rows.size:
+            return
+        roots = by_discs(coefficients[rows, :degree], noise[rows] + weight[rows, degree:].sum(-1))
+        proved = roots.proved & ~roots.open_at_one & ~roots.open_at_minus_one
+        yield rows[proved], roots.take(proved)
+        rows = rows[~proved]
 
 
 def _share(size):

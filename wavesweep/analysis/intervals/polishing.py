@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.analysis.intervals.boundary import ORDINARY
 from wavesweep.analysis.intervals.critical import CAUTION, MINUS_ONE, ONE, PAIR, from_eigenvalues
 from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.intervals.meeting import ROUNDED, function_of_two
@@ -14,6 +13,7 @@ from wavesweep.analysis.spectrum import eigenvalues, excess
 from wavesweep.lifted.circle import inverse
 from wavesweep.lifted.rounding import balance
 
+ORDINARY = 16.0  # condition of algebraic loops up to which entries are good to a few roundings
 ATTACHED = 1e-9  # of the span; a crossing so near to its low end, where a gain of zero leaves a drift, is given as there
 STEP = 1e3  # times what rounding may move an end by: how far a correction may go, and where its slope is taken from
 FAR = 1e5  # the same for a slope alone, where rounding at that distance moves an end by more than it may

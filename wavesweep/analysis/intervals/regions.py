@@ -10,14 +10,13 @@ from wavesweep.analysis.intervals.crossings import SLIVER, Crossings
 from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import count_outside
 from wavesweep.lifted.circle import on_circle
-from wavesweep.lifted.cut import Cut, close
+from wavesweep.lifted.cut import Cut, close, errors_of_closed
 
 SMALL_RESIDUAL = 1e-9  # of what crosses inside an unstable part, where only the count matters
 USUAL = 64.0  # times rounding: what a polished end may leave of its equation
-FIRM = 1e-9 / 16  # of an end, what one rounding of every entry of the loop may move it by; lifting a loop costs some more
+FIRM = 1e-9  # of an end, what the errors of the loop's entries may move it by
 NEAR_ZERO = 1e-5  # of the span, which an end is given in addition: one next to zero has few digits of itself
 NARROW = 1e-6  # of the span; eigenvalues of so small a region are always counted
-BEYOND_ORDER, TRACE_ROUNDING = 1.001, 1e-8  # of the number of eigenvalues, and of a trace's terms, what it has to exceed
 SHARES = (0.5, 0.1, 0.9, 1e-3, 0.999, 1e-6)  # of a region's width: the count is the same at all, and clearer at some
 MANY_SHARES = (*np.linspace(0, 1, 18)[1:-1], 1e-2, 1e-3, 1e-4, 1e-6)  # where it may not be the same
 
@@ -121,7 +120,8 @@ def regions(cut: Cut, owner, along: str, fixed, span, found: Crossings) -> Regio
     rise -= rise[first][parts.column]
 
     def matrices(some, value):
-        return close(cut.at(owner[parts.column[some]]), *_wall(along, value, fixed[parts.column[some]]))
+        loops, wall = cut.at(owner[parts.column[some]]), _wall(along, value, fixed[parts.column[some]])
+        return close(loops, *wall), errors_of_closed(loops, *wall)
 
     least = np.minimum.reduceat(rise, first)
     narrow = parts.high - parts.low < NARROW * (span[1] - span[0])
@@ -197,7 +197,7 @@ def count_where_clear(parts: Parts, which, matrices):
     """Count the regions `which` at the first of SHARES at which no eigenvalue is within rounding of the circle.
 
     The count is -1 if there is none. matrices(regions, value): the frame-to-frame matrices less identity of these regions at
-    these values.
+    these values, and bounds on the errors of their entries.
     """
     unstable = np.full(which.size, -1)
     for share in SHARES:
@@ -205,7 +205,7 @@ def count_where_clear(parts: Parts, which, matrices):
         if not open_.size:
             break
         some = which[open_]
-        count, sure = count_outside(matrices(some, parts.at(share)[some]))
+        count, sure = count_outside(*matrices(some, parts.at(share)[some]))
         unstable[open_[sure]] = count[sure]
     return unstable
 
@@ -214,7 +214,7 @@ def count_where_all_agree(parts: Parts, which, matrices):
     """Count the regions `which` at all of MANY_SHARES at which the count is clear; -1 if it is clear at none, or differs."""
     unstable, agreed = np.full(which.size, -1), np.ones(which.size, bool)
     for share in MANY_SHARES:
-        count, sure = count_outside(matrices(which, parts.at(share)[which]))
+        count, sure = count_outside(*matrices(which, parts.at(share)[which]))
         agreed &= ~sure | (unstable < 0) | (count == unstable)
         unstable = np.where(sure & (unstable < 0), count, unstable)
     return np.where(agreed, unstable, -1)

@@ -8,15 +8,16 @@ from wavesweep.analysis.doubt import COUNTS, CROWDED, NONE, OVERFLOW
 from wavesweep.analysis.intervals.arcs import arc_crossings
 from wavesweep.analysis.intervals.boundary import K_VE
 from wavesweep.analysis.intervals.crossings import crossings, sampled_polynomial, warp_scale
-from wavesweep.analysis.intervals.regions import BEYOND_ORDER, TRACE_ROUNDING, Regions, cut_span, regions
+from wavesweep.analysis.intervals.regions import Regions, cut_span, regions
 from wavesweep.analysis.rows import Rows
-from wavesweep.kernel import NUMPY, chosen
-from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V
+from wavesweep.analysis.spectrum import count_outside
+from wavesweep.lifted.cut import ADVANCE, ERRORS, OFFSET, PARTS, Cut, V
 from wavesweep.lifted.rounding import balance
 
 MOST_STATES = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
 UNEVEN, SWEEPS = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that
 HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
+BEYOND_ORDER, TRACE_ROUNDING = 1.001, 1e-8  # of the number of eigenvalues, and of its terms, what a trace has to exceed
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,24 +88,38 @@ def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     if along != K_VE and cut.integrates and np.any(fixed == 0):
         return _joined(cut, along, span, fixed)
     flat, owner = fixed.reshape(-1), np.repeat(np.arange(fixed.shape[0]), fixed.shape[-1])
-    found = _by_kernel(_in_own_units(cut), owner, along, flat, span)
+    found = _with_others(_by_each_method(_in_own_units(cut), owner, along, flat, span), cut, owner)
     if not span[0] < 0 < span[1]:
         return found
     nothing = np.finfo(float).eps * (span[1] - span[0])  # an end at 0 within the span is 0, and not what rounding leaves
     return replace(found, **{end: np.where(np.abs(v := getattr(found, end)) <= nothing, 0.0, v) for end in ("low", "high")})
 
 
-def _by_kernel(cut, owner, along, flat, span) -> Intervals:
-    """Return the intervals of the columns with the loops `cut.at(owner)`; numpy has those that a kernel does not prove."""
-    if chosen() == NUMPY:
-        return _by_numpy(cut, owner, along, flat, span)
-    from wavesweep.analysis.intervals import compiled
-
-    found, left = compiled.proved(cut, owner, along, flat, span)
-    if not left.size:
+def _with_others(found, cut, owner) -> Intervals:
+    """The intervals, without any in columns of which a part that the wall does not act on is unstable, or may be."""
+    if not cut.others:
         return found
-    rest = _by_numpy(cut, owner[left], along, flat[left], span)
-    whole = Intervals.join([found, replace(rest, column=left[rest.column])])
+    outside = np.zeros(cut.batch, int)
+    for block in cut.others:
+        E = np.broadcast_to(block, (*cut.batch, *block.shape[-2:]))
+        count, clear = count_outside(E)
+        outside = np.where((outside < 0) | ~clear, -1, outside + count)
+    outside = outside[owner]
+    return without_any(without_any(found, outside > 0), outside < 0, COUNTS)
+
+
+def without_any(found: Intervals, columns, doubt: int = NONE) -> Intervals:
+    """Return the intervals with none in some columns, a mask; doubt: the reason why nothing is known of them, if it is not."""
+    some = columns[found.column]
+    if not some.any():
+        return found
+    empty = found.take(some)
+    empty = empty.take(np.unique(empty.column, return_index=True)[1])
+    size = empty.column.size
+    nothing = dict.fromkeys(("low", "high", "low_omega", "high_omega"), np.full(size, np.nan))
+    none = {"index": np.full(size, -1), "count": np.zeros(size, int), "residual": np.zeros(size)}
+    reasons = np.full(size, NONE) if doubt == NONE else np.maximum(empty.doubt, doubt)
+    whole = Intervals.join([found.take(~some), replace(empty, **nothing, **none, doubt=reasons)])
     return whole.take(np.argsort(whole.column, kind="stable"))
 
 
@@ -131,17 +146,19 @@ def _in_own_units(cut: Cut) -> Cut:
         some = np.flatnonzero((np.maximum(own, into * out) > UNEVEN) & np.isfinite(own + into * out))
     if not some.size:
         return cut
+    dE, dB, dC = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])).copy() for part in (cut.dE, cut.dB, cut.dC))
     n, (E, B, C) = E.shape[-1], (part.copy() for part in (E, B, C))
     whole = np.zeros((some.size, n + 1, n + 1))
     whole[:, :n, :n], whole[:, :n, n], whole[:, n, :n] = E[some], B[some, :, 0], np.abs(C[some]).max(-2)
     units = uneven_units(whole)
     units = (units[:, :n] / units[:, n:])[:, None, :]
     back = np.swapaxes(units, -1, -2)
-    E[some], B[some], C[some] = E[some] * (units / back), B[some] / back, C[some] * units
-    return replace(cut, E=E, B=B, C=C)
+    for e, b, c in ((E, B, C), (dE, dB, dC)):
+        e[some], b[some], c[some] = e[some] * (units / back), b[some] / back, c[some] * units
+    return replace(cut, E=E, B=B, C=C, dE=dE, dB=dB, dC=dC)
 
 
-def _by_numpy(cut, owner, along, fixed, span) -> Intervals:
+def _by_each_method(cut, owner, along, fixed, span) -> Intervals:
     """Return the intervals of the columns with the loops `cut.at(owner)`, each by the first method that proves it."""
     pending, done = np.arange(fixed.size), []
     cut, overflown = _finite(cut)
@@ -171,7 +188,7 @@ def _finite(cut) -> tuple[Cut, np.ndarray]:
     """Return the loops with those that overflowed replaced by zeros, and which these are."""
     bad = ~np.broadcast_to(np.logical_and.reduce([np.isfinite(getattr(cut, p)).all((-1, -2)) for p in "EBCD"]), cut.batch)
     if bad.any():
-        cut = replace(cut, **{p: np.where(bad[..., None, None], 0.0, getattr(cut, p)) for p in "EBCD"})
+        cut = replace(cut, **{p: np.where(bad[..., None, None], 0.0, getattr(cut, p)) for p in (*PARTS, *ERRORS)})
     return cut, bad
 
 

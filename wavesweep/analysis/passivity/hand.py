@@ -7,7 +7,8 @@ import numpy as np
 from wavesweep.analysis.given import real_numbers
 from wavesweep.analysis.spectrum import eigenvalues, excess
 from wavesweep.diagram import draw
-from wavesweep.lifted import Cut, close, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import Cut, close
 
 OPERATOR = ("operator.mass", "operator.damping", "operator.stiffness")
 

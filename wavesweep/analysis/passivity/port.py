@@ -22,9 +22,10 @@ from wavesweep.analysis.spectrum import is_stable
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
-from wavesweep.lifted import close, cut_at_wall
+from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.connect import connect
+from wavesweep.lifted.cut import close
 from wavesweep.lifted.lift import fast_side, slow_side, wall_sum
 from wavesweep.lifted.resolvent import alias_angles, flattened, response_of
 

@@ -4,19 +4,17 @@ A position that only adds up the states of a loop, and is read by none, depends 
 not determine it, a frame does.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from wavesweep.analysis.response.bordered import solved
 from wavesweep.analysis.response.port import Ports
 from wavesweep.analysis.response.resting import Resting
-from wavesweep.analysis.response.ticks import long_sum
 from wavesweep.diagram.drawn import Drawn
-from wavesweep.lifted.number import OpenFrame, shown_of_leads
-from wavesweep.lifted.periodic import GROWN
+from wavesweep.lifted.cut import OpenFrame
 from wavesweep.lifted.rounding import ROUNDING
-from wavesweep.lifted.tick_drift import TickDrift, counted_from_leads
+from wavesweep.lifted.tick_drift import TickDrift, counted_row
 
 SURELY = 2  # bounds on the rounding of a sum, up to which it is 0
 
@@ -40,16 +38,14 @@ def resting_frame(drawn: Drawn, ports: Ports, frame: OpenFrame, drift: TickDrift
     `C X + D F + d = r`; r is the signal that the number multiplies. A share of the position that no state reads changes in a
     frame by `G X + H F + h`. With `l (E, B; C, D) = (G, H)` it changes by the hand's force alone if it is counted from `l X`:
     not at all in the mean, if something holds the device, and then it keeps the first moment of the force over the frame.
-    Accuracy: errors follow from the rounding of sums over a frame, whose terms are taken to be those of paths of up to two
-    steps between states; a frame that grows further than GROWN is not known.
+    Accuracy: errors follow from the bounds on those of the frame's entries.
     """
     position = _position(drawn, ports.position, frame.ticks.states)
     if drift.folded or position is None:
         return None
+    position = counted_row(position, frame.counted)
     with np.errstate(all="ignore"):
-        found = _Equations.of(frame, drift, position).resting(drawn.ticks)
-    grown = np.reshape(frame.growth > GROWN, (-1, 1, 1))  # of each loop, which does not depend on the others of a batch
-    return replace(found, error=np.where(grown, np.inf, found.error))
+        return _Equations.of(frame, drift, position).resting(drawn.ticks)
 
 
 def _position(drawn, signal, states):
@@ -85,14 +81,12 @@ class _Equations:
 
     @classmethod
     def of(cls, frame, drift, position):
-        n, rough = len(frame.ticks.states), long_sum(frame.ticks.kind.size)
-        step, given, *shown_sizes = frame.sizes()
-        B = np.abs(frame.B) + given
-        sizes = np.abs(frame.E) + step + step @ step / 2, B + step @ B
+        n, shown_sizes = len(frame.ticks.states), (frame.dC, frame.dD)
+        sizes = frame.dE + ROUNDING * np.abs(frame.E), frame.dB + ROUNDING * np.abs(frame.B)
         leads = [lead for lead, _ in drift.moved]
         order = [state for state in range(n) if state not in leads] + leads
-        parts = counted_from_leads((frame.E, frame.B), drift), counted_from_leads(sizes, drift, 1)
-        place, still = (position, np.zeros((1, 3))), (np.abs(position), np.zeros((1, 3)))
+        parts = (frame.E, frame.B), sizes
+        place, still = (position, np.zeros((1, 3))), (ROUNDING * np.abs(position), np.zeros((1, 3)))
         rows = (frame.C, frame.D), shown_sizes
         beside = frame.C.shape[-2] > 2
         rows = [
@@ -100,15 +94,14 @@ class _Equations:
             for each, own in zip(rows, (place, still), strict=True)
         ]
         both = []
-        for (E, B), signals, size in zip(parts, rows, (False, True), strict=True):
+        for (E, B), signals in zip(parts, rows, strict=True):
             batch = np.broadcast_shapes(*(part.shape[:-2] for part in (E, B, frame.C, frame.D, position)))
             P = np.zeros((*batch, n + 3 + beside, n + 3))
             P[..., :n, : n - len(leads)], P[..., :n, n:] = E[..., order, :][..., order[: n - len(leads)]], B[..., order, :]
             for at, (C, D) in zip((slice(n, n + 2), slice(n + 2, n + 3), slice(n + 3, n + 4)), signals, strict=False):
-                along = shown_of_leads(C, drift, size)
-                P[..., at, :n], P[..., at, n:] = np.concatenate([C[..., order[: n - len(leads)]], along], axis=-1), D
+                P[..., at, :n], P[..., at, n:] = C[..., order], D
             both.append(P)
-        return cls(both[0], rough * both[1])
+        return cls(*both)
 
     def resting(self, ticks) -> Resting:
         """The loops at rest; ticks: of the frame."""

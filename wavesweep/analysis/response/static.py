@@ -11,9 +11,10 @@ from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import scene_drift
 from wavesweep.lifted.circle import solve
-from wavesweep.lifted.cut import MODERATE
 from wavesweep.lifted.frame import unrolled
 from wavesweep.lifted.lift import frame_at_rest, only, prune
+
+MODERATE = 7.3, 5.9  # N/m and N*s/m, a wall where moderate numbers are wanted
 
 STILL = 1e-9  # of its terms, up to which a number of a loop of moderate numbers is nothing but rounding
 
