@@ -165,13 +165,6 @@ def test_a_simulation_shows_the_response_of_the_loop(kind):
         np.testing.assert_allclose(found, linear, rtol=1e-5)
 
 
-@pytest.mark.parametrize(("name", "value"), [("resolution", 1e-5), ("wall", 0.0), ("max_force", 3.0), ("late", 2)])
-def test_effects_of_a_device_are_refused_at_rates_that_do_not_divide(name, value):
-    tables = spec_of("pmw", rates={"slow_hz": 60}).tables() | {"simulate": {name: value}}
-    with pytest.raises(UsageError, match=rf"found simulate\.{name}"):
-        wavesweep.simulate(tables)
-
-
 def test_every_slow_block_runs_in_the_ticks_of_its_steps():
     drawn = assembled(Uneven("pmw"), spec_of("pmw", rates={"slow_hz": 60}, environment={"delay": 16}).values)
     when = {each.block.name: np.flatnonzero(each.runs(drawn.ticks)).tolist() for each in drawn.placed}
