@@ -171,7 +171,8 @@ class March:
                 drawn[origin] = lateness(self.effects, origin.count(count - 1) if count else 0, *others)
             each.late = drawn[origin]
         origin = next(iter(drawn), Rhythm(self.loop.frame))
-        numbers = np.array([origin.count(k) - 1 for k in range(count)], dtype=int)
+        frames, ticks = np.divmod(np.arange(count), origin.every)
+        numbers = frames * len(origin.phases) + np.searchsorted(origin.phases, ticks, side="right") - 1
         return drawn.get(origin, [0] * (origin.count(count - 1) if count else 0)), numbers
 
     def _rows(self, names, force: list, lengths: np.ndarray, x: float, units: tuple[str, str]):
