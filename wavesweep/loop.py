@@ -141,8 +141,7 @@ class Loop:
         """The loop run tick by tick: a DataFrame with the columns of `wavesweep simulate`, a row per fast tick.
 
         force: the hand's force (N) per tick, `(ticks,)`; by default the input of the spec's [simulate]. options: effects
-        of the device in place of those of [simulate] (`wall=0.01, friction=0.2`), if the loop is not drawn. Errors: see
-        `analysis.simulation.simulated`.
+        of the device in place of those of [simulate] (`wall=0.01, friction=0.2`). Errors: see `analysis.simulation.simulated`.
         """
         from wavesweep.analysis.simulation import table
         from wavesweep.sweep.simulation_table import simulation_of

@@ -130,7 +130,7 @@ def test_options_of_the_picture_that_do_not_fit_are_refused(run, words):
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (("simulate", "arm.toml", "--set", "simulate.friction=0.1"), "simulate.friction: expected one of input, amplitude"),
+        (("simulate", "arm.toml", "--set", "simulate.wall=0.1"), "option wall: expected a wall in [ports] whose numbers only"),
         (("simulate", "arm.toml", "--set", "simulate.duration_s=200"), "at most 100 s (1000000 ticks at rates.tick_hz)"),
         (
             ("simulate", "arm.toml", "--set", "ports.hand.displacement=net.y"),

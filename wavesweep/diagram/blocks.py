@@ -156,13 +156,14 @@ def delay(name, period, steps=1) -> Block:
 
 def difference(name, period) -> Block:
     """Change of `u` since the last run, over the period: the velocity that an encoder gives."""
-    return _block(name, ("u",), ("y",), ("u1",), [[-1]], [[1]], [[-1 / numbers(period)]], [[1 / numbers(period)]])
+    block = _block(name, ("u",), ("y",), ("u1",), [[-1]], [[1]], [[-1 / numbers(period)]], [[1 / numbers(period)]])
+    return replace(block, labels=(f"{name} input of the last run",))
 
 
 def integrator(name, period, method="explicit") -> Block:
     """Integral of `u`: rectangles from the left, from the right, or trapezia."""
     share = AHEAD[method] * numbers(period)
-    return _block(name, ("u",), ("y",), ("s",), [[0]], [[period]], [[1]], [[share]])
+    return replace(_block(name, ("u",), ("y",), ("s",), [[0]], [[period]], [[1]], [[share]]), labels=(f"{name} integral",))
 
 
 def butterworth(name, period, order, cutoff_hz, passes="low") -> Block:

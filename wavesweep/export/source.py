@@ -269,7 +269,7 @@ def _results(own: Controller) -> dict[str, Any]:
         behind.append([number if each.shown(k) else -2 for k, number in enumerate(later)])
     most = max((len(each.signals) for each in results), default=1)
     rows = {"computed": str, "arrived": arrived} if own.late else {}
-    latest = max((ticks or 0 for each in results for ticks in each.late), default=0)
+    runs = [(max((ticks or 0 for ticks in each.late), default=0), each.chain[0][0]) for each in results]
     texts = {name: [[own.places[of(signal)] for signal in each.signals] for each in results] for name, of in rows.items()}
     return {
         "groups": len(results),
@@ -280,7 +280,7 @@ def _results(own: Controller) -> dict[str, Any]:
         "sizes": ", ".join(str(len(each.signals)) for each in results),
         "computed": ", ".join(f"{{{', '.join(row)}}}" for row in texts.get("computed", ())),
         "arrived": ", ".join(f"{{{', '.join(row)}}}" for row in texts.get("arrived", ())),
-        "pending": len(results) * (latest + 2),
+        "pending": sum((latest // rhythm.every + 2) * len(rhythm.phases) for latest, rhythm in runs),
     }
 
 

@@ -136,3 +136,12 @@ def test_a_second_mass_may_be_there_for_other_effects():
     seen = run(TWO_MASSES, np.ones(300), friction=0.1, resolution=1e-5).signals
     assert np.isfinite(seen["x"]).all()
     assert len(seen["x"]) == 300
+
+
+def test_a_hand_between_two_masses_has_the_effects_of_the_one_that_it_pushes():
+    """Its displacement is none of the device alone, so that the last one is read from a tick after the record."""
+    text = TWO_MASSES.replace('displacement = "handle.x"', 'displacement = "handle.x - 0.5*arm.x"')
+    for count in (1, 5, 21):
+        seen = run(text, np.ones(count), late=3, dropped=0.2, friction=0.1, resolution=1e-5)
+        assert len(seen.signals["x"]) == count
+        assert np.isfinite(seen.energy.hand).all()

@@ -151,28 +151,30 @@ class March:
         if "f_m" in signals:
             most = self.effects.max_force
             signals["f_device"] = signals["f_m"] if most is None else np.clip(signals["f_m"], -most, most)
-        signals["touching"], late = (
-            np.array(touched, dtype=bool),
-            np.array([-1 if each is None else each for each in late], int),
-        )
-        moved = np.diff(signals["x"], append=last) if rows else np.zeros(0)
-        signals["late"] = np.append(late, 0)[results[: len(rows)]]  # 0 before the first
+        signals["touching"] = np.array(touched, dtype=bool)
+        moved, late = np.diff(signals["x"], append=last) if rows else np.zeros(0), np.array(late, int)
+        signals["late"] = late[results[: len(rows)]]  # the last of all, 0, before the first
         late = late[: results[len(rows) - 1] + 1] if rows else late[:0]
         for column in (*signals.values(), late):
             column.flags.writeable = False
         return Simulation(signals, energies(loop, signals, moved), late, loop.frame, stopped)
 
-    def _lateness(self, count: int) -> tuple[list[int | None], np.ndarray]:
-        """Draw the ticks by which each result is late; those of the first slow blocks, and which is last in each tick."""
+    def _lateness(self, count: int) -> tuple[list[int], np.ndarray]:
+        """Draw the ticks by which each result is late; those of the first slow blocks, and which is last in each tick.
+
+        -1 is for a result that is lost. The last entry of all, 0, is for a result after the last tick.
+        """
         drawn: dict[Rhythm, list[int | None]] = {}
         for each in self.results:
             origin, others = each.origin, (len(drawn),) * bool(drawn)
             if origin not in drawn:
-                drawn[origin] = lateness(self.effects, origin.count(count - 1) if count else 0, *others)
+                drawn[origin] = [*lateness(self.effects, origin.count(count - 1) if count else 0, *others), 0]
             each.late = drawn[origin]
         origin = next(iter(drawn), Rhythm(self.loop.frame))
-        numbers = np.array([origin.count(k) - 1 for k in range(count)], dtype=int)
-        return drawn.get(origin, [0] * (origin.count(count - 1) if count else 0)), numbers
+        frames, ticks = np.divmod(np.arange(count), origin.every)
+        numbers = frames * len(origin.phases) + np.searchsorted(origin.phases, ticks, side="right") - 1
+        late = drawn.get(origin, [0] * (origin.count(count) + 1))
+        return [-1 if ticks is None else ticks for ticks in late], numbers
 
     def _rows(self, names, force: list, lengths: np.ndarray, x: float, units: tuple[str, str]):
         """A row of numbers per tick, whether the wall was touched in it, the last position, and why it ended early."""

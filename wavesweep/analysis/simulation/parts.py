@@ -112,7 +112,8 @@ class Loop:
     @property
     def signals(self) -> list[str]:
         """What is read besides input ports: the signals at the hand's port."""
-        return [name for name in self.wires if name not in self.ports]
+        ports = self.ports
+        return [name for name in self.wires if name not in ports]
 
     def only(self, kind: str, port: str = "") -> str:
         """The name of the only block of a type that has an output of this name; empty if there is none, or several."""
@@ -137,19 +138,15 @@ class Loop:
     @property
     def encoders(self) -> list[str]:
         """The blocks that give the change of the device's position."""
-        kinds, sensed = {part.name: part.type for part in self.parts}, ((1.0, f"{self.device}.x"),)
-        return [name for name, kind in kinds.items() if kind == "difference" and self.wires[f"{name}.u"] == sensed]
+        sensed = ((1.0, f"{self.device}.x"),)
+        return [each.name for each in self.parts if each.type == "difference" and self.wires[f"{each.name}.u"] == sensed]
 
     @property
     def shown(self) -> dict[str, str]:
         """The columns of a simulation that the loop has, and the names of their numbers."""
         found = {column: name for column, name in (("x", POSITION), ("v", VELOCITY), ("f_m", REACTION)) if name in self.wires}
         if self.device:
-            sensed = ((1.0, f"{self.device}.x"),)
-            speeds = [
-                f"{each.name}.y" for each in self.parts if each.type == "difference" and self.wires[f"{each.name}.u"] == sensed
-            ]
-            found |= {"x_hat": f"{self.device}.x", "v_hat": (*speeds, f"{self.device}.v")[0]}
+            found |= {"x_hat": f"{self.device}.x", "v_hat": (*(f"{name}.y" for name in self.encoders), f"{self.device}.v")[0]}
         end, avatar, local = self.only("wave", "force"), self.only("avatar"), self.only("local_model")
         found |= {"u_m": f"{end}.out", "v_m": f"{end}.in"} if end else {}
         if avatar:
@@ -189,7 +186,8 @@ def loop_of(drawing: Drawing, values: Mapping[str, Any]) -> Loop:
     plants = {f"{part.name}.{port}": part.name for part in parts if part.plant for port in part.inputs}
     moved = [plants[port] for port, sum_ in wires.items() if port in plants and any(name == hand for _, name in sum_)]
     device = moved[0] if len(moved) == 1 and moved[0] in masses else ""
-    body = next((tuple(_numbers(block, known).values()) for block in drawing.blocks if block.name == device), ())
+    keys = next((_numbers(block, known) for block in drawing.blocks if block.name == device), {})
+    body = tuple(keys[name] for name in ("mass", "damping", "stiffness") if keys)
     outside = (hand,) * bool(hand)
     return replace(own, inputs=outside, hand=hand, device=device, body=body, wall=wall, walled=bool(drawing.wall))
 
@@ -256,12 +254,13 @@ def _slopes(gain, names, known):
     read = {name for name, _ in names_in(gain)}.intersection(names)
     if not read:
         return (0.0,) * len(names)
+    if any(degree(gain, name) > 1 for name in read):
+        return None
     none = known | dict.fromkeys(names, 0.0)
     rest, *ones = (value_of(gain, none | one) for one in ({}, *({name: 1.0} for name in names)))
     both = value_of(gain, none | dict.fromkeys(names, 1.0))
     together = sum(one - rest for one in ones) + rest
-    linear = all(degree(gain, name) <= 1 for name in read) and abs(both - together) <= SAME * abs(both)
-    return tuple(one - rest for one in ones) if linear else None
+    return tuple(one - rest for one in ones) if abs(both - together) <= SAME * abs(both) else None
 
 
 def _alike(some, others):
