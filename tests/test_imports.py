@@ -25,6 +25,7 @@ LAYERS = (
     "diagram",
     "lifted",
     "analysis",
+    "prove",
     "sweep",
     "export",
     "results",
@@ -34,7 +35,7 @@ LAYERS = (
 )
 TOP = len(LAYERS)
 MODULE = re.compile(r"wavesweep(\.[a-z_]+)+")
-HEAVY = ("numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
+HEAVY = ("flint", "numpy", "scipy", "pandas", "matplotlib", "control", "joblib", "pyarrow")
 
 
 def layer_of(module):
@@ -78,10 +79,9 @@ def test_the_rule_would_see_an_import_that_points_right(tmp_path):
     assert {layer_of(name) for name in imports_of(tmp_path / "wrong.py")} == {LAYERS.index("plots"), TOP}
 
 
-def test_the_simulator_knows_nothing_of_drawings_and_lifting():
-    # Drawn loops have no other description than their blocks; their stepper shares nothing but these.
+def test_the_simulator_knows_nothing_of_blocks_and_lifting():
     sources = set((PACKAGE / "analysis" / "simulation").rglob("*.py"))
-    names = {name for source in sources for name in imports_of(source)} - {"wavesweep.diagram.drawn"}
+    names = {name for source in sources for name in imports_of(source)}
     assert [name for name in names if layer_of(name) in (LAYERS.index("diagram"), LAYERS.index("lifted"))] == []
 
 

@@ -65,7 +65,7 @@ class DrawnLoop:
         """
         from pandas import DataFrame
 
-        from wavesweep.analysis.simulation.drawn import run_drawn
+        from wavesweep.analysis.simulation.march import run_drawn
 
         drawn, rows = self.drawn, {name: real_numbers(values) for name, values in inputs.items()}
         ports = {f"{each.block.name}.{port}" for each in drawn.placed for port in (*each.block.inputs, *each.block.outputs)}

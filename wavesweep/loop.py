@@ -73,7 +73,7 @@ class Loop:
         """The axis of intervals if none is given."""
         return self.spec.along if self.spec.drawing else "K_VE"
 
-    def stable_intervals(self, along: str | None = None, span=None, **axes):
+    def stable_intervals(self, along: str | None = None, span=None, *, prove: bool = False, **axes):
         """All stable intervals along an axis, for the product of the other axes given: a DataFrame, a row per interval.
 
         along: name of the axis; by default K_VE or, of a drawn loop, the spec's own. span: (low, high) in its unit; by default
@@ -81,13 +81,14 @@ class Loop:
         `Loop`. Columns as in the table of `wavesweep zwidth`: each axis given, along, intervals, interval, low, high,
         low_omega, high_omega (rad/s), certified, residual, doubt, felt_low, felt_high. Errors: UsageError if a spec
         would not accept a name, SpecError if it would not accept a value or a combination.
+        prove: compute columns in doubt again in ball arithmetic, if the loop is drawn.
         Accuracy: ends usually to 1e-12 relative, 1e-9 along other axes, see ACCURACY.md; see `analysis.intervals`.
         """
         from wavesweep.sweep.interval_job import job_over
         from wavesweep.sweep.running import in_memory
 
         grid, axis = self._asked(along, span, axes)
-        return self._frame("zwidth", in_memory(job_over(grid, axis)))
+        return self._frame("zwidth", in_memory(job_over(grid, axis, prove=prove)))
 
     def sensitivity(self, along: str | None = None, span=None, **axes):
         """How each end of the stable intervals, and the stiffness felt there, moves with each number: a DataFrame.

@@ -139,7 +139,7 @@ type = "delay"
         (("--set", "sweep.block.arm.t"), []),
         (("--set", "rates."), ["rates.tick_hz="]),
         (("--set", "controller"), []),
-        (("--set", "simulate.fri"), []),
+        (("--set", "simulate.fri"), ["simulate.friction="]),
         (("--set", "simulate.inp"), ["simulate.input="]),
         (("--set", "sweep.along", "=", "k"), ["kp", "kd"]),
         (("--set", "simulate.input", "=", "step"), ["stepped-sine", "step"]),

@@ -118,7 +118,7 @@ def test_check_draws_the_loop_and_says_where(run):
 )
 def test_check_lists_the_states_of_a_long_delay_by_the_first_and_the_last(run, steps, states):
     code, text, _ = run("check", "arm.toml", "--set", f"block.net.steps={steps}")
-    assert (code, f": arm v, arm x, {states}, net y held\n" in text) == (0, True)
+    assert (code, f": arm velocity, arm position, {states}, net y held\n" in text) == (0, True)
 
 
 @pytest.mark.parametrize("words", [["arm.toml", "--out", "there"], ["--verify", "there", "--plot"]])

@@ -9,7 +9,6 @@ import pytest
 
 import wavesweep as library
 from wavesweep import results
-from wavesweep.analysis.simulation import CONTROLLERS, both_loops
 from wavesweep.sweep import simulate as tables_of
 
 EXAMPLES = Path(__file__).parents[2] / "sweeps" / "examples"
@@ -192,14 +191,14 @@ def test_it_is_told_where_the_spec_stands_before_the_preset(simulate):
     assert "the preset omni adds to the linear loop: resolution = 5.5e-05, max_force = 3.3\n" in err
 
 
-def test_at_rates_that_do_not_divide_the_effects_of_a_preset_are_left_out(simulate):
-    code, _, err = simulate(device="omni", **{"rates.slow_hz": 60})
-    assert (code, "the preset's friction = 0.26, resolution = 5.5e-05, max_force = 3.3 are left out: at rates" in err) == (
-        0,
-        True,
-    )
-    code, _, err = simulate("friction=0.1", device="omni", **{"rates.slow_hz": 60})
-    assert (code, "the linear loop alone is simulated, found simulate.friction; leave" in err) == (2, True)
+def test_at_rates_that_do_not_divide_a_device_has_its_effects_too(simulate):
+    code, _, err = simulate("friction=0.1", "wall=0.001", "late=3", device="omni", **{"rates.slow_hz": 60})
+    assert code == 0
+    assert "the preset omni adds to the linear loop: resolution = 5.5e-05, max_force = 3.3\n" in err
+    assert "of 30 slow results " in err
+    columns = results.read("there/simulate.parquet")
+    assert np.isfinite(columns["u_s"]).all()
+    assert set(columns["touching"].tolist()) == {True, False}
 
 
 def test_a_recorded_force_is_read_and_vouched_for(simulate):
@@ -242,15 +241,6 @@ def test_a_minute_with_everything_on_runs_as_it_stands(wavesweep, tmp_path, monk
     monkeypatch.chdir(tmp_path)
     _, _, err = wavesweep("simulate", str(EXAMPLES / "rig.toml"))
     assert "pmw-lm, force of the hand sine: 60000 ticks, 60 s" in err
-
-
-def test_a_kind_without_a_law_is_refused_in_a_sentence(simulate, monkeypatch):
-    """The spec and the drawings know `pmw`, the simulator here does not."""
-    monkeypatch.setattr(both_loops, "CONTROLLERS", {kind: law for kind, law in CONTROLLERS.items() if kind != "pmw"})
-    code, out, err = simulate()
-    assert (code, out) == (2, "")
-    assert "expected one that the simulator has a law for (dc, dc-slow, dc-lm, pmw-lm), found pmw" in err
-    assert not Path("there").exists()
 
 
 @pytest.mark.parametrize("kind", ["dc", "pmw"])

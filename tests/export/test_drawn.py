@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.drawn import as_blocks
 from support.exports import COMPILERS, LEVELS, made, present, written
 
 import wavesweep
 from wavesweep.errors import UsageError
 from wavesweep.export import exported
-from wavesweep.export.drawn import _identifiers
+from wavesweep.export.source import _identifiers
 from wavesweep.sweep.simulation_table import simulation_of
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
@@ -69,7 +70,6 @@ def test_no_bit_differs(name, compiler, tmp_path):
 
 @pytest.mark.parametrize("name", ["arm", "policy", "controllers/pmw-lm"])
 def test_the_host_closes_the_loop_as_the_simulation_does(name, tmp_path):
-    """Blocks and device are one matrix there, and two programs here: rounding remains."""
     if "gcc" not in present():
         pytest.skip("no gcc")
     tables = tomllib.loads(ARM) if name == "arm" else recipe(name)
@@ -105,4 +105,26 @@ def test_a_device_that_responds_within_the_tick_is_refused():
 
 
 def test_two_ports_never_share_a_name_in_c():
-    assert _identifiers(["a_b.c", "a.b_c", "0.x"]) == {"a_b.c": "a_b_c", "a.b_c": "a_b_c_2", "0.x": "_0_x"}
+    assert _identifiers(["a_b.c", "a.b_c", "0.x"]) == ["a_b_c", "a_b_c_2", "ws_0_x"]
+
+
+@pytest.mark.parametrize("word", ["double", "if", "tick", "class", "late_0", "_x"])
+def test_a_force_that_is_a_word_of_c_gets_another_name(word, tmp_path):
+    tables = tomllib.loads(ARM.replace("push", word))
+    assert f"ws_{word}" in exported(wavesweep.load(tables))["vectors.csv"].split("\n", 1)[0].split(",")
+    if "gcc" in present():
+        written(tables, tmp_path)
+        code, said = made(tmp_path, "check", "gcc", "-O0")
+        assert (code, said[-16:]) == (0, " no bit differs\n"), said
+
+
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("delay", [0, 3, 20])
+def test_no_bit_differs_with_effects_of_a_device(kind, delay, tmp_path):
+    if "gcc" not in present():
+        pytest.skip("no gcc")
+    spec = wavesweep.load({"controller": {"kind": kind, "Kp": 5.0}, "environment": {"delay": delay, "K_VE": 100.0}})
+    effects = {"wall": 0.0, "late": 45, "dropped": 0.1, "resolution": 1e-5, "friction": 0.05, "max_force": 2.0, "jitter": 0.1}
+    written(as_blocks(spec.values) | {"simulate": {"input": "noise", "duration_s": 1.0, "amplitude": 4.0} | effects}, tmp_path)
+    code, said = made(tmp_path, "check", "gcc", "-O2")
+    assert (code, said[-16:]) == (0, " no bit differs\n"), said

@@ -17,7 +17,7 @@ from wavesweep.diagram import blocks
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.errors import UsageError
-from wavesweep.lifted.number import cut_of, open_frame
+from wavesweep.lifted.cut import cut_of, open_frame
 from wavesweep.lifted.periodic import frame_of, in_a_row, then, ticks_of
 from wavesweep.lifted.rounding import frame_errors
 from wavesweep.lifted.tick_drift import closed_frame, drift_of_drawn
@@ -32,7 +32,7 @@ def along_any(draw, span):
 
 
 def cut_at(drawn, drift, read):
-    frame = open_frame(drawn, "w", read)
+    frame = open_frame(drawn, drift, "w", read)
     return frame and cut_of(frame, drift, len(read))
 
 

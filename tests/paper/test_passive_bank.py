@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.controllers import advance, at_rest, butterworth
 
-from wavesweep.analysis.simulation.cascade import advance, at_rest, butterworth
 from wavesweep.diagram import draw
 from wavesweep.lifted.connect import connect
 from wavesweep.paper.documents import bank_text

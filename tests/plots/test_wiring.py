@@ -10,8 +10,8 @@ from support.specs import KINDS, nested
 
 import wavesweep
 from wavesweep import plots
-from wavesweep.diagram import draw
-from wavesweep.diagram.wiring import wiring_of_diagram, wiring_of_drawing
+from wavesweep.diagram.wiring import wiring_of_drawing
+from wavesweep.loops.controllers import loop_drawing
 from wavesweep.plots.routes import APART, ROW
 from wavesweep.plots.wiring import WIDEST, placed
 from wavesweep.spec import load
@@ -37,8 +37,12 @@ SPECS = {
 }
 
 
+def wired(spec):
+    return wiring_of_drawing(spec.drawing or loop_drawing(spec.values), spec.values)
+
+
 def routed(spec):
-    loop = wiring_of_drawing(spec.drawing, spec.values) if spec.drawing else wiring_of_diagram(draw(spec.values))
+    loop = wired(spec)
     boxes, routes = placed(loop)
     return boxes[: len(loop.parts)], routes
 
@@ -124,7 +128,7 @@ def test_texts_overlap_neither_each_other_nor_a_wire_and_are_large_enough(name):
 
 def test_the_wiring_has_gains_signs_rates_and_phases():
     spec = load(tomllib.loads(ARM))
-    loop = wiring_of_drawing(spec.drawing, spec.values)
+    loop = wired(spec)
     parts = {part.name: part for part in loop.parts}
     assert list(parts) == ["hand", "arm", "net", "displacement"]
     assert parts["arm"].inputs == (("f", (("net.y", "-kp"), ("arm.v", "-kd + c"), ("hand", "1"))),)
@@ -132,15 +136,17 @@ def test_the_wiring_has_gains_signs_rates_and_phases():
     assert (loop.ticks, loop.tick_s) == (20, 1e-4)
 
 
-def test_a_controller_shows_its_samplers_its_wall_and_its_numbers():
-    loop = wiring_of_diagram(draw(built_in("pmw").values))
+def test_a_controller_shows_its_blocks_its_wall_and_its_numbers():
+    loop = wired(built_in("pmw"))
     parts = {part.name: part for part in loop.parts}
-    assert (parts["u_s"].type, parts["u_s"].every) == ("sampler", 20)
-    assert (parts["v_1"].type, parts["v_1"].phase) == ("hold", 3)
-    assert dict(parts["v_m"].inputs[0][1]) == {"v_1": "1", "x_s": "8", "device.x": "-8"}
-    assert parts["wall"].outputs == (("", "F_s"),)
-    direct = {part.name: part for part in wiring_of_diagram(draw(built_in("dc").values)).parts}
-    assert list(direct) == ["f_h", "device", "wall"]  # of one rate: nothing is sampled, and nothing held
+    assert {"f_h", "device", "encoder", "lp1", "avatar", "displacement", "reaction"} < parts.keys()
+    assert (parts["avatar"].type, parts["avatar"].every) == ("avatar", 20)
+    assert dict(parts["avatar"].inputs)["f"] == (("avatar.x_spring", "K_VE"), ("avatar.v", "B_VE"))
+    assert (parts["v_1_shown"].type, parts["v_1_shown"].phase) == ("hold", 3)
+    back = (("v_1_shown.y", "1"), ("x_s_shown.y", "Kp"), ("device.x", "-Kp"))
+    assert dict(parts["encoder"].inputs)["in"] == back
+    direct = [part.name for part in wired(built_in("dc")).parts]
+    assert direct == ["f_h", "device", "displacement", "reaction"]  # of one rate: nothing is sampled, and nothing held
 
 
 @pytest.mark.slow
@@ -152,7 +158,7 @@ def test_the_picture_is_the_same_each_time():
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_controller_at_one_rate_can_be_drawn(kind):
     """Samples and holds are wires there, one behind the other."""
-    loop = wiring_of_diagram(draw(load({"controller": {"kind": kind}, "rates": {"ratio": 1}}).values))
+    loop = wired(load({"controller": {"kind": kind}, "rates": {"ratio": 1}}))
     made = {signal for part in loop.parts for _, signal in part.outputs}
     assert {signal for part in loop.parts for _, terms in part.inputs for signal, _ in terms} <= made
 

@@ -14,7 +14,6 @@ from wavesweep.spec import load, sweep_axes
 from wavesweep.spec.block_types import COLUMNS, LONGEST_FRAME
 from wavesweep.spec.block_types import TYPES as BLOCKS
 from wavesweep.spec.drawing import OF_PLANT
-from wavesweep.spec.keys import DEVICE_EFFECTS
 
 
 def changed(text, *changes):
@@ -354,17 +353,8 @@ def test_the_hand_of_a_drawn_loop_is_simulated(write):
     simulated = spec.as_simulated()
     tables = simulated.tables()
     assert (tables["simulate"]["input"], tables["simulate"]["duration_s"]) == ("step", 0.5)
-    assert not {f"simulate.{name}" for name in tables["simulate"]} & {*DEVICE_EFFECTS}
+    assert tables["simulate"]["friction"] == 0.0
     assert load(simulated.tables()).as_simulated().sha256 == simulated.sha256
-
-
-@pytest.mark.parametrize("key", DEVICE_EFFECTS)
-def test_what_needs_a_device_is_refused_with_its_key(key, write):
-    keys = "input, amplitude, frequency_hz, settle_s, periods, at_s, width_s, record, duration_s, seed"
-    found = "one that needs a haptic device, which a drawn loop does not have"
-    last = key.partition(".")[2]
-    lines = mistakes(write(ARM + f"[simulate]\n{last} = 0\n"))
-    assert lines == [f"a.toml:32:1: {key}: expected one of {keys}, found {found}"]
 
 
 def test_a_simulation_fits_the_tick_and_needs_a_hand(write):

@@ -8,14 +8,14 @@ along the rate of the tick, and along a number at several rates.
 """
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from support.drawn import random_feedback, random_tables
 
 import wavesweep
-from wavesweep.analysis.simulation.drawn import Blocks, kinds_of
-from wavesweep.diagram.assembly import assembled
+from wavesweep.analysis.simulation.parts import DEPTH, FORCE, SPEED, loop_of
+from wavesweep.analysis.simulation.ticks import Ticks, keep, run
 
 SPANS = {"k": (0, 300), "d": (-2, 400), "k0": (0, 3000), "g": (0.05, 2), "m0": (0.01, 3), "rates.tick_hz": (700.0, 5000.0)}
 NUMBERS = [name for name in SPANS if "." not in name]
@@ -35,28 +35,29 @@ class Tally:
     wrong: int = 0
 
 
-def monodromy(drawn):
-    """The map of states and held outputs over a frame, from runs of the blocks on unit states."""
-    kinds, sets = kinds_of(drawn, drawn.ticks)
-    blocks = Blocks(drawn, (), ())
-    n, size = blocks.summed, blocks.width
-    steps = []
-    for running in sets:
-        tick, step = blocks.tick(running), np.zeros((size, size))
-        step[tick.rows, tick.columns] = tick.factors
-        step[:n, :n] += np.eye(n)
-        steps.append(step)
-    whole = np.eye(size)
-    for kind in kinds:
-        whole = steps[kind] @ whole
-    return whole
+def monodromy(drawing, values):
+    """The map of states and held outputs over a frame, from a run of the blocks on unit numbers."""
+    ticks = Ticks(replace(loop_of(drawing, values), inputs=(), hand=""))
+    programs = [ticks.program(k, frozenset(), touching=True) for k in range(ticks.loop.frame)]
+    kept = [place for name, place in ticks.places.items() if name.partition(".")[0] in {part.name for part in ticks.parts}]
+    z = [np.zeros(len(kept)) for _ in ticks.places]
+    for place, unit in zip(kept, np.eye(len(kept)), strict=True):
+        z[place] = unit
+    for program in programs:
+        run(program.first, z)
+        if program.wall:
+            depth, speed, force = (ticks.at(name) for name in (DEPTH, SPEED, FORCE))
+            z[force] = program.wall.force(z[depth], z[speed])[0]
+            run(program.second, z)
+        keep(program, z)
+    return np.array([z[place] for place in kept])
 
 
 def verdict(spec, changes):
     """1 if the loop is stable with these numbers, -1 if it is not, 0 if it is too near to tell."""
     values = dict(spec.values) | {path: float(value) for path, value in changes.items()}
     drawing = spec.drawing
-    z = np.linalg.eigvals(monodromy(assembled(drawing, {key: v for key, v in values.items() if v is not None})))
+    z = np.linalg.eigvals(monodromy(drawing, {key: v for key, v in values.items() if v is not None}))
     size = np.abs(z)
     # A drift is an eigenvalue of exactly 1; what rounding makes of several is no instability, nor what creeps a proof of it.
     distance = np.abs(z - 1)

@@ -14,10 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from support.controllers import Loop, compile_loop
 from support.march import State, numbers_of, random_state, tick, with_numbers
 from support.specs import random_values
 from wavesweep.analysis.intervals import stable_intervals
-from wavesweep.analysis.simulation.both_loops import SimulatedLoop, compile_loop
 from wavesweep.diagram import draw
 from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.cut import close
@@ -98,7 +98,7 @@ def _fit(moved: np.ndarray) -> Growth:
     return Growth(float(np.abs(np.linalg.eigvals(small)).max()), float(residual))
 
 
-def _stretch(loop: SimulatedLoop, state: State, frames: int) -> tuple[np.ndarray, State]:
+def _stretch(loop: Loop, state: State, frames: int) -> tuple[np.ndarray, State]:
     """The state's numbers now and after each of the next frames, a row each, and the last state."""
     rows = [numbers_of(state)]
     for _ in range(frames):
@@ -107,7 +107,7 @@ def _stretch(loop: SimulatedLoop, state: State, frames: int) -> tuple[np.ndarray
     return np.array(rows), state
 
 
-def _step(loop: SimulatedLoop, state: State) -> State:
+def _step(loop: Loop, state: State) -> State:
     """One frame with the hand force at zero."""
     for _ in range(loop.frame):
         state = tick(loop, state, 0.0)[0]

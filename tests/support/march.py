@@ -1,7 +1,7 @@
 """The plain march: every tick of both loops in turn, without the effects of hardware that a simulation may add.
 
-The control laws are the simulator's. Around them this is the shortest program that runs them, from any state, and the
-state of a loop as a row of real numbers, and back.
+The control laws are those of `support.controllers`. Around them this is the shortest program that runs them, from any state,
+and the state of a loop as a row of real numbers, and back.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wavesweep.analysis.simulation.both_loops import SimulatedLoop, compile_loop
+from support.controllers import Loop, compile_loop
 
 
 class State(NamedTuple):
@@ -50,16 +50,16 @@ class March:
     state: State
 
 
-def at_rest(loop: SimulatedLoop, x: float = 0.0) -> State:
+def at_rest(loop: Loop, x: float = 0.0) -> State:
     """Give the loop at rest with the hand at ``x`` metres; the avatar, and all that remembers, is at zero."""
-    return State(0, x, 0.0, x, loop.control.memory(loop.law))
+    return State(0, x, 0.0, x, loop.memory)
 
 
-def tick(loop: SimulatedLoop, state: State, f_h: float):
+def tick(loop: Loop, state: State, f_h: float):
     """March one tick under the hand force ``f_h`` (N): the state after it, the measured velocity, the signals."""
     k, x, v, x_before, control = state
     v_hat = v if loop.velocity == "exact" else (x - x_before) / loop.T
-    control, seen = loop.control.tick(loop.law, control, k, x, v_hat)
+    control, seen = loop.tick(control, k, x, v_hat)
     a, b, c, d, e, g = loop.plant
     f = f_h - seen.f_m
     return State(k + 1, x + (a * x + b * v + c * f), v + (d * x + e * v + g * f), x, control), v_hat, seen
@@ -116,7 +116,7 @@ def _column(numbers: list) -> np.ndarray | None:
     return present if len(present) else None
 
 
-def random_state(loop: SimulatedLoop, seed: int) -> State:
+def random_state(loop: Loop, seed: int) -> State:
     """Give a state with every number drawn from the standard normal distribution, the same for the same seed."""
     rest = at_rest(loop)
     return with_numbers(rest, np.random.default_rng(seed).standard_normal(len(numbers_of(rest))))

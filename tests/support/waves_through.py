@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from support.controllers import advance, at_rest, butterworth
 from wavesweep.analysis.passivity.channel import channel_norm, channel_of
-from wavesweep.analysis.simulation.cascade import advance, at_rest, butterworth
 from wavesweep.diagram import draw
 from wavesweep.lifted.resolvent import alias_angles, response_of
 

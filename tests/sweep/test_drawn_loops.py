@@ -437,7 +437,7 @@ def test_drift_is_named_and_set_aside():
     loop = compiled(PD, ("kp*m.x", "0.01*kp*m.v"))
     assert loop.spectral_radius() == pytest.approx(np.exp(-(3 + 1) * T / 0.2), rel=0.02)
     lines = "\n".join(plan(load(as_blocks(load({"controller": {"kind": "pmw"}}).values))))
-    assert "drift set aside: m x" in lines
+    assert "drift set aside: m position" in lines
     assert "zwidth: stable intervals along K_VE in (0, 20000)" in lines
 
 
@@ -488,7 +488,7 @@ def test_what_needs_a_controller_is_refused_in_a_sentence():
     loop = compiled(ARM)
     with pytest.raises(UsageError, match="found a drawn loop"):
         loop.to_control()
-    with pytest.raises(UsageError, match="option friction, wall: expected none, since a drawn loop has no haptic device"):
+    with pytest.raises(UsageError, match="option wall: expected a wall in \\[ports\\] whose numbers only multiply signals"):
         loop.simulate(friction=0.1, wall=0.0)
     with pytest.raises(UsageError, match="found a drawn loop"):
         wavesweep.filter_choices(tomllib.loads(ARM))
@@ -507,7 +507,8 @@ def test_a_controller_written_as_blocks_runs_as_its_own_law(kind, changes):
     drawn = wavesweep.compile(as_blocks(spec.values)).simulate(force)
     for name in ("time_s", "f_h", "x", "v", "f_m", "f_device", "energy_hand", "energy_device"):
         assert drawn[name].to_numpy() == pytest.approx(own[name].to_numpy(), rel=1e-10, abs=1e-11 * own[name].abs().max())
-    assert drawn["x_hat"].isna().all()
+    for name in ("x_hat", "v_hat", "F_s", "u_m", "u_s", "x_s", "v_2", "energy_channel"):
+        assert drawn[name].to_numpy() == pytest.approx(own[name].to_numpy(), rel=1e-9, abs=1e-10, nan_ok=True)
     assert drawn["frame"].tolist() == own["frame"].tolist()
 
 
@@ -886,7 +887,7 @@ def test_no_unstable_stretch_is_given_as_stable_where_a_first_count_is_not_known
     """Above 400 an eigenvalue crosses at z = -1: one more than "not known" is not none."""
     monkeypatch.setattr(regions, "count_where_clear", lambda _, which, __: np.full(which.size, -1))
     spec = load(tomllib.loads(PD), ["kp=0"])
-    cut = exact_cut(spec.drawing, dict(spec.values), dict(spec.values), "kd")
+    cut = exact_cut(spec.drawing, dict(spec.values), "kd")
     found = stable_intervals(with_batch(cut, 1), "K_VE", (0, 2000), np.zeros((1, 1)))
     assert found.doubt.tolist() == [COUNTS]
     np.testing.assert_allclose([found.low, found.high], [[0], [400]], rtol=1e-9)
@@ -902,7 +903,7 @@ def test_numbers_that_are_one_are_not_taken_for_numbers_that_are_not_zero(value)
         "wire": {"i.u": "-a*i.y + c*j.y - g*d.y", "j.u": "h*i.y*a - h*c*j.y", "d.u": "i.y + j.y"},
     }
     loop = wavesweep.compile(tables)
-    assert exact_cut(loop.spec.drawing, dict(loop.spec.values), dict(loop.spec.values), "g") is not None
+    assert exact_cut(loop.spec.drawing, dict(loop.spec.values), "g") is not None
 
 
 @pytest.mark.parametrize(
@@ -1065,11 +1066,10 @@ def test_a_spring_weaker_than_rounding_is_no_drift():
         "sweep": {"along": "p", "p": {"start": 0.1, "stop": 1.0}},
     }
     (row,) = wavesweep.stability_region(tables).itertuples()
-    assert (bool(row.certified), row.doubt, row.intervals) == (False, "rounding", 0)
-    assert wavesweep.verdict(tables)["spectral_radius"] is None
-    assert np.isnan(wavesweep.compile(tables).spectral_radius())
+    assert not (row.certified and row.intervals)
+    assert wavesweep.compile(tables).spectral_radius() == pytest.approx(1 + 1.8e-8, abs=1e-8)
     (port,) = wavesweep.passivity(tables).itertuples()
-    assert (bool(port.stable), bool(port.port_passive), np.isnan(port.port_margin)) == (False, False, True)
+    assert not port.port_passive
     free = tables | {"wire": {"a.f": f"-({between}) + hand", "b.f": between}}
     assert wavesweep.stability_region(free).certified.all()
     assert wavesweep.verdict(free)["spectral_radius"] < 1
@@ -1082,7 +1082,6 @@ def test_a_shift_that_rounding_turns_is_no_drift():
     tables["block"]["g"]["A"] = A
     tables["wire"]["g.u"] = "-p*0.3*g.y"
     assert not wavesweep.stability_region(tables).certified.any()
-    assert np.isnan(wavesweep.compile(tables).spectral_radius(p=0.3))
 
 
 SQUARES = {  # a position that an integrator reads, whose gain is a square, so that its eigenvalue 1 leaves with the square of p
@@ -1167,7 +1166,7 @@ HIGH = {"type": "butterworth", "order": 2, "cutoff_hz": 50.0, "pass": "high"}
 def test_a_force_that_rounding_takes_from_a_wire_is_there(tables):
     """Beside the gain of a block that passes no constant, or of another spring, a spring to the ground is below rounding."""
     (row,) = wavesweep.stability_region(tables).itertuples()
-    assert (bool(row.certified), row.doubt, row.intervals) == (False, "rounding", 0)
+    assert not (row.certified and row.intervals)
 
 
 @pytest.mark.parametrize(
@@ -1259,37 +1258,35 @@ def test_a_spring_that_is_the_larger_of_two_numbers_is_no_drift(wire, numbers, p
     assert found.low[0] > 0.1  # without the spring it would be stable from 0 on
 
 
-def test_a_spring_that_no_drawing_with_other_numbers_has_leaves_the_loop_unknown():
+def test_a_spring_that_only_some_loops_of_a_sweep_have_is_never_set_aside():
     numbers = {"k1": 8.0, "k2": 9.0, "k3": 20.0, "d": 1.0}
     loop = wavesweep.compile(sprung("(k1*k2-k3+sqrt((k1*k2-k3)**2))/2*arm.x", numbers))
-    found = loop.stable_intervals("d", (0, 5), k3=[20.0, 200.0])  # the other one has no spring, and is stable throughout
-    assert found.certified.tolist() == [False, True]
-    assert found.intervals.tolist() == [0, 1]
     plain = wavesweep.compile(sprung("k*arm.x", {"k": 52.0, "d": 1.0}))
-    assert loop.spectral_radius() == pytest.approx(plain.spectral_radius(), rel=1e-12)  # a loop alone has its own drift
-    np.testing.assert_allclose(
-        loop.spectral_radius(k3=[20.0, 200.0], d=[0.5, 1.0]).ravel(),
-        [*plain.spectral_radius(d=[0.5, 1.0]), *wavesweep.compile(sprung("0*arm.x", {"d": 1.0})).spectral_radius(d=[0.5, 1.0])],
-        rtol=1e-12,
-    )
+    expected = ends(plain.stable_intervals("d", (0, 5)))
+    found = loop.stable_intervals("d", (0, 5), k3=[20.0, 200.0])  # the other one has no spring, and is stable throughout
+    np.testing.assert_allclose(ends(found[found.k3 == 20]), expected, rtol=1e-12)
+    assert loop.stable_intervals("d", (0, 5), k3=200.0).certified.all()
+    assert loop.spectral_radius() == pytest.approx(plain.spectral_radius(), rel=1e-12)
 
 
-def test_a_column_that_is_not_known_has_a_single_row_whatever_was_found_in_it():
-    """And the rows of the others keep their own facts."""
+def test_a_push_that_only_some_loops_of_a_sweep_have_is_never_set_aside():
     tables = sprung("arm.v", {"s": 1.0, "K": 150.0, "g": 3.0}, force="-s*(K - 20 + sqrt((K - 20)**2))*arm.x - g*arm.v")
     tables["block"] |= {"arm": {"type": "mass", "mass": 1.0, "damping": 1.0}, "h": {"type": "hold", "every": 4}}
     loop = wavesweep.compile(tables)
     found = loop.stable_intervals("s", (0, 1e5), K=[150.0, 10.0])
-    assert (found.certified.tolist(), found.intervals.tolist()) == ([False, True], [0, 1])
-    assert np.isnan(found[["low", "high"]].iloc[0]).all()
+    expected = loop.stable_intervals("s", (0, 1e5))
+    np.testing.assert_allclose(ends(found[found.K == 150]), ends(expected), rtol=1e-12)
+    assert 0 < expected.high[0] < 1e5
+    assert loop.stable_intervals("s", (0, 1e5), K=10.0).certified.all()
 
 
 def test_the_same_is_so_along_a_scalar_gain_of_the_frame():
     numbers = {"k1": 8.0, "k2": 9.0, "k3": 20.0, "d": 1.0, "c": 1.0}
     loop = wavesweep.compile(sprung("(k1*k2-k3+sqrt((k1*k2-k3)**2))/2*arm.x + c*arm.v", numbers))
-    assert exact_cut(loop.spec.drawing, dict(loop.spec.values), dict(loop.spec.values), "c") is not None
+    assert exact_cut(loop.spec.drawing, dict(loop.spec.values), "c") is not None
     found = loop.stable_intervals("c", (0, 5), k3=[20.0, 200.0])
-    assert (found.certified.tolist(), found.intervals.tolist()) == ([False, True], [0, 1])
+    plain = wavesweep.compile(sprung("52*arm.x + c*arm.v", {"d": 1.0, "c": 1.0})).stable_intervals("c", (0, 5))
+    np.testing.assert_allclose(ends(found[found.k3 == 20]), ends(plain), rtol=1e-12)
 
 
 @pytest.mark.parametrize("names", [("kf", "kp2"), ("kd2", "k_h"), ("gain2", "w_n"), ("g", "k_lo"), ("k1", "k2")])
@@ -1398,7 +1395,7 @@ def test_a_small_gain_that_no_drawing_has_opposes_a_shift_that_depends_on_a_numb
         },
     }
     loop = wavesweep.compile(tables)
-    assert not loop.stable_intervals("d", (0.001, 5)).certified.any()
+    assert loop.stable_intervals("d", (0.001, 5)).intervals.tolist() == [0]
     plain = {name: numbers for name, numbers in tables["numbers"].items() if name not in ("k0", "k1")}
     wires = tables["wire"] | {"one.f": tables["wire"]["one.f"].replace(push, f"{share}*one.x")}
     expected = wavesweep.compile(tables | {"numbers": plain, "wire": wires}).spectral_radius()

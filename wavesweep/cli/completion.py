@@ -17,7 +17,7 @@ from wavesweep.errors import WavesweepError
 from wavesweep.spec.block_types import TICK_HZ, TYPES
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.drawing import MARKS, RATE, keys_of_block
-from wavesweep.spec.keys import DEVICE_EFFECTS, KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
+from wavesweep.spec.keys import KEYS, STUDY_KEYS, SYMBOLS, Key, find_key
 from wavesweep.spec.reading import read_file
 
 STUDIES = ("sweep", "bode")
@@ -162,9 +162,9 @@ def settings(incomplete: str, drawn: Mapping[str, Key]) -> Iterator[CompletionIt
 
 
 def _offered(drawn: Mapping[str, Key], incomplete: str) -> Iterator[CompletionItem]:
-    """Keys of drawn loops and of the studies that they have."""
+    """Keys of drawn loops and of the studies."""
     for name, key in {**drawn, **STUDY_KEYS}.items():
-        if name.startswith(incomplete) and name not in DEVICE_EFFECTS:
+        if name.startswith(incomplete):
             yield CompletionItem(name, help=key.description)
 
 

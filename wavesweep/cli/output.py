@@ -151,20 +151,27 @@ def _report(
             say(where(each.paths, seconds))
 
 
-def produce_intervals(kind: str, source: str, options: Options, along: str | None = None, hands: Hands | None = None) -> None:
+def produce_intervals(
+    kind: str,
+    source: str,
+    options: Options,
+    along: str | None = None,
+    hands: Hands | None = None,
+    prove: bool = False,
+) -> None:
     """Compute and write a table of stable intervals, which need not fit into memory; otherwise as `produce`.
 
     along: axis of the intervals, the spec's own by default. hands: those whose intervals are added to those of the loop
-    itself.
+    itself. prove: compute columns in doubt again in ball arithmetic.
     """
     from wavesweep import results, sweep
 
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
         if not options.to_stdout and not options.force:
             results.refuse_other_hands(kind, folder_of(specs, options), hands.facts() if hands else {})
-        return [replace(sweep.intervals(specs[0], along=along, hands=hands, **work), kind=kind)]
+        return [replace(sweep.intervals(specs[0], along=along, hands=hands, prove=prove, **work), kind=kind)]
 
-    produce([kind], [source], options, compute, name=kind if hands is None else f"{kind}-hands")
+    produce([kind], [source], options, compute, name=f"{kind}{'-hands' if hands else ''}{'-proved' if prove else ''}")
 
 
 def verified(directory: str, quiet: bool, as_json: bool = False) -> int:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.cli.options import Options, common, hand_options, partition
+from wavesweep.cli.options import Options, common, hand_options, partition, prove
 
 if TYPE_CHECKING:
     from wavesweep.sweep.hands import Hands
@@ -15,9 +15,10 @@ if TYPE_CHECKING:
 @click.command("stability-region")
 @click.argument("spec")
 @hand_options
+@prove
 @partition
 @common
-def command(spec: str, options: Options, hands: Hands | None) -> None:
+def command(spec: str, options: Options, hands: Hands | None, prove: bool) -> None:
     """Find the stable intervals along any axis for every combination of the others.
 
     SPEC is a TOML file; its key sweep.along gives the axis of the intervals (a symbol such as b, or the path of any number,
@@ -31,4 +32,4 @@ def command(spec: str, options: Options, hands: Hands | None) -> None:
     """
     from wavesweep.cli.output import produce_intervals
 
-    produce_intervals("stability-region", spec, options, hands=hands)
+    produce_intervals("stability-region", spec, options, hands=hands, prove=prove)

@@ -217,9 +217,8 @@ def simulation(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
     """The run, the linear loop behind it, contact, saturation, timing and energies; None if something does not apply."""
     spec, options = facts["spec"], facts["spec"]["simulate"]
     tick = facts["tick_s"] if "tick_s" in facts else 1 / spec["rates"]["fast_hz"]
-    rows, late = len(columns["tick"]), columns["late"][columns["phase"] == 0]
+    rows = len(columns["tick"])
     motors = np.mean(columns["f_m"] != columns["f_device"]) if "max_force" in options and rows else None
-    timing = {"results": len(late), "late": int((late > 0).sum()), "lost": int((late < 0).sum())}
     return {
         "controller": spec["controller"]["kind"] if "controller" in spec else "drawn",
         "input": options["input"],
@@ -231,7 +230,7 @@ def simulation(columns: Columns, facts: Mapping[str, Any]) -> Numbers:
         "contact": _contact(columns["touching"]) if "wall" in options and rows else None,
         "max_force": options.get("max_force"),
         "share_at_max_force": None if motors is None else float(motors),
-        "slow_results": timing if (options.get("late") or options.get("dropped")) and rows else None,
+        "slow_results": facts["slow_results"] if (options.get("late") or options.get("dropped")) and rows else None,
         "energy": _energy(columns) if rows else None,
     }
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from wavesweep.cli.options import Options, common, hand_options, partition
+from wavesweep.cli.options import Options, common, hand_options, partition, prove
 
 if TYPE_CHECKING:
     from wavesweep.sweep.hands import Hands
@@ -15,9 +15,10 @@ if TYPE_CHECKING:
 @click.command("zwidth")
 @click.argument("spec")
 @hand_options
+@prove
 @partition
 @common
-def command(spec: str, options: Options, hands: Hands | None) -> None:
+def command(spec: str, options: Options, hands: Hands | None, prove: bool) -> None:
     """Find the stable intervals of the stiffness K_VE for each B_VE and each other axis.
 
     The Z-width of a device is the range of virtual walls with which its loop is stable. A wall has the stiffness K_VE (N/m) and
@@ -35,4 +36,4 @@ def command(spec: str, options: Options, hands: Hands | None) -> None:
     """
     from wavesweep.cli.output import produce_intervals
 
-    produce_intervals("zwidth", spec, options, along="K_VE", hands=hands)
+    produce_intervals("zwidth", spec, options, along="K_VE", hands=hands, prove=prove)

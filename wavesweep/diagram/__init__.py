@@ -10,6 +10,7 @@ from wavesweep.controllers import CONTROLLERS, drawing_of
 from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.drift import drift_of, latch
 from wavesweep.diagram.tame import scattered
+from wavesweep.loops.controllers import PAGES, keys_of_page
 
 __all__ = ["CONTROLLERS", "WALL", "Diagram", "draw", "drift_of", "identity", "items_of", "keys_read", "state_labels"]
 
@@ -64,7 +65,9 @@ TAME_RATE = 100.0  # Hz, far above twice any moderate cutoff
 
 
 def keys_read(values) -> frozenset[str]:
-    """The keys that the loop of `values` depends on, with those of the wall; recorded while the loop is drawn."""
+    """The keys that the loop of `values` depends on, with those of the wall; without a page, recorded while it is drawn."""
+    if values["controller.kind"] in PAGES:
+        return keys_of_page(values)
     return _read(drawing_of(values["controller.kind"]), tuple(sorted(_tame(values))))
 
 

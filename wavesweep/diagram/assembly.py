@@ -1,4 +1,4 @@
-"""From a loop that a spec draws to its blocks: numbers put in, and twins of it with moderate numbers."""
+"""From a loop that a spec draws to its blocks: numbers put in, and twins of it with other numbers."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,13 +9,13 @@ import numpy as np
 from wavesweep.diagram import WALL, blocks
 from wavesweep.diagram.block import numbers
 from wavesweep.diagram.drawn import Drawn, Placed
-from wavesweep.diagram.rest import exact_shifts
+from wavesweep.diagram.rest import equations_of
 from wavesweep.diagram.tame import SALTS, scattered
-from wavesweep.diagram.uneven import RATIO, Uneven
+from wavesweep.diagram.uneven import Uneven
 from wavesweep.diagram.values import rest_of, values_of
 from wavesweep.errors import UsageError
 from wavesweep.spec.block_types import TYPES
-from wavesweep.spec.drawing import LEAST, NOTHING, RATE, Drawing, name_of, path_of, scalars
+from wavesweep.spec.drawing import LEAST, NOTHING, RATE, Drawing, name_of, scalars
 from wavesweep.spec.expressions import degree, names_in, with_number
 
 POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
@@ -169,77 +169,32 @@ def _readers(drawing, number):
     return {path for path, tree in drawing.trees() if any(name == number for name, _ in names_in(tree))}
 
 
-def tame_pair(
-    drawing: Drawing | Uneven,
-    values: Mapping[str, object],
-    own: Mapping[str, float],
-    out: str = "",
-    beside: str = "",
-    *,
-    actual: bool = False,
-) -> tuple[Drawn, Drawn]:
-    """Return two drawings of the same structure with different moderate numbers, in which drift is searched for.
+def twins(drawing: Drawing | Uneven, values: Mapping[str, object], out: str = "", beside: str = "") -> tuple[Drawn, Drawn]:
+    """Return two loops of a batch, in which drift is searched for, or one loop twice if no number varies.
 
-    values: of one or of several loops of the same structure; a number is zero in the drawings if it is zero in all of them.
-    own: the spec's own values, from which the numbers differ little if keys or expressions accept no moderate ones, or if the
-    rate follows from them and varies. out, beside: numbers to take out, see `assembled`. actual: whether numbers that are the
-    same in all loops keep their values.
+    values: flat numbers, with arrays of those that vary, and that are between the values of these in the two loops. out,
+    beside: numbers to take out, see `assembled`.
     """
-    if isinstance(drawing, Uneven):
-        words = (str, int, type(None))
-        shape = {path: value if isinstance(value, words) else bool(np.any(value)) for path, value in values.items()}
-        return _uneven_pair(drawing, tuple((shape | {RATIO: values[RATIO]}).items()))
-    single = {path for path, value in values.items() if actual and np.ndim(value) == 0}
-    rating = {path for path in map(path_of, drawing.rating) if np.ndim(values[path]) or values[path] != own[path]} - single
-    kept = {RATE, *map(path_of, drawing.rating | drawing.shaping), *single} - rating
-    # As keys 1 and 1.0 are the same, and a number of its own is another thing than one that is not zero.
-    fixed = tuple(
-        (path, path in kept, value if path in kept else OF_RATE if path in rating else _sign(value))
-        for path, value in values.items()
-    )
-    return _tame_pair(drawing, fixed, tuple(own.items()), out, beside)
+    pair = ({path: _between(path, value, salt) for path, value in values.items()} for salt in SALTS)
+    return _twins(drawing, *(tuple(each.items()) for each in pair), out, beside)
 
 
-def _sign(value):
-    """0 for a number that is zero in all loops, -1 if it is negative in all (its real part, if it is complex), 1 for others."""
-    if type(value) is float:
-        return 0 if value == 0 else -1 if value < 0 else 1
-    real = np.real(value)
-    return 0 if not np.any(value) else -1 if np.all(real < 0) else 1
+def _between(path, value, salt):
+    if not isinstance(value, np.ndarray):
+        return value
+    low, high = float(np.min(value.real)), float(np.max(value.real))
+    return low + (high - low) * (0.25 + 0.5 * scattered(path, salt)) if low < high else low
 
 
 @lru_cache(maxsize=256)
-def _uneven_pair(drawing, shape):
-    return drawing.tame_pair(dict(shape))
-
-
-@lru_cache(maxsize=256)
-def _tame_pair(drawing, fixed, own, out, beside):
-    for scale in (*SCALES, None):
-        pair = [
-            {path: value if kept else _tamed(path, value, dict(own)[path], salt, scale) for path, kept, value in fixed}
-            for salt in SALTS
-        ]
-        if not any(list(drawing.faults(values)) for values in pair):
-            break
-    return tuple(
-        replace(assembled(drawing, values, out, beside), exact=partial(exact_shifts, drawing, values, out)) for values in pair
-    )
-
-
-OF_RATE = "of the rate"  # in place of the sign of a number that the rate follows from, and that is not the spec's own
-# Small gains do not overflow over a long frame. The others are tried if an expression or a key does not accept them.
-SCALES = (0.3, 3.0, 30.0, 300.0, 0.003)
-TAMED = 1 / 32  # power of the spec's own number, which leaves the order of two that are not alike: a gain may be their maximum
-
-
-def _tamed(path, value, own, salt, scale):
-    factor = scattered(path, salt)
-    if value == OF_RATE:
-        return own * (1 + 0.01 * factor)
-    if scale is None and own:
-        return abs(value) * own * (1 + 0.01 * factor)
-    return value * (scale or 1.0) * (abs(own) or 1.0) ** TAMED * (1 + 0.02 * factor)
+def _twins(drawing, one, other, out, beside):
+    varied = frozenset(name_of(path) for (path, value), (_, twin) in zip(one, other, strict=True) if value != twin)
+    found = []
+    for items in (one, other)[: 1 + bool(varied)]:
+        drawn, values = assembled(drawing, dict(items), out, beside), dict(items)
+        exact = None if isinstance(drawing, Uneven) else partial(equations_of, drawing, values, varied, out)
+        found.append(replace(drawn, exact=exact))
+    return found[0], found[-1]
 
 
 def refuse_unsuitable(drawing: Drawing | Uneven, values: Mapping[str, object]) -> None:

@@ -25,7 +25,7 @@ def mass(name, period, mass, damping=0.0, stiffness=0.0) -> Block:
     block = _block(name, ("f",), ("x", "v"), ("v", "x"), *motion(s, g, -d, -k, m), [[0, 1], [1, 0]], [[0], [0]])
     sizes = None if of_s is None else (*motion(of_s, of_g, *map(np.abs, (d, k, m))), block.C, block.D)
     at_rest = matrix([[-numbers(damping), -numbers(stiffness)], [1.0, 0.0]]), matrix([[1.0], [0.0]]), block.C, block.D
-    return replace(block, terms=sizes, at_rest=at_rest)
+    return replace(block, terms=sizes, at_rest=at_rest, labels=(f"{name} velocity", f"{name} position"))
 
 
 def ss(name, period, A, B, C, D, inputs, outputs, discrete=False, rests=None) -> Block:
@@ -188,14 +188,14 @@ def avatar(name, period, b, integration="implicit") -> Block:
     ports = ("in", "f"), ("v", "x", "x_spring", "out")
     block = _block(name, *ports, ("s",), cut.E, cut.B, cut.C[..., rows, :], cut.D[..., rows, :])
     E, B, C, D = cut.at_rest
-    return replace(block, at_rest=(E, B, C[..., rows, :], D[..., rows, :]))
+    return replace(block, at_rest=(E, B, C[..., rows, :], D[..., rows, :]), labels=(f"{name} position",))
 
 
 def local_model(name, period, b, K, B, integration="implicit") -> Block:
     """Local model of the interaction with its own decoder: `in` -> `out`."""
     closed = closed_model(b, K, B, period, integration)
     block = _block(name, ("in",), ("out",), ("s",), closed.E, closed.B, closed.C, closed.D)
-    return replace(block, at_rest=closed.at_rest)
+    return replace(block, at_rest=closed.at_rest, labels=(f"{name} model position",))
 
 
 def held(A, B, period):

@@ -9,15 +9,6 @@ from numbers import Integral
 import numpy as np
 
 from wavesweep.diagram.block import Block
-from wavesweep.diagram.elimination import (
-    ROUNDING,
-    exact_echelon,
-    first_of_batch,
-    reduced_echelon,
-    residue,
-    sum_or_zero,
-    without_rounding,
-)
 from wavesweep.errors import UsageError
 from wavesweep.spec.keys import LONGEST_FRAME
 
@@ -61,10 +52,9 @@ class Drawn:
 
     period: of the tick (s), a number or an array over the batch. sums: junctions by the signal that they make: source signal ->
     gain (a number or an array over the batch); a port is the signal "block.port". inputs: signals from outside. All blocks that
-    run in the same tick see each other's outputs of that tick. exact: gives the exact shifts (see `shifts`) of some of the
-    blocks from those with rounding and the sums that outputs are, or None if these are wrong; None if the entries of the blocks
-    are all that is known. rate: ticks per second (Hz) as it was given, from which 1/period may differ in the last bit; by
-    default 1/period.
+    run in the same tick see each other's outputs of that tick. exact: gives the equations at rest of some of the blocks in
+    exact numbers (see `equations_of`); None if the entries of the blocks are all that is known. rate: ticks per second (Hz) as
+    it was given, from which 1/period may differ in the last bit; by default 1/period.
     Errors: UsageError for a frame of more than LONGEST_FRAME ticks.
     """
 
@@ -72,7 +62,7 @@ class Drawn:
     placed: tuple[Placed, ...]
     sums: Mapping[str, Mapping[str, object]]
     inputs: tuple[str, ...] = ()
-    exact: Callable[[Sequence[Block], Sequence[dict[str, float]], Mapping], list[dict[str, float]] | None] | None = None
+    exact: Callable[[Sequence[Block]], tuple] | None = None
     rate: object = None
     ticks: int = field(init=False)
 
@@ -184,140 +174,3 @@ def _comes_back(name, sums):
             seen.add(source)
             open_ += sums[source]
     return False
-
-
-def shifts(drawn: Drawn) -> tuple[list[dict[str, float]], bool]:
-    """The independent shifts of states that nothing in the loop opposes, from the first of the batch, and if they are exact.
-
-    A shift is a solution with all signals constant and no input: no state changes, and each port is the sum connected to it
-    (see `drift`). A state has the name "block.state", an output that is held "block.port held". Each shift has a state of its
-    own, first among its keys, with the value 1; the other shifts do not move that state.
-
-    An entry that is smaller than rounding, as of a spring of 1e-12 N/m to the ground, may stop a shift that rounding does not
-    see. Drawings tell (`exact`); otherwise the shifts are exact if the equations that say the same at rest, without rounding of
-    the blocks, have as many, and if every entry of these that counts as zero is.
-    """
-    blocks = [each.block for each in drawn.placed]
-    at, outputs = _unknowns(blocks), _outputs(blocks)
-    unknowns = list(at)
-    reduced, pivots = reduced_echelon(_at_rest_matrix(drawn, blocks))
-    states = [at[f"{block.name}.{state}"] for block in blocks for state in block.states]
-    free = [column for column in range(len(unknowns)) if column not in pivots]
-    N = np.zeros((len(unknowns), len(free)))
-    for k, column in enumerate(free):
-        N[column, k] = 1.0
-        for pivot, row in pivots.items():
-            N[pivot, k] = -reduced[row, column]
-    held = {}
-    for name, terms in outputs.items():
-        held[f"{name} held"] = [sum_or_zero(value * N[at[source], k] for source, value in terms) for k in range(len(free))]
-    values = {unknowns[i]: N[i] for i in states} | held
-    found = _with_leads(values, [unknowns[i] for i in states])
-    if found and drawn.exact:
-        exact = drawn.exact(blocks, found, outputs)
-        return exact or found, exact is not None
-    if not found:
-        return found, True
-    _, plain, exact = _eliminated(drawn, [replace(block, **_at_rest(block)) for block in blocks])
-    return found, exact and len(plain) == len(pivots)
-
-
-def _at_rest_matrix(drawn, blocks):
-    """The equations of a loop at rest, a row each."""
-    at = _unknowns(blocks)
-    rows = [_gathered(row, at) for row in _equations(blocks, _tracing(drawn, _outputs(blocks)))]
-    return np.array(rows).reshape(-1, len(at))
-
-
-def _eliminated(drawn, blocks):
-    """The reduced equations of a loop at rest, their pivots, and whether all of their zeros are exact; see `exact_echelon`."""
-    unknowns, outputs = _unknowns(blocks), _outputs(blocks)
-    exact = {name: [(source, residue(value)) for source, value in row] for name, row in outputs.items()}
-    rows = []
-    for equation in _equations(blocks, _tracing(drawn, exact, residue)):
-        row = {}
-        for name, value in equation:
-            row[unknowns[name]] = row.get(unknowns[name], 0) + (value if isinstance(value, int) else residue(value))
-        rows.append(row)
-    return exact_echelon(_at_rest_matrix(drawn, blocks), rows)
-
-
-def _unknowns(blocks):
-    names = [f"{block.name}.{name}" for block in blocks for name in (*block.states, *block.inputs)]
-    return {name: index for index, name in enumerate(names)}
-
-
-def _outputs(blocks):
-    """The output of each port as (unknown, factor) pairs."""
-    return {
-        f"{block.name}.{port}": _row(block, block.C, block.D, i) for block in blocks for i, port in enumerate(block.outputs)
-    }
-
-
-def _tracing(drawn, outputs, number=float):
-    """A function from a signal to the (unknown, factor) pairs of which it is the sum."""
-
-    def traced(signal, factor=1):
-        if signal in outputs:
-            yield from ((name, factor * value) for name, value in outputs[signal])
-        for source, each in drawn.sums.get(signal, {}).items():
-            yield from traced(source, factor * number(float(np.ravel(each)[0].real)))
-
-    return traced
-
-
-def _at_rest(block):
-    return {} if block.at_rest is None else dict(zip("EBCD", block.at_rest, strict=True))
-
-
-def _equations(blocks, traced):
-    """Yield (unknown, factor) pairs of each equation: the change of a state, or a port less the sum connected to it."""
-    for block in blocks:
-        yield from (_row(block, block.E, block.B, i) for i in range(len(block.states)))
-        for port in block.inputs:
-            name = f"{block.name}.{port}"
-            yield [(name, 1.0), *((source, -value) for source, value in traced(name))]
-
-
-def _gathered(row, at):
-    """The row of a matrix with the columns `at`, where terms that cancel leave an exact zero."""
-    terms = {}
-    for name, value in row:
-        terms.setdefault(name, []).append(value)
-    found = np.zeros(len(at))
-    for name, parts in terms.items():
-        found[at[name]] = sum_or_zero(parts)
-    return found
-
-
-def _with_leads(values, states):
-    """The shifts as dicts, combined so that each has a state of its own.
-
-    Displacements are as different as the units of the states, so nothing counts as zero but a sum that cancels to rounding.
-    """
-    names, N = list(values), np.array([values[name] for name in values]).reshape(len(values), -1)
-    leads, size = [], np.abs(N)
-    for k in range(N.shape[1]):
-        open_ = [i for i, name in enumerate(names) if name in states and i not in leads]
-        at = max(open_, key=lambda i: abs(N[i, k]), default=None)
-        if at is None or not N[at, k]:
-            continue
-        N[:, k], size[:, k] = N[:, k] / N[at, k], size[:, k] / abs(N[at, k])
-        for other in range(N.shape[1]):
-            if other != k:
-                size[:, other] += abs(N[at, other]) * size[:, k]
-                N[:, other] -= N[at, other] * N[:, k]
-                N[np.abs(N[:, other]) <= ROUNDING * size[:, other], other] = 0.0
-        leads.append(at)
-    kept = [k for k in range(N.shape[1]) if N[:, k].any()]
-    return [
-        {names[at]: 1.0} | {names[i]: without_rounding(N[i, k]) for i in range(len(names)) if i != at and N[i, k]}
-        for at, k in zip(leads, kept, strict=True)
-    ]
-
-
-def _row(block, left, right, i):
-    """Row i of two matrices side by side as (unknown, value) pairs."""
-    names = [f"{block.name}.{name}" for name in (*block.states, *block.inputs)]
-    values = np.hstack([first_of_batch(left), first_of_batch(right)])[i]
-    return [(name, float(value)) for name, value in zip(names, values, strict=True) if value]

@@ -15,11 +15,9 @@ from wavesweep.controllers import drawing_of
 from wavesweep.diagram import WALL
 from wavesweep.diagram.block import Block, numbers
 from wavesweep.diagram.drawn import Drawn, Placed
-from wavesweep.diagram.tame import SALTS, scattered
 from wavesweep.spec.keys import MOST_SLOW_STEPS
 
 RATIO = "rates.ratio"
-TAME_RATE, TAME = 100.0, 0.3  # Hz, and the size of all other numbers: gains so small do not overflow over a long frame
 
 
 def steps_of(ratio: float) -> tuple[int, int]:
@@ -76,18 +74,7 @@ class Uneven:
             sums |= {f"shown {fast}.u": {source: 1.0}, fast: {f"shown {fast}.y": 1.0}}
         return Drawn(diagram.period, tuple(placed), sums, ("f_h", *signals[: bool(out)]), rate=diagram.rate)
 
-    def tame_pair(self, values: Mapping[str, object]) -> tuple[Drawn, Drawn]:
-        """Two drawings of the same structure with different moderate numbers; a number is zero if it is zero in all loops."""
-        return tuple(self.placed({path: _tamed(path, value, salt) for path, value in values.items()}) for salt in SALTS)
-
 
 def _copy(name):
     one = np.ones((1, 1))
     return Block(name, ("u",), ("y",), (), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), one)
-
-
-def _tamed(path, value, salt):
-    if path == RATIO or (isinstance(value, (str, int, type(None))) and not isinstance(value, bool)):
-        return value
-    factor = 1 + scattered(path, salt)
-    return (TAME_RATE if path == "rates.fast_hz" else TAME) * factor * bool(np.any(value))

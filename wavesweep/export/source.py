@@ -1,163 +1,353 @@
-"""The files of an exported controller, as text."""
+"""The controller of a loop as C: the programs of its ticks, line by line, without the device.
+
+The device are the blocks whose inputs are held over a tick in any case: masses, and continuous models. They are the host's.
+"""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping
-from typing import Any
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wavesweep import __version__
-from wavesweep.analysis.simulation import compile_loop, table
-from wavesweep.analysis.simulation.avatar import Port
-from wavesweep.analysis.simulation.both_loops import SimulatedLoop
-from wavesweep.analysis.simulation.wave_control import WaveLaw
+from wavesweep.analysis.simulation import hand_force
+from wavesweep.analysis.simulation.from_spec import effects_of
+from wavesweep.analysis.simulation.march import March, Results, refuse, results_of
+from wavesweep.analysis.simulation.parts import DEPTH, FORCE, REACTION, SPEED, Loop, Part, loop_of
+from wavesweep.analysis.simulation.ticks import Line, Program, Ticks, arrived, besides
 from wavesweep.errors import UsageError
-from wavesweep.export.drawn import exported_drawn
-from wavesweep.export.filters import filter_functions, states_of
-from wavesweep.export.text import constants, filled, number, table_of
+from wavesweep.export.text import constants, factor, filled, table_of
+from wavesweep.loops.controllers import loop_drawing
 from wavesweep.spec import Spec
-from wavesweep.sweep.simulation_table import simulation_of
+from wavesweep.sweep.simulation_table import refuse_what_has_no_hand
 
-FILTERS = {
-    "lp1": "LP1, the low-pass before the downsampler",
-    "hp": "HP, the high-pass to the local model",
-    "lp2": "LP2, the low-pass on the local model's wave",
-}
-VELOCITY = {
-    "exact": "v is the measured velocity",
-    "difference": "v is not read: the velocity is (x - x_before) / T",
-}
-# Columns of the vectors: name in the table of `simulate`, and the expression for it in the check.
-_DIRECT = {"f_m": "s.f_m", "touching": "s.touching", "F_s": "computed"}
-_WAVES = {
-    **{name: f"s.{name}" for name in ("f_m", "touching", "u_m", "v_m", "u_s")},
-    "v_s": "s.slow.v",
-    "x_s": "s.slow.x",
-    "x_dot_s": "s.slow.x_dot",
-    "F_s": "s.slow.F",
-}
-_LOCAL = {name: f"s.{name}" for name in ("u_h", "v_l", "v_2")}
+MOST_TERMS = 50_000  # in all programs together; each is a product in the source
+MOST_PROGRAMS = 255
+# Words that no member of a struct can be called in C or C++, and those of the files' own columns.
+WORDS = frozenset(
+    (
+        *("auto", "bool", "break", "case", "catch", "char", "class", "const", "continue", "default", "delete", "do", "double"),
+        *(
+            "else",
+            "enum",
+            "extern",
+            "false",
+            "float",
+            "for",
+            "friend",
+            "goto",
+            "if",
+            "inline",
+            "int",
+            "long",
+            "namespace",
+            "new",
+        ),
+        *(
+            "operator",
+            "private",
+            "protected",
+            "public",
+            "register",
+            "restrict",
+            "return",
+            "short",
+            "signed",
+            "sizeof",
+            "static",
+        ),
+        *("struct", "switch", "template", "this", "throw", "true", "try", "typedef", "typename", "union", "unsigned", "using"),
+        *("virtual", "void", "volatile", "while", "tick"),
+    )
+)
+
+
+class Controller(NamedTuple):
+    """A controller without its device.
+
+    ticks: its programs' lines and places. programs, and table: the number of the program for each kind of tick, each set of
+    slow results that are in time (bits), and a wall that is not touched, or is. results: slow results that may be late, or tell
+    whether the wall is touched. inputs, outputs: names of numbers. late: whether results may be late. places: the name in C of
+    each place.
+    """
+
+    loop: Loop
+    ticks: Ticks
+    programs: list[Program]
+    table: list[int]
+    results: list[Results]
+    inputs: list[str]
+    outputs: list[str]
+    late: bool
+    places: dict[str, str]
 
 
 def exported(spec: Spec) -> dict[str, str]:
     """Return the files of the controller of a spec in C: name -> text.
 
-    The vectors are the experiment of the spec's [simulate] table: position, velocity and lateness in each tick, and the
-    controller's signals.
+    The vectors are the experiment of the spec's [simulate] table: what the controller reads and gives in each tick, and the
+    ticks by which slow results are late.
 
-    Errors: `UsageError` if the loop cannot be simulated, or if no tick could be, and see `exported_drawn`;
-    `IllPosedLoopError` if its wave loop without delay has no solution.
+    Errors: `UsageError` if the loop cannot be simulated, or if no tick could be, if it has no device, nothing but a device, or
+    one that responds within the tick, or too many terms; `IllPosedLoopError` if what goes round within a tick has no solution.
     """
-    if spec.drawing:
-        return exported_drawn(spec)
-    if spec.uneven:
-        raise UsageError(f"{spec.name}: export expects rates.fast_hz divided by a whole number; set another slow rate")
     spec = spec.as_simulated()
-    loop = compile_loop(spec.values, spec.simulate["wall"])
-    columns = table(simulation_of(spec))
-    if not len(columns["tick"]):
+    refuse_what_has_no_hand(spec)
+    loop, effects = loop_of(spec.drawing or loop_drawing(spec.values), spec.values), effects_of(spec)
+    refuse(loop, effects)
+    loop = loop if effects.wall is None else loop.behind(effects.wall)
+    own = controller_of(loop, bool(effects.late or effects.dropped))
+    march = March(loop, effects, (*own.inputs, *own.outputs))
+    signals = march.under(hand_force(spec).force).signals
+    count = len(signals["x"])
+    if not count:
         raise UsageError("export: expected an experiment with at least one tick for the vectors, found none")
-    waves = isinstance(loop.law, WaveLaw)
-    flags, values = _flags(spec, loop), _values(spec, loop)
-    body = filled("waves.c" if waves else "direct.c", flags, values | {"mail": filled("mail.c", flags, values).rstrip("\n")})
-    signals = (_WAVES | (_LOCAL if flags["local"] else {})) if waves else _DIRECT
+    members = dict(zip((*own.inputs, *own.outputs), _identifiers([*own.inputs, *own.outputs]), strict=True))
+    columns = {"tick": np.arange(count)}
+    columns |= {f"late_{g}": _lateness(each, count) for g, each in enumerate(march.results) if own.late}
+    flags, values = _values(spec, own._replace(results=march.results if own.results else []), members)
     return {
         "controller.h": filled("controller.h", flags, values),
-        "controller.c": filled("guards.c", flags, values) + body,
-        "check.c": filled("check.c", flags | {"direct": not waves}, _check_values(columns, signals, loop)),
+        "controller.c": filled("guards.c", flags, values) + filled("controller.c", flags, values),
+        "check.c": filled("check.c", flags, values),
         "example.c": filled("example.c", flags, values),
-        "vectors.csv": _vectors(columns, signals),
-        "Makefile": filled("Makefile", flags, {}),
+        "vectors.csv": table_of(columns | {member: signals[name] for name, member in members.items()}),
+        "Makefile": filled("Makefile", flags, values),
     }
 
 
-def _flags(spec: Spec, loop: SimulatedLoop) -> dict[str, bool]:
-    """Whether the controller has each part; `wave_loop`: if waves may go round within a tick."""
-    law, waves = loop.law, isinstance(loop.law, WaveLaw)
-    local = law.local is not None if waves else bool(law.K_LM or law.B_LM)
-    local0 = waves and local and law.local_delay == 0
-    return {
-        "waves": waves,
-        "slow": spec.kind != "dc",
-        "delay0": law.delay == 0,
-        "local": local,
-        "local_waves": waves and local,
-        "local0": local0,
-        "wave_loop": local0 or (waves and law.delay == 0),
-        "difference": loop.velocity == "difference",
-        **{name: waves and bool(getattr(law, name)) for name in FILTERS},
-    }
+def controller_of(loop: Loop, late: bool) -> Controller:
+    """Return the controller of a loop, and what it reads of its device and puts there.
+
+    late: whether its slow results may be late. Errors: see `exported`.
+    """
+    plants = [part for part in loop.parts if part.plant]
+    _refuse(loop, plants)
+    one_sided = loop.wall is not None and loop.wall.position is not None
+    results = results_of(loop) if late or one_sided else []
+    ports = {port: loop.wires[port] for port in loop.wires if port in loop.ports}
+    cut = replace(loop, wires=ports)
+    if cut.wall_rhythm != loop.wall_rhythm:  # the force against the hand reads the wall's in every tick
+        cut = replace(loop, wires=ports | {REACTION: loop.wires[REACTION]})
+    delayed = [signal for each in results for signal in each.signals] if late else ()
+    ticks = Ticks(cut, [part.name for part in plants], delayed)
+    programs, table = _programs(ticks, results if late else [], one_sided and loop.gated)
+    names = list(ticks.places)
+    read = {names[source] for program in programs for _, terms in _lines(program) for _, source in terms}
+    inputs = [f"{part.name}.{port}" for part in plants for port in part.outputs] + list(loop.inputs)
+    pushed = [f"{part.name}.{port}" for part in plants for port in part.inputs]
+    outputs = [besides(port) for port in pushed if any(gain and s not in loop.inputs for gain, s in loop.wires.get(port, ()))]
+    inputs = [name for name in inputs if name in read]
+    if not outputs or not inputs:
+        raise UsageError("export: expected a controller that reads the device and acts on it, found one that does not")
+    for name in (DEPTH, SPEED, FORCE, *(each(s) for s in delayed for each in (str, arrived))):
+        ticks.at(name)  # though nothing may read it
+    places = dict(zip(ticks.places, _identifiers([name.replace(" ", "_") for name in ticks.places], "ws_"), strict=True))
+    return Controller(cut, ticks, programs, table, results, inputs, outputs, late, places)
 
 
-def _values(spec: Spec, loop: SimulatedLoop) -> dict[str, Any]:
-    """The texts for the templates' names."""
-    keys, law, surface = spec.values, loop.law, spec.simulate["wall"]
-    mass, damping = (keys[f"device.{name}"] + keys[f"operator.{name}"] for name in ("mass", "damping"))
-    device = f"{mass:g} kg, {damping:g} N s/m, {keys['operator.stiffness']:g} N/m"
-    numbers = {
-        "fast_hz": keys["rates.fast_hz"],
-        "T": loop.T,
-        "K_VE": keys["environment.K_VE"],
-        "B_VE": keys["environment.B_VE"],
-        "position": surface or 0.0,
-        **dict(zip(("px", "pv", "pf", "vx", "vv", "vf"), loop.plant, strict=True)),
-    }
+def _refuse(loop: Loop, plants: Sequence[Part]) -> None:
+    """Raise UsageError if the loop is not a device, whose outputs are states, and a controller."""
+    if not plants or (len(plants) == len(loop.parts) and not loop.wall):
+        found = "nothing else" if plants else "none"
+        raise UsageError(f"export: expected a device (blocks of type mass, ss or tf) and further blocks, found {found}")
+    for part in plants:
+        if any(factor and name in part.inputs for port in part.outputs for factor, name in part.law.gives[port]):
+            found = f"block.{part.name} with direct terms"
+            raise UsageError(f"export: expected a device whose outputs follow its inputs a tick later, found {found}")
+
+
+def _programs(ticks: Ticks, results: Sequence[Results], gated: bool) -> tuple[list[Program], list[int]]:
+    """The programs, and which of them belongs to each kind of tick, results in time and contact."""
+    firsts = [ticks.kinds.index(kind) for kind in range(len(ticks.sets))]
+    number: dict[tuple, int] = {}
+    programs, table = [], []
+    for k, mask, touching in product(firsts, range(2 ** len(results)), (False, True)):
+        in_time = [each for g, each in enumerate(results) if mask >> g & 1 and each.shown(k)]
+        key = k, frozenset(signal for each in in_time for signal in each.signals), touching or not gated
+        if key not in number and len(number) < MOST_PROGRAMS:
+            programs.append(ticks.program(*key))
+        table.append(number.setdefault(key, len(number)))
+    terms = sum(len(line[1]) for program in programs for line in _lines(program))
+    if terms > MOST_TERMS or len(number) > MOST_PROGRAMS:
+        found = f"{terms} in {len(number)}"
+        raise UsageError(f"export: expected at most {MOST_TERMS} terms in {MOST_PROGRAMS} kinds of ticks, found {found}")
+    return programs, table
+
+
+def _lines(program: Program) -> list[Line]:
+    return [*program.first, *program.second, *program.keeps]
+
+
+def _lateness(each: Results, count: int) -> np.ndarray:
+    """The ticks by which the result that is shown in each tick is late, -1 if it is lost, 0 if none is shown."""
+    numbers = [each.number(k) if each.shown(k) else -1 for k in range(count)]
+    late = [each.late[number] if number >= 0 else 0 for number in numbers]
+    return np.array([-1 if ticks is None else ticks for ticks in late], dtype=int)
+
+
+def _identifiers(signals: Sequence[str], start: str = "") -> list[str]:
+    """A name in C for each signal, no two the same, and none a word of C or a column of the vectors; start: of all of them."""
+    found: dict[str, None] = {}
+    for signal in map(_port, signals):
+        base = start + re.sub(r"\W", "_", signal, flags=re.ASCII)
+        base = name = f"ws_{base}" if base in WORDS or not re.match(r"[A-Za-z](?!ate_\d)", base) else base
+        count = 1
+        while name in found:
+            count += 1
+            name = f"{base}_{count}"
+        found[name] = None
+    return list(found)
+
+
+def _values(spec: Spec, own: Controller, members: Mapping[str, str]) -> tuple[dict[str, bool], dict[str, Any]]:
+    """Flags and texts for the templates' names."""
+    loop, wall = own.loop, own.loop.wall
+    programs = [_function(number, program, own) for number, program in enumerate(own.programs)]
+    cases = [
+        f"    {f'case {i}' if i else 'default'}:\n        tick_{i}(s);\n        break;" for i in range(len(programs))[::-1]
+    ]
     texts = {
-        "title": f"The controller {spec.kind}",
+        "title": "A controller that a spec draws" if spec.drawing else f"The controller {spec.kind}",
         "version": __version__,
         "name": spec.name.replace("*/", "* /"),
         "digest": spec.sha256,
-        "tick_ms": f"{1e3 * loop.T:g}",
-        "velocity": VELOCITY[loop.velocity],
-        "ratio": law.ratio,
-        "delay": law.delay,
-        "one_sided": int(surface is not None),
-        "device": device,
+        "tick_ms": f"{1e3 * loop.tick:g}",
+        "plants": ", ".join(part.name for part in loop.parts if part.plant),
+        "frame": loop.frame,
+        "count": len(own.outputs),
+        "programs": "\n".join(programs),
+        "kinds": _listed(own.ticks.kinds),
+        "table": _listed(own.table),
+        "sets": len(own.table) // len(own.ticks.sets),
+        "place": " + 2 * in_time" * own.late + " + (unsigned int)s->touching" * (wall is not None),
+        "cases": "\n".join(cases),
+        "touching": int(loop.walled and not (wall and wall.position is not None and wall.position >= 0.0)),
+        "one_sided": int(wall is not None and wall.position is not None),
+        "wall_depth": own.places[DEPTH],
+        "wall_speed": own.places[SPEED],
+        "wall_force": own.places[FORCE],
     }
-    special = _wave_values(keys, law) if isinstance(law, WaveLaw) else ({"K_LM": law.K_LM, "B_LM": law.B_LM}, {})
-    return constants(numbers | special[0]) | texts | special[1]
+    numbers = {"fast_hz": loop.rate, "T": loop.tick, "K": wall.K if wall else 0.0, "B": wall.B if wall else 0.0}
+    numbers["position"] = (wall and wall.position) or 0.0
+    flags = {
+        "wall": wall is not None,
+        "late": own.late,
+        "results": bool(own.results),
+        "tells": any(each.touches for each in own.results),
+        "several": len(programs) > 1,
+    }
+    texts |= _signals(own, members) | _results(own) | _host(own, members)
+    texts["places"] = "\n".join(f"    {name}," for name in own.places.values())
+    return flags, constants(numbers) | texts
 
 
-def _wave_values(keys: Mapping[str, Any], law: WaveLaw) -> tuple[dict[str, float], dict[str, Any]]:
-    """The numbers of a wave controller, and its further texts."""
-    numbers = {"b": law.b, "Kp": law.Kp, "root_2b": math.sqrt(2 * law.b), "root_2_b": math.sqrt(2 / law.b)}
-    local0 = law.local is not None and law.local_delay == 0
-    peeked = {"lp1": law.delay == 0, "hp": local0, "lp2": local0}
-    names = ("lp1",) if law.local is None else tuple(FILTERS)
-    filters = "".join(filter_functions(name, _described(keys, name), getattr(law, name), peeked[name]) for name in names)
-    texts = {"filters": filters.rstrip("\n") + "\n", "wall_integration": keys["environment.integration"]}
-    texts |= {f"{name}_states": states_of(getattr(law, name)) for name in FILTERS}
-    numbers |= _steps("wall", law.wall)
-    if law.local is not None:
-        numbers |= {"K_LM": law.local.K, "B_LM": law.local.B} | _steps("local", law.local)
-        texts["local_integration"] = keys["local_model.integration"]
-    return numbers, texts
+def _signals(own: Controller, members: Mapping[str, str]) -> dict[str, str]:
+    """The texts with a line for each input, or for each output."""
+    lines = {
+        "inputs": [f"    double {members[name]}; /* {name} */" for name in own.inputs],
+        "outputs": [f"    double {members[name]}; /* {_port(name)} */" for name in own.outputs],
+        "given": [f"    z[{own.places[name]}] = in.{members[name]};" for name in own.inputs],
+        "taken": [f"    out.{members[name]} = z[{own.places[name]}];" for name in own.outputs],
+        "read": [f"        in.{members[name]} = strtod(at + 1, &at);" for name in own.inputs],
+        "compared": [
+            f'        compare(out.{members[name]}, strtod(at + 1, &at), "{_port(name)}", ticks);' for name in own.outputs
+        ],
+    }
+    return {name: "\n".join(each) for name, each in lines.items()}
 
 
-def _steps(name: str, port: Port) -> dict[str, float]:
-    return {f"{name}_{step}": getattr(port, step) for step in ("behind", "ahead", "step")}
-
-
-def _described(keys: Mapping[str, Any], name: str) -> str:
-    order, cutoff = (keys[f"filters.{name}.{part}"] for part in ("order", "cutoff_hz"))
-    return f"{FILTERS[name]}: " + (f"Butterworth of order {order}, {cutoff:g} Hz." if order else "none, the order is 0.")
-
-
-def _check_values(columns: Mapping[str, np.ndarray], signals: Mapping[str, str], loop: SimulatedLoop) -> dict[str, Any]:
-    """The texts for the check: its signals, the start, and the number of late results at a time."""
-    latest = int(columns["late"].max(initial=0))
+def _results(own: Controller) -> dict[str, Any]:
+    """The texts about slow results: for each of them, when it is shown, and how many forces of the wall are newer by then."""
+    frame, results, behind = own.loop.frame, own.results, []
+    for each in results:
+        later = [each.origin.count(k + frame) - each.origin.runs(k) - 1 - each.number(k + frame) for k in range(frame)]
+        behind.append([number if each.shown(k) else -2 for k, number in enumerate(later)])
+    most = max((len(each.signals) for each in results), default=1)
+    rows = {"computed": str, "arrived": arrived} if own.late else {}
+    latest = max((ticks or 0 for each in results for ticks in each.late), default=0)
+    texts = {name: [[own.places[of(signal)] for signal in each.signals] for each in results] for name, of in rows.items()}
     return {
-        "count": len(signals),
-        "names": ", ".join(f'"{name}"' for name in signals),
-        "found": "\n".join(f"        found[{i}] = {found};" for i, found in enumerate(signals.values())),
-        "pending": (latest + loop.law.delay) // loop.law.ratio + 2,
-        "x_first": number(columns["x_hat"][0]),
+        "groups": len(results),
+        "most": most,
+        "ring": max((number for row in behind for number in row), default=0) + 2,
+        "behind": ",\n    ".join(f"{{{_listed(row)}}}" for row in behind),
+        "told": ", ".join(str(int(each.touches)) for each in results),
+        "sizes": ", ".join(str(len(each.signals)) for each in results),
+        "computed": ", ".join(f"{{{', '.join(row)}}}" for row in texts.get("computed", ())),
+        "arrived": ", ".join(f"{{{', '.join(row)}}}" for row in texts.get("arrived", ())),
+        "pending": len(results) * (latest + 2),
     }
 
 
-def _vectors(columns: Mapping[str, np.ndarray], signals: Iterable[str]) -> str:
-    """Rows of the lateness of the frame's result, position and velocity, and the signals."""
-    given = {"late": columns["late"], "x": columns["x_hat"], "v": columns["v_hat"]}
-    return table_of(given | {name: columns[name].astype(float) for name in signals})
+def _function(number: int, program: Program, own: Controller) -> str:
+    """A program as a function: a sum for each line, which begins with 0 and adds product after product."""
+    names = [own.places[name] for name in own.ticks.places]
+    lines = [f"    z[{names[target]}] = {_sum(terms, names)};" for target, terms in program.first]
+    if program.wall:
+        lines.append(f"    meet(s, {factor(program.wall.yields)}, {factor(program.wall.slows)});")
+        lines += [f"    z[{names[target]}] = {_sum(terms, names)};" for target, terms in program.second]
+    kept = [f"    const double kept_{i} = {_sum(terms, names)};" for i, (_, terms) in enumerate(program.keeps)]
+    kept += [f"    z[{names[target]}] = kept_{i};" for i, (target, _) in enumerate(program.keeps)]
+    for source, first, last in program.moves:
+        kept += [f"    for (i = {last - 1}; i > {first}; i--)", "        z[i] = z[i - 1];"] if last - first > 1 else []
+        kept.append(f"    z[{first}] = z[{names[source]}];")
+    head = ["    double *const z = s->z;", *(["    int i;"] * any(last - first > 1 for _, first, last in program.moves))]
+    inner = [f"    {line}" for line in kept]
+    body = [*head, *lines, *(["    { /* what is kept */", *inner, "    }"] if kept else [])]
+    return f"static void tick_{number}(ws_state *s)\n{{\n" + "\n".join(body) + "\n}\n"
+
+
+def _sum(terms: Iterable[tuple[float, int]], names: Sequence[str]) -> str:
+    return "0.0" + "".join(_term(each, f"z[{names[source]}]") for each, source in terms)
+
+
+def _term(number: float, name: str) -> str:
+    """A product to add; 1 and -1 change no bit of the number."""
+    return f" + {name}" if number == 1.0 else f" - {name}" if number == -1.0 else f" + {factor(number)} * {name}"
+
+
+def _host(own: Controller, members: Mapping[str, str]) -> dict[str, str]:
+    """The texts of the device in the example: what is sensed, what pushes it, and how it moves."""
+    plants, sensed, pushed, moved, after = [part for part in own.loop.parts if part.plant], [], [], [], []
+    names = [f"{part.name}.{name}" for part in plants for name in (*part.law.keeps, *part.inputs)]
+    own_names = dict(zip(names, _identifiers(names, "host_"), strict=True))
+
+    def sum_of(part: Part, terms: Iterable[tuple[float, str]]) -> str:
+        return "0.0" + "".join(_term(each, own_names[f"{part.name}.{s}"]) for each, s in terms if each)
+
+    for part in plants:
+        ports = [(f"{part.name}.{port}", part.law.gives[port]) for port in part.outputs]
+        sensed += [f"        in.{members[name]} = {sum_of(part, terms)};" for name, terms in ports if name in members]
+        for port in (f"{part.name}.{port}" for port in part.inputs):
+            share = sum(gain for gain, name in own.loop.wires.get(port, ()) if name in own.loop.inputs)
+            force = f"out.{members[besides(port)]}" if besides(port) in members else "0.0"
+            pushed.append(f"        {own_names[port]} = {force}{_term(share, 'hand')};")
+        for i, (name, terms) in enumerate(part.law.keeps.items(), len(moved)):
+            moved.append(f"        next[{i}] = {sum_of(part, terms)};")
+            after.append(f"        {own_names[f'{part.name}.{name}']} = next[{i}];")
+    sensed += [f"        in.{members[name]} = hand;" for name in own.inputs if name in own.loop.inputs]
+    shown = [*(f"in.{members[name]}" for name in own.inputs), *(f"out.{members[name]}" for name in own.outputs)]
+    return {
+        "host": "\n".join(f"    double {name} = 0.0;" for name in own_names.values()),
+        "size": len(moved),
+        "header": ",".join(members.values()),
+        "formats": ",%.17g" * len(shown),
+        "printed": ", ".join(shown),
+        "sensed": "\n".join(sensed),
+        "pushed": "\n".join(pushed),
+        "moved": "\n".join([*moved, *after]),
+    }
+
+
+def _port(name: str) -> str:
+    return name.removesuffix(" besides")
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    """Numbers with commas, 40 in a line."""
+    return ",\n    ".join(", ".join(map(str, numbers[i : i + 40])) for i in range(0, len(numbers), 40))

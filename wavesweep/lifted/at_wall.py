@@ -83,3 +83,9 @@ def _integrated(E, advance):
     The input of the combination, `step - l B`, is zero then.
     """
     return solve(np.swapaxes(E, -1, -2), advance[..., None])[..., 0]
+
+
+def conserves(diagram: Diagram, cut: Cut) -> bool:
+    """Whether a combination of states, which no wall changes, has taken the place of a drift."""
+    drift = drift_of(diagram)
+    return not cut.integrates and bool(drift.shift) and not drift.driven and drift.lead not in cut.unread

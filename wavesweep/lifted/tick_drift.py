@@ -1,20 +1,19 @@
-"""The drift of a loop that is assembled tick by tick, found in two drawings of it, and frames without it."""
+"""The drift of a loop that is assembled tick by tick, and frames without it."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from wavesweep.diagram.assembly import POSITION, REACTION
-from wavesweep.diagram.drawn import Drawn, shifts
+from wavesweep.diagram.drawn import Drawn
+from wavesweep.diagram.rest import shifts
 from wavesweep.lifted.circle import solve
 from wavesweep.lifted.periodic import LOST, Ticks, frame_of, known_frames, ticks_of
 from wavesweep.lifted.product import product_with_errors
 from wavesweep.lifted.rounding import hidden_in, measured_frame, radius_hidden
 
-RANK = 1e-12  # of the largest singular value of a frame of tame numbers, up to which the smallest is 0
 SAME = 1e-12  # relative difference of two factors of a shift, up to which it does not depend on the numbers
 ALIKE = 64 * np.finfo(float).eps  # of the terms of a sum, what rounding may leave of it
-OPPOSED = 1e-9  # of the terms of a change along a shift, up to which it is rounding
 SOLVED = 1e-6  # of the terms of equations for a shift, up to which a remainder is rounding
 ROUNDED = 1e3  # roundings of the largest unknown, or right side, that may be left of any equation
 
@@ -24,23 +23,14 @@ class TickDrift:
     """The drift of a drawn loop, by structure.
 
     states: those of the frame. moved: pairs of a lead and the states that move with it by constant factors,
-    `(lead, ((state, factor), ...))`. folded: leads whose shift depends on the numbers of the loop. unread: states that nothing
-    reads once the leads are gone, in the order of their removal. ramp: a state that may rest anywhere, with the others, while
-    leads move at constant rates, as a position that an integrator reads does: a second eigenvalue 1; None if there is none.
-    plain: states that every frame overwrites, like a held output, or that only add up others. All are indices into `states`.
-    carried: the states that move with each of the folded leads.
-    vague: whether numbers smaller than rounding, or rounding itself, may stop a shift: then it may be no drift at all, and the
-    loop have another eigenvalue next to 1.
+    `(lead, ((state, factor), ...))`. folded: leads whose shift depends on the numbers of the loop. unread: states that keep
+    their value, but for what others add to it, and that nothing reads. All are indices into `states`.
     """
 
     states: tuple[str, ...]
     moved: tuple
     folded: tuple[int, ...]
     unread: tuple[int, ...]
-    ramp: int | None = None
-    plain: tuple[int, ...] = ()
-    carried: tuple[tuple[int, ...], ...] = ()
-    vague: bool = False
 
     @property
     def kept(self) -> list[int]:
@@ -49,51 +39,44 @@ class TickDrift:
         return [index for index in range(len(self.states)) if index not in gone]
 
 
-def drift_of_drawn(tame: Drawn, other: Drawn, watched=()) -> TickDrift:
-    """Find the drift from two drawings of the loop with different tame numbers; see `shifts`.
+def drift_of_drawn(one: Drawn, other: Drawn, watched=()) -> TickDrift:
+    """Find the drift from two drawings of a loop, with different values of all numbers that vary; see `shifts`.
 
     watched: the outputs with which `ticks_of` will be called, since these determine which outputs are states that hold.
 
-    A shift that is the same in both is constant. If it differs, it is eliminated numerically (see `without_drift`).
+    A shift that is the same in both is constant. If it differs, it is eliminated numerically (see `without_drift`). Where
+    numbers are not exact there is none, and what drifts is left as an eigenvalue next to 1.
     """
-    ticks = ticks_of(tame, watched, alone=True)
-    at, found = {name: i for i, name in enumerate(ticks.states)}, [_shifts(each, watched) for each in (tame, other)]
-    (first, _), (second, _) = found
-    moved, folded, carried = [], [], []
-    if len(first) != len(second):  # what one of them has alone is an accident of its numbers, as rounding leaves 0 or nearly 0
-        first, second = _in_both(first, second)
-    for one, two in zip(first, second, strict=True):
-        lead, *rest = one
-        if one.keys() == two.keys() and all(_alike(one[name], two[name]) for name in one):
-            moved.append((at[lead], tuple((at[name], one[name]) for name in rest if name in at)))
+    held, alive = one.held(watched), _alive(one, watched)
+    names = [
+        f"{each.block.name}.{name}"
+        for each in one.placed
+        for name in (*each.block.states, *(f"{port} held" for port in held[each.block.name]))
+    ]
+    at, moved, folded = {name: i for i, name in enumerate(names)}, [], []
+    try:
+        first = shifts(one, alive)
+        second = shifts(other, alive, [next(iter(shift)) for shift in first]) if first and other is not one else first
+    except (ArithmeticError, ValueError):
+        first = second = []
+    for shift, twin in zip(first, second, strict=True):
+        lead, *rest = shift
+        if shift.keys() == twin.keys() and all(_alike(shift[name], twin[name]) for name in shift):
+            moved.append((at[lead], tuple((at[name], shift[name]) for name in rest if name in at)))
         else:
             folded.append(at[lead])
-            carried.append(tuple(at[name] for name in (one | two) if name != lead and name in at))
-    drift = TickDrift(
-        ticks.states, tuple(moved), tuple(folded), (), carried=tuple(carried), vague=not all(exact for _, exact in found)
-    )
-    pair = ticks, ticks_of(other, watched, alone=True)
-    frames = tuple(frame_of(each) for each in pair)
-    drift = replace(drift, plain=_plain(pair, counted_from_leads(frames, drift)))
-    E, kept, unread = [without_drift(each, drift) for each in frames], drift.kept, []
-    living = _alive(tame, watched)
-    while True:
-        idle = [i for i in range(len(kept)) if not any(np.any(each[..., i]) for each in E)]
-        idle = [i for i in idle if ticks.states[kept[i]].partition(".")[0] not in living]
-        if not idle:
-            break
-        unread += [kept[i] for i in idle]
-        kept = [index for i, index in enumerate(kept) if i not in idle]
-        E = [without_drift(each, replace(drift, unread=tuple(unread))) for each in frames]
-    drift = replace(drift, unread=tuple(unread))
-    ramps = [_at_rest_anywhere(each) for each in E] if moved and not folded else [None]
-    return drift if None in ramps else replace(drift, ramp=kept[ramps[0]])
+    idle = [f"{each.block.name}.{state}" for each in one.placed if each.block.name not in alive for state in _idle(each.block)]
+    return TickDrift(tuple(names), tuple(moved), tuple(folded), tuple(at[name] for name in idle))
+
+
+def _alike(one, two):
+    return abs(one - two) <= SAME * max(abs(one), abs(two))
 
 
 def _alive(drawn, watched):
     """The blocks that something reads, a hand's port among others, or that a force from outside moves, and what acts on them.
 
-    The others only watch them.
+    The others only watch them, and nothing comes back, so that they may count what drifts, and change for ever.
     """
     ports = {each.block.name: [f"{each.block.name}.{port}" for port in each.block.inputs] for each in drawn.placed}
     sources = {name: set().union(*map(drawn.sources, of_block)) for name, of_block in ports.items()}
@@ -105,60 +88,13 @@ def _alive(drawn, watched):
     return found
 
 
-def opposed(ticks: Ticks, drift: TickDrift) -> np.ndarray:
-    """Return whether something in these ticks opposes a shift that nothing opposes in the drawings it was found in, `(...)`.
-
-    So it is if a gain is zero with their numbers and not with these, as the larger one of two may be. ticks: with the sizes of
-    their terms. A shift may move states that only watch it, as an integrator does that nothing reads, but not by way of others
-    a state of its own. Shifts that depend on the numbers of a loop are found in its ticks.
-    """
-    n, batch = len(drift.states), np.broadcast_shapes(*(each.E.shape[:-2] for each in ticks.maps))
-    shifts = np.zeros((n, len(drift.moved)))
-    for column, (lead, others) in enumerate(drift.moved):
-        shifts[[lead, *(state for state, _ in others)], column] = [1.0, *(factor for _, factor in others)]
-    if drift.folded:
-        shifts = np.concatenate([np.broadcast_to(shifts, (*batch, *shifts.shape)), _folded(ticks, drift, batch)], axis=-1)
-    seen = np.zeros((*batch, *shifts.shape[-2:]), bool)
-    for each in ticks.maps:
-        with np.errstate(all="ignore"):  # of ticks that overflow
-            seen |= ~(np.abs(each.E @ shifts) <= OPPOSED * (each.terms[0] @ np.abs(shifts)))
-    if not seen.any():
-        return np.zeros(batch, bool)
-    entries = np.zeros((*batch, n, n), bool)
-    for each in ticks.maps:
-        entries |= each.E != 0
-    reached = _reached(entries)
-    return (((reached.astype(float) @ seen) > 0) & (shifts != 0)).any((-1, -2))
-
-
-def _folded(ticks, drift, batch):
-    """The shifts that depend on the numbers of each loop, `(..., n, shifts)`, which none of its ticks changes.
-
-    They follow from the equations of the states that the shift has an effect on by way of others.
-    """
-    E, sizes = (
-        np.stack([np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in parts], axis=-3)
-        for parts in zip(*((each.E, each.terms[0]) for each in ticks.maps), strict=True)
-    )
-    reached = _reached((E != 0).any(tuple(range(E.ndim - 2))))
-    shifts = np.zeros((*batch, len(drift.states), len(drift.folded)))
-    for column, (lead, others) in enumerate(zip(drift.folded, drift.carried, strict=True)):
-        rows, columns = np.flatnonzero(reached[[lead, *others]].any(0)), [lead, *others]
-        A, size = (part[..., rows, :][..., columns].reshape(*batch, -1, len(columns)) for part in (E, sizes))
-        size = size.max(-1, keepdims=True)
-        A = np.where(np.isfinite(A) & (size > 0), A, 0.0) / np.where(size > 0, size, 1.0)  # a row of rounding says nothing
-        shifts[..., lead, column] = 1.0
-        shifts[..., list(others), column] = _least_squares(A[..., 1:], -A[..., :1])[..., 0]
-    return shifts
-
-
-def _reached(entries):
-    """Whether a state i depends on a state j, `(..., i, j)`, after any number of ticks; entries: where they have an entry."""
-    n = entries.shape[-1]
-    found = entries | np.eye(n, dtype=bool)
-    for _ in range(n.bit_length()):
-        found = (found.astype(float) @ found) > 0
-    return found
+def _idle(block):
+    """The states of a block that add up others, and that the block itself does not read."""
+    read = np.any(block.E != 0, axis=tuple(range(block.E.ndim - 2)))
+    kept = list(range(len(block.states)))
+    while idle := [i for i in kept if not any(read[j, i] for j in kept)]:
+        kept = [i for i in kept if i not in idle]
+    return [state for i, state in enumerate(block.states) if i not in kept]
 
 
 def counted_ticks(ticks: Ticks, drift: TickDrift) -> tuple[Ticks, tuple]:
@@ -229,7 +165,7 @@ def _copies(ticks):
     n, rows = len(ticks.states), [[] for _ in ticks.states]
     for each in ticks.maps:
         E, driven = each.E.reshape(-1, n, n), np.any(each.B, axis=(*range(each.B.ndim - 2), -1))
-        alike = (E == E[0]).all((0, 2)) & ~driven
+        alike = (E[0] == E).all((0, 2)) & ~driven
         for state in range(n):
             rows[state].append(E[0, state] if alike[state] else None)
     sources = {state: source for state in range(n) if (source := _copied(state, rows[state])) is not None}
@@ -251,13 +187,6 @@ def _copied(state, rows):
     return next((at for at, value in pairs[0].items() if at != state and value == 1.0), None)
 
 
-def _in_both(first, second):
-    """Return the shifts that have their lead in common."""
-    leads = [{next(iter(each)): each for each in some} for some in (first, second)]
-    common = [lead for lead in leads[0] if lead in leads[1]]
-    return [leads[0][lead] for lead in common], [leads[1][lead] for lead in common]
-
-
 def counted_from_leads(parts, drift, sign=-1) -> tuple[np.ndarray, ...]:
     """Return matrices whose rows are changes of states, those that leads move being counted from these; sign: 1 for sizes."""
     parts = tuple(part.copy() for part in parts)
@@ -266,46 +195,6 @@ def counted_from_leads(parts, drift, sign=-1) -> tuple[np.ndarray, ...]:
             for part in parts:
                 part[..., index, :] += sign * (factor if sign < 0 else np.abs(factor)) * part[..., lead, :]
     return parts
-
-
-def _plain(pair, frames):
-    """Return the indices of states whose own change is 0 in both frames, or -1, and in a tick of each as well.
-
-    In a frame alone -1 may also be a state that has died out.
-    """
-    own = np.stack([E.diagonal() for E in frames])
-    set_anew = [np.any([each.E.diagonal() == -1 for each in ticks.maps], axis=0) for ticks in pair]
-    return tuple(np.flatnonzero((own == 0).all(0) | ((own == -1).all(0) & np.all(set_anew, axis=0))).tolist())
-
-
-def _at_rest_anywhere(E):
-    """Return the index of a state that a frame less identity may leave anywhere, with the others; None if it has full rank."""
-    size = np.abs(E)
-    rows = E / np.maximum(size.max(-1, keepdims=True, initial=0.0), np.finfo(float).tiny)
-    scaled = rows / np.maximum(np.abs(rows).max(-2, keepdims=True, initial=0.0), np.finfo(float).tiny)
-    if not E.size or not np.isfinite(scaled).all():
-        return None
-    _, values, right = np.linalg.svd(scaled)
-    return int(np.argmax(np.abs(right[-1]))) if values[-1] <= RANK * values[0] else None
-
-
-def _shifts(drawn, watched):
-    """Return the shifts that nothing opposes and that something reads, and whether they are exact.
-
-    A part of the loop that only watches a drifting position need not be at rest, unless a hand moves it or feels it.
-    """
-    names, (whole, exact) = _alive(drawn, watched), shifts(drawn)
-    living = replace(drawn, placed=tuple(each for each in drawn.placed if each.block.name in names))
-    if len(living.placed) == len(drawn.placed):
-        return whole, exact or not whole
-    known = {each.block.name for each in living.placed}
-    alone = [shift for shift in whole if not any(name.partition(".")[0] in known for name in shift)]
-    own, own_exact = shifts(living) if living.placed else ([], True)
-    return own + alone, (own_exact or not own) and (exact or not alone)
-
-
-def _alike(one, two):
-    return abs(one - two) <= SAME * max(abs(one), abs(two))
 
 
 def without_drift(E: np.ndarray, drift: TickDrift, sizes=None) -> np.ndarray:
@@ -318,13 +207,11 @@ def without_drift(E: np.ndarray, drift: TickDrift, sizes=None) -> np.ndarray:
     then follow `E_RR - V E_SR`, which has no eigenvalue 0. All rows are kept and weighted alike, since which of them follows
     from the others depends on the combination that the loop conserves, and a lead need not be a part of it.
     """
-    leads, unread = [lead for lead, _ in drift.moved], () if drift.folded else drift.unread
-    index = [i for i in range(len(drift.states)) if i not in leads and i not in unread]
     parts = [(E, -1)] if sizes is None else [(E, -1), (sizes, 1)]
+    index = [i for i in range(len(drift.states)) if i in drift.folded or i in drift.kept]
     if len(index) < E.shape[-1]:
-        at = np.array(index, int)[:, None], index
-        parts = [(counted_from_leads((part,), drift, sign)[0], sign) for part, sign in parts]
-        parts = [(_unless_read(part, unread, index)[..., *at], sign) for part, sign in parts]
+        at = np.ix_(index, index)
+        parts = [(counted_from_leads((part,), drift, sign)[0][..., *at], sign) for part, sign in parts]
     (E, _), (found, sign) = parts[0], parts[-1]
     if not drift.folded:
         return found
@@ -332,18 +219,7 @@ def without_drift(E: np.ndarray, drift: TickDrift, sizes=None) -> np.ndarray:
     rest = np.array([i for i in range(len(index)) if i not in folded], int)
     V = consistent_solution(E[..., rest], -E[..., folded])
     with np.errstate(over="ignore", invalid="ignore"):  # a frame that overflows is for the caller to see
-        found = found[..., rest[:, None], rest] + (-V if sign < 0 else np.abs(V)) @ found[..., folded[:, None], rest]
-    kept = [i for i, at in enumerate(rest.tolist()) if index[at] not in drift.unread]
-    found = _unless_read(found, [i for i in range(rest.size) if i not in kept], kept)
-    return found[..., kept, :][..., kept]
-
-
-def _unless_read(E, unread, kept):
-    """Return frames, and NaN for those in which states that are kept read some that nothing reads in the drawing."""
-    if not unread:
-        return E
-    read = np.any(E[..., kept, :][..., list(unread)] != 0, axis=(-1, -2))
-    return np.where(read[..., None, None], np.nan, E) if read.any() else E
+        return found[..., rest[:, None], rest] + (-V if sign < 0 else np.abs(V)) @ found[..., folded[:, None], rest]
 
 
 def consistent_solution(A, b) -> np.ndarray:
@@ -379,18 +255,17 @@ def closed_frame(drawn: Drawn, drift: TickDrift) -> np.ndarray:
 
 
 def telling_frame(drawn: Drawn, drift: TickDrift) -> tuple[np.ndarray, np.ndarray]:
-    """Return `closed_frame`, and whether its spectral radius is hidden, `(...)`: by terms that cancel (see `radius_hidden`), by
-    ticks that grow and leave no digits of their product, or by a drift that is vague."""
+    """Return `closed_frame`, and whether its spectral radius is hidden, `(...)`: by terms that cancel (see `radius_hidden`), or
+    by ticks that grow and leave no digits of their product."""
     ticks = ticks_of(drawn, alone=True, terms=True)
     E, growth, cancellation = measured_frame(ticks.kind, [each.E for each in ticks.maps], beyond=LOST)
     E = filled(without_drift(E, drift))
     lost = (growth > LOST) & np.isfinite(E).all((-1, -2))
-    parts = hidden_in(ticks) | (cancellation > LOST), drift.vague | opposed(ticks, drift) | lost
-    hidden, vague = (np.broadcast_to(part, E.shape[:-2]) for part in parts)
+    hidden, lost = (np.broadcast_to(part, E.shape[:-2]) for part in (hidden_in(ticks) | (cancellation > LOST), lost))
     E = known_frames(E, growth)
-    if vague.all() or not hidden.any():
-        return E, vague
-    return E, vague | hidden & radius_hidden(*errors_of_closed(ticks, drift))
+    if lost.all() or not hidden.any():
+        return E, lost
+    return E, lost | hidden & radius_hidden(*errors_of_closed(ticks, drift))
 
 
 def closed(ticks: Ticks, drift: TickDrift) -> np.ndarray:

@@ -66,9 +66,14 @@ class Slow:
     def in_place(self, name: str, signal: str) -> tuple[dict[str, dict], dict[str, str], str]:
         """Return the blocks and wires that put a slow signal in place when its delay is over, and the signal that shows it."""
         blocks, wires = {}, {}
-        for part, phases in (("kept", self.kept), ("shown", self.shown)):
+        ways = (("kept", "hold", self.kept), ("shown", "hold", self.shown))
+        if (
+            self.kept and self.kept == self.shown
+        ):  # of one tick and one tick late: a result is shown as the next one is computed
+            ways = (("shown", "delay", self.shown),)
+        for part, kind, phases in ways:
             if phases:
-                blocks[f"{name}_{part}"] = {"type": "hold", "every": self.every, "phases": phases}
+                blocks[f"{name}_{part}"] = {"type": kind, "every": self.every, "phases": phases}
                 wires[f"{name}_{part}.u"] = signal
                 signal = f"{name}_{part}.y"
         return blocks, wires, signal

@@ -24,16 +24,16 @@ def pmw_lm(values: Mapping[str, Any]) -> Page:
         },
         "lp2": _filter("lp2"),
     }
-    wires, v_2 = {"hp.u": "end.out", "local.in": "hp.y", "lp2.u": "local.out"}, "lp2.y"
+    wires, v_2 = {"hp.u": "encoder.out", "local.in": "hp.y", "lp2.u": "local.out"}, "lp2.y"
     if values["local_model.delay"]:
-        blocks, wires, v_2 = blocks | {"late": {"type": "delay"}}, wires | {"late.u": v_2}, "late.y"
+        blocks, wires, v_2 = blocks | {"v_2": {"type": "delay"}}, wires | {"v_2.u": v_2}, "v_2.y"
     return _waves(values, blocks, wires, v_2)
 
 
 def _waves(values, branch, of_branch, v_2):
     """The loop of Figure 1 with a further branch, whose wave is `v_2`."""
     slow, (blocks, wires, velocity) = Slow.of(values), device(values)
-    blocks["end"] = {"type": "wave", "b": "controller.b"}  # of the wave line, at the device
+    blocks["encoder"] = {"type": "wave", "b": "controller.b"}
     blocks["lp1"] = _filter("lp1")
     blocks["avatar"] = slow.block(type="avatar", b="controller.b", integration=values["environment.integration"])
     held, through, v_1 = slow.in_place("v_1", "avatar.out")
@@ -42,14 +42,14 @@ def _waves(values, branch, of_branch, v_2):
         more, further, x_s = slow.in_place("x_s", "avatar.x")
         held, through, v_m = held | more, through | further, f"{v_m} + controller.Kp*({x_s} - device.x)"
     wires |= {
-        "end.v": velocity,
-        "end.in": v_m,
-        "lp1.u": "end.out",
+        "encoder.v": velocity,
+        "encoder.in": v_m,
+        "lp1.u": "encoder.out",
         "avatar.in": "lp1.y",
         "avatar.f": F_S.format(x="avatar.x_spring", v="avatar.v"),
-        "device.f": "f_h - end.force",
+        "device.f": "f_h - encoder.force",
     }
-    return Page(blocks | branch | held, wires | of_branch | through, "end.force")
+    return Page(blocks | branch | held, wires | of_branch | through, "encoder.force")
 
 
 def _filter(name, passes="low"):

@@ -5,9 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-from wavesweep.diagram import draw
-from wavesweep.diagram.uneven import steps_of
-from wavesweep.diagram.wiring import Part, Terms, Wiring, wiring_of_diagram, wiring_of_drawing
+from wavesweep.diagram.wiring import Part, Terms, Wiring, wiring_of_drawing
+from wavesweep.loops.controllers import loop_drawing
 from wavesweep.plots.layers import Box, lay_out
 from wavesweep.plots.routes import ROW, Routes, dots, route
 from wavesweep.plots.style import as_it_stands, distinct_colour, family_colours, figure
@@ -18,7 +17,7 @@ NARROWEST = 4.5
 CHANNEL = 0.5  # inch, a usual space between two columns
 MARGIN = 0.12
 TITLE, NAME, SMALL = 9.0, 8.0, 7.0  # points
-PILL, ARROW = 0.15, 0.14  # inch: of a sum, and of the wire from it to its block
+PILL, ARROW = 0.15, 0.14  # inch: of a sum before a port, and of the wire from it
 LONGEST = 34  # characters of a gain
 PLAIN_PORTS = ("", "u", "y")
 NO_RATE = "0.35"
@@ -26,13 +25,12 @@ NO_RATE = "0.35"
 
 def diagram(spec: Spec) -> Any:
     """Draw the loop of a spec, a controller's or a drawn one; gives a matplotlib `Figure`."""
-    drawing = spec.drawing
-    loop = wiring_of_drawing(drawing, spec.values) if drawing else wiring_of_diagram(draw(spec.values))
-    ticks = steps_of(spec.values["rates.ratio"])[0] if spec.uneven else loop.ticks
-    frame = f"{ticks} tick{'' if ticks == 1 else 's'}"
-    title = f"{spec.name}, {spec.kind}: frame of {frame}, {1e3 * ticks * loop.tick_s:.6g} ms"
-    wall = zip(("stiffness", "damping"), drawing.wall or (), strict=False) if drawing else ()
-    named = " and ".join(f"{part} {name}" for part, name in wall)
+    drawing = spec.drawing or loop_drawing(spec.values)
+    loop = wiring_of_drawing(drawing, spec.values)
+    frame = f"{loop.ticks} tick{'' if loop.ticks == 1 else 's'}"
+    title = f"{spec.name}, {spec.kind}: frame of {frame}, {1e3 * loop.ticks * loop.tick_s:.6g} ms"
+    wall = zip(("stiffness", "damping"), drawing.wall or (), strict=False)
+    named = " and ".join(f"{part} {name.rpartition('.')[2]}" for part, name in wall)
     return wiring(loop, as_it_stands(f"{title}; wall of {named}" if named else title))
 
 
@@ -73,7 +71,7 @@ def placed(loop: Wiring) -> tuple[list[Box], Routes]:
 
 
 def _colours(loop):
-    """Colour of each rate; ports and sums are grey."""
+    """Colour of each rate; ports are grey."""
     rates = sorted({part.every for part in loop.parts} - {0})
     many = family_colours(len(rates)) if len(rates) > 5 else [distinct_colour(n) for n in range(len(rates))]
     return {0: NO_RATE} | dict(zip(rates, many, strict=True))
@@ -93,7 +91,7 @@ def _texts(part: Part) -> list[tuple[str, float, str]]:
     """The lines of a part: text, size in points and weight."""
     name = part.name
     if part.kind != "block":
-        return [(name, NAME, "bold") if part.kind == "sum" else (name, SMALL, "normal")]
+        return [(name, SMALL, "normal")]
     return [(name, NAME, "bold"), (part.type, SMALL, "normal"), (_when(part.every, part.phase), SMALL, "normal")]
 
 
@@ -103,14 +101,6 @@ def _box(part: Part) -> Box:
         inputs += [(rows + n, signal, _label_width(terms, gain)) for n, (signal, gain) in enumerate(terms)]
         rows += max(1, len(terms))
     texts = _texts(part)
-    if part.kind == "sum":
-        names = 1
-        return Box(
-            max(PILL, _width(*texts[0])),
-            rows + names,
-            tuple((row + names, net, label) for row, net, label in inputs),
-            ((names + (rows - 1) // 2, part.outputs[0][1]),) if part.outputs else (),
-        )
     height = max(rows, len(part.outputs), 3 if part.kind == "block" else 1)
     shift, below = (height - rows) // 2, (height - len(part.outputs)) // 2
     wide = _sum_width(part) + sum(_port_widths(part)) + max(_width(*text) for text in texts) + 0.16
@@ -124,7 +114,7 @@ def _box(part: Part) -> Box:
 
 def _sum_width(part: Part) -> float:
     """Width of the sums before a block."""
-    return PILL + ARROW if part.kind != "sum" and any(len(terms) > 1 for _, terms in part.inputs) else 0.0
+    return PILL + ARROW if any(len(terms) > 1 for _, terms in part.inputs) else 0.0
 
 
 def _port_widths(part: Part) -> tuple[float, float]:
@@ -177,11 +167,6 @@ def _draw(axes, part, box, routes, number, wires, colour):
             row, _, _ = next(rows)
             ys.append(_end(axes, routes.ends[number, row], left if len(terms) == 1 else x, wires[signal], _gain(terms, gain)))
         levels.append(ys)
-    if part.kind == "sum":
-        _pill(axes, x, levels[0], colour)
-        axes.text(x, y + ROW / 2, as_it_stands(part.name), fontsize=NAME, weight="bold", va="center", zorder=5)
-        axes.plot([x + PILL, x + box.width], [y + ROW * (box.outputs[0][0] + 0.5)] * 2, color=colour, linewidth=1.0, zorder=1)
-        return
     inset, tint = (0.03, 0.82) if part.kind == "block" else (0.0, 0.95)
     axes.add_patch(_rectangle(left, y + inset, width, ROW * box.rows - 2 * inset, colour, tint))
     ports_in, ports_out = _port_widths(part)

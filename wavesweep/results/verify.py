@@ -170,7 +170,7 @@ def _intervals(spec: Spec, kind: str, facts: Mapping[str, Any]) -> _Again:
         box = {name: tuple(ends) for name, ends in facts.get("hand_box", {}).items()}
         hands = hands_of(known["hand"], box, known["port"])
     run = (spec, "K_VE" if kind == "zwidth" else None, hands)
-    return _Again(spec.sha256, None, combinations(*run), lambda picked: rows_again(*run, picked))
+    return _Again(spec.sha256, None, combinations(*run), lambda picked: rows_again(*run, picked, prove="proved" in facts))
 
 
 def _named(spec: Spec, name: str) -> Spec:

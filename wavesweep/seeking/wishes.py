@@ -268,7 +268,7 @@ def _slowest(spec, points):
     for members, values in _batches(spec, points):
         if spec.drawing:
             drawn = assembled(spec.drawing, values)
-            E, hidden = telling_frames(spec.drawing, values, spec.values)
+            E, hidden = telling_frames(spec.drawing, values)
             period = np.real(drawn.period * drawn.ticks)
         else:
             cut = cut_at_wall(draw(values))

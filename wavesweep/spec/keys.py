@@ -220,11 +220,6 @@ TURNED = MappingProxyType(
     }
 )
 
-# What a haptic device or its real-time system adds to the linear loop; a drawn loop has neither.
-DEVICE_EFFECTS = tuple(
-    f"simulate.{name}" for name in ("wall", "resolution", "max_force", "friction", "jitter", "late", "dropped")
-)
-
 # What a study of the loop reads besides the loop itself; these are no axes.
 STUDY_KEYS = MappingProxyType(
     {

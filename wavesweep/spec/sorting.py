@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from wavesweep.errors import Mistake
 from wavesweep.spec.checking import nearest, show
-from wavesweep.spec.keys import BUILT_IN, DEVICE_EFFECTS, KEYS, SIMULATE_KEYS, Key, Names
+from wavesweep.spec.keys import BUILT_IN, KEYS, SIMULATE_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
 
 STUDIES = ("sweep", "bode")
@@ -15,7 +15,6 @@ SPAN_PARTS = ("start", "stop", "num", "scale")
 DEEPEST = 8  # a table this deep belongs to no key, whatever is in it
 TABLES = tuple(dict.fromkeys(path.rsplit(".", n)[0] for path in KEYS for n in (2, 1) if path.count(".") >= n))
 TOP_TABLES = (*dict.fromkeys(path.split(".")[0] for path in KEYS), *STUDIES, "simulate", "design")
-OF_DRAWN_LOOPS = {path: key for path, key in SIMULATE_KEYS.items() if path not in DEVICE_EFFECTS}  # of [simulate]
 FREQUENCIES = "simulate.frequency_hz"  # the one key of [simulate] that may have parts, as an axis has
 
 Path = tuple[str, ...]
@@ -77,28 +76,28 @@ def sort_leaves(leaves: dict[Path, Leaf], names: Names = BUILT_IN) -> Sorted:
         elif path[:2] == ("simulate", "frequency_hz"):
             _sort_part(FREQUENCIES, path[2:], leaf, result.frequencies, result)
         elif names is BUILT_IN or path[0] == "simulate":
-            _sort_key(path, leaf, result, SIMULATE_KEYS if names is BUILT_IN else OF_DRAWN_LOOPS)
+            _sort_key(path, leaf, result)
     return result
 
 
-def _sort_key(path: Path, leaf: Leaf, result: Sorted, simulated: Mapping[str, Key]) -> None:
-    """Put a leaf under its key; simulated: the keys that [simulate] has."""
+def _sort_key(path: Path, leaf: Leaf, result: Sorted) -> None:
+    """Put a leaf under its key."""
     for length in range(1, len(path) + 1):
         name, here = _join(path[:length]), leaf
         if length < len(path):
             here = Leaf({}, leaf.place.under(path[:length]))
-        if name in KEYS or name in simulated:
+        if name in KEYS or name in SIMULATE_KEYS:
             (result.loop if name in KEYS else result.simulate)[name] = here
             return
         if name not in TABLES and name != "simulate":
-            _refuse_unknown(path[:length], here, result, simulated)
+            _refuse_unknown(path[:length], here, result)
             return
     if leaf.value != {}:
         result.refuse(leaf, _join(path), "a table", show(leaf.value))
 
 
-def _refuse_unknown(path: Path, leaf: Leaf, result: Sorted, simulated: Mapping[str, Key]) -> None:
-    parent, keys = _join(path[:-1]), (*KEYS, *simulated)
+def _refuse_unknown(path: Path, leaf: Leaf, result: Sorted) -> None:
+    parent, keys = _join(path[:-1]), (*KEYS, *SIMULATE_KEYS)
     known = TOP_TABLES
     if parent:
         start = parent + "."
@@ -108,8 +107,6 @@ def _refuse_unknown(path: Path, leaf: Leaf, result: Sorted, simulated: Mapping[s
     suggestion = nearest(path[-1], known)
     suggestion = f"{parent}.{suggestion}" if parent and suggestion else suggestion or nearest(path[-1], keys)
     found = "an unknown table" if isinstance(leaf.value, dict) else "an unknown key"
-    if _join(path) in DEVICE_EFFECTS:
-        found, suggestion = "one that needs a haptic device, which a drawn loop does not have", ""
     result.refuse(leaf, _join(path), expected, found, suggestion)
 
 

@@ -11,7 +11,7 @@ from wavesweep.spec.axes import Axis
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.design import Design
 from wavesweep.spec.drawing import RATE, Drawing, path_of, resolve_drawn, written
-from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, DEVICE_EFFECTS, KEYS, SIMULATE_KEYS, SYMBOLS, TURNED, Names
+from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, KEYS, SYMBOLS, TURNED, Names
 from wavesweep.spec.reading import Leaf, Place, plain
 from wavesweep.spec.resolving import Given, resolve
 from wavesweep.spec.studies import Experiment, Studies, axis_fault
@@ -155,7 +155,7 @@ class Spec:
         return self._experiment().unread()
 
     def _experiment(self) -> Experiment:
-        device = None if self.uneven else self._given.device()  # whose effects are left out then
+        device = self._given.device()
         return self._studies.experiment.on(device) if device else self._studies.experiment
 
     @property
@@ -166,24 +166,13 @@ class Spec:
     def as_simulated(self) -> Spec:
         """Return the spec of `simulate`, whose digest covers [simulate] too.
 
-        Errors: SpecError if the experiment does not fit the fast rate, or if a drawn loop has no hand; UsageError if the rates
-        do not divide and [simulate] gives effects beyond the linear loop. Those of a preset are left out then.
+        Errors: SpecError if the experiment does not fit the fast rate, or if a drawn loop has no hand.
         """
-        if self.uneven:
-            self._refuse_effects()
         rate = RATE if self.drawing else "rates.fast_hz"
         mistakes = [*self._studies.experiment.beyond_limits(self.tick_hz, rate), *self.without_hand()]
         if mistakes:
             raise SpecError(mistakes)
         return replace(self, for_simulation=True)
-
-    def _refuse_effects(self) -> None:
-        asked = [path for path in DEVICE_EFFECTS if self.simulate.get(path.split(".")[1]) != SIMULATE_KEYS[path].default]
-        if asked:
-            raise UsageError(
-                f"{self.name}: at rates that do not divide the linear loop alone is simulated, found {', '.join(asked)}; leave "
-                "these out, or divide rates.fast_hz by a whole number"
-            )
 
     @property
     def design(self) -> Design | None:

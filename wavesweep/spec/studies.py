@@ -14,7 +14,7 @@ from wavesweep.spec.devices import HapticDevice
 from wavesweep.spec.keys import BAND_EDGES, BUILT_IN, INPUTS, SIMULATE_KEYS, STUDY_KEYS, Names
 from wavesweep.spec.reading import Leaf, Place
 from wavesweep.spec.resolving import LIMITS, Given, check_each, exceeds_limit
-from wavesweep.spec.sorting import FREQUENCIES, OF_DRAWN_LOOPS, Sorted
+from wavesweep.spec.sorting import FREQUENCIES, Sorted
 
 DEFAULT_FREQUENCIES = Axis("frequency_hz", "bode.frequency_hz", logarithmic(0.1, 50.0, 400), 0.1, 50.0, False, "log")
 MOST_TICKS = 1_000_000  # about 1 GB of rows while the loop is marched
@@ -109,15 +109,11 @@ def step_seconds(frequency_hz: float, settle_s: float, periods: int) -> float:
     return settle_s + max(periods, math.ceil(frequency_hz)) / frequency_hz
 
 
-def build_experiment(leaves: Sorted, drawn: bool = False) -> tuple[Experiment, list[Mistake]]:
-    """Return the experiment and its mistakes; limits that the fast rate sets are checked by `beyond_limits`.
-
-    drawn: whether it is one of a drawn loop, which has fewer keys.
-    """
+def build_experiment(leaves: Sorted) -> tuple[Experiment, list[Mistake]]:
+    """Return the experiment and its mistakes; limits that the fast rate sets are checked by `beyond_limits`."""
     found, mistakes = check_each(SIMULATE_KEYS, leaves.simulate)
     checked = {path.split(".")[1]: value for path, value in found.items()}
-    keys = OF_DRAWN_LOOPS if drawn else SIMULATE_KEYS
-    defaults = {path.split(".")[1]: key.default for path, key in keys.items()}
+    defaults = {path.split(".")[1]: key.default for path, key in SIMULATE_KEYS.items()}
     values = defaults | checked
     alone = leaves.frequencies.get("")
     none_needed = values["input"] not in INPUT_FREQUENCIES and alone and alone.value == []  # as `Experiment.written` has it
@@ -194,7 +190,7 @@ def build_studies(leaves: Sorted, given: Given, names: Names = BUILT_IN) -> tupl
     mistakes += [need_values("bode", axis) for axis in axes["bode"] if not axis.values]
     frequencies = [axis for axis in axes["bode"] if axis.path == DEFAULT_FREQUENCIES.path]
     bode = tuple(axis for axis in axes["bode"] if axis not in frequencies)
-    experiment, wrong = build_experiment(leaves, names is not BUILT_IN)
+    experiment, wrong = build_experiment(leaves)
     design, wrong_design = build_design(leaves.design, names)
     for section, of_design in (("vary", design.vary), ("for_all", design.for_all)) if design else ():
         wrong_design += _at_odds_with_filters(f"design.{section}", of_design, given)

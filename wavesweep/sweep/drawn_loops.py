@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from wavesweep.diagram.assembly import (
     assembled,
     direct_loops,
     refuse_unsuitable,
-    tame_pair,
+    twins,
 )
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
@@ -60,30 +60,19 @@ def _unsolvable(drawing, items):
     drawn = assembled(drawing, values)
     try:
         with named_loops(drawn):
-            closed_frame(drawn, drift_of(drawing, values, values))
+            closed_frame(drawn, drift_of(drawing, values))
     except IllPosedLoopError:
         return direct_loops(drawn)
     return None
 
 
-def drift_of(
-    drawing: Drawing,
-    values: Mapping[str, object],
-    own: Mapping[str, float],
-    out: str = "",
-    watched=(),
-    beside: str = "",
-    *,
-    actual: bool = False,
-) -> TickDrift:
-    """The drift of loops of one structure; see `tame_pair` and `drift_of_drawn`."""
-    return _drift(*tame_pair(drawing, values, own, out, beside, actual=actual), tuple(watched))
+def drift_of(drawing: Drawing | Uneven, values: Mapping[str, object], out: str = "", watched=(), beside: str = "") -> TickDrift:
+    """The drift of loops of a batch, whose numbers that vary are arrays; see `twins` and `drift_of_drawn`."""
+    with np.errstate(all="ignore"):
+        return _drift(*twins(drawing, values, out, beside), tuple(watched))
 
 
-@lru_cache(maxsize=256)  # twins of the same structure are the same objects
-def _drift(one, other, watched):
-    with named_loops(one):
-        return drift_of_drawn(one, other, watched)
+_drift = lru_cache(maxsize=256)(drift_of_drawn)  # twins of the same numbers are the same objects
 
 
 def frames(drawing: Drawing | Uneven, values: Mapping[str, object], drift: TickDrift) -> np.ndarray:
@@ -93,25 +82,18 @@ def frames(drawing: Drawing | Uneven, values: Mapping[str, object], drift: TickD
         return closed_frame(drawn, drift)
 
 
-def telling_frames(drawing: Drawing | Uneven, values: Mapping[str, object], own: Mapping[str, float]):
-    """`frames`, and whether their spectral radius is hidden: the arguments of `radius_of`; see `telling_frame`.
-
-    The drift of a loop alone is that of its own numbers if that of its twins (see `drift_of`) leaves the radius hidden, since a
-    gain may be zero with their numbers alone.
-    """
+def telling_frames(drawing: Drawing | Uneven, values: Mapping[str, object]):
+    """`frames`, and whether their spectral radius is hidden: the arguments of `radius_of`; see `telling_frame`."""
     drawn = assembled(drawing, values)
     with named_loops(drawn), np.errstate(all="ignore"):
-        E, hidden = telling_frame(drawn, drift_of(drawing, values, own))
-        if hidden.all() and not any(np.ndim(value) for value in values.values()):
-            return telling_frame(drawn, drift_of(drawing, values, own, actual=True))
-        return E, hidden
+        return telling_frame(drawn, drift_of(drawing, values))
 
 
-def radii_of(drawing: Drawing | Uneven, values: Mapping[str, object], own: Mapping[str, float], size: int) -> np.ndarray:
+def radii_of(drawing: Drawing | Uneven, values: Mapping[str, object], size: int) -> np.ndarray:
     """Spectral radius per frame of each of `size` loops, `(size,)`, without drift, as `radius_of` returns it."""
-    found = np.array(np.broadcast_to(radius_of(*telling_frames(drawing, values, own)), (size,)))
+    found = np.array(np.broadcast_to(radius_of(*telling_frames(drawing, values)), (size,)))
     for at in np.flatnonzero(np.isnan(found)).tolist() if size > 1 else ():
-        found[at] = radius_of(*telling_frames(drawing, _loop(values, at), own)).item()
+        found[at] = radius_of(*telling_frames(drawing, _loop(values, at))).item()
     return found
 
 
@@ -130,7 +112,7 @@ def radii(grid) -> np.ndarray:
         drawing, ratio = drawing_for(spec, values), values.get("rates.ratio", 1)
         if spec.drawing:
             refuse_unsuitable(drawing, values)
-        radius = radii_of(drawing, read_by(drawing, values), read_by(drawing, spec.values), members.size)
+        radius = radii_of(drawing, read_by(drawing, values), members.size)
         ticks = 1 if "rates.ratio" in drawing.reads or isinstance(ratio, float) else ratio
         with np.errstate(over="ignore"):
             found[members] = radius**ticks
@@ -157,11 +139,11 @@ def feels(drawing: Drawing | Uneven) -> bool:
     return isinstance(drawing, Uneven) or bool(drawing.hand and drawing.wall)
 
 
-def felt_of(drawing: Drawing | Uneven, values: Mapping[str, object], own: Mapping[str, object], size: int) -> np.ndarray:
+def felt_of(drawing: Drawing | Uneven, values: Mapping[str, object], size: int) -> np.ndarray:
     """The stiffness (N/m) that the hand feels at rest in each of `size` loops, `(size,)`; NaN where it is not known."""
     ports, found = hand_of(drawing), np.full(size, np.nan)
     try:
-        drawn, drift = assembled(drawing, values), watched_drift(drawing, values, own)
+        drawn, drift = assembled(drawing, values), watched_drift(drawing, values)
         if not (drift.moved or drift.folded):
             with suppress(IllPosedLoopError):  # of direct terms through blocks that need not run together
                 found = resting(drawn, ports).stiffness(np.arange(size), np.zeros(size))
@@ -171,7 +153,7 @@ def felt_of(drawing: Drawing | Uneven, values: Mapping[str, object], own: Mappin
             first, of = distinct_rows(selected(rates, unknown), unknown.size)
             for number, at in enumerate(unknown[first].tolist()):
                 some, one = unknown[of == number], {path: rate[at].item() for path, rate in rates.items()}
-                found[some] = felt_of(drawing, selected(values, some) | one, {**own, **one}, some.size)
+                found[some] = felt_of(drawing, selected(values, some) | one, some.size)
         elif unknown.size:
             some = drawn if unknown.size == size else assembled(drawing, selected(values, unknown))
             with named_loops(drawn):
@@ -182,15 +164,14 @@ def felt_of(drawing: Drawing | Uneven, values: Mapping[str, object], own: Mappin
     except IllPosedLoopError:
         if size > 1:
             values = {path: np.broadcast_to(v, (size,)) if np.ndim(v) else v for path, v in values.items()}
-            return np.concatenate([felt_of(drawing, selected(values, [at]), own, 1) for at in range(size)])
+            return np.concatenate([felt_of(drawing, selected(values, [at]), 1) for at in range(size)])
     return found
 
 
-def watched_drift(drawing: Drawing | Uneven, values: Mapping[str, object], own: Mapping[str, object]) -> TickDrift:
+def watched_drift(drawing: Drawing | Uneven, values: Mapping[str, object]) -> TickDrift:
     """The drift as the hand's port sees it."""
-    ports, kept = hand_of(drawing), _rating(drawing)
-    shape = {path: max(np.ravel(v), key=abs) if np.ndim(v) and path not in kept else v for path, v in values.items()}
-    return drift_of(drawing, shape, own, watched=(ports.position, *((ports.reaction,) if ports.reaction else ())))
+    ports = hand_of(drawing)
+    return drift_of(drawing, values, watched=(ports.position, *((ports.reaction,) if ports.reaction else ())))
 
 
 def _rating(drawing):
@@ -198,24 +179,21 @@ def _rating(drawing):
     return [] if isinstance(drawing, Uneven) else [path_of(name) for name in drawing.rating]
 
 
-def ports_of_groups(drawing: Drawing | Uneven, parts: Groups, own: Mapping[str, object]) -> Iterator[tuple[int, Port]]:
+def ports_of_groups(drawing: Drawing | Uneven, parts: Groups) -> Iterator[tuple[int, Port]]:
     """Yield the number and the port of every loop of the groups, one at a time."""
-    ports = hand_of(drawing)
-    watched = (ports.position, *((ports.reaction,) if ports.reaction else ()))
     for members, values in parts:
         refuse_unsuitable(drawing, values)
-        drift = drift_of(drawing, values, own, watched=watched)
+        drift = watched_drift(drawing, values)
         for at, number in enumerate(members.tolist()):
-            one = _loop(values, at)
-            drawn, actual = assembled(drawing, one), partial(drift_of, drawing, one, own, watched=watched, actual=True)
+            drawn = assembled(drawing, _loop(values, at))
             with named_loops(drawn):
-                yield number, port_of(drawn, ports, drift, actual)
+                yield number, port_of(drawn, hand_of(drawing), drift)
 
 
 def ports_of_loop(spec, drawing: Drawing | Uneven) -> Port:
     """The port of the spec's own loop. Errors: SpecError if its position is none that a plant has in every tick."""
     try:
-        return next(ports_of_groups(drawing, ((np.zeros(1, int), dict(spec.values)),), spec.values))[1]
+        return next(ports_of_groups(drawing, ((np.zeros(1, int), dict(spec.values)),)))[1]
     except NoPositionError:
         found = spec.tables()["ports"]["hand"]["displacement"]
         raise SpecError([spec.mistake(POSITION, OF_PLANT, show(found))]) from None

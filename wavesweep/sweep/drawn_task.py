@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import partial
 from math import prod
 
 import numpy as np
@@ -26,7 +26,6 @@ from wavesweep.diagram.assembly import (
     refuse_unsuitable,
     scalar_place,
     seen_by_hand,
-    tame_pair,
 )
 from wavesweep.diagram.domain import bends_at_zero, domains, guards_at
 from wavesweep.errors import IllPosedLoopError
@@ -38,8 +37,9 @@ from wavesweep.spec.drawing import Drawing, name_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.sweep.apart import apart, common
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
-from wavesweep.sweep.grid import distinct, selected
+from wavesweep.sweep.grid import distinct, distinct_rows, selected
 from wavesweep.sweep.open_loops import Opened, varied_beside
+from wavesweep.sweep.proving import with_proofs, with_tries
 from wavesweep.sweep.tasks import FELT, felt_at_ends, records_of
 
 TINY = 1e-300  # in place of a zero, which would take a state out of the loop
@@ -51,18 +51,18 @@ STILL, NEXT = 100.0, 1e-12  # of its change, how far an eigenvalue has to be fro
 class DrawnTask:
     """Stable intervals of drawn loops along the number `along` within span = (low, high).
 
-    groups: (members, values) pairs, see `groups`; the members of all of them number the loops. own: the spec's values. If the
-    number is one scalar gain of a frame, it is cut out; otherwise its intervals are found by panels. felt: give the stiffness
-    that a hand feels at the ends too. checked: whether the numbers are known to make loops.
+    groups: (members, values) pairs, see `groups`; the members of all of them number the loops. If the number is one scalar gain
+    of a frame, it is cut out; otherwise its intervals are found by panels. felt: give the stiffness that a hand feels at the
+    ends too. checked: whether the numbers are known to make loops. prove: compute columns in doubt again in ball arithmetic.
     """
 
     drawing: Drawing
     along: str
     span: tuple[float, float]
     groups: Groups
-    own: Mapping[str, float]
     felt: bool = True
     checked: bool = False
+    prove: bool = False
 
     def records(self) -> np.ndarray:
         """The intervals as records, with the stiffness that a hand feels."""
@@ -75,7 +75,7 @@ class DrawnTask:
             slices.append(members[parts[-1].column])
         slices = np.concatenate(slices)
         order = np.argsort(slices, kind="stable")
-        records = records_of(replace(Intervals.join(parts), column=slices).take(order))
+        records = self._recorded(replace(Intervals.join(parts), column=slices).take(order))
         records["felt_low"] = records["felt_high"] = np.nan
         for members, values, each in opened if self.felt and feels(self.drawing) else ():
             rows = np.flatnonzero(records["intervals"] > 0)
@@ -96,12 +96,19 @@ class DrawnTask:
                 found, columns = np.empty(p.size), at[some]
                 for part in distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], p.size):
                     of = selected(values, columns[part]) | {self.along: p[part]}
-                    found[part] = felt_of(self.drawing, of, self.own, part.size)
+                    found[part] = felt_of(self.drawing, of, part.size)
                 return found
 
             if rows.size:
                 felt_at_ends(records, rows, stiffness)
         return records
+
+    def _recorded(self, found):
+        """Intervals as records, with those that are proved in place of those in doubt."""
+        if not self.prove:
+            return records_of(found)
+        found, tried = with_proofs(found, self.drawing, self.groups, self.along, self.span)
+        return with_tries(records_of(found), tried)
 
     def _opened(self):
         """The groups, and the loops of each without the number; those that such loops may have in common are one group."""
@@ -148,7 +155,7 @@ class DrawnTask:
         if not scalar_place(self.drawing, number) or seen_by_hand(self.drawing, number):
             return None
         with suppress(IllPosedLoopError):
-            drift = watched_drift(self.drawing, values, self.own)
+            drift = watched_drift(self.drawing, self._along(values))
             if not (drift.moved or drift.folded):
                 return resting(assembled(self.drawing, values, number), hand_of(self.drawing), PRODUCT, FACTOR)
         return None
@@ -174,18 +181,22 @@ class DrawnTask:
 
     def _silent(self, values):
         """The ports and signals of the terms whose gain is 0 in every loop, since numbers that it is made of are 0."""
-        known = values | {self.along: 1.0}
-        few = _without_gain(self.drawing, *tame_pair(self.drawing, known, self.own), self.number)
-        sums = gains(self.drawing, known) if few else {}
-        return frozenset((port, signal) for port, signal in few if not np.any(sums[port][signal]))
+        sums = gains(self.drawing, values | {self.along: 1.0})
+        terms = ((port, signal, gain) for port, terms in self.drawing.wires for signal, gain in terms)
+        silent = ((port, signal, gain) for port, signal, gain in terms if not np.any(sums[port][signal]))
+        return frozenset((port, signal) for port, signal, gain in silent if self.number not in dict(names_in(gain)))
+
+    def _along(self, values):
+        """The values, with all of the range of the number."""
+        return values | {self.along: np.array(self.span)}
 
     def opened(self, values, size: int) -> Opened | None:
         """The loops of `size` slices without the number, see `Opened`; None if it is not one scalar gain of a frame."""
-        return Opened.of(self.drawing, values, self.own, self.number, size, felt=self.felt)
+        return Opened.of(self.drawing, values, self.number, size, felt=self.felt)
 
     def _alone(self, values, size):
         """The same, a loop for every slice."""
-        return Opened.alone(self.drawing, values, self.own, self.number, size, felt=self.felt)
+        return Opened.alone(self.drawing, values, self.number, size, felt=self.felt)
 
     def opened_or_none(self, values, size: int) -> Opened | None:
         """The same, None as well if the loops have no solution at 0 of the number, which may be beyond the range."""
@@ -198,7 +209,7 @@ class DrawnTask:
 
         A block that reads a part, or a hand that moves it, may make a shift of it a mode that grows with time.
         """
-        whole, *drifts = (drift_of(drawing, values | {self.along: 1.0}, self.own) for drawing in (self.drawing, *parts))
+        whole, *drifts = (drift_of(drawing, self._along(values)) for drawing in (self.drawing, *parts))
         unread, *others = ({each.states[state] for state in each.unread} for each in (whole, *drifts))
         shifts, *own = (len(each.moved) + len(each.folded) for each in (whole, *drifts))
         return shifts == sum(own) and unread >= set().union(*others)
@@ -311,12 +322,15 @@ class DrawnTask:
 
     def _stops_drift(self, values):
         """Whether at 0 of the number, and only there, the loops have an eigenvalue that is exactly 1."""
-        held, free = (drift_of(self.drawing, values | {self.along: value}, self.own) for value in (1.0, 0.0))
+        held, free = (drift_of(self.drawing, each) for each in (self._along(values), values | {self.along: 0.0}))
         return len(free.moved) + len(free.folded) > len(held.moved) + len(held.folded)
 
     def _loops(self, values) -> "_Along":
-        drift = drift_of(self.drawing, values | {self.along: 1.0}, self.own)
-        return _Along(self.drawing, self.along, values, drift, self._open_ticks(values))
+        drift = drift_of(self.drawing, self._along(values))
+        open_ticks = self._open_ticks(values)
+        others = [path for path, v in values.items() if np.ndim(v) and path != self.along] if open_ticks is None else []
+        shared = next((path for path in others if scalar_place(self.drawing, name_of(path))), "")
+        return _Along(self.drawing, self.along, values, drift, open_ticks, shared)
 
     def _unshaken(self, found, period, values, loops):
         """Intervals in doubt if errors of the frames' entries could move or hide them."""
@@ -345,7 +359,8 @@ class SeveralTasks:
 class _Along:
     """Loops of a batch at values p of the number `along`, `number` being those of the loops in the batch.
 
-    open_ticks: the loops without the number in their ticks, if it is one scalar gain of them.
+    open_ticks: the loops without the number in their ticks, if it is one scalar gain of them. shared: path of another number
+    that is one, in which loops differ: without it in their ticks these are the same loops.
     """
 
     drawing: Drawing
@@ -353,18 +368,34 @@ class _Along:
     values: Mapping[str, object]
     drift: TickDrift
     open_ticks: OpenTicks | None
+    shared: str = ""
 
     def frames(self, number, p) -> Frames:
         """The frames, number and p being broadcast together; NaN for loops of direct terms without a solution."""
         p = np.where(p == 0, TINY, p)
         varied, shape = self._varied(number, p), p.shape
         if self.open_ticks is None:
-            found = _where_solvable(self.drawing, varied, self.drift, shape)
+            found = self._shared(number, p) if self.shared else None
+            found = _where_solvable(self.drawing, varied, self.drift, shape) if found is None else found
         else:
             E, *facts = self.open_ticks.frames(number, p)
             found = _frames(filled(without_drift(E, self.drift)), facts, shape)
         divisors = guards_at(self.drawing, varied, self.along, shape)
         return replace(found, pivots=np.concatenate([found.pivots, divisors.reshape(p.size, -1)], axis=-1))
+
+    def _shared(self, number, p):
+        """The frames from ticks without the shared number; None if too few loops share them, or some have no solution."""
+        number, p = (each.ravel() for each in np.broadcast_arrays(number, p))
+        others = {path: v[number] for path, v in self.values.items() if np.ndim(v) and path != self.shared}
+        first, of = distinct_rows(others | {"real": p.real, "imag": p.imag}, p.size)
+        if 2 * first.size > p.size:
+            return None
+        values = selected(self.values, number[first]) | {self.along: p[first], self.shared: 1.0}
+        with suppress(IllPosedLoopError), np.errstate(all="ignore"):
+            whole, cut_open = assembled(self.drawing, values), assembled(self.drawing, values, name_of(self.shared))
+            E, *facts = OpenTicks.of(cut_open, whole, PRODUCT, FACTOR).frames(of, self.values[self.shared][number])
+            return _frames(filled(without_drift(E, self.drift)), facts, p.shape)
+        return None
 
     def errors(self, number, p) -> tuple[np.ndarray, np.ndarray]:
         """Frames at values p, `(n,)`, and bounds on the errors of their entries; NaN for loops without a solution."""
@@ -392,17 +423,6 @@ class _Along:
 def _by_zeros(values, columns):
     """The columns whose numbers are zero alike, together."""
     return [columns[part] for part in distinct([v[columns] == 0 for v in values.values() if np.ndim(v)], columns.size)]
-
-
-@lru_cache(maxsize=256)  # twins of the same structure are the same objects
-def _without_gain(drawing, one, other, number):
-    """The ports and signals of the terms whose gain is 0 in both twins of a drawing, but for those that read the number."""
-    terms = ((port, signal, gain) for port, terms in drawing.wires for signal, gain in terms)
-    return tuple(
-        (port, signal)
-        for port, signal, gain in terms
-        if not any(np.any(each.sums[port][signal]) for each in (one, other)) and number not in dict(names_in(gain))
-    )
 
 
 def _alone_at_zero(frames, columns, reach):

@@ -15,9 +15,10 @@ from wavesweep.spec import Axis, Spec, no_axis, sweep_axes
 from wavesweep.spec.drawing import name_of, path_of
 from wavesweep.sweep.drawn_loops import drift_of, frames, refuse_singular
 from wavesweep.sweep.drawn_task import DrawnTask, SeveralTasks
-from wavesweep.sweep.grid import FAST, Grid, drawn_groups, groups, make_grid, own_loop, read_by, selected
-from wavesweep.sweep.job import CHECKED, Chunk, Job, cut_up, resolve_all, some_loops
+from wavesweep.sweep.grid import FAST, Grid, drawn_groups, groups, make_grid, own_loop, selected
+from wavesweep.sweep.job import CHECKED, Chunk, Job, cut_otherwise, cut_up, resolve_all, some_loops
 from wavesweep.sweep.open_loops import exact_cut
+from wavesweep.sweep.proving import MOST_LOOPS, PROOF, PROVED_RECORD
 from wavesweep.sweep.tasks import HAND_RECORD, RECORD, IntervalTask, Task
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 # panels, along any parameter but the wall.
 BY_POLYNOMIAL, BY_ARCS, BY_PANELS = 0.4e-6, 30e-6, 15e-6
 CROWDED = 24  # states
+VARIED = 1.001  # times its own value, another one of a number that varies
 STRUCTURES = 8  # of a sweep's loops, whose way is looked for
 
 
@@ -35,24 +37,28 @@ class IntervalJob(Job):
     """Stable intervals along `axis` for every slice of the grid, cut into chunks.
 
     guarantee: the hands for which the intervals are guaranteed; if None, they are those of the spec's own loop. exact: whether
-    the axis is one scalar gain of a frame, as the wall is; None if it is so in some loops.
+    the axis is one scalar gain of a frame, as the wall is; None if it is so in some loops. prove: whether columns in doubt are
+    computed again in ball arithmetic.
     """
 
     axis: Axis
     guarantee: "Guarantee | None" = None
     exact: bool | None = False
+    prove: bool = False
     rows: ClassVar[float] = 1.2  # some slices have several intervals
     row_bytes: ClassVar[int] = 160  # 130 in the CSV and 30 in the Parquet file, measured on sweeps of millions of rows
 
     @property
     def dtype(self) -> np.dtype:
-        """Guarantees for hands have more fields."""
+        """Guarantees for hands have more fields, and so have proofs."""
+        if self.prove:
+            return PROVED_RECORD
         return RECORD if self.guarantee is None else HAND_RECORD
 
     @property
     def identity(self) -> dict[str, object]:
         """The axis and the guarantee."""
-        along = {"along": self.axis.name}
+        along = {"along": self.axis.name} | ({"prove": True} if self.prove else {})
         return along if self.guarantee is None else along | {"guarantee": repr(self.guarantee)}
 
     def task(self, chunk: Chunk) -> Task:
@@ -61,32 +67,33 @@ class IntervalJob(Job):
         if self.guarantee is not None:
             return self.guarantee.task(_wall_task(self.grid.spec, self.axis, changes, len(chunk.loops), self.resolved))
         checked = self.grid.loops <= CHECKED
-        return task_over(self.grid.spec, self.axis, changes, len(chunk.loops), self.resolved, checked=checked)
+        options = {"checked": checked, "prove": self.prove}
+        return task_over(self.grid.spec, self.axis, changes, len(chunk.loops), self.resolved, **options)
 
     def columns(self, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
         """The axes, `along`, and the fields of the records."""
-        found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name != "slice"}
+        found = {name: np.ascontiguousarray(records[name]) for name in records.dtype.names if name not in ("slice", *PROOF)}
         found["doubt"] = words(found["doubt"])
         leading = self.grid.axis_columns(combination)
         return leading | {"along": np.full(records.size, self.axis.name, dtype=object)} | found
 
 
 def task_over(
-    spec: Spec, axis: Axis, changes, size: int, resolved=None, *, ties=(), felt: bool = True, checked: bool = False
+    spec: Spec, axis: Axis, changes, size: int, resolved=None, *, ties=(), felt=True, checked=False, prove=False
 ) -> Task:
     """The task for `size` loops of the spec.
 
     changes: path -> value of each loop; resolved: see `groups`. ties: paths of numbers that follow the axis, whose values are
-    factors of it. felt: see `DrawnTask`. checked: whether the numbers are known to make loops.
+    factors of it. felt, checked, prove: see `DrawnTask`.
     """
     parts: dict = {}
     for members, drawing, values in drawn_groups(spec, changes, size, resolved, rates=True, along=axis.path):
         parts.setdefault(drawing, []).append((members, values))
     tasks = []
     for drawing, groups_of in parts.items():
-        own = read_by(drawing, spec.values)
         drawn = drawing.tied(axis.path, ties) if ties else drawing
-        tasks.append(DrawnTask(drawn, axis.path, _span(axis), tuple(groups_of), own, felt, checked or not spec.drawing))
+        known = checked or not spec.drawing
+        tasks.append(DrawnTask(drawn, axis.path, _span(axis), tuple(groups_of), felt, known, prove))
     return tasks[0] if len(tasks) == 1 else SeveralTasks(tuple(tasks))
 
 
@@ -100,14 +107,14 @@ def _wall_task(spec, axis, changes, size, resolved):
     return IntervalTask(axis.path, _span(axis), tuple(groups(spec, changes, size, resolved)), walls)
 
 
-def job_of(spec: Spec, along: str | None = None) -> IntervalJob:
+def job_of(spec: Spec, along: str | None = None, *, prove: bool = False) -> IntervalJob:
     """The job of a spec's [sweep]. Raises UsageError if it cannot be done, before anything is computed."""
     axis, others = sweep_axes(spec, along)
-    return job_over(make_grid(spec, others, axis.path), axis)
+    return job_over(make_grid(spec, others, axis.path), axis, prove=prove)
 
 
-def job_over(grid: Grid, axis: Axis) -> IntervalJob:
-    """The job of a grid. Errors: UsageError or SpecError if it cannot be done."""
+def job_over(grid: Grid, axis: Axis, *, prove: bool = False) -> IntervalJob:
+    """The job of a grid; prove: compute the columns in doubt again. Errors: UsageError or SpecError if it cannot be done."""
     spec = grid.spec
     if axis.structural and spec.builds(axis.path, [axis.path, *(each.path for each in grid.loop_axes)]):
         raise UsageError(no_axis(spec, axis.name))
@@ -126,17 +133,18 @@ def job_over(grid: Grid, axis: Axis) -> IntervalJob:
     ours = ((drawing, selected(values, [0])) for _, drawing, values in parts[:STRUCTURES])
     costs, ways = zip(*(_cost(spec, drawing, axis, values) for drawing, values in ours), strict=True)
     exact = ways[0] if len({*ways}) == 1 else None
-    return IntervalJob(grid, cut_up(grid.loops, 1, costs[0]), resolved, axis, exact=exact)
+    job = IntervalJob(grid, cut_up(grid.loops, 1, costs[0]), resolved, axis, exact=exact, prove=prove)
+    return cut_otherwise(job, deep=min(job.chunks.deep, MOST_LOOPS)) if prove else job
 
 
 @lru_cache(maxsize=64)
-def _order_of_drawing(drawing, path, items, own):
+def _order_of_drawing(drawing, path, items):
     """States of a loop, and whether the number is one scalar gain of its frame."""
-    values, own = ({path: np.array(v) if isinstance(v, tuple) else v for path, v in some} for some in (items, own))
-    cut = exact_cut(drawing, values, own, name_of(path))
+    values = {path: np.array(v) if isinstance(v, tuple) else v for path, v in items}
+    cut = exact_cut(drawing, values, name_of(path))
     if cut is not None:
         return cut.order, True
-    return frames(drawing, values, drift_of(drawing, values, own)).shape[-1], False
+    return frames(drawing, values, drift_of(drawing, values)).shape[-1], False
 
 
 def expected_cost(order: int, wall: bool) -> float:
@@ -155,9 +163,8 @@ def cost_of(spec: Spec, axis: Axis) -> tuple[float, bool]:
 
 
 def _cost(spec, drawing, axis, values):
-    own = read_by(drawing, spec.values)
     values = _like_own(values, spec, drawing)
-    order, exact = _order_of_drawing(drawing, axis.path, items_of(values), items_of(own))
+    order, exact = _order_of_drawing(drawing, axis.path, items_of(values))
     return expected_cost(order, exact), exact
 
 
@@ -170,5 +177,5 @@ def _like_own(values, spec, drawing):
     for path, value in values.items():
         own, one = spec.values[path], value[0] if np.ndim(value) else value
         if path not in kept and isinstance(own, float) and (one > 0, one < 0) == (own > 0, own < 0):
-            found[path] = np.array([own]) if np.ndim(value) else own
+            found[path] = own * np.array([1.0, VARIED]) if np.ndim(value) else own
     return found

@@ -12,6 +12,7 @@ from wavesweep.spec import Axis, Spec
 from wavesweep.sweep.grid import no_controller
 from wavesweep.sweep.interval_job import IntervalJob, job_of, task_over
 from wavesweep.sweep.job import cut_otherwise
+from wavesweep.sweep.proving import facts_of_proofs, notice_of
 from wavesweep.sweep.running import Work, run
 from wavesweep.sweep.table import Columns, Table, facts_of, spans_held
 from wavesweep.sweep.tasks import END_HANDS, FELT, RECORD
@@ -27,6 +28,7 @@ def intervals(
     spec: Spec,
     along: str | None = None,
     hands: "Hands | None" = None,
+    prove: bool = False,
     **work: Any,
 ) -> Table:
     """Stable intervals along `along` (the spec's own by default) for every combination of the other axes of [sweep].
@@ -34,14 +36,16 @@ def intervals(
     hands: adds the column `hand` and rows for other hands. Its words are "free" for the device alone, "operator" for the
     spec's operator if it has one, "passive" and "box" (see `Hands`), and "port" for the intervals in which the spec's own
     loop is stable and passive at the hand's port. If only the port is added, the other rows are those of the spec's loop.
+    prove: compute columns in doubt again in ball arithmetic.
     work: jobs, backend, scheduler, progress, checkpoint and force, see `Work`.
     Raises UsageError, CheckpointError (torn, or of another run), WavesweepError (a worker process died).
     """
-    stages = stages_of(spec, along, hands)
+    stages = stages_of(spec, along, hands, prove=prove)
     work = Work.of(work)
     found = run({stage.hand: stage.job for stage in stages}, work)
     timings = {name: number for name, number in found.timings.items() if hands is None or name != "workers"}
     facts = _facts(spec, hands, stages, found.certified, timings) | {"warnings": found.warnings}
+    facts = _with_proofs(facts, stages[0], found) if prove else facts
     axes = {axis.name: axis.values for axis in stages[0].job.grid.axes}
     return Table("zwidth", partial(_rows, stages, found, hands), facts, axes, forget=found.forget)
 
@@ -58,9 +62,9 @@ class Stage:
     method: str
 
 
-def stages_of(spec: Spec, along: str | None, hands: "Hands | None") -> list[Stage]:
+def stages_of(spec: Spec, along: str | None, hands: "Hands | None", *, prove: bool = False) -> list[Stage]:
     """The stages of a run, settled before anything is computed. Raises UsageError for a job that cannot be done."""
-    own = job_of(spec, along)
+    own = job_of(spec, along, prove=prove)
     how = method(own)
     if hands is None:
         return [Stage("", own, how)]
@@ -103,12 +107,14 @@ def _rows(stages, found, hands) -> Iterator[Columns]:
             yield block if hands is None else _with_hand(block, stage.hand, hands.box)
 
 
-def rows_again(spec: Spec, along: str | None, hands: "Hands | None", picked: Iterable[int]) -> Iterator[Columns]:
+def rows_again(
+    spec: Spec, along: str | None, hands: "Hands | None", picked: Iterable[int], *, prove: bool = False
+) -> Iterator[Columns]:
     """Compute some combinations of a table again, each by itself, and yield the rows of each.
 
-    spec, along, hands: as for `intervals`. picked: numbers of the combinations, counted over all kinds of rows.
+    spec, along, hands, prove: as for `intervals`. picked: numbers of the combinations, counted over all kinds of rows.
     """
-    stages = stages_of(spec, along, hands)
+    stages = stages_of(spec, along, hands, prove=prove)
     ends = np.cumsum([stage.job.grid.size for stage in stages])
     for number in picked:
         stage = stages[int(np.searchsorted(ends, number, side="right"))]
@@ -151,6 +157,13 @@ def _facts(spec, hands, stages, certified, timings) -> dict:
     swept = [own.axis.path, *(axis.path for axis in own.grid.axes)]
     facts = facts_of(spec, methods, counts, timings, notices, swept)
     return facts | (hands.facts() if hands else {})
+
+
+def _with_proofs(facts, stage, found) -> dict:
+    """The facts with those about proofs."""
+    store = found.stores[stage.hand]
+    proved = facts_of_proofs(store.load(number) for number in store.finished())
+    return facts | {"proved": proved, "notices": [*facts["notices"], notice_of(proved)]}
 
 
 EXACT = "crossings of the unit circle from one real polynomial, proved by signs or discs, polished in state space"

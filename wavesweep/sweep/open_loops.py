@@ -23,10 +23,12 @@ from wavesweep.spec.drawing import Drawing, name_of, path_of
 from wavesweep.sweep.drawn_loops import drift_of, feels, hand_of, named_loops
 from wavesweep.sweep.grid import distinct_rows, selected
 
+ANY = np.array([0.5, 2.0])  # a number that varies
 
-def exact_cut(drawing: Drawing, values: Mapping[str, object], own: Mapping[str, float], number: str) -> Cut | None:
+
+def exact_cut(drawing: Drawing, values: Mapping[str, object], number: str) -> Cut | None:
     """The loops cut at a number that is one scalar gain of a frame; None if it is not one."""
-    found = open_loops(drawing, values, own, number)
+    found = open_loops(drawing, values, number)
     return found and found.cut
 
 
@@ -64,7 +66,6 @@ class OpenLoops:
 def open_loops(
     drawing: Drawing,
     values: Mapping[str, object],
-    own: Mapping[str, float],
     number: str,
     beside: str = "",
     *,
@@ -78,21 +79,15 @@ def open_loops(
     if isinstance(drawing, Uneven) or not scalar_place(drawing, number):
         return None
     path, read = path_of(number), (FACTOR, BESIDE)[: 1 + bool(beside)]
-    values, own = {**values, path: 1.0}, {**own, path: 1.0}
-    with_it = {**values, path_of(beside): 1.0} if beside else values
-    closed = drift_of(drawing, with_it, own)
-    if beside:
-        values = {**values, path_of(beside): 0.0}
-        whole, drift = (drift_of(drawing, each, own, number, read, beside) for each in (with_it, values))
-        # Of a second eigenvalue 1 rounding leaves a trace in the signal of the other number, which may have any size.
-        if (whole.moved, whole.folded) != (drift.moved, drift.folded) or whole.ramp is not None or drift.ramp is not None:
-            return None
-    else:
-        drift = drift_of(drawing, values, own, number, read)
-    if drift.folded:  # its factors depend on numbers, which may be the same in all loops
-        drift = drift_of(drawing, values, own, number, read, beside, actual=True)
+    both = dict.fromkeys((path, *([path_of(beside)] if beside else [])), ANY)
+    closed, values = drift_of(drawing, {**values, **both}), {**values, **dict.fromkeys(both, 0.0)}
+    drift = drift_of(drawing, values, number, read, beside)
     if drift.folded:
         return None
+    if beside:
+        whole = drift_of(drawing, {**values, path_of(beside): ANY}, number, read, beside)
+        if (whole.moved, whole.folded) != (drift.moved, drift.folded):
+            return None
     conserved = bool(closed.folded)
     if conserved and len(closed.moved) + len(closed.folded) != len(drift.moved):
         return None
@@ -109,9 +104,9 @@ def open_loops(
 
 
 @lru_cache(maxsize=16)  # a compiled loop is asked again and again
-def _open_loop(drawing, items, own, number, beside, felt):
+def _open_loop(drawing, items, number, beside, felt):
     """`open_loops` of a single loop."""
-    return open_loops(drawing, dict(items), dict(own), number, beside, felt=felt)
+    return open_loops(drawing, dict(items), number, beside, felt=felt)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,25 +123,25 @@ class Opened:
     swapped: bool = False
 
     @staticmethod
-    def of(drawing, values, own, number: str, size: int, *, felt: bool) -> "Opened | None":
+    def of(drawing, values, number: str, size: int, *, felt: bool) -> "Opened | None":
         """Return `size` slices with their loops without the number; None if it is not one scalar gain of a frame.
 
         values: of the slices. Those that differ in another number of the same wire alone have one loop, which is without that
-        number as well; of several such numbers it is one that is varied. own, felt: see `open_loops`.
+        number as well; of several such numbers it is one that is varied. felt: see `open_loops`.
         Errors: IllPosedLoopError if the loops have no solution without the number.
         """
         path = varied_beside(drawing, values, number)
         for swapped in (False, True) if path else ():
             with suppress(IllPosedLoopError):
-                found = _without(drawing, values, own, number, size, path, swapped, felt=felt)
+                found = _without(drawing, values, number, size, path, swapped, felt=felt)
                 if found and found.loops.cut and found.solvable:
                     return found
-        return Opened.alone(drawing, values, own, number, size, felt=felt)
+        return Opened.alone(drawing, values, number, size, felt=felt)
 
     @staticmethod
-    def alone(drawing, values, own, number: str, size: int, *, felt: bool) -> "Opened | None":
+    def alone(drawing, values, number: str, size: int, *, felt: bool) -> "Opened | None":
         """`of` slices that have a loop each."""
-        return _without(drawing, values, own, number, size, felt=felt)
+        return _without(drawing, values, number, size, felt=felt)
 
     @property
     def solvable(self) -> bool:
@@ -180,7 +175,7 @@ def varied_beside(drawing, values, number: str) -> str:
     return others[-1] if others else ""
 
 
-def _without(drawing, values, own, number, size, path="", swapped=False, *, felt):
+def _without(drawing, values, number, size, path="", swapped=False, *, felt):
     """The slices with loops without the number, and without that with the path `path` if there is one; see `Opened`."""
     of, beside, numbers = np.arange(size), np.zeros(size), (number, name_of(path) if path else "")
     numbers = numbers[::-1] if swapped else numbers
@@ -189,7 +184,7 @@ def _without(drawing, values, own, number, size, path="", swapped=False, *, felt
         first, of = distinct_rows(others, size)
         values, beside = selected(values, first) | {path: 0.0}, values[path]
     if any(np.ndim(v) for v in values.values()):
-        loops = open_loops(drawing, values, own, *numbers, felt=felt)
+        loops = open_loops(drawing, values, *numbers, felt=felt)
     else:
-        loops = _open_loop(drawing, items_of(values), items_of(own), *numbers, felt)
+        loops = _open_loop(drawing, items_of(values), *numbers, felt)
     return loops and Opened(loops, of, beside, swapped)

@@ -115,7 +115,7 @@ class PortJob(Job):
         groups_of = tuple(self.grid.groups_of(loops, self.resolved))
         if self.grid.drawing is None:
             return PortTask(groups_of)
-        return DrawnPortTask(self.grid.drawing, groups_of, dict(self.grid.spec.values))
+        return DrawnPortTask(self.grid.drawing, groups_of)
 
     def certified(self, records: np.ndarray) -> int:
         """Number of certified loops."""
@@ -124,11 +124,10 @@ class PortJob(Job):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrawnPortTask:
-    """The hand's port of loops that are assembled tick by tick, one after the other; groups, own: see `DrawnTask`."""
+    """The hand's port of loops that are assembled tick by tick, one after the other; groups: see `DrawnTask`."""
 
     drawing: object
     groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
-    own: Mapping[str, object]
 
     def records(self) -> np.ndarray:
         """A record per loop."""
@@ -136,7 +135,7 @@ class DrawnPortTask:
 
         records = np.empty(sum(members.size for members, _ in self.groups), PORT)
         records["slice"] = np.arange(records.size)
-        for number, port in ports_of_groups(self.drawing, self.groups, self.own):
+        for number, port in ports_of_groups(self.drawing, self.groups):
             found = drawn_port_margin(port)
             needed = np.where(found.passive, 0.0, np.nan)
             row = (found.margin, found.omega, found.passive, found.certified, found.stable, needed)

@@ -7,7 +7,7 @@ from wavesweep.diagram import drift_of as drift_of_diagram
 from wavesweep.diagram.assembly import assembled
 from wavesweep.diagram.uneven import steps_of
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.at_wall import conserves, cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds
@@ -36,7 +36,7 @@ def plan(spec: Spec) -> list[str]:
 
 def _uneven_lines(spec):
     drawing = loop_of(spec)
-    drawn, drift = assembled(drawing, spec.values), drift_of(drawing, spec.values, spec.values)
+    drawn, drift = assembled(drawing, spec.values), drift_of(drawing, spec.values)
     steps = steps_of(spec.values["rates.ratio"])[1]
     frame = f"{_count(drawn.ticks, 'tick')} and {_count(steps, 'slow step')}, {1e3 * drawn.ticks * float(drawn.period):.6g} ms"
     yield f"  loop: the rates do not divide; both are in step again after a frame of {frame}"
@@ -54,7 +54,7 @@ def _loop_lines(spec):
     yield f"  loop: {frame}; {cut.order} states with the wall: {_listed(states)}"
     if cut.unread:
         yield f"  states left out, since nothing in the loop reads them: {_listed([labels[name] for name in cut.unread])}"
-    if cut.conserved:
+    if conserves(diagram, cut):
         yield f"  drift set aside: the wall cannot change {labels[lead]} less the hand's displacement"
     elif cut.integrates and spec.values["operator.stiffness"] == 0:
         yield "  drift set aside at K_VE = 0: the position of the whole scene, which only the wall holds"
@@ -145,7 +145,7 @@ def _drawn_plan(spec):
     """The same lines for a drawn loop: when its blocks run, its drift, and the method by which each number is swept."""
     refuse_singular(spec, spec.drawing)
     drawing, drawn = spec.drawing, assembled(spec.drawing, spec.values)
-    period, drift = 1e3 * float(drawn.period), drift_of(drawing, spec.values, spec.values)
+    period, drift = 1e3 * float(drawn.period), drift_of(drawing, spec.values)
     lines = [
         f"{spec.source or spec.name}: valid, a drawn loop of {_count(len(drawing.blocks), 'block')}",
         f"  frame of {_count(drawn.ticks, 'tick')} of {period:.6g} ms, {drawn.ticks * period:.6g} ms",
@@ -185,11 +185,6 @@ def _state_lines(drift, names):
     for lead, others in drift.moved:
         along = _listed([names[index] for index, _ in others])
         yield f"  drift set aside: {names[lead]}{f', and with it {along}' if along else ''}, which nothing in the loop holds"
-    if drift.ramp is not None:
-        yield (
-            f"  not set aside: a steady motion along the drift, with {names[drift.ramp]} at any value, that nothing brakes, as "
-            "of masses without friction that act on each other alone; with this eigenvalue 1 no interval can be certified"
-        )
     if drift.folded:
         yield f"  drift set aside: a combination with {_listed([names[i] for i in drift.folded])} that nothing changes"
     if drift.unread:
@@ -218,7 +213,7 @@ def _number_lines(spec):
         if spec.names.keys[path].structural:
             ways["values"].append(name)
         else:
-            ways["" if exact_cut(spec.drawing, spec.values, spec.values, name) else "panels"].append(name)
+            ways["" if exact_cut(spec.drawing, spec.values, name) else "panels"].append(name)
     texts = {
         "": "exact, one scalar gain of a frame",
         "panels": "by panels: they are in keys or in several places, act more than once a frame, or decide a drift",

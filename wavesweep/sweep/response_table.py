@@ -178,7 +178,7 @@ class ResponseJob(Job):
         loops = np.arange(chunk.loops.start, chunk.loops.stop)
         groups = tuple(self.grid.groups_of(loops, self.resolved))
         frequency = self.frequency[chunk.walls.start : chunk.walls.stop]
-        return ResponseTask(groups, frequency, self.grid.drawing, dict(self.grid.spec.values))
+        return ResponseTask(groups, frequency, self.grid.drawing)
 
     def columns(self, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
         """The axes of all specs, the spec, the frequency, and the fields of the records."""
@@ -201,14 +201,13 @@ class ResponseJob(Job):
 class ResponseTask:
     """Responses of loops at frequencies (Hz).
 
-    groups: (members, values) pairs, which number the loops from 0; see `groups`. drawing, own: of loops that are assembled
+    groups: (members, values) pairs, which number the loops from 0; see `groups`. drawing: of loops that are assembled
     tick by tick, see `DrawnTask`.
     """
 
     groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
     frequency: np.ndarray
     drawing: object = None
-    own: Mapping[str, object] | None = None
 
     def records(self) -> np.ndarray:
         """A record for each loop and frequency, the frequencies of a loop one after the other."""
@@ -227,9 +226,9 @@ class ResponseTask:
     def _fill(self, records):
         """Loops that are assembled tick by tick, one after the other."""
         for members, values in self.groups:
-            radius = radii_of(self.drawing, values, self.own, members.size)
+            radius = radii_of(self.drawing, values, members.size)
             ticks, slow = (steps_of(values[RATIO])[0], values[RATIO]) if isinstance(self.drawing, Uneven) else (1, None)
-            for number, port in ports_of_groups(self.drawing, ((members, values),), self.own):
+            for number, port in ports_of_groups(self.drawing, ((members, values),)):
                 own = (ticks, slow or port.slowest), self.frequency, radius[np.searchsorted(members, number)]
                 for name, array in _seen(port, *own).items():
                     records[name][number] = array

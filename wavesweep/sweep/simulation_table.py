@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from math import isfinite, isnan, log
 from typing import Any
 
@@ -16,18 +15,13 @@ from wavesweep.analysis.response.drawn import respond_port
 from wavesweep.analysis.response.port import frame_of_port
 from wavesweep.analysis.rows import complex_columns
 from wavesweep.analysis.simulation import Simulation, Tone, estimate, hand_force, record_path, simulated, table
-from wavesweep.analysis.simulation.both_loops import FARTHEST, STRONGEST
-from wavesweep.analysis.simulation.drawn import components, own_image, simulate_drawn
-from wavesweep.analysis.simulation.inputs import given
+from wavesweep.analysis.simulation.march import FARTHEST, STRONGEST
+from wavesweep.analysis.simulation.record import components, own_image
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import draw
-from wavesweep.diagram.assembly import POSITION, assembled
-from wavesweep.diagram.drawn import Drawn
-from wavesweep.errors import UsageError
 from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
-from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.assumptions import over_preset
 from wavesweep.sweep.drawn_loops import ports_of, ports_of_loop, radii, refuse_singular
 from wavesweep.sweep.grid import loop_of, make_grid
@@ -38,43 +32,21 @@ from wavesweep.sweep.table import Table, facts_of
 def simulation_of(spec: Spec, force=None, **changes: Any) -> Simulation:
     """Run the experiment of a spec's [simulate] table. spec, force, changes: see `analysis.simulation.simulated`.
 
-    A drawn loop has a hand, but no device whose effects could be changed, nor has one at rates that do not divide. Errors:
-    UsageError if some are.
+    Errors: SpecError for a drawn loop without a hand, or with one whose position is none of a plant.
     """
-    drawing = loop_of(spec)
-    if drawing is None:
-        return simulated(spec, force, **changes)
-    if changes:
-        found = ", ".join(changes)
-        why = "a drawn loop has no haptic device" if spec.drawing else "the rates do not divide"
-        raise UsageError(f"option {found}: expected none, since {why}, found {found}")
-    refuse_singular(spec, drawing)
-    ports = ports_of(spec, drawing)
-    force = hand_force(spec.as_simulated()).force if force is None else given(force).force
-    drawn = assembled(drawing, spec.values)
-    drawn = with_velocity(drawn, drawing) if spec.drawing else drawn
-    velocity = VELOCITY if VELOCITY in drawn.sums else ""
-    units = spec.at_port("m"), spec.at_port("N")
-    found = simulate_drawn(drawn, force, ports.force, ports.position, velocity, ports.reaction, units)
+    refuse_what_has_no_hand(spec)
+    return simulated(spec, force, **changes)
+
+
+def refuse_what_has_no_hand(spec: Spec) -> None:
+    """Raise SpecError or UsageError for a drawn loop that has no solution, or no hand on a position of a plant."""
     if spec.drawing:
-        return found
-    wall = np.ones(len(found.signals["touching"]), bool)  # a built-in loop's is there on both sides of 0
-    wall.flags.writeable = False
-    return replace(found, signals=found.signals | {"touching": wall})
+        refuse_singular(spec, spec.drawing)
+        ports_of(spec, spec.drawing)
 
 
-VELOCITY = "ports.hand.velocity"
 SHOWN = 5  # frequencies that a notice names
 SETTLED = 0.01  # of its beginning, what may be left of the slowest mode where a sine is measured
-
-
-def with_velocity(drawn: Drawn, drawing: Drawing) -> Drawn:
-    """The drawing with the junction VELOCITY if the hand's position is made of positions of masses alone."""
-    places = {f"{block.name}.x": f"{block.name}.v" for block in drawing.blocks if block.type == "mass"}
-    terms = drawn.sums[POSITION]
-    if not places.keys() >= terms.keys():
-        return drawn
-    return replace(drawn, sums={**drawn.sums, VELOCITY: {places[name]: gain for name, gain in terms.items()}})
 
 
 def radius_of(spec: Spec) -> float:
@@ -151,6 +123,8 @@ def simulate(spec: Spec) -> list[Table]:
     facts["ticks"] = {"wanted": len(hand.force), "simulated": rows, "stopped": _stopped(simulation, rows, len(hand.force))}
     if spec.drawing:  # whose rate may be an expression
         facts["tick_s"] = 1 / spec.tick_hz
+    late = simulation.late
+    facts["slow_results"] = {"results": len(late), "late": int((late > 0).sum()), "lost": int((late < 0).sum())}
     facts["limits"] = {"position_m": FARTHEST, "force_N": STRONGEST}
     tables = [Table.of("simulate", columns, facts)]
     tones = [tone for tone in hand.tones if tone.last <= rows]
@@ -216,15 +190,10 @@ def _notices(spec: Spec) -> Iterator[str]:
         keys = ", ".join(f"simulate.{name}" for name in unread)
         yield f"{keys}: not read, as simulate.input is {options['input']!r}".replace("'", '"')
     limits = DEVICES[spec.preset].simulation().items() if spec.preset else ()
-    if spec.uneven:
-        yield "at rates that do not divide the table shows the hand and the device; the controller's own signals are left out"
-    if limits and spec.uneven:
-        left_out = [f"{name} = {value:g}" for name, value in limits if value]
-        yield f"the preset's {', '.join(left_out)} are left out: at rates that do not divide the linear loop alone is simulated"
-    elif spec.preset:
+    if spec.preset:
         beyond = [f"{name} = {value:g}" for name, value in limits if value and options[name] == value]
         if beyond:
             yield f"the preset {spec.preset} adds to the linear loop: {', '.join(beyond)}"
         yield from over_preset(spec, {f"simulate.{name}": value for name, value in options.items()})
-    if options.get("resolution") and spec.values["device.velocity"] == "exact":
+    if options["resolution"] and spec.values.get("device.velocity") == "exact":
         yield 'device.velocity = "exact" does not see the encoder; "difference" takes its velocity from it'

@@ -102,7 +102,7 @@ def _frame_of(spec):
     drawing = loop_of(spec)
     refuse_singular(spec, drawing)
     drawn = assembled(drawing, spec.values)
-    found = telling_frames(drawing, spec.values, spec.values)
+    found = telling_frames(drawing, spec.values)
     return *found, float(drawn.period * drawn.ticks)
 
 
@@ -177,7 +177,7 @@ def _delays(spec):
     drawing, frame = loop_of(spec), longest_delay(ratio)
     for delay in range(now, min(frame, now + DELAYS) + 1):
         values = {**spec.values, path: delay}
-        E = _closed(values) if drawing is None else frames(drawing, values, drift_of(drawing, values, spec.values))
+        E = _closed(values) if drawing is None else frames(drawing, values, drift_of(drawing, values))
         if np.abs(1 + eigenvalues(E)[0]).max(initial=0.0) >= 1:
             break
         most = delay

@@ -183,11 +183,12 @@ class _Loops:
 
     def frames(self, varied, count) -> np.ndarray:
         """Frames less identity `(count, n, n)`."""
-        E = frames(self.drawing, varied, drift_of(self.drawing, self._tame(), self.spec.values))
+        E = frames(self.drawing, varied, self._drift())
         return np.broadcast_to(E, (count, *E.shape[-2:]))
 
-    def _tame(self):
-        return {**self.values, self.axis.path: 1.0}
+    def _drift(self):
+        varied = {path: np.ravel(self.values[path])[:, None] * [1, 2] for path in self.moving}
+        return drift_of(self.drawing, {**self.values, **varied, self.axis.path: np.array([self.axis.start, self.axis.stop])})
 
     @property
     def walls(self) -> tuple[str, ...]:
@@ -208,14 +209,14 @@ class _Loops:
                 path: np.real(value) + np.imag(value) * (share * MOVED / STEP) if np.iscomplexobj(value) else value
                 for path, value in varied.items()
             }
-            found.append(felt_of(self.drawing, moved, self.spec.values, count))
+            found.append(felt_of(self.drawing, moved, count))
         own, up, down, far_up, far_down = found
         return own + 1j * STEP * (8 * (up - down) - (far_up - far_down)) / (12 * MOVED)
 
     def about(self, p) -> tuple[np.ndarray, list[str]]:
         """The frame's period in s, and a readable label of each state. p: values of the axis, `(loops,)`."""
         first = self.with_end(p, 1)
-        drawn, drift = assembled(self.drawing, first), drift_of(self.drawing, self._tame(), self.spec.values)
+        drawn, drift = assembled(self.drawing, first), self._drift()
         labels = drawn.labels()
         return np.real(drawn.period * drawn.ticks), [labels[drift.states[index]] for index in drift.kept]
 

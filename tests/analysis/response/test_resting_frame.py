@@ -95,7 +95,7 @@ def test_a_loop_that_nothing_holds_is_not_told_by_its_frame():
     blocks = {"device": DEVICE, "h": {"type": "hold", "every": 10}, "wall": {"type": "gain", "k": "K"}}
     wires = {"h.u": "device.v", "wall.u": "h.y", "device.f": "hand - wall.y - B*device.v - b*device.v"}
     loop = wavesweep.compile(TABLES | {"block": blocks, "wire": wires, "ports": _ports("wall.y")})
-    opened = open_loops.open_loops(loop.spec.drawing, dict(loop.spec.values), dict(loop.spec.values), "K", felt=True)
+    opened = open_loops.open_loops(loop.spec.drawing, dict(loop.spec.values), "K", felt=True)
     assert np.isnan(opened.at_rest.stiffness(np.zeros(3, int), np.array([0.0, 1.0, 20.0]))).all()
     assert loop.stable_intervals("K", (0, 100)).felt_high.tolist() == [0.0]
 
@@ -105,7 +105,7 @@ def test_a_frame_that_grows_leaves_the_others_of_a_batch_as_they_are():
     wires = {**wires, "device.f": f"hand - ({force})"}
     loop = wavesweep.compile(TABLES | {"block": {"device": DEVICE, **blocks}, "wire": wires, "ports": _ports(force)})
     own = dict(loop.spec.values)
-    opened = open_loops.open_loops(loop.spec.drawing, own | {"numbers.b": np.array([25.0, 60.0])}, own, "K", felt=True)
+    opened = open_loops.open_loops(loop.spec.drawing, own | {"numbers.b": np.array([25.0, 60.0])}, "K", felt=True)
     at, K = np.arange(2), np.array([100.0, 100.0])
     known = opened.at_rest.stiffness(at, K)
     grown = replace(opened, frame=replace(opened.frame, growth=np.array([1.0, 2e3])))
@@ -122,7 +122,7 @@ def test_a_number_that_the_port_reads_too_is_one_gain_of_the_frame():
         }
         loop = wavesweep.compile(TABLES | {"block": blocks | more, "wire": wires, "ports": _ports(force)})
         values = dict(loop.spec.values)
-        assert open_loops.exact_cut(loop.spec.drawing, values, values, "K") is not None
+        assert open_loops.exact_cut(loop.spec.drawing, values, "K") is not None
         found.append(loop.stable_intervals("K", b=[5.0, 10.0]))
     names = ["low", "high", "felt_low", "felt_high"]
     np.testing.assert_allclose(*(table[names] for table in found), rtol=1e-9)

@@ -2,9 +2,9 @@ import math
 
 import numpy as np
 import pytest
+from support.controllers import compile_loop
 from support.march import at_rest, march, numbers_of, random_state, with_numbers
 
-from wavesweep.analysis.simulation import compile_loop
 from wavesweep.errors import IllPosedLoopError
 
 

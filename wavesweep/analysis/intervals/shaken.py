@@ -12,7 +12,7 @@ from wavesweep.analysis.spectrum import excess
 from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.rounding import at_angles_of, balance, may_have
 
-WITHIN = 0.25, 0.5, 0.75  # of an interval, or of the span of a column without one: where its verdict is examined
+WITHIN = (0.5,)  # of an interval, or of the span of a column without one: where its verdict is examined
 STEP = 1e-6  # of an end, over which the slope of an eigenvalue is taken
 
 

@@ -9,7 +9,7 @@ from wavesweep.analysis.passivity.hand import HandBox, cut_with_hands, with_hand
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drift import drift_of
-from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.at_wall import conserves, cut_at_wall
 from wavesweep.lifted.connect import connect
 from wavesweep.lifted.cut import close
 from wavesweep.lifted.lift import fast_side, latches, lift_held, slow_sums
@@ -108,7 +108,8 @@ def hand_loop(values, box: HandBox) -> HandLoop:
         np.concatenate([_at(pushed.C)[:, at], _at(pushed.D)[:, 1:]], -1), _one(slow), (_at(slow.C)[2:], _at(slow.D)[2:]),
         kept, slow.states.index(drift.lead) if drift.shift else None,
         np.array([drift.shift.get(name, 0.0) for name in slow.states]) / (drift.shift[drift.lead] if drift.shift else 1.0),
-        "integrates" if cut.integrates else "conserved" if cut.conserved else "plain", _doublings(values, box, period),
+        "integrates" if cut.integrates else "conserved" if conserves(diagram, cut) else "plain",
+        _doublings(values, box, period),
     )  # fmt: skip
 
 

@@ -1,6 +1,5 @@
 """A drawn loop seen from the hand's port: a map per kind of tick, and its frame under a force of one frequency."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -11,7 +10,7 @@ from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
 from wavesweep.lifted.periodic import in_a_row, known_frames, then, ticks_of
 from wavesweep.lifted.rounding import ENTRIES, both, measured_frame
-from wavesweep.lifted.tick_drift import TickDrift, counted_from_leads, opposed
+from wavesweep.lifted.tick_drift import TickDrift, counted_from_leads
 from wavesweep.spec.drawing import OF_PLANT
 
 STILL = 1e-9  # of the terms of a shift, what is rounding
@@ -63,19 +62,14 @@ class Port:
         return replace(self, kind=np.roll(self.kind, -first))
 
 
-def port_of(drawn: Drawn, ports: Ports, drift: TickDrift, actual: Callable[[], TickDrift] | None = None) -> Port:
-    """Return the loop as it is seen from its port; NaN where the drift is none (see `opposed`), or may be none.
+def port_of(drawn: Drawn, ports: Ports, drift: TickDrift) -> Port:
+    """Return the loop as it is seen from its port.
 
-    actual: gives the drift that is found with the loop's own numbers, if it is a single one; it is asked then.
     The displacement of a tick is the difference of two positions, so the position has to be a state alone: that of a plant.
     Errors: NoPositionError if it is not.
     """
     signals = (ports.position, *((ports.reaction,) if ports.reaction else ()))
     ticks = ticks_of(drawn, signals, terms=True)
-    unsure = drift.vague | opposed(ticks, drift)
-    if actual and unsure.any():
-        drift = actual()
-        unsure = drift.vague | opposed(ticks, drift)
     if not drift.folded:  # what nothing but a drift reads drifts itself
         drift = replace(drift, moved=(*drift.moved, *((state, ()) for state in drift.unread)))
     reads = ticks.maps[0].C[..., :1, :]
@@ -86,8 +80,6 @@ def port_of(drawn: Drawn, ports: Ports, drift: TickDrift, actual: Callable[[], T
     moved = [(lead, _along(answers, lead, others)[0]) for lead, others in drift.moved if _moves(answers, lead, others)]
     parts = [(each.E, each.B, each.C, each.D) for each in ticks.maps]
     maps = tuple(_seen(each, reads, force, drift, bool(ports.reaction), moved) for each in parts)
-    if unsure.any():
-        maps = tuple((np.where(unsure[..., None, None], np.nan, E), *rest) for E, *rest in maps)
     moved = [(lead, np.abs(share)) for lead, share in moved]
     sizes = [_seen(each.terms, np.abs(reads), force, drift, bool(ports.reaction), moved, 1) for each in ticks.maps]
     kept = _kept(drift)

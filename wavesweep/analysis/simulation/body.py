@@ -32,13 +32,13 @@ def zero_order_hold(mass: float, damping: float, stiffness: float, lengths) -> n
     generator = np.zeros((*tick.shape, 3, 3))  # of (x, v·tick, f·tick²/mass), all in metres
     generator[..., 0, 1] = generator[..., 1, 2] = 1.0
     generator[..., 1, 0], generator[..., 1, 1] = -spring, -drag
-    increment = _exponential_minus_one(generator)
+    increment = exponential_minus_one(generator)
     a, b, c = np.moveaxis(increment[..., 0, :], -1, 0)
     d, e, g = np.moveaxis(increment[..., 1, :], -1, 0)
     return np.stack([a, b * tick, c * tick**2 / mass, d / tick, e, g * tick / mass], axis=-1)
 
 
-def _exponential_minus_one(generator: np.ndarray) -> np.ndarray:
+def exponential_minus_one(generator: np.ndarray) -> np.ndarray:
     """Compute ``exp(G) - 1`` for a stack of square matrices, small entries kept to relative rounding."""
     size = np.abs(generator).sum(axis=-1).max(initial=1e-300)
     doublings = max(0, int(np.ceil(np.log2(size))) + 2)

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from wavesweep.analysis.simulation import inputs
-from wavesweep.analysis.simulation.both_loops import simulate
 from wavesweep.analysis.simulation.hardware import Effects, changed
 from wavesweep.analysis.simulation.inputs import Input
+from wavesweep.analysis.simulation.march import simulate
 from wavesweep.analysis.simulation.record import Simulation
 from wavesweep.spec import Spec
 
@@ -26,7 +26,7 @@ def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
     """
     effects = changed(effects_of(spec), changes)
     force = hand_force(spec.as_simulated(), effects.seed).force if force is None else inputs.given(force).force
-    return simulate(spec.values, force, effects)
+    return simulate(spec.values, force, effects, drawing=spec.drawing, units=(spec.at_port("m"), spec.at_port("N")))
 
 
 def effects_of(spec: Spec) -> Effects:

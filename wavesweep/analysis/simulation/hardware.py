@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any
 
 import numpy as np
 
@@ -105,38 +104,13 @@ def tick_lengths(effects: Effects, T: float, ticks: int) -> np.ndarray:
     return T * (1 + effects.jitter * source.uniform(-1.0, 1.0, ticks))
 
 
-def lateness(effects: Effects, frames: int) -> list[int | None]:
-    """Return the ticks by which each slow result is late, None for one that is lost."""
-    late = _source(effects, 1).integers(0, int(effects.late), frames, endpoint=True).tolist()
-    lost = _source(effects, 2).uniform(size=frames) < effects.dropped
+def lateness(effects: Effects, results: int, *others: int) -> list[int | None]:
+    """Return the ticks by which each slow result is late, None for one that is lost; others: a number of another slow loop."""
+    late = _source(effects, 1, *others).integers(0, int(effects.late), results, endpoint=True).tolist()
+    lost = _source(effects, 2, *others).uniform(size=results) < effects.dropped
     return [None if gone else ticks for ticks, gone in zip(late, lost.tolist(), strict=True)]
 
 
-def _source(effects: Effects, stream: int) -> np.random.Generator:
+def _source(effects: Effects, *stream: int) -> np.random.Generator:
     """Return the random stream of one effect, so that enabling one does not change the numbers of the others."""
-    return np.random.default_rng(np.random.SeedSequence(int(effects.seed), spawn_key=(stream,)))
-
-
-Mail = tuple[tuple[int, Any], ...]
-"""Results in the order in which they were computed, each with the tick from which it is held."""
-
-
-def post(mail: Mail, result: Any, k: int, delay: int | None) -> Mail:
-    """Send a result computed at tick ``k``, to be held from tick ``k + delay`` on; if `delay` is None, it is lost.
-
-    Without delay nothing is in transit: the caller holds the result at once, and it overtakes those still in transit.
-    """
-    if delay is None:
-        return mail
-    return (*mail, (k + delay, result)) if delay else ()
-
-
-def collect(held: Any, mail: Mail, k: int) -> tuple[Any, Mail]:
-    """Return the result held at tick ``k``, and those still in transit.
-
-    If several results are due, the one computed last is held; one that was overtaken is never held.
-    """
-    for place in range(len(mail) - 1, -1, -1):
-        if mail[place][0] <= k:
-            return mail[place][1], mail[place + 1 :]
-    return held, mail
+    return np.random.default_rng(np.random.SeedSequence(int(effects.seed), spawn_key=stream))

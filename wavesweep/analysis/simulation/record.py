@@ -9,14 +9,13 @@ import numpy as np
 
 from wavesweep.analysis.rows import complex_columns
 from wavesweep.analysis.simulation.inputs import Tone
+from wavesweep.analysis.simulation.parts import Loop
 from wavesweep.errors import UsageError
 
 _MOTION = ("f_h", "x", "v", "x_hat", "v_hat", "f_m", "f_device")
 _WAVES = ("u_m", "v_m", "u_s", "v_s", "x_s", "x_dot_s", "F_s", "u_h", "v_l", "v_2")
 _ENERGIES = ("hand", "device", "user", "slow", "local", "channel")
-_FAST = ("f_m", "touching", "u_m", "v_m", "u_h", "v_l", "v_2")
-_AVATAR = {"v_s": "v", "x_s": "x", "x_dot_s": "x_dot", "F_s": "F"}
-_SAME = 1e-9  # rad per tick: images closer than this are one column
+SAME = 1e-9  # rad: images closer than this in a tick are one; in a frame, a sine this close to its own image has one part
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ class Simulation:
     last slow update's `u_s`, `v_s`, `x_s`, `x_dot_s`, `F_s`, repeated until the next; with a local model behind
     them `u_h`, `v_l`, `v_2`. `F_s` also without waves.
     `energy`: see `Energy`. `frame`: ticks in a frame, 1 for `dc`.
-    `late`: ticks by which each frame's slow result was late, -1 for one that was lost.
+    `late`: ticks by which each slow result was late, -1 for one that was lost; of the first of several slow loops.
     `stopped`: why the simulation ended before the last tick of the force; empty if it did not.
     """
 
@@ -61,51 +60,21 @@ class Simulation:
     stopped: str
 
 
-def signals_of(rows: list, force: np.ndarray, lengths: np.ndarray) -> dict[str, np.ndarray]:
-    """Turn rows into columns; signals that a controller does not have are left out."""
-    names = ("x", "v", "x_hat", "v_hat", "f_device")
-    columns = {"time": np.concatenate([[0.0], np.cumsum(lengths)])[: len(rows)], "f_h": force}
-    columns |= {name: np.array([row[place] for row in rows]) for place, name in enumerate(names)}
-    seen = [row[-1] for row in rows]
-    columns |= {name: np.array(found) for name in _FAST if (found := _found(seen, name))}
-    for name in ("u_s", "F_s"):
-        columns |= _held(name, [getattr(signals, name, None) for signals in seen])
-    avatars = [getattr(signals, "slow", None) for signals in seen]
-    for name, field in _AVATAR.items():
-        columns |= _held(name, [avatar and getattr(avatar, field) for avatar in avatars])
-    return columns
-
-
-def _found(seen: list, name: str) -> list:
-    """Return a signal of every tick, or nothing if the controller does not have it."""
-    return [getattr(signals, name) for signals in seen] if seen and getattr(seen[0], name, None) is not None else []
-
-
-def _held(name: str, numbers: list) -> dict[str, np.ndarray]:
-    """Repeat the number of each slow update until the next; if there are slow updates, the first tick is one."""
-    updates = np.array([k for k, number in enumerate(numbers) if number is not None], dtype=int)
-    if not len(updates):
-        return {}
-    known = np.array([numbers[k] for k in updates])
-    return {name: np.repeat(known, np.diff(updates, append=len(numbers)))}
-
-
-def energies(signals: dict[str, np.ndarray], moved: np.ndarray, T: float, ratio: int) -> Energy:
-    """Return the energies of a simulation.
-
-    Parameters: `signals` the columns of the simulation, `moved` the change of position in each tick (m), `T` the
-    nominal tick (s), `ratio` of slow to fast period.
+def energies(loop: Loop, signals: Mapping[str, np.ndarray], moved: np.ndarray) -> Energy:
+    """Return the energies of a simulation. signals: its columns; moved: the change of position in each tick (m).
 
     Accuracy: rounding of the sums; an overflowed simulation gives infinities or NaN.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        hand, device = (np.cumsum(signals[name] * moved) for name in ("f_h", "f_device"))
-        if "u_m" not in signals:
+        hand, device = (np.cumsum(signals[name] * moved) if name in signals else None for name in ("f_h", "f_device"))
+        if not {"u_m", "u_s"} <= signals.keys():
             return Energy(hand, device, None, None, None, None)
-        user = np.cumsum(_wave(signals, "u_m", "v_m", T))
-        updates = np.arange(len(moved)) % ratio == 0
-        slow = np.cumsum(np.where(updates, _wave(signals, "u_s", "v_s", ratio * T), 0.0))
-        local = np.cumsum(_wave(signals, "u_h", "v_l", T)) if "u_h" in signals else np.zeros_like(user)
+        user = np.cumsum(_wave(signals, "u_m", "v_m", loop.tick))
+        rhythm = next(part.rhythm for part in loop.parts if part.name == loop.only("avatar"))
+        period = rhythm.every * loop.tick / len(rhythm.phases)
+        updates = np.isin(np.arange(len(moved)) % rhythm.every, rhythm.phases)
+        slow = np.cumsum(np.where(updates, _wave(signals, "u_s", "v_s", period), 0.0))
+        local = np.cumsum(_wave(signals, "u_h", "v_l", loop.tick)) if "u_h" in signals else np.zeros_like(user)
         return Energy(hand, device, user, slow, local, user - slow - local)
 
 
@@ -126,8 +95,8 @@ def table(simulation: Simulation) -> dict[str, np.ndarray]:
     energies = {f"energy_{name}": getattr(simulation.energy, name) for name in _ENERGIES}
     columns = {"tick": ticks, "frame": ticks // frame, "phase": ticks % frame, "time_s": signals["time"]}
     columns |= {name: signals.get(name, missing) for name in _MOTION}
-    columns["touching"] = signals.get("touching", np.zeros(0, dtype=bool))  # without a tick nothing was seen at all
-    columns["late"] = np.repeat(simulation.late, frame)[: len(ticks)]
+    columns["touching"] = signals["touching"]
+    columns["late"] = signals["late"]
     columns |= {name: signals.get(name, missing) for name in _WAVES}
     columns |= {name: missing if column is None else column for name, column in energies.items()}
     whole = _finite_rows([column for column in columns.values() if column is not missing], len(ticks))
@@ -194,7 +163,37 @@ def _basis(omega: float, ratio: int, k: np.ndarray) -> np.ndarray:
     folded = np.abs((images + np.pi) % (2 * np.pi) - np.pi)
     columns, seen = [], [0.0]
     for image in folded:
-        if min(abs(image - other) for other in seen) > _SAME:
+        if min(abs(image - other) for other in seen) > SAME:
             seen.append(image)
-            columns += [np.cos(image * k)] if abs(image - np.pi) <= _SAME else [np.cos(image * k), np.sin(image * k)]
+            columns += [np.cos(image * k)] if abs(image - np.pi) <= SAME else [np.cos(image * k), np.sin(image * k)]
     return np.stack([*columns, np.ones(len(k))], axis=1)
+
+
+def components(signals: Mapping[str, np.ndarray], tone: Tone, tick_hz: float, frame: int) -> list[complex]:
+    """Complex amplitudes of `f_h`, `x` and `f_device` at a tone's frequency; see `record.estimate`.
+
+    Each phase of the frame sees a sine, with an amplitude of its own, and a constant. The amplitudes are fitted phase by phase,
+    and their mean, each turned back by its phase, is the component at the frequency itself: images of it drop out.
+    Errors: `UsageError` if a section has fewer than three frames.
+    """
+    frames = (tone.last - tone.first) // frame
+    if frames < 3:
+        raise UsageError(
+            f"tone of {tone.frequency_hz} Hz: expected at least {3 * frame} ticks, three frames, to tell it from its images, "
+            f"found {tone.last - tone.first}; measure longer"
+        )
+    omega = 2 * np.pi * tone.frequency_hz / tick_hz
+    part = slice(tone.first, tone.first + frames * frame)
+    measured = np.concatenate([signals[name][part].reshape(frames, frame) for name in ("f_h", "x", "f_device")], axis=1)
+    turn = omega * frame * np.arange(frames)
+    alone = own_image(omega * frame)  # each phase sees one number, or two in turn
+    basis = [np.cos(turn)] if alone else [np.cos(turn), np.sin(turn)]
+    basis += [] if alone and np.cos(omega * frame) > 0 else [np.ones(frames)]
+    found = np.linalg.lstsq(np.stack(basis, axis=1), measured, rcond=None)[0]
+    amplitudes = 2 * found[0] if alone else found[0] - 1j * found[1]
+    return list((amplitudes.reshape(3, frame) * np.exp(-1j * omega * np.arange(frame))).mean(axis=1))
+
+
+def own_image(angle: float) -> bool:
+    """Whether a sine that turns by this angle (rad) in a frame is its own image."""
+    return abs(np.sin(angle)) < SAME

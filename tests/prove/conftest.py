@@ -1,0 +1,21 @@
+"""Loops in the form in which the prover takes them."""
+
+import pytest
+
+import wavesweep
+from wavesweep.prove import prove_column
+from wavesweep.sweep.drawn_loops import drift_of
+
+
+@pytest.fixture(scope="session")
+def prove():
+    """A function: the proof of a spec along one of its numbers."""
+
+    def proof(tables, number, span, values=None, **more):
+        spec = wavesweep.compile(tables).spec
+        path = spec.names.find(number).path
+        flat = dict(spec.values) | {spec.names.find(name).path: value for name, value in (values or {}).items()}
+        drift = drift_of(spec.drawing, flat | {path: 1.0}, dict(spec.values))
+        return prove_column(spec.drawing, flat, path, span, len(drift.states) - len(drift.kept), **more)
+
+    return proof

@@ -1,0 +1,93 @@
+"""The parts of a proof: the loop in balls, polynomials over a range, counts, and crossings."""
+
+from math import comb
+
+import numpy as np
+import pytest
+from flint import arb, arb_mat
+from stress.drawings import monodromy
+from support.drawn import random_network, random_tables
+
+import wavesweep
+from wavesweep.diagram.assembly import assembled
+from wavesweep.prove.columns import precision
+from wavesweep.prove.crossings import count_outside, crossings
+from wavesweep.prove.polynomials import Budget, Family, Part, bernstein, chebyshev
+from wavesweep.prove.ticks import Loop, UndecidedError
+
+
+def floats(matrix):
+    return np.array([[float(entry.mid()) for entry in row] for row in matrix.tolist()])
+
+
+@pytest.mark.parametrize("tables", [*map(random_tables, range(20, 26)), random_network(3, 8)])
+def test_a_frame_has_the_eigenvalues_of_the_loop_run_block_by_block(tables):
+    spec = wavesweep.compile(tables).spec
+    with precision(128):
+        found = np.linalg.eigvals(floats(Loop(spec.drawing, spec.values, "k").frame(arb(spec.values["numbers.k"]))[0]))
+    expected = np.linalg.eigvals(monodromy(assembled(spec.drawing, dict(spec.values))))
+    for one, other in ((found, expected), (expected, found)):
+        assert all(np.abs(other - z).min() < 1e-9 for z in one[np.abs(one) > 1e-2])
+
+
+@pytest.mark.parametrize("number", ["k", "m0", "g"])
+def test_polynomials_on_a_part_enclose_those_of_each_value(number):
+    spec, budget = wavesweep.compile(random_tables(9)).spec, Budget(1e9)
+    span = (0.5, 0.6)
+    with precision(192):
+        family = Family(Loop(spec.drawing, spec.values, number), span, budget)
+        family.find_ones()
+        for part in family.over_range():
+            share = arb(3) / 8
+            value = part.low + (part.high - part.low) * share
+            pivot = family.loop.frame(value)[1] if family.exact else 1
+            for table, plain in zip(part.polynomials, family.plain(value), strict=True):
+                m = table.ncols() - 1
+                weights = arb_mat([[_weight(m, j, share)] for j in range(m + 1)])
+                enclosed = (table * weights).tolist()
+                assert all(row[0].overlaps(c * pivot) for row, c in zip(enclosed, plain, strict=True))
+                assert all(row[0].rad() < 1e-20 for row in enclosed)
+
+
+def _weight(m, j, t):
+    return comb(m, j) * t**j * (1 - t) ** (m - j)
+
+
+def test_chebyshev_polynomials_in_bernstein_form():
+    x = np.linspace(-1, 1, 9)
+    for slope, constant, expected in (
+        (1, 0, lambda k, t: np.cos(k * t)),
+        (2, 0, lambda k, t: np.sin((k + 1) * t) / np.sin(t)),
+        (2, -1, lambda k, t: np.cos((k + 0.5) * t) / np.cos(t / 2)),
+        (2, 1, lambda k, t: np.sin((k + 0.5) * t) / np.sin(t / 2)),
+    ):
+        rows = floats(bernstein(chebyshev(6, slope, constant), 7))
+        t = np.arccos(x[1:-1])
+        for k, row in enumerate(rows):
+            value = sum(c * _weight(7, j, (x[1:-1] + 1) / 2) for j, c in enumerate(row))
+            assert value == pytest.approx(expected(k, t), abs=1e-12)
+
+
+@pytest.mark.parametrize(("roots", "outside"), [([0.5, -0.9], 0), ([1.1, 0.2, -3.0], 2), ([0.6 + 0.9j, 0.6 - 0.9j, 0.1], 2)])
+def test_roots_outside_are_counted(roots, outside):
+    assert count_outside([arb(float(c.real)) for c in np.poly(roots)[::-1]]) == outside
+
+
+def test_a_root_on_the_circle_is_not_counted():
+    with pytest.raises(UndecidedError):
+        count_outside([arb(1), arb(0), arb(1)])
+
+
+@pytest.mark.parametrize("degree", [2, 3])
+def test_crossings_of_a_pair_and_of_real_roots(degree):
+    """z^2 - 2 c z + k crosses at k = 1 with cos(theta) = c, and at z = 1 for k = 2c - 1; with a factor z - 1/2 as well."""
+    c = 0.625
+    rows = [[0.0, 3.0], [-2 * c, -2 * c], [1.0, 1.0]]  # of z^j, at k = 0 and 3
+    if degree == 3:
+        padded = np.vstack([rows, [[0.0, 0.0]]])
+        rows = np.vstack([[[0.0, 0.0]], rows]) - padded / 2
+    with precision(128):
+        part = Part(arb(0), arb(3), (arb_mat([[arb(float(x)) for x in row] for row in rows]),))
+        found = sorted(crossings(part, Budget(1e8)), key=lambda each: each.value.mid())
+    assert [float(each.value.mid()) for each in found] == pytest.approx([2 * c - 1, 1.0])
+    assert [float(each.theta.cos().mid()) for each in found] == pytest.approx([1.0, c])

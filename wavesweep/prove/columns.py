@@ -1,0 +1,160 @@
+"""Columns of stable intervals proved in ball arithmetic: a loop along one of its numbers, with as many bits as it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import pairwise
+from math import nan
+from typing import Any
+
+import numpy as np
+from flint import arb, ctx
+
+from wavesweep.analysis.doubt import NONE
+from wavesweep.analysis.intervals import Intervals
+from wavesweep.prove.crossings import Crossing, count_outside, crossings, is_unstable
+from wavesweep.prove.polynomials import Budget, Family
+from wavesweep.prove.ticks import Loop, UndecidedError
+from wavesweep.spec.drawing import Drawing, name_of
+
+PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits
+OPERATIONS = 2e8  # for each column, some ten seconds; counted, so that the result does not depend on the machine
+DIGITS = 52  # bits of an end or an angle that have to be certain
+POLYNOMIAL, PARTS = 1, 2
+WAYS = {
+    POLYNOMIAL: "polynomials in the axis, their roots on the unit circle isolated by Bernstein coefficients, in balls",
+    PARTS: "polynomials interpolated on parts of the range, their roots on the unit circle isolated in balls",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """The stable intervals of a column: (low, high, low_omega, high_omega), rounded to doubles.
+
+    omega: rad/s of the oscillation that starts there, 0 at z = 1; NaN if the range ends the interval. bits: of the arithmetic.
+    way: one of `WAYS`.
+    """
+
+    intervals: tuple[tuple[float, float, float, float], ...]
+    bits: int
+    way: int
+
+
+def prove_column(
+    drawing: Drawing,
+    values: Mapping[str, Any],
+    along: str,
+    span: tuple[float, float],
+    integrators: int,
+    precisions: Sequence[int] = PRECISIONS,
+    operations: float = OPERATIONS,
+) -> Proof | None:
+    """The stable intervals of a drawn loop along the number with the path `along` within `span`; None if they stay in doubt.
+
+    values: flat, of one loop. integrators: how many eigenvalues are 1 for every value of the number by the structure of the
+    loop, which do not decide stability. If there are more, no value is stable. operations: at most, of all precisions.
+    """
+    budget, loop = Budget(operations), None
+    for bits in precisions:
+        with precision(bits):
+            try:
+                loop = loop or Loop(drawing, values, name_of(along))
+                return _proof(loop, span, integrators, budget)
+            except UndecidedError:
+                if budget.left < 0:
+                    break
+    return None
+
+
+@contextmanager
+def precision(bits: int) -> Iterator[None]:
+    """Compute with so many bits."""
+    before, ctx.prec = ctx.prec, bits
+    try:
+        yield
+    finally:
+        ctx.prec = before
+
+
+def _proof(loop, span, integrators, budget):
+    family = Family(loop, span, budget)
+    way = POLYNOMIAL if family.exact else PARTS
+    try:
+        ones = family.find_ones()
+    except UndecidedError:
+        if not all(map(is_unstable, family.over_range())):
+            raise
+        return Proof((), ctx.prec, way)
+    if ones > integrators:
+        return Proof((), ctx.prec, way)
+    found = [each for part in family.over_range() for each in crossings(part, budget)]
+    ends = _merged([Crossing(end, arb("nan")) for end in map(arb, span)] + found)
+    stable = [_is_stable(family, a.value.upper(), b.value.lower()) for a, b in pairwise(ends)]
+    if any(one and other for one, other in pairwise(stable)):
+        raise UndecidedError  # a root that may only touch the circle
+    intervals = [_rounded(loop, a, b, span) for (a, b), inside in zip(pairwise(ends), stable, strict=True) if inside]
+    return Proof(tuple(each for each in intervals if each[0] < each[1]), ctx.prec, way)
+
+
+def _merged(found):
+    """Crossings in order, those that may be at the same value as one; of a value at an end of the range, the angle is kept."""
+    ends = []
+    for each in sorted(found, key=lambda each: (each.value.lower(), each.value.upper())):
+        if ends and not ends[-1].value < each.value:
+            theta = each.theta if ends[-1].theta.is_nan() else ends[-1].theta
+            ends[-1] = Crossing(ends[-1].value.union(each.value), theta)
+        else:
+            ends.append(each)
+    return ends
+
+
+def _is_stable(family, low, high):
+    """Whether all roots are inside the circle between two crossings."""
+    for share in (0.5, 0.37, 0.71):
+        value = (low + (high - low) * share).mid()
+        try:
+            return all(count_outside(p) == 0 for p in family.plain(value))
+        except UndecidedError:
+            continue
+    raise UndecidedError
+
+
+def _rounded(loop, low, high, span):
+    """An interval as doubles. Errors: UndecidedError if the bits do not give these."""
+    places = [_double(end.value, span) for end in (low, high)]
+    omegas = []
+    for end, place in zip((low, high), places, strict=True):
+        if end.theta.is_nan():
+            omegas.append(nan)
+            continue
+        omega = end.theta * loop.rate(arb(place)) / loop.ticks
+        omegas.append(0.0 if omega.contains(0) else _sure(omega))
+    return (*places, *omegas)
+
+
+def _double(value, span):
+    """The double next to a ball; 0 and the ends of the range are met exactly if they are in it."""
+    for known in (*span, 0.0):
+        if value.contains(known):
+            return known
+    return _sure(value)
+
+
+def _sure(value):
+    if value.rel_accuracy_bits() < DIGITS:
+        raise UndecidedError
+    return float(value.mid())
+
+
+def proved_intervals(proofs: Sequence[Proof]) -> Intervals:
+    """The intervals of columns, each given by its proof, numbered from 0."""
+    rows = []
+    for column, proof in enumerate(proofs):
+        own = [(column, index, len(proof.intervals), *each) for index, each in enumerate(proof.intervals)]
+        rows += own or [(column, -1, 0, nan, nan, nan, nan)]
+    parts = [np.array(part) for part in zip(*rows, strict=True)] if rows else [np.zeros(0)] * 7
+    column, index, count = (part.astype(int) for part in parts[:3])
+    doubt = np.full(column.size, NONE)
+    return Intervals(column, index, count, *(part.astype(float) for part in parts[3:]), doubt, np.zeros(column.size))

@@ -1,0 +1,187 @@
+"""A drawn loop tick by tick in ball arithmetic: every number is its double, and every result has a bound on its error.
+
+A number of the loop may be a ball that holds a whole range of it, real or complex.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import lru_cache, reduce
+from math import lcm
+from typing import Any
+
+import numpy as np
+from flint import acb_mat, arb, arb_mat, ctx
+
+from wavesweep.prove.blocks import matrices
+from wavesweep.spec.block_types import TYPES
+from wavesweep.spec.drawing import Drawing, DrawnBlock, scalars
+from wavesweep.spec.exact import constants_of, named
+from wavesweep.spec.expressions import Tree, evaluate, names_in, value_of
+
+
+class UndecidedError(Exception):
+    """These bits, or this way, do not tell."""
+
+
+class Loop:
+    """A drawn loop along one of its numbers; values: flat, as a spec has them.
+
+    A frame maps states and outputs that something may read while their block does not run.
+    """
+
+    def __init__(self, drawing: Drawing, values: Mapping[str, Any], number: str) -> None:
+        self.drawing, self.number, self._kept = drawing, number, {}
+        self.values = {name: value for name, value in scalars(values).items() if value is not None}
+        every = [int(value_of(block.every, self.values)) for block in drawing.blocks]
+        phases = [block.phases or (int(value_of(block.phase, self.values)),) for block in drawing.blocks]
+        self.every, self.phases, self.ticks = every, phases, lcm(*every)
+        rhythms = list(enumerate(zip(every, phases, strict=True)))
+        self.kinds = tuple(tuple(i for i, (n, phases) in rhythms if t % n in phases) for t in range(self.ticks))
+        self.inputs, self.outputs = (
+            [(i, f"{block.name}.{port}") for i, block in enumerate(drawing.blocks) for port in block.ports[side]]
+            for side in (0, 1)
+        )
+        self.at = {signal: j for j, (_, signal) in enumerate(self.outputs)}
+        self.wires = {port: [(s, gain) for s, gain in terms if s in self.at] for port, terms in drawing.wires}
+        read = {self.at[signal] for terms in self.wires.values() for signal, _ in terms}
+        self.held = [j for j, (i, _) in enumerate(self.outputs) if every[i] > 1 and j in read]
+
+    def rate(self, number: Any) -> Any:
+        """The rate of the tick (Hz) at a value of the number."""
+        return self._value(self.drawing.tick_hz, number)
+
+    def frame(self, number: Any) -> tuple[Any, Any]:
+        """The map of a frame, and the product of the determinants of the algebraic loops in its ticks.
+
+        number: an arb or an acb. Entries are NaN if an algebraic loop may have no solution in that ball.
+        """
+        ticks = self._ticks(number)
+        pivot = reduce(lambda total, kind: total * ticks[kind][1], self.kinds, type(number)(1))
+        return product(self.kinds, {kind: tick for kind, (tick, _) in ticks.items()}), pivot
+
+    def pattern(self, number: Any) -> np.ndarray:
+        """The entries of the frame that may not be 0 for a value in the ball `number`; zeros of sums are not seen."""
+        ones = {kind: arb_mat(_places(tick).astype(int).tolist()) for kind, (tick, _) in self._ticks(number).items()}
+        return _places(product(self.kinds, ones))
+
+    def _ticks(self, number):
+        """The map of each kind of tick, and the determinant of its algebraic loops."""
+        blocks = [self._block(i, block, number) for i, block in enumerate(self.drawing.blocks)]
+        W = [[0] * len(self.outputs) for _ in self.inputs]
+        for row, (_, port) in zip(W, self.inputs, strict=True):
+            for signal, gain in self.wires.get(port, ()):
+                key = "wire", port, signal
+                row[self.at[signal]] = self._once(key, (gain,), number, lambda g=gain: self._value(g, number))
+        matrix, owners = (
+            arb_mat if isinstance(number, arb) else acb_mat,
+            [i for i, block in enumerate(blocks) for _ in block[0]],
+        )
+        orders, ports = [len(A) for A, *_ in blocks], [len(block.ports[0]) for block in self.drawing.blocks]
+        A, B, C, D = (_diagonal([block[k] for block in blocks], (orders, ports)[k % 2]) for k in range(4))
+        return {kind: self._tick(set(kind), matrix, owners, matrix(W), A, B, C, D) for kind in set(self.kinds)}
+
+    def _tick(self, running, matrix, owners, W, A, B, C, D):
+        states, size = len(owners), len(owners) + len(self.held)
+        if not size:
+            return matrix(0, 0), W[0, 0] * 0 + 1
+
+        def form(row, unit=-1):
+            return [*row, *[0] * (size - len(row))] if unit < 0 else [int(k == unit) for k in range(size)]
+
+        places, runs = {j: states + k for k, j in enumerate(self.held)}, [i in running for i, _ in self.outputs]
+        C = matrix([form(row) if on else form((), places.get(j, -1)) for j, (row, on) in enumerate(zip(C, runs, strict=True))])
+        D = matrix([row if on else [0] * len(row) for row, on in zip(D, runs, strict=True)])
+        inputs, pivot = _closed(W * D, W * C)
+        outputs, after = (C + D * inputs).tolist(), (matrix(B) * inputs).tolist() if B else []
+        rows = []
+        for k, i in enumerate(owners):
+            own = [a + b for a, b in zip(form(A[k]), after[k], strict=True)]
+            rows.append(own if i in running else form((), k))
+        return matrix(rows + [outputs[j] if runs[j] else form((), at) for j, at in places.items()]), pivot
+
+    def _block(self, i: int, block: DrawnBlock, number: Any) -> Any:
+        def made():
+            types = TYPES[block.type].keys
+            keys = {name: self._key(types[name].type, value, number) for name, value in block.keys}
+            return matrices(block.type, self.every[i] / len(self.phases[i]) / self.rate(number), keys)
+
+        return self._once(("block", i), (self.drawing.tick_hz, *(tree for _, tree in block.trees())), number, made)
+
+    def _key(self, kind, value, number):
+        if kind == "number":
+            return self._value(value, number)
+        if kind == "integer":
+            return int(value_of(value, self.values))
+        if kind == "list":
+            return [self._value(tree, number) for tree in value]
+        return [[self._value(tree, number) for tree in row] for row in value] if kind == "rows" else value
+
+    def _value(self, tree: Tree, number: Any) -> Any:
+        ball = type(number)
+        known = {constant: constant for constant in constants_of(tree)}
+        known |= {name: self.values[name] for name, _ in names_in(tree) if name != self.number}
+        root = arb.sqrt if ball is arb else lambda value: value.sqrt(analytic=True)
+        try:
+            return ball(evaluate(named(tree), {name: ball(v) for name, v in known.items()} | {self.number: number}, root))
+        except ZeroDivisionError:
+            return ball("nan")
+
+    def _once(self, name: tuple, trees: tuple[Tree, ...], number: Any, make: Callable[[], Any]) -> Any:
+        """The result of `make`, kept for other values of the number if the trees do not read it."""
+        if any(reads(tree, self.number) for tree in trees):
+            return make()
+        key = (*name, type(number), ctx.prec)
+        if key not in self._kept:
+            self._kept[key] = make()
+        return self._kept[key]
+
+
+def _closed(L, R):
+    """The solution of `u = L u + R` and the determinant; without a loop in L it takes no division."""
+    size, places = L.nrows(), _places(L)
+    steps, reached = 0, np.eye(size, dtype=bool)
+    while reached.any() and steps <= size:
+        steps, reached = steps + 1, (reached.astype(float) @ places) > 0
+    if steps <= size:
+        return reduce(lambda found, _: R + L * found, range(steps - 1), R), type(L)([[1]])[0, 0]
+    S = type(L)([[int(i == j) for j in range(size)] for i in range(size)]) - L
+    return S.solve(R, nonstop=True, algorithm="lu"), S.det()
+
+
+def _places(matrix):
+    rows = [[not entry.is_zero() for entry in row] for row in matrix.tolist()]
+    return np.array(rows, bool).reshape(matrix.nrows(), matrix.ncols())
+
+
+def _diagonal(parts, widths):
+    """Rows of blocks in a diagonal."""
+    return [[*[0] * sum(widths[:i]), *row, *[0] * sum(widths[i + 1 :])] for i, part in enumerate(parts) for row in part]
+
+
+def product(kinds: tuple, maps: Mapping) -> Any:
+    """The product of the maps of ticks in this order, with powers of those that repeat."""
+    return _multiplied(_plan(kinds), maps)
+
+
+def _multiplied(plan, maps):
+    kind, times, *parts = plan
+    if times:
+        return _multiplied(parts[0], maps) ** times
+    return _multiplied(parts[1], maps) * _multiplied(parts[0], maps) if parts else maps[kind]
+
+
+@lru_cache(maxsize=256)
+def _plan(kinds):
+    """A tree of (kind, times, parts in order): a power, a product of two parts, or the map of a kind."""
+    size = len(kinds)
+    for period in range(1, size // 2 + 1):
+        if size % period == 0 and kinds == kinds[:period] * (size // period):
+            return None, size // period, _plan(kinds[:period])
+    return (None, 0, _plan(kinds[: size // 2]), _plan(kinds[size // 2 :])) if size > 1 else (kinds[0], 0)
+
+
+@lru_cache(maxsize=4096)
+def reads(tree: Tree, number: str) -> bool:
+    """Whether a tree reads a number."""
+    return any(name == number for name, _ in names_in(tree))
