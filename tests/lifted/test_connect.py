@@ -20,9 +20,7 @@ from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.connect import connect
 from wavesweep.lifted.cut import close
 from wavesweep.lifted.frame import lifted_system
-from wavesweep.lifted.plan import _plan as plan_cache
-from wavesweep.lifted.plan import plan_of
-from wavesweep.lifted.tape import Tape
+from wavesweep.lifted.substitution import ANY, ONE, plan_of
 
 
 def test_feedback_with_direct_terms_is_closed_exactly():
@@ -189,35 +187,40 @@ def test_the_pivot_of_one_loop_is_its_return_difference():
 
 
 def test_loops_of_one_structure_share_a_plan_and_others_do_not():
-    def plan(pole, through, gain=-1):
-        blocks = first_order("p", pole, through), first_order("q", -0.2, 2.0)
+    def planned(pole, through, gain=-1):
+        """Plans that the loop makes, and whether it goes round at once."""
+        blocks, before = (first_order("p", pole, through), first_order("q", -0.2, 2.0)), plan_of.cache_info().misses
         sums = {"p.u": {"r": 1, "back": gain}, "back": {"q.y": 3.0}, "q.u": {"p.y": 1}}
-        return plan_of(blocks, sums, ("r",), ("p.y",), terms=False)[0]
+        closed = connect("loop", blocks, sums, ("r",), ("p.y",))
+        return plan_of.cache_info().misses - before, closed.pivot != 1
 
-    assert plan(0.9, 0.3) is plan(0.5, 0.7)
-    assert plan(0.9, 0.3).torn == 1
-    assert plan(0.9, 0.0).torn == 0  # no direct term, so nothing goes round at once
-    assert plan(0.9, 0.3, 1) is not plan(0.9, 0.3)  # a gain of 1 multiplies nothing
+    plan_of.cache_clear()
+    assert planned(0.9, 0.3) == (1, True)
+    assert planned(0.5, 0.7) == (0, True)
+    assert planned(0.9, 0.0) == (1, False)  # no direct term
+    assert planned(0.9, 0.3, 1) == (1, True)  # a gain of 1 multiplies nothing
+    assert planned(0.9, 0.3) == (0, True)
 
 
 def test_numbers_that_nothing_needs_are_not_computed_and_places_are_used_again():
-    tape = Tape(2)
-    a, b = tape.start
-    unused = abs(a * b)
-    for _ in range(20):
-        a = a * b + b
-    program, places = tape.program([a])
-    assert unused.at not in places
-    assert len(program.steps) == 40
-    assert program.places <= 4
-    x, y = 0.5, 0.25
-    for _ in range(20):
-        x = x * y + y
-    assert program.run([0.5, 0.25], ())[places[a.at]] == x
+    """A chain of 20 gains beside others that nothing reads."""
+    blocks = tuple((f"{kind}{i}", ("u",), ("y",), 0, False) for kind in "ab" for i in range(20))
+    sums = tuple((f"{kind}{i}.u", (f"{kind}{i - 1}.y" if i else "r",)) for kind in "ab" for i in range(20))
+    patterns = bytes([ANY] * 40 + [ONE] * 40)
+    plan = plan_of(blocks, sums, ("r",), ("a19.y",), False, patterns)
+    assert sum(map(len, plan.stages)) == 19
+    assert plan.places <= len(patterns) + 2
+
+
+def test_sizes_that_are_known_reach_the_whole_through_entries_that_are_zero():
+    """What cancels in a block leaves rounding in it; so it does in what it is connected to."""
+    block = replace(static([[0.0]]), terms=(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[3.0]])))
+    closed = connect("chain", (block,), {"b.a": {"r": 2.0}, "out": {"b.s": -5.0}}, ("r",), ("out",), terms=True)
+    assert (closed.D, closed.terms[3]) == (0.0, 30.0)
 
 
 def test_threads_that_connect_one_structure_at_once_find_what_one_finds():
-    """Its plan is worked out by the first of them, and nothing in it changes afterwards."""
+    """Each of them may work out its plan, in which nothing changes afterwards."""
     random = np.random.default_rng(3)
 
     def block(name):
@@ -233,8 +236,7 @@ def test_threads_that_connect_one_structure_at_once_find_what_one_finds():
     try:
         with ThreadPoolExecutor(4) as pool:
             for _ in range(150):
-                plan_cache.cache_clear()
-                plan_of(*given[1:], terms=True)
+                plan_of.cache_clear()
                 for found in pool.map(lambda _: connect(*given, terms=True), range(4)):
                     wrong += not all(np.array_equal(*pair) for pair in zip(found.terms, expected.terms, strict=True))
     finally:
