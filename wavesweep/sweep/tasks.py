@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from wavesweep.analysis.intervals import Intervals, stable_intervals
-from wavesweep.analysis.response import felt, felt_map
+from wavesweep.analysis.response.felt import felt, felt_map
 from wavesweep.analysis.spectrum import spectral_radius
 from wavesweep.diagram import WALL, draw, identity
 from wavesweep.errors import IllPosedLoopError
