@@ -6,8 +6,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from wavesweep.analysis.given import real_numbers
-from wavesweep.analysis.response.drawn import respond_port
+from wavesweep.analysis.response.lifted import Lifted
 from wavesweep.analysis.response.port import Ports, port_of
+from wavesweep.analysis.response.steady import respond
 from wavesweep.analysis.spectrum import radius_of
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
@@ -53,8 +54,7 @@ class DrawnLoop:
         if unknown := [name for name in (position, *([reaction] if reaction else [])) if name not in known]:
             raise UsageError(f"response: expected outputs of blocks or junctions, found {', '.join(unknown)}")
         ports = Ports(force, position, reaction)
-        watched = (position, reaction) if reaction else (position,)
-        found = respond_port(port_of(drawn, ports, drift_of_drawn(drawn, drawn, watched)), frequency)
+        found = respond(Lifted.of(port_of(drawn, ports, drift_of_drawn(drawn, drawn, ports.signals))), frequency)
         return DataFrame({"frequency_hz": frequency, **{f.name: getattr(found, f.name) for f in fields(found)}})
 
     def simulate(self, inputs: Mapping, signals):

@@ -200,22 +200,21 @@ class Loop:
         self._refuse_drawn("to_control")
         import control
 
-        from wavesweep.analysis.response import displacements
+        from wavesweep.analysis.response.lifted import displacements
         from wavesweep.lifted.frame import lifted_system
+        from wavesweep.sweep.drawn_loops import loop_at_hand
 
         values = self.spec.values
         wall, ratio = (values["environment.K_VE"], values["environment.B_VE"]), values["rates.ratio"]
         if output == "position":
             block = lifted_system(draw(values), ratio, *wall)
+            E, B, C, D = block.E, block.B, block.C, block.D
         elif output == "displacement":
-            block = displacements(draw(values), ratio, *wall)
+            E, B, C, D = displacements(loop_at_hand(self.spec).port, ratio)
         else:
             raise UsageError(f'output: expected "position" or "displacement", found {output!r}')
-        A = np.eye(len(block.states)) + block.E
-        outputs = [name.removeprefix("frame.") for name in block.outputs]
-        return control.ss(
-            A, block.B, block.C, block.D, ratio / values["rates.fast_hz"], inputs=list(block.inputs), outputs=outputs
-        )
+        inputs, outputs = ([f"{name}[{i}]" for i in range(ratio)] for name in ("f_h", "x" if output == "position" else "dx"))
+        return control.ss(np.eye(len(E)) + E, B, C, D, ratio / values["rates.fast_hz"], inputs=inputs, outputs=outputs)
 
     def _refuse_drawn(self, method):
         if loop_of(self.spec):

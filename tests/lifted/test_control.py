@@ -4,9 +4,10 @@ import control
 import numpy as np
 import pytest
 from support.lifted import same_spectrum
+from support.responses import loop_of
 from support.specs import KINDS, random_values, values_of
 
-from wavesweep.analysis.response import prepare, steady_state
+from wavesweep.analysis.response.steady import respond
 from wavesweep.diagram import draw
 from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.cut import close
@@ -40,9 +41,8 @@ def test_the_alias_sum_of_its_frequency_response_is_what_the_hand_feels(kind, se
     T, ratio = 1 / values["rates.fast_hz"], values["rates.ratio"]
     frequency = np.array([0.003, 0.02, 0.11, 0.43]) / T
     position, force = state_space(values), state_space(values, "f_m")
-    admittance, impedance = steady_state(
-        prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"]), frequency
-    )
+    found = respond(loop_of(values), frequency)
+    admittance, impedance = found.admittance, found.impedance
     for i, f in enumerate(frequency):
         phasor = np.exp(2j * np.pi * f * T * np.arange(ratio))
         z = np.exp(2j * np.pi * f * T * ratio)

@@ -11,8 +11,9 @@ from support.specs import nested, values_of
 import wavesweep
 from wavesweep.analysis.intervals import stable_along_any, stable_intervals
 from wavesweep.analysis.passivity.drawn import drawn_port_margin
-from wavesweep.analysis.response.drawn import respond_port
+from wavesweep.analysis.response.lifted import Lifted
 from wavesweep.analysis.response.port import Ports, port_of
+from wavesweep.analysis.response.steady import respond
 from wavesweep.diagram import blocks
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawn import Drawn, Placed
@@ -137,7 +138,7 @@ def test_waves_written_as_blocks_are_the_built_in_loop(changes):
     ports = Ports("hand", "m.x", "f_m")
     port = port_of(closed, ports, drift_of_drawn(closed, pmw(**changes, b=11.0, wall=(300.0, 2.0)), ("m.x", "f_m")))
     frequency = np.array([1e-2, 1.0, 49.9, 50.0, 123.0])
-    seen, rows = respond_port(port, frequency), own.response(frequency)
+    seen, rows = respond(Lifted.of(port), frequency), own.response(frequency)
     assert seen.admittance == pytest.approx((rows["admittance_re"] + 1j * rows["admittance_im"]).to_numpy(), rel=1e-10)
     assert seen.impedance == pytest.approx((rows["impedance_re"] + 1j * rows["impedance_im"]).to_numpy(), rel=1e-10)
     assert seen.admittance_error.max() < 1e-9

@@ -8,10 +8,10 @@ from flint import arb, ctx
 from stress.judge import Verdict
 from stress.specs import FAMILIES, maybe, spread, usual
 from support import balls
+from support.responses import loop_of
 
 from wavesweep.analysis.doubt import SPARED
-from wavesweep.analysis.response import prepare, respond
-from wavesweep.diagram import draw
+from wavesweep.analysis.response.steady import respond
 from wavesweep.errors import IllPosedLoopError
 
 BITS = (256, 512, 1024, 2048, 4096)
@@ -78,7 +78,7 @@ def judge(seed, family) -> list[Judged] | None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
-            loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"])
+            loop = loop_of(values)
         except IllPosedLoopError:
             return None
         found = respond(loop, frequency)

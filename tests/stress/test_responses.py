@@ -5,9 +5,9 @@ import pytest
 
 pytest.importorskip("flint", reason="python-flint is the witness")
 from stress import responses
+from support.responses import loop_of
 
-from wavesweep.analysis.response import prepare, worst_gain
-from wavesweep.diagram import draw
+from wavesweep.analysis.response.gain import gain_of
 
 pytestmark = pytest.mark.slow
 
@@ -52,8 +52,7 @@ def test_the_worst_case_gain_is_within_its_bound(seed):
     values, frequency = responses.question(seed, "resonant")
     values |= {"rates.ratio": min(values["rates.ratio"], 40)}
     values |= {"environment.delay": min(values["environment.delay"], values["rates.ratio"])}
-    loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"])
-    for f, gain, bound in zip(frequency, *worst_gain(loop, frequency, values["rates.ratio"]), strict=True):
+    for f, gain, bound in zip(frequency, *gain_of(loop_of(values), values["rates.ratio"])(frequency), strict=True):
         multiple = f * values["rates.ratio"] / values["rates.fast_hz"]
         if multiple != round(multiple):
             truth = responses.exact_gain(values, f)

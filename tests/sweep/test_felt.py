@@ -4,19 +4,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.responses import loop_of
 from support.specs import nested, random_values, values_of
 
 import wavesweep
 from wavesweep import sweep
-from wavesweep.analysis.response import prepare, static_response
-from wavesweep.diagram import draw
+from wavesweep.analysis.response.steady import static_response
 
 KEYS = {"K_VE": "environment.K_VE", "B_VE": "environment.B_VE", "b": "controller.b"}
 
 
 def felt_at(values, **changes):
     changed = values | {KEYS[name]: value for name, value in changes.items()}
-    return float(static_response(prepare(draw(changed), changed["environment.K_VE"], changed["environment.B_VE"]))[1])
+    return float(static_response(loop_of(changed))[1].real)
 
 
 @pytest.mark.parametrize(("along", "span"), [("K_VE", (10, 20000)), ("B_VE", (0, 30)), ("b", (2, 100))])

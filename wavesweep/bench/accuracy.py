@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.analysis.response import prepare, steady_state
+from wavesweep.analysis.response.steady import respond
 from wavesweep.bench.measuring import Row
 from wavesweep.bench.problems import references, score
 from wavesweep.bench.this_tool import answer_of
-from wavesweep.diagram import draw
 from wavesweep.loop import compile as compile_loop
 from wavesweep.spec import Spec, load
+from wavesweep.sweep.drawn_loops import loop_at_hand
 
 _EXPLICIT = {"environment": {"integration": "explicit"}}
 
@@ -111,8 +111,7 @@ def _ends_anywhere() -> Iterator[Row]:
 
 def _responses() -> Iterator[Row]:
     for case, ((Y_re, Y_im, Z_re, Z_im),) in zip(RESPONSES, references()["hard_responses"], strict=True):
-        values = case.values()
-        loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"])
-        Y, Z = (part[0] for part in steady_state(loop, np.array([case.frequency_hz])))
+        found = respond(loop_at_hand(case.spec()), case.frequency_hz)
+        Y, Z = found.admittance[0], found.impedance[0]
         for name, got, true in (("admittance", Y, complex(Y_re, Y_im)), ("transmitted impedance", Z, complex(Z_re, Z_im))):
             yield _row(name, case.condition, float(abs(got / true - 1)))

@@ -9,13 +9,14 @@ from functools import partial
 import numpy as np
 
 import wavesweep
-from wavesweep.analysis.response import prepare, steady_state
+from wavesweep.analysis.response import steady
 from wavesweep.bench.measuring import Patience, Row, interleaved
 from wavesweep.bench.problems import checked, digest, references
 from wavesweep.diagram import draw
 from wavesweep.lifted.frame import lifted_system
 from wavesweep.paper.specs import load_paper
 from wavesweep.spec import Spec
+from wavesweep.sweep.drawn_loops import loop_at_hand
 
 PART = "response"
 CHECKED = 10  # frequencies of each request that the references know
@@ -65,8 +66,7 @@ def rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
 
 def admittance(spec: Spec, frequency: np.ndarray) -> np.ndarray:
     """This tool: both rates connected, their modes, and the response; impedance comes with it."""
-    values = spec.values
-    return steady_state(prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"]), frequency)[0]
+    return steady.respond(loop_at_hand(spec), frequency).admittance
 
 
 def everything(spec: Spec, frequency: np.ndarray) -> np.ndarray:

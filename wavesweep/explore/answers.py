@@ -10,9 +10,8 @@ from types import MappingProxyType
 import numpy as np
 
 from wavesweep.analysis.intervals.plane import quick_columns, refined_curve
-from wavesweep.analysis.response import prepare, respond
-from wavesweep.analysis.response.drawn import respond_port
-from wavesweep.analysis.response.frame import Loop
+from wavesweep.analysis.response.lifted import Lifted
+from wavesweep.analysis.response.steady import respond
 from wavesweep.analysis.rows import complex_columns
 from wavesweep.diagram import WALL, draw
 from wavesweep.errors import WavesweepError
@@ -20,7 +19,7 @@ from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.cut import Cut
 from wavesweep.plots.refine import KNOWN, Curve, View, curves_of
 from wavesweep.spec import Axis, Spec
-from wavesweep.sweep.drawn_loops import ports_of_loop
+from wavesweep.sweep.drawn_loops import loop_at_hand
 from wavesweep.sweep.grid import loop_of, make_grid
 from wavesweep.sweep.interval_job import cost_of, job_over
 from wavesweep.sweep.response_table import doubt_of
@@ -72,10 +71,8 @@ def quick(
     the stable intervals through the design, which the curve gives as well. with_response: whether the response is wanted.
     A plane of columns is `apart`: `certified_plane` knows more of it.
     """
-    cut = loop = None
-    if loop_of(spec) is None:
-        diagram = draw(spec.values)
-        cut, loop = cut_at_wall(diagram), prepare(diagram, *(spec.values[path] for path in WALL))
+    cut = cut_at_wall(draw(spec.values)) if loop_of(spec) is None else None
+    loop = None if spec.drawing and spec.drawing.hand is None else loop_at_hand(spec)
     found = {"own": own_design(spec, cut, loop)} | ({"response": response(spec, loop)} if with_response else {})
     if plane is None:
         return found
@@ -178,20 +175,13 @@ def stable_ranges(spec: Spec, path: str, span: tuple[float, float]) -> dict:
     return {"path": path, "span": span, "intervals": stable, "certified": certified, "doubt": str(rows["doubt"][0])}
 
 
-def response(spec: Spec, loop: Loop | None) -> dict | None:
-    """Admittance (m/N) and impedance (N/m) over the frequencies of [bode], as in the table of `bode`; None without a hand.
-
-    loop: that of a controller, prepared; None if it is assembled tick by tick.
-    """
-    if spec.drawing and spec.drawing.hand is None:
+def response(spec: Spec, loop: Lifted | None) -> dict | None:
+    """Admittance (m/N) and impedance (N/m) over the frequencies of [bode], as in the table of `bode`; None without a hand."""
+    if loop is None:
         return None
     frequency = frequencies(spec)
     slow = None if spec.drawing else spec.values["rates.fast_hz"] / spec.values["rates.ratio"] / 2
-    if loop is None:
-        port = ports_of_loop(spec, loop_of(spec))
-        found = respond_port(port, frequency)
-    else:
-        found = respond(loop, frequency)
+    found = respond(loop, frequency)
     errors = found.admittance_error.ravel(), found.impedance_error.ravel()
     lost = ~np.isfinite(found.admittance.ravel())
     columns = complex_columns("admittance", found.admittance.ravel()) | complex_columns("impedance", found.impedance.ravel())

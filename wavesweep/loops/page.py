@@ -45,12 +45,15 @@ class Slow:
     reads: tuple[int, ...]
     kept: tuple[int, ...]
     shown: tuple[int, ...]
+    next_tick: bool = False  # it runs in every tick, and its result is in place in the next one
 
     @staticmethod
     def of(values: Mapping[str, Any]) -> Slow:
         """Return the times for the ratio of the rates and the delay of a spec."""
         ratio, delay = Fraction(values[RATIO]).limit_denominator(MOST_SLOW_STEPS), int(values["environment.delay"])
         q, p = ratio.numerator, ratio.denominator
+        if q == p and delay:
+            return Slow(RATIO, (0,), (), (), next_tick=True)
         times = [Fraction(k * q, p) for k in range(p)]
         reads, waits = [floor(time) for time in times], [ceil(time) + delay for time in times]
         ends = [*reads[1:], reads[0] + q]  # of a result: the tick in which the next one is computed
@@ -65,6 +68,8 @@ class Slow:
 
     def in_place(self, name: str, signal: str) -> tuple[dict[str, dict], dict[str, str], str]:
         """Return the blocks and wires that put a slow signal in place when its delay is over, and the signal that shows it."""
+        if self.next_tick:
+            return {f"{name}_late": {"type": "delay"}}, {f"{name}_late.u": signal}, f"{name}_late.y"
         blocks, wires = {}, {}
         ways = (("kept", "hold", self.kept), ("shown", "hold", self.shown))
         if (

@@ -10,13 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.response import prepare, steady_state
 from wavesweep.analysis.simulation import hand_force, simulated
-from wavesweep.analysis.spectrum import spectral_radius
-from wavesweep.diagram import draw
-from wavesweep.diagram.drawing import Diagram
-from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.loops.controllers import loop_drawing
 from wavesweep.spec import Spec
+from wavesweep.spec.drawing import Drawing
+from wavesweep.sweep.drawn_loops import radii_of, responses_of
 from wavesweep.sweep.simulation_table import seen_response
 from wavesweep.sweep.table import Columns
 
@@ -57,19 +55,19 @@ class FeltResponse:
 def respond(spec: Spec, frequency_hz=None) -> FeltResponse:
     """Compute the response of one spec, at the frequencies (Hz) of its [bode] table unless others are given."""
     frequency = np.asarray(spec.frequency_hz if frequency_hz is None else frequency_hz, float)
-    return respond_to(draw(spec.values), spec.values, 1, frequency)[0]
+    return respond_to(loop_drawing(spec.values), spec.values, 1, frequency)[0]
 
 
-def respond_to(diagram: Diagram, values: Mapping, size: int, frequency: np.ndarray) -> list[FeltResponse]:
+def respond_to(drawing: Drawing, values: Mapping, size: int, frequency: np.ndarray) -> list[FeltResponse]:
     """Compute the responses of `size` loops that share one drawing.
 
     values: flat keys -> one value for all loops, or an array over them; the wall and the rates are read from it.
     """
-    K, B = values["environment.K_VE"], values["environment.B_VE"]
-    felt = [np.broadcast_to(part, (size, frequency.size)) for part in steady_state(prepare(diagram, K, B), frequency)]
-    stable = np.broadcast_to(spectral_radius(cut_at_wall(diagram), K, B) < 1, (size,)).tolist()
+    read = {path: value for path, value in values.items() if path in drawing.reads}
+    found = responses_of(drawing, read, size, frequency)
+    stable = (radii_of(drawing, read, size) < 1).tolist()
     omega = 2 * np.pi * frequency * values["rates.ratio"] / values["rates.fast_hz"]
-    return [FeltResponse(omega, *each) for each in zip(*felt, stable, strict=True)]
+    return [FeltResponse(omega, *each) for each in zip(found.admittance, found.impedance, stable, strict=True)]
 
 
 def estimated(spec: Spec) -> Columns:

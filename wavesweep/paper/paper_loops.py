@@ -11,6 +11,7 @@ from wavesweep.analysis.passivity import ChannelNorm, channel_norm
 from wavesweep.diagram import draw, keys_read
 from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.cut import with_batch
+from wavesweep.loops.controllers import loop_drawing
 from wavesweep.paper.felt_responses import CONTROLLERS, FeltResponse, estimated, respond_to
 from wavesweep.paper.readings import Reading
 from wavesweep.paper.specs import load_paper
@@ -50,7 +51,9 @@ class PaperLoops:
         """Give for each reading the responses with each change, at the spec's frequencies unless others are given."""
         frequency = np.asarray(frequency_hz or self._own(name).frequency_hz)
         key = ("response", name, frequency_hz)
-        return self._ask(key, name, readings, changes, lambda values, size: respond_to(draw(values), values, size, frequency))
+        return self._ask(
+            key, name, readings, changes, lambda values, size: respond_to(loop_drawing(values), values, size, frequency)
+        )
 
     def limits(self, name: str, readings: Sequence[Reading], change: Change | None = None) -> list[float]:
         """Give the upper end of the stable K_VE that begin at 0, for each reading.

@@ -39,6 +39,8 @@ from wavesweep.diagram.drawing import Diagram
 from wavesweep.diagram.filters import butterworth
 from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.resolvent import alias_angles, solved_response
+from wavesweep.loops.page import Page, drawing_of_page
+from wavesweep.loops.pmw import pmw, pmw_lm
 from wavesweep.paper.felt_responses import HIGH, LOW, FeltResponse, deviation, respond, respond_to
 from wavesweep.paper.specs import load_paper
 from wavesweep.plots.responses import Line, Panel, draw_magnitudes
@@ -120,6 +122,26 @@ def drawn(design: Design, values) -> Diagram:
     return replace(diagram, fast=(*kept, f1, f2), sums={**sums, "f1.u": {"v_1": 1}, "f2.u": {before: 1}})
 
 
+def page(design: Design, values) -> Page:
+    """Write the page of the same loop, in the language of drawn loops."""
+    whole = (pmw if design.name == PLAIN else pmw_lm)(values)
+    blocks, wires = dict(whole.blocks), dict(whole.wires)
+    end, v_1, v_2 = wires["end.in"], "avatar.out", "late.y" if "late" in blocks else "lp2.y"
+    if design.name == SCALED:
+        wires["end.in"] = end.replace(v_1, f"{0.5**0.5!r}*{v_1}").replace(v_2, f"{0.5**0.5!r}*{v_2}")
+    if not design.order:
+        return replace(whole, wires=wires)
+    keys = {"type": "butterworth", "order": design.order, "cutoff_hz": design.cutoff_hz}
+    blocks |= {"f1": keys | {"pass": "low"}, "f2": keys | {"pass": "high"}}
+    wires |= {"f1.u": v_1, "end.in": end.replace(v_1, "f1.y").replace("lp2.y", "f2.y")}
+    wires["f2.u"] = "lp2.y" if design.name == BEHIND else "local.out"
+    if "late" in blocks:
+        wires["late.u"] = "f2.y"
+    if design.name != BEHIND:
+        del blocks["lp2"], wires["lp2.u"]
+    return Page(blocks, wires, whole.reaction)
+
+
 def _renamed(terms, names):
     return {names.get(source, source): gain for source, gain in terms.items()}
 
@@ -193,7 +215,7 @@ def _values(design: Design, Kp: float) -> dict:
 
 def _response(design: Design, Kp: float) -> FeltResponse:
     values, frequency = _values(design, Kp), np.asarray(load_paper("fig6").frequency_hz)
-    return respond_to(drawn(design, values), values, 1, frequency)[0]
+    return respond_to(drawing_of_page(page(design, values)), values, 1, frequency)[0]
 
 
 def figure():

@@ -6,7 +6,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from wavesweep.analysis.response import prepare, respond
+from wavesweep.analysis.response.steady import GOOD
 from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, radius_of, slowest, spectral_radius
 from wavesweep.diagram import WALL, draw, keys_read
@@ -18,8 +18,8 @@ from wavesweep.seeking.family import Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish
 from wavesweep.spec.resolving import longest_delay
-from wavesweep.sweep.drawn_loops import telling_frames
-from wavesweep.sweep.grid import distinct_rows, groups, selected
+from wavesweep.sweep.drawn_loops import responses_of, telling_frames
+from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, selected
 from wavesweep.sweep.interval_table import at_points
 
 NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
@@ -168,19 +168,19 @@ def _distances(spec, points, frequency):
     ideal, ideal_error = _ideal(spec, points, frequency)
     for members, values in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
         # Through the modes; the few that this is too rough for are computed again, slowly, by themselves.
-        found, error = _admittance(values, members.size, frequency, np.inf)
+        found, error = _admittance(spec, values, members.size, frequency, np.inf)
         again = np.flatnonzero(~(error <= ERROR / 2).all(-1))
         if again.size:
-            found[again], error[again] = _admittance(selected(values, again), again.size, frequency, ERROR / 2)
+            found[again], error[again] = _admittance(spec, selected(values, again), again.size, frequency, ERROR / 2)
         with np.errstate(all="ignore"):
             square[members] = np.abs(np.log(found / ideal[members])) ** 2
         sure[members] = ((error <= ERROR) & (ideal_error[members] <= ERROR)).all(-1)
     return square, sure
 
 
-def _admittance(values, size, frequency, good):
+def _admittance(spec, values, size, frequency, good):
     """Return the admittance of some loops and its relative error, `(size, frequencies)`; good: see `respond`."""
-    found = respond(prepare(draw(values), *_walls(values, size)), frequency, good)
+    found = responses_of(drawing_for(spec, values), values, size, frequency, good)
     return found.admittance, found.admittance_error
 
 
@@ -197,8 +197,7 @@ def _ideal(spec, points, frequency):
     some = Points(changes, (), points.shape).some(first)
     value, error = np.empty((first.size, frequency.size), complex), np.empty((first.size, frequency.size))
     for members, values in _batches(ideal, some):
-        found = respond(prepare(draw(values), *_walls(values, members.size)), frequency)
-        value[members], error[members] = found.admittance, found.admittance_error
+        value[members], error[members] = _admittance(ideal, values, members.size, frequency, GOOD)
     return value[back], error[back]
 
 

@@ -2,13 +2,16 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import fields, replace
 from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.analysis.response.drawn import static_port_response
+from wavesweep.analysis.response.lifted import Lifted
 from wavesweep.analysis.response.port import NoPositionError, Port, Ports, port_of
 from wavesweep.analysis.response.resting import resting
+from wavesweep.analysis.response.static import limit_of
+from wavesweep.analysis.response.steady import GOOD, Response, respond, static_response
 from wavesweep.analysis.spectrum import radius_of
 from wavesweep.diagram import items_of
 from wavesweep.diagram.assembly import (
@@ -157,7 +160,7 @@ def felt_of(drawing: Drawing | Uneven, values: Mapping[str, object], size: int) 
         elif unknown.size:
             some = drawn if unknown.size == size else assembled(drawing, selected(values, unknown))
             with named_loops(drawn):
-                _, stiffness, _, unsure = static_port_response(port_of(some, ports, drift), twice=False)
+                _, stiffness, _, unsure = static_response(Lifted.of(port_of(some, ports, drift)))
             found[unknown] = np.where(unsure <= SURE, stiffness.real, np.nan)
     except UsageError:  # the port is none of a plant
         pass
@@ -170,8 +173,7 @@ def felt_of(drawing: Drawing | Uneven, values: Mapping[str, object], size: int) 
 
 def watched_drift(drawing: Drawing | Uneven, values: Mapping[str, object]) -> TickDrift:
     """The drift as the hand's port sees it."""
-    ports = hand_of(drawing)
-    return drift_of(drawing, values, watched=(ports.position, *((ports.reaction,) if ports.reaction else ())))
+    return drift_of(drawing, values, watched=hand_of(drawing).signals)
 
 
 def _rating(drawing):
@@ -183,17 +185,60 @@ def ports_of_groups(drawing: Drawing | Uneven, parts: Groups) -> Iterator[tuple[
     """Yield the number and the port of every loop of the groups, one at a time."""
     for members, values in parts:
         refuse_unsuitable(drawing, values)
-        drift = watched_drift(drawing, values)
         for at, number in enumerate(members.tolist()):
-            drawn = assembled(drawing, _loop(values, at))
-            with named_loops(drawn):
-                yield number, port_of(drawn, hand_of(drawing), drift)
+            yield number, _port(drawing, _loop(values, at))
+
+
+def ports_of_batch(drawing: Drawing | Uneven, values: Mapping[str, object], size: int) -> Iterator[tuple[np.ndarray, Port]]:
+    """Yield indices of some of `size` loops and their ports, those together that have one rate."""
+    refuse_unsuitable(drawing, values)
+    rates = {path: values[path] for path in _rating(drawing) if np.ndim(values[path])}
+    first, of = distinct_rows(rates, size)
+    for number, at in enumerate(first.tolist()):
+        members = np.flatnonzero(of == number)
+        one = {path: rate[at].item() for path, rate in rates.items()}
+        some = values if first.size == 1 and not one else selected(values, members) | one
+        yield members, _port(drawing, some if members.size > 1 else _loop(some, 0))
+
+
+def _port(drawing, values):
+    """The port of one loop, or of a batch."""
+    ports, drawn = hand_of(drawing), assembled(drawing, values)
+    drift = drift_of(drawing, values, watched=ports.signals)
+    with named_loops(drawn):
+        return replace(port_of(drawn, ports, drift), rest=_at_rest(twins(drawing, values)[0], ports, drift))
+
+
+@lru_cache(maxsize=256)  # twins of the same structure are the same objects
+def _at_rest(twin, ports, drift):
+    """What a constant force of the hand does in the end, in a loop of the same structure."""
+    with np.errstate(all="ignore"):
+        return limit_of(Lifted.of(port_of(twin, ports, drift)))[2]
+
+
+def responses_of(drawing: Drawing, values: Mapping[str, object], size: int, frequency_hz, good: float = GOOD) -> Response:
+    """The steady responses of `size` loops, `(size, points)`; values: flat, with arrays over the loops; good: see `respond`."""
+    frequency = np.atleast_1d(np.asarray(frequency_hz, float))
+    found = Response(*(np.empty((size, frequency.size), kind) for kind in (complex, complex, float, float)))
+    for at, port in ports_of_batch(drawing, {path: values[path] for path in values.keys() & drawing.reads}, size):
+        some = respond(Lifted.of(port), frequency, good)
+        for each in fields(Response):
+            getattr(found, each.name)[at] = getattr(some, each.name)
+    return found
+
+
+def loop_at_hand(spec) -> Lifted:
+    """The spec's own loop over a frame as its hand feels it. Errors: SpecError as for `ports_of_loop`."""
+    return Lifted.of(ports_of_loop(spec, drawing_for(spec, spec.values)))
 
 
 def ports_of_loop(spec, drawing: Drawing | Uneven) -> Port:
     """The port of the spec's own loop. Errors: SpecError if its position is none that a plant has in every tick."""
+    values = spec.values
+    if not isinstance(drawing, Uneven):
+        values = {path: value for path, value in values.items() if path in drawing.reads}
     try:
-        return next(ports_of_groups(drawing, ((np.zeros(1, int), dict(spec.values)),)))[1]
+        return next(ports_of_groups(drawing, ((np.zeros(1, int), dict(values)),)))[1]
     except NoPositionError:
         found = spec.tables()["ports"]["hand"]["displacement"]
         raise SpecError([spec.mistake(POSITION, OF_PLANT, show(found))]) from None

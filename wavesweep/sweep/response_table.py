@@ -1,33 +1,29 @@
 """Frequency responses over specs and axes, as a table."""
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, ClassVar
 
 import numpy as np
 
 from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING, SPARED, UNSTABLE, words
-from wavesweep.analysis.response import Modal, circle, gain_of, prepare, respond
-from wavesweep.analysis.response.drawn import respond_port
-from wavesweep.analysis.response.drawn_gain import MOST_TICKS, worst_gain_of_port
-from wavesweep.analysis.response.port import frame_of_port
+from wavesweep.analysis.response.gain import gain_of
+from wavesweep.analysis.response.lifted import Lifted
+from wavesweep.analysis.response.steady import respond
 from wavesweep.analysis.rows import complex_columns
-from wavesweep.analysis.spectrum import spectral_radius
-from wavesweep.diagram import draw, identity
+from wavesweep.diagram import items_of
 from wavesweep.diagram.assembly import assembled
-from wavesweep.diagram.uneven import RATIO, Uneven, steps_of
+from wavesweep.diagram.uneven import RATIO, steps_of
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.spec.axes import Axis
+from wavesweep.spec.drawing import Drawing
 from wavesweep.spec.studies import beyond_half
-from wavesweep.sweep.drawn_loops import ports_of, ports_of_groups, radii_of
-from wavesweep.sweep.grid import keys_of, make_grid, refuse_rows
+from wavesweep.sweep.drawn_loops import ports_of, ports_of_batch, radii_of
+from wavesweep.sweep.grid import drawing_for, keys_of, make_grid, refuse_rows, selected
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
 from wavesweep.sweep.running import Run, Work, in_memory, run
 from wavesweep.sweep.table import Columns, Table, facts_of, with_unlike_units
-
-KEPT = 200  # ticks of a frame up to which a prepared loop is remembered; it takes memory with their square
 
 
 def doubt_of(errors, stable, lost, marginal=False) -> np.ndarray:
@@ -44,7 +40,7 @@ def _doubts(errors, stable, lost, marginal=False):
     rounded = ~np.logical_and.reduce([error <= SPARED for error in errors])
     certain = np.where(stable, np.where(rounded, ROUNDING, NONE), np.where(marginal, ROUNDING, UNSTABLE))
     codes = np.where(lost, OVERFLOW, certain)
-    return np.broadcast_to(codes, rounded.shape)
+    return np.broadcast_to(codes, np.broadcast_shapes(codes.shape, rounded.shape))
 
 
 NUMBERS = (
@@ -87,13 +83,11 @@ def responses(
     asked = {f"spec-{number}" if len(several) > 1 else "": job for number, job in enumerate(several)}
     found = run(asked, Work.of(work))
     grids = [job.grid for job in asked.values()]
-    drawn = all(grid.drawing for grid in grids)
     computed = sum(grid.slices for grid in grids)
     counts = {"computed": computed, "skipped": sum(grid.size for grid in grids) - computed, "certified": 0}
     notices = [notice for grid in grids for notice in grid.notices]
     swept = [axis.path for spec in specs for axis in spec.bode]
-    methods = METHODS | ({"worst_gain": f"{METHODS['worst_gain']}, of up to {MOST_TICKS} ticks"} if drawn else {})
-    facts = facts_of(list(specs), methods, counts, found.timings, notices, swept) | {"warnings": found.warnings}
+    facts = facts_of(list(specs), METHODS, counts, found.timings, notices, swept) | {"warnings": found.warnings}
     units = {name: units_in([(spec, spec.bode) for spec in specs], name) for name in names}
     units |= {name: [(spec.name, spec.at_port(unit)) for spec in specs] for name, unit in UNITS.items()}
     facts = with_unlike_units(facts, units)
@@ -133,10 +127,11 @@ def response_job(spec, axes, frequency_hz, names: tuple[str, ...], read=None) ->
     _refuse_aliases(grid, frequency)
     resolved = resolve_all(grid, "bode")
     points = frequency.size
-    ticks = max(int(values.get(RATIO, 1)) for values in resolved.values())
-    if grid.drawing:
-        ports_of(spec, grid.drawing)
-        ticks = min(assembled(grid.drawing, spec.values).ticks, MOST_TICKS)
+    if spec.drawing:
+        ports_of(spec, spec.drawing)
+        ticks = assembled(spec.drawing, spec.values).ticks
+    else:
+        ticks = max(steps_of(values[RATIO])[0] for values in resolved.values())
     curves = TICKS // ticks // points if 0 < points <= WIDE else 1
     chunks = Chunks(grid.slices, points, max(1, curves), min(points, WIDE))
     return ResponseJob(grid, chunks, resolved, frequency, names, read)
@@ -176,9 +171,9 @@ class ResponseJob(Job):
     def task(self, chunk: Chunk) -> "ResponseTask":
         """The task of a worker for that chunk."""
         loops = np.arange(chunk.loops.start, chunk.loops.stop)
-        groups = tuple(self.grid.groups_of(loops, self.resolved))
         frequency = self.frequency[chunk.walls.start : chunk.walls.stop]
-        return ResponseTask(groups, frequency, self.grid.drawing)
+        groups = tuple(LoopGroup.of(self.grid.spec, *group) for group in self.grid.groups_of(loops, self.resolved))
+        return ResponseTask(groups, frequency)
 
     def columns(self, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
         """The axes of all specs, the spec, the frequency, and the fields of the records."""
@@ -198,60 +193,86 @@ class ResponseJob(Job):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class LoopGroup:
+    """Loops of one drawing: their numbers, flat values with arrays over them, and the ratio of a controller's rates."""
+
+    members: np.ndarray
+    drawing: Drawing
+    values: Mapping[str, object]
+    ratio: float | None
+
+    @staticmethod
+    def of(spec, members, values) -> "LoopGroup":
+        """Return loops of a spec with these numbers and values; see `groups`."""
+        drawing = drawing_for(spec, values)
+        some = {path: value for path, value in values.items() if path in drawing.reads}
+        return LoopGroup(members, drawing, some, None if spec.drawing else values[RATIO])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ResponseTask:
-    """Responses of loops at frequencies (Hz).
+    """Responses of loops at frequencies (Hz). groups: number the loops from 0."""
 
-    groups: (members, values) pairs, which number the loops from 0; see `groups`. drawing: of loops that are assembled
-    tick by tick, see `DrawnTask`.
-    """
-
-    groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
+    groups: tuple[LoopGroup, ...]
     frequency: np.ndarray
-    drawing: object = None
 
     def records(self) -> np.ndarray:
         """A record for each loop and frequency, the frequencies of a loop one after the other."""
-        loops = sum(members.size for members, _ in self.groups)
-        records = np.empty((loops, self.frequency.size), RESPONSE)
-        if self.drawing is None:
-            for members, values in self.groups:
-                for name, array in _block(values, self.frequency).items():
-                    records[name][members] = array
-        else:
-            self._fill(records)
+        records = np.empty((sum(group.members.size for group in self.groups), self.frequency.size), RESPONSE)
+        for group in self.groups:
+            for prepared in _prepared(group):
+                for name, array in prepared.columns(self.frequency).items():
+                    records[name][group.members[prepared.at]] = array
         records = records.reshape(-1)
         records["slice"] = np.arange(records.size)
         return records
 
-    def _fill(self, records):
-        """Loops that are assembled tick by tick, one after the other."""
-        for members, values in self.groups:
-            radius = radii_of(self.drawing, values, members.size)
-            ticks, slow = (steps_of(values[RATIO])[0], values[RATIO]) if isinstance(self.drawing, Uneven) else (1, None)
-            for number, port in ports_of_groups(self.drawing, ((members, values),)):
-                own = (ticks, slow or port.slowest), self.frequency, radius[np.searchsorted(members, number)]
-                for name, array in _seen(port, *own).items():
-                    records[name][number] = array
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prepared:
+    """Loops of a group, ready for any frequency. at: which of it they are. slow: ticks in a sample of the slow rate."""
+
+    at: np.ndarray
+    loop: Lifted
+    gain: Callable
+    radius: np.ndarray
+    slow: float
+
+    def columns(self, frequency) -> dict[str, np.ndarray]:
+        """The columns of the table, `(loops, frequencies)` or what is broadcast to it."""
+        found, (gain, gain_error) = respond(self.loop, frequency), self.gain(frequency)
+        columns = {"omega_Ts": 2 * np.pi * frequency * (self.slow * (1 / self.loop.port.rate))}
+        columns |= complex_columns("admittance", found.admittance) | complex_columns("impedance", found.impedance)
+        errors = {"admittance": found.admittance_error, "impedance": found.impedance_error, "worst_gain": gain_error}
+        radius, lost = self.radius[:, None], self.loop.lost[..., None]
+        columns |= {"worst_gain": gain, "stable": radius < 1}
+        columns |= _errors_shown(columns, errors)
+        return columns | {"doubt": _doubts(errors.values(), radius < 1, lost | np.isnan(radius), radius == 1)}
 
 
-def _seen(port, ticks, frequency, radius):
-    """The columns of one loop at its port.
+def _prepared(group) -> list[Prepared]:
+    """The loops of a group, as many at a time as are computed together; one alone is remembered."""
+    if group.members.size > 1:
+        return _prepare(group.drawing, group.values, group.members.size, group.ratio)
+    values = {path: np.ravel(value)[0].item() if np.ndim(value) else value for path, value in group.values.items()}
+    return _prepared_one(group.drawing, items_of(values), group.ratio)
 
-    ticks: least length of the frame that has the worst-case gain, which direct coupling needs, as its own frame is a tick; and
-    ticks of a sample of the slow rate. radius: spectral radius of the loop.
-    """
-    whole = replace(port, kind=np.tile(port.kind, max(1, ticks[0] // port.kind.size)))
-    found, stable = respond_port(port, frequency), radius < 1
-    lost = np.isnan(radius) or not np.isfinite(frame_of_port(port)).all()
-    gain, gain_error = worst_gain_of_port(whole, frequency)
-    columns = {"omega_Ts": 2 * np.pi * frequency * port.period * ticks[1]}
-    columns |= complex_columns("admittance", found.admittance) | complex_columns("impedance", found.impedance)
-    columns |= {"worst_gain": gain, "stable": stable}
-    errors = {"admittance": found.admittance_error, "impedance": found.impedance_error, "worst_gain": gain_error}
-    columns |= _errors_shown(columns, errors)
-    if whole.kind.size > MOST_TICKS:
-        del errors["worst_gain"]
-    return columns | {"doubt": _doubts(errors.values(), np.full(frequency.shape, stable), lost, radius == 1)}
+
+@lru_cache(maxsize=4)  # a compiled loop is asked again and again
+def _prepared_one(drawing, items, ratio):
+    return _prepare(drawing, dict(items), 1, ratio)
+
+
+def _prepare(drawing, values, size, ratio):
+    found, ticks = [], 1 if ratio is None else steps_of(ratio)[0]
+    for at, port in ports_of_batch(drawing, values, size):
+        loop, some = Lifted.of(port), values if at.size == size else selected(values, at)
+        radius = np.zeros(at.size)  # of which 0 means that it is less than 1
+        rest = np.flatnonzero(~np.broadcast_to(loop.stable_for_sure(), at.shape))
+        if rest.size:
+            radius[rest] = radii_of(drawing, selected(some, rest), rest.size)
+        found.append(Prepared(at, loop, gain_of(loop, ticks), radius, port.slowest if ratio is None else ratio))
+    return found
 
 
 def _errors_shown(columns, errors):
@@ -284,35 +305,3 @@ def _refuse_aliases(grid, frequency):
     own = Axis("frequency_hz", "bode.frequency_hz", (), 0.0, frequency.max(initial=0.0), False)
     if beyond := list(beyond_half(own, grid.axes, grid.spec.tick_hz, name)):
         raise SpecError(beyond)
-
-
-def _block(values, frequency):
-    """The columns for loops of one drawing."""
-    ratio = values["rates.ratio"]
-    one = ratio <= KEPT and all(np.size(value) == 1 for value in values.values())
-    loop, modal, gain_at, radius = _prepared_one(*identity(values)) if one else _prepared(values)
-    points = circle(loop, frequency)
-    found, (gain, gain_error) = respond(loop, frequency, modal=modal, points=points), gain_at(frequency, points)
-    omega = 2 * np.pi * frequency * (ratio * np.reshape(1 / np.asarray(values["rates.fast_hz"], float), (-1, 1)))
-    columns = {"omega_Ts": omega} | complex_columns("admittance", found.admittance)
-    columns |= complex_columns("impedance", found.impedance)
-    errors = {"admittance": found.admittance_error, "impedance": found.impedance_error, "worst_gain": gain_error}
-    stable = (radius < 1)[..., None]
-    columns |= {"worst_gain": gain, "stable": stable}
-    columns |= _errors_shown(columns, errors)
-    marginal = (radius == 1)[..., None]
-    return columns | {"doubt": _doubts(errors.values(), stable, (loop.lost | np.isnan(radius))[..., None], marginal)}
-
-
-@lru_cache(maxsize=4)  # a compiled loop is asked again and again
-def _prepared_one(_, items):
-    """The same for a single loop, see `identity`; a tuple stands for an array."""
-    return _prepared({path: np.array(value) if isinstance(value, tuple) else value for path, value in items})
-
-
-def _prepared(values):
-    """What responses of these loops at any frequencies have in common: loops, their modes, gain, and spectral radius."""
-    diagram, K, B = draw(values), values["environment.K_VE"], values["environment.B_VE"]
-    loop = prepare(diagram, K, B)
-    with np.errstate(all="ignore"):
-        return loop, Modal(loop), gain_of(loop, values["rates.ratio"]), spectral_radius(cut_at_wall(diagram), K, B)

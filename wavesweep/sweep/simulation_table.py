@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.analysis.response import prepare, respond
-from wavesweep.analysis.response.drawn import respond_port
-from wavesweep.analysis.response.port import frame_of_port
+from wavesweep.analysis.response.steady import respond
 from wavesweep.analysis.rows import complex_columns
 from wavesweep.analysis.simulation import Simulation, Tone, estimate, hand_force, record_path, simulated, table
 from wavesweep.analysis.simulation.march import FARTHEST, STRONGEST
@@ -23,7 +21,7 @@ from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.sweep.assumptions import over_preset
-from wavesweep.sweep.drawn_loops import ports_of, ports_of_loop, radii, refuse_singular
+from wavesweep.sweep.drawn_loops import loop_at_hand, ports_of, radii, refuse_singular
 from wavesweep.sweep.grid import loop_of, make_grid
 from wavesweep.sweep.response_table import doubt_of
 from wavesweep.sweep.table import Table, facts_of
@@ -90,12 +88,8 @@ def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> 
 
 def _linear(spec, frequency):
     """The response of the linear loop, and whether the frame overflows."""
-    values, drawing = spec.values, loop_of(spec)
-    if drawing is None:
-        loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"])
-        return respond(loop, frequency), loop.lost
-    port = ports_of_loop(spec, drawing)
-    return respond_port(port, frequency), not np.isfinite(frame_of_port(port)).all()
+    loop = loop_at_hand(spec)
+    return respond(loop, frequency), loop.lost
 
 
 METHODS = {"simulate": "both loops marched tick by tick from rest, the device exact under forces held over a tick"}

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 
 from wavesweep.analysis.intervals import Intervals
-from wavesweep.analysis.response import felt, felt_map
+from wavesweep.analysis.response.felt import felt, felt_map
 from wavesweep.diagram import WALL, draw, identity
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.sweep.grid import make_grid, selected

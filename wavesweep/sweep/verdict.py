@@ -5,9 +5,8 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from wavesweep.analysis.response import felt, felt_map, prepare, respond
-from wavesweep.analysis.response.drawn import respond_port, static_port_response
 from wavesweep.analysis.response.lines import shown_in_ticks, strongest_turns
+from wavesweep.analysis.response.steady import respond, static_response
 from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, radius_of, slowest
 from wavesweep.diagram import WALL, draw
 from wavesweep.diagram.assembly import assembled
@@ -18,7 +17,7 @@ from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.sweep.assumptions import assumes
-from wavesweep.sweep.drawn_loops import drift_of, frames, ports_of_loop, refuse_singular, telling_frames
+from wavesweep.sweep.drawn_loops import drift_of, frames, loop_at_hand, refuse_singular, telling_frames
 from wavesweep.sweep.grid import keys_of, loop_of, make_grid
 from wavesweep.sweep.interval_job import job_over
 from wavesweep.sweep.running import in_memory
@@ -68,15 +67,12 @@ def own_design(spec: Spec, cut=None, loop=None) -> dict:
     channel = None if drawing else _channel_norm(values)
     loop, delta = loop or _prepared(spec), eigenvalues(E)[0]
     turns = _turns(loop, slowest(delta)) if found["stable"] and delta.size else 0
-    return found | {"felt": _felt(spec, loop), "slowest": _slowest(delta, period, turns), "channel_norm": channel}
+    return found | {"felt": _felt(loop), "slowest": _slowest(delta, period, turns), "channel_norm": channel}
 
 
 def _prepared(spec):
     """The loop prepared for responses at the hand; None if a drawn loop names no hand."""
-    drawing = loop_of(spec)
-    if drawing is None:
-        return prepare(draw(spec.values), *(spec.values[path] for path in WALL))
-    return None if spec.drawing and spec.drawing.hand is None else ports_of_loop(spec, drawing)
+    return None if spec.drawing and spec.drawing.hand is None else loop_at_hand(spec)
 
 
 def _turns(loop, delta):
@@ -188,24 +184,14 @@ def _closed(values):
     return close(cut_at_wall(draw(values)), *(values[path] for path in WALL))
 
 
-def _felt(spec, loop):
-    values = spec.values
+def _felt(loop):
+    """Stiffness and damping at the hand, None without one."""
     if loop is None:
         return None
-    if loop_of(spec):
-        return _felt_at(loop)
-    low = SLOW_SHARE * values["rates.fast_hz"] / values["rates.ratio"]
-    damping = _damping(partial(respond, loop), low)
-    stiffness = float(felt(felt_map(loop.diagram), values[WALL[0]]))
-    return {"stiffness": _number(stiffness), "damping": _number(damping), "rigid": False}
-
-
-def _felt_at(port):
-    """Stiffness and damping at the hand's port of a drawn loop."""
-    admittance, stiffness, _, _ = (part.real[0] for part in static_port_response(port))
+    admittance, stiffness = (part.ravel()[0].real for part in static_response(loop)[:2])
     if admittance == 0:
         return {"stiffness": None, "damping": None, "rigid": True}
-    damping = _damping(partial(respond_port, port), SLOW_SHARE / (port.period * port.kind.size))
+    damping = _damping(partial(respond, loop), SLOW_SHARE * loop.port.rate / loop.frame.ticks)
     return {"stiffness": _number(stiffness), "damping": _number(damping), "rigid": False}
 
 

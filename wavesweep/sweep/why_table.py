@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.analysis.response import felt, felt_map
+from wavesweep.analysis.response.felt import felt, felt_map
 from wavesweep.analysis.sensitivity import SLOPPY, STEP, Crossings, crossings_of, tracked_eigenvalue
 from wavesweep.analysis.spectrum import damping_ratio, eigenvalues
 from wavesweep.diagram import WALL, draw

@@ -4,16 +4,12 @@ import mpmath
 import numpy as np
 import pytest
 from support.drawn import random_tables
-from support.specs import KINDS
 
 import wavesweep
-from wavesweep.analysis.response import drawn_gain, prepare, worst_gain
-from wavesweep.analysis.response.circle import Circle
-from wavesweep.analysis.response.drawn import respond_port
-from wavesweep.diagram import draw
-from wavesweep.diagram.uneven import Uneven
+from wavesweep.analysis.response.gain import Gain, gain_of
+from wavesweep.analysis.response.steady import respond
 from wavesweep.spec import load
-from wavesweep.sweep.drawn_loops import ports_of_loop
+from wavesweep.sweep.drawn_loops import loop_at_hand
 
 LOOP = {  # a frame of 12 ticks
     "rates": {"tick_hz": 1000},
@@ -47,23 +43,6 @@ def test_a_held_loop_has_the_gain_of_its_impulses_in_time():
     assert (table.doubt == "").all()
 
 
-def lifted(kind, tables):
-    spec = load({"controller": {"kind": kind}, **tables})
-    loop = prepare(draw(spec.values), spec.values["environment.K_VE"], spec.values["environment.B_VE"])
-    return worst_gain(loop, FREQUENCY, spec.values["rates.ratio"]), ports_of_loop(spec, Uneven(kind))
-
-
-@pytest.mark.parametrize("stiffness", [0.0, 300.0])
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "dc"])
-def test_rates_that_divide_give_the_gain_of_the_lifting(kind, stiffness):
-    """A position that drifts, and one that the wall holds; multiples of the slow rate are unbounded where it drifts."""
-    tables = {"environment": {"K_VE": stiffness, "delay": 7}, "rates": {"slow_hz": 125.0}}
-    (expected, _), port = lifted(kind, tables)
-    found, error = drawn_gain.worst_gain_of_port(port, FREQUENCY)
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
-    assert np.nanmax(error) < 1e-8
-
-
 def test_direct_coupling_has_a_frame_as_long_as_that_of_the_others():
     tables = {"controller": {"kind": "dc"}, "environment": {"K_VE": 300.0}}
     uneven, even = (wavesweep.compile(tables | {"rates": {"slow_hz": hz}}).response(FREQUENCY) for hz in (60.0, 20.0))
@@ -71,19 +50,24 @@ def test_direct_coupling_has_a_frame_as_long_as_that_of_the_others():
 
 
 def test_equations_at_every_point_give_what_modes_give():
-    port = ports_of_loop(load(LOOP), load(LOOP).drawing)
-    lifted = drawn_gain.lifted_map(port)
-    points = Circle(FREQUENCY, 1000.0, 12)
-    value, error = drawn_gain._dense(lifted, points.frame[:, None, None])
-    np.testing.assert_allclose(value, drawn_gain._gain(lifted, points)[0], rtol=1e-11)
+    gain, points = Gain(loop_at_hand(load(LOOP))), loop_at_hand(load(LOOP)).circle(FREQUENCY)
+    moving = points.frame != 0
+    value, error = gain._whole.gain(points.frame[moving])
+    np.testing.assert_allclose(value, gain(FREQUENCY)[0][moving], rtol=1e-11)
     assert (error < 1e-9 * value).all()
 
 
-def test_a_frame_of_many_ticks_has_none_and_no_doubt():
-    tables = LOOP | {"block": LOOP["block"] | {"net": {"type": "delay", "every": 6 * 101}}}
-    table = wavesweep.compile(tables).response([5.0])
-    assert np.isnan(table.worst_gain[0])
-    assert table.doubt[0] == ""
+@pytest.mark.slow
+@pytest.mark.parametrize("ticks", [96])
+def test_a_long_frame_has_the_gain_of_its_impulses_in_time(ticks):
+    """Modes, and without them Lanczos' process, on a frame whose parts are kept apart."""
+    tables = LOOP | {"block": LOOP["block"] | {"net": {"type": "delay", "every": ticks}}}
+    frequency = np.array([0.3, 5.0, 41.0])
+    wanted = over_impulses(tables, frequency, ticks, 40)
+    loop = loop_at_hand(load(tables))
+    gain = Gain(loop)
+    np.testing.assert_allclose(gain(frequency)[0], wanted, rtol=1e-9)
+    np.testing.assert_allclose(gain._whole.gain(loop.circle(frequency).frame)[0], wanted, rtol=1e-9)
 
 
 DRIFTING = {  # with a damping from differences of the velocity
@@ -118,8 +102,8 @@ def test_the_bound_of_a_long_frame_is_small_and_covers_rounding(kind, free):
     """The map of the same ticks at 60 digits; its largest singular value loses no digits."""
     tables = UNEVEN | {"controller": {"kind": kind, "b": 20.0, "Kp": 10.0}}
     tables |= {"environment": {"K_VE": 0.0, "B_VE": 0.0}} if free else {}
-    port, frequency = ports_of_loop(load(tables), Uneven(kind)), np.array([0.1, 5.0, 29.0])
-    found, error = drawn_gain.worst_gain_of_port(port, frequency)
+    loop, frequency = loop_at_hand(load(tables)), np.array([0.1, 5.0, 29.0])
+    port, (found, error) = loop.port, gain_of(loop)(frequency)
     assert error.max() < 1e-9
     with mpmath.workdps(60):
         n, ticks = port.maps[0][0].shape[0], port.kind.size
@@ -135,10 +119,10 @@ def test_the_bound_of_a_long_frame_is_small_and_covers_rounding(kind, free):
                 moved[n + tick] += D[0, 0]
             state += E * state
             state[:, n + tick] = B
-        lifted = drawn_gain.lifted_map(port)
+        frame = loop.whole
         for (part, bound), exact in (
-            (lifted.T, np.array([[row[n + i] for i in range(ticks)] for row in rows])),
-            (lifted.G, np.array([[state[i, n + k] for k in range(ticks)] for i in range(n)])),
+            (frame.inner, np.array([[row[n + i] for i in range(ticks)] for row in rows])),
+            (frame.left, np.array([[state[i, n + k] for k in range(ticks)] for i in range(n)])),
         ):
             off = np.abs(part[: len(exact)] - exact).astype(float)
             assert (off <= bound[: len(exact)]).all()
@@ -156,7 +140,8 @@ def test_the_bound_of_a_long_frame_is_small_and_covers_rounding(kind, free):
 @pytest.mark.parametrize("tables", [DRIFTING, LOOP, *map(random_tables, range(12))])
 def test_a_bound_covers_what_rounding_does_to_the_ticks(tables, frequency):
     """The response of the same ticks at 60 digits."""
-    port = ports_of_loop(load(tables), load(tables).drawing)
+    loop = loop_at_hand(load(tables))
+    port = loop.port
     with mpmath.workdps(60):
         maps = [[mpmath.matrix(part.tolist()) for part in each] for each in port.maps]
         n, ticks, z = port.maps[0][0].shape[0], port.kind.size, mpmath.expjpi(2 * mpmath.mpf(frequency) * port.period)
@@ -167,7 +152,7 @@ def test_a_bound_covers_what_rounding_does_to_the_ticks(tables, frequency):
             frame, force = frame + E * frame, force + E * force + B * turn
         state = mpmath.lu_solve(z**ticks * mpmath.eye(n) - frame, force)
         exact = ((shown * state)[0] + own) / ticks / (z - 1)
-        found = respond_port(port, [frequency])
+        found = respond(loop, [frequency])
         assert abs(mpmath.mpc(found.admittance[0]) / exact - 1) <= found.admittance_error[0]
 
 

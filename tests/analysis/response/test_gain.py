@@ -3,20 +3,18 @@
 import numpy as np
 import pytest
 from support.lifted import transfer
+from support.responses import loop_of
 from support.specs import KINDS, random_values, values_of
 
 import wavesweep
-from wavesweep.analysis.response import prepare, worst_gain
-from wavesweep.analysis.response.circle import circle
-from wavesweep.analysis.response.dominant import Dominant, Lifted
-from wavesweep.analysis.response.gain import with_scene
+from wavesweep.analysis.response.dominant import Dominant
+from wavesweep.analysis.response.gain import gain_of
 from wavesweep.diagram import draw
 from wavesweep.lifted.frame import lifted_system
 
 
 def gain(values, frequency_hz):
-    loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"])
-    return worst_gain(loop, np.asarray(frequency_hz, float), values["rates.ratio"])[0]
+    return gain_of(loop_of(values), values["rates.ratio"])(frequency_hz)[0]
 
 
 def dense(values, frequency_hz):
@@ -77,10 +75,9 @@ def test_a_drift_of_the_avatar_alone_does_not_move_a_hand_that_a_spring_holds(ch
 def test_a_few_steps_prove_most_gains(kind, changes):
     """From low frequencies to the Nyquist frequency, and within the bound; the rest has the singular values of the matrix."""
     values = values_of(kind, K_VE=100.0, **changes)
-    loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"], outputs=("device.x",))
-    frequency = np.geomspace(0.01, 499, 67)
+    loop, frequency = loop_of(values), np.geomspace(0.01, 499, 67)
     with np.errstate(all="ignore"):
-        found, error = Dominant(Lifted.of(with_scene(loop)[0])).gain(circle(loop, frequency))
+        found, error = Dominant(loop.of_positions[0]).gain(loop.circle(frequency))
     known = error <= 1e-6 * found
     assert known.mean() > 0.6
     assert (np.abs(found - dense(values, frequency)) <= error + 1e-11 * found)[known].all()

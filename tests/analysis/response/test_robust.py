@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from support.intervals import intervals_of
+from support.responses import loop_of
 from support.specs import values_of
 
-from wavesweep.analysis.response import prepare, steady_state
-from wavesweep.diagram import draw
+from wavesweep.analysis.response.steady import respond
 
 # Local models so stiff for an explicit step that a frame of 1000 ticks leaves the range of doubles; and a local spring
 # of the direct kind.
@@ -25,5 +25,5 @@ def test_it_has_no_stable_interval_and_no_certificate(values, along):
 @pytest.mark.parametrize("values", [WAVES, DIRECT])
 def test_its_response_is_missing(values):
     """An unstable loop has no steady state that anybody would feel; NaN is what a table shows."""
-    loop = prepare(draw(values), 500.0, 1.0)
-    assert np.isnan(steady_state(loop, np.array([0.5, 10.0]))).all()
+    found = respond(loop_of(values), [0.5, 10.0])
+    assert np.isnan([found.admittance, found.impedance]).all()

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from support import exact
 from support.march import march
+from support.responses import loop_of
 from support.specs import INTEGRATIONS, KINDS, random_values, values_of
 
-from wavesweep.analysis.response import prepare, steady_state
-from wavesweep.diagram import draw
+from wavesweep.analysis.response.steady import respond
 
 
 def response(values, frequency_hz):
-    loop = prepare(draw(values), values["environment.K_VE"], values["environment.B_VE"])
-    return steady_state(loop, np.atleast_1d(frequency_hz))
+    found = respond(loop_of(values), frequency_hz)
+    return found.admittance, found.impedance
 
 
 def slow_multiples(values):
@@ -66,7 +66,6 @@ def test_a_conserved_combination_leaves_the_answer_whole(kind, changes):
     """At 1 mHz, between, and at multiples of the slow rate."""
     values = values_of(kind, stiffness=120.0, **changes)
     multiples = slow_multiples(values)
-    assert prepare(draw(values), 500.0, 1.0).law is not None
     assert worst_error(values, [1e-3, 0.7, 33.3, 333.0], exact.response) < 1e-10
     assert worst_error(values, multiples, exact.limit) < 1e-10
 
@@ -159,7 +158,7 @@ def test_frequencies_do_not_see_each_other(kind):
 def test_a_batch_of_loops_answers_as_its_members(kind):
     b, K = np.array([20.0, 40.0]), np.array([100.0, 500.0])
     values, frequency = values_of(kind, b=b), np.array([0.5, 7.0, 120.0])
-    together = np.array(steady_state(prepare(draw(values), K, 1.0), frequency))
+    together = np.array(response(values | {"environment.K_VE": K}, frequency))
     for i in range(2):
         alone = np.array(response(values_of(kind, b=b[i], K_VE=K[i]), frequency))
         np.testing.assert_allclose(together[:, i], alone, rtol=1e-9)

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from support.responses import loop_of
 
-from wavesweep.analysis.response import prepare, steady_state
+from wavesweep.analysis.response.steady import respond
 from wavesweep.analysis.simulation import estimate, simulate
 from wavesweep.analysis.simulation.inputs import stepped_sine
-from wavesweep.diagram import draw
 
 pytestmark = pytest.mark.slow
 
@@ -28,7 +28,8 @@ def test_the_march_and_the_lifting_agree_at_10_frequencies(values, kind):
     record = stepped_sine(1000.0, FREQUENCIES, settle=8.0 if "pmw" in kind else 3.0, periods=3, least=0.5)
     simulation = simulate(loop, record.force)
     seen = estimate(simulation.signals, record.tones, 1000.0, simulation.frame)
-    lifted = steady_state(prepare(draw(loop), K_VE, 1.0), FREQUENCIES)
+    found = respond(loop_of(loop), FREQUENCIES)
+    lifted = found.admittance, found.impedance
     for name, response in zip(("admittance", "impedance"), lifted, strict=True):
         off = np.abs(seen[f"{name}_re"] + 1j * seen[f"{name}_im"] - response) / np.abs(response)
         # 2e-12 is seen, and 5e-11 for the impedance of dc-slow, where the held force has images 40 times as large.

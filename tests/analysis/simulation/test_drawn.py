@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from support.drawings import pmw, random_drawing
 
-from wavesweep.analysis.response.drawn import respond_port
+from wavesweep.analysis.response.lifted import Lifted
 from wavesweep.analysis.response.port import Ports, port_of
+from wavesweep.analysis.response.steady import respond
 from wavesweep.analysis.simulation import Tone
 from wavesweep.analysis.simulation.march import run_drawn
 from wavesweep.analysis.simulation.record import components
@@ -125,7 +126,7 @@ def test_the_response_of_a_random_drawing_is_that_of_its_simulation(seed):
     signals = {"f_h": force, "x": seen["m.x"], "f_device": seen["m.f"]}
     f, x, reaction = components(signals, tone, 1 / drawn.period, drawn.ticks)
     ports = Ports("hand", "m.x", "m.f")
-    linear = respond_port(port_of(drawn, ports, drift_of_drawn(drawn, drawn, ("m.x", "m.f"))), [frequency])
+    linear = respond(Lifted.of(port_of(drawn, ports, drift_of_drawn(drawn, drawn, ("m.x", "m.f")))), [frequency])
     assert abs(x / f - linear.admittance[0]) <= 1e-9 * abs(linear.admittance[0])
     assert abs(reaction / x - linear.impedance[0]) <= 1e-9 * abs(linear.impedance[0])
 

@@ -6,8 +6,9 @@ import numpy as np
 
 from wavesweep.analysis.passivity.hinf import SOFT, Element, angles, peak_by_levels, then, tick
 from wavesweep.analysis.passivity.port import FAINT, SLACK, TOLERANCE, PortMargin
-from wavesweep.analysis.response.drawn import respond_port
+from wavesweep.analysis.response.lifted import Lifted
 from wavesweep.analysis.response.port import Port, frame_of_port
+from wavesweep.analysis.response.steady import respond
 from wavesweep.analysis.spectrum import count_outside, is_stable
 from wavesweep.errors import UsageError
 from wavesweep.lifted.circle import on_circle, solve
@@ -81,7 +82,7 @@ def _known(port, omega):
     _, growth, cancellation = measured_frame(port.kind, changes)
     if not hides(changes, sizes) and growth <= GROWING and cancellation <= CANCELLED:
         return True
-    return respond_port(port, omega / (2 * np.pi)).admittance_error <= SURE
+    return respond(Lifted.of(port), omega / (2 * np.pi)).admittance_error <= SURE
 
 
 def _in_even_units(port):

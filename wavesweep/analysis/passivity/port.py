@@ -17,7 +17,7 @@ from wavesweep.analysis.passivity.hinf import (
     then,
     tick,
 )
-from wavesweep.analysis.response.static import held_at_rest
+from wavesweep.analysis.response.felt import held_at_rest
 from wavesweep.analysis.spectrum import is_stable
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block

@@ -1,123 +1,115 @@
-"""The steady response from one system that holds both the fast states at the hand's frequency and the frame's states."""
+"""Linear systems with bounds on the errors of their solutions, and the response from a system that modes have no part in."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from wavesweep.analysis.response.circle import Circle
-from wavesweep.analysis.response.frame import Loop, shown
-from wavesweep.analysis.response.ticks import entries_errors, holding
+from wavesweep.analysis.response.modal import CLOSE
 from wavesweep.lifted.circle import solve
-from wavesweep.lifted.rounding import ROUNDING
-
-CLOSE = 0.1  # by how much an inverse may be off for the error of what it gives to be bounded with it
+from wavesweep.lifted.rounding import ENTRIES, ROUNDING
 
 
-def bordered(loop: Loop, points: Circle):
-    """Return (displacement, force) at the hand's frequency, `(..., p, points)`, and bounds on their errors.
+class Bordered:
+    """The response from one system that holds both the fast states at the hand's frequency and the frame's states.
 
-    Unknowns: the outputs o and the fast states Y at the hand's frequency w, and the frame's state X at its start. The equations
-    are `w Y = E Y + B_h (sigma h) + B_f` (the tick's own equation), `M Y = r X + t h + s` (Y is X's component at w), and those
-    of the slow states, with `h = H X`. Together they are equivalent to `(w - E) X = g`. If a mode of the fast side has an alias
-    at w, it costs no digit of Y, even if it has little or no damping; neither does a mode at w itself.
+    Unknowns: the outputs o and the fast states Y at the hand's frequency w, and the frame's state X at its start. The fast
+    states are those that change in the most frequent kind of tick, with the matrices E and C. The equations are
+    `w Y = E Y + q` and `o = C Y + r`, q and r being what other states and other ticks add, `M Y = s X + t` (Y is the component
+    of the fast states at w) and, of the other states, those of the frame. Together they are equivalent to `(w - E) X = g` of
+    the frame. If a mode of the fast side has an alias at w, it costs no digit of Y, even if it has little or no damping;
+    neither does a mode at w itself.
     """
-    A, dA, b, db, still, dstill = _system(loop, points)
-    found, error = (part[..., 0] for part in solved(A, dA, b[..., None], db[..., None]))
-    p = loop.outputs
-    o, do = found[..., :p], error[..., :p]
-    return np.swapaxes(o + still, -1, -2), np.swapaxes(do + dstill, -1, -2)
+
+    def __init__(self, port, over_frame, sums_of):
+        common = int(np.bincount(port.kind).argmax())
+        (E, _, C, _), (of_E, _, of_C, _) = port.maps[common], port.sizes[common]
+        self.sums_of, self.outputs_of_port = sums_of, C.shape[-2]
+        fast = (E != 0).any((*range(E.ndim - 2), E.ndim - 1))
+        self.fast, self.slow = np.flatnonzero(fast), np.flatnonzero(~fast)
+        self.C, self.E = C[..., self.fast], E[..., self.fast[:, None], self.fast]
+        self.dC, self.dE = ENTRIES * of_C[..., self.fast], ENTRIES * of_E[..., self.fast[:, None], self.fast]
+        maps, sizes = [], []
+        for parts, of_parts in zip(port.maps, port.sizes, strict=True):
+            maps.append(self._outputs(parts, port.maps[common], -1.0))
+            sizes.append(self._outputs(of_parts, port.sizes[common], 0.0 if parts is port.maps[common] else 1.0))
+        for one, size in zip(maps, sizes, strict=True):
+            size[2][...] = np.where(one[2] == 0, 0.0, size[2])
+        self.stretch = over_frame(replace(port, maps=tuple(maps), sizes=tuple(sizes)))
+        where = np.flatnonzero(port.position[..., 0, :].reshape(-1, E.shape[-1]).any(0)) if port.position is not None else []
+        self.place = np.flatnonzero(self.fast == where[0])[0] if len(where) == 1 and fast[where[0]] else None
+
+    def _outputs(self, parts, common, sign):
+        """Return the map of a tick from the force to what it adds to the outputs and the fast states, and to these states."""
+        E, B, C, D = parts
+        shown = [
+            (part + 0 * rest[..., :1], column)
+            for part, column, rest in (
+                (C, D, common[2]),
+                (E[..., self.fast, :], B[..., self.fast, :], common[0][..., self.fast, :]),
+            )
+        ]
+        for (part, _), rest in zip(shown, (common[2], common[0][..., self.fast, :]), strict=True):
+            part[..., self.fast] += sign * rest[..., self.fast]
+        states = np.eye(E.shape[-1])[self.fast]
+        shown.append((np.broadcast_to(states, (*E.shape[:-2], *states.shape)), np.zeros((self.fast.size, 1))))
+        rows = [np.broadcast_shapes(*(part.shape[:-2] for part in column)) for column in zip(*shown, strict=True)]
+        C, D = (
+            np.concatenate([np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in column], axis=-2)
+            for column, batch in zip(zip(*shown, strict=True), rows, strict=True)
+        )
+        return E, B, C, D
+
+    def outputs(self, points: Circle):
+        """Return the outputs of the port at the hand's frequency, `(..., p, points)`, and bounds on their errors."""
+        A, dA, b, db = self._system(points)
+        found, error = (part[..., : self.outputs_of_port, 0] for part in solved(A, dA, b[..., None], db[..., None]))
+        return np.swapaxes(found, -1, -2), np.swapaxes(error, -1, -2)
+
+    def _system(self, points):
+        """Return matrix, errors, right side and errors of the system, at every point."""
+        sums, M = self.sums_of(self.stretch, points), self.stretch.ticks
+        p, f, n = self.outputs_of_port, self.fast.size, self.slow.size + self.fast.size
+        size, batch = p + f + n, sums.left.shape[:-2]
+        A, dA = (
+            np.zeros((*batch, points.frequency.size, size, size), complex),
+            np.zeros((*batch, points.frequency.size, size, size)),
+        )
+        out, own, states, slow, X = (
+            slice(0, p),
+            slice(p, p + f),
+            slice(p + f, p + 2 * f),
+            slice(p + 2 * f, None),
+            slice(p + f, None),
+        )
+        A[..., : p + f, X], dA[..., : p + f, X] = (
+            _at_points(-sums.rows[..., : p + f, :, :] / M),
+            sums.drows[..., None, : p + f, :] / M,
+        )
+        A[..., states, X], dA[..., states, X] = _at_points(-sums.rows[..., p + f :, :, :]), sums.drows[..., None, p + f :, :]
+        A[..., out, out], A[..., states, own] = np.eye(p), M * np.eye(f)
+        A[..., out, own], dA[..., out, own] = -self.C[..., None, :, :], self.dC[..., None, :, :]
+        A[..., own, own] = points.tick[:, None, None] * np.eye(f) - self.E[..., None, :, :]
+        dA[..., own, own] = self.dE[..., None, :, :]
+        frame, unsure = (part[..., None, self.slow, :] for part in self.stretch.E)
+        A[..., slow, X], dA[..., slow, X] = points.frame[:, None, None] * np.eye(n)[self.slow] - frame, unsure
+        scale = np.repeat([1 / M, 1.0], [p + f, f])[:, None]
+        b, db = (
+            np.concatenate(
+                [scale * (part + 0 * sums.own.real), more[..., self.slow, :] + 0 * sums.left[..., self.slow, :].real], -2
+            )
+            for part, more in ((sums.own, sums.left), (sums.down, sums.dleft))
+        )
+        b, db = (np.swapaxes(part, -1, -2).copy() for part in (b, db))
+        if self.place is not None:  # w times the position is the displacement
+            for array in (A, dA, b[..., None], db[..., None]):
+                array[..., p + self.place, :] = 0
+            A[..., p + self.place, p + self.place], A[..., p + self.place, 0] = points.tick, -1
+        return A, dA, b, db
 
 
-def _system(loop, points):
-    """Return matrix, errors, right side and errors of the system, and the outputs' part from the drift, with its error."""
-    fast, n, f, p, P = loop.fast, loop.E.shape[-1], len(loop.fast.states), loop.outputs, points.frequency.size
-    (rows, drows), (alone, dalone), _, law = shown(loop, _showing_states(fast)).sums(points.ladder, alone=True)
-    batch = loop.E.shape[:-2]
-    A = np.zeros((*batch, P, p + f + n, p + f + n), complex)
-    dA = np.zeros(A.shape)
-    b, db = np.zeros((*batch, P, p + f + n), complex), np.zeros((*batch, P, p + f + n))
-    out, own, sums, slow = slice(0, p), slice(p, p + f), slice(p + f, p + 2 * f), slice(p + 2 * f, None)
-    Y, X = own, slice(p + f, None)
-    w, z = points.tick[:, None, None], points.frame[:, None, None]
-    dE, dB, dC, dD = entries_errors(fast)
-    H, dH = loop.H, loop.dH
-    shares = _shares(points, loop.diagram.delay)
-    held = shares[0] * loop.latched + shares[1] * H[..., None, :, :]
-    held_size = np.abs(shares[0]) * loop.latched + np.abs(shares[1]) * np.abs(H)[..., None, :, :]
-    dheld = np.abs(shares[1]) * dH[..., None, :, :] + ROUNDING * held_size
-    C, D, B = fast.C[..., :p, :], fast.D[..., :p, :], fast.B
-    # what the outputs and the fast states are at the hand's frequency
-    A[..., out, out] = np.eye(p)
-    A[..., out, Y], A[..., out, X] = -C[..., None, :, :], -(D[..., None, :, 1:] @ held)
-    dA[..., out, Y] = dC[..., None, :p, :]
-    dA[..., out, X] = np.abs(D[..., None, :, 1:]) @ dheld + dD[..., None, :p, 1:] @ held_size
-    b[..., out], db[..., out] = D[..., None, :, 0], dD[..., None, :p, 0]
-    A[..., own, Y] = w * np.eye(f) - fast.E[..., None, :, :]
-    A[..., own, X] = -(B[..., None, :, 1:] @ held)
-    dA[..., own, Y] = dE[..., None, :, :]
-    dA[..., own, X] = np.abs(B[..., None, :, 1:]) @ dheld + dB[..., None, :, 1:] @ held_size
-    b[..., own], db[..., own] = B[..., None, :, 0], dB[..., None, :, 0]
-    hand = loop.diagram.hand
-    if hand.position in fast.states and fast.outputs[0] == hand.displacement:  # which is w times the position
-        x = p + fast.states.index(hand.position)
-        for array in (A, dA, b[..., None], db[..., None]):
-            array[..., x, :] = 0
-        A[..., x, x], A[..., x, 0] = points.tick, -1
-    # the component at w of the fast states in the frame
-    A[..., sums, Y] = points.ratio * np.eye(f)
-    A[..., sums, X] = -rows.swapaxes(-3, -2)
-    dA[..., sums, X] = drows[..., None, :, :]
-    b[..., sums], db[..., sums] = np.swapaxes(alone, -1, -2), dalone[..., None, :, 0]
-    # the slow states
-    A[..., slow, X] = z * np.eye(n)[f:] - loop.rows[..., None, f:, :]
-    dA[..., slow, X] = loop.drows[..., None, f:, :]
-    return (A, dA, b, db, *_with_drift(loop, points, (A, b, db), (own, slow), law))
-
-
-def _showing_states(fast):
-    """Return the fast side with its states as outputs."""
-    f = len(fast.states)
-    C, D = np.eye(f) + 0 * fast.E[..., :1], 0 * fast.B
-    return holding(replace(fast, outputs=fast.states, C=C, D=D, terms=fast.terms and (*fast.terms[:2], C, D)), f)
-
-
-def _shares(points, delay):
-    """Return the components at w of the old and of the new held signals, each `(points, 1, 1)`."""
-
-    def constant(count):  # the sum of exp(-j w i) over `count` ticks
-        angle = points.steps(count)
-        return np.where(points.tick == 0, count, angle.conj() / np.where(points.tick == 0, 1, points.tick.conj()))
-
-    parts = constant(delay), points.turn(delay).conj() * constant(points.ratio - delay)
-    return [(part / points.ratio)[:, None, None] for part in parts]
-
-
-def _with_drift(loop, points, system, places, law):
-    """Add the effect of the drift to the system, and return its part of the outputs, with its error."""
-    (A, b, db), (own, slow) = system, places
-    f, p = len(loop.fast.states), loop.outputs
-    at_own, at_slow = points.share[:, None] * loop.shift[..., None, :f], loop.shift[..., None, f:]
-    if law is not None:
-        q, dq = (np.swapaxes(part, -1, -2) for part in law)
-        b[..., own] -= at_own * q
-        b[..., slow] -= at_slow * q
-        unsure = np.abs(loop.shift)[..., None, :] * dq + loop.dshift[..., None, :] * np.abs(q)
-        db[..., own] += unsure[..., :f] / points.ratio
-        db[..., slow] += unsure[..., f:]
-        return tuple(np.swapaxes(part, -1, -2) for part in conserved_output(loop, points, law))
-    if loop.lead is not None:
-        lead = p + f + loop.lead
-        # Where the scene's position is read, it is the unknown; where nothing reads it, its step is, which stays finite.
-        step = np.where(loop.free[..., None], 1.0, points.frame)[..., None]
-        A[..., own, lead] += step * at_own
-        A[..., slow, lead] = step * at_slow - loop.rows[..., None, f:, loop.lead]
-    return 0.0, 0.0
-
-
-def conserved_output(loop, points, law):
-    """Return the outputs' part at the hand's frequency from the conserved combination, `(..., p, points)`, and its error."""
-    share = loop.still[..., None] * (points.share / points.tick)
-    return share * law[0], np.abs(share) * (law[1] + 8 * ROUNDING * np.abs(law[0]))
+def _at_points(rows):
+    return np.moveaxis(rows, -2, -3)
 
 
 def solved(A, dA, b, db):

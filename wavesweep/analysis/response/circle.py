@@ -18,6 +18,7 @@ class Circle:
     def __init__(self, frequency, rate: float, ratio: int):
         self.frequency, self.rate, self.ratio = frequency, rate, ratio
         self.cycles = frequency / rate
+        self.known = np.ones((1, frequency.size), complex)
         product, error = _product(self.cycles, rate)
         self.high, self.low = _halves(self.cycles)
         self.rest = ((frequency - product) - error) / rate
@@ -42,15 +43,14 @@ class Circle:
         """Return `exp(j w count T) - 1`, to all digits."""
         return on_circle(self.angle(count))
 
-    @cached_property
-    def ladder(self):
-        """`exp(j w i T)` for every tick i of a frame, `(ratio, points)`."""
-        z, known = np.ones((self.ratio, self.cycles.size), complex), 1
-        while known < self.ratio:
-            more = min(known, self.ratio - known)
-            np.multiply(z[:more], self.turn(known), out=z[known : known + more])
-            known += more
-        return z
+    def ladder(self, count: int):
+        """`exp(j w i T)` for the first ticks i of a frame, `(count, points)`."""
+        z = self.known
+        while len(z) < count:
+            more = min(len(z), count - len(z))
+            z = np.concatenate([z, z[:more] * self.turn(len(z))])
+        self.known = z
+        return z[:count]
 
     @cached_property
     def tick(self):

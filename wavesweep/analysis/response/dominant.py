@@ -4,8 +4,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from wavesweep.analysis.response.frame import Loop
-from wavesweep.analysis.response.ticks import long_sum, taken
+from wavesweep.analysis.response.lifted import LEAF, Stretch
+from wavesweep.analysis.response.ticks import long_sum
 from wavesweep.lifted.circle import solve
 from wavesweep.lifted.rounding import ROUNDING
 
@@ -13,35 +13,8 @@ STEPS = 9  # of the bidiagonalisation; beyond, singular values of the whole matr
 SETTLED = 1e-13  # relative width of the bounds on a singular value, at which it ends
 TILE = 16  # points of one product of matrices
 FLOOR = 1e-3  # of what modes take from the forces, where one takes nothing
-LONG = 64  # ticks from which on what a force does in its own frame is quicker through its Fourier transform
 LOOKED = 3, 5, 7, STEPS  # steps after which values are checked; few are settled earlier, and a check costs as much as a step
 NEAR = 0.1  # by how much the modes' inverse may be off for its error to be bounded with it
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Lifted:
-    """The map `T + O (w - E)^-1 G` from the forces of a frame to its positions; pairs with bounds on the errors of the entries.
-
-    E `(..., n, n)`; O `(..., ticks, n)`: the positions for each state at the frame's start; G `(..., n, ticks)`: the state that
-    the forces leave after the frame. T: the positions for the forces of the same frame, `(..., ticks, ticks)`, or
-    `(..., ticks)`, the first column of a Toeplitz matrix. law, still: of a combination of states that the loop conserves, which
-    is a mode at z = 1 (see `Shown` and `Loop`).
-    """
-
-    E: tuple
-    O: tuple
-    G: tuple
-    T: tuple
-    law: tuple | None = None
-    still: np.ndarray | None = None
-
-    @staticmethod
-    def of(loop: Loop) -> "Lifted":
-        """Return the map of a loop whose first output is the position."""
-        seen, impulse = (
-            taken(part, (..., 0, *[slice(None)] * axes)) for part, axes in ((loop.shown.seen, 2), (loop.shown.impulse, 1))
-        )
-        return Lifted((loop.E, loop.dE), seen, loop.shown.left, impulse, loop.shown.law, loop.still)
 
 
 class Dominant:
@@ -50,9 +23,8 @@ class Dominant:
     p_i are the positions of a frame for a unit of a mode, q_i the parts of that mode that the frame's forces leave.
     """
 
-    def __init__(self, lifted: Lifted):
-        (E, dE), (O, dO), (G, dG), law, (own, down) = lifted.E, lifted.O, lifted.G, lifted.law, lifted.T
-        ratio, toeplitz = O.shape[-2], own.ndim < O.ndim
+    def __init__(self, frame: Stretch):
+        (E, dE), (G, dG), (O, dO) = frame.E, frame.left, (part[..., -1, :, :] for part in frame.seen)
         self.poles, V = np.linalg.eig(E)
         V, eye = V.astype(complex), np.broadcast_to(np.eye(V.shape[-1]), V.shape)
         into = solve(V, eye)
@@ -63,33 +35,14 @@ class Dominant:
         self.offset = np.abs(into @ V - eye) + rough * (back @ wide)
         shows, takes = _norms(np.abs(O) @ wide, -2), _norms(back @ np.abs(G), -1)
         vague = _norms(dO @ wide, -2) * takes + shows * _norms(back @ dG, -1)
-        self.P, self.Q = O @ V, into @ G
-        if law is not None:
-            self._append(law, lifted.still, ratio)
-            length = ratio**0.5 * np.abs(lifted.still[..., 0])
-            unsure = length * _norms(law[1] + 8 * ROUNDING * np.abs(law[0]), -1)[..., 0]
-            shows, takes, vague = (
-                np.concatenate([part, more[..., None]], -1)
-                for part, more in ((shows, length), (takes, _norms(law[0], -1)[..., 0]), (vague, unsure))
-            )
         self.shows, self.takes, self.vague = (part[..., None] for part in (shows, takes, vague))
-        lag = np.subtract.outer(np.arange(ratio), np.arange(ratio))
-        self.T = np.where(lag >= 0, own[..., lag], 0.0) if toeplitz else own
-        self.spectrum = np.fft.fft(own, 2 * ratio) if toeplitz and ratio > LONG else None
-        self.size = _norms(self.T, (-2, -1))[..., None]
-        self.unsure = (np.sqrt(ratio * (down**2).sum(-1)) if toeplitz else _norms(down, (-2, -1)))[..., None]
-        self.square = (self.T**2).sum((-2, -1))[..., None]
-        self.mixed = (np.swapaxes(self.T, -1, -2) @ self.P * np.swapaxes(self.Q, -1, -2)).sum(-2)[..., None]
-        P, Q = (np.swapaxes(self.P.conj(), -1, -2) @ self.P, self.Q.conj() @ np.swapaxes(self.Q, -1, -2))
-        self.pairs = P * Q
-
-    def _append(self, law, still, ratio):
-        """Add the conserved combination as a mode."""
-        self.poles = np.concatenate([self.poles, 0 * self.poles[..., :1]], -1)
-        self.P = np.concatenate([self.P, np.broadcast_to(still[..., None, :1], (*self.P.shape[:-1], 1))], -1)
-        self.Q = np.concatenate([self.Q, np.broadcast_to(law[0], (*self.Q.shape[:-2], 1, ratio))], -2)
-        corner = [(0, 0)] * (self.slope.ndim - 2) + [(0, 1)] * 2
-        self.slope, self.offset = np.pad(self.slope, corner), np.pad(self.offset, corner)
+        self.frame, self.P, self.Q = frame, O @ V, into @ G
+        self.size, self.unsure = (part[..., None] for part in norms_of(frame))
+        self.square = self.size**2
+        flat = self.P.reshape(-1, *self.P.shape[-2:])
+        shown = applied(frame, flat.view(float), np.arange(len(flat)), adjoint=True).view(complex).reshape(self.P.shape)
+        self.mixed = (shown * np.swapaxes(self.Q, -1, -2)).sum(-2)[..., None]
+        self.pairs = (np.swapaxes(self.P.conj(), -1, -2) @ self.P) * (self.Q.conj() @ np.swapaxes(self.Q, -1, -2))
 
     def gain(self, points):
         """Return the largest singular value at each point, `(..., points)`, and a bound on its error (m/N).
@@ -105,7 +58,7 @@ class Dominant:
         rough = long_sum(sum(self.P.shape[-2:]))
         trace = (factor.conj() * (self.pairs @ factor)).sum(-2).real + 2 * (self.mixed * factor).sum(-2).real
         trace = trace + self.square + rough * (size + self.size) ** 2
-        value, width = self._settled(points.ladder, factor, trace)
+        value, width = self._settled(points.ladder(self.frame.ticks), factor, trace)
         return value, width + error + rough * (size + self.size)
 
     def _settled(self, start, factor, trace):
@@ -145,10 +98,14 @@ class Dominant:
 
     def _maps(self, factor):
         """Return the map of each tile; factor: `(tiles, modes, TILE)`."""
-        own = self.T if self.spectrum is None else self.spectrum[..., None]
-        parts = [part.reshape(-1, *part.shape[-2:]) for part in (own, self.P, self.Q)]
-        parts = [np.repeat(part, len(factor) // len(part), axis=0) if len(part) > 1 else part for part in parts]
-        return _Maps(*parts, *(np.swapaxes(part.conj(), -1, -2) for part in parts[1:]), factor)
+        parts = [part.reshape(-1, *part.shape[-2:]) for part in (self.P, self.Q)]
+        which = np.repeat(np.arange(len(parts[0])), len(factor) // len(parts[0]))
+        parts = [part[which] if len(part) > 1 else part for part in parts]
+        own = self.frame.whole() if self.frame.ticks <= LEAF else None
+        if own is not None:
+            own = own.reshape(-1, *own.shape[-2:])
+            own = own[which] if len(own) > 1 else own
+        return _Maps(self.frame, own, which, *parts, *(np.swapaxes(part.conj(), -1, -2) for part in parts), factor)
 
     def _errors(self, w, size):
         """Return the sum of the sizes of the modes' parts, and a bound on the error of the map, as Frobenius norms.
@@ -166,12 +123,15 @@ class Dominant:
 
 @dataclass(frozen=True, slots=True)
 class _Maps:
-    """The maps of tiles of points: `own + P diag(factor) Q`, own a Toeplitz matrix, or the Fourier transform of its column.
+    """The maps of tiles of points: `own + P diag(factor) Q`.
 
-    Pt, Qt: adjoints. All but factor have one entry for all tiles, or one each.
+    own: None for long frames, which are applied part by part. which: the loop of each tile. Pt, Qt: adjoints. own, P, Q and
+    these have one entry for all tiles, or one each.
     """
 
-    own: np.ndarray
+    frame: Stretch
+    own: np.ndarray | None
+    which: np.ndarray
     P: np.ndarray
     Q: np.ndarray
     Pt: np.ndarray
@@ -181,7 +141,8 @@ class _Maps:
     def take(self, index):
         """Return the maps of some tiles."""
         parts = (getattr(self, field.name) for field in fields(self))
-        return _Maps(*(part[index] if len(part) == len(self.factor) else part for part in parts))
+        several = len(self.factor)
+        return _Maps(*(part[index] if isinstance(part, np.ndarray) and len(part) == several else part for part in parts))
 
     def next(self, v, u, weight, adjoint, scratch):
         """Put each map times its vectors v, less `weight u`, in place of u, at length 1, and return the lengths.
@@ -202,11 +163,52 @@ class _Maps:
         return length
 
     def _own_times(self, v, adjoint, out):
-        ticks = v.shape[-2]
-        if self.own.shape[-1] == ticks:
-            return np.matmul(np.swapaxes(self.own, -1, -2) if adjoint else self.own, v, out=out)
-        spectrum = self.own.conj() if adjoint else self.own
-        return np.fft.ifft(spectrum * np.fft.fft(v.view(complex), 2 * ticks, axis=-2), axis=-2)[:, :ticks].view(float)
+        if self.own is None:
+            return applied(self.frame, v, self.which, adjoint=adjoint)
+        return np.matmul(np.swapaxes(self.own, -1, -2) if adjoint else self.own, v, out=out)
+
+
+def applied(frame: Stretch, v, which, *, adjoint: bool):
+    """Return the positions of a frame for its forces v, `(vectors, ticks, columns)`, real; adjoint: the transposed map.
+
+    which: the loop of each vector. What the forces of one part of a long frame do in the other goes through the state.
+    """
+    if frame.inner:
+        own = _of_loops(frame.inner[0], which)
+        return (np.swapaxes(own, -1, -2) if adjoint else own) @ v
+    first, second, ticks = frame.first, frame.second, frame.first.ticks
+    parts = v[:, :ticks], v[:, ticks:]
+    found = [applied(part, some, which, adjoint=adjoint) for part, some in zip((first, second), parts, strict=True)]
+    seen, left = _of_loops(second.seen[0][..., -1, :, :], which), _of_loops(first.left[0], which)
+    if adjoint:
+        found[0] += np.swapaxes(left, -1, -2) @ (np.swapaxes(seen, -1, -2) @ parts[1])
+    else:
+        found[1] += seen @ (left @ parts[0])
+    return np.concatenate(found, axis=-2)
+
+
+def _of_loops(part, which):
+    part = part.reshape(-1, *part.shape[-2:])
+    return part[which] if len(part) > 1 else part
+
+
+def norms_of(frame: Stretch) -> tuple[np.ndarray, np.ndarray]:
+    """Return Frobenius norms of the map from a frame's forces to its positions, and of its errors, `(...)` each."""
+    if frame.inner:
+        return tuple(_norms(part, (-2, -1)) for part in frame.inner)
+    seen, dseen = (part[..., -1, :, :] for part in frame.second.seen)
+    left, dleft = frame.first.left
+    size = np.abs(left)
+    across = norm_of_product(seen, left), norm_of_product(dseen, size) + norm_of_product(np.abs(seen), dleft + ROUNDING * size)
+    return tuple(
+        np.sqrt(sum(part**2 for part in parts))
+        for parts in zip(*map(norms_of, (frame.first, frame.second)), across, strict=True)
+    )
+
+
+def norm_of_product(A, B):
+    """Return the Frobenius norm of `A B` without forming it."""
+    return np.sqrt(np.maximum(((np.swapaxes(A, -1, -2) @ A) * (B @ np.swapaxes(B, -1, -2))).sum((-1, -2)), 0))
 
 
 def _tiles(part):

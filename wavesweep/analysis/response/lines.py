@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from wavesweep.analysis.response.frame import Loop
-from wavesweep.analysis.response.port import Port, frame_of_port
+from wavesweep.analysis.response.lifted import Lifted
 
 ALIKE = 1e-3  # distance of an eigenvalue from one that is the same but for rounding
 NOTHING = 1e-9  # of the terms of displacements, what is left of them by rounding
@@ -33,14 +32,7 @@ def strongest_turns(E, shown, delta) -> int:
     return int(turns[np.argmax(size)]) if size.max() > 0 else 0
 
 
-def shown_in_ticks(loop: Loop | Port) -> tuple[np.ndarray, np.ndarray]:
+def shown_in_ticks(loop: Lifted) -> tuple[np.ndarray, np.ndarray]:
     """Return the frame less identity of a single loop, and the displacement in each of its ticks for a state at its start."""
-    if isinstance(loop, Loop):
-        return loop.E.reshape(loop.E.shape[-2:]), loop.shown.seen[0][..., 0, :, :].reshape(-1, loop.E.shape[-1])
-    n = loop.maps[0][0].shape[-1]
-    state, rows = np.eye(n), []
-    for kind in loop.kind.tolist():
-        E, _, C, _ = (part.reshape(part.shape[-2:]) for part in loop.maps[kind])
-        rows.append((C[:1] @ state)[0])
-        state = state + E @ state
-    return frame_of_port(loop).reshape(n, n), np.array(rows)
+    E, shown = loop.frame.E[0], loop.frame.seen[0][..., 0, :, :]
+    return E.reshape(E.shape[-2:]), shown.reshape(shown.shape[-2:])

@@ -1,16 +1,16 @@
-"""A drawn loop seen from the hand's port: a map per kind of tick, and its frame under a force of one frequency."""
+"""Loops seen from the hand's port: a map per kind of tick, without the drift."""
 
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
-from wavesweep.analysis.response.ticks import long_sum, ordered_product
+from wavesweep.analysis.response.encoder import with_displacements
+from wavesweep.analysis.response.ticks import long_sum
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
-from wavesweep.lifted.periodic import in_a_row, known_frames, then, ticks_of
-from wavesweep.lifted.rounding import ENTRIES, both, measured_frame
-from wavesweep.lifted.tick_drift import TickDrift, counted_from_leads
+from wavesweep.lifted.periodic import Ticks, known_frames, ticks_of
+from wavesweep.lifted.rounding import ENTRIES, ROUNDING, measured_frame
+from wavesweep.lifted.tick_drift import TickDrift
 from wavesweep.spec.drawing import OF_PLANT
 
 STILL = 1e-9  # of the terms of a shift, what is rounding
@@ -31,184 +31,218 @@ class Ports:
     position: str
     reaction: str = ""
 
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """The outputs of the port."""
+        return (self.position, self.reaction) if self.reaction else (self.position,)
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Port:
-    """A drawn loop seen from its port, a map per kind of tick, every position counted from those that drift.
+    """Loops seen from their port, a map per kind of tick; states that drift are left out, and the others counted from them.
 
     Each map goes from the force to the displacement in the tick and the force against it. If the latter moves with a drift, the
     change of that share of it in the tick is a third output. E `(..., n, n)` less identity, B `(..., n, 1)`, C
-    `(..., outputs, n)`, D `(..., outputs, 1)`. sizes: for each map, those of the terms of its entries' sums. position: its row
-    `(..., 1, n)`, None if it drifts. laws: number of combinations of the states that nothing in the loop changes. slowest:
-    ticks between two runs of the slowest block. rate: ticks per second (Hz) as given; 1/period may differ in its last bit.
+    `(..., outputs, n)`, D `(..., outputs, 1)`. sizes: for each map, those of the terms of its entries' sums. kind: of each tick
+    of the frame. period: of the tick, s. position: its row `(..., 1, n)`, None if it drifts. slowest: ticks between two runs of
+    the slowest block. rate: ticks per second (Hz) as given; 1/period may differ in its last bit. rest: what a constant force
+    does in the end, if the structure tells (see `static`).
     """
 
     maps: tuple[tuple[np.ndarray, ...], ...]
     sizes: tuple[tuple[np.ndarray, ...], ...]
     kind: np.ndarray
     period: float
-    position: np.ndarray | None = None
-    laws: int = 0
-    slowest: int = 1
-    rate: float = 0.0
+    position: np.ndarray | None
+    slowest: int
+    rate: float
+    rest: object = None
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """Shape of the leading axes."""
+        return np.broadcast_shapes(*(part.shape[:-2] for each in self.maps for part in each))
+
+    @property
+    def outputs(self) -> int:
+        """Number of outputs of the maps."""
+        return self.maps[0][2].shape[-2]
 
     @property
     def rough(self) -> float:
         """Relative error of sums over a frame."""
         return long_sum(self.kind.size)
 
-    def turned(self, first: int) -> "Port":
-        """Return the port with a frame that begins with the tick `first`."""
-        return replace(self, kind=np.roll(self.kind, -first))
+    def seen(self) -> "Port":
+        """Return the port without the states that no output depends on."""
+        alive = _alive(self.maps)
+        maps, sizes = (tuple(_some(each, alive) for each in parts) for parts in (self.maps, self.sizes))
+        return replace(self, maps=maps, sizes=sizes, position=None if self.position is None else self.position[..., alive])
+
+    @property
+    def laws(self) -> int:
+        """Number of eigenvalues 1 that are left: none, since all that drifts is left out."""
+        return 0
 
 
 def port_of(drawn: Drawn, ports: Ports, drift: TickDrift) -> Port:
-    """Return the loop as it is seen from its port.
+    """Return the loops as they are seen from their port.
 
     The displacement of a tick is the difference of two positions, so the position has to be a state alone: that of a plant.
     Errors: NoPositionError if it is not.
     """
-    signals = (ports.position, *((ports.reaction,) if ports.reaction else ()))
-    ticks = ticks_of(drawn, signals, terms=True)
-    if not drift.folded:  # what nothing but a drift reads drifts itself
-        drift = replace(drift, moved=(*drift.moved, *((state, ()) for state in drift.unread)))
+    drawn, drift = with_displacements(drawn, drift)
+    ticks = ticks_of(drawn, ports.signals, terms=True)
     reads = ticks.maps[0].C[..., :1, :]
     if any(np.any(each.D[..., 0, :]) or np.any(each.C[..., :1, :] != reads) for each in ticks.maps):
         raise NoPositionError(f"[ports] hand: expected {OF_PLANT}, found {ports.position}")
+    shifts = _Shifts.of(ticks, drift, reads)
+    answers = ticks.maps[0].C[..., 1:2, :] if ports.reaction else None
+    share = shifts.seen(answers) if ports.reaction else None
+    moves = ports.reaction and shifts.move(answers)
     force = drawn.inputs.index(ports.force)
-    answers = ticks.maps[0].C[..., 1:2, :]
-    moved = [(lead, _along(answers, lead, others)[0]) for lead, others in drift.moved if _moves(answers, lead, others)]
-    parts = [(each.E, each.B, each.C, each.D) for each in ticks.maps]
-    maps = tuple(_seen(each, reads, force, drift, bool(ports.reaction), moved) for each in parts)
-    moved = [(lead, np.abs(share)) for lead, share in moved]
-    sizes = [_seen(each.terms, np.abs(reads), force, drift, bool(ports.reaction), moved, 1) for each in ticks.maps]
-    kept = _kept(drift)
-    still = not any(_moves(reads, lead, others) for lead, others in drift.moved)
+    maps, sizes = [], []
+    for each in ticks.maps:
+        for of_sizes, parts, found in ((False, (each.E, each.B, each.C, each.D), maps), (True, each.terms, sizes)):
+            E, B, C, D = parts
+            B, D = B[..., force : force + 1], D[..., force : force + 1]
+            read = np.abs(reads) if of_sizes else reads
+            rows = [(read @ E, read @ B)] + ([(C[..., 1:2, :], D[..., 1:2, :])] if ports.reaction else [])
+            if moves:
+                along = np.abs(share) + np.abs(answers) @ shifts.dN / ENTRIES if of_sizes else share
+                rows.append((along @ E[..., shifts.leads, :], along @ B[..., shifts.leads, :]))
+            found.append(shifts.counted((E, B), rows, (each.E, each.B[..., force : force + 1]) if of_sizes else ()))
+    position = None if shifts.move(reads) else reads[..., shifts.kept]
+    return Port(tuple(maps), tuple(sizes), ticks.kind, *_timing(drawn, position))
+
+
+def _timing(drawn, position):
     period = float(np.ravel(drawn.period)[0])
     rate = 1 / period if drawn.rate is None else float(np.ravel(drawn.rate)[0])
-    slowest = max(each.every for each in drawn.placed)
-    return Port(maps, tuple(sizes), ticks.kind, period, reads[..., kept] if still else None, len(drift.folded), slowest, rate)
+    return period, position, max(each.every for each in drawn.placed), rate
 
 
-def _along(reads, lead, others):
-    """Return by how much a shift moves the signals that are read, and the sizes of the terms of that sum.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Shifts:
+    """What drifts in loops: states `leads`, each of which moves others by factors, so that no tick changes anything.
 
-    The shift moves the lead by 1, and others by their factors.
+    N `(..., n, leads)`: the factors, 0 in the rows of all leads; dN: bounds on their errors.
     """
-    terms = np.stack([reads[..., lead], *(factor * reads[..., state] for state, factor in others)], -1)
-    return terms.sum(-1), np.abs(terms).sum(-1)
+
+    leads: list[int]
+    kept: list[int]
+    N: np.ndarray
+    dN: np.ndarray
+
+    @staticmethod
+    def of(ticks: Ticks, drift: TickDrift, reads) -> "_Shifts":
+        moved = [*drift.moved, *(() if drift.folded else ((state, ()) for state in drift.unread))]
+        constant = np.zeros((len(drift.states), len(moved)))
+        for column, (_, others) in enumerate(moved):
+            for state, factor in others:
+                constant[state, column] = factor
+        leads, folded = [lead for lead, _ in moved], list(drift.folded)
+        if folded:
+            folded = _best_leads(ticks, reads, folded, [state for state in range(len(drift.states)) if state not in leads])
+        leads += folded
+        kept = [state for state in range(len(drift.states)) if state not in leads]
+        if not folded:
+            return _Shifts(leads, kept, constant, 0 * constant)
+        V, dV = _fixed(ticks, kept, folded)
+        N, dN = np.zeros((2, *V.shape[:-2], len(drift.states), len(leads)))
+        N[..., : len(moved)] = constant
+        N[..., kept, len(moved) :], dN[..., kept, len(moved) :] = V, dV
+        return _Shifts(leads, kept, N, dN)
+
+    def seen(self, reads):
+        """Return by how much each shift moves a signal, `(..., 1, leads)`."""
+        return reads[..., self.leads] + reads @ self.N
+
+    def move(self, reads) -> bool:
+        """Return whether a shift moves a signal at all."""
+        size = np.abs(reads[..., self.leads]) + np.abs(reads) @ np.abs(self.N)
+        return bool((np.abs(self.seen(reads)) > STILL * size + np.abs(reads) @ self.dN).any())
+
+    def counted(self, steps, rows, of=()):
+        """Return the map of a tick with the states counted from the leads.
+
+        steps: E and B. rows: pairs of rows of C and D. of: E and B, if the others are the sizes of their terms.
+        """
+        if self.leads:
+            sign, N = (1, np.abs(self.N)) if of else (-1, self.N)
+            vague = [self.dN / ENTRIES @ np.abs(part[..., self.leads, :]) for part in of] or (0.0, 0.0)  # as that of terms
+            steps = [part + sign * (N @ part[..., self.leads, :]) + more for part, more in zip(steps, vague, strict=True)]
+        C, D = (np.concatenate(np.broadcast_arrays(*part), axis=-2) for part in zip(*rows, strict=True))
+        return steps[0][..., self.kept, :][..., self.kept], steps[1][..., self.kept, :], C[..., self.kept], D
 
 
-def _moves(reads, lead, others):
-    moved, size = _along(reads, lead, others)
-    return bool((np.abs(moved) > STILL * size).any())
+def _best_leads(ticks, reads, leads, states):
+    """Return leads of the same shifts: a state that the position reads, if there is one, or one whose own changes are small.
 
-
-def _seen(parts, reads, force, drift, reacts, moved, sign=-1):
-    """Return the maps of a tick from its E, B, C and D, or their sizes from those of these.
-
-    moved: drifts that move the force against the hand, as pairs of a lead and the force for a shift of 1. sign: 1 for sizes.
-
-    A state that drifts is counted from the lead. The lead itself is the sum of its changes, which depend on the other states.
+    Errors of the factors count as much as the lead changes in a tick. Beside the position, differences of it are exact.
     """
-    E, B, C, D = parts
-    B = B[..., force : force + 1]
-    rows = [(reads @ E, reads @ B)]
-    if reacts:
-        rows.append((C[..., 1:2, :], D[..., 1:2, force : force + 1]))
-    if moved:
-        change = [
-            (share[..., None] * E[..., lead : lead + 1, :], share[..., None] * B[..., lead : lead + 1, :])
-            for lead, share in moved
-        ]
-        rows.append(tuple(sum(part) for part in zip(*change, strict=True)))
-    E, B = counted_from_leads((E, B), drift, sign)
-    kept = _kept(drift)
-    C, D = (
-        np.concatenate(np.broadcast_arrays(*part) if part[0].ndim > 2 else part, axis=-2) for part in zip(*rows, strict=True)
+    others = [state for state in states if state not in leads]
+    V, _ = _fixed(ticks, others, leads)
+    cost = sum(each.terms[0].max(tuple(range(each.terms[0].ndim - 2))).sum(-1) for each in ticks.maps)
+    place, found = (reads != 0).any(tuple(range(reads.ndim - 1))), []
+    for column, lead in enumerate(leads):
+        factors = np.zeros(len(cost))
+        factors[lead], factors[others] = 1.0, np.abs(V[..., column]).min(tuple(range(V.ndim - 2)))
+        factors[found] = 0.0
+        first = place & (factors > 0)
+        found.append(int(np.argmax(np.where(first, factors, 0.0) if first.any() else factors / np.where(cost > 0, cost, 1.0))))
+    return found
+
+
+def _fixed(ticks, kept, leads):
+    """Return the factors V `(..., kept, leads)` of shifts that depend on a loop's numbers, and bounds on their errors.
+
+    They are the least-squares solution of `E_kept V = -E_leads`, the equations of all ticks together, which do not contradict
+    each other; a factor that is nothing but rounding is 0.
+    """
+    batch = np.broadcast_shapes(*(each.E.shape[:-2] for each in ticks.maps))
+    E, sizes = (
+        np.concatenate([np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in parts], axis=-2)
+        for parts in zip(*((each.E, each.terms[0]) for each in ticks.maps), strict=True)
     )
-    # Contiguous, since the order of sums follows the memory, and with it the bits of a loop the batch that it is in.
-    return tuple(map(np.ascontiguousarray, (E[..., kept, :][..., kept], B[..., kept, :], C[..., kept], D)))
+    weight = np.abs(E).max(-1, keepdims=True, initial=0)
+    weight = np.where(np.isfinite(weight) & (weight > 0), 1 / np.where(weight > 0, weight, 1), 0.0)
+    E, sizes = (np.where(np.isfinite(part), part, 0.0) * weight for part in (E, sizes))
+    A, b = E[..., kept], -E[..., leads]
+    column = np.abs(A).max(-2, keepdims=True, initial=0)
+    column = 1 / np.where(column > 0, column, 1)
+    inverse = np.swapaxes(column, -1, -2) * np.linalg.pinv(A * column)
+    V = inverse @ b
+    for _ in range(2):
+        V = V + inverse @ (b - A @ V)
+    left = np.abs(b - A @ V) + (ENTRIES * sizes[..., kept] + ROUNDING * np.abs(A)) @ np.abs(V) + ENTRIES * sizes[..., leads]
+    dV = np.abs(inverse) @ left
+    return np.where(np.abs(V) <= dV, 0.0, V), dV
 
 
-def _kept(drift):
-    leads = {lead for lead, _ in drift.moved}
-    return [index for index in range(len(drift.states)) if index not in leads]
+def _alive(maps):
+    """Return the indices of the states that the outputs depend on in some tick of some loop."""
+    n = maps[0][0].shape[-1]
+    reads, seen = np.zeros((n, n), bool), np.zeros(n, bool)
+    for E, _, C, _ in maps:
+        reads |= (E != 0).any(tuple(range(E.ndim - 2)))
+        seen |= (C != 0).any(tuple(range(C.ndim - 1)))
+    return reached(seen, reads)
+
+
+def reached(seen, reads) -> np.ndarray:
+    """Return the indices of the states that are seen, `(n,)`, or that these depend on; reads: on which, `(n, n)`."""
+    while not np.array_equal(seen | reads[seen].any(0), seen):
+        seen = seen | reads[seen].any(0)
+    return np.flatnonzero(seen)
+
+
+def _some(parts, alive):
+    E, B, C, D = parts
+    return E[..., alive[:, None], alive], B[..., alive, :], C[..., alive], D
 
 
 def frame_of_port(port: Port) -> np.ndarray:
     """Return the frame-to-frame matrix less identity of a port's loop; NaN if rounding leaves nothing of it."""
     E, growth, _ = measured_frame(port.kind, [each[0] for each in port.maps])
     return known_frames(E, growth)
-
-
-@dataclass(frozen=True, slots=True)
-class Driven:
-    """Ticks in a row under the force z^k, at all frequencies: `X -> (I + E) X + g`; the outputs times z^-k sum up to `G X + h`.
-
-    turn: z to the number of ticks. dE: bound on the error of E. g_size, G_size, h_size: sizes of the terms of g, G and h.
-    """
-
-    E: np.ndarray
-    dE: np.ndarray
-    g: np.ndarray
-    g_size: np.ndarray
-    G: np.ndarray
-    G_size: np.ndarray
-    h: np.ndarray
-    h_size: np.ndarray
-    turn: np.ndarray
-
-
-def driven(port: Port, z) -> Driven:
-    """Return the whole frame from its ticks; repeated stretches are computed once."""
-    one = np.ones((z.size, 1))
-    ticks = []
-    for (E, *parts), (dE, *sizes) in zip(port.maps, port.sizes, strict=True):
-        each = ((one * B[..., 0], one[..., None] * C, one * D[..., 0]) for B, C, D in (parts, sizes))
-        ticks.append(Driven(E, ENTRIES * dE, *(part for pair in zip(*each, strict=True) for part in pair), z))
-    return in_a_row(port.kind.tolist(), ticks, partial(_joined, port.rough))
-
-
-def _joined(rough, first, second):
-    """Join two stretches of ticks; force and weights at the start of the second are turned by the ticks of the first."""
-    turn = first.turn[:, None]
-    moved, seen = ordered_product(second.E, first.g), second.G @ first.g[..., None]
-    later = (second.G + second.G @ first.E) / turn[..., None]
-    g, h = first.g + moved + turn * second.g, first.h + seen[..., 0] / turn + second.h
-    return Driven(
-        then(first.E, second.E),
-        both((first.E, first.dE), (second.E, second.dE))[1],
-        g,
-        _g_size(first, second, rough),
-        first.G + later,
-        _G_size(first, second, rough),
-        h,
-        _h_size(first, second),
-        first.turn * second.turn,
-    )
-
-
-# Bounds on rounding over `Port.rough`, the smaller one of two: that of all terms of a sum, or what its parts have already,
-# passed on, and that of the terms of this sum. Ticks that contract forget rounding, which the first way never does.
-
-
-def _g_size(first, second, rough):
-    E, g = np.abs(second.E), np.abs(first.g)
-    terms = first.g_size + ordered_product(E, first.g_size) + second.g_size
-    passed = ordered_product(np.abs(np.eye(E.shape[-1]) + second.E), first.g_size) + second.g_size
-    return np.minimum(terms, passed + g + ordered_product(E + second.dE / rough, g) + np.abs(second.g))
-
-
-def _G_size(first, second, rough):
-    E, G = np.abs(first.E), np.abs(second.G)
-    terms = first.G_size + second.G_size + second.G_size @ E
-    passed = first.G_size + second.G_size @ np.abs(np.eye(E.shape[-1]) + first.E)
-    return np.minimum(terms, passed + np.abs(first.G) + G + G @ (E + first.dE / rough))
-
-
-def _h_size(first, second):
-    g, G = np.abs(first.g)[..., None], np.abs(second.G)
-    terms = first.h_size + (second.G_size @ first.g_size[..., None])[..., 0] + second.h_size
-    passed = first.h_size + (G @ first.g_size[..., None] + second.G_size @ g)[..., 0] + second.h_size
-    return np.minimum(terms, passed + np.abs(first.h) + (G @ g)[..., 0] + np.abs(second.h))

@@ -1,22 +1,17 @@
-"""Steady response of the whole loop to a sinusoidal hand force, as the hand feels it, with bounds on its errors."""
+"""Steady response of loops to a sinusoidal force of the hand, as the hand feels it, with bounds on its errors."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.response.bordered import CLOSE, bordered, conserved_output
-from wavesweep.analysis.response.circle import Circle, circle
-from wavesweep.analysis.response.frame import Loop
-from wavesweep.analysis.response.static import held_at_rest, static_response, zero_at_rest
-from wavesweep.lifted.circle import solve
+from wavesweep.analysis.response.lifted import Lifted, Sums
+from wavesweep.analysis.response.static import LOST, NOTHING, at_port, limit_of, relative_response
 from wavesweep.lifted.rounding import ROUNDING
 
 GOOD = 1e-9  # bound on the relative error up to which the modes are believed; beyond, the larger system is solved
-LOST = 0.1  # relative error from which on a number has no digit
 EXTRAPOLATED = 85 / 45  # the sum of the sizes of the weights by which an extrapolation adds up three values
-LOW = 2e-4  # of the slowest pole and of the slow rate, the frequency that the static limit is held against
-NOISE = 1e-13  # of the sizes of the modes, what rounding may leave of an entry of their sum
-TERMS = 2_000_000  # ticks times frequencies at a time
+LOW = 2e-4  # of the slowest pole and of the frame's rate, the frequency that the static limit is held against
+TERMS = 2_000_000  # numbers of loops, states and frequencies at a time
 BLOCK = 200_000  # entries of one batch of matrices
 
 
@@ -33,171 +28,125 @@ class Response:
     impedance_error: np.ndarray
 
 
-def steady_state(loop: Loop, frequency_hz) -> tuple[np.ndarray, np.ndarray]:
-    """Return transmitted admittance (m/N) and impedance (N/m), complex, `(..., points)`.
+def respond(loop: Lifted, frequency_hz, good: float = GOOD) -> Response:
+    """Return transmitted admittance and impedance with bounds on their relative errors.
 
-    loop, frequency_hz: see `respond`.
+    frequency_hz: `(points,)`, Hz; 0 for the static limit. good: relative error up to which a number is not computed again in a
+    slower way.
+
+    The force `exp(j w k T)` gives a sum over `w + 2 pi m/T_s`, and both results are its components at w itself. The state at
+    the start of a frame solves `(w - E) X = g`, with the loop closed and without what drifts, so that no pole of an open loop
+    enters. It is found through the modes of E; if these cancel too far, from a larger system (see `Bordered`).
+    Accuracy: as bounded, from the residual of the solution, the errors of all entries and the size of the inverse.
     """
-    found = respond(loop, frequency_hz)
-    return found.admittance, found.impedance
-
-
-def respond(
-    loop: Loop, frequency_hz, good: float = GOOD, modal: "Modal | None" = None, points: Circle | None = None
-) -> Response:
-    """Return transmitted admittance and impedance with bounds on their errors.
-
-    loop: see `prepare`. frequency_hz: `(points,)`, Hz; 0 for the static limit. good: relative error up to which a number is not
-    computed again in a slower way. modal: of this loop, if it is known. points: `circle(loop, frequency_hz)`, if it is known.
-
-    The hand's force `exp(j w k T)` gives a sum over `w + 2 pi m/T_s`; both results are its components at w itself. The state at
-    the start of a frame solves `(w - E) X = g` with the loop closed, so no pole of an open loop enters, and a drift is treated
-    separately (see `Loop`). The solution is found through the modes of E first; if these cancel too far, see `bordered`.
-    Accuracy: as bounded, from the residual of the solution, the errors of all entries and the size of the inverse. At 0 Hz the
-    error is the distance to an extrapolation from low frequencies, which shares no formula with the limit.
-    """
-    frequency, width = np.atleast_1d(np.asarray(frequency_hz, float)), max(1, TERMS // loop.diagram.ratio)
+    frequency = np.atleast_1d(np.asarray(frequency_hz, float))
+    still = frequency == 0
+    found = [np.empty((*loop.port.batch, frequency.size), kind) for kind in (complex, complex, float, float)]
     with np.errstate(all="ignore"):
-        modal, still = modal or Modal(loop), frequency == 0
-        moving = frequency[~still]
-        cuts = (slice(at, at + width) for at in range(0, moving.size, width))
-        whole = points if points is not None and moving.size == frequency.size else circle(loop, moving)
-        parts = [_responses(loop, modal, whole.at(cut), good) for cut in cuts]
-        found = [np.concatenate(part, axis=-1) for part in zip(*parts, strict=True)]
-        if not still.any():
-            return Response(*found)
-        limit = _at_rest(loop, modal)
-    if not parts:
-        return Response(*(part + np.zeros(frequency.size, part.dtype) for part in limit))
-    whole = [np.empty((*part.shape[:-1], frequency.size), part.dtype) for part in found]
-    for array, part, one in zip(whole, found, limit, strict=True):
-        array[..., ~still], array[..., still] = part, one
-    return Response(*whole)
+        moving, width = np.flatnonzero(~still), max(1, TERMS // max(1, loop.weight))
+        for at in (moving[start : start + width] for start in range(0, moving.size, width)):
+            for array, part in zip(found, _responses(loop, loop.circle(frequency[at]), good), strict=True):
+                array[..., at] = part
+        if still.any():
+            for array, part in zip(found, static_response(loop), strict=True):
+                array[..., still] = part[..., None]
+    return Response(*found)
 
 
-def _at_rest(loop, modal):
-    """Return the static limit and its errors, `(..., 1)` each.
+def static_response(loop: Lifted) -> tuple[np.ndarray, ...]:
+    """Return admittance (m/N) and impedance (N/m) in the limit towards 0 Hz, and their relative errors, `(...)` each.
 
-    The limit is compared with low frequencies f, f/2 and f/4, whose real parts are even in f.
+    NaN: there is none, or it is not known. If a constant force moves the position without end, there is no admittance. If it
+    does not move it at all in the end, as a position that an integrator holds, the admittance is 0, and there is no impedance;
+    or it is not known, if the force against the hand vanishes with the position. The error of a number that does not exist
+    is 0.
+    Accuracy: the smaller one of a bound and of the distance to an extrapolation from low frequencies, which shares no formula
+    with the limit.
     """
-    limit = [part[..., None] for part in static_response(loop)]
-    slow = np.min(np.abs(modal.poles), axis=-1, where=np.abs(modal.poles) > 0, initial=1.0)
-    rate = loop.diagram.rate if loop.diagram.rate is not None else 1 / np.asarray(loop.diagram.period)
+    with np.errstate(all="ignore"):
+        (position, force), (of_position, of_force), rest = limit_of(loop)
+        found = np.stack([position, np.where(rest.silent & ~rest.rigid, 0.0, force / position)])
+        error = np.stack([of_position / np.abs(position), np.where(force == 0, 0.0, of_force / np.abs(force))])
+        error[1] += np.where(force == 0, 0.0, error[0])
+        rough = ~(error <= GOOD).all(0) & ~(rest.going | rest.rigid | loop.lost)
+        if rough.any():
+            low = _from_low_frequencies(loop, found)
+            error = np.where(rough & (found != 0), np.fmin(error, low), error)
+        error += np.where(found == 0, 0.0, 4 * np.finfo(float).eps)
+        found = np.where(error < LOST, found, np.nan)
+        error = np.where(error < LOST, error, np.nan)
+        found[0], error[0] = (np.where(rest.going, *part) for part in ((np.nan, found[0]), (0.0, error[0])))
+        known = np.where(np.abs(force) > of_force, 0.0, np.nan)  # that the impedance of a rigid loop is none
+        for row, (value, unsure) in enumerate(((0.0, 0.0), (np.nan, known))):
+            found[row], error[row] = np.where(rest.rigid, value, found[row]), np.where(rest.rigid, unsure, error[row])
+        found, error = (np.where(loop.lost, np.nan, part) for part in (found, error))
+    return found[0] + 0j, found[1] + 0j, error[0], error[1]
+
+
+def _from_low_frequencies(loop, found):
+    """Return how far a limit of admittance and impedance may be off, relative, `(2, ...)`, by frequencies f, f/2 and f/4.
+
+    Their real parts are even in f.
+    """
+    poles = np.abs(loop.modal.poles)
+    slow = np.min(poles, axis=-1, where=poles > 0, initial=1.0)
     # Powers of four, and each loop its own, so that what is found of one does not depend on the others of a batch.
-    level = np.floor(np.log2(LOW * slow * float(np.min(rate)) / loop.diagram.ratio) / 2)
+    level = np.floor(np.log2(LOW * slow * loop.port.rate / loop.frame.ticks) / 2)
     low = [np.full((*level.shape, 3), np.nan, kind) for kind in (complex, complex, float, float)]
     for each in np.unique(level):
-        parts = _responses(loop, modal, circle(loop, 4.0**each * np.array([1, 0.5, 0.25])))
+        parts = _responses(loop, loop.circle(4.0**each * np.array([1, 0.5, 0.25])), GOOD)
         low = [np.where((level == each)[..., None], part, whole) for part, whole in zip(parts, low, strict=True)]
-    found = []
-    for value, part, error, zero in zip(limit, low[:2], low[2:], (False, zero_at_rest(loop)[..., None]), strict=True):
-        first, second = ((4 * part[..., [at + 1]] - part[..., [at]]).real / 3 for at in (0, 1))
-        expected, missed = (16 * second - first) / 15, EXTRAPOLATED * (error * np.abs(part)).max(-1, keepdims=True)
-        off = (np.abs(value - expected) + missed) / np.minimum(np.abs(value), np.abs(expected))
-        off = np.where(zero & (value == 0), 0.0, off)
-        known = off < LOST
-        found.append((np.where(known, value, np.nan) + 0j, np.where(known, off, np.nan)))
-    (admittance, of_admittance), (impedance, of_impedance) = found
-    moves = ~held_at_rest(loop.diagram, loop.wall)[..., None] & ~loop.lost[..., None]
-    of_admittance = np.where(moves, 0.0, of_admittance)
-    return admittance, impedance, of_admittance, of_impedance
+    off = []
+    for value, part, error in zip(found, low[:2], low[2:], strict=True):
+        first, second = ((4 * part[..., at + 1] - part[..., at]).real / 3 for at in (0, 1))
+        expected, missed = (16 * second - first) / 15, EXTRAPOLATED * (error * np.abs(part)).max(-1)
+        off.append((np.abs(value - expected) + missed) / np.minimum(np.abs(value), np.abs(expected)))
+    return np.stack(off)
 
 
-def _responses(loop, modal, points, good=GOOD):
+def _responses(loop, points, good):
     """`respond` for some frequencies that are not 0, as a tuple."""
-    found, error, again = _by_modes(loop, points, modal)
-    for improve in (again, lambda index: bordered(loop, points.at(index))):
-        doubtful = ~(error <= good * np.abs(found)).all(-2)
+    found, error, again = _by_modes(loop, points)
+    for improve in (again, lambda index: loop.bordered.outputs(points.at(index))):
+        doubtful = ~(error <= good * np.abs(found)).all(-2) & ~loop.lost[..., None]
         some = np.flatnonzero(doubtful.any(axis=tuple(range(doubtful.ndim - 1))))
-        width = max(1, BLOCK // (loop.outputs + len(loop.fast.states) + len(loop.states)) ** 2 // max(1, loop.lost.size))
+        width = max(1, BLOCK // (3 * loop.order + 1) ** 2 // max(1, loop.lost.size))
         for start in range(0, some.size, width):
             index = some[start : start + width]
-            number, less = improve(index)
+            number, less = (at_port(*pair) for pair in zip(improve(index), _both_steps(points, index), strict=True))
             better = doubtful[..., None, index] & ~(less >= error[..., index])
             found[..., index] = np.where(better, number, found[..., index])
             error[..., index] = np.where(better, less, error[..., index])
-    return _read(loop, points, found, error)
+    force, unsure = found[..., 1, :], error[..., 1, :]
+    none = (np.abs(force) <= unsure) & (unsure <= NOTHING) & (points.frame == 0)  # as of one that is held over the frame
+    found[..., 1, :], error[..., 1, :] = np.where(none, 0.0, force), np.where(none, 0.0, unsure)
+    error = np.where(loop.lost[..., None, None], np.nan, error)
+    return relative_response(found, error)
 
 
-def _read(loop, points, found, error):
-    """Return admittance and impedance from displacement and force; a number without a correct digit is NaN."""
-    lost = loop.lost[..., None]
-    relative = np.where(error == 0, 0.0, error / np.abs(found)) + 4 * np.finfo(float).eps
-    relative = np.where(lost[..., None, :] | ~(relative < LOST), np.nan, relative)
-    admittance = np.where(np.isnan(relative[..., 0, :]), np.nan, found[..., 0, :] / points.tick)
-    impedance = np.where(np.isnan(relative[..., 1, :]), np.nan, found[..., 1, :] / admittance)
-    known = np.isfinite(impedance)  # an admittance may be so small that it has no inverse in double precision
-    whole = np.where(known, relative[..., 0, :] + relative[..., 1, :], np.nan)
-    return admittance, np.where(known, impedance, np.nan), relative[..., 0, :], whole
+def _both_steps(points, index):
+    step = points.tick[index]
+    return step, np.abs(step)
 
 
-def _by_modes(loop, points, modal):
-    """Return (displacement, force) at the hand's frequency, `(..., 2, points)`, bounds on their errors, and a function.
+def _by_modes(loop, points):
+    """Return position and force, `(..., 2, points)`, bounds on their errors, and a function.
 
-    The function returns some of the results again with a better bound.
+    The function returns the outputs at some of the points again, with a better bound.
     """
-    (rows, drows), (own, down), (g, dg), law = loop.shown.sums(points.ladder)
-    X, unsure, gain, off = modal.solve(points.frame, g, dg)
-    size, seen = np.abs(rows), np.swapaxes(X, -1, -2)[..., None, :, :]
-    total = (rows * seen).sum(-1) + own
-    rest = (size * (ROUNDING * np.abs(seen))).sum(-1) + drows @ np.abs(X) + down + ROUNDING * np.abs(own)
-    if law is not None:
-        still, dstill = conserved_output(loop, points, law)
-        total, rest = total + points.ratio * still, rest + points.ratio * dstill
+    sums, modal, ticks = Sums.of(loop.frame, points), loop.modal, loop.frame.ticks
+    X, unsure, gain, off = modal.solve(points.frame, sums.left, sums.dleft)
+    size, seen = np.abs(sums.rows), np.swapaxes(X, -1, -2)[..., None, :, :]
+    total = (sums.rows * seen).sum(-1) + sums.own
+    rest = (size * (ROUNDING * np.abs(seen))).sum(-1) + sums.drows @ np.abs(X) + sums.down + ROUNDING * np.abs(sums.own)
 
     def error(bound, index):
         grown = np.swapaxes(bound, -1, -2)[..., None, :, :]
-        return ((size[..., index, :] * grown).sum(-1) + rest[..., index]) / points.ratio
+        return ((size[..., index, :] * grown).sum(-1) + rest[..., index]) / ticks
 
     def again(index):
         chosen = (part[..., index] for part in (unsure, gain, off))
-        return total[..., index] / points.ratio, error(modal.careful_bound(points.frame[index], *chosen), index)
+        return total[..., index] / ticks, error(modal.careful_bound(points.frame[index], *chosen), index)
 
-    return total / points.ratio, error(modal.bound(unsure, gain, off), slice(None)), again
-
-
-class Modal:
-    """The resolvent `(w - E)^-1` through the modes of E, as an approximate inverse whose error is known."""
-
-    def __init__(self, loop: Loop):
-        E, self.error = loop.E.copy(), loop.dE
-        if loop.lead is not None:  # if nothing reads the scene's position, its pole at 0 has no effect
-            E[..., loop.lead, loop.lead] = np.where(loop.free, -1.0, E[..., loop.lead, loop.lead])
-        self.E = E
-        self.poles, self.vectors = np.linalg.eig(E)
-        self.vectors = self.vectors.astype(complex)
-        eye = np.broadcast_to(np.eye(E.shape[-1]), E.shape)
-        self.into = solve(self.vectors, eye)
-        self.defect = np.abs(self.into @ E @ self.vectors - self.poles[..., None, :] * eye).sum(-1)
-
-    def solve(self, w, b, db):
-        """Return X `(..., n, points)` of `(w - E) X = b`, and three measures of its accuracy: unsure, gain and off.
-
-        unsure: the uncertainty of its equations. gain: the sizes of the modes' factors. off: a bound on the relative error of
-        the inverse. db: error of b.
-        """
-        factor, E = 1 / (w - self.poles[..., None]), self.E + 0j
-        X = self.vectors @ (factor * (self.into @ b))
-        for _ in range(2):
-            left = b - w * X + E @ X
-            X = X + self.vectors @ (factor * (self.into @ left))
-        left, size, gain = b - w * X + E @ X, np.abs(X), np.abs(factor)
-        unsure = np.abs(left) + ROUNDING * (np.abs(w) * size + np.abs(self.E) @ size + np.abs(b)) + self.error @ size + db
-        return X, unsure, gain, (gain * self.defect[..., None]).max(-2, keepdims=True, initial=0)
-
-    def bound(self, unsure, gain, off):
-        """Return a bound on the error of X, from the sizes of the modes; unsure, gain, off: see `solve`."""
-        bound = np.abs(self.vectors) @ (gain * (np.abs(self.into) @ unsure))
-        return np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)
-
-    def careful_bound(self, w, unsure, gain, off):
-        """Return a bound on the error of X from the inverse itself, in which modes cancel.
-
-        w, unsure, gain, off: of the points, see `solve`. Every product of matrices is of one point.
-        """
-        factor = np.swapaxes(1 / (w - self.poles[..., None]), -1, -2)[..., None, :]
-        unsure, gain = (np.swapaxes(part, -1, -2)[..., None] for part in (unsure, gain))
-        vectors, into = self.vectors[..., None, :, :], self.into[..., None, :, :]
-        noise = NOISE * (np.abs(vectors) @ (gain * (np.abs(into) @ unsure)))
-        bound = np.swapaxes((np.abs((vectors * factor) @ into) @ unsure + noise)[..., 0], -1, -2)
-        return np.where(off <= CLOSE, bound * (1 + 2 * off), np.inf)
+    step, length = _both_steps(points, slice(None))
+    return at_port(total / ticks, step), at_port(error(modal.bound(unsure, gain, off), slice(None)), length), again

@@ -48,7 +48,14 @@ def plus(a, b):
 
 def joined(parts, axis):
     """Return pairs of an array and its error bound, joined along the axis."""
-    return tuple(np.concatenate(part, axis=axis) for part in zip(*parts, strict=True))
+    return tuple(_together(part, axis) for part in zip(*parts, strict=True))
+
+
+def _together(parts, axis):
+    if len({part.shape[:-2] for part in parts}) > 1:
+        batch = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
+        parts = [np.broadcast_to(part, (*batch, *part.shape[-2:])) for part in parts]
+    return np.concatenate(parts, axis=axis)
 
 
 def taken(pair, index):

@@ -1,0 +1,17 @@
+"""Loops of flat values as their hand feels them, over a frame."""
+
+import numpy as np
+
+from wavesweep.analysis.response.lifted import Lifted
+from wavesweep.loops.controllers import loop_drawing
+from wavesweep.sweep.drawn_loops import ports_of_batch
+
+
+def loop_of(values) -> Lifted:
+    """The loop of a controller, or a batch of them if numbers are arrays."""
+    drawing = loop_drawing(values)
+    size = max((np.size(value) for value in values.values() if isinstance(value, np.ndarray)), default=1)
+    read = {path: value for path, value in values.items() if path in drawing.reads}
+    own = {path: value.flat[0].item() if isinstance(value, np.ndarray) else value for path, value in values.items()}
+    ((_, port),) = ports_of_batch(drawing, read, own, size)
+    return Lifted.of(port)
