@@ -30,6 +30,7 @@ def test_a_frame_has_the_eigenvalues_of_the_loop_run_block_by_block(tables):
         assert all(np.abs(other - z).min() < 1e-9 for z in one[np.abs(one) > 1e-2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", ["k", "m0", "g"])
 def test_polynomials_on_a_part_enclose_those_of_each_value(number):
     spec, budget = wavesweep.compile(random_tables(9)).spec, Budget(1e9)

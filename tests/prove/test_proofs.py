@@ -56,6 +56,7 @@ def test_a_wall_behind_any_delay(prove, n):
     assert close((high, high_omega), (K, t / T))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_controllers_drawn_as_blocks_have_the_intervals_of_another_ball_program(prove, seed):
     values = random_values(seed, ("pmw", "pmw-lm", "dc-lm")[seed % 3])
@@ -67,6 +68,7 @@ def test_controllers_drawn_as_blocks_have_the_intervals_of_another_ball_program(
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "seed", "number"),
     [
@@ -137,6 +139,7 @@ NEXT_TO_ONE = {  # eigenvalues 1 - 2^-30 and 1 - 2^-30 beside the one that cross
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tables", "span", "expected"),
     [(TURNED, (0.2, 0.4), [(0.2, 0.4, NAN, NAN)]), (WEAK, (0.1, 1.0), [])],

@@ -31,6 +31,9 @@ q = [0.3, 0.4]
 """
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
     """The folder of a run with proofs."""

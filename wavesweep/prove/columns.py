@@ -20,7 +20,7 @@ from wavesweep.prove.ticks import Loop, UndecidedError
 from wavesweep.spec.drawing import Drawing, name_of
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits
-OPERATIONS = 2e8  # for each column, some ten seconds; counted, so that the result does not depend on the machine
+OPERATIONS = 1.2e8  # for each column, up to some twenty seconds; counted, so that the result does not depend on the machine
 DIGITS = 52  # bits of an end or an angle that have to be certain
 POLYNOMIAL, PARTS = 1, 2
 WAYS = {
@@ -53,8 +53,9 @@ def prove_column(
 ) -> Proof | None:
     """The stable intervals of a drawn loop along the number with the path `along` within `span`; None if they stay in doubt.
 
-    values: flat, of one loop. integrators: how many eigenvalues are 1 for every value of the number by the structure of the
-    loop, which do not decide stability. If there are more, no value is stable. operations: at most, of all precisions.
+    drawing, values: of one loop, the values flat. integrators: the count of eigenvalues that are 1 for every value of the
+    number by the structure of the loop, which do not decide stability; if there are more, no value is stable. precisions:
+    bits, tried one after the other. operations: at most, of all precisions together.
     """
     budget, loop = Budget(operations), None
     for bits in precisions:

@@ -57,7 +57,7 @@ def crossings(part: Part, budget: Budget) -> Iterator[Crossing]:
 def is_unstable(part: Part) -> bool:
     """Whether some root is outside the circle for every value in a part, since a coefficient is too large.
 
-    Coefficients of a frame that grows by many powers of ten say so long before the small roots can be told.
+    Coefficients of a frame that grows by many powers of ten say so long before the small roots are known.
     """
     for table in part.polynomials:
         rows, n = table.tolist(), table.nrows() - 1
@@ -114,7 +114,7 @@ def _boxes(U, V, budget):
     open_ = [_Box(U, V, (arb(0), arb(1)), (arb(0), arb(1)), 0)]
     while open_:
         box = open_.pop()
-        budget.use((U.nrows() + U.ncols()) * U.nrows() * U.ncols() + 400)
+        budget.use((U.nrows() + U.ncols()) * U.nrows() * U.ncols() + 1500)
         if _have_one_sign(box.U.entries()) or (V is not U and _have_one_sign(box.V.entries())):
             continue
         thin = [box.U.nrows() == 1 or box.x[1] - box.x[0] < narrow, box.k[1] - box.k[0] < narrow]

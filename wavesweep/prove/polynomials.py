@@ -43,8 +43,7 @@ class Part:
 class Family:
     """The characteristic polynomials of a loop on a range of the number.
 
-    budget: a counter of operations, see `Budget`. integrators: how many of the eigenvalues are 1 in every loop, as far as the
-    structure of the loop tells.
+    loop: along its number. span: (low, high). budget: a counter of operations, see `Budget`.
     """
 
     def __init__(self, loop: Loop, span: tuple[float, float], budget: Budget) -> None:
