@@ -251,7 +251,7 @@ class Lifted:
             into = solve(V.astype(complex), np.broadcast_to(np.eye(n), V.shape))
             left = np.abs(into @ E @ V - poles[..., None, :] * np.eye(n)) + np.abs(into) @ dE @ np.abs(V)
             sure = (np.abs(1 + poles) + 2 * left.sum(-1) < 1).all(-1)
-        return sure & ~self.lost & ~self.port.unsure
+        return sure & ~self.lost
 
     def circle(self, frequency_hz) -> Circle:
         """Return the frequencies (Hz) on the circles of this loop."""
