@@ -65,6 +65,9 @@ class Slow:
 
     def in_place(self, name: str, signal: str) -> tuple[dict[str, dict], dict[str, str], str]:
         """Return the blocks and wires that put a slow signal in place when its delay is over, and the signal that shows it."""
+        if self.kept and self.kept == self.shown:  # a frame of one tick: what is kept is shown in the next one
+            late = f"{name}_late"
+            return {late: {"type": "delay"}}, {f"{late}.u": signal}, f"{late}.y"
         blocks, wires = {}, {}
         for part, phases in (("kept", self.kept), ("shown", self.shown)):
             if phases:

@@ -10,6 +10,7 @@ from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.analysis.passivity import ChannelNorm, channel_norm
 from wavesweep.diagram import draw, keys_read
 from wavesweep.lifted import cut_at_wall, with_batch
+from wavesweep.loops.controllers import loop_drawing
 from wavesweep.paper.felt_responses import CONTROLLERS, FeltResponse, estimated, respond_to
 from wavesweep.paper.readings import Reading
 from wavesweep.paper.specs import load_paper
@@ -132,7 +133,7 @@ class PaperLoops:
 
 
 def _channels(values: Mapping, size: int) -> Iterator[ChannelNorm]:
-    norm = channel_norm(values)
+    norm = channel_norm(loop_drawing(values), values)
     parts = {name: np.broadcast_to(getattr(norm, name), (size,)) for name in norm.__dataclass_fields__}
     return (ChannelNorm(**{name: part[loop] for name, part in parts.items()}) for loop in range(size))
 

@@ -6,6 +6,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
+from wavesweep.analysis.passivity.held_loop import HeldLoop
 from wavesweep.analysis.response.drawn import static_port_response
 from wavesweep.analysis.response.port import NoPositionError, Port, Ports, port_of
 from wavesweep.analysis.response.resting import resting
@@ -23,6 +24,7 @@ from wavesweep.diagram.drawn import Drawn
 from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.lifted.tick_drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
+from wavesweep.loops.controllers import loop_drawing
 from wavesweep.spec.checking import show
 from wavesweep.spec.drawing import OF_PLANT, Drawing, path_of
 from wavesweep.sweep.grid import distinct_rows, groups, selected
@@ -84,6 +86,13 @@ def drift_of(
 def _drift(one, other, watched):
     with named_loops(one):
         return drift_of_drawn(one, other, watched)
+
+
+def held_loop(drawing: Drawing | None, values: Mapping[str, object], own: Mapping[str, object], along: str = "") -> HeldLoop:
+    """Loops with a hand; drawing: of all, None for a controller. values, own: flat. along: see `loop_drawing`."""
+    drawing = drawing or loop_drawing(values, (along,))
+    read = drawing.reads
+    return HeldLoop(drawing, {path: value for path, value in values.items() if path in read}, own)
 
 
 def frames(drawing: Drawing | Uneven, values: Mapping[str, object], drift: TickDrift) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from wavesweep.analysis.doubt import words
 from wavesweep.diagram import WALL
 from wavesweep.spec import Axis, Spec
-from wavesweep.sweep.grid import distinct_rows, groups, loop_of, no_controller
+from wavesweep.sweep.grid import distinct_rows, groups, loop_of
 from wavesweep.sweep.interval_job import IntervalJob, bounds_within, job_of, task_over
 from wavesweep.sweep.job import cut_otherwise
 from wavesweep.sweep.running import Work, run
@@ -66,13 +66,6 @@ def stages_of(spec: Spec, along: str | None, hands: "Hands | None") -> list[Stag
     how = method(own)
     if hands is None:
         return [Stage("", own, how)]
-    if own.grid.drawing:
-        advice = (
-            "draw the hand as a block, with its mass, damping and stiffness"
-            if spec.drawing
-            else "give the hand's mass, damping and stiffness in [operator]"
-        )
-        raise no_controller(spec, "hands and ports", advice)
     hands.refuse(own)
     free = hands.without_operator(spec)
     stages = [Stage("free" if free is None else "operator", own, how)]

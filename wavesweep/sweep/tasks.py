@@ -263,34 +263,6 @@ def _along_wall(task, values, walls, number, drawn):
     return stable_intervals(loops, SYMBOL[task.along], task.span, walls[other])
 
 
-PORT = np.dtype([
-    ("slice", "<i4"), ("port_margin", "<f8"), ("port_omega", "<f8"), ("port_passive", "?"), ("certified", "?"),
-    ("stable", "?"), ("damping_needed", "<f8"),
-])  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PortTask:
-    """The hand's port of loops. groups: (members, values) pairs, which number the loops from 0; see `groups`."""
-
-    groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
-
-    def records(self) -> np.ndarray:
-        """A record per loop."""
-        from wavesweep.analysis.passivity import port_damping_needed, port_margin
-
-        records = np.empty(sum(members.size for members, _ in self.groups), PORT)
-        records["slice"] = np.arange(records.size)
-        for members, values in self.groups:
-            found = port_margin(values)
-            # A loop whose digits are all lost has no margin, so no frequency either.
-            omega = np.where(np.isnan(found.margin), np.nan, found.omega)
-            columns = (found.margin, omega, found.passive, found.certified, found.stable, port_damping_needed(values, found))
-            for name, column in zip(PORT.names[1:], columns, strict=True):
-                records[name][members] = column
-        return records
-
-
 def radius_over(spec, axes, cut=None) -> np.ndarray:
     """Spectral radius per frame of `ratio` ticks for every combination of the axes, flat, the first axis slowest.
 
