@@ -10,10 +10,11 @@ import numpy as np
 from stress.judge import Verdict
 from stress.specs import maybe, spread
 from support import exact
+from support.held import box_intervals, worst_modes
 from support.specs import random_values
 
-from wavesweep.analysis.passivity import HandBox, box_intervals
-from wavesweep.analysis.passivity.hand import OPERATOR, worst_modes
+from wavesweep.analysis.passivity import HAND as OPERATOR
+from wavesweep.analysis.passivity import HandBox
 from wavesweep.errors import IllPosedLoopError
 
 SPAN = (0.0, 20000.0)

@@ -4,13 +4,14 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from support.held import held
 from wavesweep.analysis.passivity import hand
 
 
 def worst_hand(values, box, by="radius"):
     """The worst hand with the spec's own wall, and the loop's spectral radius and least damping ratio with it."""
-    K, B = np.array([values["environment.K_VE"]], float), values["environment.B_VE"]
-    hands, radius, damping = hand.worst_hands(values, box, K, B, by)
+    K = np.array([values["environment.K_VE"]], float)
+    hands, radius, damping = hand.worst_hands(held(values), box, "environment.K_VE", K, by)
     parts = dict(zip(("mass", "damping", "stiffness"), hands[0].tolist(), strict=True))
     return SimpleNamespace(**parts, spectral_radius=float(radius[0]), damping_ratio=float(damping[0]))
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from support.controllers import advance, at_rest, butterworth
 from wavesweep.analysis.passivity.channel import channel_norm, channel_of
-from wavesweep.diagram import draw
-from wavesweep.lifted.resolvent import alias_angles, response_of
+from wavesweep.loops.controllers import loop_drawing
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,17 +33,15 @@ class Passage:
 def worst_wave(values, frames: int) -> np.ndarray:
     """The outgoing wave that gains most: the worst input at the worst frequency for so many frames, a value per tick.
 
-    values: flat keys, numbers. The worst input is the singular vector of the lifted way out, in the basis of the
-    aliases `conj(l_m) / (norm^2 - |HP_m|^2)`, l the row of LP1. It is scaled to a largest value of 1.
+    values: flat keys, numbers. The worst input is the singular vector of the lifted way out. It is scaled to a largest value of
+    1.
     """
-    channel = channel_of(draw(values))
-    norm = channel_norm(values)
-    theta = np.array([float(norm.outward_omega * channel.period)])
-    phi = alias_angles(theta, channel.ratio)
-    G = response_of(channel.outward, 1).at(np.zeros(1, int), phi)[0, :, :, 0]
-    other = np.abs(G[:, 1]) ** 2 if G.shape[-1] > 1 else 0.0
-    vector = G[:, 0].conj() / (float(norm.outward) ** 2 - other)
-    wave = (np.exp(1j * np.outer(np.arange(frames * channel.ratio), phi[0])) @ vector).real
+    channel, norm = (of(loop_drawing(values), values) for of in (channel_of, channel_norm))
+    theta, way = float(norm.outward_omega * channel.frame), channel.outward.lifted()
+    E, T, O, G = (part[0] for part in (way.E, way.T, way.O, way.G))
+    H = T + O @ np.linalg.solve((np.exp(1j * theta) - 1) * np.eye(len(E)) - E, G)
+    vector = np.linalg.svd(H)[2][0].conj()
+    wave = (np.exp(1j * theta * np.arange(frames))[:, None] * vector).real.ravel()
     return wave / np.abs(wave).max()
 
 

@@ -4,10 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.held import channel_norm, port_margin
 
 import wavesweep
+from wavesweep.analysis import passivity as analysis
 from wavesweep.analysis import simulation
-from wavesweep.analysis.passivity import channel_norm, port_margin
 from wavesweep.spec import find_key, load
 from wavesweep.sweep import passivity, passivity_table, workers
 
@@ -43,9 +44,9 @@ def test_each_row_is_what_the_loop_of_its_values_has():
 def test_a_channel_is_computed_once_for_all_loops_around_it(monkeypatch):
     seen = []
 
-    def watched(values):
+    def watched(drawing, values):
         seen.append(np.size(values["filters.lp1.cutoff_hz"]))
-        return channel_norm(values)
+        return analysis.channel_norm(drawing, values)
 
     monkeypatch.setattr(passivity_table, "channel_norm", watched)
     passivity(spec_of("pmw-lm", b=[10.0, 25.0, 40.0], **{"filters.lp1.cutoff_hz": [5.0, 10.0]}, B_VE=[0.0, 1.0]))
@@ -106,17 +107,17 @@ def test_the_library_simulates_what_it_is_given():
     assert len(wavesweep.compile(spec).simulate()) == 100
 
 
-def test_a_channel_that_is_not_computed_is_not_said_to_be_passive():
-    """Rates that do not divide; the others keep their norms. Of drawn waves nothing is known either."""
-    together, alone = (passivity(spec_of(**{"rates.slow_hz": rates})) for rates in ([50.0, 60.0, 100.0], [50.0, 100.0]))
-    norm = together.columns["channel_norm"]
-    assert np.isnan(norm).tolist() == [False, True, False]
-    np.testing.assert_array_equal(norm[[0, 2]], alone.columns["channel_norm"])
-    assert together.columns["channel_passive"].tolist() == [False, False, False]
-    assert any("channel_passive 0" in notice for notice in together.facts["notices"])
-    drawn = passivity(load(Path(__file__).parents[2] / "sweeps/recipes/controllers/pmw.toml"))
-    assert np.isnan(drawn.columns["channel_norm"]).all()
-    assert not drawn.columns["channel_passive"].any()
+def test_a_channel_is_known_at_any_rates_and_in_any_drawing():
+    """At 60 Hz beside 1 kHz, where sampling is uneven; and drawn waves have the norm of the built-in ones."""
+    rates = [50.0, 60.0, 62.5]
+    norm = passivity(spec_of(**{"rates.slow_hz": rates})).columns["channel_norm"]
+    assert norm[0] > norm[1] > norm[2] > 1
+    for kind, given in (("pmw", {}), ("pmw-lm", {"Kp": 20})):
+        drawn = passivity(load(Path(__file__).parents[2] / f"sweeps/recipes/controllers/{kind}.toml")).columns
+        expected = passivity(load({"controller": {"kind": kind} | given})).columns
+        for name in ("channel_norm", "channel_omega"):
+            np.testing.assert_allclose(drawn[name], expected[name][0], rtol=1e-10)
+        assert not drawn["channel_passive"].any()
 
 
 @pytest.mark.parametrize(

@@ -35,8 +35,8 @@ def command(spec: str, options: Options, filters: bool, tolerance: float) -> Non
 
     A passive loop gives out no energy, so it is stable with every passive hand. SPEC is a TOML file; each axis of its [sweep]
     table that has values is swept. The channel is passive if its norm is at most 1, the port if its margin is not negative.
-    damping_needed is the further damping of the device with which the port is passive. If the controller has no waves, the
-    norm is missing and channel_passive is 1; where it is not computed, the norm is missing and channel_passive is 0.
+    damping_needed is the further damping of the device with which the port is passive. If the loop has no waves, the norm
+    is missing and channel_passive is 1.
 
     At the port the force of the hand is held over a tick. If the hand may also move within the tick, more damping can be
     necessary: see zwidth --hand passive.

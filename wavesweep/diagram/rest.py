@@ -55,7 +55,7 @@ class Numbers:
 
     def decimal(self, value: float):
         """The decimal that a double is written as."""
-        return self.fraction(*Decimal(repr(value)).as_integer_ratio()) * self.one
+        return self.fraction(*Decimal(repr(float(value))).as_integer_ratio()) * self.one
 
     def double(self, value: float):
         """The double itself."""

@@ -136,7 +136,7 @@ class PaperLoops:
 
 
 def _channels(values: Mapping, size: int) -> Iterator[ChannelNorm]:
-    norm = channel_norm(values)
+    norm = channel_norm(loop_drawing(values), values)
     parts = {name: np.broadcast_to(getattr(norm, name), (size,)) for name in norm.__dataclass_fields__}
     return (ChannelNorm(**{name: part[loop] for name, part in parts.items()}) for loop in range(size))
 

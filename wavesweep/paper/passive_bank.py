@@ -32,7 +32,6 @@ from functools import partial
 
 import numpy as np
 
-from wavesweep.analysis.passivity.hinf import largest
 from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.drawing import Diagram
@@ -229,3 +228,27 @@ def figure():
     lines.append(Line("DC", ideal.omega, 1e3 * np.abs(ideal.admittance), ideal=True))
     panels = tuple(Panel(band, logarithmic=False) for band in (LOW, HIGH))
     return partial(draw_magnitudes, lines, panels, "transmitted admittance (mm/N)")
+
+
+ROUNDS = 60
+
+
+def largest(diagonal, weight):
+    """Largest eigenvalue of `diag(d) + l l*` with `weight = |l|^2`; arrays `(..., M)`, the result `(...)`.
+
+    It is the root beyond max d of `sum weight/(x - d) = 1`. The reciprocal of the sum is concave and rises there
+    (Bunch, Nielsen, Sorensen 1978), so Newton from max(d + weight), below the root, climbs to it without a guard.
+    Accuracy: rounding.
+    """
+    x = (diagonal + weight).max(-1)
+    for _ in range(ROUNDS):
+        gap = x[..., None] - diagonal
+        gap = np.where((gap > 0) & (weight > 0), gap, np.inf)  # an entry without weight is an eigenvalue of its own
+        share = (weight / gap).sum(-1)
+        slope = (weight / gap**2).sum(-1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            step = np.where(slope > 0, share * (share - 1) / slope, 0.0)
+        x = x + np.maximum(step, 0)
+        if np.all(step <= 4 * np.finfo(float).eps * np.abs(x)):
+            break
+    return x

@@ -118,9 +118,8 @@ def _finish(channel_axis: Any, port_axis: Any, panels: tuple[Any, Any], columns:
     channel, port = panels
     upright = channel_axis.axis_name == "y"
     if np.isnan(columns["channel_norm"]).all():
-        # Without a channel there is nothing that could generate energy; of a drawn channel the norm is not computed.
-        said = "no wave channel" if columns["channel_passive"].all() else "norm of the channel not computed"
-        channel.text(0.5, 0.5, said, ha="center", va="center", transform=channel.transAxes)
+        # Without a channel there is nothing that could generate energy.
+        channel.text(0.5, 0.5, "no wave channel", ha="center", va="center", transform=channel.transAxes)
         channel_axis.set_ticks([])
     else:
         top = 3 * _excess(columns)[~np.isnan(columns["channel_norm"])].max()

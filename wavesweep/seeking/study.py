@@ -9,8 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from wavesweep.analysis.passivity import HAND as OPERATOR
 from wavesweep.analysis.passivity import HandBox
-from wavesweep.analysis.passivity.hand import OPERATOR
 from wavesweep.errors import SpecError, UsageError, WavesweepError
 from wavesweep.seeking.family import Scenario, count_of, scenarios_of
 from wavesweep.seeking.genes import designs_of, genes_of
@@ -23,7 +23,8 @@ from wavesweep.spec.reading import Leaf
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.sweep.checkpoint import checkpoint_of, records_of
-from wavesweep.sweep.grid import keys_of, loop_of, make_grid, no_controller
+from wavesweep.sweep.drawn_loops import held_loop
+from wavesweep.sweep.grid import drawing_for, keys_of, loop_of, make_grid, no_controller
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.job import Chunk, Chunks, Job
 from wavesweep.sweep.planning import duration
@@ -157,9 +158,9 @@ class DesignTask:
             for device, damping in product(devices, wish.options.get("B_VE", (spec.values["environment.B_VE"],))):
                 values = dict(spec.with_values(own | dict(device) | {"environment.B_VE": damping}).values)
                 varied = {part: (float(values[path]),) * 2 for part in HAND if (path := f"operator.{part}") in own}
-                rows = Guarantee("box", replace(self.box, **varied)).records(
-                    values, "environment.K_VE", (0.0, float(record["z_width"]))
-                )
+                wall = "environment.K_VE"
+                loop = held_loop(drawing_for(spec, values, wall), values)
+                rows = Guarantee("box", replace(self.box, **varied)).records(loop, wall, (0.0, float(record["z_width"])))
                 first = rows[(rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)]
                 record[BOX] = min(record[BOX], *first["high"].tolist()) if first.size else 0.0
                 record[SETTLED] &= bool(first.size and first["settled"][0])

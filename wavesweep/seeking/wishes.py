@@ -10,7 +10,7 @@ from wavesweep.analysis.response.steady import GOOD
 from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, radius_of, slowest, spectral_radius
 from wavesweep.diagram import WALL, draw, keys_read
-from wavesweep.diagram.assembly import assembled
+from wavesweep.diagram.assembly import assembled, refuse_unsuitable
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.cut import close
@@ -18,7 +18,7 @@ from wavesweep.seeking.family import Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish
 from wavesweep.spec.resolving import longest_delay
-from wavesweep.sweep.drawn_loops import responses_of, telling_frames
+from wavesweep.sweep.drawn_loops import held_loop, responses_of, telling_frames
 from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, selected
 from wavesweep.sweep.interval_table import at_points
 
@@ -207,6 +207,7 @@ def _channel(spec, wish, points):
     It depends on filters and rates alone; repeated values are computed once.
     """
     from wavesweep.analysis.passivity import channel_norm
+    from wavesweep.loops.controllers import loop_drawing
 
     del wish
     read = {path: column for path, column in points.changes.items() if path.startswith(("filters.", "rates."))}
@@ -214,7 +215,7 @@ def _channel(spec, wish, points):
     some = Points(read, (), points.shape).some(first)
     norms, sure = np.zeros(first.size), np.ones(first.size, bool)
     for members, values in _batches(spec, some):
-        norm = channel_norm(values)
+        norm = channel_norm(loop_drawing(values), values)
         if norm is not None:
             norms[members], sure[members] = norm.norm, norm.certified
     return norms[back], sure[back]
@@ -226,18 +227,14 @@ def _port(spec, wish, points):
     The map of an unstable loop may have a positive real part on the whole circle.
     """
     from wavesweep.analysis.passivity import port_margin
-    from wavesweep.sweep.passivity_table import DrawnPortTask
 
     del wish
     value, certified = np.full(points.size, np.nan), np.ones(points.size, bool)
     for members, values in _batches(spec, points):
+        loop = held_loop(drawing_for(spec, values), values)
         if spec.drawing:
-            found = DrawnPortTask(spec.drawing, ((np.arange(members.size), values),), spec.values).records()
-            margin, certified[members] = found["port_margin"], found["certified"]
-            value[members] = np.where(found["stable"], margin, np.nan)
-            continue
-        K, B = _walls(values, members.size)
-        found = port_margin(values | dict(zip(WALL, (K, B), strict=True)))
+            refuse_unsuitable(spec.drawing, values)
+        found = port_margin(loop)
         value[members], certified[members] = np.where(found.stable, found.margin, np.nan), found.certified
     return value, certified
 

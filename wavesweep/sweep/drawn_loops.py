@@ -7,6 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from wavesweep.analysis.passivity.held_loop import HeldLoop
 from wavesweep.analysis.response.lifted import Lifted
 from wavesweep.analysis.response.port import NoPositionError, Port, Ports, port_of
 from wavesweep.analysis.response.resting import resting
@@ -78,6 +79,11 @@ def drift_of(drawing: Drawing | Uneven, values: Mapping[str, object], out: str =
 _drift = lru_cache(maxsize=256)(drift_of_drawn)  # twins of the same numbers are the same objects
 
 
+def held_loop(drawing: Drawing, values: Mapping[str, object]) -> HeldLoop:
+    """Loops of a drawing with a hand; values: flat, with arrays over a batch."""
+    return HeldLoop(drawing, read_by(drawing, values))
+
+
 def frames(drawing: Drawing | Uneven, values: Mapping[str, object], drift: TickDrift) -> np.ndarray:
     """Frame-to-frame matrices less identity, without drift, `(..., n, n)`; see `closed_frame`."""
     drawn = assembled(drawing, values)
@@ -96,11 +102,11 @@ def radii_of(drawing: Drawing | Uneven, values: Mapping[str, object], size: int)
     """Spectral radius per frame of each of `size` loops, `(size,)`, without drift, as `radius_of` returns it."""
     found = np.array(np.broadcast_to(radius_of(*telling_frames(drawing, values)), (size,)))
     for at in np.flatnonzero(np.isnan(found)).tolist() if size > 1 else ():
-        found[at] = radius_of(*telling_frames(drawing, _loop(values, at))).item()
+        found[at] = radius_of(*telling_frames(drawing, one_loop(values, at))).item()
     return found
 
 
-def _loop(values, at):
+def one_loop(values: Mapping[str, object], at: int) -> dict:
     """The numbers of one loop of a batch."""
     return {path: v.item() if isinstance(v, np.generic) else v for path, v in selected(values, at).items()}
 
@@ -186,7 +192,7 @@ def ports_of_groups(drawing: Drawing | Uneven, parts: Groups) -> Iterator[tuple[
     for members, values in parts:
         refuse_unsuitable(drawing, values)
         for at, number in enumerate(members.tolist()):
-            yield number, _port(drawing, _loop(values, at))
+            yield number, _port(drawing, one_loop(values, at))
 
 
 def ports_of_batch(drawing: Drawing | Uneven, values: Mapping[str, object], size: int) -> Iterator[tuple[np.ndarray, Port]]:
@@ -198,7 +204,7 @@ def ports_of_batch(drawing: Drawing | Uneven, values: Mapping[str, object], size
         members = np.flatnonzero(of == number)
         one = {path: rate[at].item() for path, rate in rates.items()}
         some = values if first.size == 1 and not one else selected(values, members) | one
-        yield members, _port(drawing, some if members.size > 1 else _loop(some, 0))
+        yield members, _port(drawing, some if members.size > 1 else one_loop(some, 0))
 
 
 def _port(drawing, values):

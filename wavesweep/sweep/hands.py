@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
+from functools import partial
 
 import numpy as np
 
@@ -9,20 +10,24 @@ from wavesweep.analysis.doubt import NONE, SEARCH
 from wavesweep.analysis.passivity import (
     HOLDING_A_DEVICE,
     HandBox,
+    HeldLoop,
     any_hand_walls,
     box_intervals,
     damping_needed,
     port_margin,
     port_passive_walls,
+    reads_velocity,
     swing_with_hand,
 )
-from wavesweep.analysis.passivity.hand import OPERATOR
-from wavesweep.diagram import WALL, draw, drift_of
-from wavesweep.errors import UsageError
+from wavesweep.analysis.passivity.held_loop import HAND, is_affine
+from wavesweep.errors import SpecError, UsageError
 from wavesweep.spec import Spec
-from wavesweep.sweep.grid import selected
+from wavesweep.spec.drawing import Drawing
+from wavesweep.sweep.drawn_loops import feels, felt_of, held_loop, one_loop
+from wavesweep.sweep.drawn_task import DrawnTask
+from wavesweep.sweep.grid import own_loop
 from wavesweep.sweep.interval_job import IntervalJob
-from wavesweep.sweep.tasks import END_HANDS, HAND_RECORD, IntervalTask, with_felt
+from wavesweep.sweep.tasks import END_HANDS, HAND_RECORD, felt_at_ends
 
 HANDS = ("free", "passive", "box")
 METHODS = {
@@ -45,28 +50,24 @@ class Guarantee:
         """How the intervals are found, in a line."""
         return METHODS[self.kind]
 
-    def task(self, task: IntervalTask) -> "HandTask":
-        """The same loops and walls, with these guarantees in place of the stable intervals."""
-        return HandTask(*(getattr(task, field.name) for field in fields(task)), self)
+    def task(self, along: str, span: tuple[float, float], parts: tuple) -> "HandTask":
+        """The task for loops with these guarantees; see `HandTask`."""
+        return HandTask(self, along, span, parts)
 
-    def records(self, values: Mapping[str, object], along: str, span: tuple[float, float]) -> np.ndarray:
+    def records(self, loop: HeldLoop, along: str, span: tuple[float, float]) -> np.ndarray:
         """Intervals of the key `along` within `span` for one loop, as records of slice 0.
 
-        values: flat keys, numbers. Certified are those for every passive hand of a direct coupling along the wall: its
-        force is linear in the wall, so the walls that a damping pays for are a convex set, which its ends prove. The
-        others are not: nothing proves that no smaller interval hides, or that no hand ends it a little sooner.
+        Certified are those for every passive hand if the force against the device is linear in the
+        number, as along the wall of a direct coupling: then the values that a damping pays for are a convex set, which its
+        ends prove. The others are not: nothing proves that no smaller interval hides, or that no hand ends it a little sooner.
         """
         if self.kind == "box":
-            return _for_box(values, span, self.box)
+            return _for_box(loop, along, span, self.box)
         if self.kind == "port":
-            return _from_ends(port_passive_walls(values, span, along), span, lambda at: port_margin(_at(values, along, at)))
-        found = any_hand_walls(values, span, path=along)
-        convex = not draw(values).slow and along in WALL
-        return _from_ends(found, span, lambda at: damping_needed(_at(values, along, at)), certified=convex)
-
-
-def _at(values, along, ends):
-    return {**values, along: ends}
+            return _from_ends(port_passive_walls(loop, span, along), span, lambda at: port_margin(loop.changed({along: at})))
+        found = any_hand_walls(loop, span, along)
+        convex = is_affine(loop, along)
+        return _from_ends(found, span, lambda at: damping_needed(loop.changed({along: at})), certified=convex)
 
 
 def _from_ends(found, span, measure, certified=False) -> np.ndarray:
@@ -80,16 +81,27 @@ def _from_ends(found, span, measure, certified=False) -> np.ndarray:
     return records
 
 
-def _for_box(values, span, box) -> np.ndarray:
-    found = box_intervals(values, span, box)
+def _for_box(loop, along, span, box) -> np.ndarray:
+    found = box_intervals(loop, partial(stable_of, along, span), along, span, box)
     records = _blank(found.low, found.high)
     records["settled"] = found.settled
     for end, hands in (("low", found.low_hand), ("high", found.high_hand)):
         for row in np.flatnonzero(~np.isnan(hands[:, 0])):
-            records[f"{end}_omega"][row] = swing_with_hand(values, hands[row], records[end][row])
+            records[f"{end}_omega"][row] = swing_with_hand(loop.changed({along: records[end][row]}), hands[row])
             for name, number in zip(END_HANDS[end], hands[row], strict=True):
                 records[name][row] = number
     return records
+
+
+def stable_of(along, span, loops: HeldLoop):
+    """Yield the stable intervals of each loop of a batch, as ([(low, high), ...], certified)."""
+    size = loops.batch[0]
+    groups = ((np.arange(size), dict(loops.values)),)
+    seen = DrawnTask(loops.drawing, along, span, groups, felt=False, checked=True).records()
+    for at in range(size):
+        mine = seen[seen["slice"] == at]
+        rows = mine[mine["intervals"] > 0]
+        yield list(zip(rows["low"], rows["high"], strict=True)), bool(mine["certified"].all())
 
 
 def _blank(low, high) -> np.ndarray:
@@ -131,31 +143,39 @@ class Hands:
 
     def refuse(self, job: IntervalJob) -> None:
         """Raise UsageError if the spec's own job leaves no answer for these hands."""
-        swept = [axis.name for axis in (*job.grid.axes, job.axis) if axis.path in OPERATOR]
+        swept = [axis.name for axis in (*job.grid.axes, job.axis) if axis.path in HAND]
         if self.hand != "free" and swept:
             raise UsageError(f"hand {self.hand}: every hand is looked at, so {', '.join(swept)} cannot be an axis as well")
-        if self.hand == "box" and job.axis.path != WALL[0]:
+        spec = job.grid.spec
+        if self.guarantees() and (missing := spec.without_hand() if spec.drawing else None):
+            raise SpecError(missing)
+        loop = held_loop(*own_loop(spec, job.axis.path))
+        if self.hand != "free" and loop.device is None:
             raise UsageError(
-                f"hand box: expected intervals along K_VE, found {job.axis.name}; the other hands go along any axis"
+                f"hand {self.hand}: expected a hand whose force acts on one block mass and on nothing else, and whose "
+                "displacement is the position of that block, found another one"
             )
-        if self.hand == "passive" and job.grid.spec.values["device.velocity"] != "difference":
+        if self.hand == "passive" and reads_velocity(loop):
             raise UsageError(
                 'hand passive: expected device.velocity = "difference", found "exact": a point sample of the velocity can be '
                 "anything at no cost in energy, so no damping answers for what its feedback does"
+                if spec.drawing is None
+                else f"hand passive: expected that nothing reads {loop.device}.v, found that something does: a point sample of "
+                "the velocity can be anything at no cost in energy; take a block difference of the position"
             )
 
     def without_operator(self, spec: Spec) -> Spec | None:
         """The spec for the free device; None if it has no operator anyway."""
-        operated = any(spec.values[path] for path in OPERATOR)
-        return spec.with_values(dict.fromkeys(OPERATOR, 0.0)) if operated else None
+        operated = spec.drawing is None and any(spec.values[path] for path in HAND)
+        return spec.with_values(dict.fromkeys(HAND, 0.0)) if operated else None
 
     def notices(self, job: IntervalJob) -> Iterator[str]:
         """Yield the notice that no interval can be guaranteed for every passive hand, if that is known beforehand."""
-        diagram = draw(job.grid.spec.values)
-        if self.hand != "passive" or diagram.waves is None or diagram.ratio == 1:
+        spec = job.grid.spec
+        if self.hand != "passive" or spec.kind not in ("pmw", "pmw-lm") or spec.values["rates.ratio"] == 1:
             return
         swept = any(axis.path == "controller.Kp" for axis in (*job.grid.axes, job.axis))
-        if not swept and f"frame.{diagram.hand.position}" not in drift_of(diagram).shift:
+        if not swept and spec.values["controller.Kp"] == 0:
             yield "waves without Kp: a motion at a multiple of the slow rate drags the avatar along, and no damping is enough"
 
 
@@ -182,24 +202,34 @@ def hands_of(hand: str, box: dict[str, tuple[float, float]] | None, port: bool) 
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class HandTask(IntervalTask):
-    """Guaranteed intervals, a loop and a wall at a time; each takes from tenths of a second to some seconds."""
+class HandTask:
+    """Guaranteed intervals along the number `along` within span = (low, high), a loop at a time.
 
-    guarantee: Guarantee | None = None
+    Each takes from tenths of a second to some seconds. parts: (members, drawing, values), see `drawn_groups`.
+    """
+
+    guarantee: Guarantee
+    along: str
+    span: tuple[float, float]
+    parts: tuple[tuple[np.ndarray, Drawing, Mapping[str, object]], ...]
 
     def records(self) -> np.ndarray:
-        """The intervals as records; slices are numbered as by `solve`."""
-        walls = self.walls[WALL[0]].shape[-1]
+        """The intervals as records, sorted by slice."""
         found = {}
-        for members, values in self.groups:
-            for place, loop in enumerate(members.tolist()):
-                for wall in range(walls):
-                    records = self.guarantee.records(self._values(values, place), self.along, self.span)
-                    records["slice"] = number = loop * walls + wall
-                    found[number] = records
-        return with_felt(self, np.concatenate([found[number] for number in sorted(found)]))
+        for members, drawing, values in self.parts:
+            for place, number in enumerate(members.tolist()):
+                loop = held_loop(drawing, one_loop(values, place))
+                records = self.guarantee.records(loop, self.along, self.span)
+                records["slice"] = number
+                found[number] = self._with_felt(loop, records)
+        return np.concatenate([found[number] for number in sorted(found)])
 
-    def _values(self, values, place):
-        """Flat keys, numbers, of one loop."""
-        own = selected(values, place)
-        return {path: v.item() if isinstance(v, np.generic) else v for path, v in own.items()}
+    def _with_felt(self, loop, records):
+        """The records with what the hand feels at both ends."""
+
+        def stiffness(_, p):
+            return felt_of(loop.drawing, {**loop.values, self.along: p}, p.size)
+
+        if feels(loop.drawing) and records["intervals"][0]:
+            felt_at_ends(records, np.arange(records.size), stiffness)
+        return records

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from wavesweep.analysis.doubt import words
-from wavesweep.diagram import WALL, items_of
+from wavesweep.diagram import items_of
 from wavesweep.diagram.assembly import unsuitable
 from wavesweep.diagram.domain import domain
 from wavesweep.errors import UsageError
@@ -15,11 +15,11 @@ from wavesweep.spec import Axis, Spec, no_axis, sweep_axes
 from wavesweep.spec.drawing import name_of, path_of
 from wavesweep.sweep.drawn_loops import drift_of, frames, refuse_singular
 from wavesweep.sweep.drawn_task import DrawnTask, SeveralTasks
-from wavesweep.sweep.grid import FAST, Grid, drawn_groups, groups, make_grid, own_loop, selected
+from wavesweep.sweep.grid import FAST, Grid, drawn_groups, make_grid, own_loop, selected
 from wavesweep.sweep.job import CHECKED, Chunk, Job, cut_otherwise, cut_up, resolve_all, some_loops
 from wavesweep.sweep.open_loops import exact_cut
 from wavesweep.sweep.proving import MOST_LOOPS, PROOF, PROVED_RECORD
-from wavesweep.sweep.tasks import HAND_RECORD, RECORD, IntervalTask, Task
+from wavesweep.sweep.tasks import HAND_RECORD, RECORD, Task
 
 if TYPE_CHECKING:
     from wavesweep.sweep.hands import Guarantee
@@ -65,7 +65,8 @@ class IntervalJob(Job):
         """The task of a worker for that chunk."""
         changes = self.grid.loop_values(np.arange(chunk.loops.start, chunk.loops.stop))
         if self.guarantee is not None:
-            return self.guarantee.task(_wall_task(self.grid.spec, self.axis, changes, len(chunk.loops), self.resolved))
+            parts = drawn_groups(self.grid.spec, changes, len(chunk.loops), self.resolved, rates=True, along=self.axis.path)
+            return self.guarantee.task(self.axis.path, _span(self.axis), tuple(parts))
         checked = self.grid.loops <= CHECKED
         options = {"checked": checked, "prove": self.prove}
         return task_over(self.grid.spec, self.axis, changes, len(chunk.loops), self.resolved, **options)
@@ -99,12 +100,6 @@ def task_over(
 
 def _span(axis):
     return float(axis.start), float(axis.stop)
-
-
-def _wall_task(spec, axis, changes, size, resolved):
-    """The same for guarantees for hands, a wall for each loop."""
-    walls = {path: np.broadcast_to(np.asarray(changes.get(path, spec.values[path]), float), size)[:, None] for path in WALL}
-    return IntervalTask(axis.path, _span(axis), tuple(groups(spec, changes, size, resolved)), walls)
 
 
 def job_of(spec: Spec, along: str | None = None, *, prove: bool = False) -> IntervalJob:

@@ -9,7 +9,6 @@ import numpy as np
 
 from wavesweep.analysis.doubt import words
 from wavesweep.spec import Axis, Spec
-from wavesweep.sweep.grid import no_controller
 from wavesweep.sweep.interval_job import IntervalJob, job_of, task_over
 from wavesweep.sweep.job import cut_otherwise
 from wavesweep.sweep.proving import facts_of_proofs, notice_of
@@ -68,13 +67,6 @@ def stages_of(spec: Spec, along: str | None, hands: "Hands | None", *, prove: bo
     how = method(own)
     if hands is None:
         return [Stage("", own, how)]
-    if own.grid.drawing:
-        advice = (
-            "draw the hand as a block, with its mass, damping and stiffness"
-            if spec.drawing
-            else "give the hand's mass, damping and stiffness in [operator]"
-        )
-        raise no_controller(spec, "hands and ports", advice)
     hands.refuse(own)
     free = hands.without_operator(spec)
     stages = [Stage("free" if free is None else "operator", own, how)]

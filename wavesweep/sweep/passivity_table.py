@@ -6,24 +6,31 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import islice
 from numbers import Real
-from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from wavesweep.analysis.passivity import channel_norm, filter_table, sufficient_order
-from wavesweep.analysis.passivity.channel import CUTOFFS_HZ
-from wavesweep.diagram import draw
-from wavesweep.diagram.assembly import assembled
+from wavesweep.analysis.passivity import (
+    channel_norm,
+    filter_table,
+    has_waves,
+    more_damping,
+    port_margin,
+    sufficient_order,
+)
+from wavesweep.analysis.passivity.channel import CUTOFFS_HZ, numbers_of_channel
+from wavesweep.analysis.passivity.held_loop import device_of
+from wavesweep.analysis.passivity.margin import LONGEST
+from wavesweep.diagram.assembly import assembled, refuse_unsuitable
 from wavesweep.errors import UsageError
 from wavesweep.spec import Spec
+from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.checkpoint import gather, stretches
-from wavesweep.sweep.drawn_loops import ports_of, ports_of_groups
-from wavesweep.sweep.grid import Grid, groups, loop_of, make_grid, no_controller, rates_of, refuse_rows
+from wavesweep.sweep.drawn_loops import held_loop, named_loops, ports_of
+from wavesweep.sweep.grid import Grid, drawing_for, drawn_groups, loop_of, make_grid, no_controller, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
 from wavesweep.sweep.running import Run, Work, run
 from wavesweep.sweep.table import Columns, Table, facts_of, joined, spans_held
-from wavesweep.sweep.tasks import PORT, PortTask
 
 TOLERANCE = 1e-3  # J per J sent that aliasing may add for the channel to pass for passive in a verdict
 PAPER_HZ = 50.0  # the slow rate that the cutoffs of the table of filters are for
@@ -32,7 +39,6 @@ CHANNELS = 256  # channels in a chunk, each of which takes about a millisecond
 MOST_TRIED = 200  # combinations of the values that decide how a loop is built, whose frames are seen before the work
 READY = 1.5  # s that workers take longer than those of `intervals` to be ready and to load SciPy
 CHANNEL_KEYS = ("rates.", "filters.")  # the keys that the channel depends on; all others are outside its ports
-NOT_COMPUTED = "not computed for drawn loops and rates that do not divide"
 METHODS = {
     "channel": "H-infinity norm by levels: the level just above it is met at no frequency (symplectic pencil of a frame)",
     "port": "least eigenvalue of the Hermitian part by levels, the level just below it met at no frequency",
@@ -56,8 +62,7 @@ def passivity(
     found = run(jobs_of(spec, axes), Work.of(work))
     grid = found.jobs["port"].grid
     counts = {"computed": grid.slices, "skipped": grid.size - grid.slices, "certified": _certified(found)}
-    methods = METHODS | ({"damping_needed": NOT_COMPUTED} if grid.drawing else {})
-    facts = facts_of(spec, methods, counts, found.timings, _notices(grid), [axis.path for axis in axes])
+    facts = facts_of(spec, METHODS, counts, found.timings, _notices(grid), [axis.path for axis in axes])
     facts |= {"warnings": found.warnings, "tolerance": tolerance}
     return Table("passivity", partial(_blocks, found), facts, forget=found.forget)
 
@@ -73,10 +78,10 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
     refuse_rows("passivity", grid.size)
     resolved = resolve_all(grid)
     port = PortJob(grid, Chunks(grid.slices, 1, CHUNK, 1), resolved)
-    if grid.drawing:
+    if spec.drawing:
         ports_of(spec, grid.drawing)
-        _refuse_long(grid, resolved)
-    if spec.drawing or draw(spec.values).waves is None:
+    _refuse_long(grid, resolved)
+    if not _waves_of(spec):
         return {"port": port}
     inside = channels_of(grid)
     return {"channel": ChannelJob(inside, Chunks(inside.loops, 1, CHANNELS, 1), resolve_all(inside)), "port": port}
@@ -84,15 +89,19 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
 
 def _refuse_long(grid, resolved):
     """Raise UsageError for frames that are too long, named by the values of the axes that make them so."""
-    from wavesweep.analysis.passivity.drawn import LONGEST
-
     names = {axis.path: axis.name for axis in grid.loop_axes}
     for key, values in islice(resolved.items(), MOST_TRIED):
-        ticks = assembled(grid.drawing, values).ticks
+        ticks = assembled(drawing_for(grid.spec, values), values).ticks
         if ticks > LONGEST:
             at = ", ".join(f"{names[path]} = {value:g}" for path, value in key)
             at = at and f" for {at}; leave out these values"
             raise UsageError(f"expected a frame of at most {LONGEST} ticks for passivity, found {ticks}{at}")
+
+
+PORT = np.dtype([
+    ("slice", "<i4"), ("port_margin", "<f8"), ("port_omega", "<f8"), ("port_passive", "?"), ("certified", "?"),
+    ("stable", "?"), ("damping_needed", "<f8"),
+])  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -109,13 +118,11 @@ class PortJob(Job):
         """The kind of the records."""
         return {"records": "ports"}
 
-    def task(self, chunk: Chunk) -> "PortTask | DrawnPortTask":
+    def task(self, chunk: Chunk) -> "PortTask":
         """The task of a worker for that chunk."""
         loops = np.arange(chunk.loops.start, chunk.loops.stop)
-        groups_of = tuple(self.grid.groups_of(loops, self.resolved))
-        if self.grid.drawing is None:
-            return PortTask(groups_of)
-        return DrawnPortTask(self.grid.drawing, groups_of)
+        groups_of = drawn_groups(self.grid.spec, self.grid.loop_values(loops), loops.size, self.resolved)
+        return PortTask(tuple(groups_of))
 
     def certified(self, records: np.ndarray) -> int:
         """Number of certified loops."""
@@ -123,33 +130,29 @@ class PortJob(Job):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DrawnPortTask:
-    """The hand's port of loops that are assembled tick by tick, one after the other; groups: see `DrawnTask`."""
+class PortTask:
+    """The hand's port of loops. parts: (members, drawing, values), see `drawn_groups`, which number the loops from 0."""
 
-    drawing: object
-    groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
+    parts: tuple[tuple[np.ndarray, Drawing, Mapping[str, object]], ...]
 
     def records(self) -> np.ndarray:
         """A record per loop."""
-        from wavesweep.analysis.passivity.drawn import drawn_port_margin
-
-        records = np.empty(sum(members.size for members, _ in self.groups), PORT)
+        records = np.empty(sum(members.size for members, *_ in self.parts), PORT)
         records["slice"] = np.arange(records.size)
-        for number, port in ports_of_groups(self.drawing, self.groups):
-            found = drawn_port_margin(port)
-            needed = np.where(found.passive, 0.0, np.nan)
-            row = (found.margin, found.omega, found.passive, found.certified, found.stable, needed)
-            for name, value in zip(PORT.names[1:], row, strict=True):
-                records[name][number] = np.asarray(value).item()
+        for members, drawing, values in self.parts:
+            refuse_unsuitable(drawing, values)
+            loop = held_loop(drawing, values)
+            with named_loops(loop.drawn()):
+                found = port_margin(loop)
+                columns = found.margin, found.omega, found.passive, found.certified, found.stable, more_damping(loop, found)
+            for name, column in zip(PORT.names[1:], columns, strict=True):
+                records[name][members] = column
         return records
 
 
 CHANNEL = np.dtype(
     [("slice", "<i4"), ("channel_norm", "<f8"), ("channel_omega", "<f8"), ("channel_passive", "?"), ("certified", "?")]
 )
-
-
-UNKNOWN = SimpleNamespace(norm=np.nan, omega=np.nan, passive=False, certified=True)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -172,7 +175,7 @@ class ChannelJob(Job):
     def task(self, chunk: Chunk) -> "ChannelTask":
         """The task of a worker for that chunk."""
         changes = self.grid.loop_values(np.arange(chunk.loops.start, chunk.loops.stop))
-        return ChannelTask(tuple(groups(self.grid.spec, changes, len(chunk.loops), self.resolved)))
+        return ChannelTask(tuple(drawn_groups(self.grid.spec, changes, len(chunk.loops), self.resolved)))
 
     def certified(self, records: np.ndarray) -> int:
         """None of the slices that are counted."""
@@ -182,17 +185,16 @@ class ChannelJob(Job):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChannelTask:
-    """Wave channels; not known for rates that do not divide. groups: (members, values) pairs, which number the channels from 0;
-    see `groups`."""
+    """Wave channels. parts: see `PortTask`; they number the channels from 0."""
 
-    groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
+    parts: tuple[tuple[np.ndarray, Drawing, Mapping[str, object]], ...]
 
     def records(self) -> np.ndarray:
         """A record per channel."""
-        records = np.empty(sum(members.size for members, _ in self.groups), CHANNEL)
+        records = np.empty(sum(members.size for members, *_ in self.parts), CHANNEL)
         records["slice"] = np.arange(records.size)
-        for members, values in self.groups:
-            norm = channel_norm(values) if isinstance(values["rates.ratio"], int) else UNKNOWN
+        for members, drawing, values in self.parts:
+            norm = channel_norm(drawing, values)
             for name, part in zip(CHANNEL.names[1:], (norm.norm, norm.omega, norm.passive, norm.certified), strict=True):
                 records[name][members] = part
         return records
@@ -217,18 +219,16 @@ def _blocks(found: Run) -> Iterator[Columns]:
 def _channel_columns(found: Run, slices) -> dict[str, np.ndarray]:
     """The columns of the channel of each slice, and `certified`."""
     if "channel" not in found.jobs:
-        # A loop without a channel has none that adds energy; of the waves that a drawing has it is not known.
-        missing, true = np.full(slices.size, np.nan), np.ones(slices.size, bool)
-        passive = np.full(slices.size, not _has_waves(found.jobs["port"].grid.spec))
-        return {"channel_norm": missing, "channel_omega": missing, "channel_passive": passive, "certified": true}
+        missing, true = np.full(slices.size, np.nan), np.ones(slices.size, bool)  # what is not there adds no energy
+        return {"channel_norm": missing, "channel_omega": missing, "channel_passive": true, "certified": true}
     job = found.jobs["channel"]
     _, records = gather(job, found.stores["channel"], _inner(found.jobs["port"].grid, job.grid, slices))
     return {name: records[name] for name in CHANNEL.names if name != "slice"}
 
 
-def _has_waves(spec):
-    """Whether a spec draws waves."""
-    return spec.drawing is not None and any(block.type == "wave" for block in spec.drawing.blocks)
+def _waves_of(spec):
+    """Whether the loop of a spec has waves."""
+    return has_waves(drawing_for(spec, spec.values))
 
 
 def _certified(found: Run) -> int:
@@ -242,7 +242,9 @@ def _certified(found: Run) -> int:
 
 def channels_of(grid: Grid) -> Grid:
     """The part of the grid that the wave channel reads: its loops are the different channels."""
-    return make_grid(grid.spec, tuple(axis for axis in grid.loop_axes if axis.path.startswith(CHANNEL_KEYS)))
+    drawn = grid.spec.drawing and numbers_of_channel(grid.spec.drawing)
+    read = [axis.path in drawn if drawn is not None else axis.path.startswith(CHANNEL_KEYS) for axis in grid.loop_axes]
+    return make_grid(grid.spec, tuple(axis for axis, kept in zip(grid.loop_axes, read, strict=True) if kept), apart=False)
 
 
 def _inner(grid, inside, slices):
@@ -256,32 +258,20 @@ def _inner(grid, inside, slices):
 
 
 def not_computed(grid: Grid) -> list[str]:
-    """A sentence about the columns that loops assembled tick by tick do not have, if the grid has such loops."""
-    if not grid.drawing:
+    """A sentence about each column that the loops do not have."""
+    if device_of(drawing_for(grid.spec, grid.spec.values)):
         return []
-    waves = _has_waves(grid.spec) if grid.spec.drawing else draw(grid.spec.values).waves is not None
-    channel, damping = "the wave channel (channel_passive 0)", "damping_needed unless it is 0"
-    if with_norm(grid):
-        return [f"not computed where one rate does not divide the other: {channel}", f"not computed in any row: {damping}"]
-    where = "a drawn loop" if grid.spec.drawing else "rates of which one does not divide"
-    return [f"not computed for {where}: {channel + ', and ' if waves else ''}{damping}"]
-
-
-def with_norm(grid: Grid) -> bool:
-    """Whether the loops have wave channels, and the rates of at least one of them divide."""
-    if grid.spec.drawing or draw(grid.spec.values).waves is None:
-        return False
-    return not all(rates_of(grid.spec, {axis.path: axis.values for axis in grid.axes}))
+    return ["not computed for a hand that holds no single mass: damping_needed unless it is 0"]
 
 
 def _notices(grid) -> Iterator[str]:
     """Yield notices about axes that are not swept, and about a missing channel."""
-    kind, values = grid.spec.kind, grid.spec.values
     yield from grid.notices
     yield from spans_held(grid.spec)
     yield from not_computed(grid)
-    if not grid.spec.drawing and draw(values).waves is None:
-        yield f"{kind} has no wave channel: its norm is missing, and what is not there adds no energy (channel_passive 1)"
+    if not grid.spec.drawing and not _waves_of(grid.spec):
+        missing = "its norm is missing, and what is not there adds no energy (channel_passive 1)"
+        yield f"{grid.spec.kind} has no wave channel: {missing}"
 
 
 def _refuse_tolerance(tolerance):

@@ -15,7 +15,7 @@ from wavesweep.sweep.grid import loop_of, make_grid
 from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.interval_table import method
 from wavesweep.sweep.open_loops import exact_cut
-from wavesweep.sweep.passivity_table import jobs_of, not_computed, with_norm
+from wavesweep.sweep.passivity_table import jobs_of, not_computed
 from wavesweep.sweep.response_table import response_job
 from wavesweep.sweep.workers import choose
 
@@ -121,7 +121,7 @@ def _passivity_lines(spec):
         jobs = jobs_of(spec, axes)
     except (SpecError, UsageError) as error:
         return [f"  passivity: not possible with this spec: {error}"]
-    left_out, channels = not_computed(jobs["port"].grid), jobs["channel"].slices if with_norm(jobs["port"].grid) else 0
+    left_out, channels = not_computed(jobs["port"].grid), jobs["channel"].slices if "channel" in jobs else 0
     norm = f", norm of {_count(channels, 'wave channel')}" if channels else ""
     what = f"  passivity: hand's port of {_count(jobs['port'].slices, 'loop')}{norm}"
     how = "method: level sets of the frame's energy balance, without a frequency grid"

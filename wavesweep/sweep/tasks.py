@@ -5,19 +5,15 @@ import signal
 import threading
 import time
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
-from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
 
 from wavesweep.analysis.intervals import Intervals
-from wavesweep.analysis.response.felt import felt, felt_map
-from wavesweep.diagram import WALL, draw, identity
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.sweep.grid import make_grid, selected
+from wavesweep.sweep.grid import make_grid
 
 WATCH = 0.5  # s between two looks at the parent
 
@@ -118,49 +114,6 @@ def keep_memory() -> None:
         mallopt(M_TRIM_THRESHOLD, KEPT)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class IntervalTask:
-    """Intervals along the path `along` within span = (low, high) that are guaranteed for hands.
-
-    groups: (members, values) pairs, see `groups`; the members of all of them number the loops from 0. walls: path -> value of
-    the wall of each loop, `(loops, 1)`.
-    """
-
-    along: str
-    span: tuple[float, float]
-    groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
-    walls: Mapping[str, np.ndarray]
-
-
-def with_felt(task: IntervalTask, records: np.ndarray) -> np.ndarray:
-    """The records with the static stiffness that the hand feels at both ends of each interval (N/m; NaN: none)."""
-    walls = task.walls[WALL[0]]
-    loop, wall = np.divmod(records["slice"], walls.shape[-1])
-    K = np.atleast_2d(walls)[loop if walls.ndim > 1 else 0, wall]
-    for name in FELT:
-        records[name] = np.nan
-    for members, values in task.groups:
-        mine = np.isin(loop, members) if len(task.groups) > 1 else True
-        rows = np.flatnonzero(mine & (records["intervals"] > 0))
-        at = np.searchsorted(members, loop[rows])
-        if not rows.size:
-            continue
-        if task.along in WALL:
-            batch = _batch(values)
-            known = felt_map(draw(values), batch) if batch else _felt_of_one(*identity(values))
-            known = np.broadcast_to(known.reshape(3, -1), (3, members.size))[:, at]
-            for name, end in zip(FELT, ("low", "high"), strict=True):
-                records[name][rows] = felt(known, records[end][rows] if task.along == WALL[0] else K[rows])
-            continue
-
-        def stiffness(some, p, values=values, at=at, rows=rows):
-            wall = p if task.along == WALL[0] else K[rows[some]]
-            return felt(felt_map(draw(selected(values, at[some]) | {task.along: p}), p.shape), wall)
-
-        felt_at_ends(records, rows, stiffness)
-    return records
-
-
 BESIDE = 1e-4  # of an end, how far from it is looked where a mode has the frame's own period there
 AGREED = 1e-3  # relative difference of two such looks, beyond which nothing is felt that is the same on both sides
 
@@ -188,45 +141,6 @@ def felt_at_ends(records: np.ndarray, rows: np.ndarray, stiffness: Callable) -> 
             found[at] = np.where(np.abs(near - far) <= AGREED * np.abs(near), (4 * near - far) / 6, np.nan)
     for name, part in zip(FELT, np.split(found, 2), strict=True):
         records[name][rows] = part
-
-
-@lru_cache(maxsize=64)  # a compiled loop is asked again and again
-def _felt_of_one(_, items):
-    """What is felt of the walls of a single loop, see `identity`."""
-    return felt_map(draw(dict(items)))
-
-
-def _batch(values):
-    """The shape of the arrays among the values."""
-    return np.broadcast_shapes(*(value.shape for value in values.values() if isinstance(value, np.ndarray)))
-
-
-PORT = np.dtype([
-    ("slice", "<i4"), ("port_margin", "<f8"), ("port_omega", "<f8"), ("port_passive", "?"), ("certified", "?"),
-    ("stable", "?"), ("damping_needed", "<f8"),
-])  # fmt: skip
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PortTask:
-    """The hand's port of loops. groups: (members, values) pairs, which number the loops from 0; see `groups`."""
-
-    groups: tuple[tuple[np.ndarray, Mapping[str, object]], ...]
-
-    def records(self) -> np.ndarray:
-        """A record per loop."""
-        from wavesweep.analysis.passivity import port_damping_needed, port_margin
-
-        records = np.empty(sum(members.size for members, _ in self.groups), PORT)
-        records["slice"] = np.arange(records.size)
-        for members, values in self.groups:
-            found = port_margin(values)
-            # A loop whose digits are all lost has no margin, so no frequency either.
-            omega = np.where(np.isnan(found.margin), np.nan, found.omega)
-            columns = (found.margin, omega, found.passive, found.certified, found.stable, port_damping_needed(values, found))
-            for name, column in zip(PORT.names[1:], columns, strict=True):
-                records[name][members] = column
-        return records
 
 
 def radius_over(spec, axes) -> np.ndarray:

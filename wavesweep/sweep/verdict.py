@@ -245,8 +245,10 @@ def _channel_norm(values):
 @lru_cache(maxsize=64)  # a design that is varied by something else keeps its channel
 def _norm_of(kept):
     from wavesweep.analysis.passivity import channel_norm
+    from wavesweep.loops.controllers import loop_drawing
 
-    norm = channel_norm({path: KEYS[path].default for path in VALUE_PATHS} | dict(kept))
+    values = {path: KEYS[path].default for path in VALUE_PATHS} | dict(kept)
+    norm = channel_norm(loop_drawing(values), values)
     return None if norm is None else _number(norm.norm)
 
 

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from support.held import channel_norm
 from support.waves_through import run_back, run_out, worst_wave
 
-from wavesweep.analysis.passivity import channel_norm, filter_table, sufficient_order
+from wavesweep.analysis.passivity import filter_table, sufficient_order
 
 
 @pytest.mark.slow

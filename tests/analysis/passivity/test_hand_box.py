@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from support.held import WALL, box_intervals, held, prove, worst_modes
 from support.search import quick_search
 
 from wavesweep.analysis.passivity.enclosure import excluded, over_box, solved_left, stacked
-from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, cut_with_hands, worst_modes
-from wavesweep.analysis.passivity.hand_box import MARGIN, box_intervals, prove
+from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox
+from wavesweep.analysis.passivity.hand_box import MARGIN
 from wavesweep.analysis.passivity.hand_frame import basis, frame_over, hand_loop
-from wavesweep.lifted.cut import close
 
 quick = pytest.fixture(quick_search)
 NARROW = HandBox((0.05, 0.1), (3.0, 4.0), (300.0, 400.0))
@@ -42,18 +42,18 @@ def test_products_and_quotients_are_within_their_enclosure():
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(24))
 def test_the_frame_of_every_hand_and_wall_is_within_its_enclosure(random_values, seed):
-    """Against the loops that the package draws, lifts and closes hand by hand, with springs and without."""
+    """Against the frames of the loops hand by hand, with springs and without."""
     v = random_values(seed)
     r = np.random.default_rng(seed)
     low = np.array([0.01, 0.5, 50.0 * (seed % 3 > 0), v["environment.K_VE"]])
     high = low * (1 + 0.1 * r.random(4))
-    loop = hand_loop(v, HandBox(*zip(low[:3], high[:3], strict=True)))
+    loop = hand_loop(held(v), WALL, HandBox(*zip(low[:3], high[:3], strict=True)))
     ends = loop.points(low), loop.points(high)
     low, high = np.minimum(*ends), np.maximum(*ends)
     e = r.uniform(-1, 1, (50, 4))
     points = (low + high) / 2 + e * (high - low) / 2
-    hands, walls = loop.hands_and_walls(np.concatenate([[(low + high) / 2], points]))
-    A = close(cut_with_hands(v, hands), walls, v["environment.B_VE"])
+    hands, walls = loop.hands_and_numbers(np.concatenate([[(low + high) / 2], points]))
+    A = loop.frames(hands, walls)
     (V,), (back,) = basis(A[:1])
     (found,) = [frame_over(loop, low[None], high[None])[0]]
     middle, rest = at(type(found)(*(part[0] for part in found.parts)), e)

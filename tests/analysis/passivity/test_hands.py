@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from support.growth import growth_rate
+from support.held import WALL, box_intervals, held, worst_modes
 from support.search import worst_hand
 
-from wavesweep.analysis.intervals import stable_intervals
-from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, cut_with_hands, worst_modes
-from wavesweep.analysis.passivity.hand_box import box_intervals
+from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox
+from wavesweep.sweep.hands import stable_of
 
 LOOPS = {
     "pmw": {"integration": "explicit", "K_VE": 900.0},
@@ -114,6 +114,6 @@ def test_the_walls_for_the_box_are_within_those_of_each_of_its_hands(values, wal
     v = loop_of(values, "dc-slow")
     found = walls("dc-slow", v)
     hands = sampled(HOLDING_A_DEVICE, 200)
-    cut = cut_with_hands(v, hands)
-    each = stable_intervals(cut, "K_VE", (0.0, 20000.0), np.ones((200, 1)))
-    assert found.high.max() <= np.nanmin([each.high[each.column == i].max() for i in range(200)]) * (1 + 1e-9)
+    parts = dict(zip(("operator.mass", "operator.damping", "operator.stiffness"), hands.T, strict=True))
+    each = stable_of(WALL, (0.0, 20000.0), held(v | parts, WALL))
+    assert found.high.max() <= min(max(high for _, high in pieces) for pieces, _ in each) * (1 + 1e-9)

@@ -1,24 +1,33 @@
 """Passivity of the wave channel and of the hand's port, and stability for all passive hands and for a box of hands."""
 
-from wavesweep.analysis.passivity.channel import ChannelNorm, channel_norm, filter_table, sufficient_order
-from wavesweep.analysis.passivity.damping import port_damping_needed
-from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, swing_with_hand
-from wavesweep.analysis.passivity.hand_box import BoxIntervals, box_intervals
-from wavesweep.analysis.passivity.passive_hand import (
+from wavesweep.analysis.passivity.any_hand import (
     DampingNeeded,
     PassiveWalls,
     any_hand_walls,
     damping_needed,
     port_passive_walls,
+    reads_velocity,
 )
-from wavesweep.analysis.passivity.port import PortMargin, port_margin
+from wavesweep.analysis.passivity.channel import (
+    ChannelNorm,
+    channel_norm,
+    filter_table,
+    has_waves,
+    sufficient_order,
+)
+from wavesweep.analysis.passivity.hand import HOLDING_A_DEVICE, HandBox, swing_with_hand
+from wavesweep.analysis.passivity.hand_box import BoxIntervals, box_intervals
+from wavesweep.analysis.passivity.held_loop import HAND, HeldLoop
+from wavesweep.analysis.passivity.margin import PortMargin, more_damping, port_margin
 
 __all__ = [
+    "HAND",
     "HOLDING_A_DEVICE",
     "BoxIntervals",
     "ChannelNorm",
     "DampingNeeded",
     "HandBox",
+    "HeldLoop",
     "PassiveWalls",
     "PortMargin",
     "any_hand_walls",
@@ -26,9 +35,11 @@ __all__ = [
     "channel_norm",
     "damping_needed",
     "filter_table",
-    "port_damping_needed",
+    "has_waves",
+    "more_damping",
     "port_margin",
     "port_passive_walls",
+    "reads_velocity",
     "sufficient_order",
     "swing_with_hand",
 ]

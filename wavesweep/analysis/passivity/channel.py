@@ -1,97 +1,121 @@
 """The norm of the wave channel: the energy that filters, samplers and holds can add to the waves that pass them."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.analysis.passivity.hinf import Element, Peak, angles, largest, peak_by_levels, repeated, then, tick
-from wavesweep.diagram import draw
+from wavesweep.analysis.passivity.hinf import Peak, angles, peak_by_levels
+from wavesweep.analysis.passivity.lifted_map import TickMaps, reached, read
+from wavesweep.diagram.assembly import assembled
 from wavesweep.diagram.block import Block
-from wavesweep.diagram.drawing import Diagram
-from wavesweep.errors import WavesweepError
-from wavesweep.lifted.connect import connect
-from wavesweep.lifted.lift import prune
-from wavesweep.lifted.resolvent import Response, alias_angles, flattened, response_of
+from wavesweep.diagram.drawn import Drawn, Placed
+from wavesweep.lifted.periodic import ticks_of
+from wavesweep.loops.controllers import loop_drawing
+from wavesweep.spec.drawing import Drawing, path_of
+from wavesweep.spec.expressions import names_in
+
+TOLERANCE = 1e-10  # relative, of the norm
+ENDS = (
+    "wave",
+    "avatar",
+    "local_model",
+)  # blocks at the ends of a wave line: `in` is the wave that reaches one, `out` the other
+
+
+def has_waves(drawing: Drawing) -> bool:
+    """Whether a drawing has ends of a wave line."""
+    return any(block.type in ENDS for block in drawing.blocks)
+
+
+@lru_cache(maxsize=64)
+def numbers_of_channel(drawing: Drawing) -> frozenset[str]:
+    """Paths of the numbers that a channel may read: those of its blocks, of the wires between them, and of when blocks run."""
+    outside = {block.name for block in drawing.blocks if block.type in (*ENDS, "mass")}
+    trees = [drawing.tick_hz]
+    for block in drawing.blocks:
+        trees += [block.every, block.phase] if block.name in outside else [tree for _, tree in block.trees()]
+    for port, terms in drawing.wires:
+        if port.endswith(".in") or port.partition(".")[0] not in outside:
+            trees += [gain for _, gain in terms]
+    return frozenset(path_of(name) for tree in trees for name, _ in names_in(tree))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Channel:
-    """The wave channel as two blocks at the fast rate, one for each direction; their batch is in one axis.
+    """The wave channel between the ends of a wave line.
 
-    outward: from `u_m` to the wave that is sampled for the slow environment, and to the wave of a local model if there is
-    one. inward: from the local model's wave to its part of `v_m`, None without a local model; the other part is the held
-    wave of the slow environment itself.
-    ratio: ticks in a frame. delay: phase from which a new held wave is applied. period: of the frame (s), in the shape of
-    the batch.
+    whole: its ticks from the waves that ends send to those that reach them, each weighted by the root of its period, in the
+    ticks in which an end runs. outward: those from the ends `wave` to the environments, which are avatars and local models.
+    inward: those back. joined: whether a wave of one side comes back to that side within the channel. frame: its period (s) in
+    the shape of the batch.
     """
 
-    outward: Block
-    inward: Block | None
-    ratio: int
-    delay: int
-    period: np.ndarray
+    whole: TickMaps
+    outward: TickMaps
+    inward: TickMaps
+    joined: bool
+    frame: np.ndarray
 
 
-def channel_of(diagram: Diagram) -> Channel | None:
-    """The channel between its ports in the drawing; None for a drawing without waves.
+def channel_of(drawing: Drawing, values) -> Channel | None:
+    """The channel of a drawing; None for one without waves.
 
-    The ports are `(u_m, v_s, v_l)` in and `(u_s, u_h, v_m)` out: those that the drawing and its blocks name as carrying waves.
-    Between them lie filters, samplers and holds. The device, both environments and the other parts of the returned wave,
-    such as positions, are outside. Raises WavesweepError for a channel of another shape than one environment at the slow
-    rate, whose wave is held and added as it is, and at most one local model at the fast rate.
+    Filters, samplers, holds, delays and sums lie between the ends. The masses and the other parts of a returned wave, such as
+    positions, are outside: they are left at zero. values: numbers of the drawing, or arrays over a batch.
     """
-    if diagram.waves is None:
+    if not has_waves(drawing):
         return None
-    outgoing, returning = diagram.waves
-    (slow,), local = _ends(diagram.slow), _ends(diagram.fast)
-    ends = {block.name for block in local} | {diagram.hand.device}
-    channel = [block for block in diagram.fast if block.name not in ends]
-    sampled = diagram.samples.get(_only(diagram.sums, f"{slow.name}.{slow.waves[0]}"))
-    held = [name for name, source in diagram.holds.items() if source == f"{slow.name}.{slow.waves[1]}"]
-    if sampled is None or len(local) > 1 or len(held) != 1 or diagram.sums[returning].get(held[0]) != 1:
-        raise WavesweepError(
-            "the wave channel is not of a shape whose norm is known: expected a sampled wave to the slow "
-            "environment, its returned wave held and added as it is, and at most one local model"
+    types = {block.name: block.type for block in drawing.blocks}
+    drawn = _cut_at_ends(assembled(drawing, values), types)
+    ends = [each.block.name for each in drawn.placed if types[each.block.name] in ENDS]
+    ticks = ticks_of(drawn, tuple(f"{name}.in" for name in ends))
+    runs = [[end for end, name in enumerate(ends) if _index(drawn, name) in some] for some in drawn.schedule()[0]]
+    each = np.array([drawn.ticks / drawn.placed[_index(drawn, name)].runs(drawn.ticks).sum() for name in ends])
+    frame = np.asarray(np.real(drawn.period) * drawn.ticks)
+    batch = np.broadcast_shapes(frame.shape, *(block.batch for block in ticks.maps))
+    user = np.array([types[name] == "wave" for name in ends])
+
+    def between(senders, receivers):
+        maps = []
+        for block, some in zip(ticks.maps, runs, strict=True):
+            sent, seen = ([end for end in some if chosen[end]] for chosen in (senders, receivers))
+            weights = np.sqrt(each[sent]), np.sqrt(each[seen])[:, None]
+            C, D = (part[..., seen, :] * weights[1] for part in (block.C, block.D))
+            maps.append((block.E, block.B[..., sent] / weights[0], C, D[..., sent] / weights[0]))
+        kept = read(maps) & reached(maps)
+        return TickMaps.of(
+            [(E[..., kept, :][..., kept], B[..., kept, :], C[..., kept], D) for E, B, C, D in maps], ticks.kind, batch
         )
-    outward = _path(diagram, channel, outgoing, (sampled, *(f"{block.name}.{block.waves[0]}" for block in local)))
-    inward = _path(diagram, channel, f"{local[0].name}.{local[0].waves[1]}", (returning,)) if local else None
-    period = np.asarray(diagram.period * diagram.ratio)
-    batch = np.broadcast_shapes(outward.batch, inward.batch if inward else (), period.shape)
-    return Channel(
-        flattened(outward, batch),
-        flattened(inward, batch) if inward else None,
-        diagram.ratio,
-        diagram.delay,
-        np.broadcast_to(period, batch),
-    )
+
+    every = np.ones(len(ends), bool)
+    whole, *ways = (between(*pair) for pair in ((every, every), (user, ~user), (~user, user)))
+    joined = any(np.any(part) for own in (user, ~user) for E, B, C, D in between(own, own).maps for part in (E, D))
+    return Channel(whole, *ways, joined, np.broadcast_to(frame, batch))
 
 
-def _ends(blocks):
-    return [block for block in blocks if block.waves]
+def _index(drawn, name):
+    return next(at for at, each in enumerate(drawn.placed) if each.block.name == name)
 
 
-def _only(sums, signal):
-    """The signal that this one is equal to; None if it is a sum or has another gain."""
-    made = sums.get(signal, {})
-    return next(iter(made)) if list(made.values()) == [1] else None
-
-
-def _path(diagram, channel, source, sinks) -> Block:
-    """From one wave to others through the channel's filters, with all other inputs at zero."""
-    own = {f"{block.name}.{port}" for block in channel for port in block.outputs}
-    inputs, sums, left = [source], {}, [*sinks, *(f"{block.name}.{port}" for block in channel for port in block.inputs)]
-    while left:
-        signal = left.pop()
-        if signal in diagram.sums and signal != source and signal not in sums:
-            sums[signal] = diagram.sums[signal]
-            left += list(sums[signal])
-        elif signal not in own and signal not in inputs and signal not in sums:
-            inputs.append(signal)
-    block, _ = prune(connect("way", channel, sums, inputs, sinks))
-    return Block("channel", (source,), sinks, block.states, block.E, block.B[..., :1], block.C, block.D[..., :1])
-
-
-TOLERANCE = 1e-10  # relative, of the norm
+def _cut_at_ends(drawn: Drawn, types) -> Drawn:
+    """The channel alone: ends only send waves, which are its inputs, and what comes from outside is zero."""
+    one = np.ones((1, 1))
+    placed, sums, inputs = [], {}, []
+    for each in drawn.placed:
+        name = each.block.name
+        if types[name] in ENDS:
+            relay = Block(name, ("wave",), ("out",), (), one[:0, :0], one[:0], one[:, :0], one)
+            placed.append(Placed(relay, each.every, each.phase))
+            sums[f"{name}.wave"] = {f"wave.{name}": 1.0}
+            inputs.append(f"wave.{name}")
+        elif types[name] != "mass":
+            placed.append(each)
+    made = {f"{each.block.name}.{port}" for each in placed for port in each.block.outputs}
+    ports = [f"{each.block.name}.{port}" for each in placed for port in each.block.inputs if types[each.block.name] not in ENDS]
+    for port in (*ports, *(f"{each.block.name}.in" for each in placed if types[each.block.name] in ENDS)):
+        sums[port] = {signal: gain for signal, gain in drawn.sums.get(port, {}).items() if signal in made}
+    return Drawn(drawn.period, tuple(placed), sums, tuple(inputs), rate=drawn.rate)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,8 +123,8 @@ class ChannelNorm:
     """Norms of the channel, arrays over the batch of the values.
 
     norm: of the whole. omega: frequency at which it is reached, rad/s, in [0, pi/T_s], up to multiples of 2 pi/T_s.
-    outward, inward: norms of the direction to the environment and of the direction back; no signal joins them within the
-    ports, so the norm is the larger one. outward_omega, inward_omega: their frequencies. certified: no frequency
+    outward, inward: norms of the direction to the environments and of the direction back; if no signal joins them within the
+    ports, the norm is the larger one. outward_omega, inward_omega: their frequencies. certified: no frequency
     exceeds the norm by more than TOLERANCE, relative.
     """
 
@@ -118,103 +142,38 @@ class ChannelNorm:
         return self.norm <= 1 + TOLERANCE
 
 
-def channel_norm(values) -> ChannelNorm | None:
+def channel_norm(drawing: Drawing, values) -> ChannelNorm | None:
     """H-infinity norm of the lifted wave channel, every wave weighted by the root of its period; None without waves.
 
-    values: flat keys; filter cutoffs and rates may be arrays. Ports as in `channel_of`. The position feedback Kp, the wave
-    impedance, the device and both walls are outside, so none of them matters, and neither do the two delays: they only
-    turn phases. Not a grid: a level just above the value is shown to be met at no frequency (`peak_by_levels`).
+    values: numbers of the drawing, or arrays over a batch. Ports as in `channel_of`. The position feedback Kp, the wave
+    impedance, the device and both walls are outside, so none of them matters, and neither do delays: they only turn phases. Not
+    a grid: a level just above the value is shown to be met at no frequency (`peak_by_levels`).
     Accuracy: 1e-10 relative; the value is attained at `omega` to rounding.
     """
-    diagram = draw(values)
-    channel = channel_of(diagram)
+    channel = channel_of(drawing, values)
     if channel is None:
         return None
-    batch, loops = channel.period.shape, channel.period.size
-    outward, inward = outward_peak(channel, loops), inward_peak(channel, loops)
-    sides = [(np.sqrt(s.value).reshape(batch), s.theta.reshape(batch) / channel.period) for s in (outward, inward)]
-    (out, out_omega), (back, back_omega) = sides
-    return ChannelNorm(
-        np.maximum(out, back),
-        np.where(out >= back, out_omega, back_omega),
-        out,
-        out_omega,
-        back,
-        back_omega,
-        (outward.certified & inward.certified).reshape(batch),
+    peaks = [_peak(way) for way in (channel.outward, channel.inward)]
+    whole = _peak(channel.whole) if channel.joined else None
+    batch, frame = channel.frame.shape, channel.frame
+    sides = [part for side in peaks for part in (np.sqrt(side.value).reshape(batch), side.theta.reshape(batch) / frame)]
+    certified = np.logical_and.reduce([each.certified for each in ([whole] if whole else peaks)]).reshape(batch)
+    out, out_omega, back, back_omega = sides
+    norm, omega = np.maximum(out, back), np.where(out >= back, out_omega, back_omega)
+    if whole:
+        norm, omega = np.sqrt(whole.value).reshape(batch), whole.theta.reshape(batch) / frame
+    return ChannelNorm(norm, omega, *sides, certified)
+
+
+def _peak(way: TickMaps) -> Peak:
+    """The square of the norm of a direction; half of the tolerance is left for rounding."""
+    lifted = way.lifted(measured=False)
+    return peak_by_levels(
+        lambda owner, theta, _: lifted.largest_square(owner, theta),
+        lambda owner, square: angles(way.loss_pencil(owner, square)),
+        way.loops,
+        lambda _, square: TOLERANCE * square,
     )
-
-
-def outward_peak(channel: Channel, loops: int) -> Peak:
-    """Square of the norm of `u_m -> (u_s, u_h)`: in the basis of the aliases `diag|HP|^2 + l l*`, l the row of LP1."""
-    response = response_of(channel.outward, loops)
-    root = np.sqrt(channel.ratio)
-
-    def value(owner, theta, _):
-        gain = np.abs(response.at(owner, alias_angles(theta, channel.ratio))[..., 0]) ** 2
-        return largest(gain[..., 1] if gain.shape[-1] > 1 else 0 * gain[..., 0], gain[..., 0])
-
-    def level(owner, square):
-        block = response.block
-        every = _supply(block, owner, square, block.C[owner][:, 1:], block.D[owner][:, 1:])
-        scale = np.array([root] + [1.0] * (block.C.shape[-2] - 1))[:, None]
-        event = _supply(block, owner, square, scale * block.C[owner], scale * block.D[owner])
-        return angles(then(event, repeated(every, channel.ratio - 1)))
-
-    return peak_by_levels(value, level, loops, _slack)
-
-
-def inward_peak(channel: Channel, loops: int) -> Peak:
-    """Square of the norm of `(v_s, v_l) -> v_m`: `diag|LP2|^2 + c c*`, c the aliases of the held wave, of length 1."""
-    response = response_of(channel.inward, loops) if channel.inward else None
-
-    def value(owner, theta, _):
-        phi = alias_angles(theta, channel.ratio)
-        hold = _hold_power(theta, phi, channel.ratio)
-        own = np.abs(response.at(owner, phi)[..., 0, 0]) ** 2 if response else 0 * hold
-        return largest(own, hold)
-
-    def level(owner, square):
-        return angles(_inward_frame(channel, response, owner, square))
-
-    return peak_by_levels(value, level, loops, _slack)
-
-
-def _slack(_, square):
-    """For the square: half of it is the norm's, half of the tolerance is left for rounding."""
-    return TOLERANCE * square
-
-
-def _hold_power(theta, phi, ratio):
-    """`|sin(theta/2) / (ratio sin(phi/2))|^2`, the power of a held signal in each alias; they add up to 1."""
-    below = ratio * np.sin(phi / 2)
-    return np.where(below == 0, 1.0, np.sin(theta / 2)[..., None] / np.where(below == 0, 1, below)) ** 2
-
-
-def _supply(block, owner, square, C, D) -> Element:
-    """A tick with the balance `square u^2 - |C x + D u|^2`."""
-    A = np.eye(block.E.shape[-1]) + block.E[owner]
-    transposed = np.swapaxes(C, -1, -2)
-    room = square[:, None, None] - np.swapaxes(D, -1, -2) @ D
-    return tick(A, block.B[owner], -transposed @ C, -transposed @ D, room)
-
-
-def _inward_frame(channel, response: Response | None, owner, square) -> Element:
-    """The frame of the direction back: its state is the held wave, then that of LP2 and the delay."""
-    n = response.block.E.shape[-1] if response else 0
-    A, B = np.zeros((owner.size, n + 1, n + 1)), np.zeros((owner.size, n + 1, 1))
-    C, D = np.ones((owner.size, 1, n + 1)), np.zeros((owner.size, 1, 1))
-    A[:, 0, 0] = 1
-    if response:
-        block = response.block
-        A[:, 1:, 1:], B[:, 1:] = np.eye(n) + block.E[owner], block.B[owner]
-        C[..., 1:], D = block.C[owner], block.D[owner]
-    transposed = np.swapaxes(C, -1, -2)
-    every = tick(A, B, -transposed @ C, -transposed @ D, square[:, None, None] - D * D)
-    first = np.zeros((n + 1, 1))
-    first[0] = 1
-    new = tick(np.diag(1 - first[:, 0]), first, 0 * A, 0 * B, channel.ratio * square[:, None, None])
-    return then(repeated(every, channel.delay), then(new, repeated(every, channel.ratio - channel.delay)))
 
 
 ORDERS = tuple(range(1, 9))
@@ -240,7 +199,8 @@ def filter_table(values, orders=ORDERS, cutoffs_hz=CUTOFFS_HZ) -> dict[str, np.n
 def _of_order(values, order, cutoffs):
     filters = {f"filters.{name}.order": order for name in ("lp1", "hp")}
     filters |= {f"filters.{name}.cutoff_hz": cutoffs for name in ("lp1", "hp")}
-    alone, bank = (channel_norm(values | filters | {"controller.kind": kind}) for kind in ("pmw", "pmw-lm"))
+    given = [values | filters | {"controller.kind": kind} for kind in ("pmw", "pmw-lm")]
+    alone, bank = (channel_norm(loop_drawing(each), each) for each in given)
     return {
         "lp1_order": np.full(cutoffs.size, order),
         "lp1_cutoff_hz": cutoffs,

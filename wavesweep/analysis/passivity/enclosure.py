@@ -70,6 +70,11 @@ class Enclosure:
         at = (..., np.asarray(rows)[:, None], np.asarray(columns))
         return Enclosure(*(part[at] for part in self.parts))
 
+    @property
+    def transposed(self) -> Enclosure:
+        """Rows in place of columns."""
+        return Enclosure(*(np.swapaxes(part, -1, -2) for part in self.parts))
+
 
 def _product(x: Enclosure, y, times) -> Enclosure:
     if not isinstance(y, Enclosure):
@@ -154,16 +159,16 @@ def over_box(low, high) -> list[Enclosure]:
     return found
 
 
-def with_another(X: Enclosure, Y: Enclosure, middle, half) -> Enclosure:
-    """`X + t Y`; t is one more parameter, the last one, within `half` of `middle` (`(..., 1, 1)`)."""
-    count = X.slopes.shape[-3]
-    at, more = X + middle * Y, half * Y
-    i, j = np.triu_indices(count + 1)
-    curves = np.zeros((*at.curves.shape[:-3], len(i), *at.curves.shape[-2:]), at.curves.dtype)
-    curves[..., j < count, :, :] = at.curves
-    curves[..., (j == count) & (i < count), :, :] = more.slopes
-    slopes = np.concatenate([at.slopes, more.centre[..., None, :, :]], axis=-3)
-    return Enclosure(at.centre, slopes, curves, at.rest + np.abs(more.curves).sum(-3) + more.rest)
+def widened(X: Enclosure, count: int) -> Enclosure:
+    """The same enclosure with `count` parameters, on the last of which it does not depend."""
+    own = X.slopes.shape[-3]
+    if own == count:
+        return X
+    i, j = np.triu_indices(count)
+    curves = np.zeros((*X.curves.shape[:-3], len(i), *X.curves.shape[-2:]), X.curves.dtype)
+    curves[..., j < own, :, :] = X.curves
+    more = np.zeros((*X.slopes.shape[:-3], count - own, *X.slopes.shape[-2:]))
+    return Enclosure(X.centre, np.concatenate([X.slopes, more], axis=-3), curves, X.rest)
 
 
 ROOM = 1e-9  # of a weighted row, for its rounding

@@ -1,16 +1,15 @@
 """Hands in a box of masses, dampings and stiffnesses, and a search for the hand that destabilises a loop most."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
 from wavesweep.analysis.given import real_numbers
+from wavesweep.analysis.passivity.held_loop import HAND, HeldLoop
 from wavesweep.analysis.spectrum import eigenvalues, excess
-from wavesweep.diagram import draw
-from wavesweep.lifted.at_wall import cut_at_wall
-from wavesweep.lifted.cut import Cut, close
-
-OPERATOR = ("operator.mass", "operator.damping", "operator.stiffness")
+from wavesweep.lifted.periodic import frame_of, ticks_of
+from wavesweep.lifted.tick_drift import filled, without_drift
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,47 +72,55 @@ quoted from memory, not checked). The box is the hull of both, rounded outwards.
 """
 
 
-def with_hands(values, hands) -> dict:
-    """The values with the hands `(n, 3)` in place of the operator, as arrays `(n,)`."""
-    return dict(values) | dict(zip(OPERATOR, np.asarray(hands, float).T, strict=True))
+def with_hands(loop: HeldLoop, hands) -> HeldLoop:
+    """The loop with the hands `(n, 3)` at its device, as a batch `(n,)`; all of them or none must have a stiffness."""
+    return loop.with_hand().changed(dict(zip(HAND, np.asarray(hands, float).T, strict=True)))
 
 
-def cut_with_hands(values, hands) -> Cut:
-    """The loops with the hands `(n, 3)` cut at the wall; all of them or none must have a stiffness."""
-    return cut_at_wall(draw(with_hands(values, hands)))
-
-
-def worst_modes(values, hands, K_VE, B_VE) -> tuple[np.ndarray, np.ndarray]:
+def worst_modes(loop: HeldLoop, hands, changes=MappingProxyType({})) -> tuple[np.ndarray, np.ndarray]:
     """Spectral radius and least damping ratio of the loop, drift aside, for each hand: two arrays `(n,)`.
 
-    hands: `(n, 3)`. K_VE (N/m), B_VE (N*s/m): numbers or arrays `(n,)`. The damping ratio of a mode z is
+    loop: a single one. hands: `(n, 3)`. changes: path -> other numbers of the loop, `(n,)`. The damping ratio of a mode z is
     `-Re log z / |log z|`: 1 for a mode that decays without swinging, 0 on the unit circle, negative outside. A slow
     but harmless decay has a spectral radius near 1; the damping ratio shows a growing oscillation beside it.
     """
     hands = np.asarray(hands, float)
-    K_VE, B_VE = (np.broadcast_to(np.asarray(a, float), hands.shape[:1]) for a in (K_VE, B_VE))
     radius, damping = np.empty(len(hands)), np.empty(len(hands))
-    for group in (hands[:, 2] > 0, hands[:, 2] == 0):  # a drawing has a spring in the hand, or none
+    for group in (hands[:, 2] > 0, hands[:, 2] == 0):  # a loop has a spring in the hand, or none
         if group.any():
-            with np.errstate(over="ignore", invalid="ignore"):
-                E = close(cut_with_hands(values, hands[group]), K_VE[group], B_VE[group])
-            radius[group], damping[group] = _measures(E)
+            some = with_hands(loop, hands[group]).changed({path: np.asarray(v)[group] for path, v in changes.items()})
+            radius[group], damping[group] = _measures(*_modes(some))
     return radius, damping
 
 
-def swing_with_hand(values, hand, K_VE) -> float:
+def _modes(loop) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues less 1 of the frames `(n, k)`, drift aside, and whether these are finite.
+
+    A drift whose shift depends on the numbers is the eigenvalue 1 that rounding has left nearest to it: to eliminate it takes
+    digits of the slow mode of a soft spring.
+    """
+    drift, ticks = loop.drift(), ticks_of(loop.drawn(), alone=True)
+    folded = len(drift.folded) if not drift.unread else 0
+    with np.errstate(all="ignore"):
+        E = without_drift(frame_of(ticks), replace(drift, folded=()) if folded else drift)
+    delta, finite = eigenvalues(filled(np.broadcast_to(E, (*loop.batch, *E.shape[-2:]))))
+    first = np.argsort(np.abs(delta), axis=-1)[:, :folded]
+    np.put_along_axis(delta, first, -1.0, axis=-1)
+    return delta, finite
+
+
+def swing_with_hand(loop: HeldLoop, hand) -> float:
     """Frequency (rad/s) of the mode that grows most, or decays slowest.
 
-    values: flat keys. hand: `(3,)`. K_VE: the wall (N/m).
+    loop: a single one. hand: `(3,)`.
     """
-    cut = cut_with_hands(values, np.reshape(hand, (1, 3)))
-    delta = np.linalg.eigvals(close(cut, K_VE, values["environment.B_VE"])[0]).astype(complex)
-    return float(np.abs(np.angle(1 + delta[np.argmax(np.abs(1 + delta))])) / np.reshape(cut.period, -1)[0])
+    held = with_hands(loop, np.reshape(hand, (1, 3)))
+    drawn, delta = held.drawn(), _modes(held)[0][0]
+    return float(np.abs(np.angle(1 + delta[np.argmax(np.abs(1 + delta))])) / np.ravel(drawn.period * drawn.ticks)[0])
 
 
-def _measures(E):
-    """Spectral radius of I + E and the least damping ratio; infinite and -1 if the frame overflowed."""
-    delta, finite = eigenvalues(E)
+def _measures(delta, finite):
+    """Spectral radius and the least damping ratio; infinite and -1 if the frame overflowed."""
     # A mode at z = 0 decays at once, and any small number stands for it.
     growth = np.log1p(np.clip(excess(delta), -1 + 1e-15, 1e12)) / 2
     ratio = -growth / np.maximum(np.hypot(growth, np.angle(1 + delta)), 1e-300)
@@ -131,10 +138,11 @@ ROUNDING = 1e-13  # a measure that rises by no more than this has not risen
 NEIGHBOURS = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
 
 
-def worst_hands(values, box: HandBox, K_VE, B_VE, by: str = "radius", known=()):
-    """The hand of the box with the largest spectral radius, or `by="damping"` with the least damping ratio, for each wall.
+def worst_hands(loop: HeldLoop, box: HandBox, path: str, p, by: str = "radius", known=()):
+    """The hand of the box with the largest spectral radius, or `by="damping"` with the least damping ratio, for each value p of
+    the number `path`, such as a wall's stiffness.
 
-    values: flat keys, numbers. K_VE: `(walls,)`, N/m. known: hands `(n, 3)` to start from besides those of the grid. Returned:
+    loop: a single one. p: `(walls,)`. known: hands `(n, 3)` to start from besides those of the grid. Returned:
     the hands `(walls, 3)` (kg, N*s/m, N/m), and the spectral radius and the damping ratio with each, `(walls,)`. The search:
     GRID hands along each range, EDGE along each edge and SPREAD all over the box, the SEEDS best of each improved together by
     trying all 26 neighbours at a distance that shrinks when none is worse and grows when one is, faces and corners of the box
@@ -146,13 +154,13 @@ def worst_hands(values, box: HandBox, K_VE, B_VE, by: str = "radius", known=()):
     sign = (1, -1)[measure]
 
     def badness(share):
-        walls = np.broadcast_to(K_VE.reshape(-1, *[1] * (share.ndim - 2)), share.shape[:-1]).reshape(-1)
-        found = worst_modes(values, box.points(share).reshape(-1, 3), walls, B_VE)[measure]
+        walls = np.broadcast_to(p.reshape(-1, *[1] * (share.ndim - 2)), share.shape[:-1]).reshape(-1)
+        found = worst_modes(loop, box.points(share).reshape(-1, 3), {path: walls})[measure]
         return sign * found.reshape(share.shape[:-1])
 
-    share = _improved(*_seeds(box, badness, K_VE.size, np.reshape(known, (-1, 3))), _free(box), badness)
+    share = _improved(*_seeds(box, badness, p.size, np.reshape(known, (-1, 3))), _free(box), badness)
     hands = box.points(share)
-    return hands, *worst_modes(values, hands, K_VE, B_VE)
+    return hands, *worst_modes(loop, hands, {path: p})
 
 
 def _free(box):

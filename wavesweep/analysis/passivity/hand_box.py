@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.analysis.passivity.enclosure import excluded
-from wavesweep.analysis.passivity.hand import HandBox, cut_with_hands, worst_hands
-from wavesweep.analysis.passivity.hand_frame import WALL, HandLoop, frame_over, hand_loop
+from wavesweep.analysis.passivity.hand import HandBox, with_hands, worst_hands
+from wavesweep.analysis.passivity.hand_frame import NUMBER, HandLoop, frame_over, hand_loop
+from wavesweep.analysis.passivity.held_loop import HAND, HeldLoop
 
 ROUNDS = 16
 MARGIN = 1e-3  # of an interval, left out of the proof at either end, where the loop is about to be unstable
@@ -18,7 +18,7 @@ SAME = 1e-8  # a damping ratio that is below 0 by less is rounding
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BoxIntervals:
-    """Intervals of K_VE (N/m) that are stable for every hand that was found to matter.
+    """Intervals of a number, such as K_VE (N/m), that are stable for every hand that was found to matter.
 
     low, high: `(intervals,)`. low_hand, high_hand: `(intervals, 3)`, the hand (kg, N*s/m, N/m) that sets that end, NaN
     if the range ends it. hands: `(n, 3)`, all hands whose intervals were intersected. each: whether the intervals of each
@@ -37,39 +37,41 @@ class BoxIntervals:
     method: str = "settled: every hand proved but for a thousandth of the interval at its ends; else 8 stiffnesses searched"
 
 
-def box_intervals(values, span, box: HandBox) -> BoxIntervals:
-    """Intervals of K_VE within `span` (low, high) that are stable for every hand of the box.
+def box_intervals(loop: HeldLoop, stable, path: str, span, box: HandBox) -> BoxIntervals:
+    """Intervals of the number `path` within `span` (low, high) that are stable for every hand of the box.
 
-    values: flat keys, numbers. The exact intervals of a few hands are intersected. Then the hand with the least damping
+    loop: a single one. stable: gives, of a batch of such loops, the stable intervals of each along the number within `span`, as
+    ([(low, high), ...], certified). The intervals of a few hands are intersected. Then the hand with the least damping
     ratio is searched for at the ends of these intervals and between them; if it is unstable, its own intervals are
     intersected as well, and the search is repeated until it finds no such hand. Then the box is cut into pieces until each
     is proved or contains a hand that is unstable in an interval, which is treated in the same way (`prove`). The search
-    begins once more from the hands whose neighbourhood had to be cut finest.
+    begins once more from the hands whose neighbourhood had to be cut finest. Along a number that is no scalar gain of the
+    ticks, nothing is proved.
     """
     hands, left, each = _corners_and_middle(box), [Piece(*map(float, span))], True
     fresh, known, proved, settled, work = hands, hands[:0], [], False, WORK
     for _ in range(ROUNDS):
-        for hand, (pieces, sure) in zip(fresh, _per_hand(values, span, fresh), strict=True):
+        for hand, (pieces, sure) in zip(fresh, _per_hand(loop, stable, fresh), strict=True):
             left, each = _intersected(left, pieces, hand), each and sure
-        fresh = _unstable_hands(values, box, left, known) if left else fresh[:0]
+        fresh = _unstable_hands(loop, path, box, left, known) if left else fresh[:0]
         if not len(fresh):
             bare = [piece for piece in left if not _within(piece.inner(MARGIN), proved)]
             settled = not bare and (bool(left) or each)
             if not bare or work <= 0:
                 break
-            more, fresh, known, work = _proved(values, box, bare, work)
+            more, fresh, known, work = _proved(loop, path, box, bare, work)
             proved += more
         hands = np.concatenate([hands, fresh])
     ends = [np.array([getattr(piece, end) for piece in left]) for end in ("low", "high", "low_hand", "high_hand")]
     return BoxIntervals(*ends[:2], *(end.reshape(-1, 3) for end in ends[2:]), hands, each, settled)
 
 
-def _proved(values, box, pieces, work):
+def _proved(loop, path, box, pieces, work):
     """Intervals within these proved for every hand, hands that are not stable, hands to look closer at, and work left."""
     found, proofs = [], []
     for piece in pieces:
         interval = piece.inner(0.9 * MARGIN)  # so that it stands when the ends give way a little
-        proofs.append(prove(values, box, interval, work))
+        proofs.append(prove(loop, path, box, interval, work))
         work -= proofs[-1].work
         if not proofs[-1].holds:
             break
@@ -104,19 +106,12 @@ def _corners_and_middle(box):
     return np.unique(np.concatenate([corners, box.points(np.full((1, 3), 0.5))]), axis=0)
 
 
-def _per_hand(values, span, hands):
+def _per_hand(loop, stable, hands):
     """Stable intervals of each hand, as ([(low, high), ...], certified), in order."""
     found = [None] * len(hands)
     for group in (np.flatnonzero(hands[:, 2] > 0), np.flatnonzero(hands[:, 2] == 0)):
-        if not group.size:
-            continue
-        B = np.full((group.size, 1), float(values["environment.B_VE"]))
-        cut = cut_with_hands(values, hands[group])
-        seen = stable_intervals(cut.at(np.arange(group.size)), "K_VE", span, B)
-        for at, hand in enumerate(group):
-            rows = np.flatnonzero((seen.column == at) & (seen.index >= 0))
-            proved = bool(np.all(seen.certified[seen.column == at]))
-            found[hand] = list(zip(seen.low[rows], seen.high[rows], strict=True)), proved
+        for hand, each in zip(group, stable(with_hands(loop, hands[group])) if group.size else (), strict=True):
+            found[hand] = each
     return found
 
 
@@ -133,11 +128,11 @@ def _intersected(left, pieces, hand):
     return both
 
 
-def _unstable_hands(values, box, left, known):
+def _unstable_hands(loop, path, box, left, known):
     """Hands with which a probe of one of the pieces is unstable beyond doubt."""
     low, high = (np.array([getattr(piece, end) for piece in left])[:, None] for end in ("low", "high"))
     probes = (low + (high - low) * PROBES).reshape(-1)
-    hands, _, damping = worst_hands(values, box, probes, values["environment.B_VE"], "damping", known)
+    hands, _, damping = worst_hands(loop, box, path, probes, "damping", known)
     return np.unique(hands[damping < -SAME], axis=0)
 
 
@@ -165,10 +160,10 @@ class Proof:
 NOTHING = np.zeros((0, 3))
 
 
-def prove(values, box: HandBox, walls: tuple[float, float], work: int = WORK) -> Proof:
-    """Try to prove stability for every hand of the box and every K_VE in `walls` (N/m).
+def prove(loop: HeldLoop, path: str, box: HandBox, walls: tuple[float, float], work: int = WORK) -> Proof:
+    """Try to prove stability for every hand of the box and every value of the number `path` in `walls`.
 
-    values: flat keys, numbers. A piece is proved if no matrix of its enclosure has an eigenvalue on or outside the unit
+    loop: a single one. A piece is proved if no matrix of its enclosure has an eigenvalue on or outside the unit
     circle (`excluded`). If it is not proved, it is halved across the parameter that adds most to its bound, until `work`
     is spent. A piece whose middle is unstable ends the proof.
     Accuracy: every hand of the box is covered, with one exception. If waves feed no position back and the range of the
@@ -176,21 +171,23 @@ def prove(values, box: HandBox, walls: tuple[float, float], work: int = WORK) ->
     loosely; the stiffness 0 is proved by itself. The bound leaves room for rounding.
     """
     proofs = []
-    for part in _parts(values, box):
-        loop = hand_loop(values, part)
-        proofs.append(_prove(loop, part, walls, work - sum(proof.work for proof in proofs)))
+    for part in _parts(loop.with_hand(), box):
+        whole = hand_loop(loop, path, part)
+        left = work - sum(proof.work for proof in proofs)
+        proofs.append(_prove(whole, part, walls, left) if whole else Proof(False, NOTHING, NOTHING, 0))
         if not proofs[-1].holds:
             break
     hands = (np.concatenate([getattr(proof, name) for proof in proofs]) for name in ("unstable", "hardest"))
     return Proof(all(proof.holds for proof in proofs), *hands, sum(proof.work for proof in proofs))
 
 
-def _parts(values, box):
-    """The box, or its hands with a spring and those without, if these have different frames."""
+def _parts(loop, box):
+    """The box, or its hands with a spring and those without, if these drift in different ways."""
     low, high = box.stiffness
     if low > 0 or high == 0:
         return [box]
-    if hand_loop(values, box).kind == "plain":
+    drifts = [loop.changed({HAND[2]: stiffness}).drift() for stiffness in (0.0, high)]
+    if not any(each.moved or each.folded or each.unread for each in drifts):
         return [box]
     return [HandBox(box.mass, box.damping, (SOFTEST * high, high)), HandBox(box.mass, box.damping, (0.0, 0.0))]
 
@@ -199,7 +196,7 @@ def _prove(loop: HandLoop, box: HandBox, walls, work) -> Proof:
     ends = [loop.points(np.append(end, wall)) for end, wall in zip((box.low, box.high), walls, strict=True)]
     low, high = np.minimum(*ends)[None], np.maximum(*ends)[None]
     last, done, cost = low, 0, round(loop.order**1.5)
-    if not loop.wall_is_regular(walls):
+    if not loop.is_regular(walls):
         return Proof(False, NOTHING, NOTHING, 0)
     while len(low) and done + len(low) * cost <= work:
         done += len(low) * cost
@@ -209,7 +206,7 @@ def _prove(loop: HandLoop, box: HandBox, walls, work) -> Proof:
         if radius[worst[0]] > 1 + UNSTABLE:
             worst = worst[:TOLD][radius[worst[:TOLD]] > 1 + UNSTABLE]
             return Proof(False, _hands(loop, box, (low[worst] + high[worst]) / 2), NOTHING, done)
-        ends = (low[worst, WALL] == low[:, WALL].min(), high[worst, WALL] == high[:, WALL].max(), slice(None))
+        ends = (low[worst, NUMBER] == low[:, NUMBER].min(), high[worst, NUMBER] == high[:, NUMBER].max(), slice(None))
         worst = np.concatenate([worst[end][:TOLD] for end in ends])
         last = (low[worst] + high[worst]) / 2
         low, high = _halved(low[~proved], high[~proved], split[~proved])
@@ -217,7 +214,7 @@ def _prove(loop: HandLoop, box: HandBox, walls, work) -> Proof:
 
 
 def _hands(loop, box, points):
-    return np.clip(loop.hands_and_walls(points)[0], box.low, box.high)
+    return np.clip(loop.hands_and_numbers(points)[0], box.low, box.high)
 
 
 def _judged(loop, low, high):
@@ -226,7 +223,7 @@ def _judged(loop, low, high):
         frame, modes = frame_over(loop, low, high)
         proved, split = excluded(frame)
         bounded = np.isfinite(frame.rest).all((-1, -2))
-        split = np.where(bounded, split, np.argmax(high / low, axis=-1))
+        split = np.where(bounded, split, np.argmax(np.abs(high - low) / (np.abs(high) + np.abs(low)), axis=-1))
     return np.where(np.isfinite(modes).all(-1), np.abs(1 + modes).max(-1), np.inf), proved, split
 
 
@@ -236,5 +233,5 @@ def _halved(low, high, split):
     a, b = low[at, split], high[at, split]
     wide = np.where(a > 0, np.sqrt(np.maximum(a * b, 0)), b / 16)
     first, second = high.copy(), low.copy()
-    first[at, split] = second[at, split] = np.where(b > 4 * np.maximum(a, 0), wide, (a + b) / 2)
+    first[at, split] = second[at, split] = np.where((a >= 0) & (b > 4 * a), wide, (a + b) / 2)
     return np.concatenate([low, second]), np.concatenate([first, high])

@@ -1,18 +1,17 @@
-"""The frame of a loop with a hand at its device, enclosed over a box of hands and walls."""
+"""The frame of a loop with a hand at its device, enclosed over a box of hands and of values of a number."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.analysis.passivity.enclosure import Enclosure, inverted, over_box, solved_left, stacked, with_another
-from wavesweep.analysis.passivity.hand import HandBox, cut_with_hands, with_hands
-from wavesweep.diagram import draw
-from wavesweep.diagram.block import Block
-from wavesweep.diagram.drift import drift_of
-from wavesweep.lifted.at_wall import conserves, cut_at_wall
-from wavesweep.lifted.connect import connect
-from wavesweep.lifted.cut import close
-from wavesweep.lifted.lift import fast_side, latches, lift_held, slow_sums
+from wavesweep.analysis.passivity.enclosure import Enclosure, inverted, over_box, solved_left, stacked, widened
+from wavesweep.analysis.passivity.hand import HandBox, with_hands
+from wavesweep.analysis.passivity.held_loop import HAND, HeldLoop, device_keys
+from wavesweep.diagram.assembly import FACTOR, PRODUCT, assembled, scalar_place
+from wavesweep.lifted.periodic import frame_of, in_a_row, ticks_of
+from wavesweep.lifted.rounding import balance
+from wavesweep.lifted.tick_drift import TickDrift
+from wavesweep.spec.drawing import name_of
 
 TERMS = 12  # of the device's series, whose n-th is at most about 0.6^n/n!
 REACH = 0.25  # of a tick, up to which the series is taken; the rest by doubling
@@ -20,107 +19,166 @@ SKEW = 1e7  # condition of eigenvectors beyond which those of a matrix nearby ar
 BLUR = 1e-4  # of it, how near
 FAR = 0.05  # between eigenvalues that count as separate
 SINGULAR = 1e12
+CONSERVED = 1e-9  # of its terms, up to which a change of a combination of states is rounding
 ROUNDING = 1e-14  # of the terms of a product in another basis
-MASS, DAMPING, STIFFNESS, WALL = range(4)
+NEARBY = np.array([1.0, 1.25])  # times a number, others for which a drift has to hold
+MASS, DAMPING, STIFFNESS, NUMBER = range(4)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HandLoop:
-    """A loop in parts, so that the device's rows of the tick, which depend on the hand, can be replaced by an enclosure.
+    """A loop in parts, so that the device's rows of its ticks, which depend on the hand, can be replaced by an enclosure.
 
-    own: mass (kg) and damping (N*s/m) of the device. tick: the fast side with some hand; device: its states there, as
-    {"v": row}. force: `(1, n + m)`, on the device, from the n states of the tick and the m held inputs. slow: the slow
-    side with a frame of zeros, from the wall's force; feeds: the inputs of that frame, from its states and from the
-    wall's force. kept: the states that the loop has, the lead of its drift among them.
-    shift: drift of the states beside it. kind: "integrates" and "conserved" as in
-    `Cut`, or "plain". doublings: of the device's series, enough for every hand of the box.
+    loop: a single one, with some hand. path: of the number. own: mass (kg), damping (N*s/m) and stiffness (N/m) of the device.
+    period: of the tick, s. kind: of each tick. ticks: for each kind E `(n, n)` less identity and the row `(1, n)` of the force
+    on the device, both without the number, and what t adds to them; nothing where the number is not read. direct: how what the
+    number multiplies depends on its product. device: its states as {"v": row, "x": row}. turn: to the
+    states of the ticks, see `_from_position`. index: of the states that remain.
+    rows: `(k, n)`, that count these from those that drift. folded: if a shift of the states depends on the numbers, row and
+    column without which the frame is regular. read: the states that are read then, among the others. doublings: of the
+    device's series, enough for every hand of the box.
     """
 
-    values: dict
-    own: tuple[float, float]
+    loop: HeldLoop
+    path: str
+    own: tuple[float, float, float]
     period: float
-    ratio: int
-    delay: int
-    tick: Block
+    kind: np.ndarray
+    ticks: tuple
+    direct: float
     device: dict[str, int]
-    force: np.ndarray
-    slow: Block
-    feeds: tuple[np.ndarray, np.ndarray]
-    kept: list[int]
-    lead: int | None
-    shift: np.ndarray
-    kind: str
+    turn: np.ndarray
+    index: list[int]
+    rows: np.ndarray
+    folded: tuple[int, int] | None
+    read: list[int]
     doublings: int
 
     def points(self, points) -> np.ndarray:
-        """Hands (kg, N*s/m, N/m) and K_VE, `(..., 4)`, in terms that the frame is as linear in as can be.
+        """Hands (kg, N*s/m, N/m) and values p of the number, `(..., 4)`, in terms that the frame is as linear in as can be.
 
-        1/m and d of device and hand together, k, and `t = K/(a - K D_x)` of `_closed`; each grows with its own number.
+        1/m, d and k of device and hand together, and `t = p/(1 - p D)`, D the direct term; each grows with its own number.
         """
-        mass, damping, stiffness, K = np.moveaxis(points, -1, 0)
-        a, D = self._wall
-        return np.stack([1 / (mass + self.own[0]), damping + self.own[1], stiffness, K / (a - K * D)], -1)
+        mass, damping, stiffness, p = np.moveaxis(points, -1, 0)
+        m, d, k = self.own
+        return np.stack([1 / (mass + m), damping + d, stiffness + k, p / (1 - p * self.direct)], -1)
 
-    def hands_and_walls(self, points) -> tuple[np.ndarray, np.ndarray]:
-        """Hands `(..., 3)` and K_VE at these points."""
+    def hands_and_numbers(self, points) -> tuple[np.ndarray, np.ndarray]:
+        """Hands `(..., 3)` and values of the number at these points."""
         inverse, damping, stiffness, t = np.moveaxis(points, -1, 0)
-        a, D = self._wall
-        hands = np.stack([1 / inverse - self.own[0], damping - self.own[1], stiffness], -1)
-        return np.maximum(hands, 0), a * t / (1 + t * D)
+        m, d, k = self.own
+        return np.maximum(np.stack([1 / inverse - m, damping - d, stiffness - k], -1), 0), t / (1 + t * self.direct)
 
     @property
     def order(self) -> int:
-        """Of the loop with the wall in place."""
-        return len(self.kept)
-
-    def wall_is_regular(self, walls) -> bool:
-        """Whether `t` grows with K all over `walls`."""
-        a, D = self._wall
-        return bool(a > 0 and all(a - K * D > 0 for K in walls))
+        """Of the loop."""
+        return len(self.index)
 
     @property
-    def _wall(self):
-        return 1 - float(self.values["environment.B_VE"]) * self.slow.D[1, 0], self.slow.D[0, 0]
+    def regular(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rows and columns of the frame without those of `folded`."""
+        every = np.arange(len(self.index))
+        return tuple(np.delete(every, at) for at in self.folded)
+
+    def is_regular(self, values) -> bool:
+        """Whether `t` grows with the number all over `values`."""
+        return all(1 - p * self.direct > 0 for p in values)
+
+    def frames(self, hands, p) -> np.ndarray:
+        """Frames less identity with these hands and values of the number, in the coordinates that are kept."""
+        some = with_hands(self.loop, hands).changed({self.path: p})
+        with np.errstate(all="ignore"):
+            E = self.rows @ frame_of(ticks_of(some.drawn(), alone=True))[..., self.index]
+            if self.folded is None:
+                return E
+            rest, columns = self.regular
+            law = -E[..., [self.folded[0]], :][..., columns] @ inverted(E[..., rest[:, None], columns])
+            E = E[..., rest[:, None], rest] - E[..., rest, :][..., [self.folded[0]]] @ law
+        return E[..., self.read, :][..., self.read]
 
 
-def hand_loop(values, box: HandBox) -> HandLoop:
-    """Take the loop apart, by a hand of the box; springs in all of its hands or in none."""
-    diagram = draw(with_hands(values, box.points(np.full((1, 3), 0.5))))
-    cut = cut_at_wall(diagram)
-    sampled = tuple(dict.fromkeys(diagram.samples.values()))
-    tick = fast_side(diagram, sampled)
-    pushed = connect("fast", diagram.fast, diagram.sums, (diagram.hand.force, *diagram.holds), (diagram.hand.push,))
-    at = [pushed.states.index(name) for name in tick.states]
-    frame = lift_held(tick, diagram.ratio, diagram.delay, tuple(diagram.holds), sampled)
-    still = Block(
-        "frame", frame.inputs, frame.outputs, frame.states, np.zeros_like(frame.E), np.zeros_like(frame.B), frame.C, frame.D
-    )
-    ports = tuple(f"frame.{name}" for name in frame.inputs)
-    blocks, reads = (still, *diagram.slow, *latches(diagram)), (*diagram.wall, *ports)
-    slow = connect("slow", blocks, slow_sums(diagram), (diagram.wall_force,), reads)
-    drift, own = drift_of(diagram), f"{diagram.hand.device}."
-    known = (*cut.states, drift.lead)
-    kept = [i for i, name in enumerate(slow.states) if name in known]
-    period = float(np.reshape(diagram.period, -1)[0])
-    return HandLoop(
-        dict(values), (float(values["device.mass"]), float(values["device.damping"])), period, diagram.ratio, diagram.delay,
-        _one(tick), {name.removeprefix(own): i for i, name in enumerate(tick.states) if name.startswith(own)},
-        np.concatenate([_at(pushed.C)[:, at], _at(pushed.D)[:, 1:]], -1), _one(slow), (_at(slow.C)[2:], _at(slow.D)[2:]),
-        kept, slow.states.index(drift.lead) if drift.shift else None,
-        np.array([drift.shift.get(name, 0.0) for name in slow.states]) / (drift.shift[drift.lead] if drift.shift else 1.0),
-        "integrates" if cut.integrates else "conserved" if conserves(diagram, cut) else "plain",
-        _doublings(values, box, period),
+def hand_loop(loop: HeldLoop, path: str, box: HandBox) -> HandLoop | None:
+    """Take a single loop apart; springs in all of the hands or in none. None if the number is not one scalar gain of its ticks.
+
+    None as well if several combinations of its states drift together with its numbers.
+    """
+    number, middle = name_of(path), box.points(np.full(3, 0.5))
+    loop = loop.with_hand()
+    if not scalar_place(loop.drawing, number):
+        return None
+    loop = loop.changed(dict(zip(HAND, middle.tolist(), strict=True)) | {path: loop.values[path] or 1.0})
+    whole, cut_open = loop.drawn(), assembled(loop.drawing, loop.values, number)
+    ticks = ticks_of(cut_open, (f"{loop.device}.f", FACTOR), held=whole.held())
+    column, parts, direct = cut_open.inputs.index(PRODUCT), [], set()
+    for each in ticks.maps:
+        E, B, C, D = (np.asarray(getattr(each, part)) for part in "EBCD")
+        into, read = B[:, column : column + 1], C[1:2]
+        reads = np.any(into) or D[0, column] != 0
+        direct |= {float(D[1, column])} if reads else set()
+        parts.append((E, C[:1], into @ read, D[0, column] * read) if reads else (E, C[:1]))
+    x = ticks.states.index(f"{loop.device}.x")
+    turn = _from_position(ticks.maps, x)
+    parts = [tuple(part @ turn for part in each) for each in parts]
+    drift = loop.drift(varied={each: loop.values[each] * NEARBY for each in (*HAND, path)})
+    if len(direct) != 1 or len(drift.folded) > 1:
+        return None
+    index, rows = _counted(drift)
+    device = {"v": ticks.states.index(f"{loop.device}.v"), "x": x}
+    found = HandLoop(
+        loop, path, device_keys(loop), float(whole.period), ticks.kind, tuple(parts), direct.pop(), device, turn, index, rows,
+        None, [], 0,
     )  # fmt: skip
+    found = _living(replace(found, doublings=_doublings(found, box)), middle)
+    if not drift.folded:
+        return found
+    folding = _folding(found, drift, middle)
+    return folding and replace(found, **folding)
 
 
-def _at(array):
-    return array.reshape(-1, *array.shape[-2:])[0]
+def _from_position(maps, x):
+    """A change of coordinates that is its own inverse: positions of the tick before become changes since then, which are small.
+
+    So the velocity that follows from their difference keeps what an enclosure knows of it.
+    """
+    unit, turn = np.eye(len(maps[0].states)), np.eye(len(maps[0].states))
+    for state in range(len(unit)):
+        if state != x and all(np.array_equal(each.E[..., state, :], unit[x] - unit[state]) for each in maps):
+            turn[state] = unit[x] - unit[state]
+    return turn
 
 
-def _one(block):
-    """The block of the only element of the batch."""
-    parts = (_at(getattr(block, name)) for name in "EBCD")
-    return Block(block.name, block.inputs, block.outputs, block.states, *parts)
+def _living(found: HandLoop, middle) -> HandLoop:
+    """The loop without the states that the first tick overwrites unread: eigenvalues 0 of the frame."""
+    E = found.frames(middle[None], np.array([found.loop.values[found.path]]))[0]
+    kept = np.flatnonzero(np.any(E + np.eye(len(E)) != 0, axis=0))
+    return replace(found, index=[found.index[state] for state in kept], rows=found.rows[kept])
+
+
+def _counted(drift: TickDrift):
+    """The states that are kept, and their rows, those that a lead moves being counted from it."""
+    gone = {lead for lead, _ in drift.moved} | (set() if drift.folded else set(drift.unread))
+    rows = np.eye(len(drift.states))
+    for lead, others in drift.moved:
+        for state, factor in others:
+            rows[state, lead] -= factor
+    index = [state for state in range(len(drift.states)) if state not in gone]
+    return index, rows[index]
+
+
+def _folding(found: HandLoop, drift, middle) -> dict | None:
+    """Row and column without which the frame is regular, and the states that remain, of a drift that depends on the numbers.
+
+    None if the combination of states that a frame conserves is another one without the number.
+    """
+    E = found.frames(np.tile(middle, (2, 1)), np.array([0.0, found.loop.values[found.path]]))
+    even, units = (part[0] for part in balance(E[:1]))
+    law, _, shift = np.linalg.svd(even)
+    conserved = law[:, -1] / units
+    if np.any(np.abs(conserved @ E[1]) > CONSERVED * (np.abs(conserved) @ np.abs(E[1]))):
+        return None
+    row, column = int(np.argmax(np.abs(law[:, -1]))), int(np.argmax(np.abs(shift[-1])))
+    rest = np.delete(found.index, row)
+    return {"folded": (row, column), "read": [i for i, state in enumerate(rest) if state not in drift.unread]}
 
 
 def frame_over(loop: HandLoop, low, high) -> tuple[Enclosure, np.ndarray]:
@@ -128,20 +186,33 @@ def frame_over(loop: HandLoop, low, high) -> tuple[Enclosure, np.ndarray]:
 
     Returned in coordinates of its own, near to diagonal in the middle of each box; and its eigenvalues there.
     """
-    middle = (low + high) / 2
-    hands, K_VE = loop.hands_and_walls(middle)
-    cut = cut_with_hands(loop.values, hands)
-    A = close(cut, K_VE, loop.values["environment.B_VE"])
+    A = loop.frames(*loop.hands_and_numbers((low + high) / 2))
     finite = np.isfinite(A).all((-1, -2), keepdims=True)
     A = np.where(finite, A, 0.0)
-    frame = _frame(loop, _tick(loop, *over_box(low[:, :WALL], high[:, :WALL])))
     V, back = basis(A)
-    t, half = (part[:, WALL, None, None] / 2 for part in (low + high, high - low))
-    found = with_another(*_closed(loop, frame, V, back, cut), t, half)
+    found = _in_basis(loop, low, high, V, back)
     # the frame in the middle of the piece, computed directly and in parts, may differ by rounding only
     rounding = 2 * np.abs(back @ A @ V - found.centre) + ROUNDING * (np.abs(back) @ np.abs(A) @ np.abs(V))
     rest = np.where(finite, found.rest + rounding, np.inf)
     return Enclosure(found.centre, found.slopes, found.curves, rest), np.linalg.eigvals(A)
+
+
+def _in_basis(loop, low, high, V, back) -> Enclosure:
+    """The frame less identity, without its drift, in another basis; see `HandLoop.frames`."""
+    *hand, t = over_box(low, high)
+    few = over_box(low[:, :NUMBER], high[:, :NUMBER])
+    frame = _frame(loop, hand, few, t)
+    pick, rows = loop.turn[:, loop.index], loop.rows @ loop.turn
+    if loop.folded is None:
+        return (back @ rows) @ (frame @ (pick @ V)) - back @ V
+    E, still = (rows @ (each @ pick) - np.eye(len(loop.index)) for each in (frame, _frame(loop, few, few, None)))
+    (row, _), (rest, columns) = loop.folded, loop.regular
+    centre = still.centre[..., rest[:, None], columns]
+    U, inverse = basis(np.where(np.isfinite(centre), centre, 0.0))
+    kept = np.eye(len(rest))[loop.read]
+    law = solved_left(inverse @ (still.part(rest, columns) @ U), still.part([row], columns) @ U) @ (inverse @ kept.T @ V)
+    whole, across = (back @ kept) @ (E.part(rest, rest) @ (kept.T @ V)), (back @ kept) @ E.part(rest, [row])
+    return whole + across @ widened(law, NUMBER + 1)
 
 
 def basis(A):
@@ -176,31 +247,40 @@ def _skew(V, back):
     return np.abs(V).sum(-2).max(-1) * np.abs(back).sum(-2).max(-1)
 
 
-def _tick(loop, inverse, damping, stiffness):
-    """The tick, the held inputs being states that stay: `I + [[E, B], [0, 0]]`.
+def _frame(loop, hand, few, t) -> Enclosure:
+    """A frame of ticks; those that do not read the number have one parameter less. few: the hand's; t: None for none of it."""
+    ticks = [_tick(loop, parts[: None if t else 2], *(hand if t and len(parts) > 2 else few), t) for parts in loop.ticks]
+    return in_a_row(loop.kind.tolist(), ticks, _joined)
 
-    The device's rows are written with the force that is left for its mass, `F = f - d v - k x`:
+
+def _joined(first, second):
+    count = max(each.slopes.shape[-3] for each in (first, second))
+    return widened(second, count) @ widened(first, count)
+
+
+def _tick(loop, parts, inverse, damping, stiffness, t):
+    """The device's rows are written with the force that is left for its mass, `F = f - d v - k x`:
     `dv = s F/m - k/m g v`, `dx = s v + g (f - k x)/m`.
     """
     s, g = impulse_and_step(damping * inverse, stiffness * inverse, loop.period, loop.doublings)
-    fixed = np.concatenate([loop.tick.E, loop.tick.B[:, 1:]], -1)
-    unit = np.eye(fixed.shape[-1])
-    row = {name: unit[i : i + 1] for name, i in loop.device.items()}
-    v, x = row["v"], row.get("x", 0 * unit[:1])
-    pushed = loop.force - stiffness * x
+    fixed, force, *more = parts
+    unit = np.eye(len(fixed))
+    if more:
+        fixed, force = t * more[0] + fixed, t * more[1] + force
+    v, x = (unit[loop.device[name] : loop.device[name] + 1] for name in "vx")
+    pushed = force - stiffness * x
     dx = s * v + g * (inverse * pushed)
-    moves = {"v": s * (inverse * (pushed - damping * v)) - (stiffness * inverse * g) * v, "x": dx}
-    if "w" in row:
-        moves["w"] = dx * (1 / loop.period) - row["w"]
-    by_row = {i: moves[name] for name, i in loop.device.items()}
-    held = np.zeros((len(unit) - len(fixed), len(unit)))
-    return stacked([*([by_row.get(i, fixed[i : i + 1])] for i in range(len(fixed))), [held]]) + unit
+    moves = {loop.device["v"]: s * (inverse * (pushed - damping * v)) - (stiffness * inverse * g) * v, loop.device["x"]: dx}
+    moves |= {i: dx - unit[i : i + 1] for i in np.flatnonzero(np.diagonal(loop.turn) < 0).tolist()}
+    every = np.arange(len(unit))
+    rows = [moves[i] if i in moves else fixed.part([i], every) if more else fixed[i : i + 1] for i in every]
+    return stacked([[row] for row in rows]) + unit
 
 
-def _doublings(values, box, period):
+def _doublings(loop, box):
     """How often the series has to be doubled for the fastest hand of the box."""
-    mass, damping = values["device.mass"] + box.low[MASS], values["device.damping"] + box.high[DAMPING]
-    reach = max(damping / mass * period, 2 * np.sqrt(box.high[STIFFNESS] / mass) * period)
+    m, d, k = (own + end for own, end in zip(loop.own, (box.low[MASS], box.high[DAMPING], box.high[STIFFNESS]), strict=True))
+    reach = max(d / m * loop.period, 2 * np.sqrt(k / m) * loop.period)
     return max(0, int(np.ceil(np.log2(max(reach, 1e-9) / (2 * REACH)))))
 
 
@@ -218,91 +298,3 @@ def impulse_and_step(damping, stiffness, period, doublings):
     for _ in range(doublings):
         s, g = s * (2.0 - damping * s - 2.0 * (stiffness * g)), g * (2.0 - stiffness * g) + s * s
     return s, g
-
-
-def _frame(loop, tick):
-    """A frame of ticks: the states after it, from those before and from the held inputs, old and new ones."""
-    n = len(loop.tick.states)
-    rows, states = np.arange(n), np.arange(n)
-    if loop.delay in (0, loop.ratio):
-        return _power(tick, loop.ratio).part(rows, np.arange(tick.centre.shape[-1]))
-    late, early = _power(tick, loop.ratio - loop.delay), _power(tick, loop.delay)
-    held = np.arange(n, tick.centre.shape[-1])
-    both = late.part(rows, states) @ early.part(rows, np.arange(tick.centre.shape[-1]))
-    return stacked([[both, late.part(rows, held)]])
-
-
-def _power(A, ticks):
-    """`A^ticks`, by squaring."""
-    power = None
-    for bit in f"{ticks:b}":
-        if power is not None:
-            power = power @ power
-        if bit == "1":
-            power = A if power is None else A @ power
-    return power
-
-
-def _closed(loop, frame, V, back, cut):
-    """With slow blocks and wall, as `cut_at_wall` and `close` have it: X, Y of `V^-1 A V = X + t Y`.
-
-    `t = K/(a - K D_x)`, a = 1 - B D_v; the wall's force, `(K x + B v)/(a - K D_x)`, is `v B/a + t (x + v B D_x/a)`.
-    """
-    side, x, v, D = _side(loop, frame)
-    B_VE = float(loop.values["environment.B_VE"])
-    v = v * B_VE / (1 - B_VE * D[1, 0])
-    x = x + v * D[0, 0]
-    kept = loop.kept
-    if loop.kind == "plain":
-        return side.closed(kept, kept, back, V, v[:, kept] @ V), side.pushed_by(kept, back, x[:, kept] @ V)
-    others = [i for i in kept if i != loop.lead]
-    x, v = x[:, others], v[:, others]
-    if loop.kind == "integrates":
-        last, rows = np.eye(len(others) + 1)[-1:], [*others, loop.lead]
-        x, v = (np.pad(row, ((0, 0), (0, 1))) for row in (x, v))
-        return side.closed(rows, [*others, None], back, V, v @ V), side.pushed_by(rows, back, (x + last) @ V)
-    U, inverse = basis(np.where(np.isfinite(cut.E).all((-1, -2), keepdims=True), cut.E, 0.0))
-    E = side.closed(others, others, inverse, U, None)
-    advance = side.closed([loop.lead], others, np.eye(1), U, None)
-    moved = solved_left(E, advance) @ (inverse @ V)
-    return side.closed(others, others, back, V, v @ V), side.pushed_by(others, back, moved + x @ V)
-
-
-def _side(loop, frame):
-    """The slow side and its rows that the wall reads; states that drift are relative to the lead of the drift."""
-    states, n, lead = len(loop.slow.states), len(loop.tick.states), loop.lead
-    moved, C = np.eye(states), loop.slow.C[:2].copy()
-    if lead is not None:
-        moved[:, lead] -= loop.shift * (np.arange(states) != lead)
-        C[0, lead], C[1, lead] = C[0] @ loop.shift, 0
-    X, W = loop.feeds
-    still = moved @ (loop.slow.E - np.eye(states, n) @ np.eye(n, states))
-    columns, pushed = np.concatenate([np.eye(n, states), X]), np.concatenate([np.zeros((n, 1)), W])
-    return Side(still, moved @ loop.slow.B, moved[:, :n], frame, columns, pushed), C[:1], C[1:], loop.slow.D[:2]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Side:
-    """The slow side: `[E B] = [E0 B0] + rows frame [columns, pushed]`."""
-
-    E0: np.ndarray
-    B0: np.ndarray
-    rows: np.ndarray
-    frame: Enclosure
-    columns: np.ndarray
-    pushed: np.ndarray
-
-    def closed(self, rows, columns, left, V, q) -> Enclosure:
-        """`left (E V + B q)` of these rows and columns (None: a column of zeros), q a row or nothing."""
-        pick = np.zeros((len(self.E0), len(columns)))
-        for at, column in enumerate(columns):
-            if column is not None:
-                pick[column, at] = 1
-        right, still = self.columns @ pick @ V, left @ (self.E0[rows] @ pick @ V)
-        if q is not None:
-            right, still = right + self.pushed @ q, still + left @ (self.B0[rows] @ q)
-        return (left @ self.rows[rows]) @ (self.frame @ right) + still
-
-    def pushed_by(self, rows, left, q) -> Enclosure:
-        """`left B q` of these rows."""
-        return (left @ self.rows[rows]) @ (self.frame @ (self.pushed @ q)) + left @ self.B0[rows] @ q

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.lifted.circle import solve
+from wavesweep.lifted.circle import inverse, solve
 
 # A weak integral or position feedback leaves a slow mode; eigenvalues of a level next to z = 1 are known to some 1e-6, and may
 # miss its peak or take two crossings of a level for one at 0.
@@ -27,14 +27,15 @@ class Peak:
     certified: np.ndarray
 
 
-def peak_by_levels(value_at, angles_at, loops: int, slack, more=()) -> Peak:
+def peak_by_levels(value_at, angles_at, loops: int, slack, more=(), enough=np.inf) -> Peak:
     """Maximise over the angle, for `loops` loops at once.
 
     value_at(owner, theta, floor): the response of the loops `owner` at `theta`, all `(points,)`; anything below the floor, the
     largest value so far, is as good as the response that is below it.
     angles_at(owner, level): angles at which a level may be met, `(owners, any)` with NaN for none.
     slack(owner, value): distance of the level that is shown to be out of reach above the value. more: further
-    angles that are tried first; the largest value among low ones is then climbed to.
+    angles that are tried first, the same or others for each loop; the largest value among low ones is then climbed to. enough:
+    values, beyond which the search ends, without a certificate.
     Source: S. Boyd, V. Balakrishnan, Systems & Control Letters 15 (1990); N. Bruinsma, M. Steinbuch, ibid. 14 (1990):
     between two neighbouring angles at which a level is met the response is on one side of it, so their middle tells
     which, and the next level is what was found there. Quadratic convergence: 2 to 5 rounds.
@@ -42,18 +43,20 @@ def peak_by_levels(value_at, angles_at, loops: int, slack, more=()) -> Peak:
     value, theta = np.full(loops, -np.inf), np.zeros(loops)
     certified, active = np.zeros(loops, bool), np.arange(loops)
     for some in (START, more):
-        _raise(value, theta, value_at, active, np.broadcast_to(some, (loops, len(some))))
-    for factors in CLIMB if len(more) else ():
-        slow = np.flatnonzero((theta > 0) & (theta <= START[2]))
+        _raise(value, theta, value_at, active, np.broadcast_to(some, (loops, np.shape(some)[-1])))
+    soft = np.isfinite(np.broadcast_to(more, (loops, np.shape(more)[-1]))).any(-1)
+    for factors in CLIMB if soft.any() else ():
+        slow = np.flatnonzero((theta > 0) & (theta <= START[2]) & soft)
         _raise(value, theta, value_at, slow, theta[slow, None] * factors)
     for _ in range(RAISES):
+        active = active[value[active] <= np.broadcast_to(enough, (loops,))[active]]
+        if not active.size:
+            break
         level = value[active] + slack(active, value[active])
         _raise(value, theta, value_at, active, _with_middles(angles_at(active, level)))
         beaten = value[active] > level
         certified[active[~beaten]] = True
         active = active[beaten]
-        if not active.size:
-            break
     return Peak(value, theta, certified)
 
 
@@ -94,19 +97,14 @@ class Element:
     Q: np.ndarray
 
 
-def passage(A) -> Element:
-    """An event that only moves the state."""
-    return Element(A, np.zeros_like(A), np.zeros_like(A))
-
-
 def tick(A, B, state_cost, cross_cost, input_cost) -> Element:
-    """`x+ = A x + B u` with the balance `x^T P x + 2 x^T S u + R u^2`, for one input.
+    """`x+ = A x + B u` with the balance `x^T P x + 2 x^T S u + u^T R u`.
 
-    A and P = state_cost `(..., n, n)`, B and S = cross_cost `(..., n, 1)`, R = input_cost `(..., 1, 1)`, not zero.
+    A and P = state_cost `(..., n, n)`, B and S = cross_cost `(..., n, m)`, R = input_cost `(..., m, m)`, regular.
     """
-    inverse = 1 / input_cost
-    turn = np.swapaxes(cross_cost, -1, -2) * inverse
-    return Element(A - B @ turn, B @ np.swapaxes(B, -1, -2) * inverse, state_cost - cross_cost @ turn)
+    R = 1 / input_cost if input_cost.shape[-1] == 1 else inverse(input_cost)
+    turn = R @ np.swapaxes(cross_cost, -1, -2)
+    return Element(A - B @ turn, B @ R @ np.swapaxes(B, -1, -2), state_cost - cross_cost @ turn)
 
 
 def then(first: Element, second: Element) -> Element:
@@ -125,17 +123,6 @@ def _joined(first, second, n):
         _symmetric(second.G + second.A @ spread @ np.swapaxes(second.A, -1, -2)),
         _symmetric(first.Q + A_transposed @ second.Q @ carried),
     )
-
-
-def repeated(element: Element, count: int) -> Element:
-    """The same element `count` times, by doubling (Anderson 1978; Chu, Fan, Lin, Wang 2004)."""
-    total = passage(np.broadcast_to(np.eye(element.A.shape[-1]), element.A.shape))
-    while count:
-        if count % 2:
-            total = then(total, element)
-        count //= 2
-        element = then(element, element) if count else element
-    return total
 
 
 def angles(frame: Element) -> np.ndarray:
@@ -164,90 +151,3 @@ def angles(frame: Element) -> np.ndarray:
 
 def _symmetric(matrix):
     return (matrix + np.swapaxes(matrix, -1, -2)) / 2
-
-
-ROUNDS = 60
-DENSE = 40  # up to this size LAPACK is quicker
-BISECTIONS = 52
-
-
-def largest(diagonal, weight):
-    """Largest eigenvalue of `diag(d) + l l*` with `weight = |l|^2`; arrays `(..., M)`, the result `(...)`.
-
-    It is the root beyond max d of `sum weight/(x - d) = 1`. The reciprocal of the sum is concave and rises there
-    (Bunch, Nielsen, Sorensen 1978), so Newton from max(d + weight), below the root, climbs to it without a guard.
-    Accuracy: rounding.
-    """
-    x = (diagonal + weight).max(-1)
-    for _ in range(ROUNDS):
-        gap = x[..., None] - diagonal
-        gap = np.where((gap > 0) & (weight > 0), gap, np.inf)  # an entry without weight is an eigenvalue of its own
-        share = (weight / gap).sum(-1)
-        slope = (weight / gap**2).sum(-1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = np.where(slope > 0, share * (share - 1) / slope, 0.0)
-        x = x + np.maximum(step, 0)
-        if np.all(step <= 4 * np.finfo(float).eps * np.abs(x)):
-            break
-    return x
-
-
-def smallest_hermitian(diagonal, left, right):
-    """Smallest eigenvalue of the Hermitian part of `diag(d) + left right`.
-
-    d `(..., M)`, left `(..., M, r)`, right `(..., r, M)`, complex.
-    Small matrices go to LAPACK whole. Others are bisected: with `W = [left, right*]` the mixture's
-    Hermitian part is `W K W*`, K = [0 I; I 0]/2, and the number of eigenvalues below x is that of the d below x, plus
-    the positive ones of `K^-1 + W* (d - x)^-1 W`, less r (Haynsworth's inertia formula): O(M r^2) a step.
-    Accuracy: rounding of the largest entry.
-    """
-    if diagonal.shape[-1] <= DENSE:
-        matrix = left @ right
-        index = np.arange(diagonal.shape[-1])
-        matrix[..., index, index] += diagonal
-        return np.linalg.eigvalsh((matrix + np.swapaxes(matrix.conj(), -1, -2)) / 2)[..., 0]
-    return _bisect(diagonal.real, left, np.swapaxes(right.conj(), -1, -2))
-
-
-def some_below(diagonal, left, right, level):
-    """Whether the Hermitian part of `diag(d) + left right` has an eigenvalue below the level, `(...)`.
-
-    See `smallest_hermitian`, of whose work on a large matrix this is one of BISECTIONS steps.
-    """
-    return _counter(diagonal.real, left, np.swapaxes(right.conj(), -1, -2))[0](level)
-
-
-def _bisect(diagonal, left, right):
-    below, reach = _counter(diagonal, left, right)
-    low = diagonal.min(-1) - reach
-    high = diagonal.min(-1) + reach
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        found = below(middle)
-        low, high = np.where(found, low, middle), np.where(found, middle, high)
-    return (low + high) / 2
-
-
-def _counter(diagonal, left, right):
-    """A function of x that tells whether there is an eigenvalue below it, and how far they are from the diagonal at most."""
-    rank = left.shape[-1]
-    balance = (_size(right) / np.where(_size(left) > 0, _size(left), 1))[..., None, :] ** 0.25
-    balance = np.where(balance > 0, balance, 1)
-    W = np.concatenate([left * balance, right / balance], axis=-1)
-    pairs = W.conj()[..., :, None] * W[..., None, :]
-    inverse = 2 * np.roll(np.eye(2 * rank), rank, axis=0)
-    reach = np.sqrt(_size(left) * _size(right)).sum(-1)
-    floor = np.finfo(float).eps * (np.abs(diagonal).max(-1) + reach)[..., None]
-
-    def below(x):
-        gap = diagonal - x[..., None]
-        gap = np.where(np.abs(gap) < floor, floor, gap)  # too close to an entry to tell: within the accuracy stated
-        small = inverse + (pairs / gap[..., None, None]).sum(-3)
-        positive = (np.linalg.eigvalsh(small) > 0).sum(-1)
-        return (gap < 0).sum(-1) + positive - rank > 0
-
-    return below, reach
-
-
-def _size(columns):
-    return (np.abs(columns) ** 2).sum(-2)

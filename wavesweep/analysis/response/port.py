@@ -79,11 +79,6 @@ class Port:
         maps, sizes = (tuple(_some(each, alive) for each in parts) for parts in (self.maps, self.sizes))
         return replace(self, maps=maps, sizes=sizes, position=None if self.position is None else self.position[..., alive])
 
-    @property
-    def laws(self) -> int:
-        """Number of eigenvalues 1 that are left: none, since all that drifts is left out."""
-        return 0
-
 
 def port_of(drawn: Drawn, ports: Ports, drift: TickDrift) -> Port:
     """Return the loops as they are seen from their port.
