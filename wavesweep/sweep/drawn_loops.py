@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 
@@ -230,9 +230,10 @@ def _port(drawing, values, own, *, actual=True):
     """The port of one loop, or of a batch; actual: whether the loop's own numbers tell of its drift where twins do not."""
     ports = hand_of(drawing)
     drift, drawn = drift_of(drawing, values, own, watched=ports.signals), assembled(drawing, values)
-    own_drift = partial(drift_of, drawing, values, own, watched=ports.signals, actual=True) if actual else None
     with named_loops(drawn):
-        port = port_of(drawn, ports, drift, own_drift)
+        port = port_of(drawn, ports, drift)
+        if port.unsure.any():
+            return port_of(drawn, ports, drift_of(drawing, values, own, watched=ports.signals, actual=True)) if actual else port
         return replace(port, rest=_at_rest(tame_pair(drawing, values, own)[0], ports, drift))
 
 

@@ -1,6 +1,5 @@
 """Loops seen from the hand's port: a map per kind of tick, without the drift."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -88,16 +87,13 @@ class Port:
         return 0
 
 
-def port_of(drawn: Drawn, ports: Ports, drift: TickDrift, actual: Callable[[], TickDrift] | None = None) -> Port:
+def port_of(drawn: Drawn, ports: Ports, drift: TickDrift) -> Port:
     """Return the loops as they are seen from their port; NaN where the drift is none (see `opposed`), or may be none.
 
-    actual: gives the drift that is found with the loop's own numbers, if it is a single one; it is asked then.
     The displacement of a tick is the difference of two positions, so the position has to be a state alone: that of a plant.
     Errors: NoPositionError if it is not.
     """
     ticks, drift, unsure = _ticks(drawn, ports, drift)
-    if actual and unsure.any():
-        ticks, drift, unsure = _ticks(drawn, ports, actual())
     reads = ticks.maps[0].C[..., :1, :]
     if any(np.any(each.D[..., 0, :]) or np.any(each.C[..., :1, :] != reads) for each in ticks.maps):
         raise NoPositionError(f"[ports] hand: expected {OF_PLANT}, found {ports.position}")
