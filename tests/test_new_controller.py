@@ -1,4 +1,4 @@
-"""A controller from outside, in one function and one line of the registry: every analysis is right, against a march of its own.
+"""A controller from outside, in two functions and their names: every analysis is right, against a march of its own.
 
 The slow wall's held force reaches the device through a first-order low-pass at the fast rate.
 """
@@ -13,6 +13,9 @@ from wavesweep.controllers import CONTROLLERS
 from wavesweep.diagram.device import device
 from wavesweep.diagram.drawing import Diagram, hand, rates
 from wavesweep.diagram.filters import butterworth
+from wavesweep.loops.controllers import PAGES
+from wavesweep.loops.page import F_S, Page, Slow
+from wavesweep.loops.page import device as device_blocks
 
 KIND = "dc-filtered"
 
@@ -33,14 +36,24 @@ def dc_filtered(values) -> Diagram:
     )
 
 
+def filtered_page(values) -> Page:
+    """The same loop for its responses, in the language of drawn loops."""
+    slow, (blocks, wires, velocity) = Slow.of(values), device_blocks(values)
+    held, through, force = slow.in_place("wall", "wall.y")
+    smooth = {"type": "butterworth", "order": 1, "cutoff_hz": "filters.lp2.cutoff_hz"}
+    wires |= {"wall.u": F_S.format(x="device.x", v=velocity), "smooth.u": force, "device.f": "f_h - smooth.y"} | through
+    return Page(blocks | {"wall": slow.block(type="hold"), "smooth": smooth} | held, wires, "smooth.y")
+
+
 VALUES = values_of("dc-slow", ratio=8, delay=3, K_VE=120.0, B_VE=0.7, mass=0.12, damping=1.1, lp2_cutoff_hz=25.0)
 FREE, HELD = VALUES, VALUES | {"operator.stiffness": 300.0, "operator.mass": 0.05}
 
 
 @pytest.fixture(autouse=True)
 def registered(monkeypatch):
-    """The one line of the registry."""
+    """The lines of the registries."""
     monkeypatch.setitem(CONTROLLERS, KIND, dc_filtered)
+    monkeypatch.setitem(PAGES, KIND, filtered_page)
 
 
 def compiled(values):

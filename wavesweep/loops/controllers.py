@@ -11,7 +11,7 @@ from wavesweep.loops.page import drawing_of_page
 from wavesweep.loops.pmw import pmw, pmw_lm
 from wavesweep.spec.drawing import Drawing
 
-_PAGES = {"dc": dc, "dc-slow": dc_slow, "dc-lm": dc_lm, "pmw": pmw, "pmw-lm": pmw_lm}
+PAGES = {"dc": dc, "dc-slow": dc_slow, "dc-lm": dc_lm, "pmw": pmw, "pmw-lm": pmw_lm}
 _DECIDING = (
     *("rates.ratio", "environment.delay", "environment.integration", "device.velocity"),
     *("local_model.delay", "local_model.integration"),
@@ -30,4 +30,4 @@ def loop_drawing(values: Mapping[str, Any], varied: Iterable[str] = ()) -> Drawi
 
 @lru_cache(maxsize=256)
 def _drawing(kind, items):
-    return drawing_of_page(_PAGES[kind](dict(items)))
+    return drawing_of_page(PAGES[kind](dict(items)))
