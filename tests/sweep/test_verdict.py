@@ -108,12 +108,10 @@ def with_a_slow_part(stiffness, damping, slow, seconds):
 @pytest.mark.parametrize(
     ("stiffness", "slow", "seconds"), [(6800.0, 0.00831, 80.0), (680.0, 0.0831, 8.0), (50.0, 0.00831, 80.0)]
 )
-def test_a_slow_part_of_a_wall_is_felt_or_the_damping_is_not_known(stiffness, slow, seconds):
+def test_a_slow_part_of_a_wall_is_felt(stiffness, slow, seconds):
     """It takes `slow seconds` of the damping. Above its own frequency looks at 1.5 N*s/m agree, better than those below."""
     damping = wavesweep.verdict(with_a_slow_part(stiffness, 1.5, slow, seconds))["felt"]["damping"]
-    assert (damping is None) == (stiffness > 1000)
-    if damping is not None:
-        assert damping == pytest.approx(1.5 - slow * seconds, rel=2e-3)
+    assert damping == pytest.approx(1.5 - slow * seconds, rel=2e-3)
 
 
 def test_an_interval_that_ends_where_nothing_is_known_does_not_reach_the_end_of_the_range():

@@ -61,16 +61,19 @@ class Gain:
         Accuracy: as bounded (see `Dominant`), except if modes fail beyond 64 ticks: Lanczos' process ends at changes of 1e-13.
         """
         frequency = np.atleast_1d(np.asarray(frequency_hz, float))
+        unbounded = (self.loop.circle(frequency).frame == 0) & (self.loop.port.position is None)
+        gain, relative = np.full((*self.lost.shape, frequency.size), np.nan), np.zeros((*self.lost.shape, frequency.size))
+        points = self.loop.circle(frequency[~unbounded])
         width, n = max(1, POINTS // self.frame.ticks), self.frame.E[0].shape[-1]
-        points = self.loop.circle(frequency)
         with np.errstate(all="ignore"):
-            parts = [self.dominant.gain(points.at(slice(at, at + width))) for at in range(0, frequency.size, width)]
-            gain, error = (np.concatenate(part, axis=-1) for part in zip(*parts, strict=True))
-            self._improve(points, gain, error)
-            unbounded = (points.frame == 0) & (self.loop.port.position is None)
-            relative = np.where(unbounded, 0.0, error / gain + n * ROUNDING)
-        unknown = ~(relative < LOST) | self.lost[..., None]
-        return np.where(unknown | unbounded, np.nan, gain), np.where(unknown, np.nan, relative)
+            for at in range(0, points.frequency.size, width):
+                some, which = points.at(slice(at, at + width)), np.flatnonzero(~unbounded)[at : at + width]
+                value, error = self.dominant.gain(some)
+                self._improve(some, value, error)
+                off = error / value + n * ROUNDING
+                known = (off < LOST) & ~self.lost[..., None]
+                gain[..., which], relative[..., which] = (np.where(known, part, np.nan) for part in (value, off))
+        return gain, np.where(self.lost[..., None], np.nan, relative)
 
     def _improve(self, points, gain, error):
         """Replace the gains that the modes did not prove."""

@@ -81,7 +81,10 @@ def limit_of(loop: Lifted) -> tuple[np.ndarray, np.ndarray, AtRest]:
     if len(value) > 2:
         force = force + np.stack([slope[2], off_slope[2]])
     rest = loop.port.rest
-    if rest is None:
+    if rest is not None:  # what is not 0 with a loop's own numbers is not 0
+        far = [np.abs(each[0]) > each[1] for each in (position, np.where(rest.going, moved, force))]
+        rest = AtRest(rest.going, rest.silent & ~far[1], rest.rigid & ~far[0])
+    else:
         still, zero = np.abs(value[0]) <= off[0], [np.abs(each[0]) <= each[1] for each in (position, force, moved)]
         going = np.abs(value[0]) > off[0] + STILL * size[0]
         silent = np.where(going, zero[2], zero[1] & (force[1] <= NOTHING) & (len(value) > 1))
