@@ -111,3 +111,15 @@ def test_what_is_conserved_without_a_wall_does_not_move_a_hand_on_a_spring(kind)
     assert (rows.doubt.iloc[:3] == "").all()
     alone = loop.response([0.0, 1e-7, 250.0], K_VE=0.0)
     assert alone.worst_gain.tolist() == free.worst_gain.tolist()
+
+
+def test_two_singular_values_that_nearly_meet_are_told_apart():
+    """At a multiple of the slow rate, beside a constant force; the value is that next to the multiple."""
+    tables = {
+        "rates": {"fast_hz": 2000.0, "ratio": 100}, "controller": {"kind": "dc-slow"},
+        "device": {"mass": 0.035043, "damping": 0.074793, "velocity": "difference"},
+        "operator": {"mass": 0.091993, "stiffness": 1667.4185}, "environment": {"K_VE": 0.0, "B_VE": 0.00406, "delay": 28},
+    }  # fmt: skip
+    found = wavesweep.compile(tables).response([20.0, 20.0 + 1e-9])
+    assert found.worst_gain[0] == pytest.approx(found.worst_gain[1], rel=1e-10)
+    assert found.worst_gain[0] >= found.admittance_abs[0]

@@ -15,6 +15,7 @@ from wavesweep.lifted.rounding import ROUNDING
 
 DENSE = 64  # ticks up to which LAPACK's singular values of the whole matrix are the quicker way
 STEPS = 40  # of the Lanczos process beyond; it stops earlier when nothing moves any more
+FEWEST = 8  # steps before that, since the process may rest at another singular value first
 SETTLED = 1e-13  # relative change of a singular value that counts as none
 BLOCK = 2_000_000  # entries of one batch of matrices
 POINTS = 200_000  # ticks times frequencies at a time
@@ -142,15 +143,17 @@ class Whole:
             return own + (out @ (middle @ (np.swapaxes(into, -1, -2) @ v[..., None])))[..., 0]
 
         v = apply(np.ones((len(core), ticks), complex), back=True)
-        v, best = v / _norm(v) + 0.1 * np.hanning(ticks), 0.0
+        mixed = np.random.default_rng(0).normal(size=ticks)  # the same always, and a part of every singular vector
+        v, best = v / _norm(v) + mixed / _norm(mixed), 0.0
         basis, band, settled = [], [], np.zeros(len(core), bool)  # a point that has settled keeps its value
-        for _ in range(min(STEPS, ticks)):
+        for step in range(min(STEPS, ticks)):
             v = v / _norm(v)
             basis.append(v)
             band.append(apply(v, back=False))
             span = np.stack(band, axis=-1)
             value = np.sqrt(np.maximum(np.linalg.eigvalsh(np.swapaxes(span.conj(), -1, -2) @ span)[..., -1], 0))
-            best, settled = np.where(settled, best, value), settled | (np.abs(value - best) <= SETTLED * value)
+            still = (np.abs(value - best) <= SETTLED * value) & (step >= FEWEST)
+            best, settled = np.where(settled, best, value), settled | still
             if settled.all():
                 break
             v = apply(band[-1], back=True)
