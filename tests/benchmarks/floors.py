@@ -28,7 +28,7 @@ from wavesweep.bench import rivals, this_tool
 from wavesweep.bench.problems import PROBLEMS, bundles
 from wavesweep.library import frame
 from wavesweep.lifted import lift, open_ticks, periodic
-from wavesweep.sweep import any_number, drawn_task
+from wavesweep.sweep import drawn_task
 from wavesweep.sweep.tasks import keep_memory
 
 STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
@@ -89,8 +89,7 @@ def frames():
 
         return find(made, *given, **options)
 
-    for module in (any_number, drawn_task):
-        module.stable_along_any = partial(counted, module.stable_along_any)
+    drawn_task.stable_along_any = partial(counted, drawn_task.stable_along_any)
     for part, module, name in (
         ("ticks", lift, "growth"),
         ("ticks", periodic, "in_a_row"),

@@ -1,5 +1,6 @@
 """Loops in the form in which the prover takes them."""
 
+import numpy as np
 import pytest
 
 import wavesweep
@@ -15,7 +16,7 @@ def prove():
         spec = wavesweep.compile(tables).spec
         path = spec.names.find(number).path
         flat = dict(spec.values) | {spec.names.find(name).path: value for name, value in (values or {}).items()}
-        drift = drift_of(spec.drawing, flat | {path: 1.0}, dict(spec.values))
+        drift = drift_of(spec.drawing, flat | {path: np.array([1.0, 2.0])})
         return prove_column(spec.drawing, flat, path, span, len(drift.states) - len(drift.kept), **more)
 
     return proof

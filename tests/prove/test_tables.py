@@ -73,8 +73,8 @@ def _file(folder):
     return folder / "mine.toml"
 
 
-def test_a_controller_keeps_its_rows():
+def test_a_controller_is_proved_as_well():
     tables = {"controller": {"kind": "pmw"}, "sweep": {"K_VE": {"start": 0, "stop": 2000}, "B_VE": [1]}}
     table = sweep.intervals(load(tables), "K_VE", prove=True, jobs=1)
-    assert "proved" not in table.facts
-    assert any(notice.startswith("--prove is for loops that a spec draws") for notice in table.facts["notices"])
+    assert table.columns["certified"].all()
+    assert "proved" in table.facts

@@ -12,6 +12,5 @@ def loop_of(values) -> Lifted:
     drawing = loop_drawing(values)
     size = max((np.size(value) for value in values.values() if isinstance(value, np.ndarray)), default=1)
     read = {path: value for path, value in values.items() if path in drawing.reads}
-    own = {path: value.flat[0].item() if isinstance(value, np.ndarray) else value for path, value in values.items()}
-    ((_, port),) = ports_of_batch(drawing, read, own, size)
+    ((_, port),) = ports_of_batch(drawing, read, size)
     return Lifted.of(port)
