@@ -84,6 +84,7 @@ def limit_of(loop: Lifted) -> tuple[np.ndarray, np.ndarray, AtRest]:
     if rest is not None:  # what is not 0 with a loop's own numbers is not 0
         far = [np.abs(each[0]) > each[1] for each in (position, np.where(rest.going, moved, force))]
         rest = AtRest(rest.going, rest.silent & ~far[1], rest.rigid & ~far[0])
+        position = np.where(np.abs(value[0]) <= off[0], position, np.nan)  # it may be going
     else:
         still, zero = np.abs(value[0]) <= off[0], [np.abs(each[0]) <= each[1] for each in (position, force, moved)]
         going = np.abs(value[0]) > off[0] + STILL * size[0]
