@@ -12,7 +12,7 @@ from wavesweep.analysis.spectrum import radius_of, spectral_radius
 from wavesweep.diagram import CONTROLLERS, WALL, draw
 from wavesweep.diagram.assembly import FACTOR, PRODUCT, assembled
 from wavesweep.diagram.uneven import Uneven
-from wavesweep.errors import SpecError, UsageError
+from wavesweep.errors import SpecError
 from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.open_ticks import OpenTicks
 from wavesweep.lifted.periodic import ticks_of
@@ -147,8 +147,6 @@ def test_what_rates_that_do_not_divide_cannot_have_is_refused():
             spec_of("pmw", **tables)
     with pytest.raises(SpecError, match="a whole number <= 16"):
         spec_of("pmw", rates={"slow_hz": 60}, environment={"delay": 17})
-    with pytest.raises(UsageError, match="whose rates divide"):
-        wavesweep.zwidth(spec_of("pmw", rates={"slow_hz": 60}), hand="passive")
 
 
 @pytest.mark.parametrize("kind", CONTROLLERS)

@@ -161,7 +161,7 @@ def test_a_velocity_that_grows_in_free_space_is_unstable():
 def test_the_margin_of_a_drawn_loop_that_grows_too_much_is_missing():
     tables = free_mass(d=1.0)
     tables["wire"]["arm.f"], tables["numbers"]["kd"] = "hand - wall.y - kd*arm.v", 100.0
-    found = [wavesweep.compile(tables | {"numbers": tables["numbers"] | {"kd": kd}}).passivity() for kd in (100.0, 400.0)]
+    found = [wavesweep.compile(tables | {"numbers": tables["numbers"] | {"kd": kd}}).passivity() for kd in (100.0, 1e6)]
     assert [np.isnan(each.port_margin[0]) for each in found] == [False, True]
 
 

@@ -114,7 +114,7 @@ def close(cut: Cut, K, F) -> np.ndarray:
     eigenvalue 1 is a drift and is replaced by 0 (a delta of -1).
     """
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a frame that overflows is for the caller to see
-        K, F = (np.asarray(each, float)[..., None, None] for each in (K, F))
+        K, F = (np.asarray(each)[..., None, None] for each in (K, F))
         E, B, x, v = _whole(cut)
         read = (K * x + F * v) / (1 - K * cut.D[..., OFFSET : OFFSET + 1, :] - F * cut.D[..., V : V + 1, :])
         A = E + B * read

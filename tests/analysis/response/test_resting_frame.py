@@ -1,7 +1,5 @@
 """The stiffness felt of a number that is one gain of a frame, against responses at 0 Hz, which are computed another way."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -98,18 +96,6 @@ def test_a_loop_that_nothing_holds_is_not_told_by_its_frame():
     opened = open_loops.open_loops(loop.spec.drawing, dict(loop.spec.values), "K", felt=True)
     assert np.isnan(opened.at_rest.stiffness(np.zeros(3, int), np.array([0.0, 1.0, 20.0]))).all()
     assert loop.stable_intervals("K", (0, 100)).felt_high.tolist() == [0.0]
-
-
-def test_a_frame_that_grows_leaves_the_others_of_a_batch_as_they_are():
-    blocks, wires, force = coupling(np.random.default_rng(0))
-    wires = {**wires, "device.f": f"hand - ({force})"}
-    loop = wavesweep.compile(TABLES | {"block": {"device": DEVICE, **blocks}, "wire": wires, "ports": _ports(force)})
-    own = dict(loop.spec.values)
-    opened = open_loops.open_loops(loop.spec.drawing, own | {"numbers.b": np.array([25.0, 60.0])}, "K", felt=True)
-    at, K = np.arange(2), np.array([100.0, 100.0])
-    known = opened.at_rest.stiffness(at, K)
-    grown = replace(opened, frame=replace(opened.frame, growth=np.array([1.0, 2e3])))
-    np.testing.assert_array_equal(grown.at_rest.stiffness(at, K), [known[0], np.nan])
 
 
 def test_a_number_that_the_port_reads_too_is_one_gain_of_the_frame():
