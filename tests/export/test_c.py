@@ -166,7 +166,7 @@ def test_the_header_is_one_of_cpp_too(tmp_path):
 
 def test_constants_are_exact_and_the_state_is_one_struct():
     files = exported(wavesweep.load(experiment("pmw-lm", b=0.1)))
-    assert f"+ {(0.1).hex()} * z[ws_end_v]" in files["controller.c"]
+    assert f"+ {(0.1).hex()} * z[ws_encoder_v]" in files["controller.c"]
     assert "malloc" not in files["controller.c"]
     assert not re.search(r"^static (?!const|inline)[^(]*;", files["controller.c"], re.MULTILINE)
 

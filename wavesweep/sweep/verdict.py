@@ -34,6 +34,7 @@ NOTHING = 1e-9  # of the impedance over the highest frequency, what a damping of
 ROUGHLY = 1e-3  # of itself, what a damping may be off by that is worth a number
 
 
+@np.errstate(all="ignore")  # numbers that overflow are told from what they leave
 def verdict(spec: Spec) -> dict:
     """The verdict on the spec's own design as a JSON-able dict; a missing number is None.
 
