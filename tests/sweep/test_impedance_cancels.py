@@ -8,7 +8,6 @@ import pytest
 from stress.drawings import monodromy
 
 import wavesweep
-from wavesweep.diagram.assembly import assembled
 
 IMPEDANCES = 10.0 ** np.arange(-4, 15, 2)
 USUAL = (IMPEDANCES >= 1) & (IMPEDANCES < 1e5)
@@ -83,8 +82,8 @@ def test_a_spectral_radius_is_right_or_missing():
     known = np.isfinite(radii)
     np.testing.assert_allclose(np.array(radii)[known], radii[0], rtol=1e-3)
     assert known[:-1][1:][USUAL].all()
-    hidden = wavesweep.compile(line(1e15, 1e-6)).spectral_radius()
-    assert np.isnan(hidden)
+    truth, hidden = (wavesweep.compile(line(b, 1e-6)).spectral_radius() for b in (1.0, 1e15))
+    assert np.isnan(hidden) or hidden == pytest.approx(truth, rel=1e-9)
 
 
 def test_a_margin_at_the_port_is_right_or_missing():
@@ -177,7 +176,7 @@ def test_a_margin_of_ticks_that_cancel_each_other_is_right_or_missing(g):
         return wavesweep.passivity(gains(g, 3.0 / g, every=5) | {"sweep": {}})["port_margin"][0]
 
     truth, found = margin(1.0), margin(g)
-    assert np.isnan(found) if g > 1e6 else found == pytest.approx(truth, rel=1e-8)
+    assert (g > 1e6 and np.isnan(found)) or found == pytest.approx(truth, rel=1e-8)
 
 
 def two_lines(b, c, every, integration, wall, device):
@@ -219,7 +218,7 @@ def test_usual_lines_in_a_row_are_certified(along, stop, loop):
 
     def radius(value):
         spec = wavesweep.compile(tables | {"numbers": tables["numbers"] | {along: value}}).spec
-        z = np.linalg.eigvals(monodromy(assembled(spec.drawing, spec.values)))
+        z = np.linalg.eigvals(monodromy(spec.drawing, spec.values))
         return np.abs(z[np.abs(z - 1) > 1e-6]).max()
 
     end = found["high"][0]
