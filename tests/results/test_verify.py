@@ -61,7 +61,7 @@ def test_results_as_they_were_written_have_no_differences(kind, tmp_path):
         publish(table, tmp_path)
     found = verify(tmp_path)
     assert found.differences == ()
-    assert len([text for text in found.checked if text.endswith("computed again, equal to the bit")]) == len(tables)
+    assert len([text for text in found.checked if "computed again, equal to " in text]) == len(tables)
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +111,7 @@ def change_a_number(folder):
     """In both files, with the hashes of the changed files in the package."""
     columns, facts = results.read(folder / "zwidth.parquet"), package_of(folder)["wavesweep"]
     columns["high"] = columns["high"].copy()
-    columns["high"][5] = np.nextafter(columns["high"][5], 0)
+    columns["high"][5] *= 1 - 1e-8
     publish(Table.of("zwidth", columns, facts), folder)
 
 
