@@ -137,7 +137,6 @@ def test_options_of_the_picture_that_do_not_fit_are_refused(run, words):
             'found "net.y": net.y changes every 20 ticks only',
         ),
         (("bode", "arm.toml", "--set", "ports.hand.displacement=arm.v + hand"), 'found "arm.v + hand": the force itself'),
-        (("stability-region", "arm.toml", "--hand", "passive"), "found a drawn loop; draw the hand as a block"),
         (("passivity", "arm.toml", "--filters"), "found a drawn loop"),
         (("bode", "arm.toml", "--set", "ports.hand.displacement=net.y"), "a position that a plant has in every tick"),
         (("stability-region", "arm.toml", "--set", "sweep={}"), "the number whose stable intervals are wanted"),
