@@ -1,6 +1,7 @@
 """The drift of a loop that is assembled tick by tick, and frames without it."""
 
 from dataclasses import dataclass, replace
+from math import prod
 
 import numpy as np
 
@@ -164,7 +165,7 @@ def _copies(ticks):
     """State -> the states that take over its value in some kind of tick, and keep theirs in all others."""
     n, rows = len(ticks.states), [[] for _ in ticks.states]
     for each in ticks.maps:
-        E, driven = each.E.reshape(-1, n, n), np.any(each.B, axis=(*range(each.B.ndim - 2), -1))
+        E, driven = each.E.reshape(prod(each.E.shape[:-2]), n, n), np.any(each.B, axis=(*range(each.B.ndim - 2), -1))
         alike = (E[0] == E).all((0, 2)) & ~driven
         for state in range(n):
             rows[state].append(E[0, state] if alike[state] else None)
