@@ -371,11 +371,11 @@ def test_the_front_can_be_checked_for_every_hand_of_a_box(run, tmp_path):
 
 
 def test_a_hand_of_the_box_that_ends_a_wall_sooner_counts(run, tmp_path, monkeypatch):
-    def sooner(_self, values, _along, span):
+    def sooner(_self, loop, _along, span):
         found = np.zeros(1, HAND_RECORD)
         found["intervals"], found["high"], found["settled"] = (
             1,
-            span[1] * (0.5 if values["environment.B_VE"] == 5 else 0.8),
+            span[1] * (0.5 if loop.values["environment.B_VE"] == 5 else 0.8),
             True,
         )
         return found
