@@ -6,10 +6,11 @@ I + E, which keeps the distance of slow poles from 1 in all its digits, and repe
 
 from collections.abc import Sequence
 from functools import lru_cache, partial
-from itertools import pairwise
 from math import prod
 
 import numpy as np
+
+from wavesweep.lifted.periodic import in_a_row
 
 ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
 ENTRIES = 4 * np.finfo(float).eps  # of the terms of an entry of a tick, relative
@@ -27,7 +28,7 @@ def product_of(kind: np.ndarray, changes: Sequence[np.ndarray], *, ramp: bool = 
 
     def of_part(part):
         ticks = [(each[part], 1) for each in _spread(changes)]
-        return _in_a_row(kinds, ticks, partial(_after, ramp))[0]
+        return in_a_row(kinds, ticks, partial(_after, ramp))[0]
 
     with np.errstate(all="ignore"):
         return np.where(still, -np.eye(*still.shape), _in_parts(of_part, changes))
@@ -48,7 +49,7 @@ def product_with_errors(
         ticks = []
         for E, size in zip(_spread(changes), _spread(sizes), strict=True):
             ticks.append(((E[part], 1), *_largest(E[part]), ENTRIES * _over_batch(size[part])))
-        (E, _), *_, dE = _in_a_row(kinds, ticks, partial(_after_with_errors, ramp))
+        (E, _), *_, dE = in_a_row(kinds, ticks, partial(_after_with_errors, ramp))
         return np.stack([E, np.broadcast_to(dE, E.shape)], axis=-3)
 
     with np.errstate(all="ignore"):
@@ -72,7 +73,7 @@ def pattern_of(kind: np.ndarray, changes: Sequence[np.ndarray], *, ramp: bool = 
 def _pattern(patterns, kinds, n, width):
     maps = [np.vstack([np.frombuffer(each, bool).reshape(n, width), np.eye(width, dtype=bool)[n:]]) for each in patterns]
     kinds = np.frombuffer(kinds, np.int64).tolist()
-    found = _in_a_row(kinds, maps, lambda one, other: (other.astype(float) @ one) > 0)
+    found = in_a_row(kinds, maps, lambda one, other: (other.astype(float) @ one) > 0)
     found = np.ascontiguousarray(found[:n])
     found.flags.writeable = False
     return found
@@ -123,67 +124,6 @@ def _largest(E):
 
 def _over_batch(size):
     return size.max(tuple(range(size.ndim - 2)))
-
-
-def _in_a_row(kinds, maps, joined):
-    """The maps of a sequence of kinds joined in a row; what does not repeat is joined two by two."""
-    row = _stretches(kinds, maps, joined)
-    while len(row) > 1:
-        row = [joined(*row[at : at + 2]) if at + 1 < len(row) else row[at] for at in range(0, len(row), 2)]
-    return row[0]
-
-
-def _stretches(kinds, maps, joined):
-    """The maps of the longest stretches of a sequence of kinds that repeat, and of the rest between them, in a row."""
-    pairs, rest = _plan(np.asarray(kinds, np.int64).tobytes())
-    known = dict(enumerate(maps))
-    for name, (first, second) in pairs:
-        known[name] = joined(known[first], known[second])
-    return [known[name] for name in rest]
-
-
-@lru_cache(maxsize=256)
-def _plan(kinds: bytes):
-    """Names for pairs of neighbours that occur more than once, and the sequence written with them.
-
-    The most frequent pair is replaced again and again (N. J. Larsson, A. Moffat, Proc. IEEE 88, 2000); a run of equal ticks
-    becomes its powers of two, and a pattern that recurs is joined once.
-    """
-    sequence = np.frombuffer(kinds, np.int64).tolist()
-    pairs, name = [], 1 + max(sequence)
-    while len(sequence) > 1:
-        pair, count = _most_frequent(sequence)
-        if count < 2:
-            break
-        sequence = _replaced(sequence, pair, name)
-        pairs.append((name, pair))
-        name += 1
-    return tuple(pairs), tuple(sequence)
-
-
-def _most_frequent(sequence):
-    """The pair of neighbours that occurs most often without overlap, the first of several, and its count."""
-    counts, last = {}, {}
-    for at, pair in enumerate(pairwise(sequence)):
-        if last.get(pair) == at - 1 and pair[0] == pair[1]:
-            last.pop(pair)
-            continue
-        last[pair] = at
-        counts[pair] = counts.get(pair, 0) + 1
-    pair = max(counts, key=counts.get)
-    return pair, counts[pair]
-
-
-def _replaced(sequence, pair, name):
-    found, at = [], 0
-    while at < len(sequence):
-        if at + 1 < len(sequence) and (sequence[at], sequence[at + 1]) == pair:
-            found.append(name)
-            at += 2
-        else:
-            found.append(sequence[at])
-            at += 1
-    return found
 
 
 def _spread(matrices):
