@@ -112,15 +112,13 @@ def bundles(spec: Spec) -> Iterator[Bundle]:
     """Draw and compile the loops of all columns, the first step of every method."""
     axis, others = sweep_axes(spec, "K_VE")
     grid = make_grid(spec, others, axis.path)
-    B = grid.wall_values()["environment.B_VE"]
     changes = grid.loop_values(np.arange(grid.loops))
-    column = np.empty(grid.loops * grid.walls, int)
+    B = np.broadcast_to(changes.get("environment.B_VE", spec.values["environment.B_VE"]), grid.loops)
+    column = np.empty(grid.loops, int)
     column[grid.slice_of(np.arange(grid.size))] = np.arange(grid.size)
     for members, values in groups(spec, changes, grid.loops):
         cut = with_batch(cut_at_wall(draw(values)), members.size)
-        owner = np.repeat(np.arange(members.size), B.size)
-        own = (members[:, None] * B.size + np.arange(B.size)).ravel()
-        yield Bundle(column[own], cut, owner, np.tile(B, members.size))
+        yield Bundle(column[members], cut, np.arange(members.size), B[members])
 
 
 def digest(spec: Spec) -> str:
