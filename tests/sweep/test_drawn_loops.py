@@ -1506,14 +1506,13 @@ BEYOND = [
 ]
 
 
+@pytest.mark.xfail(strict=True, reason="bounds on rounding leave these ranges in doubt")
 @pytest.mark.parametrize(("every", "numbers"), BEYOND)
 def test_a_range_that_goes_on_far_beyond_the_stable_values_is_certified(every, numbers):
     """Frames grow by up to 10^200 there, which gives the states units in which other frames have entries as large."""
     loop = wavesweep.compile(camera_and_policy(*every, **numbers))
     found = loop.stable_intervals("kd", (0.0, 400.0))
-    assert found["intervals"].tolist() == [1]
-    if not found.certified.all():
-        pytest.xfail("bounds on rounding leave this range in doubt")
+    assert (found.certified.tolist(), found["intervals"].tolist()) == ([True], [1])
     ends = found[["low", "high"]].to_numpy()[0]
     inside, outside = (
         loop.spectral_radius(kd=ends * (1 + step)) for step in (np.array([1e-7, -1e-7]), np.array([-1e-7, 1e-7]))
@@ -1547,6 +1546,7 @@ def test_chains_of_many_slow_modes_are_certified(masses, along, span):
     assert stable.tolist() == [any(low < each < high for low, high in zip(found.low, found.high, strict=True)) for each in p]
 
 
+@pytest.mark.xfail(strict=True, reason="bounds on rounding leave this range in doubt")
 def test_a_smith_predictor_is_certified_over_five_decades_of_its_time_constant():
     """Its two delays are a chain of 40, whose eigenvalues are not known; far beyond the stable values traces tell."""
     late, plant = {"type": "delay", "steps": 20}, {"type": "tf", "num": [1], "den": ["tau*tau", "tau", 1]}
@@ -1572,8 +1572,7 @@ def test_a_smith_predictor_is_certified_over_five_decades_of_its_time_constant()
     }
     loop = wavesweep.compile(tables)
     found = loop.stable_intervals("tau", (1e-4, 10.0))
-    if not found.certified.all():
-        pytest.xfail("bounds on rounding leave this range in doubt")
+    assert found.certified.all()
     tau = np.geomspace(1.01e-4, 9.9, 60)
     assert [any(low < each < high for low, high in zip(found.low, found.high, strict=True)) for each in tau] == (
         loop.spectral_radius(tau=tau) < 1

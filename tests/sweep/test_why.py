@@ -73,12 +73,17 @@ def dimension(rows, powers):
     return sum(power * known.get(number, 0.0) for number, power in powers.items())
 
 
+IN_DOUBT = (9, 14, 19)  # seeds of loops that are not certified
+
+
 @pytest.mark.parametrize("seed", [*range(12), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(12, 150))])
 def test_units_decide_sums_of_elasticities(seed):
     """A stiffness has the unit kg/s^2, so it is homogeneous in all numbers: no formula is shared with the derivatives."""
     table = wavesweep.compile(nested(random_values(seed))).sensitivity()
-    if not table.certified.all():
-        pytest.xfail("this loop is left in doubt")
+    if seed in IN_DOUBT:
+        assert not table.certified.all()
+        return
+    assert table.certified.all()
     for _, rows in table[table.limit != 0].groupby(["interval", "end", "crossing", "quantity"]):
         assert dimension(rows, MASS) == pytest.approx(1, abs=1e-9)
         assert dimension(rows, RATE) == pytest.approx(2, abs=1e-9)
