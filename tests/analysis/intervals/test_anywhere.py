@@ -319,8 +319,14 @@ def test_an_end_that_rounding_of_the_frame_moves_too_far_is_not_certified():
     assert row.doubt == "search"
 
 
+IN_DOUBT = pytest.mark.xfail(strict=True, reason="bounds on rounding leave this loop in doubt")
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize(("hz", "mass", "k", "every"), [(440e3, 11.0, 0.238, 10), (294e3, 4.59, 20.9, 2), (1e3, 0.3, 100.0, 2)])
+@pytest.mark.parametrize(
+    ("hz", "mass", "k", "every"),
+    [pytest.param(440e3, 11.0, 0.238, 10, marks=IN_DOUBT), (294e3, 4.59, 20.9, 2), (1e3, 0.3, 100.0, 2)],
+)
 def test_ends_of_slow_loops_are_right_where_the_frame_is_large_beside_its_eigenvalues(hz, mass, k, every):
     """A mass on a spring that is read late: in 60 digits the pair leaves the circle where 1 - c2 + c1 c3 - c3^2 vanishes."""
     spec, about = late_spring(hz, mass, k, every)
@@ -344,8 +350,7 @@ def test_ends_of_slow_loops_are_right_where_the_frame_is_large_beside_its_eigenv
 
         exact = mpmath.findroot(leaves, (about * 0.99, about * 1.01), solver="anderson", tol=1e-100, maxsteps=400, verify=False)
     row = wavesweep.compile(spec).stable_intervals("d", (0, 10 * about)).iloc[0]
-    if not row.certified:
-        pytest.xfail("bounds on rounding leave this loop in doubt")
+    assert row.certified
     assert row.low == pytest.approx(float(exact), rel=1e-10, abs=0)
 
 
