@@ -15,6 +15,7 @@ from wavesweep.lifted.rounding import hidden_in, measured_frame, radius_hidden
 
 SAME = 1e-12  # relative difference of two factors of a shift, up to which it does not depend on the numbers
 ALIKE = 64 * np.finfo(float).eps  # of the terms of a sum, what rounding may leave of it
+NEGLIGIBLE = 1e-10  # of the largest entry of a row, up to which an entry of that size may be set to 0
 SOLVED = 1e-6  # of the terms of equations for a shift, up to which a remainder is rounding
 ROUNDED = 1e3  # roundings of the largest unknown, or right side, that may be left of any equation
 
@@ -139,10 +140,16 @@ def _counted(block, groups, leads, copies):
             for part, sign in ((parts, -1.0), (sizes, 1.0)):
                 part[0], part[1] = (_row_set(each, index, sign * each[..., lead, :]) for each in part[:2])
                 part[0][..., index, index] += sign * np.abs(before[..., index, index])
-    E, B, C = (np.where(np.abs(part) <= ALIKE * size, 0.0, part) for part, size in zip(parts, sizes, strict=True))
+    E, B, C = (_cleaned(part, ALIKE * size) for part, size in zip(parts, sizes, strict=True))
     E[..., leads] = 0.0  # nothing opposes a drift
     sizes = [np.where(part == 0, 0.0, size) for part, size in zip((E, B, C), sizes, strict=True)]
     return replace(block, E=E, B=B, C=C, terms=(*sizes, block.terms[3]))
+
+
+def _cleaned(part, rounding):
+    """The part without what is rounding of its terms, if rounding is small beside the row: else an entry may be lost in it."""
+    least = NEGLIGIBLE * np.abs(part).max(-1, keepdims=True, initial=0.0)
+    return np.where((np.abs(part) <= rounding) & (rounding <= least), 0.0, part)
 
 
 def _row_added(part, row, other, factor):
