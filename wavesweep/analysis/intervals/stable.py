@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.analysis.doubt import COUNTS, CROWDED, NONE, OVERFLOW
+from wavesweep.analysis.doubt import COUNTS, CROWDED, NONE, OVERFLOW, ROUNDING
 from wavesweep.analysis.intervals.arcs import arc_crossings
 from wavesweep.analysis.intervals.boundary import K_VE
 from wavesweep.analysis.intervals.crossings import crossings, sampled_polynomial, warp_scale
@@ -12,12 +12,14 @@ from wavesweep.analysis.intervals.regions import Regions, cut_span, regions
 from wavesweep.analysis.rows import Rows
 from wavesweep.analysis.spectrum import count_outside
 from wavesweep.lifted.cut import ADVANCE, ERRORS, OFFSET, PARTS, Cut, V
+from wavesweep.lifted.periodic import size_of
 from wavesweep.lifted.rounding import balance
 
 MOST_STATES = 64  # states; the coefficients of a polynomial of a higher degree have lost the digits that a proof needs
 UNEVEN, SWEEPS = 1e6, 12  # size of an entry, from which on the states get other units; sweeps of that
 HELPFUL = 1e-3  # of the largest entry, below which it has to be in these
 BEYOND_ORDER, TRACE_ROUNDING = 1.001, 1e-8  # of the number of eigenvalues, and of its terms, what a trace has to exceed
+ROUGH = 1e-6  # of the entries of a frame, errors that may hide a crossing
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +221,16 @@ def _by_arcs(cut, owner, along, fixed, span):
 def _judged(cut, owner, along, fixed, span, found) -> tuple[Regions, np.ndarray]:
     """Return the regions between the crossings, and the doubt of each column."""
     parts = regions(cut, owner, along, fixed, span, found)
-    return parts, doubts_of(parts, np.where(found.complete, NONE, CROWDED))
+    parts_doubt = doubts_of(parts, np.where(found.complete, NONE, CROWDED))
+    return parts, np.where(_is_rough(cut)[owner], np.maximum(parts_doubt, ROUNDING), parts_doubt)
+
+
+def _is_rough(cut):
+    """Whether errors of the entries of a frame, in no units of the states small, may hide a crossing that none points to."""
+    E, dE = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (np.abs(cut.E), cut.dE))
+    with np.errstate(all="ignore"):
+        error = np.sqrt((dE * np.swapaxes(E + dE, -1, -2)).max((-1, -2), initial=0.0))
+    return error > ROUGH * np.maximum(1.0, size_of(E))
 
 
 def doubts_of(parts: Regions, doubt) -> np.ndarray:
@@ -307,14 +318,21 @@ def trace_excludes_stability(cut: Cut, owner, along: str, fixed, span):
         base = cut.order + np.trace(cut.E, axis1=-2, axis2=-1)
         gain = (cut.C * np.swapaxes(cut.B, -1, -2)).sum(-1)
         x, v = gain[..., OFFSET] + (cut.D[..., ADVANCE, 0] if cut.integrates else 0), gain[..., V]
+        errors = (cut.dC * np.abs(np.swapaxes(cut.B, -1, -2)) + np.abs(cut.C) * np.swapaxes(cut.dB, -1, -2)).sum(-1)
+        dx, dv = errors[..., OFFSET] + (cut.dD[..., ADVANCE, 0] if cut.integrates else 0), errors[..., V]
+        off = np.trace(cut.dE, axis1=-2, axis2=-1)
         through_x, through_v = cut.D[..., OFFSET, 0], cut.D[..., V, 0]
-        traces, sizes, through = [], [], []
+        traces, sizes, missed, through = [], [], [], []
         for end in span:
             K, B = (end, fixed) if along == K_VE else (fixed, end)
             through.append(1 - K * through_x[owner] - B * through_v[owner])
             traces.append(base[owner] + (K * x[owner] + B * v[owner]) / through[-1])
-            sizes.append(np.abs(base[owner]) + (np.abs(K * x[owner]) + np.abs(B * v[owner])) / np.abs(through[-1]))
+            part = (np.abs(K * x[owner]) + np.abs(B * v[owner])) / np.abs(through[-1])
+            sizes.append(np.abs(base[owner]) + part)
+            lost = np.abs(K) * cut.dD[..., OFFSET, 0][owner] + np.abs(B) * cut.dD[..., V, 0][owner]
+            missed.append(off[owner] + (np.abs(K) * dx[owner] + np.abs(B) * dv[owner] + part * lost) / np.abs(through[-1]))
         beyond = [
-            np.abs(t) > np.maximum(BEYOND_ORDER * cut.order, TRACE_ROUNDING * s) for t, s in zip(traces, sizes, strict=True)
+            np.abs(t) - more > np.maximum(BEYOND_ORDER * cut.order, TRACE_ROUNDING * s)
+            for t, s, more in zip(traces, sizes, missed, strict=True)
         ]
         return beyond[0] & beyond[1] & (traces[0] * np.sign(traces[1]) > 0) & (through[0] * through[1] > 0)
