@@ -66,7 +66,10 @@ def test_units_of_the_states_do_not_matter(kind, along):
     """States counted in units that differ by 2^60, as those of a transfer function do; the same intervals, certified."""
     cut = cut_of(random_values(3, kind))
     units = 2.0 ** np.linspace(-30, 30, cut.E.shape[-1]).round()
-    other = replace(cut, E=cut.E * (units / units[:, None]), B=cut.B / units[:, None], C=cut.C * units)
+    ratio, column = units / units[:, None], units[:, None]
+    other = replace(
+        cut, E=cut.E * ratio, B=cut.B / column, C=cut.C * units, dE=cut.dE * ratio, dB=cut.dB / column, dC=cut.dC * units
+    )
     assert np.abs(other.E).max() > stable.UNEVEN
     found, same = (stable_intervals(each, along, (0, 2e4), np.array([[0.5, 5.0]])) for each in (other, cut))
     assert same.certified.all()

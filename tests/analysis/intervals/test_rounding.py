@@ -76,8 +76,6 @@ def test_what_a_nearly_ill_posed_loop_lost_is_known():
     found = intervals_of(values, "B_VE", span=(0, 1e4), fixed=0.0)
     assert found.high[0] != pytest.approx(9.13373879055516, rel=1e-6)
     assert not found.certified.any()
-    assert cut_of(values).condition > 1e11
-    assert cut_of(values_of("pmw-lm")).condition < 16
 
 
 def test_states_of_very_different_size_cost_no_digits():
