@@ -9,7 +9,6 @@ from stress.drawings import monodromy
 from support.drawn import random_network, random_tables
 
 import wavesweep
-from wavesweep.diagram.assembly import assembled
 from wavesweep.prove.columns import precision
 from wavesweep.prove.crossings import count_outside, crossings
 from wavesweep.prove.polynomials import Budget, Family, Part, bernstein, chebyshev
@@ -25,7 +24,7 @@ def test_a_frame_has_the_eigenvalues_of_the_loop_run_block_by_block(tables):
     spec = wavesweep.compile(tables).spec
     with precision(128):
         found = np.linalg.eigvals(floats(Loop(spec.drawing, spec.values, "k").frame(arb(spec.values["numbers.k"]))[0]))
-    expected = np.linalg.eigvals(monodromy(assembled(spec.drawing, dict(spec.values))))
+    expected = np.linalg.eigvals(monodromy(spec.drawing, dict(spec.values)))
     for one, other in ((found, expected), (expected, found)):
         assert all(np.abs(other - z).min() < 1e-9 for z in one[np.abs(one) > 1e-2])
 

@@ -235,6 +235,7 @@ def count_outside(E, dE=None):
     return count, clear
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _count_outside(E):
     """Return the number of eigenvalues of `I + E` outside the unit circle, and whether none lies within rounding of it.
 

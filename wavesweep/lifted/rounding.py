@@ -176,6 +176,7 @@ def _cancelled(terms, row, column, little):
     return np.where(np.isnan(found), np.inf, found)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def balance(E, sweeps: int = BALANCING):
     """Return E in units of the states that give its rows and columns similar sizes, and these units (Osborne 1960).
 

@@ -125,17 +125,18 @@ def page(design: Design, values) -> Page:
     """Write the page of the same loop, in the language of drawn loops."""
     whole = (pmw if design.name == PLAIN else pmw_lm)(values)
     blocks, wires = dict(whole.blocks), dict(whole.wires)
-    end, v_1, v_2 = wires["end.in"], "avatar.out", "late.y" if "late" in blocks else "lp2.y"
+    end, v_2 = wires["encoder.in"], "v_2.y" if "v_2" in blocks else "lp2.y"
+    v_1 = end.split(" + ")[0]
     if design.name == SCALED:
-        wires["end.in"] = end.replace(v_1, f"{0.5**0.5!r}*{v_1}").replace(v_2, f"{0.5**0.5!r}*{v_2}")
+        wires["encoder.in"] = end.replace(v_1, f"{0.5**0.5!r}*{v_1}").replace(v_2, f"{0.5**0.5!r}*{v_2}")
     if not design.order:
         return replace(whole, wires=wires)
     keys = {"type": "butterworth", "order": design.order, "cutoff_hz": design.cutoff_hz}
     blocks |= {"f1": keys | {"pass": "low"}, "f2": keys | {"pass": "high"}}
-    wires |= {"f1.u": v_1, "end.in": end.replace(v_1, "f1.y").replace("lp2.y", "f2.y")}
+    wires |= {"f1.u": v_1, "encoder.in": end.replace(v_1, "f1.y").replace("lp2.y", "f2.y")}
     wires["f2.u"] = "lp2.y" if design.name == BEHIND else "local.out"
-    if "late" in blocks:
-        wires["late.u"] = "f2.y"
+    if "v_2" in blocks:
+        wires["v_2.u"] = "f2.y"
     if design.name != BEHIND:
         del blocks["lp2"], wires["lp2.u"]
     return Page(blocks, wires, whole.reaction)
