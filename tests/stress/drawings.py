@@ -50,7 +50,7 @@ def monodromy(drawing, values):
             z[force] = program.wall.force(z[depth], z[speed])[0]
             run(program.second, z)
         keep(program, z)
-    return np.array([z[place] for place in kept])
+    return np.array([np.broadcast_to(z[place], len(kept)) for place in kept])
 
 
 def verdict(spec, changes):

@@ -240,6 +240,7 @@ def _with_moment(columns):
     return np.concatenate([columns, np.zeros_like(columns[..., 1:])], axis=-1)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a frame that overflows is for the caller to see
 def cut_of(frame: OpenFrame, drift: TickDrift, read: int = 1, *, conserved: bool = False) -> Cut | None:
     """Return the loop cut at the numbers of such a frame; None if its drift is none that a cut keeps.
 

@@ -81,7 +81,7 @@ def _turns(loop, delta):
     if loop is None:
         return 0
     E, shown = shown_in_ticks(loop)
-    return strongest_turns(E, shown, delta) if np.isfinite(E).all() and np.isfinite(shown).all() else 0
+    return strongest_turns(E, shown, delta) if E.size and np.isfinite(E).all() and np.isfinite(shown).all() else 0
 
 
 def line_hz(spec: Spec, omega: float) -> float:
