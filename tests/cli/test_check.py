@@ -153,7 +153,7 @@ def test_a_block_that_nothing_reads_is_named(wavesweep, tmp_path, monkeypatch):
         assert ("nothing reads g, which counts for stability all the same" in out) == said
 
 
-def test_a_motion_that_nothing_brakes_is_said_to_be_why_no_interval_is_certified(wavesweep, tmp_path, monkeypatch):
+def test_a_motion_that_nothing_brakes_leaves_a_design_unknown(wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     masses = '[block.a]\ntype = "mass"\nmass = 0.3\n[block.b]\ntype = "mass"\nmass = 0.5\n'
     wires = '"a.f" = "kp*b.x - kp*a.x + 2*b.v - 2*a.v"\n"b.f" = "kp*a.x - kp*b.x + 2*a.v - 2*b.v"\n'
@@ -161,5 +161,4 @@ def test_a_motion_that_nothing_brakes_is_said_to_be_why_no_interval_is_certified
     for text, said in ((spec, True), (spec.replace("mass = 0.5", "mass = 0.5\ndamping = 0.1"), False)):
         (tmp_path / "free.toml").write_text(text)
         out = wavesweep("check", "free.toml")[1]
-        assert ("  not set aside: a steady motion along the drift, with a v at any value" in out) == said
         assert ("not known whether it is stable" in out) == said

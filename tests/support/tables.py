@@ -1,16 +1,23 @@
-"""Tables as mappings of columns, compared to the bit."""
+"""Tables as mappings of columns, compared to the bit or to a relative difference."""
 
 import numpy as np
 
 
-def same(found, expected):
-    """Assert that two tables have the same columns in the same order, equal to the bit, NaN being equal to NaN."""
+def same(found, expected, rtol=0.0):
+    """Assert that two tables have the same columns in the same order, NaN being equal to NaN; rtol: 0 for equal to the bit.
+
+    The residuals are roundings: without an equal bit there is nothing to compare.
+    """
     assert list(found) == list(expected)
     for name, column in expected.items():
         assert found[name].dtype == column.dtype, name
         if column.dtype == np.float64:
             assert np.array_equal(np.isnan(found[name]), np.isnan(column)), name
             known = ~np.isnan(column)
+            if rtol:
+                if name != "residual":
+                    np.testing.assert_allclose(found[name][known], column[known], rtol=rtol, err_msg=name)
+                continue
             assert found[name][known].tobytes() == column[known].tobytes(), name
         else:
             assert found[name].tolist() == column.tolist(), name

@@ -230,7 +230,7 @@ def _is_rough(cut):
     E, dE = (np.broadcast_to(part, (*cut.batch, *part.shape[-2:])) for part in (np.abs(cut.E), cut.dE))
     with np.errstate(all="ignore"):
         error = np.sqrt((dE * np.swapaxes(E + dE, -1, -2)).max((-1, -2), initial=0.0))
-    return error > ROUGH * np.maximum(1.0, size_of(E))
+        return error > ROUGH * np.maximum(1.0, size_of(E))
 
 
 def doubts_of(parts: Regions, doubt) -> np.ndarray:
