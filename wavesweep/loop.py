@@ -9,21 +9,18 @@ from math import isnan
 import numpy as np
 
 from wavesweep.analysis.given import real_numbers
-from wavesweep.diagram import draw
-from wavesweep.diagram.assembly import first_of
+from wavesweep.diagram.assembly import assembled, first_of
 from wavesweep.diagram.drawn import Drawn
 from wavesweep.drawn_loop import DrawnLoop, refuse_infinite
 from wavesweep.errors import UsageError
-from wavesweep.lifted.at_wall import cut_at_wall
-from wavesweep.lifted.cut import Cut
 from wavesweep.lifted.tick_drift import drift_of_drawn
 from wavesweep.spec import SYMBOLS, Axis, Spec, load
 from wavesweep.spec.axes import NARROWEST_SPAN
 from wavesweep.spec.checking import nearest
 from wavesweep.spec.loading import naming
 from wavesweep.spec.resolving import LIMITS
-from wavesweep.sweep.drawn_loops import refuse_singular
-from wavesweep.sweep.grid import keys_of, loop_of, make_grid, no_controller
+from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
+from wavesweep.sweep.grid import keys_of, make_grid, own_loop
 
 
 def compile(source) -> "Loop | DrawnLoop":  # noqa: A001 - the name that the interface gives it
@@ -33,11 +30,8 @@ def compile(source) -> "Loop | DrawnLoop":  # noqa: A001 - the name that the int
         refuse_infinite(source)
         return DrawnLoop(source, drift_of_drawn(first_of(source), first_of(source, -1)))
     spec = source if isinstance(source, Spec) else load(source)
-    if drawing := loop_of(spec):
-        refuse_singular(spec, drawing)
-        return Loop(spec, None, keys_of(spec))
-    diagram = draw(spec.values)
-    return Loop(spec, cut_at_wall(diagram), keys_of(spec))
+    refuse_singular(spec, own_loop(spec)[0])
+    return Loop(spec, keys_of(spec))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,21 +46,17 @@ class Loop:
     """
 
     spec: Spec
-    cut: Cut | None
     read: frozenset[str]
 
     def __repr__(self) -> str:
         """The controller, the order and the frame, and the numbers that the loop reads by their symbols."""
-        if self.spec.drawing:
-            numbers = ", ".join(f"{name} = {self.spec.values[path]:g}" for name, path in self.spec.names.symbols.items())
-            return f"<Loop {self.spec.name}: {len(self.spec.drawing.blocks)} blocks drawn; {numbers}>"
-        values = self.spec.values
-        numbers = ", ".join(f"{name} = {values[path]:g}" for name, path in SYMBOLS.items() if path in self.read)
-        if self.cut is None:
-            return f"<Loop {self.spec.name}: {self.spec.kind}, {values['rates.ratio']:g} ticks in a slow step; {numbers}>"
-        ticks = self.cut.period * values["rates.fast_hz"]
-        frame = f"frame of {round(float(ticks))} ticks, {1e3 * float(self.cut.period):.6g} ms"
-        return f"<Loop {self.spec.name}: {values['controller.kind']}, {self.cut.order} states, {frame}; {numbers}>"
+        symbols = {name: path for name, path in self.spec.names.symbols.items() if path in self.read}
+        numbers = ", ".join(f"{name} = {self.spec.values[path]:g}" for name, path in symbols.items())
+        drawing, values = own_loop(self.spec)
+        drawn, drift = assembled(drawing, values), drift_of(drawing, values)
+        what = f"{len(drawing.blocks)} blocks drawn" if self.spec.drawing else self.spec.kind
+        frame = f"frame of {drawn.ticks} ticks, {1e3 * drawn.ticks * float(drawn.period):.6g} ms"
+        return f"<Loop {self.spec.name}: {what}, {len(drift.kept)} states, {frame}; {numbers}>"
 
     @property
     def _usual(self) -> str | None:
@@ -191,34 +181,26 @@ class Loop:
         return diagram(self.spec)
 
     def to_control(self, output: str = "position"):
-        """The lifted closed loop as a `control.StateSpace`: a frame's M hand forces (N) in, M outputs, dt = T_s.
+        """The lifted closed loop as a `control.StateSpace`: the hand's forces (N) in the ticks of a frame in, as many outputs,
+        dt of the frame.
 
         output: "position" (m), or "displacement" (m), the change of the position in each tick. Position is a state. If the loop
         drifts, it therefore has a pole at exactly 1, which is no sign of instability. Displacements do not show the drift, and
-        the system from forces to them has no such pole. Errors: UsageError for any other output.
+        the system from forces to them has no such pole. Errors: UsageError for any other output; SpecError
+        for a loop without a hand.
         """
-        self._refuse_drawn("to_control")
         import control
 
-        from wavesweep.analysis.response.lifted import displacements
-        from wavesweep.lifted.frame import lifted_system
+        from wavesweep.analysis.response.lifted import displacements, positions
         from wavesweep.sweep.drawn_loops import loop_at_hand
 
-        values = self.spec.values
-        wall, ratio = (values["environment.K_VE"], values["environment.B_VE"]), values["rates.ratio"]
-        if output == "position":
-            block = lifted_system(draw(values), ratio, *wall)
-            E, B, C, D = block.E, block.B, block.C, block.D
-        elif output == "displacement":
-            E, B, C, D = displacements(loop_at_hand(self.spec).port, ratio)
-        else:
+        if output not in ("position", "displacement"):
             raise UsageError(f'output: expected "position" or "displacement", found {output!r}')
-        inputs, outputs = ([f"{name}[{i}]" for i in range(ratio)] for name in ("f_h", "x" if output == "position" else "dx"))
-        return control.ss(np.eye(len(E)) + E, B, C, D, ratio / values["rates.fast_hz"], inputs=inputs, outputs=outputs)
-
-    def _refuse_drawn(self, method):
-        if loop_of(self.spec):
-            raise no_controller(self.spec, method)
+        port, ratio = loop_at_hand(self.spec).port, self.spec.values.get("rates.ratio")
+        ticks = ratio if isinstance(ratio, int) else port.kind.size
+        E, B, C, D = (positions if output == "position" else displacements)(port, ticks)
+        inputs, outputs = ([f"{name}[{i}]" for i in range(ticks)] for name in ("f_h", "x" if output == "position" else "dx"))
+        return control.ss(np.eye(len(E)) + E, B, C, D, ticks / port.rate, inputs=inputs, outputs=outputs)
 
     def _frame(self, kind, columns):
         from wavesweep.library import frame

@@ -12,9 +12,8 @@ import numpy as np
 from wavesweep import sweep
 from wavesweep.bench.measuring import Patience, Row, interleaved
 from wavesweep.bench.this_tool import run
-from wavesweep.diagram import draw
-from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.paper.specs import folder, load_paper
+from wavesweep.sweep.open_loops import wall_cut
 
 RATIOS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 FILTERS = ("lp1", "hp", "lp2")
@@ -42,7 +41,7 @@ def compile_rows(patience: Patience, *, quick: bool) -> Iterator[Row]:
 
 
 def _compiling(values: dict[str, Any]) -> Callable[[], Any]:
-    return lambda: cut_at_wall(draw(values))
+    return lambda: wall_cut(values)
 
 
 def slice_rows(patience: Patience, *, quick: bool) -> Iterator[Row]:

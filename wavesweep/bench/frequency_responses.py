@@ -10,10 +10,9 @@ import numpy as np
 
 import wavesweep
 from wavesweep.analysis.response import steady
+from wavesweep.analysis.response.lifted import positions
 from wavesweep.bench.measuring import Patience, Row, interleaved
 from wavesweep.bench.problems import checked, digest, references
-from wavesweep.diagram import draw
-from wavesweep.lifted.frame import lifted_system
 from wavesweep.paper.specs import load_paper
 from wavesweep.spec import Spec
 from wavesweep.sweep.drawn_loops import loop_at_hand
@@ -77,22 +76,22 @@ def everything(spec: Spec, frequency: np.ndarray) -> np.ndarray:
 
 def batched(spec: Spec, frequency: np.ndarray) -> np.ndarray:
     """numpy: a batched solve with the lifted system; its position is a state."""
-    block, z, turns = _lifted(spec, frequency)
+    (E, B, C, D), z, turns = _lifted(spec, frequency)
     found = []
     for some in np.array_split(np.arange(z.size), -(-z.size // 5000)):
         force = turns[some].conj()
-        state = np.linalg.solve((z[some, None, None] - 1) * np.eye(len(block.E)) - block.E, (force @ block.B.T)[..., None])
-        found.append((turns[some] * (state[..., 0] @ block.C.T + force @ block.D.T)).mean(-1))
+        state = np.linalg.solve((z[some, None, None] - 1) * np.eye(len(E)) - E, (force @ B.T)[..., None])
+        found.append((turns[some] * (state[..., 0] @ C.T + force @ D.T)).mean(-1))
     return np.concatenate(found)
 
 
 def batched_with_gain(spec: Spec, frequency: np.ndarray) -> np.ndarray:
     """numpy: a batched solve for all ticks and the largest singular values, the slow part of the whole table."""
-    block, z, turns = _lifted(spec, frequency)
+    (E, B, C, D), z, turns = _lifted(spec, frequency)
     found = []
     for some in np.array_split(np.arange(z.size), -(-z.size // 5000)):
-        state = np.linalg.solve((z[some, None, None] - 1) * np.eye(len(block.E)) - block.E, block.B + 0j)
-        G = block.C @ state + block.D
+        state = np.linalg.solve((z[some, None, None] - 1) * np.eye(len(E)) - E, B + 0j)
+        G = C @ state + D
         np.linalg.svd(G, compute_uv=False)
         found.append((turns[some, None] @ G @ turns[some, :, None].conj())[:, 0, 0] / turns.shape[1])
     return np.concatenate(found)
@@ -110,11 +109,11 @@ def controlled(spec: Spec, frequency: np.ndarray) -> np.ndarray:
 
 
 def _lifted(spec: Spec, frequency: np.ndarray):
-    """The lifted block, z of the frame, and `exp(-j w i T)` of every tick, `(points, ticks)`."""
+    """E, B, C and D of the lifted loop, z of the frame, and `exp(-j w i T)` of every tick, `(points, ticks)`."""
     values = spec.values
-    M, K, B = values["rates.ratio"], values["environment.K_VE"], values["environment.B_VE"]
+    M = values["rates.ratio"]
     angle = 2j * np.pi * frequency / values["rates.fast_hz"]
-    return lifted_system(draw(values), M, K, B), np.exp(angle * M), np.exp(-angle[:, None] * np.arange(M))
+    return positions(loop_at_hand(spec).port, M), np.exp(angle * M), np.exp(-angle[:, None] * np.arange(M))
 
 
 OURS = "this tool, two responses alone"

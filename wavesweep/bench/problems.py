@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.diagram import draw, keys_read
 from wavesweep.errors import WavesweepError
-from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.cut import Cut, with_batch
+from wavesweep.loops.controllers import keys_of_page
 from wavesweep.paper.specs import load_paper
 from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.grid import groups, make_grid
+from wavesweep.sweep.open_loops import wall_cut
 
 COLUMNS = (25, 50, 100, 200)
 FILE = Path(__file__).with_name("references.json")
@@ -117,13 +117,13 @@ def bundles(spec: Spec) -> Iterator[Bundle]:
     column = np.empty(grid.loops, int)
     column[grid.slice_of(np.arange(grid.size))] = np.arange(grid.size)
     for members, values in groups(spec, changes, grid.loops):
-        cut = with_batch(cut_at_wall(draw(values)), members.size)
+        cut = with_batch(wall_cut(values), members.size)
         yield Bundle(column[members], cut, np.arange(members.size), B[members])
 
 
 def digest(spec: Spec) -> str:
     """Digest of everything on which the answer depends: the keys that the loop reads, and the sweep."""
-    read = {path: spec.values[path] for path in sorted(keys_read(spec.values))}
+    read = {path: spec.values[path] for path in sorted(keys_of_page(spec.values))}
     text = json.dumps({**read, "sweep": [[axis.name, axis.values, axis.stop] for axis in spec.sweep]})
     return hashlib.sha256(text.encode()).hexdigest()
 

@@ -24,14 +24,13 @@ from wavesweep.analysis.intervals.regions import regions
 from wavesweep.analysis.intervals.stable import trace_excludes_stability
 from wavesweep.bench.measuring import Row
 from wavesweep.bench.problems import COLUMNS, PROBLEMS, Intervals, Problem
-from wavesweep.diagram import draw
-from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.lifted.cut import cut_of, open_frame
 from wavesweep.paper.specs import folder
 from wavesweep.spec import Spec
 
 STAGES = {  # function -> the stage that it is; together they are the whole call
-    draw: "draw and discretise",
-    cut_at_wall: "connect, lift and cut",
+    open_frame: "draw, connect and lift",
+    cut_of: "cut",
     trace_excludes_stability: "screen",
     sampled_polynomial: "polynomial from samples",
     isolate: "roots and their proof",

@@ -12,7 +12,7 @@ from types import MappingProxyType
 import click
 from click.shell_completion import BashComplete, CompletionItem, add_completion_class, split_arg_string
 
-from wavesweep.controllers import CONTROLLERS, MEANINGS
+from wavesweep.controllers import CONTROLLERS
 from wavesweep.errors import WavesweepError
 from wavesweep.spec.block_types import TICK_HZ, TYPES
 from wavesweep.spec.devices import DEVICES
@@ -204,7 +204,7 @@ COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
     "overrides": settings,
     "along": axes,
     "name": keys,
-    "kind": _among({kind: MEANINGS.get(kind, "") for kind in CONTROLLERS}),
+    "kind": _among(CONTROLLERS),
     "device": _among({name: device.title for name, device in DEVICES.items()}),
     "table": _files,
     "tables": _files,

@@ -9,7 +9,7 @@ from textwrap import wrap
 import click
 
 from wavesweep.cli.output import refuse_no_folder, write_whole
-from wavesweep.controllers import CONTROLLERS, MEANINGS
+from wavesweep.controllers import CONTROLLERS
 from wavesweep.errors import UsageError
 from wavesweep.spec.checking import nearest, show
 from wavesweep.spec.devices import DEVICES
@@ -90,14 +90,14 @@ def starter(kind: str, device: str | None, path: str) -> str:
 
 def _read(kind: str) -> frozenset[str]:
     """The keys that a loop of that kind reads if no gain is zero."""
-    from wavesweep.diagram import keys_read
+    from wavesweep.loops.controllers import keys_of_page
 
     values = {path: KEYS[path].default for path in VALUE_PATHS}
-    return keys_read(values | {"controller.kind": kind, "controller.Kp": 1.0})
+    return keys_of_page(values | {"controller.kind": kind, "controller.Kp": 1.0})
 
 
 def _head(kind: str, path: str) -> Iterator[str]:
-    yield from _prose("A spec to begin with. Controller " + ": ".join(filter(None, (kind, MEANINGS.get(kind)))) + ".")
+    yield from _prose("A spec to begin with. Controller " + f"{kind}: {CONTROLLERS[kind]}" + ".")
     yield "#"
     yield f"#     wavesweep check {path}      what is stable, and how far each number may go"
     yield f"#     wavesweep zwidth {path}     all stable walls"

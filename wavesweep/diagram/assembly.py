@@ -3,15 +3,14 @@
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache, partial
+from zlib import crc32
 
 import numpy as np
 
-from wavesweep.diagram import WALL, blocks
+from wavesweep.diagram import blocks
 from wavesweep.diagram.block import numbers
 from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.diagram.rest import equations_of
-from wavesweep.diagram.tame import SALTS, scattered
-from wavesweep.diagram.uneven import Uneven
 from wavesweep.diagram.values import rest_of, values_of
 from wavesweep.errors import UsageError
 from wavesweep.spec.block_types import TYPES
@@ -25,16 +24,13 @@ HAND = "ports.hand."  # keys of the hand's port
 PARAMETERS = {("butterworth", "pass"): "passes"}  # keys that have another name in `blocks`
 
 
-def assembled(drawing: Drawing | Uneven, values: Mapping[str, object], out: str = "", beside: str = "") -> Drawn:
+def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "", beside: str = "") -> Drawn:
     """Return the drawn loop of `values`: flat numbers, or arrays over a batch, real or complex.
 
     out: a number to take out of its place (see `scalar_place`): its product is then the input PRODUCT, and it would multiply
     the signal FACTOR. beside: a number of the same wire (see `shares_wire`) whose value is 0; it would multiply the signal
     BESIDE. A value that is not finite makes entries that are not finite.
     """
-    if isinstance(drawing, Uneven):
-        with np.errstate(all="ignore"):
-            return drawing.placed(values, out, (PRODUCT, FACTOR))
     known = _known(values)
     with np.errstate(all="ignore"):
         rate = values_of(drawing.tick_hz, known)
@@ -133,13 +129,11 @@ def _parts(gain, known, out):
 
 
 @lru_cache(maxsize=256)  # a compiled loop is asked again and again
-def scalar_place(drawing: Drawing | Uneven, number: str) -> str:
+def scalar_place(drawing: Drawing, number: str) -> str:
     """The path of the only wire, or of the factor of the only gain, that reads a number, if it is linear in it; else empty.
 
     The hand's port may read the number too (see `seen_by_hand`), which changes nothing of the loop.
     """
-    if isinstance(drawing, Uneven):
-        return "wall" if number in WALL else ""
     readers = {path for path in _readers(drawing, number) if not path.startswith(HAND)}
     if len(readers) != 1:
         return ""
@@ -150,7 +144,7 @@ def scalar_place(drawing: Drawing | Uneven, number: str) -> str:
 
 
 @lru_cache(maxsize=256)
-def shares_wire(drawing: Drawing | Uneven, number: str, other: str) -> bool:
+def shares_wire(drawing: Drawing, number: str, other: str) -> bool:
     """Whether another number is the factor of other terms in the same wire, see `scalar_place`."""
     place = scalar_place(drawing, number)
     if not place.startswith("wire.") or scalar_place(drawing, other) != place:
@@ -159,9 +153,9 @@ def shares_wire(drawing: Drawing | Uneven, number: str, other: str) -> bool:
 
 
 @lru_cache(maxsize=256)
-def seen_by_hand(drawing: Drawing | Uneven, number: str) -> bool:
+def seen_by_hand(drawing: Drawing, number: str) -> bool:
     """Whether the signals at the hand's port read a number themselves."""
-    return not isinstance(drawing, Uneven) and any(path.startswith(HAND) for path in _readers(drawing, number))
+    return any(path.startswith(HAND) for path in _readers(drawing, number))
 
 
 @lru_cache(maxsize=256)
@@ -169,7 +163,7 @@ def _readers(drawing, number):
     return {path for path, tree in drawing.trees() if any(name == number for name, _ in names_in(tree))}
 
 
-def twins(drawing: Drawing | Uneven, values: Mapping[str, object], out: str = "", beside: str = "") -> tuple[Drawn, Drawn]:
+def twins(drawing: Drawing, values: Mapping[str, object], out: str = "", beside: str = "") -> tuple[Drawn, Drawn]:
     """Return two loops of a batch, in which drift is searched for, or one loop twice if no number varies.
 
     values: flat numbers, with arrays of those that vary, and that are between the values of these in the two loops. out,
@@ -186,21 +180,26 @@ def _between(path, value, salt):
     return low + (high - low) * (0.25 + 0.5 * scattered(path, salt)) if low < high else low
 
 
+SALTS = "ab"  # of the two loops
+
+
+def scattered(path: str, salt: str = "") -> float:
+    """Return a number from 0 to 1 for a path, another one for other paths and salts, always the same."""
+    return crc32((salt + path).encode()) / 2**32
+
+
 @lru_cache(maxsize=256)
 def _twins(drawing, one, other, out, beside):
     varied = frozenset(name_of(path) for (path, value), (_, twin) in zip(one, other, strict=True) if value != twin)
     found = []
     for items in (one, other)[: 1 + bool(varied)]:
         drawn, values = assembled(drawing, dict(items), out, beside), dict(items)
-        exact = None if isinstance(drawing, Uneven) else partial(equations_of, drawing, values, varied, out)
-        found.append(replace(drawn, exact=exact))
+        found.append(replace(drawn, exact=partial(equations_of, drawing, values, varied, out)))
     return found[0], found[-1]
 
 
-def refuse_unsuitable(drawing: Drawing | Uneven, values: Mapping[str, object]) -> None:
+def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
     """Raise UsageError if a loop of a batch has a number that a key does not accept. values: as for `assembled`."""
-    if isinstance(drawing, Uneven):
-        return  # its values are those of a spec, which has accepted them
     wrong = unsuitable(drawing, values)
     if wrong.any():
         arrays = {path: np.broadcast_to(value, wrong.shape) for path, value in values.items() if np.ndim(value)}

@@ -6,7 +6,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.diagram.uneven import Uneven
 from wavesweep.diagram.values import values_of
 from wavesweep.errors import UsageError
 from wavesweep.spec.drawing import RATE, Drawing, name_of, scalars
@@ -92,27 +91,24 @@ def _limits(key, guard, root, known, name, span):
 
 
 @lru_cache(maxsize=256)
-def bends_at_zero(drawing: Drawing | Uneven, path: str) -> bool:
+def bends_at_zero(drawing: Drawing, path: str) -> bool:
     """Whether an eigenvalue 1 that a loop has at 0 of a number may not leave it in proportion to the number.
 
     The number is read by a root, or in a power: `2*sqrt(K*m)` is not analytic at 0, and `K**2` has a double zero there.
     """
     name = name_of(path)
-    if isinstance(drawing, Uneven):
-        return False
     return any(root for *_, root in _guards_of(drawing, name)) or any(
         1 < degree(tree, name) < math.inf for _, tree in drawing.trees()
     )
 
 
-def guards_at(drawing: Drawing | Uneven, values: Mapping[str, object], path: str, shape: tuple[int, ...]) -> np.ndarray:
+def guards_at(drawing: Drawing, values: Mapping[str, object], path: str, shape: tuple[int, ...]) -> np.ndarray:
     """What must not vanish for the loops to be analytic in a number, at values of it, real or complex: `(*shape, guards)`."""
     found, name = [], name_of(path)
-    if not isinstance(drawing, Uneven):
-        known = scalars(values)
-        for _, guard, _, root in _guards_of(drawing, name):
-            value = np.broadcast_to(values_of(guard, known), shape)
-            found.append(np.where(value == 0, 1.0, value) if root else value)  # a root of 0 everywhere is 0
+    known = scalars(values)
+    for _, guard, _, root in _guards_of(drawing, name):
+        value = np.broadcast_to(values_of(guard, known), shape)
+        found.append(np.where(value == 0, 1.0, value) if root else value)  # a root of 0 everywhere is 0
     return np.stack(found, axis=-1) if found else np.ones((*shape, 0))
 
 

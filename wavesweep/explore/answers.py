@@ -13,15 +13,15 @@ from wavesweep.analysis.intervals.plane import quick_columns, refined_curve
 from wavesweep.analysis.response.lifted import Lifted
 from wavesweep.analysis.response.steady import respond
 from wavesweep.analysis.rows import complex_columns
-from wavesweep.diagram import WALL, draw
+from wavesweep.controllers import WALL
 from wavesweep.errors import WavesweepError
-from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.cut import Cut
 from wavesweep.plots.refine import KNOWN, Curve, View, curves_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.sweep.drawn_loops import loop_at_hand
-from wavesweep.sweep.grid import loop_of, make_grid
+from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.interval_job import cost_of, job_over
+from wavesweep.sweep.open_loops import wall_cut
 from wavesweep.sweep.response_table import doubt_of
 from wavesweep.sweep.running import in_memory
 from wavesweep.sweep.tasks import radius_over
@@ -71,9 +71,9 @@ def quick(
     the stable intervals through the design, which the curve gives as well. with_response: whether the response is wanted.
     A plane of columns is `apart`: `certified_plane` knows more of it.
     """
-    cut = cut_at_wall(draw(spec.values)) if loop_of(spec) is None else None
+    cut = None if spec.drawing or plane is None else wall_cut(spec.values)
     loop = None if spec.drawing and spec.drawing.hand is None else loop_at_hand(spec)
-    found = {"own": own_design(spec, cut, loop)} | ({"response": response(spec, loop)} if with_response else {})
+    found = {"own": own_design(spec, loop)} | ({"response": response(spec, loop)} if with_response else {})
     if plane is None:
         return found
     if cut is not None and {plane.x, plane.y} == set(WALL):

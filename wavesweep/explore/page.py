@@ -17,7 +17,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from wavesweep.diagram import WALL
+from wavesweep.controllers import WALL
 from wavesweep.errors import WavesweepError
 from wavesweep.explore.answers import (
     Plane,
@@ -30,7 +30,6 @@ from wavesweep.explore.answers import (
 from wavesweep.explore.server import Answer, as_json
 from wavesweep.explore.sliders import changed, sliders_of, text_of
 from wavesweep.spec import Spec
-from wavesweep.sweep.grid import loop_of
 
 FIRST_CELLS, MOST_CELLS, MOST_COLUMNS = 12, 40, 16
 MOST_DESIGNS = 64  # of a sweep that a saved page has
@@ -69,8 +68,8 @@ class Page:
             "version": __version__,
             "sliders": [asdict(slider) for slider in self.sliders],
             "plane": asdict(self.plane) if self.plane else None,
-            "wall": [] if loop_of(spec) else list(WALL),
-            "slow": bool(loop_of(spec)),
+            "wall": [] if spec.drawing or spec.uneven else list(WALL),
+            "slow": bool(spec.drawing) or spec.uneven,
             "hand": self.first["response"] is not None,
             "units": {"felt": spec.units_felt, "admittance": spec.at_port("m/N"), "impedance": spec.at_port("N/m")},
             "first": self.first,

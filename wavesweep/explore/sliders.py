@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from wavesweep.diagram import keys_read
 from wavesweep.errors import SpecError
+from wavesweep.loops.controllers import keys_of_page
 from wavesweep.spec import SYMBOLS, Key, Spec, load
 from wavesweep.spec.keys import BAND_EDGES
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.spec.writing import as_toml
-from wavesweep.sweep.grid import is_plain, loop_of
+from wavesweep.sweep.grid import is_plain
 from wavesweep.sweep.verdict import FAR, USUAL
 
 FACTOR = 4.0  # of a gain's value, to which its slider goes
@@ -53,7 +53,7 @@ def _paths(spec):
         return [path for path in spec.names.numeric if path in spec.values]
     # A gain of zero may leave a branch out of the loop, whose other numbers come in with it.
     raised = {path: 1.0 if value == 0 and isinstance(value, float) else value for path, value in spec.values.items()}
-    read = keys_read(spec.values) | keys_read(raised)
+    read = keys_of_page(spec.values) | keys_of_page(raised)
     if spec.uneven:
         read = (read - {"rates.ratio"}) | {"rates.slow_hz"}
     found = []
@@ -82,7 +82,7 @@ def _slider(spec: Spec, key: Key) -> Slider:
         whole = stepped and float(value).is_integer()
         low = least_whole if whole else min((value, *(axis.values if axis else ()))) if stepped else max(value, 0.0) / FAR
         scale = "log" if low > 0 and not stepped else "linear"
-    if loop_of(spec) and key.path in ("rates.fast_hz", "rates.slow_hz") and value.is_integer():
+    if spec.uneven and key.path in ("rates.fast_hz", "rates.slow_hz") and value.is_integer():
         stepped, scale = True, "linear"  # other rates are hardly ever in step again
     return Slider(
         path=key.path,
@@ -179,7 +179,7 @@ def text_of(spec: Spec) -> str:
     tables = (spec.as_designed() if spec.design else spec).tables()
     tables["bode"]["frequency_hz"] = _below(tables["bode"]["frequency_hz"], spec.tick_hz / 2)
     if not spec.drawing:
-        kept = {*keys_read(spec.values), *_paths(spec), *spec.given}
+        kept = {*keys_of_page(spec.values), *_paths(spec), *spec.given}
         tables = _only(tables, kept, {path for path in spec.given if path.rpartition(".")[2] in BAND_EDGES})
     given = {name: spec.simulate[name] for path in spec.given for table, name in [path.split(".", 1)] if table == "simulate"}
     simulated = {name: list(value) if isinstance(value, tuple) else value for name, value in given.items()}

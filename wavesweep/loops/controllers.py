@@ -6,9 +6,10 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import Any
 
+from wavesweep.controllers import WALL
 from wavesweep.errors import UsageError
 from wavesweep.loops.direct import dc, dc_lm, dc_slow
-from wavesweep.loops.page import WALL, drawing_of_page
+from wavesweep.loops.page import drawing_of_page
 from wavesweep.loops.pmw import pmw, pmw_lm
 from wavesweep.spec.drawing import Drawing
 

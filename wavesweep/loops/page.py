@@ -9,14 +9,20 @@ from functools import lru_cache
 from math import ceil, floor
 from typing import Any
 
+from wavesweep.controllers import WALL
 from wavesweep.spec.block_types import TYPES
 from wavesweep.spec.drawing import Drawing, DrawnBlock
 from wavesweep.spec.expressions import linear, parse
 from wavesweep.spec.keys import MOST_SLOW_STEPS
 
 RATIO = "rates.ratio"
-WALL = ("environment.K_VE", "environment.B_VE")
 F_S = "environment.K_VE*{x} + environment.B_VE*{v}"  # the wall's force on a displacement x and a velocity v
+
+
+def steps_of(ratio: float) -> tuple[int, int]:
+    """Return the fast ticks in a frame, and the slow steps in it."""
+    found = Fraction(ratio).limit_denominator(MOST_SLOW_STEPS)
+    return found.numerator, found.denominator
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +56,7 @@ class Slow:
     @staticmethod
     def of(values: Mapping[str, Any]) -> Slow:
         """Return the times for the ratio of the rates and the delay of a spec."""
-        ratio, delay = Fraction(values[RATIO]).limit_denominator(MOST_SLOW_STEPS), int(values["environment.delay"])
-        q, p = ratio.numerator, ratio.denominator
+        (q, p), delay = steps_of(values[RATIO]), int(values["environment.delay"])
         if q == p and delay:
             return Slow(RATIO, (0,), (), (), next_tick=True)
         times = [Fraction(k * q, p) for k in range(p)]

@@ -8,16 +8,15 @@ import numpy as np
 
 from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.analysis.passivity import ChannelNorm, channel_norm
-from wavesweep.diagram import draw, keys_read
-from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.cut import with_batch
-from wavesweep.loops.controllers import loop_drawing
+from wavesweep.loops.controllers import keys_of_page, loop_drawing
 from wavesweep.paper.felt_responses import CONTROLLERS, FeltResponse, estimated, respond_to
 from wavesweep.paper.readings import Reading
 from wavesweep.paper.specs import load_paper
 from wavesweep.spec import Spec, find_key
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.sweep import intervals
+from wavesweep.sweep.open_loops import wall_cut
 
 Change = Mapping[str, float | int | str]
 Spans = list[tuple[float, float]]
@@ -119,13 +118,13 @@ class PaperLoops:
         key = (name, *change.items())
         if key not in self._read:
             typed = {(path := find_key(each).path): type(base[path])(value) for each, value in change.items()}
-            self._read[key] = typed, keys_read({**base, **typed})
+            self._read[key] = typed, keys_of_page({**base, **typed})
         typed, read = self._read[key]
         changed = {path: value for path, value in reading.changes.items() if path in read}
         return tuple(sorted((path, value) for path, value in {**changed, **typed}.items() if base[path] != value))
 
     def _stable_walls(self, values: Mapping, size: int) -> Iterator[Spans]:
-        cut = with_batch(cut_at_wall(draw(values)), size)
+        cut = with_batch(wall_cut(values), size)
         damping = np.broadcast_to(np.asarray(values["environment.B_VE"], float), (size,))
         found = stable_intervals(cut, "K_VE", K_VE_SPAN, damping[:, None])
         self.uncertified += int(np.count_nonzero(~found.certified))

@@ -32,10 +32,8 @@ from functools import partial
 
 import numpy as np
 
-from wavesweep.diagram import draw
+from wavesweep.diagram.assembly import assembled
 from wavesweep.diagram.block import Block
-from wavesweep.diagram.drawing import Diagram
-from wavesweep.diagram.filters import butterworth
 from wavesweep.lifted.circle import on_circle
 from wavesweep.lifted.resolvent import alias_angles, solved_response
 from wavesweep.loops.page import Page, drawing_of_page
@@ -68,8 +66,10 @@ FIELDS = (
     Field("felt", "number", "N/m", "stiffness that the hand feels at 0.05 Hz"),
     Field("felt_without_Kp", "number", "N/m", "the same with Kp = 0"),
 )
-_HELD, _LOCAL = ("v_1", "f1.y"), ("lp2.y", "f2.y", "late.y")  # the parts of v_m that come from either wave
-RETURNED = (*_HELD, *_LOCAL)
+_HELD, _LOCAL = (
+    ("v_1", "f1.", "avatar."),
+    ("lp2.", "f2.", "v_2."),
+)  # beginnings of the signals of v_m that come from either wave
 METHODS = {
     "inward_norm": "largest eigenvalue over the images of each angle",
     "admittance": "lifted resolvent of both rates, component at the force's own frequency",
@@ -105,24 +105,8 @@ SHOWN = (  # in the figure
 )
 
 
-def drawn(design: Design, values) -> Diagram:
-    """Draw the loop of `values` (flat keys) with the design's filters: F1 between hold and sum, F2 on the local wave."""
-    diagram = draw(values)
-    if design.name == SCALED:
-        terms = {name: gain * (np.sqrt(0.5) if name in RETURNED else 1) for name, gain in diagram.sums["v_m"].items()}
-        return replace(diagram, sums={**diagram.sums, "v_m": terms})
-    if not design.order:
-        return diagram
-    period, order, cutoff = diagram.period, design.order, design.cutoff_hz
-    f1, f2 = (butterworth(name, order, cutoff, period, name == "f2") for name in ("f1", "f2"))
-    kept = [block for block in diagram.fast if block.name != "lp2" or design.name == BEHIND]
-    before = "lp2.y" if design.name == BEHIND else "local.v"
-    sums = {name: _renamed(terms, {"v_1": "f1.y", "lp2.y": "f2.y"}) for name, terms in diagram.sums.items()}
-    return replace(diagram, fast=(*kept, f1, f2), sums={**sums, "f1.u": {"v_1": 1}, "f2.u": {before: 1}})
-
-
 def page(design: Design, values) -> Page:
-    """Write the page of the same loop, in the language of drawn loops."""
+    """Return the page of the loop of `values` with the design's filters: F1 between hold and sum, F2 on the local wave."""
     whole = (pmw if design.name == PLAIN else pmw_lm)(values)
     blocks, wires = dict(whole.blocks), dict(whole.wires)
     end, v_2 = wires["encoder.in"], "v_2.y" if "v_2" in blocks else "lp2.y"
@@ -142,20 +126,18 @@ def page(design: Design, values) -> Page:
     return Page(blocks, wires, whole.reaction)
 
 
-def _renamed(terms, names):
-    return {names.get(source, source): gain for source, gain in terms.items()}
-
-
-def inward_norm(diagram: Diagram) -> float:
+def inward_norm(page: Page, values) -> float:
     """Norm of the way in, `(v_s, v_l) -> v_m`, by its blocks: the largest of `N N* = diag|F2|^2 + F1 c (F1 c)*` over angles.
 
     The angle 0, at which the hold is (1, 0, ..., 0), is among them. F1 and F2 are all that each wave passes.
     """
-    blocks = {block.name: block for block in diagram.fast}
+    drawn = assembled(drawing_of_page(page), values)
+    blocks, gains = {each.block.name: each.block for each in drawn.placed}, drawn.sums["encoder.in"]
     theta = np.concatenate([[0.0], ANGLES])
-    phi = alias_angles(theta, diagram.ratio)
-    gains = diagram.sums["v_m"]
-    local, held = (max((abs(gains[name]) for name in names if name in gains), default=0.0) for names in (_LOCAL, _HELD))
+    phi = alias_angles(theta, drawn.ticks)
+    local, held = (
+        max((abs(gain) for signal, gain in gains.items() if signal.startswith(names)), default=0.0) for names in (_LOCAL, _HELD)
+    )
     for block in (blocks[name] for name in ("lp2", "f2") if name in blocks):
         local = local * np.sqrt(_power(block, phi))
     if "f1" in blocks:
@@ -200,7 +182,7 @@ def _row(design: Design, ideal: FeltResponse) -> dict:
         "order": design.order,
         "cutoff_hz": design.cutoff_hz,
         "local_delay": design.local_delay,
-        "inward_norm": inward_norm(drawn(design, _values(design, 20.0))),
+        "inward_norm": inward_norm(page(design, _values(design, 20.0)), _values(design, 20.0)),
         "stable": found.stable,
         **(facts if found.stable else dict.fromkeys(facts, np.nan)),
         "felt_without_Kp": 1 / np.abs(without.admittance[0]) if without.stable else np.nan,

@@ -24,7 +24,7 @@ from wavesweep.spec.resolving import longest_delay
 from wavesweep.spec.spec import K_VE_SPAN
 from wavesweep.sweep.checkpoint import checkpoint_of, records_of
 from wavesweep.sweep.drawn_loops import held_loop
-from wavesweep.sweep.grid import drawing_for, keys_of, loop_of, make_grid, no_controller
+from wavesweep.sweep.grid import drawing_for, keys_of, make_grid
 from wavesweep.sweep.hands import Guarantee
 from wavesweep.sweep.job import Chunk, Chunks, Job
 from wavesweep.sweep.planning import duration
@@ -244,8 +244,6 @@ def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
     if not (isinstance(hand, str) and hand in ("vertices", "box")):
         raise UsageError(f"hand: expected one of vertices, box, found {hand!r:.60}")
     asked = spec.as_designed().design
-    if not spec.drawing and loop_of(spec, {axis.path: axis.values for axis in asked.for_all}):
-        raise no_controller(spec, "design")
     for path in ("rates.ratio", "rates.slow_hz", "rates.fast_hz"):
         if any(axis.path == path for axis in asked.for_all):
             raise UsageError(f"design.for_all: expected numbers of device, hand and timing, found {path}; design for one rate")

@@ -8,18 +8,16 @@ import numpy as np
 
 from wavesweep.analysis.response.steady import GOOD
 from wavesweep.analysis.rows import Rows
-from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, radius_of, slowest, spectral_radius
-from wavesweep.diagram import WALL, draw, keys_read
+from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, radius_of, slowest
 from wavesweep.diagram.assembly import assembled, refuse_unsuitable
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
-from wavesweep.lifted.at_wall import cut_at_wall
-from wavesweep.lifted.cut import close
+from wavesweep.loops.controllers import keys_of_page, loop_drawing
 from wavesweep.seeking.family import Points, Scenario, points_of
 from wavesweep.spec import Axis, Spec
 from wavesweep.spec.design import Wish
 from wavesweep.spec.resolving import longest_delay
-from wavesweep.sweep.drawn_loops import held_loop, responses_of, telling_frames
-from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, selected
+from wavesweep.sweep.drawn_loops import held_loop, radii_of, responses_of, telling_frames
+from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, read_by, selected
 from wavesweep.sweep.interval_table import at_points
 
 NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
@@ -120,8 +118,9 @@ def _batches(spec, points: Points, most: int = BATCH):
             yield members[part], {path: each[part] if np.ndim(each) else each for path, each in values.items()}
 
 
-def _walls(values, size):
-    return (np.broadcast_to(np.asarray(values[path], float), (size,)) for path in WALL)
+def _radii(spec, values, size):
+    drawing = drawing_for(spec, values)
+    return radii_of(drawing, read_by(drawing, values), size)
 
 
 def _transparency(spec, wish, points):
@@ -132,7 +131,7 @@ def _transparency(spec, wish, points):
     ends = np.log(wish.options.get("band_hz", BAND_HZ))
     stable = np.empty(points.size, bool)
     for members, values in _batches(spec, points):
-        stable[members] = spectral_radius(cut_at_wall(draw(values)), *_walls(values, members.size)) < 1
+        stable[members] = _radii(spec, values, members.size) < 1
     open_ = np.flatnonzero(np.repeat(points.all_of(stable), points.size // points.shape[0]))
     value, certified = np.where(stable, 0.0, np.nan), stable.copy()
     for pieces in PIECES:
@@ -191,7 +190,7 @@ def _ideal(spec, points, frequency):
     """
     kind = {"controller.kind": "dc"}
     ideal = spec.with_values(kind)
-    read = keys_read(ideal.values)
+    read = keys_of_page(ideal.values)
     changes = {path: column for path, column in points.changes.items() if path in read}
     first, back = distinct_rows(changes, points.size)
     some = Points(changes, (), points.shape).some(first)
@@ -207,7 +206,6 @@ def _channel(spec, wish, points):
     It depends on filters and rates alone; repeated values are computed once.
     """
     from wavesweep.analysis.passivity import channel_norm
-    from wavesweep.loops.controllers import loop_drawing
 
     del wish
     read = {path: column for path, column in points.changes.items() if path.startswith(("filters.", "rates."))}
@@ -262,13 +260,10 @@ def _settling(spec, wish, points):
 def _slowest(spec, points):
     """Yield indices, the eigenvalue that decays most slowly less 1, the frame in s, and whether the radius is known."""
     for members, values in _batches(spec, points):
-        if spec.drawing:
-            drawn = assembled(spec.drawing, values)
-            E, hidden = telling_frames(spec.drawing, values)
-            period = np.real(drawn.period * drawn.ticks)
-        else:
-            cut = cut_at_wall(draw(values))
-            E, hidden, period = close(cut, *_walls(values, members.size)), False, cut.period
+        drawing = drawing_for(spec, values)
+        drawn = assembled(drawing, read_by(drawing, values))
+        E, hidden = telling_frames(drawing, read_by(drawing, values))
+        period = np.real(drawn.period * drawn.ticks)
         delta, finite = eigenvalues(E)
         known = finite & ~np.isnan(radius_of(E, hidden))
         delta = np.where(known, slowest(delta) if delta.shape[-1] else -1.0, np.nan)
@@ -288,7 +283,7 @@ def _delay_margin(spec, wish, points):
         some = Points(changes, (), (open_.size, 1, 1))
         radius = np.full(open_.size, np.inf)
         for members, values in _batches(spec, some):
-            radius[members] = spectral_radius(cut_at_wall(draw(values)), *_walls(values, members.size))
+            radius[members] = _radii(spec, values, members.size)
         known[open_[np.isnan(radius)]] = False  # rounding could make it stable or unstable
         open_ = open_[radius < 1]
         value[open_] = more

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from wavesweep.controllers import CONTROLLERS, MEANINGS
+from wavesweep.controllers import CONTROLLERS
 from wavesweep.spec.devices import DEVICES
 
 INTEGRATIONS = {
@@ -164,7 +164,7 @@ _TABLE = [
         "how hand and environment are coupled",
         choices=CONTROLLERS.keys(),
         required=True,
-        meanings=MEANINGS,
+        meanings=CONTROLLERS,
     ),
     _positive("controller.b", 25.0, "N*s/m", "wave impedance"),
     _gain("controller.Kp", 0.0, "N^(1/2)*m^(-1/2)*s^(-1/2)", "gain of the position correction in the returned wave"),

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
-from wavesweep.diagram import keys_read
+from wavesweep.loops.controllers import keys_of_page
 from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.spec.resolving import longest_delay
@@ -20,7 +20,7 @@ def assumes(spec: Spec, swept: Collection[str] = ()) -> str:
     """
     if spec.drawing:
         return ""
-    read, values = keys_read(spec.values), spec.values
+    read, values = keys_of_page(spec.values), spec.values
     parts = [_wall(values, read)]
     if DELAY in read:
         delay, ratio = values[DELAY], values["rates.ratio"]

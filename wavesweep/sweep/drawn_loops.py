@@ -14,7 +14,6 @@ from wavesweep.analysis.response.resting import resting
 from wavesweep.analysis.response.static import limit_of
 from wavesweep.analysis.response.steady import GOOD, Response, respond, static_response
 from wavesweep.analysis.spectrum import radius_of
-from wavesweep.diagram import items_of
 from wavesweep.diagram.assembly import (
     POSITION,
     REACTION,
@@ -24,12 +23,11 @@ from wavesweep.diagram.assembly import (
     twins,
 )
 from wavesweep.diagram.drawn import Drawn
-from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
 from wavesweep.lifted.tick_drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
 from wavesweep.spec.checking import show
 from wavesweep.spec.drawing import OF_PLANT, Drawing, path_of
-from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, read_by, selected
+from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, items_of, read_by, selected
 
 Groups = tuple[tuple[np.ndarray, Mapping[str, object]], ...]
 SURE = 1e-6  # relative error up to which a stiffness counts as known
@@ -48,8 +46,8 @@ def named_loops(drawn: Drawn) -> Iterator[None]:
         ) from error
 
 
-def refuse_singular(spec, drawing: Drawing | Uneven) -> None:
-    """Raise SpecError if a loop of direct terms has no solution with the spec's own numbers; drawing: see `loop_of`."""
+def refuse_singular(spec, drawing: Drawing) -> None:
+    """Raise SpecError if a loop of direct terms has no solution with the spec's own numbers."""
     blocks = _unsolvable(drawing, items_of(spec.values))
     if blocks is not None:
         path = f"block.{blocks[0]}" if blocks else "wire"
@@ -70,7 +68,7 @@ def _unsolvable(drawing, items):
     return None
 
 
-def drift_of(drawing: Drawing | Uneven, values: Mapping[str, object], out: str = "", watched=(), beside: str = "") -> TickDrift:
+def drift_of(drawing: Drawing, values: Mapping[str, object], out: str = "", watched=(), beside: str = "") -> TickDrift:
     """The drift of loops of a batch, whose numbers that vary are arrays; see `twins` and `drift_of_drawn`."""
     with np.errstate(all="ignore"):
         return _drift(*twins(drawing, values, out, beside), tuple(watched))
@@ -84,21 +82,21 @@ def held_loop(drawing: Drawing, values: Mapping[str, object]) -> HeldLoop:
     return HeldLoop(drawing, read_by(drawing, values))
 
 
-def frames(drawing: Drawing | Uneven, values: Mapping[str, object], drift: TickDrift) -> np.ndarray:
+def frames(drawing: Drawing, values: Mapping[str, object], drift: TickDrift) -> np.ndarray:
     """Frame-to-frame matrices less identity, without drift, `(..., n, n)`; see `closed_frame`."""
     drawn = assembled(drawing, values)
     with named_loops(drawn), np.errstate(all="ignore"):
         return closed_frame(drawn, drift)
 
 
-def telling_frames(drawing: Drawing | Uneven, values: Mapping[str, object]):
+def telling_frames(drawing: Drawing, values: Mapping[str, object]):
     """`frames`, and whether their spectral radius is hidden: the arguments of `radius_of`; see `telling_frame`."""
     drawn = assembled(drawing, values)
     with named_loops(drawn), np.errstate(all="ignore"):
         return telling_frame(drawn, drift_of(drawing, values))
 
 
-def radii_of(drawing: Drawing | Uneven, values: Mapping[str, object], size: int) -> np.ndarray:
+def radii_of(drawing: Drawing, values: Mapping[str, object], size: int) -> np.ndarray:
     """Spectral radius per frame of each of `size` loops, `(size,)`, without drift, as `radius_of` returns it."""
     found = np.array(np.broadcast_to(radius_of(*telling_frames(drawing, values)), (size,)))
     for at in np.flatnonzero(np.isnan(found)).tolist() if size > 1 else ():
@@ -128,7 +126,7 @@ def radii(grid) -> np.ndarray:
     return found
 
 
-def ports_of(spec, drawing: Drawing | Uneven) -> Ports:
+def ports_of(spec, drawing: Drawing) -> Ports:
     """The hand's port. Errors: SpecError if the spec names none, or if its position is none that a plant has in every tick."""
     if missing := spec.without_hand():
         raise SpecError(missing)
@@ -136,19 +134,17 @@ def ports_of(spec, drawing: Drawing | Uneven) -> Ports:
     return hand_of(drawing)
 
 
-def hand_of(drawing: Drawing | Uneven) -> Ports:
+def hand_of(drawing: Drawing) -> Ports:
     """The signals at the port of a hand that the drawing has."""
-    if isinstance(drawing, Uneven):
-        return Ports(*drawing.hand)
     return Ports(drawing.hand[0], POSITION, REACTION if drawing.hand[2] is not None else "")
 
 
-def feels(drawing: Drawing | Uneven) -> bool:
+def feels(drawing: Drawing) -> bool:
     """Whether a loop has a hand that may feel a wall."""
-    return isinstance(drawing, Uneven) or bool(drawing.hand and drawing.wall)
+    return bool(drawing.hand and drawing.wall)
 
 
-def felt_of(drawing: Drawing | Uneven, values: Mapping[str, object], size: int) -> np.ndarray:
+def felt_of(drawing: Drawing, values: Mapping[str, object], size: int) -> np.ndarray:
     """The stiffness (N/m) that the hand feels at rest in each of `size` loops, `(size,)`; NaN where it is not known."""
     ports, found = hand_of(drawing), np.full(size, np.nan)
     try:
@@ -177,17 +173,17 @@ def felt_of(drawing: Drawing | Uneven, values: Mapping[str, object], size: int) 
     return found
 
 
-def watched_drift(drawing: Drawing | Uneven, values: Mapping[str, object]) -> TickDrift:
+def watched_drift(drawing: Drawing, values: Mapping[str, object]) -> TickDrift:
     """The drift as the hand's port sees it."""
     return drift_of(drawing, values, watched=hand_of(drawing).signals)
 
 
 def _rating(drawing):
     """The paths of the numbers that the rate of the tick follows from."""
-    return [] if isinstance(drawing, Uneven) else [path_of(name) for name in drawing.rating]
+    return [path_of(name) for name in drawing.rating]
 
 
-def ports_of_groups(drawing: Drawing | Uneven, parts: Groups) -> Iterator[tuple[int, Port]]:
+def ports_of_groups(drawing: Drawing, parts: Groups) -> Iterator[tuple[int, Port]]:
     """Yield the number and the port of every loop of the groups, one at a time."""
     for members, values in parts:
         refuse_unsuitable(drawing, values)
@@ -195,7 +191,7 @@ def ports_of_groups(drawing: Drawing | Uneven, parts: Groups) -> Iterator[tuple[
             yield number, _port(drawing, one_loop(values, at))
 
 
-def ports_of_batch(drawing: Drawing | Uneven, values: Mapping[str, object], size: int) -> Iterator[tuple[np.ndarray, Port]]:
+def ports_of_batch(drawing: Drawing, values: Mapping[str, object], size: int) -> Iterator[tuple[np.ndarray, Port]]:
     """Yield indices of some of `size` loops and their ports, those together that have one rate."""
     refuse_unsuitable(drawing, values)
     rates = {path: values[path] for path in _rating(drawing) if np.ndim(values[path])}
@@ -234,17 +230,16 @@ def responses_of(drawing: Drawing, values: Mapping[str, object], size: int, freq
 
 
 def loop_at_hand(spec) -> Lifted:
-    """The spec's own loop over a frame as its hand feels it. Errors: SpecError as for `ports_of_loop`."""
+    """The spec's own loop over a frame as its hand feels it. Errors: SpecError without a hand, or as for `ports_of_loop`."""
+    if missing := spec.without_hand():
+        raise SpecError(missing)
     return Lifted.of(ports_of_loop(spec, drawing_for(spec, spec.values)))
 
 
-def ports_of_loop(spec, drawing: Drawing | Uneven) -> Port:
+def ports_of_loop(spec, drawing: Drawing) -> Port:
     """The port of the spec's own loop. Errors: SpecError if its position is none that a plant has in every tick."""
-    values = spec.values
-    if not isinstance(drawing, Uneven):
-        values = {path: value for path, value in values.items() if path in drawing.reads}
     try:
-        return next(ports_of_groups(drawing, ((np.zeros(1, int), dict(values)),)))[1]
+        return next(ports_of_groups(drawing, ((np.zeros(1, int), read_by(drawing, spec.values)),)))[1]
     except NoPositionError:
         found = spec.tables()["ports"]["hand"]["displacement"]
         raise SpecError([spec.mistake(POSITION, OF_PLANT, show(found))]) from None

@@ -16,7 +16,7 @@ from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.intervals.polishing import ATTACHED
 from wavesweep.analysis.intervals.shaken import shaken
 from wavesweep.analysis.response.resting import Resting, resting
-from wavesweep.diagram import WALL
+from wavesweep.controllers import WALL
 from wavesweep.diagram.assembly import (
     FACTOR,
     PRODUCT,

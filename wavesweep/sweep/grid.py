@@ -3,20 +3,16 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import product
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wavesweep.diagram import WALL, keys_read
 from wavesweep.errors import UsageError
-from wavesweep.loops.controllers import loop_drawing
+from wavesweep.loops.controllers import keys_of_page, loop_drawing
 from wavesweep.spec import Axis, Spec
 from wavesweep.sweep.assumptions import over_preset
 
 if TYPE_CHECKING:
-    from wavesweep.diagram.uneven import Uneven
     from wavesweep.spec.drawing import Drawing
 
 FAST = "rates.fast_hz"
@@ -28,22 +24,19 @@ MOST_DRAWN = 10_000  # combinations of axes that the loop is drawn anew for, eac
 class Grid:
     """The combinations of `axes` in their order, the first slowest.
 
-    A combination is a loop (its values on the axes `loop_axes`) closed with a wall (its values on `wall_axes`): a slice,
-    numbered `loop * walls + wall`. The controller reads no other axis, so combinations that differ only in the others
-    are the same slice.
+    A combination is a loop, its values on the axes `loop_axes`. The loop reads no other axis, so combinations that differ only
+    in the others are the same loop, one slice of the sweep.
     """
 
     spec: Spec
     axes: tuple[Axis, ...]
     loop_axes: tuple[Axis, ...]
-    wall_axes: tuple[Axis, ...]
     arrays: Mapping[str, np.ndarray] = field(repr=False)  # path of each axis -> its values
-    drawing: "Drawing | Uneven | None" = None  # see `loop_of`
 
     @property
     def ignored(self) -> tuple[Axis, ...]:
         """Axes that the controller does not read."""
-        return tuple(axis for axis in self.axes if axis not in self.loop_axes and axis not in self.wall_axes)
+        return tuple(axis for axis in self.axes if axis not in self.loop_axes)
 
     @property
     def notices(self) -> list[str]:
@@ -59,43 +52,18 @@ class Grid:
 
     @property
     def loops(self) -> int:
-        """Number of loops to compile."""
+        """Number of loops, all of which are computed."""
         return _count(self.loop_axes)
-
-    @property
-    def walls(self) -> int:
-        """Number of walls that each loop is closed with."""
-        return _count(self.wall_axes)
-
-    @property
-    def slices(self) -> int:
-        """Number of pairs of a loop and a wall, all of which are computed."""
-        return self.loops * self.walls
 
     def loop_values(self, index) -> dict[str, np.ndarray]:
         """Path -> values of the loops `index` (flat, in the order of the loop axes)."""
-        return self._values(self.loop_axes, index)
-
-    def wall_values(self, index=None) -> dict[str, np.ndarray]:
-        """Path -> values of the walls `index`, all of them by default; the spec's value for a path that is no axis."""
-        index = np.arange(self.walls) if index is None else index
-        own = {} if self.drawing else {path: np.full(index.size, self.spec.values[path]) for path in WALL}
-        return own | self._values(self.wall_axes, index)
-
-    def _values(self, axes, index):
-        return {axis.path: self.arrays[axis.path][digit] for axis, digit in zip(axes, _digits(axes, index), strict=True)}
+        digits = _digits(self.loop_axes, index)
+        return {axis.path: self.arrays[axis.path][digit] for axis, digit in zip(self.loop_axes, digits, strict=True)}
 
     def slice_of(self, combination) -> np.ndarray:
         """Number of the slice of each combination (flat indices)."""
         digits = dict(zip((axis.path for axis in self.axes), _digits(self.axes, combination), strict=True))
-        loop, wall = (_flat(part, digits, np.size(combination)) for part in (self.loop_axes, self.wall_axes))
-        return loop * self.walls + wall
-
-    def groups_of(self, slices, resolved=None) -> Iterator[tuple[np.ndarray, dict]]:
-        """Yield (members, values): indices into `slices` (numbers), and flat values with those of the wall; see `groups`."""
-        loop, wall = np.divmod(slices, self.walls)
-        changes = self.wall_values(wall) | self.loop_values(loop)
-        yield from groups(self.spec, changes, slices.size, resolved)
+        return _flat(self.loop_axes, digits, np.size(combination))
 
     def axis_columns(self, combination) -> dict[str, np.ndarray]:
         """Name -> value of each combination, the table's leading columns."""
@@ -105,30 +73,9 @@ class Grid:
         }
 
 
-def loop_of(spec: Spec, changes: Mapping[str, Iterable] = MappingProxyType({})) -> "Drawing | Uneven | None":
-    """The drawing of a loop that is assembled tick by tick: the spec's own, or its controller at rates that do not divide.
-
-    None: a controller whose rates divide, for every combination of the values that `changes` has for the rates.
-    """
-    if spec.drawing:
-        return spec.drawing
-    if not any(rates_of(spec, changes)):
-        return None
-    from wavesweep.diagram.uneven import Uneven
-
-    return Uneven(spec.kind)
-
-
-def rates_of(spec: Spec, changes: Mapping[str, Iterable] = MappingProxyType({})) -> Iterator[bool]:
-    """Yield whether the rates of the spec's controller do not divide, for each combination of the values that `changes` has."""
-    rates = {path: tuple(changes[path]) for path in ("rates.fast_hz", "rates.slow_hz") if path in changes}
-    several = (spec.with_values(dict(zip(rates, values, strict=True))) for values in product(*rates.values()) if values)
-    yield from (each.uneven for each in (several if rates else [spec]))
-
-
 def keys_of(spec: Spec) -> frozenset[str]:
     """Paths of the keys that the spec's loop reads."""
-    return frozenset(spec.values) if spec.drawing else keys_read(spec.values)
+    return frozenset(spec.values) if spec.drawing else keys_of_page(spec.values)
 
 
 def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: bool = True) -> Grid:
@@ -148,9 +95,8 @@ def make_grid(spec: Spec, axes, along: str | None = None, read=None, *, apart: b
     used = [axis for axis in axes if _is_read(axis.path, read) or axis.path in ("rates.ratio", "rates.slow_hz")]
     drawn = [axis for axis in used if not is_plain(spec, axis.path)]
     _refuse_too_many("combinations of the axes that the loop is drawn anew for", drawn, MOST_DRAWN)
-    drawing = loop_of(spec, {axis.path: axis.values for axis in axes})
     loop = tuple(used if apart else sorted(used, key=lambda axis: axis not in drawn))
-    return Grid(spec, tuple(axes), loop, (), {axis.path: np.asarray(axis.values) for axis in axes}, drawing)
+    return Grid(spec, tuple(axes), loop, {axis.path: np.asarray(axis.values) for axis in axes})
 
 
 def refuse_rows(table: str, rows: int) -> None:
@@ -267,16 +213,6 @@ def distinct(columns, size) -> list[np.ndarray]:
     return sorted(np.split(order, np.flatnonzero(np.diff(label[order])) + 1), key=lambda part: part[0])
 
 
-def no_controller(spec: Spec, asked: str, advice: str = "") -> UsageError:
-    """The error for something that is there only for a controller whose rates divide.
-
-    asked: its name. advice: another way to it.
-    """
-    found = "a drawn loop" if spec.drawing else "rates that do not divide"
-    more = f"; {advice}" if advice else ""
-    return UsageError(f"{asked}: expected a [controller] whose rates divide, found {found}{more}")
-
-
 def distinct_rows(columns: Mapping[str, np.ndarray], size: int) -> tuple[np.ndarray, np.ndarray]:
     """The first of each distinct row of `size` rows, in the order of their values, and the number of its distinct row for each.
 
@@ -286,6 +222,11 @@ def distinct_rows(columns: Mapping[str, np.ndarray], size: int) -> tuple[np.ndar
         return np.zeros(1, int), np.zeros(size, int)
     _, first, back = np.unique(np.stack(list(columns.values()), axis=1), axis=0, return_index=True, return_inverse=True)
     return first, back.reshape(-1)
+
+
+def items_of(values: Mapping[str, object]) -> tuple:
+    """The pairs of flat values, by which a loop is remembered; arrays of one as tuples."""
+    return tuple((path, tuple(value.tolist()) if isinstance(value, np.ndarray) else value) for path, value in values.items())
 
 
 def selected(values: Mapping[str, object], part) -> dict:

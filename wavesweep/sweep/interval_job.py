@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from wavesweep.analysis.doubt import words
-from wavesweep.diagram import items_of
 from wavesweep.diagram.assembly import unsuitable
 from wavesweep.diagram.domain import domain
 from wavesweep.errors import UsageError
@@ -15,7 +14,7 @@ from wavesweep.spec import Axis, Spec, no_axis, sweep_axes
 from wavesweep.spec.drawing import name_of, path_of
 from wavesweep.sweep.drawn_loops import drift_of, frames, refuse_singular
 from wavesweep.sweep.drawn_task import DrawnTask, SeveralTasks
-from wavesweep.sweep.grid import FAST, Grid, drawn_groups, make_grid, own_loop, selected
+from wavesweep.sweep.grid import FAST, Grid, drawn_groups, items_of, make_grid, own_loop, selected
 from wavesweep.sweep.job import CHECKED, Chunk, Job, cut_otherwise, cut_up, resolve_all, some_loops
 from wavesweep.sweep.open_loops import exact_cut
 from wavesweep.sweep.proving import MOST_LOOPS, PROOF, PROVED_RECORD

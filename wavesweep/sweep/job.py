@@ -159,8 +159,7 @@ def _unsolvable(job, chunk):
             at = first if _fails(job, first) else at | {each: at[each][half:]}
     if not _fails(job, at):
         return ""
-    loop, wall = (np.array([part[0]]) for part in at.values())
-    values = job.grid.loop_values(loop) | job.grid.wall_values(wall)
+    values = job.grid.loop_values(np.array(at["loops"][:1]))
     return ", ".join(f"{axis.name} = {show(values[axis.path][0].item())}" for axis in job.grid.axes if axis.path in values)
 
 
@@ -200,7 +199,7 @@ def _refuse_unsuitable(grid: Grid, resolved: dict) -> None:
     place = grid.loop_axes[0].place.location() if len(grid.loop_axes) == 1 else ""  # of several it is not known which
     for _, values in groups(grid.spec, grid.loop_values(index), index.size, resolved):
         try:
-            refuse_unsuitable(grid.drawing, values)
+            refuse_unsuitable(grid.spec.drawing, values)
         except UsageError as error:
             raise UsageError(f"{place}: {error}" if place else str(error)) from error
 

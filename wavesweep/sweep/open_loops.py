@@ -11,17 +11,17 @@ from wavesweep.analysis.intervals import Intervals, stable_intervals
 from wavesweep.analysis.response.port import Ports
 from wavesweep.analysis.response.resting import Resting
 from wavesweep.analysis.response.resting_frame import resting_frame, shows_at_rest
-from wavesweep.diagram import items_of
+from wavesweep.controllers import WALL
 from wavesweep.diagram.assembly import BESIDE, FACTOR, PRODUCT, assembled, scalar_place, seen_by_hand, shares_wire
 from wavesweep.diagram.drawn import Drawn
-from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.lifted.connect import WORST_CONDITION
 from wavesweep.lifted.cut import Cut, OpenFrame, cut_of, open_frame, with_batch
 from wavesweep.lifted.tick_drift import TickDrift
+from wavesweep.loops.controllers import loop_drawing
 from wavesweep.spec.drawing import Drawing, name_of, path_of
 from wavesweep.sweep.drawn_loops import drift_of, feels, hand_of, named_loops
-from wavesweep.sweep.grid import distinct_rows, selected
+from wavesweep.sweep.grid import distinct_rows, items_of, read_by, selected
 
 ANY = np.array([0.5, 2.0])  # a number that varies
 
@@ -29,6 +29,16 @@ ANY = np.array([0.5, 2.0])  # a number that varies
 def exact_cut(drawing: Drawing, values: Mapping[str, object], number: str) -> Cut | None:
     """The loops cut at a number that is one scalar gain of a frame; None if it is not one."""
     found = open_loops(drawing, values, number)
+    return found and found.cut
+
+
+def wall_cut(values: Mapping[str, object]) -> Cut | None:
+    """The loops of a controller cut at both numbers of its wall; None if its frame reads these more than once.
+
+    values: flat keys, with numbers or arrays over the loops.
+    """
+    drawing = loop_drawing(values)
+    found = open_loops(drawing, read_by(drawing, values), *WALL)
     return found and found.cut
 
 
@@ -76,7 +86,7 @@ def open_loops(
     beside: another number of the same wire, without which they are as well; None if they drift in another way without it.
     felt: whether to see their hand.
     """
-    if isinstance(drawing, Uneven) or not scalar_place(drawing, number):
+    if not scalar_place(drawing, number):
         return None
     path, read = path_of(number), (FACTOR, BESIDE)[: 1 + bool(beside)]
     both = dict.fromkeys((path, *([path_of(beside)] if beside else [])), ANY)

@@ -27,7 +27,7 @@ from wavesweep.spec import Spec
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.checkpoint import gather, stretches
 from wavesweep.sweep.drawn_loops import held_loop, named_loops, ports_of
-from wavesweep.sweep.grid import Grid, drawing_for, drawn_groups, loop_of, make_grid, no_controller, refuse_rows
+from wavesweep.sweep.grid import Grid, drawing_for, drawn_groups, make_grid, refuse_rows
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
 from wavesweep.sweep.running import Run, Work, run
 from wavesweep.sweep.table import Columns, Table, facts_of, joined, spans_held
@@ -61,7 +61,7 @@ def passivity(
     axes = tuple(axis for axis in spec.sweep if axis.values)
     found = run(jobs_of(spec, axes), Work.of(work))
     grid = found.jobs["port"].grid
-    counts = {"computed": grid.slices, "skipped": grid.size - grid.slices, "certified": _certified(found)}
+    counts = {"computed": grid.loops, "skipped": grid.size - grid.loops, "certified": _certified(found)}
     facts = facts_of(spec, METHODS, counts, found.timings, _notices(grid), [axis.path for axis in axes])
     facts |= {"warnings": found.warnings, "tolerance": tolerance}
     return Table("passivity", partial(_blocks, found), facts, forget=found.forget)
@@ -77,9 +77,9 @@ def jobs_of(spec: Spec, axes) -> dict[str, Job]:
     grid = make_grid(spec, axes, apart=False)
     refuse_rows("passivity", grid.size)
     resolved = resolve_all(grid)
-    port = PortJob(grid, Chunks(grid.slices, 1, CHUNK, 1), resolved)
+    port = PortJob(grid, Chunks(grid.loops, 1, CHUNK, 1), resolved)
     if spec.drawing:
-        ports_of(spec, grid.drawing)
+        ports_of(spec, spec.drawing)
     _refuse_long(grid, resolved)
     if not _waves_of(spec):
         return {"port": port}
@@ -285,8 +285,9 @@ def filter_choices(spec: Spec, tolerance: float = TOLERANCE) -> Table:
     The cutoffs are those that the paper could mean, which has 50 Hz, in proportion to the slow rate. tolerance: J per J sent
     that aliasing may add for an order to be enough.
     """
-    if loop_of(spec):
-        raise no_controller(spec, "filters")
+    if spec.drawing or spec.uneven:
+        found = "a drawn loop" if spec.drawing else "rates that do not divide"
+        raise UsageError(f"filters: expected a [controller] whose rates divide, found {found}")
     _refuse_tolerance(tolerance)
     started = time.perf_counter()
     fast, ratio = spec.values["rates.fast_hz"], spec.values["rates.ratio"]

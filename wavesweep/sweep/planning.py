@@ -2,16 +2,14 @@
 
 from functools import cache, partial
 
-from wavesweep.diagram import draw, keys_read, state_labels
-from wavesweep.diagram import drift_of as drift_of_diagram
 from wavesweep.diagram.assembly import assembled
-from wavesweep.diagram.uneven import steps_of
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.lifted.at_wall import conserves, cut_at_wall
+from wavesweep.loops.controllers import keys_of_page
+from wavesweep.loops.page import steps_of
 from wavesweep.spec import Spec
 from wavesweep.sweep.drawn_loops import drift_of, refuse_singular
 from wavesweep.sweep.estimates import expected_bytes, expected_seconds
-from wavesweep.sweep.grid import loop_of, make_grid
+from wavesweep.sweep.grid import make_grid, own_loop
 from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.interval_table import method
 from wavesweep.sweep.open_loops import exact_cut
@@ -28,35 +26,26 @@ def plan(spec: Spec) -> list[str]:
     if spec.drawing:
         return _drawn_plan(spec)
     lines = [f"{spec.source or spec.name}: valid, controller {spec.kind}"]
-    lines += _uneven_lines(spec) if loop_of(spec) else _loop_lines(spec)
+    lines += _loop_lines(spec)
     for command, along in (("zwidth", "K_VE"), ("stability-region", None)):
         lines += _interval_lines(spec, command, along)
     return [*lines, *_bode_lines(spec), *_passivity_lines(spec), *_skipped_lines(spec)]
 
 
-def _uneven_lines(spec):
-    drawing = loop_of(spec)
-    drawn, drift = assembled(drawing, spec.values), drift_of(drawing, spec.values)
-    steps = steps_of(spec.values["rates.ratio"])[1]
-    frame = f"{_count(drawn.ticks, 'tick')} and {_count(steps, 'slow step')}, {1e3 * drawn.ticks * float(drawn.period):.6g} ms"
-    yield f"  loop: the rates do not divide; both are in step again after a frame of {frame}"
-    yield "    a slow step reads the last fast tick before it, and its result is there in the next one"
+def _loop_lines(spec):
+    drawing, values = own_loop(spec)
+    drawn, drift = assembled(drawing, values), drift_of(drawing, values)
+    ticks, ms = _count(drawn.ticks, "tick"), f"{1e3 * drawn.ticks * float(drawn.period):.6g} ms"
+    if spec.uneven:
+        steps = _count(steps_of(spec.values["rates.ratio"])[1], "slow step")
+        yield f"  loop: the rates do not divide; both are in step again after a frame of {ticks} and {steps}, {ms}"
+        yield "    a slow step reads the last fast tick before it, and its result is there in the next one"
+    else:
+        yield f"  loop: frame of {ticks}, {ms}"
     labels = drawn.labels()
     yield from _state_lines(drift, [labels[name] for name in drift.states])
-
-
-def _loop_lines(spec):
-    diagram = draw(spec.values)
-    cut = cut_at_wall(diagram)
-    frame = f"frame of {_count(diagram.ratio, 'tick')}, {1e3 * float(cut.period):.6g} ms"
-    labels, lead = state_labels(diagram), drift_of_diagram(diagram).lead
-    states = [labels[name] for name in (*cut.states, *([lead] if cut.integrates else []))]
-    yield f"  loop: {frame}; {cut.order} states with the wall: {_listed(states)}"
-    if cut.unread:
-        yield f"  states left out, since nothing in the loop reads them: {_listed([labels[name] for name in cut.unread])}"
-    if conserves(diagram, cut):
-        yield f"  drift set aside: the wall cannot change {labels[lead]} less the hand's displacement"
-    elif cut.integrates and spec.values["operator.stiffness"] == 0:
+    free = drift_of(drawing, values | {"environment.K_VE": 0.0})
+    if len(free.moved) + len(free.folded) > len(drift.moved) + len(drift.folded):
         yield "  drift set aside at K_VE = 0: the position of the whole scene, which only the wall holds"
 
 
@@ -110,7 +99,7 @@ def _bode_lines(spec):
         return [f"  bode: not possible with this spec: {error}"]
     several = f"{len(points)} frequencies from {min(points):g} to {max(points):g} Hz"
     frequencies = several if len(points) > 1 else f"1 frequency, {points[0]:g} Hz"
-    what = f"  bode: {_count(job.grid.slices, 'curve')} of {frequencies}; method: lifted resolvent of both rates"
+    what = f"  bode: {_count(job.grid.loops, 'curve')} of {frequencies}; method: lifted resolvent of both rates"
     return [what, *_long_lines([job])]
 
 
@@ -227,7 +216,7 @@ def _count(number, noun):
 
 
 def _skipped_lines(spec):
-    read, kind = keys_read(spec.values), spec.values["controller.kind"]
+    read, kind = keys_of_page(spec.values), spec.values["controller.kind"]
     for axes, table in ((spec.sweep, "sweep"), (spec.bode, "bode")):
         for axis in make_grid(spec, axes).ignored:
             yield f"  {table}.{axis.name}: skipped, {kind} does not read it; its rows would be repeated"

@@ -12,15 +12,14 @@ from wavesweep.analysis.response.gain import gain_of
 from wavesweep.analysis.response.lifted import Lifted
 from wavesweep.analysis.response.steady import respond
 from wavesweep.analysis.rows import complex_columns
-from wavesweep.diagram import items_of
 from wavesweep.diagram.assembly import assembled
-from wavesweep.diagram.uneven import RATIO, steps_of
 from wavesweep.errors import SpecError, UsageError
+from wavesweep.loops.page import RATIO, steps_of
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.drawing import Drawing
 from wavesweep.spec.studies import beyond_half
 from wavesweep.sweep.drawn_loops import ports_of, ports_of_batch, radii_of
-from wavesweep.sweep.grid import drawing_for, keys_of, make_grid, refuse_rows, selected
+from wavesweep.sweep.grid import drawing_for, groups, items_of, keys_of, make_grid, refuse_rows, selected
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all
 from wavesweep.sweep.running import Run, Work, in_memory, run
 from wavesweep.sweep.table import Columns, Table, facts_of, with_unlike_units
@@ -83,7 +82,7 @@ def responses(
     asked = {f"spec-{number}" if len(several) > 1 else "": job for number, job in enumerate(several)}
     found = run(asked, Work.of(work))
     grids = [job.grid for job in asked.values()]
-    computed = sum(grid.slices for grid in grids)
+    computed = sum(grid.loops for grid in grids)
     counts = {"computed": computed, "skipped": sum(grid.size for grid in grids) - computed, "certified": 0}
     notices = [notice for grid in grids for notice in grid.notices]
     swept = [axis.path for spec in specs for axis in spec.bode]
@@ -133,7 +132,7 @@ def response_job(spec, axes, frequency_hz, names: tuple[str, ...], read=None) ->
     else:
         ticks = max(steps_of(values[RATIO])[0] for values in resolved.values())
     curves = TICKS // ticks // points if 0 < points <= WIDE else 1
-    chunks = Chunks(grid.slices, points, max(1, curves), min(points, WIDE))
+    chunks = Chunks(grid.loops, points, max(1, curves), min(points, WIDE))
     return ResponseJob(grid, chunks, resolved, frequency, names, read)
 
 
@@ -172,8 +171,8 @@ class ResponseJob(Job):
         """The task of a worker for that chunk."""
         loops = np.arange(chunk.loops.start, chunk.loops.stop)
         frequency = self.frequency[chunk.walls.start : chunk.walls.stop]
-        groups = tuple(LoopGroup.of(self.grid.spec, *group) for group in self.grid.groups_of(loops, self.resolved))
-        return ResponseTask(groups, frequency)
+        parts = groups(self.grid.spec, self.grid.loop_values(loops), loops.size, self.resolved)
+        return ResponseTask(tuple(LoopGroup.of(self.grid.spec, *part) for part in parts), frequency)
 
     def columns(self, combination: np.ndarray, records: np.ndarray) -> dict[str, np.ndarray]:
         """The axes of all specs, the spec, the frequency, and the fields of the records."""

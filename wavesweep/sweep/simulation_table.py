@@ -14,15 +14,12 @@ from wavesweep.analysis.response.steady import respond
 from wavesweep.analysis.rows import complex_columns
 from wavesweep.analysis.simulation import Simulation, Tone, estimate, hand_force, record_path, simulated, table
 from wavesweep.analysis.simulation.march import FARTHEST, STRONGEST
-from wavesweep.analysis.simulation.record import components, own_image
-from wavesweep.analysis.spectrum import spectral_radius
-from wavesweep.diagram import draw
-from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.analysis.simulation.record import own_image
 from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.sweep.assumptions import over_preset
 from wavesweep.sweep.drawn_loops import loop_at_hand, ports_of, radii, refuse_singular
-from wavesweep.sweep.grid import loop_of, make_grid
+from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.response_table import doubt_of
 from wavesweep.sweep.table import Table, facts_of
 
@@ -49,10 +46,7 @@ SETTLED = 0.01  # of its beginning, what may be left of the slowest mode where a
 
 def radius_of(spec: Spec) -> float:
     """Spectral radius per frame of the spec's linear loop, which has none of the effects of [simulate]."""
-    if loop_of(spec):
-        return float(radii(make_grid(spec, ()))[0])
-    wall = (spec.values["environment.K_VE"], spec.values["environment.B_VE"])
-    return float(spectral_radius(cut_at_wall(draw(spec.values)), *wall))
+    return float(radii(make_grid(spec, ()))[0])
 
 
 def linear_loop(spec: Spec) -> dict[str, Any]:
@@ -67,7 +61,7 @@ def seen_response(spec: Spec, simulation: Simulation, tones: Sequence[Tone]) -> 
     If the linear loop is not stable, it has no steady response, and the columns of that response are missing.
     """
     signals = {"f_device": simulation.signals["f_h"], **simulation.signals}  # without a reaction it is that of the whole port
-    seen = estimate(signals, tones, spec.tick_hz, simulation.frame, components if loop_of(spec) else None)
+    seen = estimate(signals, tones, spec.tick_hz, simulation.frame)
     # The normalised frequency is that of the slow rate, also for dc, whose frame is one tick.
     ratio = simulation.frame if spec.drawing else spec.values["rates.ratio"]
     seen["omega_Ts"] = 2 * np.pi * seen["frequency_hz"] * ratio / spec.tick_hz
@@ -92,13 +86,8 @@ def _linear(spec, frequency):
     return respond(loop, frequency), loop.lost
 
 
-METHODS = {"simulate": "both loops marched tick by tick from rest, the device exact under forces held over a tick"}
-DRAWN_METHODS = {"simulate": "blocks run tick by tick from rest, plants exact under inputs held over a tick"}
+METHODS = {"simulate": "blocks run tick by tick from rest, plants exact under inputs held over a tick"}
 RESPONSE_METHODS = {
-    "admittance": "least squares over the settled stretch: the sine, its images about the slow rate, a constant",
-    "linear_admittance": "lifted resolvent of both rates, component at the force's own frequency",
-}
-DRAWN_RESPONSE_METHODS = {
     "admittance": "least squares over the settled stretch: a sine and a constant per phase of the frame; mean over the phases",
     "linear_admittance": "resolvent of the frame, component at the force's own frequency",
 }
@@ -110,9 +99,9 @@ def simulate(spec: Spec) -> list[Table]:
     hand = hand_force(spec)
     simulation = simulation_of(spec, hand.force)
     columns = table(simulation)
-    simulated_at, linear, drawn = time.perf_counter(), linear_loop(spec), loop_of(spec) is not None
-    methods, seconds = DRAWN_METHODS if drawn else METHODS, {"march_s": simulated_at - started}
-    facts = _facts(spec, methods, seconds, [*_unmeasured(spec, hand.tones), *_notices(spec)]) | {"linear_loop": linear}
+    simulated_at, linear = time.perf_counter(), linear_loop(spec)
+    seconds = {"march_s": simulated_at - started}
+    facts = _facts(spec, METHODS, seconds, [*_unmeasured(spec, hand.tones), *_notices(spec)]) | {"linear_loop": linear}
     rows = len(columns["tick"])
     facts["ticks"] = {"wanted": len(hand.force), "simulated": rows, "stopped": _stopped(simulation, rows, len(hand.force))}
     if spec.drawing:  # whose rate may be an expression
@@ -125,9 +114,8 @@ def simulate(spec: Spec) -> list[Table]:
     if tones:
         response = seen_response(spec, simulation, tones)
         timings = {"estimate_s": time.perf_counter() - simulated_at}
-        methods = DRAWN_RESPONSE_METHODS if drawn else RESPONSE_METHODS
         notices = [*_images(tones, 1 / spec.tick_hz, simulation.frame), *_unsettled(spec, linear, simulation.frame)]
-        facts = _facts(spec, methods, timings, notices) | {"linear_loop": linear}
+        facts = _facts(spec, RESPONSE_METHODS, timings, notices) | {"linear_loop": linear}
         tables.append(Table.of("simulate-response", response, facts))
     return tables
 

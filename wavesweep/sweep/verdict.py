@@ -8,17 +8,14 @@ import numpy as np
 from wavesweep.analysis.response.lines import shown_in_ticks, strongest_turns
 from wavesweep.analysis.response.steady import respond, static_response
 from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, radius_of, slowest
-from wavesweep.diagram import WALL, draw
 from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import SpecError, WavesweepError
-from wavesweep.lifted.at_wall import cut_at_wall
-from wavesweep.lifted.cut import close
 from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
 from wavesweep.spec.resolving import longest_delay
 from wavesweep.sweep.assumptions import assumes
-from wavesweep.sweep.drawn_loops import drift_of, frames, loop_at_hand, refuse_singular, telling_frames
-from wavesweep.sweep.grid import keys_of, loop_of, make_grid
+from wavesweep.sweep.drawn_loops import loop_at_hand, radii_of, refuse_singular, telling_frames
+from wavesweep.sweep.grid import drawing_for, keys_of, make_grid, own_loop, read_by
 from wavesweep.sweep.interval_job import job_over
 from wavesweep.sweep.running import in_memory
 
@@ -41,11 +38,10 @@ def verdict(spec: Spec) -> dict:
     The numbers of `own_design`; limits: per number of the loop the stable interval that its value lies in (see `limits`);
     delay: the number of ticks it may grow to. A drawn loop has no delay that a spec would name.
     """
-    cut = None if loop_of(spec) else cut_at_wall(draw(spec.values))
-    return own_design(spec, cut) | {"limits": limits(spec), "delay": _delays(spec)}
+    return own_design(spec) | {"limits": limits(spec), "delay": _delays(spec)}
 
 
-def own_design(spec: Spec, cut=None, loop=None) -> dict:
+def own_design(spec: Spec, loop=None) -> dict:
     """The numbers of the spec's own design without those about its changes, as a JSON-able dict; a missing number is None.
 
     stable, spectral_radius (per frame; missing after overflow or if rounding hides it, and then it is not known to be stable),
@@ -55,17 +51,12 @@ def own_design(spec: Spec, cut=None, loop=None) -> dict:
     `strongest_turns`), or as it is seen once a frame if there is no hand; channel_norm: of the wave channel, 1 or less if it is
     passive.
     A drawn loop has no channel that a spec would name, and is felt at the hand's port if it has one.
-    cut, loop: the compiled loop and the one prepared for responses, if they are known already.
+    loop: the one prepared for responses, if it is known already.
     """
-    values, drawing, hidden = spec.values, loop_of(spec), False
-    if drawing is None:
-        cut = cut or cut_at_wall(draw(values))
-        E, period = close(cut, *(values[path] for path in WALL)), float(cut.period)
-    else:
-        E, hidden, period = _frame_of(spec)
+    E, hidden, period = _frame_of(spec)
     radius = float(radius_of(E, hidden))
     found = {"stable": radius < 1, "spectral_radius": _number(radius), "period_s": period, "assumes": assumes(spec)}
-    channel = None if drawing else _channel_norm(values)
+    channel = None if spec.drawing else _channel_norm(spec.values)
     loop, delta = loop or _prepared(spec), eigenvalues(E)[0]
     turns = _turns(loop, slowest(delta)) if found["stable"] and delta.size else 0
     return found | {"felt": _felt(loop), "slowest": _slowest(delta, period, turns), "channel_norm": channel}
@@ -89,17 +80,17 @@ def line_hz(spec: Spec, omega: float) -> float:
 
     omega: rad/s, from frame to frame. Without a hand, or if the frame is not known, the frequency is that of omega itself.
     """
-    period = float(cut_at_wall(draw(spec.values)).period) if loop_of(spec) is None else _frame_of(spec)[2]
+    period = _frame_of(spec)[2]
     turns = _turns(_prepared(spec), complex(np.expm1(1j * omega * period)))
     return abs(omega / (2 * np.pi) + turns / period)
 
 
 def _frame_of(spec):
-    """The frame of a drawn loop less identity, without drift, whether its radius is hidden, and its period in s."""
-    drawing = loop_of(spec)
+    """The frame of the loop less identity, without drift, whether its radius is hidden, and its period in s."""
+    drawing, values = own_loop(spec)
     refuse_singular(spec, drawing)
-    drawn = assembled(drawing, spec.values)
-    found = telling_frames(drawing, spec.values)
+    drawn = assembled(drawing, values)
+    found = telling_frames(drawing, values)
     return *found, float(drawn.period * drawn.ticks)
 
 
@@ -171,18 +162,14 @@ def _delays(spec):
         return None
     now, ratio = spec.values[path], spec.values["rates.ratio"]
     most = None
-    drawing, frame = loop_of(spec), longest_delay(ratio)
+    frame = longest_delay(ratio)
     for delay in range(now, min(frame, now + DELAYS) + 1):
         values = {**spec.values, path: delay}
-        E = _closed(values) if drawing is None else frames(drawing, values, drift_of(drawing, values))
-        if np.abs(1 + eigenvalues(E)[0]).max(initial=0.0) >= 1:
+        drawing = drawing_for(spec, values)
+        if not radii_of(drawing, read_by(drawing, values), 1)[0] < 1:
             break
         most = delay
     return {"ticks": now, "most": most, "frame": frame, "tried": min(frame, now + DELAYS)}
-
-
-def _closed(values):
-    return close(cut_at_wall(draw(values)), *(values[path] for path in WALL))
 
 
 def _felt(loop):

@@ -7,10 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.analysis.response.felt import felt, felt_map
 from wavesweep.analysis.sensitivity import SLOPPY, STEP, Crossings, crossings_of, tracked_eigenvalue
 from wavesweep.analysis.spectrum import damping_ratio, eigenvalues
-from wavesweep.diagram import WALL, draw
 from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.spec import Axis, Spec, sweep_axes
@@ -197,9 +195,6 @@ class _Loops:
 
     def felt(self, varied, count):
         """Stiffness that the hand feels at rest, `(count,)`; None for a loop without a wall and a hand."""
-        if self.spec.drawing is None and not self.spec.uneven:
-            whole = dict(self.spec.values) | varied
-            return np.broadcast_to(felt(felt_map(draw(whole), (count,)), whole[WALL[0]]), (count,))
         if not feels(self.drawing):
             return None
         # What is felt of a loop tick by tick takes a complex step itself: here the steps are real, of fourth order.
@@ -279,7 +274,7 @@ def _rows(loops, found, ends, members) -> dict:
         slope, error = _felt(stiffness.reshape(p.size, each)[at], felt_there, size[at], crossings)
         if loops.axis.path not in loops.walls:  # another number's 0 takes a branch out of the loop, see also `felt_at_ends`
             error[(p[at] == 0) | (ends.omega[members][at] == 0)] = np.inf
-        elif loops.spec.drawing or loops.spec.uneven:  # nothing holds what feels no wall, and real steps lead there
+        else:  # nothing holds what feels no wall, and real steps lead there
             error[p[at] == 0] = np.inf
         quantities["felt"] = (felt_there, slope, error)
     value = np.stack([np.broadcast_to(loops.values[path], p.shape)[at] for path in loops.numbers], -1)

@@ -4,7 +4,6 @@ from functools import cached_property
 
 import numpy as np
 
-from wavesweep.analysis.response.frame import Loop
 from wavesweep.lifted.circle import on_circle
 
 
@@ -66,13 +65,6 @@ class Circle:
     def share(self):
         """The component at w of a signal that is constant in every frame, times w of the tick over w of the frame."""
         return self.turn(1) * self.turn(self.ratio).conj() / self.ratio
-
-
-def circle(loop: Loop, frequency_hz) -> Circle:
-    """Return the frequencies `frequency_hz` (Hz) on the circles of this loop."""
-    rate = loop.diagram.rate
-    rate = 1 / np.asarray(loop.diagram.period, float) if rate is None else np.asarray(rate, float)
-    return Circle(np.asarray(frequency_hz, float), rate, loop.diagram.ratio)
 
 
 def _product(a, b):

@@ -298,7 +298,20 @@ def displacements(port: Port, ticks: int) -> tuple[np.ndarray, ...]:
 
     ticks: in a frame, if the loop's own is a single one. No drift is among the states.
     """
-    maps, sizes = (tuple((E, B, C[:1], D[:1]) for E, B, C, D in parts) for parts in (port.maps, port.sizes))
+    return _over_frame(port, ticks, slice(1))
+
+
+def positions(port: Port, ticks: int) -> tuple[np.ndarray, ...]:
+    """Return E, B, C and D of one loop over a frame, from the forces of its ticks (N) to the positions at their starts (m).
+
+    ticks: as for `displacements`. A position that drifts is among the states.
+    """
+    return _over_frame(_with_position(port), ticks, slice(-1, None))
+
+
+def _over_frame(port, ticks, row):
+    """E, B, C and D over a frame, with one of the port's outputs."""
+    maps, sizes = (tuple((E, B, C[row], D[row]) for E, B, C, D in parts) for parts in (port.maps, port.sizes))
     kind = np.tile(port.kind, ticks // port.kind.size)
     frame = Stretch.of(replace(port, kind=kind, maps=maps, sizes=sizes)).showing(slice(None))
     return frame.E[0], frame.left[0], frame.seen[0][0], frame.whole()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -111,29 +111,24 @@ def _finite_rows(columns: list[np.ndarray], rows: int) -> int:
     return rows if finite.all() else int(finite.argmin())
 
 
-def estimate(
-    signals: Mapping[str, np.ndarray], tones: Sequence[Tone], fast_hz: float, ratio: int, fit: Callable | None = None
-) -> dict[str, np.ndarray]:
+def estimate(signals: Mapping[str, np.ndarray], tones: Sequence[Tone], fast_hz: float, ratio: int) -> dict[str, np.ndarray]:
     """Estimate the transmitted admittance ``x/f_h`` and impedance ``f_device/x`` at each tone's frequency.
 
-    A multirate loop responds to a sine also at its images ``f + n·f_slow``. Each signal of a section is fitted with sines
-    at the frequency, at its images and a constant (drift), and only the component at the frequency itself is kept.
-    Without them the images would leak into it, if the section is not a whole number of frames.
+    A multirate loop responds to a sine also at its images ``f + n·f_slow``, which would leak into the component at the
+    frequency itself: see `components`.
 
     Parameters: `signals` with the columns `f_h`, `x`, `f_device` (see `Simulation.signals`), `tones` the sections to
-    use, `fast_hz` the fast rate, `ratio` ticks in a frame (1 for `dc`), `fit` another
-    function of (signals, tone, fast_hz, ratio) that gives the three amplitudes at a tone's frequency.
+    use, `fast_hz` the rate of the tick, `ratio` ticks in a frame (1 for `dc`).
 
     Returns the columns ``frequency_hz``, ``omega_Ts`` (radians per slow sample), ``admittance_re``, ``_im``, ``_abs``
     (m/N), ``_deg``, and ``impedance_…`` likewise (N/m), an entry per tone.
 
-    Errors: `UsageError` if a section has fewer ticks than the fit has unknowns.
+    Errors: `UsageError` if a section has fewer than three frames.
 
     Accuracy: rounding, once the loop has settled. At multiples of half the slow rate the sine is its own image: there a
     single record depends on the phase of the sine against the slow clock, in an experiment as here.
     """
-    fit = fit or _components
-    found = np.array([fit(signals, tone, fast_hz, ratio) for tone in tones], dtype=complex).reshape(-1, 3)
+    found = np.array([components(signals, tone, fast_hz, ratio) for tone in tones], dtype=complex).reshape(-1, 3)
     f_h, x, f_device = found.T
     frequency = np.array([tone.frequency_hz for tone in tones])
     columns = {"frequency_hz": frequency, "omega_Ts": 2 * np.pi * frequency * ratio / fast_hz}
@@ -142,31 +137,6 @@ def estimate(
     for name, response in responses.items():
         columns |= complex_columns(name, response)
     return columns
-
-
-def _components(signals: Mapping[str, np.ndarray], tone: Tone, fast_hz: float, ratio: int) -> list[complex]:
-    """Fit the complex amplitudes at the tone's frequency."""
-    basis = _basis(2 * np.pi * tone.frequency_hz / fast_hz, ratio, np.arange(tone.first, tone.last))
-    if basis.shape[0] < basis.shape[1]:
-        raise UsageError(
-            f"tone of {tone.frequency_hz} Hz: expected at least {basis.shape[1]} ticks to tell it from its images, "
-            f"found {basis.shape[0]}; measure longer"
-        )
-    measured = np.stack([signals[name][tone.first : tone.last] for name in ("f_h", "x", "f_device")], axis=1)
-    cosine, sine = np.linalg.lstsq(basis, measured, rcond=None)[0][:2]
-    return list(cosine - 1j * sine)
-
-
-def _basis(omega: float, ratio: int, k: np.ndarray) -> np.ndarray:
-    """Return cosines and sines at ``omega`` (first) and at its images, each frequency once, and a constant."""
-    images = omega + 2 * np.pi * np.arange(ratio) / ratio
-    folded = np.abs((images + np.pi) % (2 * np.pi) - np.pi)
-    columns, seen = [], [0.0]
-    for image in folded:
-        if min(abs(image - other) for other in seen) > SAME:
-            seen.append(image)
-            columns += [np.cos(image * k)] if abs(image - np.pi) <= SAME else [np.cos(image * k), np.sin(image * k)]
-    return np.stack([*columns, np.ones(len(k))], axis=1)
 
 
 def components(signals: Mapping[str, np.ndarray], tone: Tone, tick_hz: float, frame: int) -> list[complex]:
