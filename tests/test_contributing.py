@@ -1,36 +1,26 @@
 """CONTRIBUTING walks a maintainer through a new controller and a new analysis; these tests walk it, code and all."""
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy import signal
 from scipy.linalg import expm
+from support.documents import ROOT, code
 from support.specs import values_of
 
-from wavesweep import diagram, plots
+from wavesweep import plots
 from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.cli.entry import COMMANDS, module_of
-from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.loops.controllers import PAGES, keys_of_page
 from wavesweep.results.schema import TABLES
+from wavesweep.sweep.open_loops import wall_cut
 
-ROOT = Path(__file__).parents[1]
 SPAN = (0.0, 20000.0)
-
-
-def code(title):
-    """The names that the Python of a section of CONTRIBUTING defines."""
-    section = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split(f"\n## {title}\n", 1)[1].split("\n## ", 1)[0]
-    names = {}
-    exec(re.search(r"```python\n(.*?)```", section, re.DOTALL).group(1), names)  # noqa: S102 - the document's own code
-    return names
 
 
 @pytest.fixture
 def smooth(monkeypatch):
     """Values of the document's controller, drawn by the function that a maintainer would register."""
-    monkeypatch.setitem(diagram.CONTROLLERS, "dc-smooth", code("Add a controller")["dc_smooth"])
+    monkeypatch.setitem(PAGES, "dc-smooth", code("Add a controller")["dc_smooth"])
     return lambda **changes: values_of("dc-smooth", **changes)
 
 
@@ -68,7 +58,7 @@ def test_a_controller_from_outside_has_the_stable_intervals_of_its_loop(smooth, 
     """Stable just inside and unstable just outside of every end, and labelled right everywhere on a scan."""
     values = smooth(**changes)
     damping = np.array([0.0, 0.5, 1.0, 4.0])
-    found = stable_intervals(cut_at_wall(diagram.draw(values)).at(np.newaxis), "K_VE", SPAN, damping[None])
+    found = stable_intervals(wall_cut(values).at(np.newaxis), "K_VE", SPAN, damping[None])
     assert found.certified.all()
     assert np.isfinite(found.high_omega).sum() >= 3
     for column, B in enumerate(damping):
@@ -81,7 +71,7 @@ def test_a_controller_from_outside_has_the_stable_intervals_of_its_loop(smooth, 
 
 
 def test_a_controller_from_outside_reads_the_keys_of_its_drawing(smooth):
-    read = diagram.keys_read(smooth())
+    read = keys_of_page(smooth())
     assert {"environment.delay", "filters.lp1.order", "filters.lp1.cutoff_hz", "environment.K_VE"} <= read
     assert not {"controller.b", "local_model.K_LM", "filters.hp.order"} & read
 
@@ -92,7 +82,7 @@ def test_the_analysis_of_the_document_is_how_fast_the_loop_dies_away():
     delays, stiffness = np.array([0, 5, 20]), np.array([50.0, 150.0, 5000.0])
     wire = {"lp1_order": 0}
     for delay in delays.tolist():
-        cut = cut_at_wall(diagram.draw(values_of("dc-slow", delay=delay, **wire)))
+        cut = wall_cut(values_of("dc-slow", delay=delay, **wire))
         found = time_constant(cut, stiffness, 1.0)
         for K, seconds in zip(stiffness.tolist(), found.tolist(), strict=True):
             size = radius(values_of("dc-slow", delay=delay, **wire), K, 1.0)

@@ -13,7 +13,7 @@ import pytest
 import wavesweep
 from wavesweep.cli import main
 from wavesweep.cli.entry import COMMANDS
-from wavesweep.controllers import MEANINGS
+from wavesweep.controllers import CONTROLLERS
 from wavesweep.spec import KEYS
 from wavesweep.spec.block_types import TYPES
 
@@ -137,7 +137,7 @@ def test_the_reasons_of_a_limit_in_the_readme_are_the_programs(monkeypatch, capf
 
 
 def test_every_controller_stands_in_the_readme_with_its_meaning():
-    assert dict(re.findall(r"^\| `((?:dc|pmw)[a-z-]*)` \| (.*?) \|$", README, re.MULTILINE)) == dict(MEANINGS)
+    assert dict(re.findall(r"^\| `((?:dc|pmw)[a-z-]*)` \| (.*?) \|$", README, re.MULTILINE)) == dict(CONTROLLERS)
 
 
 def test_the_first_screen_shows_lines_of_the_first_hour():

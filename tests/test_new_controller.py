@@ -1,4 +1,4 @@
-"""A controller from outside, drawn twice and registered with two lines: every analysis is right, against a march of its own.
+"""The controller of CONTRIBUTING, registered with two lines: every analysis is right, against a march of its own.
 
 The slow wall's held force reaches the device through a first-order low-pass at the fast rate.
 """
@@ -6,55 +6,25 @@ The slow wall's held force reaches the device through a first-order low-pass at 
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from support.documents import code
 from support.specs import nested, values_of
 
 import wavesweep
 from wavesweep.controllers import CONTROLLERS
-from wavesweep.diagram.device import device
-from wavesweep.diagram.drawing import Diagram, hand, rates
-from wavesweep.diagram.filters import butterworth
 from wavesweep.loops.controllers import PAGES
-from wavesweep.loops.page import F_S, Page, Slow
-from wavesweep.loops.page import device as of_device
 
 KIND = "dc-filtered"
 
 
-def dc_filtered(values) -> Diagram:
-    """hand -> device -> samplers -> wall -> hold -> low-pass -> device."""
-    facts = hand(values)
-    low_pass = butterworth("smooth", 1, values["filters.lp2.cutoff_hz"], facts["period"])
-    return Diagram(
-        fast=(device(values, facts["period"]), low_pass),
-        slow=(),
-        sums={"device.f": {"f_h": 1, "f_m": -1}, "smooth.u": {"shown": 1}, "f_m": {"smooth.y": 1}},
-        samples={"place": "device.x", "speed": "device.v_hat"},
-        holds={"shown": "F_s"},
-        wall=("place", "speed"),
-        **rates(values),
-        **facts,
-    )
-
-
-def page(values) -> Page:
-    """The same on a page."""
-    slow, (blocks, wires, velocity) = Slow.of(values), of_device(values)
-    held, through, shown = slow.in_place("wall", "wall.y")
-    low_pass = {"type": "butterworth", "order": 1, "cutoff_hz": "filters.lp2.cutoff_hz"}
-    blocks |= {"wall": slow.block(type="hold"), "smooth": low_pass} | held
-    wall = {"wall.u": F_S.format(x="device.x", v=velocity), "smooth.u": shown}
-    return Page(blocks, wires | wall | through | {"device.f": "f_h - smooth.y"}, "smooth.y")
-
-
-VALUES = values_of("dc-slow", ratio=8, delay=3, K_VE=120.0, B_VE=0.7, mass=0.12, damping=1.1, lp2_cutoff_hz=25.0)
+VALUES = values_of("dc-slow", ratio=8, delay=3, K_VE=120.0, B_VE=0.7, mass=0.12, damping=1.1, lp1_order=1, lp1_cutoff_hz=25.0)
 FREE, HELD = VALUES, VALUES | {"operator.stiffness": 300.0, "operator.mass": 0.05}
 
 
 @pytest.fixture(autouse=True)
 def registered(monkeypatch):
     """The lines of the registries."""
-    monkeypatch.setitem(CONTROLLERS, KIND, dc_filtered)
-    monkeypatch.setitem(PAGES, KIND, page)
+    monkeypatch.setitem(CONTROLLERS, KIND, "direct coupling to the slow wall, whose held force is smoothed")
+    monkeypatch.setitem(PAGES, KIND, code("Add a controller")["dc_smooth"])
 
 
 def compiled(values):
@@ -70,7 +40,7 @@ def frame(values, state, K, B, force):
         for n in ("mass", "damping", "stiffness")
     )
     step = expm(T * np.array([[0, 1, 0], [-k / m, -d / m, 1 / m], [0, 0, 0]]))
-    w = np.tan(np.pi * values["filters.lp2.cutoff_hz"] * T)
+    w = np.tan(np.pi * values["filters.lp1.cutoff_hz"] * T)
     x, v, u_before, y_before, old = state
     new, xs, fs = K * x + B * v, [], []
     for i in range(ratio):

@@ -21,17 +21,16 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.diagram import draw
-from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.cut import close, with_batch
 from wavesweep.spec import load
 from wavesweep.sweep.interval_job import job_of
+from wavesweep.sweep.open_loops import wall_cut
 from wavesweep.sweep.tasks import records_of, solve
 
 STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
 GRID, THOUSANDTH = 100, 1000
 PARTS = {  # function -> what it stands for; the time is that of the function and of all that it calls
-    "cut_at_wall": "compile the loops", "sampled_polynomial": "polynomial", "isolate": "roots and their proof",
+    "open_loops": "compile the loops", "sampled_polynomial": "polynomial", "isolate": "roots and their proof",
     "polish": "polish", "regions": "counts and residuals", "with_felt": "felt stiffness",
     "records_of": "records",
 }  # fmt: skip
@@ -99,16 +98,15 @@ def ratio(job):
     grid, random = job.grid, np.random.default_rng(1)
     count = max(1, job.slices // THOUSANDTH)
     column = np.sort(random.choice(job.slices, count, replace=False))
-    loop, wall = np.divmod(column, grid.walls)
     # A zero among other values would need a drawing of its own; for the time it makes no difference.
-    values = dict(grid.spec.values) | {path: np.maximum(v, 1e-9) for path, v in grid.loop_values(loop).items()}
-    wall_values = grid.wall_values()["environment.B_VE"][wall]
+    values = dict(grid.spec.values) | {path: np.maximum(v, 1e-9) for path, v in grid.loop_values(column).items()}
+    wall_values = np.broadcast_to(values["environment.B_VE"], column.shape)
     K = np.linspace(job.axis.start, job.axis.stop, GRID)
     started = time.thread_time()
     for start in range(0, count, 50):  # in the cache, as a careful user would
         part = {path: v[start : start + 50] if np.ndim(v) else v for path, v in values.items()}
         B = wall_values[start : start + 50]
-        E = close(with_batch(cut_at_wall(draw(part)), B.size).at((slice(None), None)), K, B[:, None])
+        E = close(with_batch(wall_cut(part), B.size).at((slice(None), None)), K, B[:, None])
         np.abs(1 + np.linalg.eigvals(E)).max(-1) < 1  # noqa: B015 - for its time
     dense = (time.thread_time() - started) / count * job.slices
     number = len(job.chunks) // 2

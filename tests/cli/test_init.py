@@ -8,7 +8,7 @@ import pytest
 from wavesweep import sweep as real_sweep
 from wavesweep.cli.init import starter
 from wavesweep.controllers import CONTROLLERS
-from wavesweep.diagram import keys_read
+from wavesweep.loops.controllers import PAGES, keys_of_page
 from wavesweep.spec import KEYS, STUDY_KEYS, load, sweep_axes
 from wavesweep.spec.devices import DEVICES
 
@@ -85,7 +85,7 @@ def test_every_key_is_explained_with_its_unit(kind, device, written):
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_keys_are_those_that_the_loop_reads(kind, written):
     path, text = written(kind)
-    read = keys_read({**load(path).values, "controller.Kp": 1.0})
+    read = keys_of_page({**load(path).values, "controller.Kp": 1.0})
     shown = {path for _, path, _ in key_lines(text) if path in KEYS}
     assert shown == {path.replace("rates.ratio", "rates.slow_hz") for path in read}
 
@@ -104,6 +104,7 @@ def test_a_number_that_is_not_published_is_marked(written):
 
 def test_a_controller_from_outside_has_its_spec_too(written, monkeypatch):
     monkeypatch.setitem(CONTROLLERS, "mine", CONTROLLERS["dc-slow"])
+    monkeypatch.setitem(PAGES, "mine", PAGES["dc-slow"])
     assert load(written("mine")[0]).values["controller.kind"] == "mine"
 
 

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from support.specs import INTEGRATIONS, random_values
 
-from wavesweep.diagram.pmw import pmw
-from wavesweep.diagram.pmw_lm import pmw_lm
+from wavesweep.diagram.assembly import assembled
 from wavesweep.diagram.wave import avatar, local_model
-from wavesweep.lifted.connect import connect
+from wavesweep.lifted.periodic import ticks_of
+from wavesweep.loops.controllers import loop_drawing
+from wavesweep.sweep.grid import read_by
 
 
 def random_row(seed, n):
@@ -15,11 +16,14 @@ def random_row(seed, n):
 
 
 @pytest.mark.parametrize("seed", range(12))
-@pytest.mark.parametrize("draw", [pmw, pmw_lm])
-def test_the_encoder_conserves_power(seed, draw):
+@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
+def test_the_encoder_conserves_power(seed, kind):
     """`f_m v_hat = u_m^2/2 - v_m^2/2`, whatever the state and the held signals are."""
-    diagram = draw(random_values(seed, "pmw-lm"))
-    fast = connect("fast", diagram.fast, diagram.sums, ("f_h", *diagram.holds), ("f_m", "device.v_hat", "u_m", "v_m"))
+    values = random_values(seed, kind)
+    drawing = loop_drawing(values)
+    drawn = assembled(drawing, read_by(drawing, values))
+    ticks = ticks_of(drawn, ("encoder.force", "encoder.v", "encoder.out", "encoder.in"))
+    fast = ticks.maps[ticks.kind[0]]
     x, w = random_row(seed, len(fast.states)), random_row(seed + 99, len(fast.inputs))
     f_m, v_hat, u, v = fast.C @ x + fast.D @ w
     assert f_m * v_hat == pytest.approx(u * u / 2 - v * v / 2, abs=1e-12 * (u * u + v * v))

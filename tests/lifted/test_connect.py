@@ -12,15 +12,13 @@ from support.lifted import transfer
 from support.nets import SINGULAR, first_order, random_net
 from support.responses import loop_of
 
-from wavesweep.diagram import draw
 from wavesweep.diagram.block import Block
 from wavesweep.diagram.device import impulse_and_step
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.connect import connect
 from wavesweep.lifted.cut import close
-from wavesweep.lifted.frame import lifted_system
 from wavesweep.lifted.substitution import ANY, ONE, plan_of
+from wavesweep.sweep.open_loops import wall_cut
 
 
 def test_feedback_with_direct_terms_is_closed_exactly():
@@ -167,17 +165,13 @@ def test_torn_loops_are_conditioned_by_what_their_terms_cancel():
 
 def test_two_branches_that_answer_each_other_at_once_are_refused():
     """With F_s and F_l of three times the impedance each, u_m does not determine v_m."""
-    with pytest.raises(IllPosedLoopError, match="condition number"):
-        lifted_system(draw(SINGULAR), 20, 500.0, 75.0)
     with pytest.raises(IllPosedLoopError, match="no solution"):
         loop_of(SINGULAR | {"environment.K_VE": 500.0, "environment.B_VE": 75.0})
 
 
 def test_the_same_branches_are_fine_a_little_further():
-    cut = cut_at_wall(draw(SINGULAR))
-    whole = lifted_system(draw(SINGULAR), 20, 500.0, 76.0)
+    cut = wall_cut(SINGULAR)
     assert np.isfinite(close(cut, 500.0, 76.0)).all()
-    assert np.isfinite(whole.E).all()
 
 
 def test_the_pivot_of_one_loop_is_its_return_difference():
@@ -235,7 +229,7 @@ def test_threads_that_connect_one_structure_at_once_find_what_one_finds():
     sys.setswitchinterval(1e-6)
     try:
         with ThreadPoolExecutor(4) as pool:
-            for _ in range(150):
+            for _ in range(30):
                 plan_of.cache_clear()
                 for found in pool.map(lambda _: connect(*given, terms=True), range(4)):
                     wrong += not all(np.array_equal(*pair) for pair in zip(found.terms, expected.terms, strict=True))

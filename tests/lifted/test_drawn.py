@@ -129,7 +129,6 @@ def test_waves_written_as_blocks_are_the_built_in_loop(changes):
     found, own = stable_intervals(cut.at(np.newaxis), "K_VE", (0, 20000), B), built_in(changes)
     table = own.stable_intervals(B_VE=B[0])
     assert found.high == pytest.approx(table["high"].to_numpy(), rel=1e-10)
-    assert cut.order == own.cut.order
     closed = pmw(**changes, wall=(500.0, 1.0))
     drift = drift_of_drawn(closed, pmw(**changes, b=11.0, wall=(300.0, 2.0)))
     radius = np.abs(1 + np.linalg.eigvals(closed_frame(closed, drift))).max()

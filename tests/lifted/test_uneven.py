@@ -8,18 +8,15 @@ from scipy.linalg import expm
 from scipy.signal import butter, tf2ss
 
 import wavesweep
-from wavesweep.analysis.spectrum import radius_of, spectral_radius
-from wavesweep.diagram import CONTROLLERS, WALL, draw
+from wavesweep.controllers import CONTROLLERS, WALL
 from wavesweep.diagram.assembly import FACTOR, PRODUCT, assembled
-from wavesweep.diagram.uneven import Uneven
 from wavesweep.errors import SpecError
-from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.open_ticks import OpenTicks
 from wavesweep.lifted.periodic import ticks_of
 from wavesweep.lifted.tick_drift import closed, closed_frame
 from wavesweep.spec import load
-from wavesweep.sweep import grid as grids
-from wavesweep.sweep.drawn_loops import drift_of, felt_of, frames
+from wavesweep.sweep.drawn_loops import drift_of, frames, radii_of
+from wavesweep.sweep.grid import own_loop
 
 BASE = {"controller": {"Kp": 20.0}, "environment": {"K_VE": 700.0, "B_VE": 3.0}}
 
@@ -31,34 +28,7 @@ def spec_of(kind, **tables):
 
 
 def radius(spec):
-    drawing = Uneven(spec.kind)
-    return float(radius_of(frames(drawing, spec.values, drift_of(drawing, spec.values))))
-
-
-@pytest.mark.parametrize("kind", CONTROLLERS)
-@pytest.mark.parametrize("delay", [0, 1, 7, 20])
-@pytest.mark.parametrize("velocity", ["exact", "difference"])
-def test_rates_that_divide_give_the_loop_of_the_lifting(kind, delay, velocity):
-    spec = spec_of(kind, environment={"delay": delay}, device={"velocity": velocity})
-    own = spectral_radius(cut_at_wall(draw(spec.values)), *(spec.values[path] for path in WALL))
-    assert radius(spec) == pytest.approx(float(own), rel=1e-11)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", CONTROLLERS)
-def test_all_answers_are_those_of_the_lifting_where_rates_divide(kind, monkeypatch):
-    spec = spec_of(kind, environment={"integration": "explicit", "delay": 3}, operator={"damping": 0.4})
-    own = wavesweep.compile(spec)
-    kept = (own.stable_intervals(B_VE=[0.5, 5]), own.response([0.0, 1.0, 30.0]), own.passivity())
-    monkeypatch.setattr(grids, "loop_of", lambda *_: Uneven(kind))
-    other = wavesweep.compile(spec)
-    intervals, response, port = other.stable_intervals(B_VE=[0.5, 5]), other.response([1.0, 30.0]), other.passivity()
-    assert intervals.certified.all()
-    np.testing.assert_allclose(intervals[["low", "high", "felt_high"]], kept[0][["low", "high", "felt_high"]], rtol=1e-9)
-    for name in ("admittance_re", "admittance_im", "impedance_re", "impedance_im"):
-        scale = np.abs(kept[1][name.replace("_re", "_abs").replace("_im", "_abs")][1:])
-        np.testing.assert_allclose(response[name] / scale.to_numpy(), kept[1][name][1:] / scale, atol=1e-9)
-    np.testing.assert_allclose(port.port_margin, kept[2].port_margin, rtol=1e-6, atol=1e-12)
+    return radii_of(*own_loop(spec), 1).item()
 
 
 def run(values, ratio, state, frames_run):
@@ -164,21 +134,21 @@ def test_a_simulation_shows_the_response_of_the_loop(kind):
 
 
 def test_every_slow_block_runs_in_the_ticks_of_its_steps():
-    drawn = assembled(Uneven("pmw"), spec_of("pmw", rates={"slow_hz": 60}, environment={"delay": 16}).values)
+    drawn = assembled(*own_loop(spec_of("pmw", rates={"slow_hz": 60}, environment={"delay": 16})))
     when = {each.block.name: np.flatnonzero(each.runs(drawn.ticks)).tolist() for each in drawn.placed}
     assert drawn.ticks == 50
-    assert when["avatar"] == when["sample u_s"] == [0, 16, 33]
-    assert (when["kept v_1"], when["shown v_1"]) == ([15, 32, 49], [0, 16, 33])
+    assert when["avatar"] == [0, 16, 33]
+    assert (when["v_1_kept"], when["v_1_shown"]) == ([15, 32, 49], [0, 16, 33])
 
 
 @pytest.mark.parametrize(("path", "shared"), [("environment.K_VE", True), ("device.mass", False)])
 def test_points_of_several_loops_give_the_bits_of_all_pairs(path, shared):
     """Ticks in which nothing reads the wall are connected once for all points of a loop."""
-    values, drawing = spec_of("pmw-lm", rates={"slow_hz": 60.0}).values, Uneven("pmw-lm")
+    drawing, values = own_loop(spec_of("pmw-lm", rates={"slow_hz": 60.0}))
     b, drift = np.linspace(5, 60, 7), drift_of(drawing, values)
     points = np.geomspace(0.1, 3, 28).reshape(7, 4) * values[path]
     of_points, of_pairs = (
-        drawing.placed(values | {"controller.b": b, path: p})
+        assembled(drawing, values | {"controller.b": b, path: p})
         for b, p in ((b[:, None], points), (np.repeat(b, 4), points.ravel()))
     )
     found, expected = (closed_frame(drawn, drift) for drawn in (of_points, of_pairs))
@@ -191,8 +161,8 @@ def test_points_of_several_loops_give_the_bits_of_all_pairs(path, shared):
 @pytest.mark.parametrize("delay", [0, 7])
 def test_ticks_cut_at_the_wall_and_closed_again_are_those_with_the_wall(kind, delay, path):
     """Of three loops at three walls each, which a batch would connect one by one."""
-    values = dict(spec_of(kind, environment={"delay": delay}, rates={"slow_hz": 60.0}).values)
-    drawing, mass, p = Uneven(kind), np.array([0.1, 0.3, 0.7]), np.array([[0.5, 80.0, 3000.0]])
+    drawing, values = own_loop(spec_of(kind, environment={"delay": delay}, rates={"slow_hz": 60.0}))
+    mass, p = np.array([0.1, 0.3, 0.7]), np.array([[0.5, 80.0, 3000.0]])
     some = values | {"device.mass": mass, path: 1.0}
     ticks = OpenTicks.of(assembled(drawing, some, path), assembled(drawing, some), PRODUCT, FACTOR)
     drift = drift_of(drawing, values | {path: np.array([0.5, 2.0])})
@@ -216,19 +186,3 @@ def test_a_number_without_a_solution_of_direct_terms_makes_no_frame():
     assert not any(np.isfinite(each.E).all() for each in one.maps)
     assert all(np.isfinite(each.E).all() for each in other.maps)
     assert one.maps[0].pivot == 0
-
-
-@pytest.mark.parametrize("delay", [0, 7, 20])
-@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
-def test_waves_between_two_springs_keep_what_the_start_of_a_force_leaves_in_them(kind, delay):
-    """Without Kp nothing changes a combination of the states; at rates that divide the lifting knows the limit otherwise."""
-    several = {"b": [12.0, 40.0], "K_VE": [60.0, 900.0]}
-    spec = spec_of(kind, controller={"Kp": 0.0}, operator={"stiffness": 45.0}, environment={"delay": delay})
-    known = wavesweep.compile(spec).response([0.0], **several).impedance_re.to_numpy()
-    some = dict(spec.values) | {"controller.b": np.repeat([12.0, 40.0], 2), "environment.K_VE": np.tile([60.0, 900.0], 2)}
-    np.testing.assert_allclose(felt_of(Uneven(kind), some, 4), known, rtol=1e-7)
-    loop = wavesweep.compile(
-        {"controller": {"kind": kind, "Kp": 0.0}, "operator": {"stiffness": 45.0}, "rates": {"slow_hz": 60.0}}
-    )
-    rest, slowly = loop.response([0.0, 1e-3]).impedance_re
-    assert rest == pytest.approx(slowly, rel=1e-6)

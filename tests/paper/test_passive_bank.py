@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from support.controllers import advance, at_rest, butterworth
 
-from wavesweep.diagram import draw
+from wavesweep.diagram.assembly import assembled
 from wavesweep.lifted.connect import connect
+from wavesweep.loops.page import drawing_of_page
+from wavesweep.loops.pmw import pmw_lm
 from wavesweep.paper.documents import bank_text
 from wavesweep.paper.paper_loops import BASE
 from wavesweep.paper.passive_bank import (
@@ -19,22 +21,24 @@ from wavesweep.paper.passive_bank import (
     PLAIN,
     SCALED,
     Design,
-    drawn,
     inward_norm,
+    page,
     passive_bank,
 )
 from wavesweep.paper.specs import load_paper
 
 
-def lifted_gain(diagram, theta):
+def lifted_gain(page, values, theta):
     """Largest singular value of the way in over a frame, (v_s, v_l) -> v_m, tick after tick from the drawing's blocks.
 
     A frame's input is the wave v_s over the root of M, so that it counts with its own period, and the M values of v_l.
     """
-    blocks = [block for block in diagram.fast if block.name in ("lp2", "late", "f1", "f2")]
-    terms = {name: gain for name, gain in diagram.sums["v_m"].items() if name.split(".")[0] not in ("device", "x_s")}
-    way = connect("way", blocks, {**diagram.sums, "v_m": terms}, ("v_1", "local.v"), ("v_m",))
-    n, M = len(way.states), diagram.ratio
+    drawn = assembled(drawing_of_page(page), values)
+    blocks = [each.block for each in drawn.placed if each.block.name in ("lp2", "v_2", "f1", "f2")]
+    terms = {name: gain for name, gain in drawn.sums["encoder.in"].items() if not name.startswith(("device", "x_s", "avatar.x"))}
+    v_1 = "v_1_shown.y" if any("v_1_shown.y" in each for each in drawn.sums.values()) else "avatar.out"
+    way = connect("way", blocks, {**drawn.sums, "encoder.in": terms}, (v_1, "local.out"), ("encoder.in",))
+    n, M = len(way.states), drawn.ticks
     state, fed = np.eye(n), np.zeros((n, M + 1))
     from_state, from_fed = [], []
     for k in range(M):
@@ -58,37 +62,36 @@ def loop(**overrides):
 @pytest.mark.parametrize(("order", "cutoff"), [(1, 10.0), (2, 5.0), (4, 80.0)])
 def test_complementary_filters_make_the_way_in_exactly_passive(design, order, cutoff, local_delay):
     values = loop(**{"local_model.delay": local_delay})
-    diagram = drawn(Design(design, order, cutoff, local_delay), values)
+    drawn = page(Design(design, order, cutoff, local_delay), values)
     theta = np.random.default_rng(7).uniform(0, np.pi, 200)
-    gains = lifted_gain(diagram, theta)
+    gains = lifted_gain(drawn, values, theta)
     assert gains.max() <= 1 + 1e-12
-    assert lifted_gain(diagram, [1e-7]) == pytest.approx(1, abs=1e-12)
-    assert inward_norm(diagram) == pytest.approx(1, abs=1e-12)
+    assert lifted_gain(drawn, values, [1e-7]) == pytest.approx(1, abs=1e-12)
+    assert inward_norm(drawn, values) == pytest.approx(1, abs=1e-12)
 
 
 @pytest.mark.parametrize(("order", "cutoff"), [(1, 1.0), (2, 20.0), (8, 160.0)])
 def test_every_low_pass_in_lp2s_place_gives_the_root_of_two(order, cutoff, paper):
-    diagram = draw(loop(**{"filters.lp2.order": order, "filters.lp2.cutoff_hz": cutoff}))
-    assert lifted_gain(diagram, [1e-6]) == pytest.approx(np.sqrt(2), rel=1e-6)
-    assert inward_norm(diagram) == pytest.approx(np.sqrt(2), rel=1e-12)
+    values = loop(**{"filters.lp2.order": order, "filters.lp2.cutoff_hz": cutoff})
+    assert lifted_gain(pmw_lm(values), values, [1e-6]) == pytest.approx(np.sqrt(2), rel=1e-6)
+    assert inward_norm(pmw_lm(values), values) == pytest.approx(np.sqrt(2), rel=1e-12)
     change = {"filters.lp2.order": order, "filters.lp2.cutoff_hz": cutoff}
     assert paper.channels("fig6", BASE, change)[0].inward == pytest.approx(np.sqrt(2), rel=1e-9)
 
 
 def test_waves_over_the_root_of_two_are_exactly_passive():
-    diagram = drawn(Design(SCALED, 0, 0.0, 1), loop())
-    assert lifted_gain(diagram, np.linspace(0.01, np.pi, 100)).max() <= 1
-    assert lifted_gain(diagram, [1e-7]) == pytest.approx(1, abs=1e-12)
-    assert inward_norm(diagram) == pytest.approx(1, abs=1e-12)
+    scaled = page(Design(SCALED, 0, 0.0, 1), loop())
+    assert lifted_gain(scaled, loop(), np.linspace(0.01, np.pi, 100)).max() <= 1 + 1e-12
+    assert lifted_gain(scaled, loop(), [1e-7]) == pytest.approx(1, abs=1e-12)
+    assert inward_norm(scaled, loop()) == pytest.approx(1, abs=1e-12)
 
 
 def test_a_high_pass_alone_is_not_enough():
     """Without F1 even a high-pass, which stops a constant wave, leaves the way in above 1: the hold takes all the room."""
-    diagram = drawn(Design(IN_PLACE, 1, 10.0, 1), loop())
-    terms = {"v_1" if name == "f1.y" else name: gain for name, gain in diagram.sums["v_m"].items()}
-    fast = tuple(block for block in diagram.fast if block.name != "f1")
-    without = replace(diagram, fast=fast, sums={**diagram.sums, "v_m": terms})
-    assert lifted_gain(without, np.linspace(0.01, np.pi, 100)).min() > 1 + 1e-4
+    whole = page(Design(IN_PLACE, 1, 10.0, 1), loop())
+    wires = {**whole.wires, "encoder.in": whole.wires["encoder.in"].replace("f1.y", "avatar.out")}
+    without = replace(whole, wires=wires)
+    assert lifted_gain(without, loop(), np.linspace(0.01, np.pi, 100)).min() > 1 + 1e-4
 
 
 def test_waves_marched_through_the_filters_gain_no_energy():

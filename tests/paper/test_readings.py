@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from wavesweep.diagram import WALL, keys_read
+from wavesweep.controllers import WALL
+from wavesweep.loops.controllers import keys_of_page
 from wavesweep.paper.felt_responses import respond
 from wavesweep.paper.paper_loops import PaperLoops
 from wavesweep.paper.readings import CHOICES, DIRECT, FILTERS, PMW, PMW_LM, SLOW, Reading, readings, under
@@ -20,11 +21,11 @@ PAPERS = {  # what the paper gives for the figures that the statements are on; i
 @pytest.mark.parametrize(("name", "tried"), [("fig6", PMW_LM), ("pmw", PMW), ("dc", DIRECT)], ids=["PMW+LM", "PMW", "DC"])
 def test_every_key_that_the_paper_leaves_open_and_the_loop_reads_has_choices(name, tried):
     varied = {path for reading in tried for path in reading.changes}
-    assert varied == keys_read(load_paper(name).values) - PAPERS
+    assert varied == keys_of_page(load_paper(name).values) - PAPERS
 
 
 def test_the_slow_wall_is_read_with_its_delay():
-    read = keys_read(load_paper("dc", ('controller.kind="dc-lm"',)).values)
+    read = keys_of_page(load_paper("dc", ('controller.kind="dc-lm"',)).values)
     assert {path for reading in SLOW for path in reading.changes} == {"device.velocity", "environment.delay"}
     assert {"device.velocity", "environment.delay"} <= read
 

@@ -9,8 +9,8 @@ from scipy import signal
 
 import wavesweep
 from wavesweep.controllers import CONTROLLERS, FILTERS_OF
-from wavesweep.diagram import keys_read
 from wavesweep.errors import SpecError
+from wavesweep.loops.controllers import keys_of_page
 from wavesweep.spec import load
 from wavesweep.spec.keys import FILTERS
 from wavesweep.spec.resolving import butterworth_order
@@ -168,7 +168,7 @@ def test_a_refused_rate_names_the_nearest_and_they_work(slow_hz, nearest):
 @pytest.mark.parametrize("kind", CONTROLLERS)
 def test_the_rate_limits_no_filter_that_a_controller_does_not_read(kind):
     read = {
-        path.split(".")[1] for path in keys_read(load({"controller": {"kind": kind}}).values) if path.startswith("filters.")
+        path.split(".")[1] for path in keys_of_page(load({"controller": {"kind": kind}}).values) if path.startswith("filters.")
     }
     assert set(FILTERS_OF.get(kind, FILTERS)) == read
     tables = {"controller": {"kind": kind}, "rates": {"fast_hz": 13.0, "ratio": 2}}

@@ -10,8 +10,8 @@ from support import certified
 from support.specs import nested
 
 import wavesweep
-from wavesweep.diagram import keys_read
 from wavesweep.errors import IllPosedLoopError
+from wavesweep.loops.controllers import keys_of_page
 
 ASIDE = 1e-7  # relative: how far from an end the counts are taken
 RANGES = {
@@ -25,7 +25,7 @@ def question(seed):
     """(values, path, span)."""
     r = np.random.default_rng(seed)
     values = FAMILIES[str(r.choice(["usual", "usual", "wild", "long_filters", "feeble"]))](r)
-    known = keys_read(values)
+    known = keys_of_page(values)
     path = str(r.choice([path for path in (*RANGES, "filters.lp1.cutoff_hz", "filters.lp2.cutoff_hz") if path in known]))
     if path.startswith("filters"):
         return values, path, (1e-3 * values["rates.fast_hz"], 0.499 * values["rates.fast_hz"])

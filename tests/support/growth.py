@@ -18,9 +18,8 @@ from support.controllers import Loop, compile_loop
 from support.march import State, numbers_of, random_state, tick, with_numbers
 from support.specs import random_values
 from wavesweep.analysis.intervals import stable_intervals
-from wavesweep.diagram import draw
-from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.cut import close
+from wavesweep.sweep.open_loops import wall_cut
 
 STEP = 1e-3  # relative, from an end to the probe
 SLOWEST = 1e-7
@@ -116,7 +115,7 @@ def _step(loop: Loop, state: State) -> State:
 
 def probes(values):
     """[(K_VE, whether the intervals say stable), ...] next to every inner end along K_VE in (0, 20000)."""
-    found = stable_intervals(cut_at_wall(draw(values)).at(np.newaxis), "K_VE", (0, 20000.0), [[values["environment.B_VE"]]])
+    found = stable_intervals(wall_cut(values).at(np.newaxis), "K_VE", (0, 20000.0), [[values["environment.B_VE"]]])
     inner = [
         *zip(found.low, found.low_omega, [1] * found.low.size, strict=True),
         *zip(found.high, found.high_omega, [-1] * found.high.size, strict=True),
@@ -130,7 +129,7 @@ def disagreements(values):
     wrong, told = [], 0
     for stiffness, stable in probes(values):
         at = values | {"environment.K_VE": stiffness}
-        radius = np.abs(1 + np.linalg.eigvals(close(cut_at_wall(draw(at)), stiffness, at["environment.B_VE"]))).max()
+        radius = np.abs(1 + np.linalg.eigvals(close(wall_cut(at), stiffness, at["environment.B_VE"]))).max()
         if abs(radius - 1) < SLOWEST:
             continue
         told += 1

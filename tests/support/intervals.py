@@ -3,14 +3,13 @@
 import numpy as np
 
 from wavesweep.analysis.intervals import stable_intervals
-from wavesweep.diagram import draw
-from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.cut import close
+from wavesweep.sweep.open_loops import wall_cut
 
 
 def cut_of(values):
     """The loop of `values`, cut at the wall, as a batch of one slice."""
-    return cut_at_wall(draw(values)).at(np.newaxis)
+    return wall_cut(values).at(np.newaxis)
 
 
 def intervals_of(values, along="K_VE", span=(0, 20000), fixed=None):

@@ -67,7 +67,7 @@ FIELDS = (
     Field("felt_without_Kp", "number", "N/m", "the same with Kp = 0"),
 )
 _HELD, _LOCAL = (
-    ("v_1", "f1.", "avatar."),
+    ("v_1", "f1.", "avatar.out"),
     ("lp2.", "f2.", "v_2."),
 )  # beginnings of the signals of v_m that come from either wave
 METHODS = {

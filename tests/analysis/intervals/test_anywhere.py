@@ -79,9 +79,8 @@ def test_the_loop_is_stable_just_inside_and_unstable_just_outside_of_every_end(a
 
 def test_along_the_wall_it_finds_what_the_exact_way_finds():
     """The general way, used on K_VE itself, whose ends are known exactly: holes and ends at z = -1 included."""
-    from wavesweep.diagram import draw
-    from wavesweep.lifted.at_wall import cut_at_wall
     from wavesweep.lifted.cut import close
+    from wavesweep.sweep.open_loops import wall_cut
 
     spec = {
         "controller": {"kind": "pmw"},
@@ -89,7 +88,7 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
         "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
     }
     loop = wavesweep.compile(spec)
-    cut = cut_at_wall(draw(loop.spec.values)).at(np.newaxis)
+    cut = wall_cut(loop.spec.values).at(np.newaxis)
     exact = loop.stable_intervals(span=(1.0, 20000.0))
     found = stable_along_any(lambda column, K: close(cut.at(column), K, 1.0), (1.0, 20000.0), 1, np.full(1, 0.02))
     assert found.certified.all()
@@ -102,12 +101,11 @@ def test_along_the_wall_it_finds_what_the_exact_way_finds():
 @pytest.mark.parametrize("low", [0.0, 3.0])
 def test_a_bent_variable_finds_what_the_exact_way_finds(low, integration):
     """It begins even and ends as a logarithm; a pole of the wall's own loop lies below zero."""
-    from wavesweep.diagram import draw
-    from wavesweep.lifted.at_wall import cut_at_wall
     from wavesweep.lifted.cut import close
+    from wavesweep.sweep.open_loops import wall_cut
 
     values = values_of("pmw", integration=integration, Kp=20.0) | {"controller.b": np.linspace(5, 60, 12)}
-    cut, span = cut_at_wall(draw(values)), (low, 20000.0)
+    cut, span = wall_cut(values), (low, 20000.0)
     exact = stable_intervals(cut, "K_VE", span, np.ones((12, 1)))
 
     def evaluate(column, K):

@@ -17,9 +17,8 @@ from wavesweep.analysis.intervals.critical import (
 from wavesweep.analysis.intervals.interpolated import DEGREES, chebyshev, interpolated_loop, nodes
 from wavesweep.analysis.intervals.living import MoreStatesError, RecalledError, living, of_order, typical
 from wavesweep.analysis.intervals.panels import RIM
-from wavesweep.diagram import draw
-from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.cut import close
+from wavesweep.sweep.open_loops import wall_cut
 
 EVERYWHERE = (-np.inf, np.inf)
 
@@ -29,7 +28,7 @@ def of_loops(path, **changes):
     own = values_of("pmw-lm", Kp=20.0, **changes)
 
     def evaluate(column, p):
-        return close(cut_at_wall(draw(own | {path: p})), 100.0 * (1 + column), 1.0)
+        return close(wall_cut(own | {path: p}), 100.0 * (1 + column), 1.0)
 
     return evaluate
 

@@ -10,8 +10,7 @@ from support.specs import KINDS, values_of
 import wavesweep
 from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.analysis.intervals.crossings import poles_at_one
-from wavesweep.diagram import draw
-from wavesweep.lifted.at_wall import cut_at_wall
+from wavesweep.sweep.open_loops import wall_cut
 
 EXPLICIT = {"integration": "explicit", "lp1_cutoff_hz": 8.57}
 
@@ -54,7 +53,7 @@ def test_many_slices_are_the_slices_one_by_one(kind):
     """Loops of different impedance, mass and feedback in one batch, columns numbered slice by slice."""
     changes = {"b": np.array([20.0, 40.0, 60.0]), "mass": np.array([0.1, 0.2, 0.05]), "Kp": np.array([5.0, 20.0, 1.0])}
     B_VE = np.linspace(0, 15, 7)
-    cut = cut_at_wall(draw(values_of(kind, integration="explicit", delay=7, **changes)))
+    cut = wall_cut(values_of(kind, integration="explicit", delay=7, **changes))
     together = stable_intervals(cut, "K_VE", (0, 2e4), np.tile(B_VE, (3, 1)))
     for i in range(3):
         alone = values_of(kind, integration="explicit", delay=7, **{name: array[i] for name, array in changes.items()})
@@ -243,7 +242,7 @@ def test_a_mass_that_nothing_brakes_crosses_twice_where_a_wall_without_damping_b
     tables = {"controller": {"kind": kind}, "device": {"damping": 0.0, "velocity": velocity}, "rates": {"ratio": 5}}
     for delay in (0, 1, 5):
         loop = wavesweep.compile(tables | {"environment": {"integration": "explicit", "delay": delay}})
-        assert loop.cut.poles_at_one == (kind != "dc-lm")  # whose local damper brakes
+        assert wall_cut(loop.spec.values).poles_at_one == (kind != "dc-lm")  # whose local damper brakes
         alone, both = loop.stable_intervals("K_VE", B_VE=0.0), loop.stable_intervals("K_VE", B_VE=[0.0, 1.0])
         assert both.certified.all()
         assert both[both.B_VE == 0].drop(columns="B_VE").equals(alone.drop(columns="B_VE", errors="ignore"))
@@ -254,8 +253,8 @@ def test_a_mass_that_nothing_brakes_crosses_twice_where_a_wall_without_damping_b
 
 def test_a_braked_mass_has_no_pole_at_one_beside_its_drift():
     tables = {"controller": {"kind": "pmw"}, "device": {"damping": 0.1}}
-    assert wavesweep.compile(tables).cut.poles_at_one == 0
-    assert wavesweep.compile(tables | {"operator": {"stiffness": 100.0}}).cut.poles_at_one == 0
+    for held in ({}, {"operator": {"stiffness": 100.0}}):
+        assert wall_cut(wavesweep.compile(tables | held).spec.values).poles_at_one == 0
 
 
 @pytest.mark.parametrize("kind", ["dc-slow", "pmw", "pmw-lm"])
@@ -424,7 +423,7 @@ def test_an_island_between_a_pair_that_leaves_and_one_that_enters_is_not_certifi
 
 def test_a_wall_that_reads_nothing_ends_no_interval():
     """Without a division by zero: stable throughout, or nowhere if a stiffness leaves the position's eigenvalue 1."""
-    cut = cut_at_wall(draw(values_of("pmw"))).at(np.newaxis)
+    cut = wall_cut(values_of("pmw")).at(np.newaxis)
     blind = replace(cut, C=0 * cut.C, D=0 * cut.D)
     found = stable_intervals(blind, "B_VE", (0.0, 300.0), np.array([[0.0, 20.0, 300.0]]))
     assert found.count.tolist() == [1, 0, 0]

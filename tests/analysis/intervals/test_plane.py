@@ -5,10 +5,9 @@ import pytest
 
 from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.analysis.intervals.plane import plane_curve, plane_lines, quick_columns, refined_curve
-from wavesweep.diagram import draw
-from wavesweep.lifted.at_wall import cut_at_wall
 from wavesweep.lifted.cut import close
 from wavesweep.spec import load
+from wavesweep.sweep.open_loops import wall_cut
 
 LOOPS = {
     "direct": {"controller": {"kind": "dc"}},
@@ -28,7 +27,7 @@ LOOPS = {
 
 
 def cut_of(tables):
-    return cut_at_wall(draw(load(tables).values))
+    return wall_cut(load(tables).values)
 
 
 @pytest.mark.parametrize("name", LOOPS)

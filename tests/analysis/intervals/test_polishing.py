@@ -13,7 +13,6 @@ from wavesweep.analysis.intervals.frames import Frames
 from wavesweep.analysis.intervals.panels import Found
 from wavesweep.analysis.intervals.polishing import _nearest, polished, vectors_of
 from wavesweep.lifted.batches import CACHED, in_parts
-from wavesweep.lifted.lift import growth
 
 
 def turning(size, angle):
@@ -130,8 +129,6 @@ def test_bounds_within_the_span_end_the_search():
 @pytest.mark.parametrize("kind", [float, complex])
 def test_a_batch_in_parts_has_the_same_bits(kind):
     E = np.random.default_rng(1).normal(size=(2 * CACHED // (25 * 8) + 7, 5, 5)).astype(kind) - np.eye(5)
-    whole = growth(E, 20)
-    assert np.array_equal(whole[::991], np.stack([growth(one, 20) for one in E[::991]]))
     assert np.array_equal(in_parts(lambda part: E[part], E.shape[:1], 5, kind), E)
 
 

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from support.held import held, more_damping, port_margin
 from support.march import march
+from support.specs import nested
 from support.specs import random_values as random_loop
 
 import wavesweep
 from wavesweep.analysis.passivity.lifted_map import TickMaps
 from wavesweep.analysis.passivity.margin import TOLERANCE
-from wavesweep.diagram import draw
-from wavesweep.lifted.frame import lifted_system
 
 THETA = np.concatenate([np.geomspace(1e-5, 1, 90), np.linspace(0.03, np.pi, 90)])
 
@@ -24,11 +23,14 @@ def lifted(values):
 
 def scan(values, theta=THETA):
     """Smallest eigenvalue at each angle, from the lifted system with every tick's force an input."""
-    diagram = draw(values)
-    whole = lifted_system(diagram, diagram.ratio, values["environment.K_VE"], values["environment.B_VE"], "device.dx")
-    w = (np.exp(1j * theta) - 1)[:, None, None]
-    G = whole.C @ np.linalg.solve(w * np.eye(len(whole.states)) - whole.E, whole.B + 0 * w) + whole.D
+    G = over_frame(values, theta)
     return np.linalg.eigvalsh((G + np.swapaxes(G.conj(), -1, -2)) / 2)[:, 0]
+
+
+def over_frame(values, theta):
+    """The map from the forces of a frame to its displacements, by python-control; the frame of `dc` is one tick."""
+    tables = nested(values | {"rates.ratio": 1} if values["controller.kind"] == "dc" else values)
+    return np.moveaxis(wavesweep.compile(tables).to_control("displacement")(np.exp(1j * theta), squeeze=False), -1, 0)
 
 
 @pytest.mark.slow
@@ -76,10 +78,7 @@ def test_the_response_next_to_rest_is_that_of_ball_arithmetic(random_values, see
 def test_the_mean_eigenvalue_is_the_direct_term(values):
     v = values("pmw")
     theta = np.pi * (np.arange(400) + 0.5) / 400
-    diagram = draw(v)
-    whole = lifted_system(diagram, 20, 500.0, 1.0, "device.dx")
-    w = (np.exp(1j * theta) - 1)[:, None, None]
-    G = whole.C @ np.linalg.solve(w * np.eye(len(whole.states)) - whole.E, whole.B + 0 * w) + whole.D
+    G = over_frame(v, theta)
     assert np.trace(G, axis1=-2, axis2=-1).real.mean() / 20 == pytest.approx(port_margin(v).mean, rel=1e-9)
 
 

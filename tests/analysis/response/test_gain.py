@@ -2,15 +2,12 @@
 
 import numpy as np
 import pytest
-from support.lifted import transfer
 from support.responses import loop_of
-from support.specs import KINDS, random_values, values_of
+from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
 from wavesweep.analysis.response.dominant import Dominant
 from wavesweep.analysis.response.gain import gain_of
-from wavesweep.diagram import draw
-from wavesweep.lifted.frame import lifted_system
 
 
 def gain(values, frequency_hz):
@@ -18,10 +15,10 @@ def gain(values, frequency_hz):
 
 
 def dense(values, frequency_hz):
-    """LAPACK's largest singular value of the whole matrix; for `dc` too, lifted to the ratio of the others."""
-    whole = lifted_system(draw(values), values["rates.ratio"], values["environment.K_VE"], values["environment.B_VE"])
+    """LAPACK's largest singular value of python-control's matrix; for `dc` too, lifted to the ratio of the others."""
+    whole = wavesweep.compile(nested(values)).to_control()
     angle = 2 * np.pi * np.asarray(frequency_hz) * values["rates.ratio"] / values["rates.fast_hz"]
-    return np.array([np.linalg.svd(transfer(whole, np.exp(1j * a) - 1), compute_uv=False)[0] for a in angle])
+    return np.array([np.linalg.svd(whole(np.exp(1j * a), squeeze=False), compute_uv=False)[0] for a in angle])
 
 
 @pytest.mark.slow

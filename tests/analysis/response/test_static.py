@@ -7,9 +7,7 @@ from support.responses import loop_of
 from support.specs import KINDS, nested, random_values, values_of
 
 import wavesweep
-from wavesweep.analysis.response.felt import felt, felt_map
 from wavesweep.analysis.response.steady import static_response
-from wavesweep.diagram import draw
 
 
 def static(values):
@@ -57,39 +55,6 @@ def test_a_device_that_nothing_holds_has_no_admittance_and_feels_nothing():
         admittance, impedance = static(values)
         assert np.isnan(admittance)
         assert impedance == 0
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_what_is_felt_is_a_moebius_map_of_the_wall(seed):
-    """Found at rest without any wall; walls agree with the limits of their own responses, whatever their damping."""
-    values = random_values(seed)
-    coefficients = felt_map(draw(values))
-    for K, B in ((3.0, 0.0), (321.0, 4.0), (20000.0, 1.0)):
-        changed = values | {"environment.K_VE": K, "environment.B_VE": B}
-        assert felt(coefficients, K) == pytest.approx(static(changed)[1], rel=1e-9)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("changes", [{}, {"Kp": 20.0}, {"stiffness": 120.0}, {"hp_order": 0}, {"delay": 7, "stiffness": 120.0}])
-def test_the_map_is_that_of_limits(kind, changes):
-    """With and without a spring in the hand, position feedback, a wall that is reached, and a drift that is read."""
-    values = values_of(kind, **changes)
-    for K in (0.5, 50.0, 5000.0):
-        limit = static(values | {"environment.K_VE": K, "environment.B_VE": 2.0})[1]
-        assert felt(felt_map(draw(values)), K) == pytest.approx(limit, rel=1e-9)
-
-
-def test_a_batch_of_loops_has_a_map_each():
-    b = np.array([5.0, 20.0, 80.0])
-    together = felt_map(draw(values_of("pmw", b=b)), b.shape)
-    alone = [felt_map(draw(values_of("pmw", b=float(each)))) for each in b]
-    assert together == pytest.approx(np.transpose(alone), rel=1e-12, abs=1e-12)
-
-
-@pytest.mark.parametrize("batch", [(1,), (4,)])
-def test_loops_that_differ_in_nothing_have_the_same_map(batch):
-    diagram = draw(values_of("pmw", Kp=20.0))
-    assert np.array_equal(felt_map(diagram, batch), np.repeat(felt_map(diagram)[:, None], batch[0], axis=1))
 
 
 @pytest.mark.parametrize("kind", KINDS)
