@@ -35,7 +35,8 @@ def lifted_gain(page, values, theta):
     """
     drawn = assembled(drawing_of_page(page), values)
     blocks = [each.block for each in drawn.placed if each.block.name in ("lp2", "v_2", "f1", "f2")]
-    terms = {name: gain for name, gain in drawn.sums["encoder.in"].items() if not name.startswith(("device", "x_s", "avatar.x"))}
+    of_Kp = "device", "x_s", "avatar.x"
+    terms = {name: gain for name, gain in drawn.sums["encoder.in"].items() if not name.startswith(of_Kp)}
     v_1 = "v_1_shown.y" if any("v_1_shown.y" in each for each in drawn.sums.values()) else "avatar.out"
     way = connect("way", blocks, {**drawn.sums, "encoder.in": terms}, (v_1, "local.out"), ("encoder.in",))
     n, M = len(way.states), drawn.ticks

@@ -71,6 +71,24 @@ def _gains(terms, known):
 
 
 def _placed(block, known, tick):
+    """The block with its numbers; one that they do not vary in a batch is remembered."""
+    read = {name: known[name] for name in _read_by(block)}
+    if np.ndim(tick) or any(np.ndim(value) or np.iscomplexobj(value) for value in read.values()):
+        return _with_numbers(block, known, tick)
+    return _placed_alone(block, tuple((name, v if isinstance(v, int) else v.item()) for name, v in read.items()), tick)
+
+
+@lru_cache(maxsize=4096)
+def _read_by(block):
+    return tuple(sorted({name for _, tree in block.trees() for name, _ in names_in(tree)}))
+
+
+@lru_cache(maxsize=2048, typed=True)
+def _placed_alone(block, read, tick):
+    return _with_numbers(block, {name: v if isinstance(v, int) else numbers(v) for name, v in read}, tick)
+
+
+def _with_numbers(block, known, tick):
     every, phase = int(values_of(block.every, known)), int(values_of(block.phase, known))
     kinds = {name: TYPES[block.type].keys[name].type for name, _ in block.keys}
     keys = {PARAMETERS.get((block.type, name), name): _key(kinds[name], value, known) for name, value in block.keys}

@@ -155,11 +155,17 @@ class Plan:
                 last.setdefault(other, number)
         for number, (operation, one, other) in steps:
             if number in last:
-                places = place.get(one, one), place.get(other, other)
-                free += {at for at, each in zip(places, (one, other), strict=True) if last[each] == number}
-                place[number] = free.pop() if free else self.places
-                self.places += place[number] == self.places
-                self.stages[number > border].append((operation, *places, place[number]))
+                first, second = place.get(one, one), place.get(other, other)
+                if last[one] == number:
+                    free.append(first)
+                if other != one and last[other] == number:
+                    free.append(second)
+                if free:
+                    place[number] = at = free.pop()
+                else:
+                    place[number] = at = self.places
+                    self.places += 1
+                self.stages[number > border].append((operation, first, second, at))
         for matrix in matrices:
             matrix[:] = [(entry, place.get(number, number)) for entry, number in matrix]
         self._steps = self._known = None
