@@ -14,7 +14,18 @@ SLOW = {"judged", "quick"}  # fixtures that take seconds, whichever test asks fo
 
 
 def pytest_collection_modifyitems(items):
-    """Tests that read such a fixture are slow."""
+    """Tests that read such a fixture are slow; of parameters that are sampled, those that are left out are thorough."""
+    sampled = {}
     for item in items:
+        if mark := item.get_closest_marker("sample"):
+            sampled.setdefault(item.nodeid.partition("[")[0], (mark.args[0], []))[1].append(item)
         if SLOW.intersection(item.fixturenames):
+            item.add_marker("slow")
+    for number, same in sampled.values():
+        kept = {round(i * (len(same) - 1) / max(1, number - 1)) for i in range(number)}
+        for at, item in enumerate(same):
+            if at not in kept:
+                item.add_marker("thorough")
+    for item in items:
+        if item.get_closest_marker("thorough"):
             item.add_marker("slow")

@@ -109,7 +109,7 @@ def quoted(text):
     return set(re.findall(r"`(\w+)`", text))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_keys_of_the_summaries_in_the_readme_are_exactly_those_of_the_programs(summaries):
     part = README.split("\n### The summary as JSON\n", 1)[1].split("\n## ", 1)[0]
     whole, tables = (dict(re.findall(r"^\| (`.*?) \| (.*?) \|", each, re.MULTILINE)) for each in part.split("\nA table of", 1))

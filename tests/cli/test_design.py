@@ -102,6 +102,7 @@ def test_every_design_of_the_front_can_be_taken_to_the_other_commands(run, capfd
             assert ("unstable" in "".join(capfd.readouterr())) == unstable, (name, point)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("table", ["csv", "parquet"])
 def test_the_figure_can_be_drawn_again(run, tmp_path, table):
@@ -111,6 +112,7 @@ def test_the_figure_can_be_drawn_again(run, tmp_path, table):
     assert (tmp_path / "again/design.png").read_bytes() == (tmp_path / "results/mine/design.png").read_bytes()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_bytes_are_the_same_for_two_workers_and_after_a_stop(run, tmp_path, monkeypatch):
     # Two tasks a generation.
@@ -349,6 +351,7 @@ def test_the_box_is_of_all_hands_that_a_design_has_to_hold_for(change, box, monk
     assert set(seen) == {box}
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_front_can_be_checked_for_every_hand_of_a_box(run, tmp_path):
     text = SPEC.replace('"device.mass" = [0.08, 0.125]', "hand = { damping = [0, 5], stiffness = [0, 300] }")

@@ -187,6 +187,7 @@ def test_settings_of_matplotlib_that_are_no_text_are_named_before_the_work(words
     assert not (tmp_path / "results").exists()
 
 
+@pytest.mark.thorough
 def test_a_backend_of_matplotlib_that_is_not_there_does_not_matter(spec, tmp_path):
     """A notebook sets this for the commands that it calls, and its package may be in another environment."""
     words = [sys.executable, "-m", "wavesweep", "check", str(tmp_path / spec), "--plot", "--out", str(tmp_path)]

@@ -43,6 +43,7 @@ def test_without_the_flags_the_table_is_the_contracts(kind, wavesweep, held, tmp
     assert (tmp_path / f"results/held/{kind}.csv").read_text().startswith(PLAIN + "\n")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["zwidth", "stability-region"])
 def test_free_held_guaranteed_and_passive_stand_in_one_table(kind, wavesweep, held, tmp_path):

@@ -63,6 +63,7 @@ def test_a_controller_without_waves_has_a_row_too(wavesweep, filters):
     assert "dc has no wave channel" in err
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("kind", "said"), [("pmw-lm", "take its other filters and its local model too"), ("dc", "dc sends no waves"), ("pmw", "")]
 )
@@ -73,6 +74,7 @@ def test_the_orders_of_filters_are_said_to_be_those_of_pmw(wavesweep, filters, k
     assert ("not enough" in err, "needs no LP1" in err) == (kind == "pmw-lm", kind == "dc")
 
 
+@pytest.mark.thorough
 def test_rates_that_do_not_divide_have_no_filter_choices_but_a_norm(wavesweep, filters, tmp_path, monkeypatch):
     monkeypatch.setattr(sweep, "passivity", None)  # the refusal comes before the work
     code, _, err = wavesweep("passivity", filters, "--filters", "--set", "rates.slow_hz=60")
@@ -112,6 +114,7 @@ def test_cutoffs_that_the_rates_cannot_have_are_left_out(wavesweep, filters, tmp
     assert set(table["lp1_cutoff_hz"].tolist()) == {1.2, 3.0, 5.14, 6.0, 9.0, 12.0}
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "axes",
     [

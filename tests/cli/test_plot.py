@@ -53,6 +53,7 @@ def spec(tmp_path):
     return path
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", COMMANDS)
 def test_the_figure_again_from_either_table_has_the_same_bytes(wavesweep, spec, tmp_path, kind):
     made = tmp_path / "made"
@@ -189,6 +190,7 @@ def test_a_page_does_not_replace_its_spec(wavesweep, spec):
     assert "the file is the spec" in err
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("command", ["zwidth", "bode", "compare", "why", "check --plot"])
 def test_names_of_files_and_units_are_drawn_as_they_stand(wavesweep, tmp_path, monkeypatch, command):
     """A dollar sign begins a formula in the program that draws."""
@@ -294,6 +296,7 @@ hand = { force = "h", displacement = "m.x" }
 """
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("specs", "settings"),
     [

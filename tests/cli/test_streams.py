@@ -39,12 +39,14 @@ def shell(tmp_path):
     return run
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("closed", ["2>&-", "2>/dev/full", ">&- 2>&- <&-"])
 def test_results_are_written_if_nobody_can_be_told(shell, tmp_path, closed):
     assert shell(f"W zwidth wall.toml --no-plot --out out --jobs 2 --backend loky {closed}") == (0, "")
     assert sorted(file.name for file in (tmp_path / "out").iterdir()) == FILES
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("line", "code", "said"),
     [

@@ -94,6 +94,7 @@ def test_powers_of_z_less_1_have_the_digits_of_exact_sums(den):
 IN_DOUBT = pytest.mark.xfail(strict=True, reason="bounds on rounding leave this range in doubt")
 
 
+@pytest.mark.sample(5)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "cutoff", "every"),

@@ -84,6 +84,7 @@ def test_the_quick_plane_and_its_intervals_are_near_the_proved_ones(client):
         assert np.array(column).reshape(-1, 2) == pytest.approx(pairs, abs=0.5)  # 1e-4 of the plane
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("source", [ARM, UNEVEN], ids=["drawn", "uneven"])
 def test_drawn_loops_and_uneven_rates_have_the_same(serving, source):
@@ -173,6 +174,7 @@ def test_a_sweep_with_too_many_designs_says_so():
     assert (data["left"], data["stops"], len(data["designs"])) == (71 - 1, {}, 1)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("source", [ARM, UNEVEN], ids=["drawn", "uneven"])
 def test_a_saved_page_of_other_loops(source):
@@ -210,6 +212,7 @@ sweep = { along = "k", k = { start = 0, stop = 5 } }
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_command_saves_and_does_not_overwrite(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)

@@ -51,6 +51,7 @@ def experiment(kind, simulate=None, **changes):
     return nested(values_of(kind, **loop)) | {"simulate": {"input": "noise", "duration_s": 1.5, **(simulate or {})}}
 
 
+@pytest.mark.sample(3)
 @compilers
 @pytest.mark.parametrize("seed", SEEDS)
 def test_no_bit_of_a_random_controller_differs(seed, compiler, tmp_path):
@@ -64,6 +65,7 @@ def test_no_bit_of_a_random_controller_differs(seed, compiler, tmp_path):
         assert said.splitlines()[-1].startswith(f"{ticks} ticks, ")
 
 
+@pytest.mark.sample(5)
 @compilers
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("changes", CHANGES)
@@ -94,6 +96,7 @@ def test_the_check_sees_one_bit(tmp_path):
     assert re.search(r"^\d+ ticks, 1 signals each: \d+ numbers differ$", said, re.MULTILINE)
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize(("kind", "changes"), [(kind, changes) for kind in KINDS for changes in CHANGES])
 def test_the_host_closes_the_loop_as_the_simulation_does(kind, changes, tmp_path):
     need("gcc")

@@ -55,6 +55,7 @@ def recipe(name):
     return tables | {"simulate": {"input": "noise", "duration_s": 0.5}}
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("name", ["arm", *NAMES])
 def test_no_bit_differs(name, compiler, tmp_path):
@@ -118,6 +119,7 @@ def test_a_force_that_is_a_word_of_c_gets_another_name(word, tmp_path):
         assert (code, said[-16:]) == (0, " no bit differs\n"), said
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("delay", [0, 3, 20])
 def test_no_bit_differs_with_effects_of_a_device(kind, delay, tmp_path):

@@ -30,6 +30,7 @@ def test_what_the_wall_reads_is_what_the_equations_say(kind, seed):
             assert abs(found - wanted) <= 1e-10 * abs(wanted)
 
 
+@pytest.mark.sample(8)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), [(kind, seed) for kind in KINDS for seed in range(3)])
 def test_the_spectral_radius_is_that_of_50_digits(kind, seed):
@@ -40,6 +41,7 @@ def test_the_spectral_radius_is_that_of_50_digits(kind, seed):
     assert found == pytest.approx(float(exact.spectral_radius(values)), rel=1e-10)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("stiffness", [0.0, 100.0])
 @pytest.mark.parametrize("Kp", [0.0, 20.0])

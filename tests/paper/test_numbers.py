@@ -92,13 +92,3 @@ def test_a_natural_frequency_is_the_first_peaks_and_not_the_largest_ones():
     two = 1 / np.hypot(omega - 1, 0.2) + 5 / np.hypot(omega - 2, 0.2)
     assert natural_frequency(omega, two) == pytest.approx(1.0, abs=0.1)
     assert natural_frequency(omega, np.exp(-omega)) == 0
-
-
-@pytest.mark.slow
-def test_no_choice_of_the_study_serves_all_figures(choices):
-    near = np.abs(choices["K_at_1"] - 800) <= 8
-    assert near.any()
-    assert (choices["fig2_stable"] & choices["fig6_stable"]).any()
-    # Walls with a limit are explicit, and before these Figure 6's loop with local model is unstable at 500 N/m.
-    assert not (near & choices["fig2_stable"] & choices["fig6_stable"]).any()
-    assert set(choices["integration"][~np.isnan(choices["K_at_1"])]) == {"explicit"}

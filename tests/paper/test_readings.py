@@ -74,8 +74,3 @@ def test_a_change_goes_before_a_reading_and_what_a_loop_ignores_is_not_computed(
     limits = paper.limits("fig6", few, {"filters.lp2.order": 4})
     at = [reading.label for reading in few].index("LP2 of order 1")
     assert limits[at] == limits[0]
-
-
-def test_every_limit_that_the_statements_ask_for_is_proved(judged, paper):
-    assert len(judged["verdict"]) > 50
-    assert paper.uncertified == 0

@@ -33,6 +33,7 @@ def test_what_is_linked_is_small(link):
     assert (ROOT / "sweeps" / "paper" / link).stat().st_size < 100_000
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [number for number in SECTIONS if number != "7"])
 def test_the_commands_of_a_figure_make_its_tables(number, paper, tmp_path, monkeypatch):

@@ -26,6 +26,7 @@ def size_of(png):
     return struct.unpack(">II", png[16:24])
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("table", "draw", "inches"),
     [
@@ -71,6 +72,7 @@ def png(figure):
     return figure._repr_png_()
 
 
+@pytest.mark.thorough
 def test_a_figure_of_a_long_table_is_the_same_in_blocks(panels, monkeypatch):
     whole = png(plots.zwidth(panels, {}))
     assert size_of(whole)[0] == pytest.approx(200 * 7.0, abs=1)

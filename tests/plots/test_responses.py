@@ -67,6 +67,7 @@ def test_points_that_no_line_joins_are_marks():
     assert marked == [("o", [1]), ("o", [0, 2])]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("impedances", [[10.0, 20.0], [10.0]])
 @pytest.mark.parametrize("frequencies", [[3.0, 4.0], [3.0, 3.1], [1.0, 25.0]])
 def test_a_phase_that_hardly_varies_has_two_ticks_at_least(frequencies, impedances):
@@ -88,6 +89,7 @@ def test_the_slow_nyquist_frequency_is_marked():
     assert "slow Nyquist frequency, 25 Hz" in [text.get_text() for text in figure.legends[0].get_texts()]
 
 
+@pytest.mark.thorough
 def test_of_very_many_curves_some_are_drawn_in_blocks_or_at_once_and_one_sentence_says_so(monkeypatch):
     from wavesweep.plots import chosen
     from wavesweep.sweep import checkpoint, responses

@@ -25,6 +25,7 @@ def _facts(kind):
     return {"spec": {"rates": {"ratio": 20}, "simulate": {"input": kind}}}
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "simulate"),
@@ -67,6 +68,7 @@ def test_without_contact_the_detail_is_where_the_force_sets_in_or_at_the_end(kin
     assert _spans(columns, _facts(kind))[1] == slice(start, start + 800)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 30])
 def test_a_response_is_drawn_over_the_linear_one(count):

@@ -42,6 +42,7 @@ def names(folder):
     return sorted(str(path.relative_to(folder)) for path in folder.rglob("*"))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("command", ["zwidth", "stability-region", "bode", "passivity"])
 def test_parts_read_as_the_single_file_does(home, same, command):

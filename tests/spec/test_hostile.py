@@ -57,6 +57,7 @@ for path in sorted(pathlib.Path().glob("*.toml")):
 """
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_input_without_bound_is_refused_within_bounds(tmp_path):
     for number, (text, _) in enumerate(FILES.values()):

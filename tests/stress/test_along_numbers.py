@@ -12,6 +12,7 @@ import wavesweep
 pytestmark = pytest.mark.slow
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", ["lp1", "hp", "lp2"])
 @pytest.mark.parametrize("order", [1, 2, 5])
 def test_cutoffs_may_be_searched_up_to_just_below_half_the_rate(name, order):
@@ -28,6 +29,7 @@ def test_a_loop_that_nearly_overflows_is_no_warning():
     assert found["intervals"].tolist() == [0]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("seed", [1015, 1063, 1130])
 def test_samples_that_overflow_are_no_warning(seed):
     """Beside some that do not, beyond all sizes in the error bound, and a damping just below zero at a milligram."""

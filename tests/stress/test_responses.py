@@ -27,6 +27,7 @@ def test_responses_of_usual_loops_hold_in_ball_arithmetic(seed):
         assert max(judged.error) < 1e-8, judged
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("family", responses.RESPONSES)
 def test_no_response_is_further_off_than_its_bound(family):
     """Some loops are refused, and some responses are beyond the witness, but not most of them."""
@@ -37,6 +38,7 @@ def test_no_response_is_further_off_than_its_bound(family):
         assert judged.excess <= 1, judged
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("seed", range(100, 115))
 def test_resonances_and_drifts_take_no_digits(seed):
     """No wall, no damping, multiples of the slow rate and their neighbours: hardly an admittance is missing."""

@@ -95,6 +95,7 @@ def test_a_shift_that_is_read_and_adds_up_is_no_drift():
 FREE = {"type": "mass", "mass": 0.3, "damping": 0}
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("block", "wires"), [
     (FREE, {"f.f": "b.v", "a.f": "hand - p*ha.y + f.x"}),
     (FREE, {"f.f": "0", "a.f": "hand - p*ha.y + f.v"}),
@@ -217,6 +218,7 @@ def test_values_at_which_nothing_leads_from_part_to_part_are_refused():
         wavesweep.compile(tables).stable_intervals("p", (0.0, 2000.0))
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("seed", range(12))
 def test_values_are_stable_if_all_parts_are(seed):
     """Random pairs, some with a gain of the second that falls, or does not depend on p, in batches over another number."""

@@ -178,6 +178,7 @@ CHANGES = [
 ]
 
 
+@pytest.mark.sample(5)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("changes", CHANGES)
@@ -206,6 +207,7 @@ REFERENCES = json.loads((pathlib.Path(__file__).parents[1] / "support" / "refere
 UNKNOWN = {"random 15": {450.0}}
 
 
+@pytest.mark.sample(12)
 @pytest.mark.slow
 @pytest.mark.parametrize("case", REFERENCES, ids=[case["name"] for case in REFERENCES])
 def test_blocks_give_the_reference_cases(case):
@@ -555,6 +557,7 @@ def test_every_axis_of_a_grid_is_read():
 SPANS = {"k": (0, 300), "d": (-2, 400), "k0": (0, 3000), "g": (0.05, 2), "m0": (0.01, 3)}
 
 
+@pytest.mark.sample(6)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_random_drawings_have_the_intervals_of_a_scan(seed):

@@ -57,6 +57,7 @@ NAMES = "admittance", "impedance"
 ALONG = {"K": {"start": 0, "stop": 2e5}, "m": {"start": 1e-4, "stop": 1.0}, "B": {"start": 0, "stop": 1e4}}
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("along", ALONG)
 @pytest.mark.parametrize("integration", ["implicit", "explicit"])
 @pytest.mark.parametrize("damping", [1.5, 1e-6])

@@ -9,7 +9,7 @@ import wavesweep
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.lifted.cut import with_batch
 from wavesweep.spec import load
-from wavesweep.sweep import drawn_task, open_loops
+from wavesweep.sweep import open_loops
 
 RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 JOINT = {
@@ -222,17 +222,6 @@ def test_loops_with_other_numbers_of_slices_go_together(opened):
     assert whole.column.tolist() == [0, 1, 2, 3]
     assert whole.high.tolist() == [float(part.high[0]) for part in each]
     assert whole.high.max() < 20000
-
-
-@pytest.mark.parametrize("doubtful", [True, False])
-def test_slices_in_doubt_are_computed_by_themselves(doubtful, monkeypatch, opened):
-    """Terms that cancel at 0 of the other number may be nothing with it in its place."""
-    if doubtful:
-        monkeypatch.setattr(drawn_task, "shaken", lambda found, *_: found.low * 0 == 0)
-    loop = wavesweep.compile(wave_line())
-    table = loop.stable_intervals("K", (0, 20000), B=[1.0, 4.0])
-    assert opened[opened.index(True) + 1 :] == [False] * doubtful
-    assert table.certified.all() != doubtful
 
 
 def test_loops_in_which_the_other_number_is_0_go_with_the_others(opened):

@@ -120,6 +120,7 @@ def test_a_channel_is_known_at_any_rates_and_in_any_drawing():
         assert not drawn["channel_passive"].any()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("kind", "given"),
     [

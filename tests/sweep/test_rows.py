@@ -51,12 +51,14 @@ def test_the_table_is_that_of_every_combination_on_its_own_in_the_specs_order(mi
     same(whole, one_by_one(mixed), rtol=1e-11)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("deep", "wide"), SIZES)
 def test_borders_of_chunks_leave_no_trace(mixed, whole, same, deep, wide):
     same(table_of(cut_otherwise(job_of(mixed), deep=deep, wide=wide)), whole)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("along", ["b", "Kp", "B_VE", "device.mass"])
 def test_they_leave_none_along_other_axes(same, along):

@@ -73,6 +73,7 @@ def undisturbed(start, tmp_path_factory):
     return contents(whole)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("options", [("--jobs", "1"), ("--jobs", "2", "--backend", "loky")], ids=["alone", "workers"])
 def test_a_run_killed_at_random_moments_gives_the_same_bytes(start, tmp_path, undisturbed, options):
     share = (np.arange(KILLS) + np.random.default_rng(7).random(KILLS)) / KILLS
@@ -91,6 +92,7 @@ def test_a_run_killed_at_random_moments_gives_the_same_bytes(start, tmp_path, un
         assert sorted(file.name for file in out.iterdir()) == sorted([*FILES, "zwidth.datapackage.json"])
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("number", "code", "word"), [(signal.SIGINT, 130, "Interrupted."), (signal.SIGTERM, 143, "Terminated.")]
 )
@@ -124,6 +126,7 @@ b = { start = 5, stop = 100, num = 20 }
 """
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("command", ["bode", "passivity"])
 def test_the_other_long_tables_go_on_where_they_were_killed_on_any_workers(command, tmp_path):
     (tmp_path / "long.toml").write_text(LONG)

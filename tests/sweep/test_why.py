@@ -39,6 +39,7 @@ def ends_of(table):
     return table[(table.limit != 0) & (table.value != 0)]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LOOPS)
 def test_central_differences_in_50_digits_give_the_same(name):
@@ -76,6 +77,7 @@ def dimension(rows, powers):
 IN_DOUBT = (9, 14, 19)  # seeds of loops that are not certified
 
 
+@pytest.mark.sample(12)
 @pytest.mark.parametrize("seed", [*range(12), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(12, 150))])
 def test_units_decide_sums_of_elasticities(seed):
     """A stiffness has the unit kg/s^2, so it is homogeneous in all numbers: no formula is shared with the derivatives."""
@@ -114,6 +116,7 @@ def compare(tables, along, span):
     return compared
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 12))])
 def test_limits_of_random_specs_computed_again(seed):
     along, span = [("K_VE", (0, 20000)), ("b", (1, 200)), ("device.mass", (0.01, 5))][seed % 3]
@@ -121,6 +124,7 @@ def test_limits_of_random_specs_computed_again(seed):
     compare(nested(values), along, span)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_limits_of_random_drawings_computed_again():
     spans = {"k": (0.0, 200.0), "d": (0.0, 100.0), "m0": (0.01, 2.0)}
@@ -128,6 +132,7 @@ def test_limits_of_random_drawings_computed_again():
     assert sum(compare(random_tables(seed), along, span) for seed in seeds for along, span in spans.items()) > 25
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", ["pmw", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("pmw-lm", "dc-slow", "dc-lm"))]

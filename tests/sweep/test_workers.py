@@ -18,6 +18,7 @@ from wavesweep.sweep.tasks import timed
 from wavesweep.sweep.workers import Workers, results
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("jobs", "backend"), [(1, "loky"), (2, "loky"), (4, "loky"), (2, "threading")])
 def test_workers_give_the_bits_that_none_give(long, long_table, same, jobs, backend, tmp_path, monkeypatch):

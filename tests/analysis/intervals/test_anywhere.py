@@ -35,6 +35,7 @@ def margins(loop, axis, values):
     return loop.spectral_radius(**{axis: values}) - 1
 
 
+@pytest.mark.sample(10)
 @pytest.mark.slow
 @pytest.mark.parametrize("axis", SPANS)
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
@@ -211,6 +212,7 @@ def test_functions_of_a_polynomial_that_is_not_finite_are_not_known():
     assert np.isfinite(log[:, [0, 2]]).all()
 
 
+@pytest.mark.sample(5)
 @pytest.mark.slow
 @pytest.mark.parametrize("order", range(1, 13))
 @pytest.mark.parametrize("imaginary", [0.0, 0.3])

@@ -235,6 +235,7 @@ def test_a_crossing_between_unstable_regions_need_not_be_placed(mass):
     assert soft.high == pytest.approx(turn, rel=1e-3)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("velocity", ["exact", "difference"])
 def test_a_mass_that_nothing_brakes_crosses_twice_where_a_wall_without_damping_begins(kind, velocity):

@@ -20,6 +20,7 @@ def columns(seed, along):
     return np.concatenate([[0], r.uniform(0, 15, 3) if along == "K_VE" else np.exp(r.uniform(0, 9, 3))])
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("along", ["K_VE", "B_VE"])
 @pytest.mark.parametrize("first", range(0, 60, 30))
 def test_random_loops_are_labelled_as_a_fine_scan_of_eigenvalues_says(along, first):
@@ -112,6 +113,7 @@ HARD = [
 ]
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(("kind", "changes", "span"), HARD)
 def test_ends_of_hard_loops_hold_at_50_digits(kind, changes, span):
     """Each end, polished on the model's equations in 50 digits: angle and wall parameter good to 1e-9."""

@@ -93,13 +93,13 @@ def test_arrays_give_what_numbers_give(values):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("delay", [0, 333, 1000])
-def test_a_thousand_ticks_in_a_frame(values, delay):
-    v = values("pmw-lm", **{"rates.ratio": 1000, "environment.delay": delay, "filters.lp1.order": 8})
+@pytest.mark.parametrize("delay", [0, 66, 200])
+def test_hundreds_of_ticks_in_a_frame(values, delay):
+    v = values("pmw-lm", **{"rates.ratio": 200, "environment.delay": delay, "filters.lp1.order": 8})
     found = channel_norm(v)
-    power = low_pass_power(aliases(np.linspace(0, np.pi, 201), 1000), 8, 10.0)
-    high = 1 - low_pass_power(aliases(np.linspace(0, np.pi, 201), 1000), 1, 10.0)
-    H = np.linalg.eigvalsh(np.sqrt(power[:5, :, None] * power[:5, None, :]) + high[:5, :, None] * np.eye(1000))[:, -1]
+    power = low_pass_power(aliases(np.linspace(0, np.pi, 201), 200), 8, 10.0)
+    high = 1 - low_pass_power(aliases(np.linspace(0, np.pi, 201), 200), 1, 10.0)
+    H = np.linalg.eigvalsh(np.sqrt(power[:5, :, None] * power[:5, None, :]) + high[:5, :, None] * np.eye(200))[:, -1]
     assert found.certified
     assert found.outward**2 >= H.max() * (1 - 1e-9)
     assert found.outward**2 == pytest.approx(H[0], rel=1e-3)

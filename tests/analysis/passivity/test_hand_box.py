@@ -83,6 +83,7 @@ def test_no_matrix_of_an_excluded_enclosure_has_an_eigenvalue_outside():
 LATE = {"velocity": "difference", "delay": 3}
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize(

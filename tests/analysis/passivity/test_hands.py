@@ -42,6 +42,7 @@ def sampled(box, count, seed=7):
     return box.points(shares)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", LOOPS)
 def test_none_of_10000_sampled_hands_is_worse(values, kind):
@@ -52,6 +53,7 @@ def test_none_of_10000_sampled_hands_is_worse(values, kind):
     assert worst_hand(v, HOLDING_A_DEVICE, by="damping").damping_ratio <= damping.min() + 1e-12
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_none_of_2000_hands_is_worse_on_random_loops(random_values, seed):
@@ -62,6 +64,7 @@ def test_none_of_2000_hands_is_worse_on_random_loops(random_values, seed):
     assert worst_hand(v, box, by="damping").damping_ratio <= damping.min() + 1e-9
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", LOOPS)
 def test_the_worst_hand_swings_up_or_down_when_it_is_marched(values, kind):
@@ -90,6 +93,7 @@ def test_a_box_with_a_negative_or_empty_range_is_refused():
         HandBox((0.1, 0.2), (1.0, 2.0), (5.0, 1.0))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in LOOPS if kind != "pmw-lm"])  # too many pieces for a proof
 def test_walls_for_the_box_are_stable_for_sampled_hands_and_end_where_the_named_hand_says(values, walls, kind):

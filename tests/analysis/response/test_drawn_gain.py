@@ -95,6 +95,7 @@ UNEVEN = {  # the slow results come after irregular numbers of ticks, and veloci
 }
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("free", [False, True])
 @pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])

@@ -21,6 +21,7 @@ def dense(values, frequency_hz):
     return np.array([np.linalg.svd(whole(np.exp(1j * a), squeeze=False), compute_uv=False)[0] for a in angle])
 
 
+@pytest.mark.sample(15)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(8))
@@ -31,6 +32,7 @@ def test_random_loops_have_the_dense_gain(kind, seed):
     np.testing.assert_allclose(gain(values, frequency), dense(values, frequency), rtol=1e-9)
 
 
+@pytest.mark.sample(8)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("ratio", [32, 33, 100, 200])

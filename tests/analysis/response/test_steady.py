@@ -32,6 +32,7 @@ def worst_error(values, frequency_hz, witness):
     return worst
 
 
+@pytest.mark.sample(6)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(3))
@@ -43,6 +44,7 @@ def test_random_frequencies_hold_at_50_digits(kind, seed):
     assert worst_error(values, [0.1, *inner, 0.49999 / T], exact.response) < 1e-9
 
 
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("seed", [0, 3, 12])
@@ -60,6 +62,7 @@ CONSERVED = [
 ]  # fmt: skip
 
 
+@pytest.mark.sample(3)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "changes"), CONSERVED)
 def test_a_conserved_combination_leaves_the_answer_whole(kind, changes):
@@ -92,6 +95,7 @@ HARD = [
 ]  # fmt: skip
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "changes"), HARD)
 def test_long_filters_and_frames_keep_their_digits(kind, changes):
