@@ -114,7 +114,7 @@ def test_the_other_commands_have_a_call_each():
 
 def test_a_loop_prints_as_a_person_would_want_it():
     assert repr(wavesweep.compile(SPEC)) == (
-        "<Loop spec: pmw, 3 states, frame of 20 ticks, 20 ms; K_VE = 500, B_VE = 1, Kp = 0, b = 25>"
+        "<Loop spec: pmw, 4 states, frame of 20 ticks, 20 ms; K_VE = 500, B_VE = 1, Kp = 0, b = 25>"
     )
 
 

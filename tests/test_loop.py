@@ -88,6 +88,7 @@ def test_python_control_gets_the_lifted_loop(hole):
     assert radius[-2] == pytest.approx(float(hole.spectral_radius()), rel=1e-12)
 
 
+@pytest.mark.sample(7)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("changes", [{}, {"Kp": 20.0}, {"stiffness": 100.0}, {"K_VE": 0.0}])
 def test_displacements_have_no_pole_of_a_drift(kind, changes):

@@ -65,7 +65,7 @@ def test_a_recipe_says_what_is_known_and_what_is_assumed(name):
     assert re.search(r"^# (Asked|Code) (in|by) ", TEXTS[name], re.MULTILINE)
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("path", sorted(FOLDER.rglob("*.toml")), ids=lambda path: path.stem)
 def test_a_recipe_runs_with_the_command_that_it_names(path, tmp_path, monkeypatch, capsys):
@@ -80,7 +80,7 @@ def test_a_recipe_runs_with_the_command_that_it_names(path, tmp_path, monkeypatc
     assert main(["check", words[1]]) == 0
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_recipe_has_the_intervals_of_loops_over_ticks(name):
@@ -145,6 +145,7 @@ SHOWN = [
 ]
 
 
+@pytest.mark.sample(14)
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "fixed", "shown"), SHOWN)
 def test_the_answers_are_those_of_the_comments(name, fixed, shown):

@@ -26,7 +26,7 @@ def test_the_document_states_every_condition():
     assert list(stated()) == [condition.name for condition in end_errors.CONDITIONS]
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("condition", end_errors.CONDITIONS, ids=lambda condition: condition.name)
 def test_a_sample_is_as_good_as_the_document_says(condition):

@@ -52,9 +52,8 @@ def test_a_stable_design_is_told_its_room_and_its_feel(check):
 
 def test_the_states_have_words_at_rates_that_do_not_divide_too(check):
     line = next(line for line in check("rates.slow_hz=60", "Kp=20").splitlines() if "states: " in line)
-    assert "states: device velocity, measured velocity, " in line
-    assert ", filter lp1, avatar position, avatar v held, " in line
-    assert ", shown v_1 held" in line
+    assert "states: device velocity, device position, velocity input of the last run, filter lp1, avatar position, " in line
+    assert ", v_1_shown held" in line
 
 
 def test_numbers_that_a_preset_gives_otherwise_are_named_where_a_design_is_judged(check):

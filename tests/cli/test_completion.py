@@ -174,6 +174,7 @@ def test_every_argument_of_a_command_is_completed():
         assert set(arguments) <= set(completion.COMPLETIONS), name
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("words", ["zwidth a", "zwidth a.toml --set contr", "", "init p"])
 def test_completion_loads_nothing_heavy(words):

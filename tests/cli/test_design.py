@@ -236,11 +236,11 @@ def test_the_nearest_miss_is_one_of_all_that_has_to_hold():
     assert 0 < float(place) < 0.08
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("change", "text"),
     [
         (["design.vary={}"], "design.vary: expected at least one number to vary"),
-        (["rates.slow_hz=60"], "expected a [controller] whose rates divide"),
         (["design.for_all={rates.fast_hz=[1000, 2000]}"], "design for one rate"),
         (
             ["design.wish={z_width={at_least=50000, B_VE=[1]}}"],
@@ -437,7 +437,7 @@ def test_check_says_what_the_search_would_do(tmp_path, monkeypatch, capfd):
         "\n  design: 48 designs, each over 2 combinations that it has to hold for; the front over 9\n    work: about " in text
     )
     assert main(["check", "mine.toml", "--set", "rates.slow_hz=60"]) == 0
-    assert "  design: not possible with this spec: " in capfd.readouterr().out
+    assert "\n  design: 48 designs" in capfd.readouterr().out
 
 
 JOINT = """

@@ -112,6 +112,7 @@ def test_check_draws_the_loop_and_says_where(run):
     assert (code, json.loads(text)["files"]) == (0, ["there/diagram.png"])
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("steps", "states"), [(40, "net u1 to net u40"), (3, "net u1 to net u3"), (2, "net u1, net u2"), (1, "net u1")]

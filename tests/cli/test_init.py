@@ -52,6 +52,7 @@ def test_the_spec_loads_and_has_a_sweep(kind, device, written):
     assert (along.stop, [axis.name for axis in others]) == (5000, ["B_VE", *(["b"] if kind.startswith("pmw") else [])])
 
 
+@pytest.mark.sample(5)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("device", [None, "touch", "omega"])

@@ -148,6 +148,7 @@ def test_another_file_in_place_of_the_data_package_is_left_as_it_is(wavesweep, s
     assert (made / "zwidth.png").exists()
 
 
+@pytest.mark.sample(7)
 @pytest.mark.parametrize("thing", ["pipe", "folder", "link to nothing", "link to a file"])
 @pytest.mark.parametrize(
     "words",

@@ -65,7 +65,7 @@ def test_no_bit_of_a_random_controller_differs(seed, compiler, tmp_path):
         assert said.splitlines()[-1].startswith(f"{ticks} ticks, ")
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @compilers
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("changes", CHANGES)
@@ -96,7 +96,7 @@ def test_the_check_sees_one_bit(tmp_path):
     assert re.search(r"^\d+ ticks, 1 signals each: \d+ numbers differ$", said, re.MULTILINE)
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("kind", "changes"), [(kind, changes) for kind in KINDS for changes in CHANGES])
 def test_the_host_closes_the_loop_as_the_simulation_does(kind, changes, tmp_path):
     need("gcc")
@@ -174,6 +174,7 @@ def test_constants_are_exact_and_the_state_is_one_struct():
     assert not re.search(r"^static (?!const|inline)[^(]*;", files["controller.c"], re.MULTILINE)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", KINDS)
 def test_rates_that_do_not_divide_are_exported_too(kind, tmp_path):
     need("gcc")

@@ -109,6 +109,7 @@ def test_two_ports_never_share_a_name_in_c():
     assert _identifiers(["a_b.c", "a.b_c", "0.x"]) == ["a_b_c", "a_b_c_2", "ws_0_x"]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("word", ["double", "if", "tick", "class", "late_0", "_x"])
 def test_a_force_that_is_a_word_of_c_gets_another_name(word, tmp_path):
     tables = tomllib.loads(ARM.replace("push", word))
@@ -119,7 +120,7 @@ def test_a_force_that_is_a_word_of_c_gets_another_name(word, tmp_path):
         assert (code, said[-16:]) == (0, " no bit differs\n"), said
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("delay", [0, 3, 20])
 def test_no_bit_differs_with_effects_of_a_device(kind, delay, tmp_path):

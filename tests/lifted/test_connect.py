@@ -56,6 +56,7 @@ def test_one_loop_without_solution_is_found_in_a_batch():
         connect("fast", (first_order("p", 0.9, 0.5),), {"p.u": {"r": 1, "p.y": gain}}, ("r",), ("p.y",))
 
 
+@pytest.mark.sample(10)
 @pytest.mark.parametrize("seed", range(30))
 def test_blocks_that_feed_each_other_at_once_do_what_their_equations_say(seed):
     """All equations of ports and outputs as one system, solved at once."""

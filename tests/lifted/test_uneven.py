@@ -72,6 +72,7 @@ def avatar(u, s, values, step):
     return u - np.sqrt(2 / b) * (K * s + B * velocity), s + step * velocity
 
 
+@pytest.mark.sample(5)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dc-slow", "pmw"])
 @pytest.mark.parametrize(
@@ -119,6 +120,7 @@ def test_what_rates_that_do_not_divide_cannot_have_is_refused():
         spec_of("pmw", rates={"slow_hz": 60}, environment={"delay": 17})
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", CONTROLLERS)
 def test_a_simulation_shows_the_response_of_the_loop(kind):
     tables = {"rates": {"slow_hz": 60}, "environment": {"integration": "explicit", "K_VE": 60.0, "B_VE": 2.0}}

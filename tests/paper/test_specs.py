@@ -28,6 +28,7 @@ def test_a_spec_says_what_is_the_papers_and_what_is_inferred(name):
     assert "Inferred" in text
 
 
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_spec_has_the_papers_values_and_serves_the_sweeping_commands(name):

@@ -57,6 +57,7 @@ def apart(one, other):
     return True
 
 
+@pytest.mark.sample(14)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SPECS)
 def test_no_wire_passes_through_a_box_or_along_another(name):
@@ -71,6 +72,7 @@ def test_no_wire_passes_through_a_box_or_along_another(name):
         assert one[0] == other[0] or apart(one, other), (one, other)
 
 
+@pytest.mark.sample(14)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SPECS)
 def test_boxes_do_not_overlap_and_every_wire_leads_from_its_source_to_its_reader(name):
@@ -100,6 +102,7 @@ def on(line, x, y):
     return min(a, c) - TINY <= x <= max(a, c) + TINY and min(b, d) - TINY <= y <= max(b, d) + TINY
 
 
+@pytest.mark.sample(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["A", "W", "J", "pmw-lm", "pmw-lm-blocks", "dc", "twenty-1", "chain-2"])
 def test_texts_overlap_neither_each_other_nor_a_wire_and_are_large_enough(name):

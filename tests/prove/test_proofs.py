@@ -56,6 +56,7 @@ def test_a_wall_behind_any_delay(prove, n):
     assert close((high, high_omega), (K, t / T))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_controllers_drawn_as_blocks_have_the_intervals_of_another_ball_program(prove, seed):
@@ -68,6 +69,7 @@ def test_controllers_drawn_as_blocks_have_the_intervals_of_another_ball_program(
     ]
 
 
+@pytest.mark.sample(3)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "seed", "number"),

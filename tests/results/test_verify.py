@@ -53,7 +53,7 @@ def files_of(spec, kind):
     return calls[kind]()
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["zwidth", "hands", "stability-region", "bode", "two specs", "passivity", "why", "simulate"])
 def test_results_as_they_were_written_have_no_differences(kind, tmp_path):
@@ -162,6 +162,7 @@ DAMAGES = {
 }
 
 
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_every_kind_of_damage_is_named(folder, damage, capfd):

@@ -264,8 +264,13 @@ def spectral_radius(values, drift=1e-15):
     """The largest eigenvalue of a frame but for those at 1 (to `drift`, which half the digits of a double one are)."""
     whole = frame(values).closed(values["environment.K_VE"], values["environment.B_VE"])
     # Moved away from 0, where pure delays put several: QR would wait for ever for entries small beside zeros.
-    eigenvalues = mp.eig(whole + 2 * mp.eye(whole.rows), left=False, right=False)
-    return max(abs(z - 2) for z in eigenvalues if abs(z - 3) > drift)
+    for away in (2, 3, 1.5):
+        try:
+            eigenvalues = mp.eig(whole + away * mp.eye(whole.rows), left=False, right=False)
+        except RuntimeError:  # QR does not converge: another distance from 0
+            continue
+        return max(abs(z - away) for z in eigenvalues if abs(z - away - 1) > drift)
+    raise RuntimeError("no distance from 0 lets QR converge")
 
 
 def response(values, frequency_hz, whole):

@@ -3,13 +3,17 @@
 import numpy as np
 
 from wavesweep.analysis.intervals import stable_intervals
+from wavesweep.errors import IllPosedLoopError
 from wavesweep.lifted.cut import close
 from wavesweep.sweep.open_loops import wall_cut
 
 
 def cut_of(values):
     """The loop of `values`, cut at the wall, as a batch of one slice."""
-    return wall_cut(values).at(np.newaxis)
+    cut = wall_cut(values)
+    if cut is None:
+        raise IllPosedLoopError("the wall is no scalar gain of this loop's frame")
+    return cut.at(np.newaxis)
 
 
 def intervals_of(values, along="K_VE", span=(0, 20000), fixed=None):

@@ -124,6 +124,7 @@ def test_a_mode_that_grows_with_time_is_left_out_of_no_cut():
     assert not float(loop.spectral_radius(p=100.0)) < 1
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("force", "back"), [("c*f.x", "-0.1*a.v"), ("c*(f.x - a.x)", "c*(a.x - f.x)"), ("c*c*f.x", "a.v")])
 @pytest.mark.parametrize("along", ["p", "c"])
 def test_a_coupling_of_gain_0_makes_no_free_mass_a_part_of_the_loop(force, back, along):

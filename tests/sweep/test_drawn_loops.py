@@ -90,6 +90,7 @@ def test_a_joint_of_a_physics_engine():
     assert table.certified.all()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("ticks", "t"), [(0, 0.51), (1, 0.51), (3, 0.25), (7, 0.1), (150, 0.005)])
 def test_an_undamped_mass_with_a_delay_of_any_length(ticks, t):
@@ -121,6 +122,7 @@ def test_a_long_delay_behind_a_filter_that_lets_nothing_through_at_half_the_rate
     assert np.all(radius[20:] > 1)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("beside", [0.0, 1e-15, 1e-12, -1e-12, 1e-10])
 def test_a_span_that_ends_at_a_limit_keeps_its_interval(beside):
     """Along a number in two wires, which is no single gain of a frame."""
@@ -178,7 +180,7 @@ CHANGES = [
 ]
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("changes", CHANGES)
@@ -207,7 +209,7 @@ REFERENCES = json.loads((pathlib.Path(__file__).parents[1] / "support" / "refere
 UNKNOWN = {"random 15": {450.0}}
 
 
-@pytest.mark.sample(12)
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("case", REFERENCES, ids=[case["name"] for case in REFERENCES])
 def test_blocks_give_the_reference_cases(case):
@@ -225,6 +227,7 @@ DRAWN = {
 }
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_drawn_controllers_are_reference_cases_and_the_built_in_ones(kind):
@@ -488,14 +491,13 @@ def test_a_drawing_made_in_python_is_compiled_as_it_is():
 
 def test_what_needs_a_controller_is_refused_in_a_sentence():
     loop = compiled(ARM)
-    with pytest.raises(UsageError, match="found a drawn loop"):
-        loop.to_control()
     with pytest.raises(UsageError, match="option wall: expected a wall in \\[ports\\] whose numbers only multiply signals"):
         loop.simulate(friction=0.1, wall=0.0)
     with pytest.raises(UsageError, match="found a drawn loop"):
         wavesweep.filter_choices(tomllib.loads(ARM))
 
 
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("changes", [{}, {"environment.delay": 7, "device.velocity": "difference"}])
@@ -551,13 +553,13 @@ def test_every_axis_of_a_grid_is_read():
     spec = load(tomllib.loads(ARM))
     axis, others = sweep_axes(spec)
     grid = make_grid(spec, others, axis.path)
-    assert (grid.slices, grid.ignored, job_over(grid, axis).exact) == (3, (), False)
+    assert (grid.loops, grid.ignored, job_over(grid, axis).exact) == (3, (), False)
 
 
 SPANS = {"k": (0, 300), "d": (-2, 400), "k0": (0, 3000), "g": (0.05, 2), "m0": (0.01, 3)}
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_random_drawings_have_the_intervals_of_a_scan(seed):
@@ -708,6 +710,7 @@ def test_bounds_of_responses_know_how_well_algebraic_loops_are_conditioned(gap):
 FREE = {"type": "mass", "mass": 1.0, "damping": 2.0}
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("blocks", "wire", "reaction", "stiffness"),
     [
@@ -761,6 +764,7 @@ def behind(filter_):
     }
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("along", ["K", "m"])
 @pytest.mark.parametrize(("order", "low", "high"), [(4, 2000, 9000), (5, 100, 500), (8, 100, 500), (12, 100, 500)])
 def test_a_transfer_function_of_high_order_is_certified_as_its_poles_in_a_row_are(order, low, high, along):
@@ -804,6 +808,7 @@ def as_one_and_in_a_row(order, cutoff_hz, derivative):
     return [wavesweep.compile(held_by_a_filter(each, "K*g.y")) for each in filters]
 
 
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "cutoff_hz", "derivative"),
@@ -854,6 +859,7 @@ def test_control_by_a_filtered_difference_is_certified(pole):
     assert (loop.spectral_radius(K=1.001 * ends) > 1).all()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["explicit", "implicit", "trapezoidal"])
 @pytest.mark.parametrize("damping", ["2*d.y", "2*arm.v"])
@@ -1041,6 +1047,7 @@ def hidden(E, C, span, **more):
     }
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("k", range(20, 53, 4))
 def test_a_mode_next_to_1_that_rounding_hides_is_no_drift(k):
     """An eigenvalue 1 + 2^-k in a turned basis is outside the circle, however near to it: nothing is certified stable."""
@@ -1154,6 +1161,7 @@ DOUBLE_ZERO = {"type": "tf", "discrete": True, "num": [1.0, -2.0, 1.0], "den": [
 HIGH = {"type": "butterworth", "order": 2, "cutoff_hz": 50.0, "pass": "high"}
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "tables",
     [
@@ -1407,6 +1415,7 @@ def test_a_small_gain_that_no_drawing_has_opposes_a_shift_that_depends_on_a_numb
     assert free.spectral_radius() < 1
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("every", [1, 4])
 @pytest.mark.parametrize("damping", [0.5, 20.0])
 def test_a_shift_through_a_ratio_is_there_for_the_weakest_coupling(every, damping):
@@ -1676,6 +1685,7 @@ PENDULUM = {
 }
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("span", [(-60, 60), (-60, 0), (-3, 1), (-10, 10), (-1000, 1000), (0, 60)])
 def test_a_gain_of_either_sign_has_its_end_at_0_where_the_drawing_has_an_eigenvalue_1(span):
     """Without the gain nothing reads where the cart is."""

@@ -28,6 +28,7 @@ def rows_of(run, hand):
     return {name: column[rows] for name, column in run.columns.items()}
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("operator", "hand", "port", "expected"),

@@ -57,7 +57,7 @@ NAMES = "admittance", "impedance"
 ALONG = {"K": {"start": 0, "stop": 2e5}, "m": {"start": 1e-4, "stop": 1.0}, "B": {"start": 0, "stop": 1e4}}
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("along", ALONG)
 @pytest.mark.parametrize("integration", ["implicit", "explicit"])
 @pytest.mark.parametrize("damping", [1.5, 1e-6])
@@ -126,6 +126,7 @@ def test_a_difference_that_a_number_multiplies_is_certified_only_with_its_digits
         np.testing.assert_allclose(found[["low", "high"]], truth[["low", "high"]], rtol=1e-9)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("g", [1.0, 1e4, 1e6, 1e8, 1e10, 1e12])
 def test_a_difference_of_what_is_held_is_certified_only_with_its_digits(g):
     """The gains run in one tick of a frame, and their difference is read in another."""
@@ -230,8 +231,9 @@ def test_two_lines_in_a_row_have_the_end_of_one(impedances):
     one = wavesweep.compile(line(1.0)).stable_intervals("B", (0, 1e4))
     spec = two_lines(*impedances, 1, "implicit", (500.0, 1.0), (0.1, 1.5))
     two = wavesweep.compile(spec).stable_intervals("B", (0, 1e4))
-    np.testing.assert_allclose(two["high"], one["high"], rtol=1e-12 * max(1.0, max(impedances) / 1e4))
-    assert two["certified"].all() or max(impedances) > 10
+    known = max(impedances) <= 10
+    np.testing.assert_allclose(two["high"], one["high"], rtol=1e-12 if known else 1e-15 * max(impedances))
+    assert two["certified"].all() or not known
 
 
 def test_an_end_at_0_is_exact_where_a_drift_begins_there():

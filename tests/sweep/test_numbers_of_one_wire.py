@@ -43,6 +43,7 @@ def opened(monkeypatch):
     return made
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("spec", "along", "span", "other", "values"),
     [
@@ -157,6 +158,7 @@ def sensed(force, damping=6.0, mass=10.0):
     }
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("span", [(-0.1, 1.0), (0.0, 1.0), (-100.0, 100.0), (0.0, 1e-7)])
 def test_two_eigenvalues_1_that_the_axis_alone_moves_leave_the_end_at_0(span):
     """Of a second eigenvalue 1, as an integrator beside a position has, rounding leaves a trace in any other signal."""

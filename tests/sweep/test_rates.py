@@ -57,6 +57,7 @@ def test_slices_of_several_rates_are_one_batch_and_have_the_bits_of_each_alone(m
         assert [row.low, row.high] == [alone.low[0], alone.high[0]]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm", "pmw", "pmw-lm"])
 def test_loops_of_several_rates_have_what_each_has_alone(kind):
     loop, rates = wavesweep.compile(RECIPES / "controllers" / f"{kind}.toml"), [700.0, 1000.0, 1900.0]
@@ -100,6 +101,7 @@ def test_rates_that_make_no_loop_are_refused(recipe, along, span, axes, said):
 BAND = {"lp1": {"passband_hz": 8.0, "stopband_hz": 40.0, "passband_db": 1.0, "stopband_db": 20.0}}
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("tables", "axes"),
     [

@@ -43,7 +43,7 @@ def exact_radius(omega, zeta, period, K):
     return max(abs(trace / 2 + root), abs(trace / 2 - root))
 
 
-@pytest.mark.sample(24)
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("zeta", [1e-12, 1e-8, 1e-4, 1e-2])
 @pytest.mark.parametrize("detuned", [0.0, 1e-6, -1e-4, 0.02])
 @pytest.mark.parametrize(("every", "turns"), [(10, 1), (10, 3), (1, 1), (1, 200)])
@@ -61,6 +61,7 @@ def test_ends_are_right_or_in_doubt(zeta, detuned, every, turns):
         assert sides[0] != sides[1], end
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("wire", ["K*h.y + 0.3*K*p.y", "K*(1+K)*h.y"])
 @pytest.mark.parametrize("every", [1, 5])
 def test_along_panels_too(wire, every):
@@ -111,6 +112,7 @@ def test_bounds_of_responses_know_what_a_turn_takes(zeta, detuned):
         assert off <= row.admittance_error + 1e-15
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm"])
 @pytest.mark.parametrize("along", ["device.damping", "device.mass"])
 @pytest.mark.parametrize("detuned", [0.0016, -1e-4])

@@ -147,6 +147,7 @@ def test_the_slowest_mode_decays_as_a_simulation_does():
     assert found["time_constant_s"] == pytest.approx(-0.02 / np.log(verdict(WAVES)["spectral_radius"]), rel=1e-9)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", ["dc", "dc-slow", "pmw", "pmw-lm"])
 @pytest.mark.filterwarnings("error")
 def test_no_damping_is_felt_as_none(kind):
@@ -178,6 +179,7 @@ def test_a_range_ends_where_the_spec_takes_no_more():
     assert limits["g"]["to"] == pytest.approx(1, rel=1e-6)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("name", "changes"),
     [

@@ -97,7 +97,7 @@ def profile_rows(repeats: int = 20) -> Iterator[Row]:
 
 def _stages(stats: pstats.Stats) -> dict[str, float]:
     """Cumulative seconds of each stage, and of the rest."""
-    spent = {stage: stats.stats[_profiled(function)][3] for function, stage in STAGES.items()}
+    spent = {stage: stats.stats.get(_profiled(function), (0.0,) * 4)[3] for function, stage in STAGES.items()}
     return {**spent, "tables and the rest": stats.total_tt - sum(spent.values())}
 
 

@@ -18,8 +18,8 @@ from wavesweep.analysis.simulation.record import own_image
 from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.sweep.assumptions import over_preset
-from wavesweep.sweep.drawn_loops import loop_at_hand, ports_of, radii, refuse_singular
-from wavesweep.sweep.grid import make_grid
+from wavesweep.sweep.drawn_loops import loop_at_hand, ports_of, radii_of, refuse_singular
+from wavesweep.sweep.grid import own_loop
 from wavesweep.sweep.response_table import doubt_of
 from wavesweep.sweep.table import Table, facts_of
 
@@ -46,7 +46,7 @@ SETTLED = 0.01  # of its beginning, what may be left of the slowest mode where a
 
 def radius_of(spec: Spec) -> float:
     """Spectral radius per frame of the spec's linear loop, which has none of the effects of [simulate]."""
-    return float(radii(make_grid(spec, ()))[0])
+    return float(radii_of(*own_loop(spec), 1)[0])
 
 
 def linear_loop(spec: Spec) -> dict[str, Any]:

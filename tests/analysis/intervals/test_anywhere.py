@@ -35,7 +35,7 @@ def margins(loop, axis, values):
     return loop.spectral_radius(**{axis: values}) - 1
 
 
-@pytest.mark.sample(10)
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("axis", SPANS)
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
@@ -59,6 +59,7 @@ def test_intervals_are_those_of_a_fine_scan(kind, axis):
     assert (stable == (margins(loop, axis, values) < 0))[away].all()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("axis", ["K_LM", "Kp", "b", "device.damping", "filters.lp1.cutoff_hz"])
 def test_the_loop_is_stable_just_inside_and_unstable_just_outside_of_every_end(axis):
@@ -212,7 +213,7 @@ def test_functions_of_a_polynomial_that_is_not_finite_are_not_known():
     assert np.isfinite(log[:, [0, 2]]).all()
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("order", range(1, 13))
 @pytest.mark.parametrize("imaginary", [0.0, 0.3])

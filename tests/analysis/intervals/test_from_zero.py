@@ -23,6 +23,7 @@ def joint(force, **block):
     }
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("force", "limits"),
     [

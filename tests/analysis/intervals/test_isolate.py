@@ -77,7 +77,7 @@ def check(coefficients, noise, method=isolate):
     return True
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("hard", HARD)

@@ -32,6 +32,7 @@ def pair_of_poles(beside):
     }
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("beside", [1e-2, 1e-4, 1e-5, 1e-7])
 def test_a_narrow_band_between_two_poles_beside_the_axis_is_found_or_doubted(beside):
     """Over some 2 times `beside` about c = 1 the loop is unstable; what is left of the poles elsewhere shows nothing of it."""
@@ -63,6 +64,7 @@ def test_a_pole_of_small_weight_is_not_certified_over(through):
     assert not inside.any()
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("seed", range(12))
 def test_an_end_is_not_certified_beyond_what_an_ill_conditioned_loop_keeps(seed):
     """`x+ = x - T (1 + B^2) e/(1 - ab) x`, whose end is known as a fraction, and 1 - ab = 1e-3 to 1e-11."""
@@ -112,6 +114,7 @@ EXPRESSIONS = (  # gains that are large at c = 1 alone, by what is there beside 
 )
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("gain", EXPRESSIONS)
 def test_poles_of_expressions_beside_the_range_are_not_certified_over(gain):
     loop = gain_on_velocity(gain)
@@ -206,6 +209,7 @@ def test_zeros_inside_a_rim_are_seen():
     assert pole_inside(np.full((1, RIM.size, 1), np.nan), np.zeros((1, 1))).tolist() == [True]
 
 
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2, 7, 8, 15, 16, 17, 31, 32, 33, 64])
 def test_as_many_zeros_as_points_are_seen(count):

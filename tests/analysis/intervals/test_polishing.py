@@ -259,6 +259,7 @@ def test_next_to_two_eigenvalues_vectors_are_sought_farther_away():
     assert row.low == pytest.approx(0.009852919968102188, rel=1e-13)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("apart", [1e-7, 1e-8, 2e-9, 1e-9])
 def test_an_end_of_one_of_two_pairs_that_nearly_coincide_is_right_or_in_doubt(apart):
     """Coupled to its twin, whose vectors are in its own; the end is where the last entry of its block is -1."""

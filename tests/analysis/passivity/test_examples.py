@@ -8,6 +8,7 @@ from support.waves_through import run_back, run_out, worst_wave
 from wavesweep.analysis.passivity import filter_table, sufficient_order
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
 @pytest.mark.parametrize(("order", "cutoff_hz"), [(1, 10.0), (2, 30.0), (3, 60.0)])

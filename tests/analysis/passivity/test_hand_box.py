@@ -39,6 +39,7 @@ def test_products_and_quotients_are_within_their_enclosure():
             assert np.all(np.abs(middle - wanted) <= part.rest + 1e-12)
 
 
+@pytest.mark.sample(8)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(24))
 def test_the_frame_of_every_hand_and_wall_is_within_its_enclosure(random_values, seed):

@@ -29,7 +29,7 @@ def scan(values, theta=THETA):
 
 def over_frame(values, theta):
     """The map from the forces of a frame to its displacements, by python-control; the frame of `dc` is one tick."""
-    tables = nested(values | {"rates.ratio": 1} if values["controller.kind"] == "dc" else values)
+    tables = nested(values | {"rates.ratio": 1, "environment.delay": 0} if values["controller.kind"] == "dc" else values)
     return np.moveaxis(wavesweep.compile(tables).to_control("displacement")(np.exp(1j * theta), squeeze=False), -1, 0)
 
 

@@ -39,6 +39,7 @@ def test_the_resonance_of_an_undamped_device_has_the_known_size():
     assert rows["admittance_abs"][0] == pytest.approx(0.0398228, abs=1e-7)
 
 
+@pytest.mark.sample(14)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("stiffness", [0.0, 100.0])
@@ -103,6 +104,7 @@ def test_the_gain_next_to_the_nyquist_frequency_of_a_short_frame():
     assert rows["worst_gain"][0] == pytest.approx(0.0020, rel=1e-3)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("ratio", [20, 40])

@@ -21,7 +21,7 @@ def dense(values, frequency_hz):
     return np.array([np.linalg.svd(whole(np.exp(1j * a), squeeze=False), compute_uv=False)[0] for a in angle])
 
 
-@pytest.mark.sample(15)
+@pytest.mark.sample(5)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(8))
@@ -68,6 +68,7 @@ def test_a_drift_of_the_avatar_alone_does_not_move_a_hand_that_a_spring_holds(ch
     assert gain(values, [50.0])[0] == pytest.approx(around[3:].mean(), rel=1e-6)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("changes", [{}, {"delay": 7}, {"ratio": 80, "stiffness": 120.0}])

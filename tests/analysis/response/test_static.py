@@ -15,7 +15,7 @@ def static(values):
     return tuple(part.real for part in static_response(loop_of(values))[:2])
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("changes", [{}, {"Kp": 20.0}, {"stiffness": 120.0}, {"Kp": 20.0, "stiffness": 120.0, "delay": 7}])
@@ -26,7 +26,7 @@ def test_the_limit_is_that_of_50_digits(kind, changes):
     assert static(values) == pytest.approx(wanted, rel=1e-9)
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
 @pytest.mark.parametrize("seed", range(10))

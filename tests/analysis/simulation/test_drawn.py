@@ -113,7 +113,7 @@ SETTLING = [
 ]
 
 
-@pytest.mark.sample(12)
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", SETTLING)
 def test_the_response_of_a_random_drawing_is_that_of_its_simulation(seed):

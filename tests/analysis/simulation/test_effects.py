@@ -50,7 +50,7 @@ def effects_of(seed):
     return {name: value for name, value in every.items() if r.random() < 0.5} | {"seed": seed}
 
 
-@pytest.mark.sample(10)
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(40))
 def test_a_controller_and_its_blocks_have_the_same_effects(seed):

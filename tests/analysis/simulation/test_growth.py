@@ -21,7 +21,7 @@ ENDS = [
 ]
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "changes", "end", "gains"), ENDS)
 def test_decay_turns_into_growth_at_a_stability_limit(values, kind, changes, end, gains):
@@ -41,6 +41,7 @@ RADII = [
 ]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "changes", "radius"), RADII)
 def test_the_rate_is_the_spectral_radius(values, kind, changes, radius):
@@ -69,7 +70,7 @@ def test_a_loop_that_overflows_within_a_frame_grows_without_bound(values):
     assert growth_rate(values("dc-lm", K_LM=1e9, ratio=400)) == np.inf
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(0, 200, 20))
 def test_growth_and_decay_in_time_agree_with_every_reported_end(seed):

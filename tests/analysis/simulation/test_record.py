@@ -62,5 +62,5 @@ def test_no_tones_give_an_empty_table(values):
 
 
 def test_a_stretch_too_short_for_the_images_is_refused(values):
-    with pytest.raises(UsageError, match="expected at least 41 ticks to tell it from its images, found 30"):
+    with pytest.raises(UsageError, match="expected at least 60 ticks, three frames, to tell it from its images, found 30"):
         estimate(simulate(values("pmw"), np.ones(100)).signals, [Tone(11.0, 0, 30)], 1000.0, 20)

@@ -39,6 +39,7 @@ def test_with_everything_off_a_page_is_the_law_of_its_controller(values, push, k
     assert len(experiment.signals["x"]) == len(push)
 
 
+@pytest.mark.sample(20)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(60))
 def test_random_pages_are_the_laws_of_their_controllers(push, seed):

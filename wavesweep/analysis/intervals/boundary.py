@@ -96,6 +96,7 @@ def residual(t: Terms, K, B, least=0.0):
     return np.abs(t.one - K * t.x - B * t.v) / parts
 
 
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")
 def polish(cut: Cut, along: str, fixed, theta, scale):
     """Solve `Im K(theta) = 0`, `K = (one - fixed*other)/solved`, by Newton's method from the seeds theta.
 
@@ -112,18 +113,16 @@ def polish(cut: Cut, along: str, fixed, theta, scale):
             break
         some = cut if active.size == theta.size else cut.at(active)
         now, slope, back, speed = _value_and_slope(some, along, fixed[active], theta[active])
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            far = np.abs(now) > scale
-            now, slope = np.where(far, 1 / now, now), np.where(far, -slope / now**2, slope)
-            step = -now.imag / slope.imag
+        far = np.abs(now) > scale
+        now, slope = np.where(far, 1 / now, now), np.where(far, -slope / now**2, slope)
+        step = -now.imag / slope.imag
         step = np.where(np.isfinite(step), step, 0.0)
         size = np.abs(step)
         small = size <= LAST_STEP * np.minimum(theta[active], np.pi - theta[active])
         least, most = NEAREST_END * theta[active], np.pi - NEAREST_END * (np.pi - theta[active])
         theta[active] = np.clip(theta[active] + step, least, most)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            estimate = now.real + step * slope.real  # its error is the square of the step
-            value[active] = np.where(far, 1 / estimate, estimate)
+        estimate = now.real + step * slope.real  # its error is the square of the step
+        value[active] = np.where(far, 1 / estimate, estimate)
         done[active] = small & (slope.imag != 0)
         if inverses is None:
             inverses = back
@@ -143,8 +142,7 @@ def _value_and_slope(cut, along, fixed, theta):
     _, back, state = _states(cut, w)
     turn = back @ state
     G, dG = read(cut.C, state) + cut.D[..., 0], -read(cut.C, turn)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        speed = np.fmax.reduce((np.abs(turn) / np.abs(state))[..., 0], axis=-1, initial=0)
+    speed = np.fmax.reduce((np.abs(turn) / np.abs(state))[..., 0], axis=-1, initial=0)
     return *_solved(terms_of(cut, w, G), _slopes_of(cut, w, G, dG), along, fixed, w), back, speed
 
 
