@@ -69,6 +69,7 @@ def joined(parts) -> Intervals:
     return replace(whole, index=np.where(count[column] > 0, index, -1), count=count[column], doubt=doubt[column])
 
 
+@np.errstate(divide="ignore", invalid="ignore", over="ignore")  # what overflows is told from what it leaves
 def stable_intervals(cut: Cut, along: str, span, fixed) -> Intervals:
     """Return all stable intervals of `along` ("K_VE" or "B_VE") within `span`, for every loop and every value of the other one.
 
