@@ -64,7 +64,6 @@ def imports_of(source):
 SOURCES = sorted(PACKAGE.rglob("*.py"))
 
 
-@pytest.mark.sample(83)
 @pytest.mark.parametrize("source", SOURCES, ids=[str(path.relative_to(PACKAGE)) for path in SOURCES])
 def test_imports_point_left(source):
     module = ".".join(("wavesweep", *source.relative_to(PACKAGE).with_suffix("").parts))

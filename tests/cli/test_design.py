@@ -236,7 +236,6 @@ def test_the_nearest_miss_is_one_of_all_that_has_to_hold():
     assert 0 < float(place) < 0.08
 
 
-@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("change", "text"),
     [

@@ -162,7 +162,6 @@ DAMAGES = {
 }
 
 
-@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_every_kind_of_damage_is_named(folder, damage, capfd):

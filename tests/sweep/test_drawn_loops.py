@@ -209,7 +209,7 @@ REFERENCES = json.loads((pathlib.Path(__file__).parents[1] / "support" / "refere
 UNKNOWN = {"random 15": {450.0}}
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(12)
 @pytest.mark.slow
 @pytest.mark.parametrize("case", REFERENCES, ids=[case["name"] for case in REFERENCES])
 def test_blocks_give_the_reference_cases(case):
@@ -227,7 +227,6 @@ DRAWN = {
 }
 
 
-@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_drawn_controllers_are_reference_cases_and_the_built_in_ones(kind):

@@ -38,7 +38,9 @@ def alone(spec, along, span, other, value):
 def opened(monkeypatch):
     """Of each frame of loops that are open at the axis, whether they are open at a number beside it as well."""
     made, frame = [], open_loops.open_frame
-    monkeypatch.setattr(open_loops, "open_frame", lambda *given: made.append(open_loops.BESIDE in given[3]) or frame(*given))
+    monkeypatch.setattr(
+        open_loops, "open_frame", lambda *given, **how: made.append(open_loops.BESIDE in given[3]) or frame(*given, **how)
+    )
     open_loops._open_loop.cache_clear()
     return made
 

@@ -163,7 +163,14 @@ class OpenFrame:
 
 
 def open_frame(
-    drawn: Drawn, drift: TickDrift, force: str, read: tuple[str, ...], hand: str = "", shown: tuple[str, ...] = ()
+    drawn: Drawn,
+    drift: TickDrift,
+    force: str,
+    read: tuple[str, ...],
+    hand: str = "",
+    shown: tuple[str, ...] = (),
+    *,
+    each: bool = False,
 ) -> OpenFrame | None:
     """Return the frame without a number that is one scalar gain of it; None if it is not one.
 
@@ -171,6 +178,7 @@ def open_frame(
     signal that the number multiplies, and perhaps the one that another number of the same sum multiplies. The number is one
     scalar of the frame if the product reaches the loop in a single tick of a frame, or if what it multiplies changes in a
     single one and is held in between. hand: another input. shown: more signals, which need no state that would hold them.
+    each: see `product_with_errors`.
     """
     ticks = ticks_of(drawn, (*read, *shown), held=drawn.held(read), terms=True)
     w = drawn.inputs.index(force)
@@ -184,7 +192,7 @@ def open_frame(
     head, n = ticks.maps[ticks.kind[0]], len(ticks.states)
     changes = [_beside(each.E, _with_moment(each.B[..., inputs])) for each in ticks.maps]
     sizes = [_beside(each.terms[0], _with_moment(each.terms[1][..., inputs])) for each in ticks.maps]
-    E, dE = product_with_errors(ticks.kind, changes, sizes, ramp=bool(hand))
+    E, dE = product_with_errors(ticks.kind, changes, sizes, ramp=bool(hand), each=each)
     D, dD = (_with_moment(each[..., inputs]) for each in (head.D, head.terms[3]))
     parts = E[..., :n], E[..., n:], head.C, D, dE[..., :n], dE[..., n:], ENTRIES * head.terms[2], ENTRIES * dD
     return OpenFrame(ticks, groups, *parts, np.asarray(drawn.period) * drawn.ticks)

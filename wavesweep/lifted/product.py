@@ -35,21 +35,23 @@ def product_of(kind: np.ndarray, changes: Sequence[np.ndarray], *, ramp: bool = 
 
 
 def product_with_errors(
-    kind: np.ndarray, changes: Sequence[np.ndarray], sizes: Sequence[np.ndarray], *, ramp: bool = False
+    kind: np.ndarray, changes: Sequence[np.ndarray], sizes: Sequence[np.ndarray], *, ramp: bool = False, each: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return `product_of` and a bound on the error of every entry, in the same form.
 
     sizes: per kind, the sizes of the terms of the entries of each tick (running error terms), in the form of the changes.
-    Accuracy: to first order in a rounding. The bound is that of the largest entries of the loops that are multiplied together,
-    so it is tight for a single loop, or for loops that are alike.
+    each: whether every loop of a batch has a bound of its own, at three times the cost; otherwise it is that of the largest
+    entries of the loops that are multiplied together, which is tight for loops that are alike.
+    Accuracy: to first order in a rounding.
     """
+    over = np.asarray if each else _over_batch
     kinds, still = kind.tolist(), ~pattern_of(kind, changes, ramp=ramp)
 
     def of_part(part):
         ticks = []
         for E, size in zip(_spread(changes), _spread(sizes), strict=True):
-            ticks.append(((E[part], 1), *_largest(E[part]), ENTRIES * _over_batch(size[part])))
-        (E, _), *_, dE = in_a_row(kinds, ticks, partial(_after_with_errors, ramp))
+            ticks.append(((E[part], 1), *_largest(over, E[part]), ENTRIES * over(size[part])))
+        (E, _), *_, dE = in_a_row(kinds, ticks, partial(_after_with_errors, ramp, over))
         return np.stack([E, np.broadcast_to(dE, E.shape)], axis=-3)
 
     with np.errstate(all="ignore"):
@@ -106,20 +108,20 @@ def _after(ramp, first, second):
     return E, ticks + more
 
 
-def _after_with_errors(ramp, first, second):
+def _after_with_errors(ramp, over, first, second):
     """The same with the largest sizes of the entries of E and of I + E in all loops, and a bound on their errors."""
     (P, one, kept, dP), (Q, two, moved, dQ) = first, second
-    both, n = _after(ramp, P, Q), len(one)
-    dE = moved[:, :n] @ dP + dQ[:, :n] @ kept + ROUNDING * (one + two + two[:, :n] @ one)
-    dE[:, n:] += dQ[:, n:]
+    both, n = _after(ramp, P, Q), one.shape[-2]
+    dE = moved[..., :n] @ dP + dQ[..., :n] @ kept + ROUNDING * (one + two + two[..., :n] @ one)
+    dE[..., n:] += dQ[..., n:]
     if ramp:
-        dE[:, -1] += P[1] * (dQ[:, -2] + ROUNDING * two[:, -2])
-    return both, *_largest(both[0]), dE
+        dE[..., -1] += P[1] * (dQ[..., -2] + ROUNDING * two[..., -2])
+    return both, *_largest(over, both[0]), dE
 
 
-def _largest(E):
-    """The largest sizes of the entries of E, and of I + E, in a batch of loops, `(n, n + inputs)` each."""
-    return _over_batch(np.abs(E)), _over_batch(np.abs(E + np.eye(*E.shape[-2:])))
+def _largest(over, E):
+    """The sizes of the entries of E, and of I + E, the largest over a batch of loops or each one's."""
+    return over(np.abs(E)), over(np.abs(E + np.eye(*E.shape[-2:])))
 
 
 def _over_batch(size):

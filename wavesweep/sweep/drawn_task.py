@@ -196,7 +196,7 @@ class DrawnTask:
 
     def _alone(self, values, size):
         """The same, a loop for every slice."""
-        return Opened.alone(self.drawing, values, self.number, size, felt=self.felt)
+        return Opened.of_each(self.drawing, values, self.number, size, felt=self.felt)
 
     def opened_or_none(self, values, size: int) -> Opened | None:
         """The same, None as well if the loops have no solution at 0 of the number, which may be beyond the range."""
@@ -224,7 +224,7 @@ class DrawnTask:
         found = self._by_cut(opened)
         if not (found.doubt != NONE).any():
             return found
-        if opened.loops.beside:  # each by itself
+        if not opened.alone and size > 1:  # each by itself
             parts = [found.take(~np.isin(found.column, found.column[found.doubt != NONE]))]
             for columns in _by_zeros(values, np.unique(found.column[found.doubt != NONE])):
                 few = selected(values, columns)

@@ -38,7 +38,7 @@ def wall_cut(values: Mapping[str, object]) -> Cut | None:
     values: flat keys, with numbers or arrays over the loops.
     """
     drawing = loop_drawing(values)
-    found = open_loops(drawing, read_by(drawing, values), *WALL)
+    found = open_loops(drawing, read_by(drawing, values), *WALL, each=True)
     return found and found.cut
 
 
@@ -80,11 +80,12 @@ def open_loops(
     beside: str = "",
     *,
     felt: bool = False,
+    each: bool = False,
 ) -> OpenLoops | None:
     """The loops without a number that is one scalar gain of a frame; None if it is not one.
 
     beside: another number of the same wire, without which they are as well; None if they drift in another way without it.
-    felt: whether to see their hand.
+    felt: whether to see their hand. each: see `product_with_errors`.
     """
     if not scalar_place(drawing, number):
         return None
@@ -109,7 +110,7 @@ def open_loops(
         hand = None
     with named_loops(drawn), np.errstate(all="ignore"):
         seen = (hand.force, (hand.reaction,)) if hand else ("", ())
-        frame = open_frame(drawn, drift, PRODUCT, read, *seen)
+        frame = open_frame(drawn, drift, PRODUCT, read, *seen, each=each)
     return frame and OpenLoops(drawn, frame, drift, hand, beside, conserved)
 
 
@@ -124,13 +125,15 @@ class Opened:
     """Slices with their loops without the number, and perhaps without another one as well.
 
     which: the loop of each slice. beside: the values of the other number. swapped: whether the loops are cut at that one, and
-    the intervals are those of the one beside it, as of a damping beside a stiffness.
+    the intervals are those of the one beside it, as of a damping beside a stiffness. alone: whether each slice has a loop and
+    bounds on rounding of its own.
     """
 
     loops: OpenLoops
     which: np.ndarray
     beside: np.ndarray
     swapped: bool = False
+    alone: bool = False
 
     @staticmethod
     def of(drawing, values, number: str, size: int, *, felt: bool) -> "Opened | None":
@@ -146,12 +149,12 @@ class Opened:
                 found = _without(drawing, values, number, size, path, swapped, felt=felt)
                 if found and found.loops.cut and found.solvable:
                     return found
-        return Opened.alone(drawing, values, number, size, felt=felt)
+        return _without(drawing, values, number, size, felt=felt)
 
     @staticmethod
-    def alone(drawing, values, number: str, size: int, *, felt: bool) -> "Opened | None":
-        """`of` slices that have a loop each."""
-        return _without(drawing, values, number, size, felt=felt)
+    def of_each(drawing, values, number: str, size: int, *, felt: bool) -> "Opened | None":
+        """`of` slices that have a loop each, with bounds on rounding of its own."""
+        return _without(drawing, values, number, size, alone=True, felt=felt)
 
     @property
     def solvable(self) -> bool:
@@ -185,7 +188,7 @@ def varied_beside(drawing, values, number: str) -> str:
     return others[-1] if others else ""
 
 
-def _without(drawing, values, number, size, path="", swapped=False, *, felt):
+def _without(drawing, values, number, size, path="", swapped=False, *, alone=False, felt):
     """The slices with loops without the number, and without that with the path `path` if there is one; see `Opened`."""
     of, beside, numbers = np.arange(size), np.zeros(size), (number, name_of(path) if path else "")
     numbers = numbers[::-1] if swapped else numbers
@@ -194,7 +197,7 @@ def _without(drawing, values, number, size, path="", swapped=False, *, felt):
         first, of = distinct_rows(others, size)
         values, beside = selected(values, first) | {path: 0.0}, values[path]
     if any(np.ndim(v) for v in values.values()):
-        loops = open_loops(drawing, values, *numbers, felt=felt)
+        loops = open_loops(drawing, values, *numbers, felt=felt, each=alone)
     else:
         loops = _open_loop(drawing, items_of(values), *numbers, felt)
-    return loops and Opened(loops, of, beside, swapped)
+    return loops and Opened(loops, of, beside, swapped, alone)
