@@ -279,6 +279,7 @@ def test_equal_units_and_a_controller_that_does_not_read_the_name_need_no_word(c
         assert library.bode("turned.toml", f"{name}.toml").attrs["units"]["b"] == unit
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_figure_names_all_units_of_an_axis(compare, both, monkeypatch):
     from wavesweep.plots import comparison

@@ -81,6 +81,7 @@ def test_the_front_is_that_of_the_other_commands(run):
         assert tomllib.loads((results / name).read_text())["controller"]["b"] == rows["b"][row]
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_every_design_of_the_front_can_be_taken_to_the_other_commands(run, capfd):
     code, _, results = run("--no-plot")
@@ -211,6 +212,7 @@ def test_all_bounds_give_the_design_that_keeps_them_best(run):
     assert margins[0] == margins.max() > 0
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_the_library_has_the_same_table(run, tmp_path):
     assert run("--no-plot")[0] == 0

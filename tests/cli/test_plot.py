@@ -206,6 +206,7 @@ def test_names_of_files_and_units_are_drawn_as_they_stand(wavesweep, tmp_path, m
     assert list((tmp_path / "made").glob("*.png"))
 
 
+@pytest.mark.thorough
 def test_a_comparison_is_drawn_again_with_its_responses(wavesweep, spec, tmp_path):
     other, made = tmp_path / "other.toml", tmp_path / "made"
     other.write_text(SPEC.replace('"pmw"', '"dc"'))

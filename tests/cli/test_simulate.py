@@ -237,6 +237,7 @@ def test_the_examples_run(example, wavesweep, tmp_path, monkeypatch):
     assert example.read_text().startswith("# ")
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_minute_with_everything_on_runs_as_it_stands(wavesweep, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -168,6 +168,7 @@ def test_a_saved_page_has_the_sweep_in_it():
     assert data["designs"][0]["ranges"][0]["certified"]
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_sweep_with_too_many_designs_says_so():
     data = data_of(saved_page(load(HOLE | {"sweep": HOLE["sweep"] | {"b": list(range(10, 80))}})))

@@ -30,6 +30,7 @@ def test_equal_runs_give_equal_bytes(columns, facts, tmp_path):
     assert {name for name in first if first[name] != second[name]} == {"zwidth.datapackage.json"}
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("length", "many"), [(300, [(1,)]), (2 * GROUP_ROWS + 5, [(7, 1000), (GROUP_ROWS,), (GROUP_ROWS + 1, 3)])]

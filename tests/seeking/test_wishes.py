@@ -179,6 +179,7 @@ def test_the_stiffest_wall_and_what_is_felt_are_the_least_of_all_intervals():
     assert found["channel"].value[[0, 1]] == pytest.approx(norms, rel=1e-12)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_transparency_is_the_distance_from_direct_coupling():
     spec = wishes(transparency={"band_hz": [0.1, 10], "walls": [100, 200]})
@@ -229,6 +230,7 @@ def test_transparency_sees_a_resonance_between_its_nodes_or_says_that_it_is_not_
         assert found.value[0] == pytest.approx(mean, rel=1e-6 if known else 2e-3)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_margins_of_port_damping_and_delay_are_those_of_each_loop():
     spec = wishes(port={}, damping_ratio={"walls": [100]}, delay_margin={"at_least": 1, "walls": [100]})
@@ -280,6 +282,7 @@ def test_an_unstable_loop_is_the_one_that_leaves_a_design_without_transparency()
     assert not found.certified[0]
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("stiffness", [0.0, 500.0])
 def test_what_is_felt_is_that_of_the_stiffest_wall_if_another_number_follows_it(stiffness):
     tables = TABLES["design"] | {"for_all": {"K_LM/K_VE": [0.5]}, "wish": {"z_width": {"B_VE": [1]}, "felt": {"B_VE": [1]}}}

@@ -20,6 +20,7 @@ def test_a_light_hand_that_aliases_between_the_hands_of_a_grid_is_found(seed, mo
     assert verdict.kind == "right", verdict.truth
 
 
+@pytest.mark.thorough
 def test_what_is_settled_is_right():
     (verdict,) = judge(1)
     assert verdict.certified

@@ -32,6 +32,7 @@ def test_what_is_not_known_of_an_ill_posed_loop_needs_no_warning():
     assert {v.kind for v in verdicts("nearly_ill_posed", 24200922)} == {"right"}
 
 
+@pytest.mark.thorough
 def test_a_short_climb_to_the_worst_end_stays_within_what_is_promised():
     (worst,) = climbs.judge(0, steps=10)
     assert worst.certified

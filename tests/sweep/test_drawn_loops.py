@@ -1436,6 +1436,7 @@ def test_a_shift_through_a_ratio_is_there_for_the_weakest_coupling(every, dampin
     assert loop.stable_intervals("r", (0.0, 5.0)).certified.all()
 
 
+@pytest.mark.thorough
 def test_a_frame_that_contracts_to_nothing_loses_no_digit_that_matters():
     """Holds of 50, 17 and 67 ticks are in step again after 56,950, in which all has died out."""
     tables = {
@@ -1557,6 +1558,7 @@ def test_chains_of_many_slow_modes_are_certified(masses, along, span):
     assert stable.tolist() == [any(low < each < high for low, high in zip(found.low, found.high, strict=True)) for each in p]
 
 
+@pytest.mark.thorough
 @pytest.mark.xfail(strict=True, reason="bounds on rounding leave this range in doubt")
 def test_a_smith_predictor_is_certified_over_five_decades_of_its_time_constant():
     """Its two delays are a chain of 40, whose eigenvalues are not known; far beyond the stable values traces tell."""

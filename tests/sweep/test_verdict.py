@@ -114,6 +114,7 @@ def test_a_slow_part_of_a_wall_is_felt(stiffness, slow, seconds):
     assert damping == pytest.approx(1.5 - slow * seconds, rel=2e-3)
 
 
+@pytest.mark.thorough
 def test_an_interval_that_ends_where_nothing_is_known_does_not_reach_the_end_of_the_range():
     loop = {
         "rates": {"ratio": 500}, "device": {"mass": 0.2366291440102395},

@@ -57,6 +57,7 @@ def test_central_differences_in_50_digits_give_the_same(name):
         assert quantities.elasticity["felt"] == pytest.approx(float(felt), rel=1e-8)
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_along_a_number_that_is_no_wall_too():
     values = values_of("pmw", integration="explicit", lp1_cutoff_hz=8.57, K_VE=900.0)
@@ -221,6 +222,7 @@ def test_zero_numbers_have_no_effect_and_no_slope_and_whole_ones_are_named():
     assert set(table.unit) == {"N/m"}
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_rows_of_a_product_are_those_of_each_combination_to_the_bit():
     loop = wavesweep.compile(nested(values_of("pmw-lm", integration="explicit", delay=3)))

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -208,7 +208,7 @@ def _port(drawing, values):
     ports, drawn = hand_of(drawing), assembled(drawing, values)
     drift = drift_of(drawing, values, watched=ports.signals)
     with named_loops(drawn):
-        return replace(port_of(drawn, ports, drift), rest=_at_rest(twins(drawing, values)[0], ports, drift))
+        return replace(port_of(drawn, ports, drift), rest=partial(_at_rest, twins(drawing, values)[0], ports, drift))
 
 
 @lru_cache(maxsize=256)  # twins of the same structure are the same objects

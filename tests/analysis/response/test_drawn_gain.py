@@ -57,6 +57,7 @@ def test_equations_at_every_point_give_what_modes_give():
     assert (error < 1e-9 * value).all()
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize("ticks", [96])
 def test_a_long_frame_has_the_gain_of_its_impulses_in_time(ticks):

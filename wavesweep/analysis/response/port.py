@@ -45,8 +45,8 @@ class Port:
     change of that share of it in the tick is a third output. E `(..., n, n)` less identity, B `(..., n, 1)`, C
     `(..., outputs, n)`, D `(..., outputs, 1)`. sizes: for each map, those of the terms of its entries' sums. kind: of each tick
     of the frame. period: of the tick, s. position: its row `(..., 1, n)`, None if it drifts. slowest: ticks between two runs of
-    the slowest block. rate: ticks per second (Hz) as given; 1/period may differ in its last bit. rest: what a constant force
-    does in the end, if the structure tells (see `static`).
+    the slowest block. rate: ticks per second (Hz) as given; 1/period may differ in its last bit. rest: gives what a constant
+    force does in the end, if the structure tells (see `static`).
     """
 
     maps: tuple[tuple[np.ndarray, ...], ...]

@@ -80,7 +80,7 @@ def limit_of(loop: Lifted) -> tuple[np.ndarray, np.ndarray, AtRest]:
     moved = np.stack([value[2], off[2]]) if len(value) > 2 else none
     if len(value) > 2:
         force = force + np.stack([slope[2], off_slope[2]])
-    rest = loop.port.rest
+    rest = loop.port.rest and loop.port.rest()
     if rest is not None:  # what is not 0 with a loop's own numbers is not 0
         far = [np.abs(each[0]) > each[1] for each in (position, np.where(rest.going, moved, force))]
         rest = AtRest(rest.going, rest.silent & ~far[1], rest.rigid & ~far[0])
