@@ -145,7 +145,7 @@ SHOWN = [
 ]
 
 
-@pytest.mark.sample(14)
+@pytest.mark.sample(5)
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "fixed", "shown"), SHOWN)
 def test_the_answers_are_those_of_the_comments(name, fixed, shown):

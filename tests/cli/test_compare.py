@@ -183,7 +183,7 @@ def test_a_whole_number_that_only_one_spec_has_is_missing_in_the_others(waveswee
     assert np.isfinite(table["n"][table["spec"] != "plain"]).all()
 
 
-@pytest.mark.sample(1)
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("axis", "built_in", "places"),

@@ -103,7 +103,7 @@ def test_every_design_of_the_front_can_be_taken_to_the_other_commands(run, capfd
             assert ("unstable" in "".join(capfd.readouterr())) == unstable, (name, point)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize("table", ["csv", "parquet"])
 def test_the_figure_can_be_drawn_again(run, tmp_path, table):
@@ -413,6 +413,7 @@ def test_a_box_that_cannot_be_checked_is_refused(run, tmp_path, change, text):
     assert (code, text in said) == (2, True), said
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 def test_a_chunk_that_is_damaged_during_the_search_is_computed_again(tmp_path, monkeypatch):
     (tmp_path / "mine.toml").write_text(SPEC, encoding="utf-8")

@@ -298,7 +298,7 @@ hand = { force = "h", displacement = "m.x" }
 """
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("specs", "settings"),
     [

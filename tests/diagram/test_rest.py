@@ -114,6 +114,7 @@ def _unchanged(spec):
 WITH_WALL = {("dc", 0.0): 0, ("dc", 30.0): 0, ("dc-", 0.0): 0, ("dc-", 30.0): 0, ("pmw", 0.0): 1, ("pmw", 30.0): 1}
 
 
+@pytest.mark.sample(10)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("velocity", ["exact", "difference"])
 @pytest.mark.parametrize("integration", ["explicit", "implicit", "trapezoidal"])

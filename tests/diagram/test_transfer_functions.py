@@ -212,6 +212,7 @@ def test_a_pole_at_one_in_coefficients_that_are_expressions(name):
     assert radius(high * (1 - 1e-6)) < 1 < radius(high * (1 + 1e-6))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("leak", [1.2345e-3, 1.2345e-8, 1.2345e-10])
 @pytest.mark.parametrize(
     "block",

@@ -18,7 +18,7 @@ def wall_reads(cut, w):
     return (G[ADVANCE] / w if cut.integrates else 0) + G[OFFSET], G[V]
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(3)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), SPECS)
 def test_what_the_wall_reads_is_what_the_equations_say(kind, seed):

@@ -163,7 +163,7 @@ def test_maps_are_joined_in_their_order(length):
     assert in_a_row(kinds, maps, then) + np.eye(4) == pytest.approx(whole, rel=1e-11, abs=1e-11)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.thorough
 @pytest.mark.parametrize("length", [1, 2, 60, 900])
 def test_the_bound_on_the_rounding_of_a_frame_is_none_too_large(length):
     """Damped turns in other units, in an order that repeats little; exact by fractions. Sizes alone grow by 3 % in a tick."""

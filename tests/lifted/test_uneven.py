@@ -158,6 +158,7 @@ def test_points_of_several_loops_give_the_bits_of_all_pairs(path, shared):
     assert ((7, 1) in {each.E.shape[:-2] for each in ticks_of(of_points).maps}) == shared
 
 
+@pytest.mark.sample(7)
 @pytest.mark.parametrize("path", WALL)
 @pytest.mark.parametrize("kind", CONTROLLERS)
 @pytest.mark.parametrize("delay", [0, 7])

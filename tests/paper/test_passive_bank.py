@@ -57,6 +57,7 @@ def loop(**overrides):
     return {**load_paper("fig6").values, **overrides}
 
 
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("local_delay", [0, 1])
 @pytest.mark.parametrize("design", [IN_PLACE, BEHIND])

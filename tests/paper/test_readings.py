@@ -51,7 +51,7 @@ def test_readings_are_the_base_the_singles_and_the_pairs_of_different_keys():
 SOME = [PMW_LM[number] for number in np.random.default_rng(1).choice(len(PMW_LM), 12, replace=False)]
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("reading", SOME, ids=lambda reading: reading.label)
 def test_an_answer_in_a_batch_is_that_of_the_spec_alone(reading, paper):

@@ -362,6 +362,7 @@ def test_a_limit_below_all_others_has_room_for_what_is_unstable_below_it():
         assert low == pytest.approx(max(-0.06 * largest, start))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("values", [[0.0, 10.0, 100.0, 300.0, 1000.0], [0.0, 100.0]])
 def test_a_margin_of_an_unstable_loop_does_not_pass_for_passive(values):
     """Its loop is not passive, also where the margin is positive: the margins are crossed out, as lines and as dots."""

@@ -25,7 +25,7 @@ def _facts(kind):
     return {"spec": {"rates": {"ratio": 20}, "simulate": {"input": kind}}}
 
 
-@pytest.mark.sample(1)
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "simulate"),

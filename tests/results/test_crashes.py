@@ -52,7 +52,7 @@ def whole(tmp_path_factory):
 BEFORE = ["strace", "-qq", "-o", "/dev/null"]
 
 
-@pytest.mark.sample(1)
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("strace") is None, reason="strace is not installed")
 @pytest.mark.parametrize(("few", "fault"), [(("rename", 6, 9), "signal=SIGKILL"), (("unlink", 3), "error=EIO")])

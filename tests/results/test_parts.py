@@ -138,6 +138,7 @@ def test_stdout_is_no_place_for_parts(capfd):
     assert "leave one of them out" in capfd.readouterr().err
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.usefixtures("home")
 def test_check_says_when_parts_would_serve(capfd):

@@ -20,7 +20,7 @@ def last(judge, genes=8, population=80, count=100, seed=0):
     return found
 
 
-@pytest.mark.sample(1)
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize(("number", "area"), [(1, 1.21 - 1 / 3), (2, 1.21 - 2 / 3)])
 def test_published_fronts_are_found(number, area):

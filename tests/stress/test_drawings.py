@@ -4,6 +4,7 @@ import pytest
 from stress.drawings import look, look_at_rates, look_beside, main
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("looking", [look, look_beside, look_at_rates])
 def test_a_sample_of_random_drawings_is_never_wrong(looking):

@@ -10,7 +10,7 @@ from wavesweep.analysis.passivity import hand_box
 pytestmark = pytest.mark.slow
 
 
-@pytest.mark.sample(1)
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", [103, 127, 130])
 def test_a_light_hand_that_aliases_between_the_hands_of_a_grid_is_found(seed, monkeypatch):
     """Three of the five in 256 that a grid of six hands along each axis had missed, with no time for a proof: the search

@@ -12,12 +12,14 @@ from wavesweep.analysis.response.gain import gain_of
 pytestmark = pytest.mark.slow
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("family", "seed"), [("wild", 7), ("unstable_inside", 45), ("unstable_inside", 147)])
 def test_modes_that_overflow_or_are_too_few_are_no_warning(family, seed):
     """Defective frames that grow by tens of decades: NaN among the modes leads to a solve, not to a crash."""
     assert all(judged.excess <= 1 for judged in responses.judge(seed, family))
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("seed", range(12))
 def test_responses_of_usual_loops_hold_in_ball_arithmetic(seed):
     """Any delay, from 1 mHz to half the fast rate, multiples of the slow rate among them; all of them are known."""
@@ -49,6 +51,7 @@ def test_resonances_and_drifts_take_no_digits(seed):
     assert np.median(known) < 1e-8
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("seed", [3, 5, 8, 12, 38, 48, 60])
 def test_the_worst_case_gain_is_within_its_bound(seed):
     values, frequency = responses.question(seed, "resonant")

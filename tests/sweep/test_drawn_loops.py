@@ -102,6 +102,7 @@ def test_an_undamped_mass_with_a_delay_of_any_length(ticks, t):
     np.testing.assert_allclose(ends(table), [[0, K * 0.1 / T**2]], rtol=1e-9)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(("order", "cutoff"), [(2, 60), (4, 30), (6, 120)])
 def test_a_long_delay_behind_a_filter_that_lets_nothing_through_at_half_the_rate(order, cutoff):
@@ -290,6 +291,7 @@ def bytes_of(job, workers=None, folder=None):
     return {name: column.tobytes() if column.dtype.kind != "O" else column.tolist() for name, column in table.items()}
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("text", SWEEPS)
 def test_results_do_not_depend_on_the_cuts(text, tmp_path):
@@ -576,6 +578,7 @@ def test_random_drawings_have_the_intervals_of_a_scan(seed):
         assert not (wrong.any() and table.certified.all())
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(("gain", "certified"), [("(kd - 4)**2 - 1", False), ("(kd - 4)**2 - 0.9999", True)])
 def test_a_range_is_searched_on_both_sides_of_a_loop_of_direct_terms_without_a_solution(gain, certified):
@@ -1335,6 +1338,7 @@ def ring(gains, ticks, loss):
     return tables, 1 / left
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("span", [(0.0, 3.0), (0.1, 3.0)])
 def test_terms_that_cancel_round_a_ring_of_holds_move_no_certified_end(span):
     """Stable while c times the difference of the two paths is less than 1, exactly."""
@@ -1359,6 +1363,7 @@ def test_a_radius_that_is_lost_round_a_ring_of_holds_is_missing():
     assert wavesweep.compile(tables).spectral_radius() == pytest.approx(float(0.5 / limit) ** 0.5, rel=1e-6)
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("hz", "ratio", "seen", "steps"), [(0.0639, 0.005, 10.0, 8), (0.0434, 0.01, 5.0, 7), (0.003, 0.05, 3.0, 4)]
 )
@@ -1498,6 +1503,7 @@ def camera_and_policy(motor, camera, policy, **numbers):
     }  # fmt: skip
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("every", "limit"), [((18, 300, 125), 211.08), ((9, 100, 125), 156.92), ((36, 400, 250), 244.55)])
 def test_three_rates_that_are_in_step_after_thousands_of_ticks_are_certified(every, limit):
     """The product of all ticks in a row has hardly any stretch twice."""
@@ -1781,6 +1787,7 @@ def test_what_is_too_crowded_along_the_circle_is_searched_by_panels(span):
     assert (loop.spectral_radius(ks=[0.01, limit * (1 - 1e-9), limit * (1 + 1e-9)]) < 1).tolist() == [True, True, False]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("near", "spans"), [(2.5e-7, [(-1000, 1000), (-1e4, 1e4), (-1e6, 1e6)]), (0.5, [(-1, 1e9), (-10, 1e10), (-2, 1e9)])]
 )

@@ -136,7 +136,7 @@ def test_a_ring_of_blocks_that_never_run_together_feels_what_a_response_feels(ki
 ALONG = {"Kp": (0, 50), "b": (2, 150), "device.mass": (0.02, 2), "K_VE": (0, 5000), "B_VE": (0, 20), "K_LM": (0, 3000)}
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ALONG)
 def test_ends_of_random_loops_feel_what_a_response_at_0_hz_feels(name):

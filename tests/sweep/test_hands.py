@@ -97,6 +97,7 @@ def test_along_another_number_the_least_damping_of_the_device_is_found():
     assert rows["high"].tolist() == [20, 20]
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.usefixtures("quick")
 def test_the_box_names_the_hand_that_ends_it():

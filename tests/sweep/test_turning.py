@@ -43,7 +43,7 @@ def exact_radius(omega, zeta, period, K):
     return max(abs(trace / 2 + root), abs(trace / 2 - root))
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("zeta", [1e-12, 1e-8, 1e-4, 1e-2])
 @pytest.mark.parametrize("detuned", [0.0, 1e-6, -1e-4, 0.02])
 @pytest.mark.parametrize(("every", "turns"), [(10, 1), (10, 3), (1, 1), (1, 200)])

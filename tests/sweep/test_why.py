@@ -135,7 +135,7 @@ def test_limits_of_random_drawings_computed_again():
     assert sum(compare(random_tables(seed), along, span) for seed in seeds for along, span in spans.items()) > 25
 
 
-@pytest.mark.sample(1)
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "kind", ["pmw", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("pmw-lm", "dc-slow", "dc-lm"))]

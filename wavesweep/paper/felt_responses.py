@@ -10,11 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from wavesweep.analysis.response.lifted import Lifted
+from wavesweep.analysis.response.steady import respond as respond_at
 from wavesweep.analysis.simulation import hand_force, simulated
 from wavesweep.loops.controllers import loop_drawing
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import Drawing
-from wavesweep.sweep.drawn_loops import radii_of, responses_of
+from wavesweep.sweep.drawn_loops import ports_of_batch, radii_of
+from wavesweep.sweep.grid import read_by, selected
 from wavesweep.sweep.simulation_table import seen_response
 from wavesweep.sweep.table import Columns
 
@@ -63,11 +66,17 @@ def respond_to(drawing: Drawing, values: Mapping, size: int, frequency: np.ndarr
 
     values: flat keys -> one value for all loops, or an array over them; the wall and the rates are read from it.
     """
-    read = {path: value for path, value in values.items() if path in drawing.reads}
-    found = responses_of(drawing, read, size, frequency)
-    stable = (radii_of(drawing, read, size) < 1).tolist()
+    read, stable = read_by(drawing, values), np.ones(size, bool)
+    admittance, impedance = np.empty((2, size, frequency.size), complex)
+    for at, port in ports_of_batch(drawing, read, size):
+        loop = Lifted.of(port)
+        found = respond_at(loop, frequency)
+        admittance[at], impedance[at] = found.admittance, found.impedance
+        unsure = at[~np.broadcast_to(loop.stable_for_sure(), at.shape)]
+        if unsure.size:
+            stable[unsure] = radii_of(drawing, selected(read, unsure), unsure.size) < 1
     omega = 2 * np.pi * frequency * values["rates.ratio"] / values["rates.fast_hz"]
-    return [FeltResponse(omega, *each) for each in zip(found.admittance, found.impedance, stable, strict=True)]
+    return [FeltResponse(omega, *each) for each in zip(admittance, impedance, stable.tolist(), strict=True)]
 
 
 def estimated(spec: Spec) -> Columns:

@@ -323,6 +323,7 @@ def test_an_end_that_rounding_of_the_frame_moves_too_far_is_not_certified():
 IN_DOUBT = pytest.mark.xfail(strict=True, reason="bounds on rounding leave this loop in doubt")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("hz", "mass", "k", "every"),

@@ -13,6 +13,7 @@ K_FIXED = np.concatenate([[0], np.random.default_rng(5).uniform(0, 15, 11)])
 B_FIXED = np.exp(np.linspace(0, 9, 12))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("along", "span", "fixed"), [("K_VE", (0, 2e4), K_FIXED), ("K_VE", (100, 2e3), K_FIXED), ("B_VE", (0, 300), B_FIXED)]

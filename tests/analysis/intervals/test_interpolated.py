@@ -54,6 +54,7 @@ def exactly(loop, column, p, size):
     return c * (own / size) ** np.arange(len(c) - 1, -1, -1)[:, None]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("imaginary", [0.0, 0.02])
 @pytest.mark.parametrize(
     ("path", "span"), [("controller.b", (10.0, 20.0)), ("device.mass", (0.1, 0.3)), ("local_model.K_LM", (1.0, 400.0))]

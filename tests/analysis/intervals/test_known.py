@@ -177,6 +177,7 @@ def test_poles_at_1_are_counted_by_structure():
     assert poles_at_one(E) == 0
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("every", [1, 2, 5])
 @pytest.mark.parametrize("method", ["trapezoidal", "explicit"])
 def test_a_chain_of_integrators_that_only_the_gain_reads_is_no_drift(every, method):
@@ -209,6 +210,7 @@ def test_a_chain_of_integrators_that_only_the_gain_reads_is_no_drift(every, meth
     assert sides == [False, True, True, False]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("mass", [0.05, 0.1])
 def test_a_crossing_between_unstable_regions_need_not_be_placed(mass):
     """Where b is twice the mass over a tick, the mode of the tick turns over; rounding hides where it crosses z = 1.
@@ -235,7 +237,7 @@ def test_a_crossing_between_unstable_regions_need_not_be_placed(mass):
     assert soft.high == pytest.approx(turn, rel=1e-3)
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
 @pytest.mark.parametrize("velocity", ["exact", "difference"])
 def test_a_mass_that_nothing_brakes_crosses_twice_where_a_wall_without_damping_begins(kind, velocity):
@@ -379,6 +381,7 @@ def test_without_a_wall_a_device_that_nothing_brakes_is_nowhere_stable(along):
     )  # fmt: skip
 
 
+@pytest.mark.thorough
 def test_a_combination_that_the_wall_does_not_change_makes_no_loop_unstable():
     """The impedance of the local model is zero and nothing filters behind it: such a loop is not certified either way."""
     loop = wavesweep.compile({

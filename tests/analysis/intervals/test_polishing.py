@@ -132,7 +132,7 @@ def test_a_batch_in_parts_has_the_same_bits(kind):
     assert np.array_equal(in_parts(lambda part: E[part], E.shape[:1], 5, kind), E)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["(p-0.3)**2/(p+0.1)", "(p-0.3)**2*(1+3*p)"])
 def test_ends_next_to_each_other_keep_their_digits(form):

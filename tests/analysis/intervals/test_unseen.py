@@ -74,6 +74,7 @@ def test_an_eigenvalue_that_has_lost_its_digits_is_found_behind_four_nearer_ones
     assert not count_outside(E)[1][0]
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("n", [5, 8])
 def test_a_count_that_is_clear_is_that_of_ball_arithmetic(n):
     """Many eigenvalues are next to the circle, and the nearest one may not be the one that has lost most digits."""

@@ -20,7 +20,7 @@ def columns(seed, along):
     return np.concatenate([[0], r.uniform(0, 15, 3) if along == "K_VE" else np.exp(r.uniform(0, 9, 3))])
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("along", ["K_VE", "B_VE"])
 @pytest.mark.parametrize("first", range(0, 60, 30))
 def test_random_loops_are_labelled_as_a_fine_scan_of_eigenvalues_says(along, first):
@@ -32,6 +32,7 @@ def test_random_loops_are_labelled_as_a_fine_scan_of_eigenvalues_says(along, fir
         assert mislabelled(cut, along, span, fixed, found) == [], seed
 
 
+@pytest.mark.thorough
 def test_random_columns_along_the_stiffness_are_all_certified():
     """A fallback that gives up, or a proof that became too timid, shows here."""
     for seed in range(120):
@@ -39,6 +40,7 @@ def test_random_columns_along_the_stiffness_are_all_certified():
         assert found.certified.all(), seed
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("along", ["K_VE", "B_VE"])
 def test_stable_just_inside_and_unstable_just_outside_of_every_end(along):
     """To a part in a million of the end; an end that the eigenvalues hardly notice would be no end."""
@@ -56,6 +58,7 @@ def test_stable_just_inside_and_unstable_just_outside_of_every_end(along):
     assert seen > 60
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("along", ["K_VE", "B_VE"])
 def test_arcs_find_what_the_polynomial_finds(along, monkeypatch):
     """The two ways to the crossings share the polishing and nothing else; both prove nearly every column."""

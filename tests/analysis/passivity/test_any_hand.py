@@ -25,7 +25,7 @@ def test_point_samples_of_the_velocity_have_no_bound(values):
     assert any_hand_walls(values("dc"), (0.0, 100.0)) is None
 
 
-@pytest.mark.sample(9)
+@pytest.mark.sample(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(25))
 def test_enough_damping_bears_every_hand_of_a_huge_box(random_values, seed):

@@ -52,7 +52,7 @@ def test_without_waves_there_is_no_norm(values):
     assert [channel_norm(values(kind)) for kind in ("dc", "dc-slow", "dc-lm")] == [None, None, None]
 
 
-@pytest.mark.sample(7)
+@pytest.mark.sample(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(20))
 def test_no_point_of_a_scan_is_higher(random_values, seed):

@@ -106,6 +106,7 @@ def test_a_box_is_proved_up_to_where_a_hand_of_it_is_unstable(values, kind, chan
         assert worst_modes(v, told, beyond, v["environment.B_VE"])[0].max() > 1
 
 
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.usefixtures("quick")
 def test_springs_from_none_on_are_proved_where_they_hold_nothing_else(values):

@@ -93,7 +93,7 @@ def test_a_box_with_a_negative_or_empty_range_is_refused():
         HandBox((0.1, 0.2), (1.0, 2.0), (5.0, 1.0))
 
 
-@pytest.mark.sample(1)
+@pytest.mark.thorough
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in LOOPS if kind != "pmw-lm"])  # too many pieces for a proof
 def test_walls_for_the_box_are_stable_for_sampled_hands_and_end_where_the_named_hand_says(values, walls, kind):

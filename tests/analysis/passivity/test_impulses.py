@@ -69,7 +69,7 @@ def lowest(loop, ticks, frames, near):
     return min(found.fun, smallest(best))
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("tables", "ticks", "frames", "passive"),

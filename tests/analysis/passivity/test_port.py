@@ -50,7 +50,7 @@ def test_100_random_loops_agree_with_a_scan(random_values, block):
             assert scan(v, theta)[0] == pytest.approx(found.margin, rel=1e-5, abs=1e-8 * found.mean), seed
 
 
-@pytest.mark.sample(10)
+@pytest.mark.sample(4)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(30))
 def test_the_response_is_that_of_the_lifted_system(random_values, seed):
@@ -59,6 +59,7 @@ def test_the_response_is_that_of_the_lifted_system(random_values, seed):
     np.testing.assert_allclose(found.smallest(0, theta), scan(v, theta), rtol=1e-8, atol=1e-9 * found.mean[0])
 
 
+@pytest.mark.sample(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [141, 143, 146, 152, 156, 158, 159])
 def test_the_response_next_to_rest_is_that_of_ball_arithmetic(random_values, seed):

@@ -138,7 +138,7 @@ def test_the_bound_of_a_long_frame_is_small_and_covers_rounding(kind, free):
             assert abs(found[at] / exact - 1) <= error[at]
 
 
-@pytest.mark.sample(14)
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("frequency", [1e-3, 0.1, 3.0])
 @pytest.mark.parametrize("tables", [DRIFTING, LOOP, *map(random_tables, range(12))])
 def test_a_bound_covers_what_rounding_does_to_the_ticks(tables, frequency):

@@ -32,7 +32,7 @@ def test_random_loops_have_the_dense_gain(kind, seed):
     np.testing.assert_allclose(gain(values, frequency), dense(values, frequency), rtol=1e-9)
 
 
-@pytest.mark.sample(8)
+@pytest.mark.sample(3)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("ratio", [32, 33, 100, 200])

@@ -96,7 +96,7 @@ HARD = [
 ]  # fmt: skip
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "changes"), HARD)
 def test_long_filters_and_frames_keep_their_digits(kind, changes):

@@ -35,6 +35,7 @@ def pushed(seed):
     return Drawn(drawn.period, drawn.placed, sums, ("hand",))
 
 
+@pytest.mark.sample(10)
 @pytest.mark.parametrize("seed", range(30))
 def test_random_drawings_step_as_their_matrices_do(seed):
     drawn = pushed(seed)

@@ -29,6 +29,7 @@ def agree(plain, experiment, every):
             )
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("velocity", ["exact", "difference"])
 def test_with_everything_off_a_page_is_the_law_of_its_controller(values, push, kind, velocity):
@@ -39,7 +40,7 @@ def test_with_everything_off_a_page_is_the_law_of_its_controller(values, push, k
     assert len(experiment.signals["x"]) == len(push)
 
 
-@pytest.mark.sample(20)
+@pytest.mark.sample(7)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(60))
 def test_random_pages_are_the_laws_of_their_controllers(push, seed):
@@ -79,6 +80,7 @@ def test_a_direct_wall_is_felt_inside_only(values, push, kind):
     assert np.all(seen["f_m"][~seen["touching"]] == 0.0)
 
 
+@pytest.mark.sample(6)
 @pytest.mark.slow
 @pytest.mark.parametrize("integration", ["explicit", "implicit", "trapezoidal"])
 @pytest.mark.parametrize("delay", [0, 1, 20])
@@ -184,6 +186,7 @@ def test_the_channel_without_aliasing_makes_no_energy(values, push):
     np.testing.assert_allclose(energy.channel, energy.user - energy.slow, atol=1e-15)
 
 
+@pytest.mark.sample(5)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("effects", [{}, {"resolution": 1e-5, "friction": 0.1}, {"max_force": 3.0}])
