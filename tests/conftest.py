@@ -10,7 +10,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 # As the command line does: threads of BLAS in every worker of the tests are in each other's way. Nothing has loaded numpy yet.
 os.environ.update({name: os.environ.get(name, "1") for name in ONE_THREAD})
 
-SLOW = {"judged", "quick"}  # fixtures that take seconds, whichever test asks for them first
+SLOW = {"quick"}  # fixtures that take seconds, whichever test asks for them first
+THOROUGH = {"judged"}  # and those that take most of a minute
 
 
 def pytest_collection_modifyitems(items):
@@ -19,8 +20,9 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if mark := item.get_closest_marker("sample"):
             sampled.setdefault(item.nodeid.partition("[")[0], (mark.args[0], []))[1].append(item)
-        if SLOW.intersection(item.fixturenames):
-            item.add_marker("slow")
+        for mark, fixtures in (("slow", SLOW), ("thorough", THOROUGH)):
+            if fixtures.intersection(item.fixturenames):
+                item.add_marker(mark)
     for number, same in sampled.values():
         kept = {round(i * (len(same) - 1) / max(1, number - 1)) for i in range(number)}
         for at, item in enumerate(same):

@@ -52,6 +52,7 @@ def radius(values, K, B):
 CASES = [{}, {"delay": 7, "lp1_order": 2, "lp1_cutoff_hz": 40.0}, {"delay": 20, "lp1_order": 3, "lp1_cutoff_hz": 80.0}]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("changes", CASES)
 def test_a_controller_from_outside_has_the_stable_intervals_of_its_loop(smooth, changes):

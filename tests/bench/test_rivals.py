@@ -9,6 +9,7 @@ from wavesweep.bench.rivals import bisected_by_feedback, bisected_together, deco
 from wavesweep.spec import load
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("problem", PROBLEMS, ids=[problem.name for problem in PROBLEMS])
 def test_it_finds_every_interval_of_the_problems(problem):
     truth = references()["intervals"][problem.name]["columns"]

@@ -70,6 +70,7 @@ def test_the_commands_whose_tables_can_be_long_write_them_in_parts(name):
     assert ("partition" in options) == (name in ("zwidth", "stability-region", "bode", "passivity"))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SWEEPS)
 def test_results_go_to_a_folder_of_the_specs_name(name, wavesweep, sweep, spec, tmp_path):

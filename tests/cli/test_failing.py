@@ -178,6 +178,7 @@ def test_files_need_a_folder(words, out, says, wavesweep, tmp_path):
     assert sorted(tmp_path.iterdir()) == before
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("words", [("zwidth",), ("bode",), ("check", "--plot")])
 def test_settings_of_matplotlib_that_are_no_text_are_named_before_the_work(words, wavesweep, spec, tmp_path):
     (tmp_path / "matplotlibrc").write_bytes(b"\xff\xfe")

@@ -51,7 +51,7 @@ def experiment(kind, simulate=None, **changes):
     return nested(values_of(kind, **loop)) | {"simulate": {"input": "noise", "duration_s": 1.5, **(simulate or {})}}
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @compilers
 @pytest.mark.parametrize("seed", SEEDS)
 def test_no_bit_of_a_random_controller_differs(seed, compiler, tmp_path):

@@ -69,6 +69,7 @@ def test_no_bit_differs(name, compiler, tmp_path):
         assert (code, said.split(" signals")[0][:-2], said[-16:]) == (0, f"{rows} ticks,", " no bit differs\n"), said
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ["arm", "policy", "controllers/pmw-lm"])
 def test_the_host_closes_the_loop_as_the_simulation_does(name, tmp_path):
     if "gcc" not in present():

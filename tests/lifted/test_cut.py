@@ -18,7 +18,7 @@ def wall_reads(cut, w):
     return (G[ADVANCE] / w if cut.integrates else 0) + G[OFFSET], G[V]
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), SPECS)
 def test_what_the_wall_reads_is_what_the_equations_say(kind, seed):
@@ -31,7 +31,7 @@ def test_what_the_wall_reads_is_what_the_equations_say(kind, seed):
             assert abs(found - wanted) <= 1e-10 * abs(wanted)
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "seed"), [(kind, seed) for kind in KINDS for seed in range(3)])
 def test_the_spectral_radius_is_that_of_50_digits(kind, seed):

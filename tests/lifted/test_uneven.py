@@ -72,7 +72,7 @@ def avatar(u, s, values, step):
     return u - np.sqrt(2 / b) * (K * s + B * velocity), s + step * velocity
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["dc-slow", "pmw"])
 @pytest.mark.parametrize(

@@ -235,6 +235,7 @@ def test_the_star_of_bars_of_hands_is_at_its_hand(bars):
     assert (star.get_xdata().item(), star.get_ydata().item()) == (3000.0, 1.0)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("low", "high", "shown"), [(20, 300, ["20", "50", "100", "200"]), (0.01, 0.03, []), (1, 1000, [])])
 def test_short_logarithmic_axes_have_plain_numbers(low, high, shown):
     with figure(3.5, 2.5) as canvas:

@@ -65,7 +65,7 @@ def held_against_the_radius(spec, figure, names, alpha=0.22):
     return int(shaded[inside].sum()), int(white[inside].sum()), int((radius[white[inside]] < 1).sum())
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("seed", range(8))
 def test_what_is_shaded_over_the_walls_plane_is_stable_and_what_is_white_is_not(seed):
     spec = spec_of(seed)

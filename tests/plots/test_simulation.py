@@ -77,6 +77,7 @@ def test_a_response_is_drawn_over_the_linear_one(count):
     assert struct.unpack(">II", plots.simulate_response(columns, {})._repr_png_()[16:24])[0] == 1400
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("size", [4.18408, 0.921, 238.226])
 def test_values_that_agree_to_rounding_lie_on_one_another(size):
     """On axes that show some per cent or degrees, with ticks that differ."""

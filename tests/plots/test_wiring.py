@@ -102,7 +102,7 @@ def on(line, x, y):
     return min(a, c) - TINY <= x <= max(a, c) + TINY and min(b, d) - TINY <= y <= max(b, d) + TINY
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["A", "W", "J", "pmw-lm", "pmw-lm-blocks", "dc", "twenty-1", "chain-2"])
 def test_texts_overlap_neither_each_other_nor_a_wire_and_are_large_enough(name):

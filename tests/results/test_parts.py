@@ -113,6 +113,7 @@ def test_a_lost_part_is_noticed_and_so_is_a_changed_one(home, lost):
         results.read_table(home / "o/bode.parquet")
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("partition", [3, 10, 17, 64])
 def test_blocks_and_groups_leave_no_trace_in_the_parts(columns, facts, same, partition, tmp_path, monkeypatch):
     from wavesweep.results.files import read_rows

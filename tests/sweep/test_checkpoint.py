@@ -132,6 +132,7 @@ def test_a_damaged_part_costs_that_part_alone(stopped, long, long_table, same, d
     same(run.columns, long_table)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", [truncate, flip_a_bit, copy_over_another_number, make_it_a_pipe])
 def test_a_part_that_is_damaged_during_the_run_is_computed_again(stopped, long, long_table, same, damage):
@@ -180,6 +181,7 @@ def hide_behind_a_folder(folder):
     (folder / "manifest.json").mkdir()
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", [tear, flip_a_bit_of_the_manifest, nest, lose, hide_behind_a_folder])
 def test_a_damaged_manifest_costs_nothing_but_that_of_another_run_is_seen(stopped, long, mixed, damage):

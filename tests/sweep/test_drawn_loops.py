@@ -59,6 +59,7 @@ def test_pd_on_a_mass():
     np.testing.assert_allclose(ends(table), [[0.05, 200], [0.05, 400]], rtol=1e-9)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("key", "value", "values", "unit"),
     [("arm.mass", 0.2, [0.1, 0.2, 0.4], "kg"), ("net.steps", 1, [0, 1, 3], "1"), ("net.every", 20, [11, 20], "tick")],
@@ -411,6 +412,7 @@ def test_a_gain_whose_terms_cancel_moves_no_end(gain, along, span, offset, slope
     assert offset + slope * rows.high[0] == pytest.approx(plain.high[0], rel=1e-13)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("width", [1e-4, 1e-6, 1e-10])
 def test_a_divisor_that_is_least_at_one_is_not_taken_to_vanish(width):
     limit = compiled(SPRING).stable_intervals("K", (0, 1000)).high[0]
@@ -498,7 +500,7 @@ def test_what_needs_a_controller_is_refused_in_a_sentence():
         wavesweep.filter_choices(tomllib.loads(ARM))
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("changes", [{}, {"environment.delay": 7, "device.velocity": "difference"}])
@@ -810,7 +812,7 @@ def as_one_and_in_a_row(order, cutoff_hz, derivative):
     return [wavesweep.compile(held_by_a_filter(each, "K*g.y")) for each in filters]
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("order", "cutoff_hz", "derivative"),
@@ -937,6 +939,7 @@ def test_what_only_watches_the_position_changes_nothing(watcher):
         np.testing.assert_allclose(watched[name], found[name], rtol=1e-9)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("every", "slow", "push", "lead"), [(5, 40, -2e3, 0.01), (5, 80, -2e3, 0.0), (5, 80, -2e4, 0.0)])
 def test_reciprocal_eigenvalues_of_very_different_sizes_cross_nothing(every, slow, push, lead):
     """A plant that falls over, under a gain that is read 8 or 16 times in a frame."""
@@ -1049,7 +1052,7 @@ def hidden(E, C, span, **more):
     }
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("k", range(20, 53, 4))
 def test_a_mode_next_to_1_that_rounding_hides_is_no_drift(k):
     """An eigenvalue 1 + 2^-k in a turned basis is outside the circle, however near to it: nothing is certified stable."""
@@ -1524,6 +1527,7 @@ BEYOND = [
 ]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.xfail(strict=True, reason="bounds on rounding leave these ranges in doubt")
 @pytest.mark.parametrize(("every", "numbers"), BEYOND)
 def test_a_range_that_goes_on_far_beyond_the_stable_values_is_certified(every, numbers):
@@ -1551,6 +1555,7 @@ def chain(masses):
     return {"rates": {"tick_hz": 4000}, "numbers": numbers, "block": blocks, "wire": wires}
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("masses", "along", "span"), [(9, "k", (100.0, 20000.0)), (10, "m", (0.01, 1.0)), (12, "c", (0.0, 5.0))]
 )

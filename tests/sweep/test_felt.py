@@ -19,6 +19,7 @@ def felt_at(values, **changes):
     return float(static_response(loop_of(changed))[1].real)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("along", "span"), [("K_VE", (10, 20000)), ("B_VE", (0, 30)), ("b", (2, 100))])
 def test_it_is_the_static_impedance_at_that_end(along, span):
     values = values_of("pmw", integration="explicit", delay=20, velocity="difference", K_VE=150.0)
@@ -67,6 +68,7 @@ def test_at_an_end_of_0_a_branch_is_out_of_the_loop(kind, along, stop, rates):
         assert row.felt_low == pytest.approx(rest.impedance_re[0], rel=1e-9)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("K", [100.0, 500.0, 3000.0])
 def test_where_a_tick_alternates_the_stiffness_goes_on_smoothly(K):
     """The device's mode reaches -1 a tick at b = 200.00375, and the frame of 20 ticks has an eigenvalue 1 for it."""
@@ -77,6 +79,7 @@ def test_where_a_tick_alternates_the_stiffness_goes_on_smoothly(K):
     assert row.felt_high == pytest.approx(np.mean(beside), rel=1e-5)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("slow_hz", [60.0, 150.0, 400.0, 48.0])
 def test_of_rates_that_do_not_divide_it_is_the_impedance_towards_0_hz(slow_hz):
     tables = {"controller": {"kind": "pmw"}, "rates": {"slow_hz": slow_hz}, "environment": {"K_VE": 500.0}}

@@ -185,6 +185,7 @@ def test_ranges_of_a_fast_rate_that_make_no_loop_are_refused(rates, start, said)
         wavesweep.stability_region({"controller": {"kind": "pmw-lm"}, "rates": rates, "sweep": axis})
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("tables", "span"),
     [

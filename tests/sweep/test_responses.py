@@ -287,6 +287,7 @@ def test_an_admittance_without_bound_is_missing_without_a_doubt(kind):
     assert (columns["stable"].tolist(), columns["doubt"].tolist()) == ([1], [""])
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("spring", "numbers", "stiffness"),
     [

@@ -41,7 +41,7 @@ def test_it_is_stable_where_its_direct_terms_have_a_solution(spec):
     assert (found["stable"], found["slowest"]["time_constant_s"]) == (True, 0)
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("blocks", [{}, {"d": DELAY}, {"h": HELD}])
 @pytest.mark.parametrize(

@@ -74,6 +74,7 @@ def test_a_damping_far_below_the_stiffness_is_not_taken_for_none(K, B, ratio):
     assert felt["damping"] == pytest.approx(B, rel=1e-4)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("slow_hz", "wall", "Kp"), [(90.0, (200.0, 0.0), 0.0), (75.0, (1500.0, 3.0), 0.0), (60.0, (200.0, 1.0), 20.0)]
 )
@@ -132,6 +133,7 @@ def test_a_late_wall_is_felt_with_less_damping():
     assert felt["damping"] == pytest.approx(3.0 - 50.0 * 0.0095, rel=2e-2)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("Kp", "ratio", "damping"), [(0.5, 2, -1151.175), (1.0, 2, -570.985), (0.5, 20, -1794.691)])
 def test_a_mode_slower_than_the_first_frequencies_is_waited_for(Kp, ratio, damping):
     tables = {"controller": {"kind": "pmw", "Kp": Kp}, "rates": {"ratio": ratio}}

@@ -35,6 +35,7 @@ def test_an_end_that_rounding_moves_too_far_is_not_certified(kind, changes, fixe
     assert not found.certified[0]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("kind", "along"), [("pmw", "K_VE"), ("dc-slow", "K_VE"), ("dc-slow", "B_VE"), ("dc-lm", "B_VE")])
 def test_the_bound_is_that_of_perturbed_entries(kind, along):
     """The end of a loop whose entries move by 1e-7 of themselves, at random: within the bound, and not far below it."""

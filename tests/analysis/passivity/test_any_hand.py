@@ -86,6 +86,7 @@ def test_walls_that_are_passive_end_at_the_bound(values):
     assert not port_margin(outside).passive
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("gain", [0.3, 0.05, 0.01])
 def test_a_weak_position_feedback_asks_for_damping_at_the_lowest_frequencies(values, gain):
     """The slow mode turns with some mrad/s or less: heavy masses find it, and the weaker condition at the port does too."""

@@ -94,6 +94,7 @@ def test_arrays_give_what_numbers_give(values):
     np.testing.assert_allclose(found.norm.ravel(), alone, rtol=2e-10)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("delay", [0, 66, 200])
 def test_hundreds_of_ticks_in_a_frame(values, delay):

@@ -104,7 +104,7 @@ def test_the_gain_next_to_the_nyquist_frequency_of_a_short_frame():
     assert rows["worst_gain"][0] == pytest.approx(0.0020, rel=1e-3)
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("ratio", [20, 40])

@@ -62,7 +62,7 @@ CONSERVED = [
 ]  # fmt: skip
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "changes"), CONSERVED)
 def test_a_conserved_combination_leaves_the_answer_whole(kind, changes):

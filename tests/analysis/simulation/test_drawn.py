@@ -114,7 +114,7 @@ SETTLING = [
 ]
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", SETTLING)
 def test_the_response_of_a_random_drawing_is_that_of_its_simulation(seed):

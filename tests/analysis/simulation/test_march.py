@@ -67,7 +67,7 @@ RESPONSES = {
 }  # fmt: skip
 
 
-@pytest.mark.sample(3)
+@pytest.mark.sample(2)
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RESPONSES)
 def test_a_sine_settles_to_the_exact_response(values, name):
