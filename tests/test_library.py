@@ -12,8 +12,8 @@ import pytest
 
 import wavesweep
 from wavesweep import sweep
-from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
+from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.spec import load
 
 SPEC = {
@@ -270,7 +270,7 @@ def test_a_file_that_is_no_table_is_refused(text, tmp_path):
         (lambda: _direct().simulate([0.0] * 10, resolution=None), "option resolution: expected a finite number, found None"),
         (lambda: _direct().simulate([0.0] * 10, seed=1.5), "option seed: expected a whole number, found 1.5"),
         (lambda: _direct().response([1.0, -2.0]), r"frequency_hz: expected finite numbers >= 0, found -2\.0"),
-        (lambda: wavesweep.compile(Drawn(1e-3, (), {})), "a drawn loop: expected at least one block, found none"),
+        (lambda: wavesweep.compile(MultirateLoop(1e-3, (), {})), "a drawn loop: expected at least one block, found none"),
         (lambda: _publish(partition=0), "partition: expected a whole number of rows >= 1, found 0"),
         (lambda: _publish(partition=2.5), r"partition: expected a whole number of rows >= 1, found 2\.5"),
     ],

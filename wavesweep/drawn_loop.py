@@ -5,22 +5,22 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from wavesweep.analysis.given import real_numbers
-from wavesweep.analysis.response.lifted import Lifted
-from wavesweep.analysis.response.port import Ports, port_of
-from wavesweep.analysis.response.steady import respond
-from wavesweep.analysis.spectrum import radius_of
-from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import UsageError
-from wavesweep.lifted.tick_drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
+from wavesweep.given import real_numbers
+from wavesweep.loops.multirate import MultirateLoop
+from wavesweep.monodromy.drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
+from wavesweep.response.lifted import Lifted
+from wavesweep.response.port import Ports, port_of
+from wavesweep.response.steady import respond
+from wavesweep.stability.spectrum import radius_of
 from wavesweep.sweep.drawn_loops import named_loops
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrawnLoop:
-    """A loop drawn in Python as a `Drawn`, which has no numbers to sweep; its arrays may be a batch of loops."""
+    """A loop drawn in Python as a `MultirateLoop`, which has no numbers to sweep; its arrays may be a batch of loops."""
 
-    drawn: Drawn
+    drawn: MultirateLoop
     drift: TickDrift
 
     def spectral_radius(self) -> np.ndarray:
@@ -65,7 +65,7 @@ class DrawnLoop:
         """
         from pandas import DataFrame
 
-        from wavesweep.analysis.simulation.march import run_drawn
+        from wavesweep.simulation.march import run_drawn
 
         drawn, rows = self.drawn, {name: real_numbers(values) for name, values in inputs.items()}
         ports = {f"{each.block.name}.{port}" for each in drawn.placed for port in (*each.block.inputs, *each.block.outputs)}
@@ -84,7 +84,7 @@ class DrawnLoop:
         return DataFrame({"time_s": np.arange(count) * float(drawn.period)} | seen)
 
 
-def refuse_infinite(drawn: Drawn) -> None:
+def refuse_infinite(drawn: MultirateLoop) -> None:
     """Raise UsageError for a block or a wire of a drawing that has a number which is not finite, or is none."""
     for each in drawn.placed:
         parts = (each.block.E, each.block.B, each.block.C, each.block.D)

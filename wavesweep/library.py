@@ -66,7 +66,7 @@ def zwidth(
     force, see `wavesweep.sweep.intervals`. Errors: UsageError, SpecError, WavesweepError.
     """
     from wavesweep import sweep
-    from wavesweep.analysis.given import boolean
+    from wavesweep.given import boolean
 
     passive = boolean("passive", passive)
     if hand_box is not None and not (isinstance(hand, str) and hand == "box"):
@@ -108,7 +108,7 @@ def design(source: Source, **work: Any) -> DataFrame:
 
     source, work: as for `zwidth`. Errors: UsageError, SpecError; WavesweepError if no design meets all bounds.
     """
-    from wavesweep.seeking.study import design as search
+    from wavesweep.search.study import design as search
 
     table = search(_spec(source).as_designed(), **work)
     found = frame_of_fields(table)

@@ -8,12 +8,12 @@ from math import isnan
 
 import numpy as np
 
-from wavesweep.analysis.given import real_numbers
-from wavesweep.diagram.assembly import assembled, first_of
-from wavesweep.diagram.drawn import Drawn
 from wavesweep.drawn_loop import DrawnLoop, refuse_infinite
 from wavesweep.errors import UsageError
-from wavesweep.lifted.tick_drift import drift_of_drawn
+from wavesweep.given import real_numbers
+from wavesweep.loops.from_drawing import assembled, first_of
+from wavesweep.loops.multirate import MultirateLoop
+from wavesweep.monodromy.drift import drift_of_drawn
 from wavesweep.spec import SYMBOLS, Axis, Spec, load
 from wavesweep.spec.axes import NARROWEST_SPAN
 from wavesweep.spec.checking import nearest
@@ -24,8 +24,8 @@ from wavesweep.sweep.grid import keys_of, make_grid, own_loop
 
 
 def compile(source) -> "Loop | DrawnLoop":  # noqa: A001 - the name that the interface gives it
-    """Compile `source` (a `Spec`, a path, nested tables as a dict, or a `Drawn`) once, for any number of calls."""
-    if isinstance(source, Drawn):
+    """Compile `source` (a `Spec`, a path, nested tables as a dict, or a `MultirateLoop`) once, for any number of calls."""
+    if isinstance(source, MultirateLoop):
         source.refuse_wrong_names()
         refuse_infinite(source)
         return DrawnLoop(source, drift_of_drawn(first_of(source), first_of(source, -1)))
@@ -133,7 +133,7 @@ class Loop:
         force: the hand's force (N) per tick, `(ticks,)`; by default the input of the spec's [simulate]. options: effects
         of the device in place of those of [simulate] (`wall=0.01, friction=0.2`). Errors: see `analysis.simulation.simulated`.
         """
-        from wavesweep.analysis.simulation import table
+        from wavesweep.simulation import table
         from wavesweep.sweep.simulation_table import simulation_of
 
         return self._frame("simulate", table(simulation_of(self.spec, force, **options)))
@@ -191,7 +191,7 @@ class Loop:
         """
         import control
 
-        from wavesweep.analysis.response.lifted import displacements, positions
+        from wavesweep.response.lifted import displacements, positions
         from wavesweep.sweep.drawn_loops import loop_at_hand
 
         if output not in ("position", "displacement"):

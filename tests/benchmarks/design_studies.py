@@ -17,10 +17,10 @@ import numpy as np
 import pandas
 from joblib import Parallel, delayed
 
-from wavesweep.seeking.genes import designs_of
-from wavesweep.seeking.search import hypervolume
-from wavesweep.seeking.study import design, job_of
-from wavesweep.seeking.wishes import evaluate
+from wavesweep.search.genes import designs_of
+from wavesweep.search.search import hypervolume
+from wavesweep.search.study import design, job_of
+from wavesweep.search.wishes import evaluate
 from wavesweep.spec import Axis, load
 from wavesweep.sweep.interval_table import at_points
 

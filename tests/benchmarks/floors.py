@@ -23,11 +23,11 @@ import numpy as np
 from panel_speed import CASES, seconds
 
 import wavesweep
-from wavesweep.analysis.intervals import interpolated
 from wavesweep.bench import rivals, this_tool
 from wavesweep.bench.problems import PROBLEMS, bundles
 from wavesweep.library import frame
-from wavesweep.lifted import lift, open_ticks, periodic
+from wavesweep.monodromy import lift, open_ticks, periodic
+from wavesweep.stability import interpolated
 from wavesweep.sweep import drawn_task
 from wavesweep.sweep.tasks import keep_memory
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import wavesweep
-from wavesweep.lifted.cut import close
+from wavesweep.monodromy.cut import close
 from wavesweep.sweep.open_loops import wall_cut
 
 SPECS = Path(__file__).parents[2] / "sweeps" / "paper"

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wavesweep.lifted.cut import close, with_batch
+from wavesweep.monodromy.cut import close, with_batch
 from wavesweep.spec import load
 from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.open_loops import wall_cut

@@ -187,7 +187,7 @@ def test_completion_loads_nothing_heavy(words):
     done = subprocess.run([sys.executable, "-c", program], env=os.environ | given, capture_output=True, text=True, check=True)
     loaded = set(done.stderr.splitlines()[-1].split()[1:])
     assert "wavesweep.cli.completion" in loaded
-    assert loaded & {"numpy", "scipy", "pandas", "matplotlib", "pyarrow", "wavesweep.sweep", "wavesweep.diagram"} == set()
+    assert loaded & {"numpy", "scipy", "pandas", "matplotlib", "pyarrow", "wavesweep.sweep", "wavesweep.loops"} == set()
     assert words or not loaded & {"wavesweep.cli.zwidth", "wavesweep.cli.bench"}
 
 

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.analysis.passivity import HandBox
 from wavesweep.cli import main
 from wavesweep.cli.design_summary import design_lines
 from wavesweep.errors import WavesweepError
+from wavesweep.passive import HandBox
 from wavesweep.results import read
-from wavesweep.seeking import study
-from wavesweep.seeking.family import Scenario, scenarios_of
-from wavesweep.seeking.genes import designs_of
-from wavesweep.seeking.study import DesignTask, box_of, job_of
-from wavesweep.seeking.verdicts import miss
+from wavesweep.search import study
+from wavesweep.search.family import Scenario, scenarios_of
+from wavesweep.search.genes import designs_of
+from wavesweep.search.study import DesignTask, box_of, job_of
+from wavesweep.search.verdicts import miss
 from wavesweep.spec import load
 from wavesweep.spec.design import WISHES
 from wavesweep.spec.spec import K_VE_SPAN

@@ -16,9 +16,9 @@ from support.exports import COMPILERS, LEVELS, made, present, put, random_tables
 from support.specs import KINDS, nested, values_of
 
 import wavesweep
-from wavesweep.analysis.simulation import Effects, simulate, simulated
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.export import exported
+from wavesweep.simulation import Effects, simulate, simulated
 
 MANY = int(os.environ.get("WAVESWEEP_EXPORTS", "0"))
 SEEDS, TICKS = (range(MANY), 100_000) if MANY else (range(8), 2000)

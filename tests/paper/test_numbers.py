@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.march import march
 
-from wavesweep.diagram.filters import butterworth
+from wavesweep.loops.filters import butterworth
 from wavesweep.paper.felt_responses import natural_frequency, peak, respond
 from wavesweep.paper.paper_loops import BASE
 from wavesweep.paper.specs import load_paper

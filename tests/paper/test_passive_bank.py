@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from support.controllers import advance, at_rest, butterworth
 
-from wavesweep.diagram.assembly import assembled
-from wavesweep.lifted.connect import connect
+from wavesweep.loops.from_drawing import assembled
 from wavesweep.loops.page import drawing_of_page
 from wavesweep.loops.pmw import pmw_lm
+from wavesweep.monodromy.interconnect import connect
 from wavesweep.paper.documents import bank_text
 from wavesweep.paper.paper_loops import BASE
 from wavesweep.paper.passive_bank import (

@@ -7,10 +7,10 @@ import pytest
 from matplotlib.ticker import FixedLocator
 
 from wavesweep import plots
-from wavesweep.analysis.simulation import simulated, table
 from wavesweep.plots.simulation import _extremes, _spans
 from wavesweep.plots.style import _cut_off, figure
 from wavesweep.results import fields
+from wavesweep.simulation import simulated, table
 from wavesweep.spec import load
 
 

@@ -10,8 +10,8 @@ from support.specs import KINDS, nested
 
 import wavesweep
 from wavesweep import plots
-from wavesweep.diagram.wiring import wiring_of_drawing
 from wavesweep.loops.controllers import loop_drawing
+from wavesweep.loops.wiring import wiring_of_drawing
 from wavesweep.plots.routes import APART, ROW
 from wavesweep.plots.wiring import WIDEST, placed
 from wavesweep.spec import load

@@ -6,7 +6,7 @@ import mpmath
 import numpy as np
 import pytest
 
-from wavesweep.diagram.values import values_of
+from wavesweep.loops.values import values_of
 from wavesweep.spec.expressions import evaluate, parse, value_of
 
 mp = mpmath.mp.clone()

@@ -16,10 +16,10 @@ from functools import partial
 
 import pytest
 
-from wavesweep.analysis.simulation import inputs
-from wavesweep.analysis.simulation.inputs import read_force
 from wavesweep.cli import main
 from wavesweep.errors import UsageError
+from wavesweep.simulation import inputs
+from wavesweep.simulation.inputs import read_force
 from wavesweep.spec import KEYS, load
 
 TRIES = int(os.environ.get("WAVESWEEP_FUZZ", "0"))

@@ -14,8 +14,8 @@ import numpy as np
 from support.drawn import random_feedback, random_tables
 
 import wavesweep
-from wavesweep.analysis.simulation.parts import DEPTH, FORCE, SPEED, loop_of
-from wavesweep.analysis.simulation.ticks import Ticks, keep, run
+from wavesweep.simulation.parts import DEPTH, FORCE, SPEED, loop_of
+from wavesweep.simulation.ticks import Ticks, keep, run
 
 SPANS = {"k": (0, 300), "d": (-2, 400), "k0": (0, 3000), "g": (0.05, 2), "m0": (0.01, 3), "rates.tick_hz": (700.0, 5000.0)}
 NUMBERS = [name for name in SPANS if "." not in name]

@@ -7,8 +7,8 @@ import numpy as np
 from support import certified
 from support.intervals import cut_of
 
-from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.errors import IllPosedLoopError
+from wavesweep.stability import stable_intervals
 
 SAME = 1e-9  # relative, of an end and a hundred-thousandth of the span together
 NEAR_ZERO = 1e-5

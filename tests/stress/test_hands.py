@@ -5,7 +5,7 @@ import pytest
 pytest.importorskip("flint", reason="python-flint is the witness of the other stress")
 from stress.hands import judge
 
-from wavesweep.analysis.passivity import hand_box
+from wavesweep.passive import hand_box
 
 pytestmark = pytest.mark.slow
 

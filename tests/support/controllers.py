@@ -11,8 +11,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from wavesweep.analysis.simulation.body import zero_order_hold
 from wavesweep.errors import IllPosedLoopError
+from wavesweep.simulation.body import zero_order_hold
 
 Mail = tuple[tuple[int, Any], ...]  # results under way, each with the tick from which it is held
 

@@ -302,13 +302,13 @@ def _import_all():
     import pyarrow.csv
     import pyarrow.parquet  # noqa: F401
 
-    import wavesweep.analysis.passivity
     import wavesweep.cli.bode
     import wavesweep.cli.output
     import wavesweep.cli.passivity
     import wavesweep.cli.simulate
     import wavesweep.cli.summaries
     import wavesweep.cli.zwidth
+    import wavesweep.passive
     import wavesweep.plots
     import wavesweep.results
     import wavesweep.sweep.hands

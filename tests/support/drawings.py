@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from wavesweep.diagram import blocks
-from wavesweep.diagram.drawn import Drawn, Placed
+from wavesweep.loops import blocks
+from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
 
 T = 1e-3
 
@@ -11,20 +11,20 @@ T = 1e-3
 def pmw(b=25.0, Kp=0.0, delay=0, integration="explicit", order=1, wall=None):
     """Passive multirate wave control written as blocks; the wall's force is the input "w" unless `wall` = (K, B) makes it."""
     placed = [
-        Placed(blocks.mass("m", T, 0.1, 1.5)),
-        Placed(blocks.wave("end", T, b, "force")),
-        Placed(blocks.butterworth("lp", T, order, 10.0)),
-        Placed(blocks.avatar("av", 20 * T, b, integration), 20),
+        ScheduledBlock(blocks.mass("m", T, 0.1, 1.5)),
+        ScheduledBlock(blocks.wave("end", T, b, "force")),
+        ScheduledBlock(blocks.butterworth("lp", T, order, 10.0)),
+        ScheduledBlock(blocks.avatar("av", 20 * T, b, integration), 20),
     ]
     sums = {"end.v": {"m.v": 1.0}, "lp.u": {"end.out": 1.0}, "av.in": {"lp.y": 1.0}, "m.f": {"hand": 1.0, "f_m": -1.0}}
     sums |= {"f_m": {"end.force": 1.0}, "av.f": {"w": 1.0} if wall is None else {"av.x_spring": wall[0], "av.v": wall[1]}}
     back = "av.out", "av.x"
     if delay:
-        placed += [Placed(blocks.hold(name, 20 * T), 20, delay) for name in ("late", "late_x")]
+        placed += [ScheduledBlock(blocks.hold(name, 20 * T), 20, delay) for name in ("late", "late_x")]
         sums |= {"late.u": {"av.out": 1.0}, "late_x.u": {"av.x": 1.0}}
         back = "late.y", "late_x.y"
     sums["end.in"] = {back[0]: 1.0} | ({back[1]: Kp, "m.x": -Kp} if Kp else {})
-    return Drawn(T, tuple(placed), sums, ("hand", "w"))
+    return MultirateLoop(T, tuple(placed), sums, ("hand", "w"))
 
 
 def random_block(r, name, period):
@@ -42,13 +42,13 @@ def random_drawing(seed):
     """A mass under the feedback of a chain of filters, delays and integrators of one to four rates and any phases."""
     r = np.random.default_rng(seed)
     rates = r.choice([1, 2, 3, 4, 5, 6, 10], size=r.integers(1, 5), replace=False).tolist()
-    placed, sums, last = [Placed(blocks.mass("m", T, r.uniform(0.1, 1), r.uniform(0, 2)))], {}, "m.x"
+    placed, sums, last = [ScheduledBlock(blocks.mass("m", T, r.uniform(0.1, 1), r.uniform(0, 2)))], {}, "m.x"
     for index in range(int(r.integers(1, 5))):
         every = int(r.choice(rates))
         block = random_block(r, f"b{index}", every * T)
-        placed.append(Placed(block, every, int(r.integers(every))))
+        placed.append(ScheduledBlock(block, every, int(r.integers(every))))
         sums[f"b{index}.u"] = {last: 1.0, "m.x": r.uniform(-0.5, 0.5)}
         last = f"b{index}.y"
     gain = r.uniform(1, 30)
     sums["m.f"] = {last: -gain / max(1.0, float(np.abs(block.D).max())), "m.v": -r.uniform(0, 3), "m.x": -r.uniform(0, 30)}
-    return Drawn(T, tuple(placed), sums)
+    return MultirateLoop(T, tuple(placed), sums)

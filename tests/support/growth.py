@@ -17,8 +17,8 @@ import numpy as np
 from support.controllers import Loop, compile_loop
 from support.march import State, numbers_of, random_state, tick, with_numbers
 from support.specs import random_values
-from wavesweep.analysis.intervals import stable_intervals
-from wavesweep.lifted.cut import close
+from wavesweep.monodromy.cut import close
+from wavesweep.stability import stable_intervals
 from wavesweep.sweep.open_loops import wall_cut
 
 STEP = 1e-3  # relative, from an end to the probe

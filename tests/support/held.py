@@ -4,9 +4,9 @@ from functools import partial
 
 import numpy as np
 
-from wavesweep.analysis import passivity
-from wavesweep.analysis.passivity import HeldLoop, hand, hand_box
+from wavesweep import passive as passivity
 from wavesweep.loops.controllers import loop_drawing
+from wavesweep.passive import HeldLoop, hand, hand_box
 from wavesweep.sweep.hands import stable_of
 
 WALL = "environment.K_VE"

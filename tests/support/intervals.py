@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from wavesweep.analysis.intervals import stable_intervals
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.lifted.cut import close
+from wavesweep.monodromy.cut import close
+from wavesweep.stability import stable_intervals
 from wavesweep.sweep.open_loops import wall_cut
 
 

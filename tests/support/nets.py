@@ -3,7 +3,7 @@
 import numpy as np
 
 from support.specs import values_of
-from wavesweep.diagram.block import Block
+from wavesweep.loops.block import Block
 
 
 def first_order(name, pole, through):

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from wavesweep.analysis.response.lifted import Lifted
 from wavesweep.loops.controllers import loop_drawing
+from wavesweep.response.lifted import Lifted
 from wavesweep.sweep.drawn_loops import ports_of_batch
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from support.held import held
-from wavesweep.analysis.passivity import hand
+from wavesweep.passive import hand
 
 
 def worst_hand(values, box, by="radius"):

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from support.controllers import advance, at_rest, butterworth
-from wavesweep.analysis.passivity.channel import channel_norm, channel_of
 from wavesweep.loops.controllers import loop_drawing
+from wavesweep.passive.channel import channel_norm, channel_of
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.analysis.intervals import Intervals
 from wavesweep.errors import UsageError
 from wavesweep.spec import load
+from wavesweep.stability import Intervals
 from wavesweep.sweep.apart import apart, common
 
 

@@ -11,14 +11,14 @@ from support.drawn import ARM, JOINT, NETWORK, PD, WALL, as_blocks, random_table
 from support.specs import KINDS, nested
 
 import wavesweep
-from wavesweep.analysis.doubt import COUNTS
-from wavesweep.analysis.intervals import regions, stable_intervals
-from wavesweep.diagram import blocks
-from wavesweep.diagram.assembly import refuse_unsuitable
-from wavesweep.diagram.drawn import Drawn, Placed
 from wavesweep.errors import SpecError, UsageError
-from wavesweep.lifted.cut import with_batch
+from wavesweep.loops import blocks
+from wavesweep.loops.from_drawing import refuse_unsuitable
+from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.monodromy.cut import with_batch
 from wavesweep.spec import load, sweep_axes
+from wavesweep.stability import regions, stable_intervals
+from wavesweep.stability.certificate import COUNTS
 from wavesweep.sweep.checkpoint import blocks as rows_of
 from wavesweep.sweep.checkpoint import checkpoint_of
 from wavesweep.sweep.grid import make_grid
@@ -473,10 +473,12 @@ def test_a_response_at_rest_is_that_of_the_springs():
 
 def test_a_drawing_made_in_python_is_compiled_as_it_is():
     kp = np.array([5900.0, 6100.0])
-    drawn = Drawn(T, (Placed(blocks.mass("m", T, 0.2)),), {"m.f": {"m.x": -kp, "m.v": -3.0, "hand": 1.0}}, ("hand",))
+    drawn = MultirateLoop(
+        T, (ScheduledBlock(blocks.mass("m", T, 0.2)),), {"m.f": {"m.x": -kp, "m.v": -3.0, "hand": 1.0}}, ("hand",)
+    )
     loop = wavesweep.compile(drawn)
     assert (loop.spectral_radius() < 1).tolist() == [True, False]
-    single = Drawn(T, drawn.placed, {"m.f": {"m.x": -100.0, "m.v": -3.0, "hand": 1.0}}, ("hand",))
+    single = MultirateLoop(T, drawn.placed, {"m.f": {"m.x": -100.0, "m.v": -3.0, "hand": 1.0}}, ("hand",))
     assert wavesweep.compile(single).response([1e-3], "hand", "m.x").admittance[0].real == pytest.approx(0.01, rel=1e-6)
     with pytest.raises(UsageError, match="input 'push'"):
         wavesweep.compile(single).response([1.0], "push", "m.x")

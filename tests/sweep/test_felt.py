@@ -9,7 +9,7 @@ from support.specs import nested, random_values, values_of
 
 import wavesweep
 from wavesweep import sweep
-from wavesweep.analysis.response.steady import static_response
+from wavesweep.response.steady import static_response
 
 KEYS = {"K_VE": "environment.K_VE", "B_VE": "environment.B_VE", "b": "controller.b"}
 

@@ -6,9 +6,9 @@ from support.held import box_intervals, damping_needed, worst_modes
 from support.published import colgate_schenkel
 from support.search import quick_search
 
-from wavesweep.analysis.passivity import HandBox, hand_box
 from wavesweep.cli.summaries import HandTally
 from wavesweep.errors import UsageError
+from wavesweep.passive import HandBox, hand_box
 from wavesweep.spec import load
 from wavesweep.sweep import hands_of, interval_table, intervals, workers
 

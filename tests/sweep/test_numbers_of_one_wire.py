@@ -7,7 +7,7 @@ import pytest
 
 import wavesweep
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.lifted.cut import with_batch
+from wavesweep.monodromy.cut import with_batch
 from wavesweep.spec import load
 from wavesweep.sweep import open_loops
 

@@ -7,8 +7,8 @@ import pytest
 from support.held import channel_norm, port_margin
 
 import wavesweep
-from wavesweep.analysis import passivity as analysis
-from wavesweep.analysis import simulation
+from wavesweep import passive as analysis
+from wavesweep import simulation
 from wavesweep.spec import find_key, load
 from wavesweep.sweep import passivity, passivity_table, workers
 

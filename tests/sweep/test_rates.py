@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import wavesweep
-from wavesweep.diagram.domain import domain
 from wavesweep.errors import SpecError, UsageError
+from wavesweep.loops.domain import domain
 from wavesweep.spec import load
 from wavesweep.sweep import drawn_loops
 from wavesweep.sweep.grid import own_loop

@@ -9,11 +9,11 @@ from functools import partial
 import numpy as np
 
 import wavesweep
-from wavesweep.analysis.response import steady
-from wavesweep.analysis.response.lifted import positions
 from wavesweep.bench.measuring import Patience, Row, interleaved
 from wavesweep.bench.problems import checked, digest, references
 from wavesweep.paper.specs import load_paper
+from wavesweep.response import steady
+from wavesweep.response.lifted import positions
 from wavesweep.spec import Spec
 from wavesweep.sweep.drawn_loops import loop_at_hand
 

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from wavesweep.errors import WavesweepError
-from wavesweep.lifted.cut import Cut, with_batch
 from wavesweep.loops.controllers import keys_of_page
+from wavesweep.monodromy.cut import Cut, with_batch
 from wavesweep.paper.specs import load_paper
 from wavesweep.spec import Spec, sweep_axes
 from wavesweep.sweep.grid import groups, make_grid

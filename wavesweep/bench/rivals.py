@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 
 from wavesweep.bench.problems import Bundle, Intervals, bundles
-from wavesweep.lifted.circle import on_circle
-from wavesweep.lifted.cut import ADVANCE, OFFSET, Cut, V, close, open_in
+from wavesweep.monodromy.circle import on_circle
+from wavesweep.monodromy.cut import ADVANCE, OFFSET, Cut, V, close, open_in
 from wavesweep.spec import Spec
 
 _STEPS = 30  # of the secant at the most; six or seven are usual

@@ -17,16 +17,16 @@ import numpy as np
 
 import wavesweep
 from wavesweep import results
-from wavesweep.analysis.intervals.boundary import polish
-from wavesweep.analysis.intervals.crossings import sampled_polynomial
-from wavesweep.analysis.intervals.isolate import isolate
-from wavesweep.analysis.intervals.regions import regions
-from wavesweep.analysis.intervals.stable import trace_excludes_stability
 from wavesweep.bench.measuring import Row
 from wavesweep.bench.problems import COLUMNS, PROBLEMS, Intervals, Problem
-from wavesweep.lifted.cut import cut_of, open_frame
+from wavesweep.monodromy.cut import cut_of, open_frame
 from wavesweep.paper.specs import folder
 from wavesweep.spec import Spec
+from wavesweep.stability.boundary import polish
+from wavesweep.stability.crossings import sampled_polynomial
+from wavesweep.stability.real_roots import isolate
+from wavesweep.stability.regions import regions
+from wavesweep.stability.stable import trace_excludes_stability
 
 STAGES = {  # function -> the stage that it is; together they are the whole call
     open_frame: "draw, connect and lift",

@@ -74,7 +74,7 @@ def command(
     with nullcontext() if switches["quiet"] else patience(words):
         found, lines = verdict(loaded), sweep.plan(loaded)
         if loaded.design:
-            from wavesweep.seeking import study
+            from wavesweep.search import study
 
             lines += study.plan(loaded)
     pictures = _picture(loaded, out, formats) if plot else []

@@ -45,8 +45,8 @@ def command(spec: str, hand: str, options: Options) -> None:
     from wavesweep.spec import Spec
 
     def compute(specs: list[Spec], **work: Any) -> list[Table]:
-        from wavesweep.seeking.best import with_best
-        from wavesweep.seeking.study import design
+        from wavesweep.search.best import with_best
+        from wavesweep.search.study import design
 
         table = design(*specs, hand=hand, **work)
         return [table if options.to_stdout else with_best(table, specs[0])]

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.analysis.doubt import DOUBTS, FELT_ALIKE, INCOMPLETE
 from wavesweep.cli.messages import Line
 from wavesweep.results.schema import felt_unit, numbers_of, swept_range
 from wavesweep.spec import find_key
+from wavesweep.stability.certificate import DOUBTS, FELT_ALIKE, INCOMPLETE
 from wavesweep.sweep.table import Columns
 
 Axes = Mapping[str, Sequence[float]]

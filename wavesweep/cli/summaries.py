@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavesweep.analysis.doubt import SPARED
 from wavesweep.cli.design_summary import design, design_lines
 from wavesweep.cli.interval_summary import HandTally, SpecTally, count
 from wavesweep.cli.messages import Line, Numbers
 from wavesweep.cli.why_summary import why, why_lines
 from wavesweep.results.schema import at_port
+from wavesweep.stability.certificate import SPARED
 from wavesweep.sweep.table import Columns
 
 if TYPE_CHECKING:

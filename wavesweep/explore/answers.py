@@ -9,15 +9,15 @@ from types import MappingProxyType
 
 import numpy as np
 
-from wavesweep.analysis.intervals.plane import quick_columns, refined_curve
-from wavesweep.analysis.response.lifted import Lifted
-from wavesweep.analysis.response.steady import respond
-from wavesweep.analysis.rows import complex_columns
 from wavesweep.controllers import WALL
 from wavesweep.errors import WavesweepError
-from wavesweep.lifted.cut import Cut
+from wavesweep.monodromy.cut import Cut
 from wavesweep.plots.refine import KNOWN, Curve, View, curves_of
+from wavesweep.response.lifted import Lifted
+from wavesweep.response.steady import respond
+from wavesweep.rows import complex_columns
 from wavesweep.spec import Axis, Spec
+from wavesweep.stability.plane import quick_columns, refined_curve
 from wavesweep.sweep.drawn_loops import loop_at_hand
 from wavesweep.sweep.grid import make_grid
 from wavesweep.sweep.interval_job import cost_of, job_over

@@ -14,14 +14,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wavesweep import __version__
-from wavesweep.analysis.simulation import hand_force
-from wavesweep.analysis.simulation.from_spec import effects_of
-from wavesweep.analysis.simulation.march import March, Results, refuse, results_of
-from wavesweep.analysis.simulation.parts import DEPTH, FORCE, REACTION, SPEED, Loop, Part, loop_of
-from wavesweep.analysis.simulation.ticks import Line, Program, Ticks, arrived, besides
 from wavesweep.errors import UsageError
 from wavesweep.export.text import constants, factor, filled, table_of
 from wavesweep.loops.controllers import loop_drawing
+from wavesweep.simulation import hand_force
+from wavesweep.simulation.from_spec import effects_of
+from wavesweep.simulation.march import March, Results, refuse, results_of
+from wavesweep.simulation.parts import DEPTH, FORCE, REACTION, SPEED, Loop, Part, loop_of
+from wavesweep.simulation.ticks import Line, Program, Ticks, arrived, besides
 from wavesweep.spec import Spec
 from wavesweep.sweep.simulation_table import refuse_what_has_no_hand
 

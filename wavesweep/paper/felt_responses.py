@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wavesweep.analysis.response.lifted import Lifted
-from wavesweep.analysis.response.steady import respond as respond_at
-from wavesweep.analysis.simulation import hand_force, simulated
 from wavesweep.loops.controllers import loop_drawing
+from wavesweep.response.lifted import Lifted
+from wavesweep.response.steady import respond as respond_at
+from wavesweep.simulation import hand_force, simulated
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.drawn_loops import ports_of_batch, radii_of

@@ -6,15 +6,15 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from wavesweep.analysis.intervals import stable_intervals
-from wavesweep.analysis.passivity import ChannelNorm, channel_norm
-from wavesweep.lifted.cut import with_batch
 from wavesweep.loops.controllers import keys_of_page, loop_drawing
+from wavesweep.monodromy.cut import with_batch
 from wavesweep.paper.felt_responses import CONTROLLERS, FeltResponse, estimated, respond_to
 from wavesweep.paper.readings import Reading
 from wavesweep.paper.specs import load_paper
+from wavesweep.passive import ChannelNorm, channel_norm
 from wavesweep.spec import Spec, find_key
 from wavesweep.spec.spec import K_VE_SPAN
+from wavesweep.stability import stable_intervals
 from wavesweep.sweep import intervals
 from wavesweep.sweep.open_loops import wall_cut
 

@@ -32,12 +32,12 @@ from functools import partial
 
 import numpy as np
 
-from wavesweep.diagram.assembly import assembled
-from wavesweep.diagram.block import Block
-from wavesweep.lifted.circle import on_circle
-from wavesweep.lifted.resolvent import alias_angles, solved_response
+from wavesweep.loops.block import Block
+from wavesweep.loops.from_drawing import assembled
 from wavesweep.loops.page import Page, drawing_of_page
 from wavesweep.loops.pmw import pmw, pmw_lm
+from wavesweep.monodromy.circle import on_circle
+from wavesweep.monodromy.resolvent import alias_angles, solved_response
 from wavesweep.paper.felt_responses import HIGH, LOW, FeltResponse, deviation, respond, respond_to
 from wavesweep.paper.specs import load_paper
 from wavesweep.plots.responses import Line, Panel, draw_magnitudes

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.analysis.doubt import FELT_ALIKE
+from wavesweep.stability.certificate import FELT_ALIKE
 
 # What a person can still read in one figure.
 MOST_MEMBERS = 8

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.analysis.doubt import SPARED
 from wavesweep.plots.chosen import Curves
 from wavesweep.plots.style import (
     IDEAL,
@@ -27,6 +26,7 @@ from wavesweep.plots.style import (
     shortened,
     valued,
 )
+from wavesweep.stability.certificate import SPARED
 from wavesweep.sweep.table import Columns
 
 _PANELS = (

@@ -70,7 +70,7 @@ _COMMANDS = {"simulate-response": "simulate", "passivity-filters": "passivity --
 
 def incomplete(columns: Mapping[str, np.ndarray]) -> np.ndarray:
     """Rows of slices that are only partly known; figures hatch them outside the known stable intervals."""
-    from wavesweep.analysis.doubt import INCOMPLETE
+    from wavesweep.stability.certificate import INCOMPLETE
 
     searched = np.isin(columns["hand"].astype(str), ("passive", "box", "port")) if "hand" in columns else False
     return np.isin(columns["doubt"].astype(str), INCOMPLETE) & ~np.asarray(searched)

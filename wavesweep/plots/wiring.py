@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 from typing import Any
 
-from wavesweep.diagram.wiring import Part, Terms, Wiring, wiring_of_drawing
 from wavesweep.loops.controllers import loop_drawing
+from wavesweep.loops.wiring import Part, Terms, Wiring, wiring_of_drawing
 from wavesweep.plots.layers import Box, lay_out
 from wavesweep.plots.routes import ROW, Routes, dots, route
 from wavesweep.plots.style import as_it_stands, distinct_colour, family_colours, figure

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from flint import arb, ctx
 
-from wavesweep.analysis.doubt import NONE
-from wavesweep.analysis.intervals import Intervals
 from wavesweep.prove.crossings import Crossing, count_outside, crossings, is_unstable
 from wavesweep.prove.polynomials import Budget, Family
 from wavesweep.prove.ticks import Loop, UndecidedError
 from wavesweep.spec.drawing import Drawing, name_of
+from wavesweep.stability import Intervals
+from wavesweep.stability.certificate import NONE
 
 PRECISIONS = (128, 256, 512, 1024, 2048, 4096)  # bits
 OPERATIONS = 1.2e8  # for each column, up to some twenty seconds; counted, so that the result does not depend on the machine

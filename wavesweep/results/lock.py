@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from wavesweep.analysis.given import boolean
 from wavesweep.disk import OPEN, make_folders, sync
 from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.given import boolean
 from wavesweep.results.folder import refuse_unusable
 from wavesweep.results.placing import refuse_folders, settle
 

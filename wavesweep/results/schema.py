@@ -9,12 +9,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from wavesweep.analysis.doubt import OF_DERIVATIVES, OF_INTERVALS, OF_RESPONSES
 from wavesweep.errors import WavesweepError
 from wavesweep.spec import KEYS, SYMBOLS
 from wavesweep.spec.drawing import keys_of_block
 from wavesweep.spec.keys import TURNED
 from wavesweep.spec.spec import K_VE_SPAN
+from wavesweep.stability.certificate import OF_DERIVATIVES, OF_INTERVALS, OF_RESPONSES
 
 FieldKind = Literal["number", "integer", "boolean", "string"]
 _DTYPES = {"number": np.float64, "integer": np.int64, "boolean": np.bool_, "string": np.object_}

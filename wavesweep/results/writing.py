@@ -11,8 +11,8 @@ from numbers import Integral
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from wavesweep.analysis.given import boolean
 from wavesweep.errors import UsageError
+from wavesweep.given import boolean
 from wavesweep.results.files import GROUP_ROWS, ParquetFile, ParquetParts, csv_header, csv_rows
 from wavesweep.results.folder import FIGURES, existing_facts, refuse_other_spec
 from wavesweep.results.lock import at_work

@@ -1,6 +1,6 @@
 """The blocks that a spec can draw: their keys and ports by type.
 
-Validation and the documents' table derive from this table. The functions of `wavesweep.diagram.blocks` with the same names take
+Validation and the documents' table derive from this table. The functions of `wavesweep.loops.blocks` with the same names take
 the same keys.
 """
 

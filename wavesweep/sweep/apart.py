@@ -6,9 +6,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from wavesweep.analysis.doubt import NONE
-from wavesweep.analysis.intervals import Intervals
 from wavesweep.spec.drawing import Drawing
+from wavesweep.stability import Intervals
+from wavesweep.stability.certificate import NONE
 
 SETTLING = ("gain", "hold", "delay", "difference", "butterworth")  # types of blocks that come to rest by themselves
 

@@ -7,14 +7,8 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from wavesweep.analysis.passivity.held_loop import HeldLoop
-from wavesweep.analysis.response.lifted import Lifted
-from wavesweep.analysis.response.port import NoPositionError, Port, Ports, port_of
-from wavesweep.analysis.response.resting import resting
-from wavesweep.analysis.response.static import limit_of
-from wavesweep.analysis.response.steady import GOOD, Response, respond, static_response
-from wavesweep.analysis.spectrum import radius_of
-from wavesweep.diagram.assembly import (
+from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
+from wavesweep.loops.from_drawing import (
     POSITION,
     REACTION,
     assembled,
@@ -22,11 +16,17 @@ from wavesweep.diagram.assembly import (
     refuse_unsuitable,
     twins,
 )
-from wavesweep.diagram.drawn import Drawn
-from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
-from wavesweep.lifted.tick_drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
+from wavesweep.loops.multirate import MultirateLoop
+from wavesweep.monodromy.drift import TickDrift, closed_frame, drift_of_drawn, telling_frame
+from wavesweep.passive.held_loop import HeldLoop
+from wavesweep.response.lifted import Lifted
+from wavesweep.response.port import NoPositionError, Port, Ports, port_of
+from wavesweep.response.resting import resting
+from wavesweep.response.static import limit_of
+from wavesweep.response.steady import GOOD, Response, respond, static_response
 from wavesweep.spec.checking import show
 from wavesweep.spec.drawing import OF_PLANT, Drawing, path_of
+from wavesweep.stability.spectrum import radius_of
 from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, items_of, read_by, selected
 
 Groups = tuple[tuple[np.ndarray, Mapping[str, object]], ...]
@@ -34,7 +34,7 @@ SURE = 1e-6  # relative error up to which a stiffness counts as known
 
 
 @contextmanager
-def named_loops(drawn: Drawn) -> Iterator[None]:
+def named_loops(drawn: MultirateLoop) -> Iterator[None]:
     """Name the blocks if an algebraic loop has no solution."""
     try:
         yield

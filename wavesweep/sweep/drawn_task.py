@@ -8,16 +8,10 @@ from math import prod
 
 import numpy as np
 
-from wavesweep.analysis.doubt import COUNTS, CROWDED, NONE, ROUNDING
-from wavesweep.analysis.intervals import Intervals, joined, stable_along_any
-from wavesweep.analysis.intervals.any_parameter import BENT, FROM_ZERO
-from wavesweep.analysis.intervals.crossings import SLIVER
-from wavesweep.analysis.intervals.frames import Frames
-from wavesweep.analysis.intervals.polishing import ATTACHED
-from wavesweep.analysis.intervals.shaken import shaken
-from wavesweep.analysis.response.resting import Resting, resting
 from wavesweep.controllers import WALL
-from wavesweep.diagram.assembly import (
+from wavesweep.errors import IllPosedLoopError
+from wavesweep.loops.domain import bends_at_zero, domains, guards_at
+from wavesweep.loops.from_drawing import (
     FACTOR,
     PRODUCT,
     assembled,
@@ -27,14 +21,20 @@ from wavesweep.diagram.assembly import (
     scalar_place,
     seen_by_hand,
 )
-from wavesweep.diagram.domain import bends_at_zero, domains, guards_at
-from wavesweep.errors import IllPosedLoopError
-from wavesweep.lifted.cut import with_batch
-from wavesweep.lifted.open_ticks import OpenTicks, facts_of
-from wavesweep.lifted.periodic import ticks_of
-from wavesweep.lifted.tick_drift import TickDrift, closed, errors_of_closed, filled, without_drift
+from wavesweep.monodromy.cut import with_batch
+from wavesweep.monodromy.drift import TickDrift, closed, errors_of_closed, filled, without_drift
+from wavesweep.monodromy.open_ticks import OpenTicks, facts_of
+from wavesweep.monodromy.periodic import ticks_of
+from wavesweep.response.resting import Resting, resting
 from wavesweep.spec.drawing import Drawing, name_of
 from wavesweep.spec.expressions import names_in
+from wavesweep.stability import Intervals, joined, stable_along_any
+from wavesweep.stability.along_any import BENT, FROM_ZERO
+from wavesweep.stability.certificate import COUNTS, CROWDED, NONE, ROUNDING
+from wavesweep.stability.crossings import SLIVER
+from wavesweep.stability.frames import Frames
+from wavesweep.stability.perturbation import shaken
+from wavesweep.stability.polishing import ATTACHED
 from wavesweep.sweep.apart import apart, common
 from wavesweep.sweep.drawn_loops import Groups, drift_of, feels, felt_of, hand_of, named_loops, watched_drift
 from wavesweep.sweep.grid import distinct, distinct_rows, selected

@@ -6,8 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from wavesweep.analysis.doubt import NONE, SEARCH
-from wavesweep.analysis.passivity import (
+from wavesweep.errors import SpecError, UsageError
+from wavesweep.passive import (
     HOLDING_A_DEVICE,
     HandBox,
     HeldLoop,
@@ -19,10 +19,10 @@ from wavesweep.analysis.passivity import (
     reads_velocity,
     swing_with_hand,
 )
-from wavesweep.analysis.passivity.held_loop import HAND, is_affine
-from wavesweep.errors import SpecError, UsageError
+from wavesweep.passive.held_loop import HAND, is_affine
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import Drawing
+from wavesweep.stability.certificate import NONE, SEARCH
 from wavesweep.sweep.drawn_loops import feels, felt_of, held_loop, one_loop
 from wavesweep.sweep.drawn_task import DrawnTask
 from wavesweep.sweep.grid import own_loop

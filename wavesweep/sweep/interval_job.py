@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from wavesweep.analysis.doubt import words
-from wavesweep.diagram.assembly import unsuitable
-from wavesweep.diagram.domain import domain
 from wavesweep.errors import UsageError
+from wavesweep.loops.domain import domain
+from wavesweep.loops.from_drawing import unsuitable
 from wavesweep.spec import Axis, Spec, no_axis, sweep_axes
 from wavesweep.spec.drawing import name_of, path_of
+from wavesweep.stability.certificate import words
 from wavesweep.sweep.drawn_loops import drift_of, frames, refuse_singular
 from wavesweep.sweep.drawn_task import DrawnTask, SeveralTasks
 from wavesweep.sweep.grid import FAST, Grid, drawn_groups, items_of, make_grid, own_loop, selected

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wavesweep.analysis.doubt import words
 from wavesweep.spec import Axis, Spec
+from wavesweep.stability.certificate import words
 from wavesweep.sweep.interval_job import IntervalJob, job_of, task_over
 from wavesweep.sweep.job import cut_otherwise
 from wavesweep.sweep.proving import facts_of_proofs, notice_of

@@ -193,7 +193,7 @@ def resolve_all(grid: Grid, table: str = "sweep", *, rates: bool = False) -> dic
 
 def _refuse_unsuitable(grid: Grid, resolved: dict) -> None:
     """Raise UsageError if `some_loops` of the grid have numbers that make no loop."""
-    from wavesweep.diagram.assembly import refuse_unsuitable
+    from wavesweep.loops.from_drawing import refuse_unsuitable
 
     index = some_loops(grid)
     place = grid.loop_axes[0].place.location() if len(grid.loop_axes) == 1 else ""  # of several it is not known which

@@ -7,19 +7,19 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from wavesweep.analysis.intervals import Intervals, stable_intervals
-from wavesweep.analysis.response.port import Ports
-from wavesweep.analysis.response.resting import Resting
-from wavesweep.analysis.response.resting_frame import resting_frame, shows_at_rest
 from wavesweep.controllers import WALL
-from wavesweep.diagram.assembly import BESIDE, FACTOR, PRODUCT, assembled, scalar_place, seen_by_hand, shares_wire
-from wavesweep.diagram.drawn import Drawn
 from wavesweep.errors import IllPosedLoopError
-from wavesweep.lifted.connect import WORST_CONDITION
-from wavesweep.lifted.cut import Cut, OpenFrame, cut_of, open_frame, with_batch
-from wavesweep.lifted.tick_drift import TickDrift
 from wavesweep.loops.controllers import loop_drawing
+from wavesweep.loops.from_drawing import BESIDE, FACTOR, PRODUCT, assembled, scalar_place, seen_by_hand, shares_wire
+from wavesweep.loops.multirate import MultirateLoop
+from wavesweep.monodromy.cut import Cut, OpenFrame, cut_of, open_frame, with_batch
+from wavesweep.monodromy.drift import TickDrift
+from wavesweep.monodromy.interconnect import WORST_CONDITION
+from wavesweep.response.port import Ports
+from wavesweep.response.resting import Resting
+from wavesweep.response.resting_frame import resting_frame, shows_at_rest
 from wavesweep.spec.drawing import Drawing, name_of, path_of
+from wavesweep.stability import Intervals, stable_intervals
 from wavesweep.sweep.drawn_loops import drift_of, feels, hand_of, named_loops
 from wavesweep.sweep.grid import distinct_rows, items_of, read_by, selected
 
@@ -50,7 +50,7 @@ class OpenLoops:
     combination of states drifts in the loops with the number.
     """
 
-    drawn: Drawn
+    drawn: MultirateLoop
     frame: OpenFrame
     drift: TickDrift
     hand: Ports | None = None

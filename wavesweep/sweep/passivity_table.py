@@ -10,7 +10,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from wavesweep.analysis.passivity import (
+from wavesweep.errors import UsageError
+from wavesweep.loops.from_drawing import assembled, refuse_unsuitable
+from wavesweep.passive import (
     channel_norm,
     filter_table,
     has_waves,
@@ -18,11 +20,9 @@ from wavesweep.analysis.passivity import (
     port_margin,
     sufficient_order,
 )
-from wavesweep.analysis.passivity.channel import CUTOFFS_HZ, numbers_of_channel
-from wavesweep.analysis.passivity.held_loop import device_of
-from wavesweep.analysis.passivity.margin import LONGEST
-from wavesweep.diagram.assembly import assembled, refuse_unsuitable
-from wavesweep.errors import UsageError
+from wavesweep.passive.channel import CUTOFFS_HZ, numbers_of_channel
+from wavesweep.passive.held_loop import device_of
+from wavesweep.passive.margin import LONGEST
 from wavesweep.spec import Spec
 from wavesweep.spec.drawing import Drawing
 from wavesweep.sweep.checkpoint import gather, stretches

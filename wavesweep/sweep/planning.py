@@ -2,9 +2,9 @@
 
 from functools import cache, partial
 
-from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import SpecError, UsageError
 from wavesweep.loops.controllers import keys_of_page
+from wavesweep.loops.from_drawing import assembled
 from wavesweep.loops.page import steps_of
 from wavesweep.spec import Spec
 from wavesweep.sweep.drawn_loops import drift_of, refuse_singular

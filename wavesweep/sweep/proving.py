@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.analysis.doubt import NONE
-from wavesweep.analysis.intervals import Intervals
 from wavesweep.errors import IllPosedLoopError
 from wavesweep.spec.drawing import Drawing
+from wavesweep.stability import Intervals
+from wavesweep.stability.certificate import NONE
 from wavesweep.sweep.drawn_loops import Groups, drift_of
 from wavesweep.sweep.grid import selected
 from wavesweep.sweep.tasks import RECORD

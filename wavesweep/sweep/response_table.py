@@ -7,17 +7,17 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from wavesweep.analysis.doubt import NONE, OVERFLOW, ROUNDING, SPARED, UNSTABLE, words
-from wavesweep.analysis.response.gain import gain_of
-from wavesweep.analysis.response.lifted import Lifted
-from wavesweep.analysis.response.steady import respond
-from wavesweep.analysis.rows import complex_columns
-from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import SpecError, UsageError
+from wavesweep.loops.from_drawing import assembled
 from wavesweep.loops.page import RATIO, steps_of
+from wavesweep.response.gain import gain_of
+from wavesweep.response.lifted import Lifted
+from wavesweep.response.steady import respond
+from wavesweep.rows import complex_columns
 from wavesweep.spec.axes import Axis
 from wavesweep.spec.drawing import Drawing
 from wavesweep.spec.studies import beyond_half
+from wavesweep.stability.certificate import NONE, OVERFLOW, ROUNDING, SPARED, UNSTABLE, words
 from wavesweep.sweep.drawn_loops import ports_of, ports_of_batch, radii_of
 from wavesweep.sweep.grid import drawing_for, groups, items_of, keys_of, make_grid, refuse_rows, selected
 from wavesweep.sweep.job import Chunk, Chunks, Job, resolve_all

@@ -10,8 +10,8 @@ from os import PathLike
 from pathlib import Path
 from types import NoneType
 
-from wavesweep.analysis.given import boolean
 from wavesweep.errors import UsageError
+from wavesweep.given import boolean
 from wavesweep.sweep.checkpoint import DamagedError, MemoryCheckpoint, blocks, checkpoint_of
 from wavesweep.sweep.estimates import expected_seconds, refuse_full_disk
 from wavesweep.sweep.job import Job, naming_values

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from wavesweep.analysis.response.steady import respond
-from wavesweep.analysis.rows import complex_columns
-from wavesweep.analysis.simulation import Simulation, Tone, estimate, hand_force, record_path, simulated, table
-from wavesweep.analysis.simulation.march import FARTHEST, STRONGEST
-from wavesweep.analysis.simulation.record import own_image
+from wavesweep.response.steady import respond
+from wavesweep.rows import complex_columns
+from wavesweep.simulation import Simulation, Tone, estimate, hand_force, record_path, simulated, table
+from wavesweep.simulation.march import FARTHEST, STRONGEST
+from wavesweep.simulation.record import own_image
 from wavesweep.spec import Spec
 from wavesweep.spec.devices import DEVICES
 from wavesweep.sweep.assumptions import over_preset

@@ -11,8 +11,8 @@ from typing import Protocol
 
 import numpy as np
 
-from wavesweep.analysis.intervals import Intervals
 from wavesweep.errors import IllPosedLoopError
+from wavesweep.stability import Intervals
 from wavesweep.sweep.grid import make_grid
 
 WATCH = 0.5  # s between two looks at the parent

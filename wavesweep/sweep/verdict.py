@@ -5,14 +5,14 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from wavesweep.analysis.response.lines import shown_in_ticks, strongest_turns
-from wavesweep.analysis.response.steady import respond, static_response
-from wavesweep.analysis.spectrum import damping_ratio, eigenvalues, radius_of, slowest
-from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import SpecError, WavesweepError
+from wavesweep.loops.from_drawing import assembled
+from wavesweep.response.lines import shown_in_ticks, strongest_turns
+from wavesweep.response.steady import respond, static_response
 from wavesweep.spec import KEYS, Axis, Spec
 from wavesweep.spec.keys import VALUE_PATHS
 from wavesweep.spec.resolving import longest_delay
+from wavesweep.stability.spectrum import damping_ratio, eigenvalues, radius_of, slowest
 from wavesweep.sweep.assumptions import assumes
 from wavesweep.sweep.drawn_loops import loop_at_hand, radii_of, refuse_singular, telling_frames
 from wavesweep.sweep.grid import drawing_for, keys_of, make_grid, own_loop, read_by
@@ -232,8 +232,8 @@ def _channel_norm(values):
 
 @lru_cache(maxsize=64)  # a design that is varied by something else keeps its channel
 def _norm_of(kept):
-    from wavesweep.analysis.passivity import channel_norm
     from wavesweep.loops.controllers import loop_drawing
+    from wavesweep.passive import channel_norm
 
     values = {path: KEYS[path].default for path in VALUE_PATHS} | dict(kept)
     norm = channel_norm(loop_drawing(values), values)

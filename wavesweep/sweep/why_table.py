@@ -7,14 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wavesweep.analysis.sensitivity import SLOPPY, STEP, Crossings, crossings_of, tracked_eigenvalue
-from wavesweep.analysis.spectrum import damping_ratio, eigenvalues
-from wavesweep.diagram.assembly import assembled
 from wavesweep.errors import UsageError, WavesweepError
+from wavesweep.loops.from_drawing import assembled
 from wavesweep.spec import Axis, Spec, sweep_axes
 from wavesweep.spec.drawing import decides, path_of
 from wavesweep.spec.expressions import names_in
 from wavesweep.spec.loading import naming
+from wavesweep.stability.sensitivity import SLOPPY, STEP, Crossings, crossings_of, tracked_eigenvalue
+from wavesweep.stability.spectrum import damping_ratio, eigenvalues
 from wavesweep.sweep.assumptions import over_preset
 from wavesweep.sweep.drawn_loops import drift_of, feels, felt_of, frames
 from wavesweep.sweep.drawn_task import TINY

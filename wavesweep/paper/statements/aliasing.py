@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from wavesweep.analysis.passivity import ChannelNorm
-from wavesweep.analysis.passivity.channel import TOLERANCE
-from wavesweep.diagram.filters import butterworth
-from wavesweep.lifted.circle import on_circle
-from wavesweep.lifted.resolvent import solved_response
+from wavesweep.loops.filters import butterworth
+from wavesweep.monodromy.circle import on_circle
+from wavesweep.monodromy.resolvent import solved_response
 from wavesweep.paper.felt_responses import show
 from wavesweep.paper.paper_loops import BASE, PaperLoops
 from wavesweep.paper.readings import ANTI_ALIASING, FILTERS, Reading, readings, under
 from wavesweep.paper.verdicts import Answer, Finding, Statement, over
+from wavesweep.passive import ChannelNorm
+from wavesweep.passive.channel import TOLERANCE
 
 HIGHEST_HZ = 24.0
 LP1 = readings(ANTI_ALIASING)

@@ -1,0 +1,92 @@
+"""The device under held forces, against scipy's matrix exponential and 50 digits."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+from support import exact
+from support.specs import values_of
+
+import wavesweep
+from wavesweep.loops.device import device
+
+# mass (kg), damping (N*s/m), stiffness (N/m), period (s): the paper's; free of friction; heavily overdamped; with a
+# spring in the hand; stiff and overdamped; heavy and slow.
+CALM = [
+    (0.1, 1.5, 0.0, 1e-3), (0.1, 0.0, 0.0, 1e-3), (1e-4, 50.0, 0.0, 1e-3), (0.1, 1.5, 800.0, 1e-3),
+    (1e-3, 40.0, 300.0, 0.01), (80.0, 1e-3, 1e-3, 1e-4),
+]  # fmt: skip
+# These ring within the tick, and so their entries may pass through zero.
+RINGING = [(0.1, 0.0, 800.0, 0.02), (0.05, 0.3, 20000.0, 5e-3)]
+
+
+def block_of(mass, damping, stiffness, period, velocity="exact"):
+    return device(values_of("dc", mass=mass, damping=damping, stiffness=stiffness, velocity=velocity), period)
+
+
+@pytest.mark.parametrize(("mass", "damping", "stiffness", "period"), CALM + RINGING)
+def test_a_tick_is_the_exponential_of_the_plant(mass, damping, stiffness, period):
+    """scipy's expm is good to a few ulp, times the norm that it squares away, of each column's largest entry."""
+    block = block_of(mass, damping, stiffness, period)
+    plant = np.array([[-damping / mass, -stiffness / mass, 1 / mass], [1, 0, 0], [0, 0, 0]])
+    whole = scipy.linalg.expm(plant * period)[:2]
+    found = np.hstack([block.E + np.eye(2), block.B])
+    lost = 1e-15 * (100 + np.abs(plant * period).sum())
+    assert np.all(np.abs(found - whole) <= lost * np.abs(whole).max(axis=0))
+
+
+@pytest.mark.parametrize(("mass", "damping", "stiffness", "period"), CALM)
+def test_every_entry_keeps_its_digits(mass, damping, stiffness, period):
+    """Relative to each entry, not to the largest, and in delta form, where 1 - exp(-tiny) would have lost them."""
+    block = block_of(mass, damping, stiffness, period)
+    values = values_of("dc", mass=mass, damping=damping, stiffness=stiffness)
+    flow, push = exact.zero_order_hold(values, exact.mp.mpf(period))
+    wanted = [[flow[1][1] - 1, flow[1][0], push[1]], [flow[0][1], flow[0][0] - 1, push[0]]]
+    found = np.hstack([block.E, block.B])
+    for row, line in zip(found, wanted, strict=True):
+        for have, want in zip(row, line, strict=True):
+            assert abs(have - want) <= 1e-13 * abs(want)
+
+
+def test_devices_of_a_batch_come_out_as_one_by_one():
+    """Masses from grams to tons share the number of doublings, which must not be seen in the result."""
+    mass, damping = np.array([1e-4, 0.1, 1e3]), np.array([50.0, 0.0, 2.0])
+    together = block_of(mass, damping, 10.0, 1e-3)
+    for i in range(3):
+        alone = block_of(mass[i], damping[i], 10.0, 1e-3)
+        np.testing.assert_allclose(together.E[i], alone.E, rtol=1e-14)
+        np.testing.assert_allclose(together.B[i], alone.B, rtol=1e-14)
+
+
+def march(block, forces):
+    state, seen = np.zeros(len(block.states)), []
+    for force in forces:
+        seen.append(block.C @ state + block.D[:, 0] * force)
+        state = state + block.E @ state + block.B[:, 0] * force
+    return np.array(seen).T
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 300.0])
+def test_an_encoder_gives_the_difference_of_positions(stiffness):
+    """`v_hat[k] = (x[k] - x[k-1])/T`, and the position does not care how its velocity is measured."""
+    forces = np.random.default_rng(1).standard_normal(50)
+    x, v_hat, dx = march(block_of(0.1, 1.5, stiffness, 1e-3, "difference"), forces)
+    np.testing.assert_allclose(v_hat[1:], np.diff(x) / 1e-3, atol=1e-12 * np.abs(v_hat).max())
+    np.testing.assert_allclose(dx[:-1], np.diff(x), atol=1e-12 * np.abs(dx).max())
+    np.testing.assert_allclose(x, march(block_of(0.1, 1.5, stiffness, 1e-3), forces)[0], atol=1e-14 * np.abs(x).max())
+
+
+def test_the_operator_adds_to_the_device():
+    """`(m + m_h) a + (d + d_h) v + k_h x`: only the sums of masses and dampings matter."""
+    split = values_of("dc", mass=0.1, damping=1.5, **{"operator.mass": 0.4, "operator.damping": 2.5})
+    whole = values_of("dc", mass=0.5, damping=4.0)
+    assert np.array_equal(device(split, 1e-3).E, device(whole, 1e-3).E)
+    assert np.array_equal(device(split, 1e-3).B, device(whole, 1e-3).B)
+
+
+@pytest.mark.parametrize("mass", [1e-310, 1e-300])
+def test_a_mass_next_to_nothing_gives_a_loop_in_doubt_and_no_warning(mass):
+    """Its damping by the mass is infinite, or nearly."""
+    loop = wavesweep.compile({"controller": {"kind": "dc"}, "device": {"mass": mass}})
+    table = loop.stable_intervals(span=(0.0, 5.0))
+    assert not table["certified"].any()
+    assert table["doubt"][0] in ("overflow", "counts")

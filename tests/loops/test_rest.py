@@ -1,0 +1,198 @@
+"""The equations of drawn loops at rest in exact numbers: arithmetic, and the shifts that they leave."""
+
+import tomllib
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from support.drawn import NETWORK, as_blocks, random_tables
+from support.specs import KINDS
+
+import wavesweep
+from wavesweep.loops import blocks
+from wavesweep.loops.from_drawing import twins
+from wavesweep.loops.integrator_modes import Numbers, _Equations, _NewRoot, shifts
+from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.monodromy.periodic import frame_of, ticks_of
+from wavesweep.spec import load
+from wavesweep.spec.expressions import parse
+from wavesweep.sweep.drawn_loops import drift_of
+
+
+def value(text, varied=(), **numbers):
+    """The value of an expression, and the numbers that it is one of."""
+    drawing, roots = load(tomllib.loads(NETWORK)).drawing, []
+    given = {f"numbers.{name}": number for name, number in numbers.items()}
+    while True:
+        exact = Numbers(roots)
+        try:
+            return _Equations(drawing, given, varied, "", exact)._value(parse(text)), exact
+        except _NewRoot as error:
+            roots.append(error.args[0])
+
+
+NUMBERS = {"a": 0.1, "b": -1.7e-9, "c": 123456.789}
+A, B, C = (Fraction(repr(number)) for number in NUMBERS.values())
+
+
+@pytest.mark.parametrize(
+    ("text", "exact"),
+    [
+        ("a + b - 3*c", A + B - 3 * C),
+        ("a/b/c", A / B / C),
+        ("-(a - 2)**3/(1 - c)**2", -((A - 2) ** 3) / (1 - C) ** 2),
+        ("a**-2 + b**40", A**-2 + B**40),
+        ("1/(a*b) - 1/a/b", Fraction(0)),
+        ("0.1 + 0.2 - 0.3", Fraction(0)),
+        ("sqrt(2.25) - 1.5", Fraction(0)),
+    ],
+)
+def test_expressions_are_those_of_decimals(text, exact):
+    found, _ = value(text, **NUMBERS)
+    assert (int(found.p), int(found.q)) == (exact.numerator, exact.denominator)
+
+
+@pytest.mark.parametrize(
+    ("text", "zero"),
+    [
+        ("sqrt(a)*sqrt(a) - a", True),
+        ("sqrt(a) - a**0.5", True),
+        ("sqrt(a) - sqrt(c)", False),
+        ("sqrt(a) + sqrt(a)", False),
+        ("sqrt(2*a)*sqrt(2/a) - 2", True),
+        ("sqrt(2*a)*sqrt(2/a) + 2", False),
+        ("sqrt(a)*sqrt(c) - sqrt(a*c)", True),
+        ("sqrt(a)*sqrt(c) + sqrt(a*c)", False),
+        ("sqrt(a)*sqrt(c)*sqrt(7) - sqrt(7*a*c)", True),
+        ("sqrt(9*a) - 3*sqrt(a)", True),
+        ("sqrt(9*a) + 3*sqrt(a)", False),
+        ("sqrt(a - a)", True),
+        ("sqrt(2.5*c)/c - 2.5/sqrt(2.5*c)", True),
+    ],
+)
+@pytest.mark.parametrize("varied", ["", "ac"])
+def test_roots_keep_what_is_zero_of_real_roots_and_nothing_else(text, zero, varied):
+    for numbers in (NUMBERS, {"a": 2.0, "c": 3.0}):
+        found, exact = value(text, varied, **numbers)
+        assert (not found) == zero
+        expected = eval(text, {"sqrt": np.sqrt}, numbers)  # noqa: S307
+        assert exact.to_double(found) == pytest.approx(expected, rel=1e-12, abs=1e-9)
+
+
+def test_the_root_of_a_square_that_varies_may_have_either_sign():
+    for text in ("sqrt((a - c)**2) + a - c", "sqrt((a - c)**2) - a + c"):
+        found, exact = value(text, "a", **NUMBERS)
+        assert found
+        with pytest.raises(ZeroDivisionError):
+            exact.inverse(found)
+    assert not value("sqrt((a - c)**2) + a - c", **NUMBERS)[0]
+
+
+@pytest.mark.parametrize("text", ["1/(a - a)", "a**0.3", "2**(a/3)", "sqrt(sqrt(a))", "a**1000"])
+def test_numbers_that_are_not_exact_are_refused(text):
+    with pytest.raises(ArithmeticError):
+        value(text, a=2.0)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_no_tick_changes_what_a_shift_moves(seed):
+    """Where nothing reads what moves but what moves with it."""
+    spec = load(random_tables(seed))
+    _unchanged(spec)
+
+
+def _unchanged(spec):
+    drift, drawn = drift_of(spec.drawing, spec.values), twins(spec.drawing, spec.values)[0]
+    E = frame_of(ticks_of(drawn, alone=True))
+    for lead, others in drift.moved:
+        shift = np.zeros(len(drift.states))
+        shift[[lead, *(state for state, _ in others)]] = [1.0, *(factor for _, factor in others)]
+        assert np.all(np.abs(E @ shift) <= 1e-11 * (np.abs(E) @ np.abs(shift)))
+    return len(drift.moved)
+
+
+WITH_WALL = {("dc", 0.0): 0, ("dc", 30.0): 0, ("dc-", 0.0): 0, ("dc-", 30.0): 0, ("pmw", 0.0): 1, ("pmw", 30.0): 1}
+
+
+@pytest.mark.sample(10)
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("velocity", ["exact", "difference"])
+@pytest.mark.parametrize("integration", ["explicit", "implicit", "trapezoidal"])
+def test_the_drift_of_a_controller_drawn_as_blocks_is_exact(kind, velocity, integration):
+    for wall in (0.0, 500.0):
+        for spring in (0.0, 30.0):
+            values = load(
+                {
+                    "controller": {"kind": kind},
+                    "device": {"velocity": velocity},
+                    "operator": {"stiffness": spring},
+                    "environment": {"integration": integration, "K_VE": wall},
+                }
+            ).values
+            free = (spring == 0) + (kind.startswith("pmw"))  # without a wall, as the avatar too
+            assert _unchanged(load(as_blocks(values))) == (free if wall == 0 else WITH_WALL[kind[:3], spring])
+
+
+@pytest.mark.parametrize(("k", "exact"), [(45, False), (48, False), (None, True)])
+def test_a_loop_that_is_built_in_python_has_a_drift_only_if_its_entries_cancel_exactly(k, exact):
+    """A mode at 1 + 2^-k in a turned basis, which the gain does not reach, beside one at exactly 1."""
+    turn = np.array([[1.0, 3.0], [0.5, 2.0]])
+    back = np.linalg.inv(turn)
+    E = turn @ np.diag([0.0 if k is None else 2.0**-k, -0.5]) @ back
+    ports = (turn @ [[0.0], [1.0]]).tolist(), (np.array([[0.0, 1.0]]) @ back).tolist(), [[0.0]]
+    block = blocks.ss("g", 1.0, (E + np.eye(2)).tolist(), *ports, ("u",), ("y",), discrete=True)
+    found = shifts(MultirateLoop(1.0, (ScheduledBlock(block, 1, 0),), {"g.u": {"g.y": -0.5}}), {"g"})
+    assert found == ([pytest.approx({"g.x0": 1.0, "g.x1": 0.5})] if exact else [])
+
+
+BILATERAL = """
+[rates]
+tick_hz = 1000
+[numbers]
+b = 5.0
+kh = 50.0
+ke = 100.0
+[block.master]
+type = "mass"
+mass = 0.2
+damping = 0.3
+stiffness = "kh"
+[block.sent]
+type = "wave"
+b = "b"
+[block.there]
+type = "delay"
+steps = 10
+[block.received]
+type = "wave"
+b = "b"
+gives = "velocity"
+[block.back]
+type = "delay"
+steps = 10
+[block.slave]
+type = "integrator"
+method = "explicit"
+[wire]
+"sent.v" = "master.v"
+"sent.in" = "back.y"
+"master.f" = "-sent.force"
+"there.u" = "sent.out"
+"received.in" = "there.y"
+"slave.u" = "received.v"
+"received.f" = "ke*slave.y + 0.5*received.v"
+"back.u" = "received.out"
+[sweep]
+along = "ke"
+ke = { start = 0, stop = 20000 }
+"""
+
+
+def test_a_sprung_master_and_a_slave_on_a_spring_share_a_force_that_nothing_changes():
+    # At rest the waves carry any force; the two springs follow it, and so the shift has the root of 2b in it.
+    loop = wavesweep.compile(tomllib.loads(BILATERAL))
+    for name, span in (("ke", (0, 20000)), ("b", (0.1, 500))):
+        (row,) = loop.stable_intervals(name, span).itertuples()
+        assert row.certified
+        below, above = loop.spectral_radius(**{name: [row.high * (1 - 1e-6), row.high * (1 + 1e-6)]})
+        assert below < 1 < above

@@ -1,0 +1,262 @@
+"""Connecting blocks: junctions, algebraic loops, and loops that have no solution."""
+
+import sys
+import warnings
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import mpmath
+import numpy as np
+import pytest
+from support.lifted import transfer
+from support.nets import SINGULAR, first_order, random_net
+from support.responses import loop_of
+
+from wavesweep.errors import IllPosedLoopError
+from wavesweep.loops.block import Block
+from wavesweep.loops.device import impulse_and_step
+from wavesweep.monodromy.cut import close
+from wavesweep.monodromy.interconnect import connect
+from wavesweep.monodromy.substitution import ANY, ONE, plan_of
+from wavesweep.sweep.open_loops import wall_cut
+
+
+def test_feedback_with_direct_terms_is_closed_exactly():
+    """`G = P/(1 + k P Q)`, both P and Q with direct terms."""
+    blocks = (first_order("p", 0.9, 0.3), first_order("q", -0.2, 2.0))
+    sums = {"p.u": {"r": 1, "back": -1}, "back": {"q.y": 3.0}, "q.u": {"p.y": 1}}
+    closed = connect("loop", blocks, sums, ("r",), ("p.y", "back"))
+    w = -0.3 + 0.5j
+    P, Q = (transfer(block, w)[0, 0] for block in blocks)
+    loop = 3 * P * Q
+    np.testing.assert_allclose(transfer(closed, w)[:, 0], [P / (1 + loop), loop / (1 + loop)], rtol=1e-14)
+    assert closed.states == ("p.s", "q.s")
+
+
+def test_an_external_signal_may_pass_straight_through():
+    sums = {"p.u": {"r": 1}, "sum": {"r": 2, "p.y": 1}}
+    closed = connect("wire", (first_order("p", 0.9, 0.0),), sums, ("r",), ("sum",))
+    assert np.array_equal(closed.D, [[2.0]])
+
+
+def test_a_signal_that_nothing_makes_is_named():
+    with pytest.raises(ValueError, match="nothing makes the signal 'ghost'"):
+        connect("loop", (first_order("p", 0.9, 0.0),), {"p.u": {"ghost": 1}}, (), ("p.y",))
+
+
+def test_a_loop_without_solution_is_refused_with_its_condition_and_a_cure():
+    blocks = (first_order("p", 0.9, 0.5),)
+    with pytest.raises(IllPosedLoopError, match=r"p\.u is ill-posed: condition number inf, expected below 1e\+12"):
+        connect("fast", blocks, {"p.u": {"r": 1, "p.y": 2.0}}, ("r",), ("p.y",))
+
+
+def test_one_loop_without_solution_is_found_in_a_batch():
+    gain = np.array([1.0, 2.0, 3.0])
+    with pytest.raises(IllPosedLoopError):
+        connect("fast", (first_order("p", 0.9, 0.5),), {"p.u": {"r": 1, "p.y": gain}}, ("r",), ("p.y",))
+
+
+@pytest.mark.sample(10)
+@pytest.mark.parametrize("seed", range(30))
+def test_blocks_that_feed_each_other_at_once_do_what_their_equations_say(seed):
+    """All equations of ports and outputs as one system, solved at once."""
+    blocks, sums, inputs, outputs = random_net(seed)
+    closed = connect("net", blocks, sums, inputs, outputs, terms=True)
+    random = np.random.default_rng(seed)
+    x, r = random.normal(size=len(closed.states)), dict(zip(inputs, random.normal(size=2), strict=True))
+    names = [f"{b.name}.{port}" for b in blocks for port in (*b.inputs, *b.outputs)]
+    at = {name: i for i, name in enumerate(names)}
+    A, right, first = np.eye(len(names)), np.zeros(len(names)), 0
+    for block in blocks:
+        own = x[first : first + len(block.states)]
+        first += len(block.states)
+        for port in block.inputs:
+            row = at[f"{block.name}.{port}"]
+            for source, gain in sums[f"{block.name}.{port}"].items():
+                if source in r:
+                    right[row] += gain * r[source]
+                else:
+                    A[row, at[source]] -= gain
+        for i, port in enumerate(block.outputs):
+            row = at[f"{block.name}.{port}"]
+            right[row] = block.C[i] @ own
+            for k, source in enumerate(block.inputs):
+                A[row, at[f"{block.name}.{source}"]] -= block.D[i, k]
+    signals = dict(zip(names, np.linalg.solve(A, right), strict=True)) | r
+    change, first = [], 0
+    for block in blocks:
+        own = x[first : first + len(block.states)]
+        first += len(block.states)
+        change.append(block.E @ own + block.B @ [signals[f"{block.name}.{port}"] for port in block.inputs])
+    seen = [sum(gain * signals[source] for source, gain in sums["seen"].items()), signals[outputs[1]]]
+    scale = np.linalg.cond(A)
+    np.testing.assert_allclose(closed.E @ x + closed.B @ list(r.values()), np.concatenate(change), atol=1e-13 * scale)
+    np.testing.assert_allclose(closed.C @ x + closed.D @ list(r.values()), seen, atol=1e-13 * scale)
+    for part, terms in zip("EBCD", closed.terms, strict=True):
+        assert (np.abs(getattr(closed, part)) <= terms * (1 + 1e-12) + 1e-300).all()
+    assert 1 <= closed.condition < 1e6
+
+
+@pytest.mark.parametrize("kind", [float, complex])
+@pytest.mark.parametrize("seed", range(8))
+def test_a_loop_of_a_batch_has_the_same_bits_alone(seed, kind):
+    blocks, sums, inputs, outputs = random_net(seed, (37,), kind)
+    whole = connect("net", blocks, sums, inputs, outputs, terms=True)
+    for at in (slice(0, 1), slice(5, 8), slice(36, 37)):
+        few = [Block(b.name, b.inputs, b.outputs, b.states, *(getattr(b, part)[at] for part in "EBCD")) for b in blocks]
+        own = {port: {s: g if np.ndim(g) == 0 else g[at] for s, g in terms.items()} for port, terms in sums.items()}
+        part = connect("net", few, own, inputs, outputs, terms=True)
+        for name in "EBCD":
+            assert np.array_equal(getattr(part, name), getattr(whole, name)[at])
+        for one, all_ in zip(part.terms, whole.terms, strict=True):
+            assert np.array_equal(one, all_[at])
+
+
+def static(D, outputs="stuvw"):
+    p, m = np.shape(D)[-2:]
+    return Block("b", tuple("abcde"[:m]), tuple(outputs[:p]), (), np.zeros((0, 0)), np.zeros((0, m)), np.zeros((p, 0)), D)
+
+
+@pytest.mark.parametrize(("gain", "off"), [(1.0, 1e-14), (1e6, 1e-14), (1e9, 1e-13), (1e11, 1e-10)])
+def test_small_entries_of_a_loop_keep_their_digits_beside_large_ones(gain, off):
+    """Ports of three rows that feed each other, one gain large: the inverse of `I - D`, entry by entry, in 60 digits."""
+    random, tried = np.random.default_rng(3), 0
+    for _ in range(40):
+        D = random.normal(size=(3, 3))
+        D[tuple(random.integers(0, 3, 2))] *= gain
+        with mpmath.workdps(60):
+            exact = np.array((mpmath.matrix((np.eye(3) - D).tolist()) ** -1).tolist(), float)
+        if (np.abs(exact) @ np.abs(np.eye(3) - D)).sum(1).max() > 1e4:
+            continue
+        tried += 1
+        sums = {f"b.{port}": {f"b.{output}": 1.0, f"r{port}": 1.0} for port, output in zip("abc", "stu", strict=True)}
+        found = connect("loop", (static(D),), sums, ("ra", "rb", "rc"), ("b.a", "b.b", "b.c")).D
+        np.testing.assert_allclose(found, exact, rtol=off * 1e2, atol=0)
+    assert tried > 20
+
+
+def test_what_a_port_does_not_need_is_exactly_zero_in_it():
+    """The inverse of a loop whose second half alone sees the state keeps roundings of the first."""
+    random = np.random.default_rng(0)
+    for _ in range(50):
+        D = np.block([[random.normal(size=(2, 2)), np.zeros((2, 2))], [random.normal(size=(2, 4))]])
+        block = Block(
+            "b", tuple("abcd"), tuple("stuv"), ("x",), [[0.0]], random.normal(size=(1, 4)), [[0], [0], [1.0], [2.0]], D
+        )
+        sums = {f"b.{port}": {f"b.{output}": 1.0} for port, output in zip("abcd", "stuv", strict=True)}
+        assert not connect("loop", (block,), sums, (), ("b.a", "b.b")).C.any()
+
+
+def test_the_pivot_is_zero_where_a_loop_has_no_solution():
+    """Two loops, `1 - g` and `1 + 3 g`, at complex g: their product is analytic."""
+    g = np.array([0.3, 1.0 + 1e-9j, -1 / 3 + 0.2j])
+    D = np.zeros((3, 2, 2), complex)
+    D[:, 0, 0], D[:, 1, 1] = g, -3 * g
+    sums = {"b.a": {"b.s": 1, "r": 1}, "b.b": {"b.t": 1}}
+    assert connect("loop", (static(D),), sums, ("r",), ("b.s",)).pivot == pytest.approx((1 - g) * (1 + 3 * g), rel=1e-12)
+
+
+def test_torn_loops_are_conditioned_by_what_their_terms_cancel():
+    """`u = r + (a + b) u` with a = 1e6 and b = 1 - a - 1e-3: the return difference 1e-3 is one of terms of 1e6."""
+    direct = Block("p", ("u",), ("y", "z"), (), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((2, 0)), [[1e6], [-1e6 + 0.999]])
+    closed = connect("loop", (direct,), {"p.u": {"r": 1, "p.y": 1, "p.z": 1}}, ("r",), ("p.y",))
+    assert closed.D[0, 0] == pytest.approx(1e9, rel=1e-6)
+    assert closed.condition == pytest.approx(2e9, rel=1e-3)
+
+
+def test_two_branches_that_answer_each_other_at_once_are_refused():
+    """With F_s and F_l of three times the impedance each, u_m does not determine v_m."""
+    with pytest.raises(IllPosedLoopError, match="no solution"):
+        loop_of(SINGULAR | {"environment.K_VE": 500.0, "environment.B_VE": 75.0})
+
+
+def test_the_same_branches_are_fine_a_little_further():
+    cut = wall_cut(SINGULAR)
+    assert np.isfinite(close(cut, 500.0, 76.0)).all()
+
+
+def test_the_pivot_of_one_loop_is_its_return_difference():
+    gain = Block("g", ("u",), ("y",), (), np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[0.25]]))
+    closed = connect("loop", (gain,), {"g.u": {"g.y": 3.0, "in": 1}}, ("in",), ("g.y",))
+    assert (closed.D[0, 0], closed.pivot) == (1.0, 0.25)
+
+
+def test_loops_of_one_structure_share_a_plan_and_others_do_not():
+    def planned(pole, through, gain=-1):
+        """Plans that the loop makes, and whether it goes round at once."""
+        blocks, before = (first_order("p", pole, through), first_order("q", -0.2, 2.0)), plan_of.cache_info().misses
+        sums = {"p.u": {"r": 1, "back": gain}, "back": {"q.y": 3.0}, "q.u": {"p.y": 1}}
+        closed = connect("loop", blocks, sums, ("r",), ("p.y",))
+        return plan_of.cache_info().misses - before, closed.pivot != 1
+
+    plan_of.cache_clear()
+    assert planned(0.9, 0.3) == (1, True)
+    assert planned(0.5, 0.7) == (0, True)
+    assert planned(0.9, 0.0) == (1, False)  # no direct term
+    assert planned(0.9, 0.3, 1) == (1, True)  # a gain of 1 multiplies nothing
+    assert planned(0.9, 0.3) == (0, True)
+
+
+def test_numbers_that_nothing_needs_are_not_computed_and_places_are_used_again():
+    """A chain of 20 gains beside others that nothing reads."""
+    blocks = tuple((f"{kind}{i}", ("u",), ("y",), 0, False) for kind in "ab" for i in range(20))
+    sums = tuple((f"{kind}{i}.u", (f"{kind}{i - 1}.y" if i else "r",)) for kind in "ab" for i in range(20))
+    patterns = bytes([ANY] * 40 + [ONE] * 40)
+    plan = plan_of(blocks, sums, ("r",), ("a19.y",), False, patterns)
+    assert sum(map(len, plan.stages)) == 19
+    assert plan.places <= len(patterns) + 2
+
+
+def test_sizes_that_are_known_reach_the_whole_through_entries_that_are_zero():
+    """What cancels in a block leaves rounding in it; so it does in what it is connected to."""
+    block = replace(static([[0.0]]), terms=(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[3.0]])))
+    closed = connect("chain", (block,), {"b.a": {"r": 2.0}, "out": {"b.s": -5.0}}, ("r",), ("out",), terms=True)
+    assert (closed.D, closed.terms[3]) == (0.0, 30.0)
+
+
+def test_threads_that_connect_one_structure_at_once_find_what_one_finds():
+    """Each of them may work out its plan, in which nothing changes afterwards."""
+    random = np.random.default_rng(3)
+
+    def block(name):
+        return Block(
+            name, ("u",), ("y",), ("p", "q"), *(random.normal(size=shape) for shape in ((2, 2), (2, 1), (1, 2), (1, 1)))
+        )
+
+    blocks = [block(f"b{i}") for i in range(14)]
+    sums = {f"b{i}.u": {f"b{i - 1}.y": random.normal(), "r": 2.0} if i else {"r": 0.5} for i in range(14)}
+    given = "net", blocks, sums, ("r",), tuple(f"b{i}.y" for i in range(14))
+    expected, before, wrong = connect(*given, terms=True), sys.getswitchinterval(), 0
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            for _ in range(30):
+                plan_of.cache_clear()
+                for found in pool.map(lambda _: connect(*given, terms=True), range(4)):
+                    wrong += not all(np.array_equal(*pair) for pair in zip(found.terms, expected.terms, strict=True))
+    finally:
+        sys.setswitchinterval(before)
+    assert wrong == 0
+
+
+def test_a_batch_without_loops_is_connected_to_none():
+    assert connect("net", *random_net(3, (0,))).E.shape[0] == 0
+
+
+@pytest.mark.parametrize("terms", [False, True])
+def test_sizes_beside_complex_numbers_are_real(terms):
+    blocks, sums, *signals = random_net(4, (5,), complex)
+    known = [replace(b, terms=tuple(np.abs(getattr(b, part)) for part in "EBCD")) for b in blocks]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # numpy warns if an imaginary part is left out
+        found, expected = (connect("net", each, sums, *signals, terms=terms) for each in (known, blocks))
+    for one, other in zip(found.terms or (), expected.terms or (), strict=True):
+        assert one.dtype == float
+        np.testing.assert_allclose(one, other, rtol=1e-12)
+    assert all(np.array_equal(getattr(found, part), getattr(expected, part)) for part in "EBCD")
+
+
+def test_sizes_of_a_device_with_complex_numbers_are_real():
+    damping, stiffness = np.array([300 + 5j, 2.0]), np.array([1e5 + 1e3j, 1e6])
+    *_, of_s, of_g = impulse_and_step(damping, stiffness, 0.01)
+    assert (of_s.dtype, of_g.dtype) == (float, float)

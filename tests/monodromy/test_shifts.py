@@ -1,0 +1,62 @@
+"""States that only hand on what another was a frame ago: solves without them, against solves with them."""
+
+import numpy as np
+import pytest
+
+from wavesweep.monodromy.circle import on_circle
+from wavesweep.monodromy.shifts import DelayLines, Shifts
+
+
+def random_system(seed):
+    """E, B and C of a few loops, most of whose states hand on that of another, in chains, trees and rings."""
+    random = np.random.default_rng(seed)
+    n, loops = random.integers(1, 14), random.integers(1, 4)
+    A = 0.4 * random.normal(size=(loops, n, n)) * (random.random((n, n)) < 0.6)
+    B, C = random.normal(size=(loops, n, 1)), random.normal(size=(loops, 1, n))
+    for row in np.flatnonzero(random.random(n) < 0.6):
+        A[:, row], B[:, row] = 0, 0
+        A[:, row, random.integers(n)] = 1
+    return A - np.eye(n), B, C
+
+
+@pytest.mark.parametrize("seed", range(100))
+def test_a_solve_of_the_states_that_are_kept_is_one_of_all(seed):
+    """At real and at complex angles."""
+    E, B, C = random_system(seed)
+    shifts, random = Shifts.of(E, B), np.random.default_rng(seed)
+    theta = random.uniform(0.1, 3, (len(E), 5)) + (0.2j * random.normal(size=(len(E), 5)) if seed % 2 else 0)
+    A = on_circle(theta)[..., None, None] * np.eye(E.shape[-1]) - E[:, None]
+    reached = np.moveaxis(shifts.reached(E[:, None], B[:, None], theta), 0, -1)
+    read = np.moveaxis(shifts.read(E[:, None], C[:, None], theta), 0, -1)
+    limit = 1e-14 * np.linalg.cond(A).max()
+    for found, exact in (
+        (reached, np.linalg.solve(A, B[:, None] + 0j)[..., 0]),
+        (read, (C[:, None] @ np.linalg.inv(A))[..., 0, :]),
+    ):
+        assert np.abs(found - exact).max() <= limit * np.abs(exact).max()
+
+
+def test_what_is_kept():
+    """A chain of two behind state 0; a ring, of which one stays; a state with an input; one that differs between loops."""
+    A = np.zeros((2, 7, 7))
+    A[:, 0, 0] = 0.5
+    A[:, 1, 0] = A[:, 2, 1] = A[:, 3, 4] = A[:, 4, 3] = A[:, 5, 0] = A[:, 6, 0] = 1
+    B = np.zeros((2, 7, 1))
+    B[1, 5], A[1, 6, 0] = 1, 0.5
+    shifts = Shifts.of(A - np.eye(7), B)
+    assert set(shifts.delayed) in ({1, 2, 3}, {1, 2, 4})
+    assert shifts.frames[shifts.delayed == 2] == 2
+    assert shifts.kept[shifts.source[shifts.delayed == 2]] == 0
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_delay_lines_are_read_as_they_are_followed(seed):
+    """The delayed states, by way of the values that enter them and by way of those that are read, against a solve."""
+    E, _, _ = random_system(seed)
+    lines, random = DelayLines.of(E[0]), np.random.default_rng(seed)
+    d = lines.delayed
+    z = np.exp(1j * random.uniform(0, 3, 4))[:, None, None]
+    alone = np.linalg.inv((z - 1) * np.eye(d.size) - E[0][np.ix_(d, d)])
+    np.testing.assert_allclose(lines.along(np.eye(d.size) + 0 * z, z), alone, atol=1e-14)
+    out = random.normal(size=(3, d.size))
+    np.testing.assert_allclose(lines.read(out + 0 * z, z), out @ alone, atol=1e-13)

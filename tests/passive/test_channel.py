@@ -1,0 +1,108 @@
+"""The norm of the wave channel against the closed form and scans of the lifted matrices, and what must not matter."""
+
+import numpy as np
+import pytest
+from support.held import channel_norm
+
+from wavesweep.loops.controllers import loop_drawing
+from wavesweep.passive.channel import channel_of
+
+THETA = np.pi * np.linspace(0, 1, 801) ** 2
+
+
+def low_pass_power(phi, order, cutoff_hz, fast_hz=1000.0):
+    """|LP|^2 of a prewarped digital Butterworth filter, as textbooks have it."""
+    with np.errstate(over="ignore"):
+        return 1 / (1 + np.abs(np.tan(phi / 2) / np.tan(np.pi * cutoff_hz / fast_hz)) ** (2 * order))
+
+
+def aliases(theta, ratio):
+    return (theta[..., None] + 2 * np.pi * np.arange(ratio)) / ratio
+
+
+def closed_form(order, cutoff_hz, ratio):
+    """The norm is max(1, max over theta of the root of the sum of |LP1|^2 over the aliases); scanned, then refined."""
+
+    def root(theta):
+        return np.sqrt(low_pass_power(aliases(theta, ratio), order, cutoff_hz).sum(-1))
+
+    best, width = THETA[root(THETA).argmax()], 0.01
+    for _ in range(12):
+        near = np.clip(best + width * np.linspace(-1, 1, 41), 0, np.pi)
+        best, width = near[root(near).argmax()], width / 8
+    return max(1.0, root(np.array([best]))[0])
+
+
+@pytest.mark.sample(14)
+@pytest.mark.parametrize("order", range(1, 9))
+@pytest.mark.parametrize("cutoff_hz", [1.0, 10.0, 24.0, 60.0, 300.0])
+def test_pmw_agrees_with_the_closed_form(values, order, cutoff_hz):
+    found = channel_norm(values("pmw", **{"filters.lp1.order": order, "filters.lp1.cutoff_hz": cutoff_hz}))
+    assert found.certified
+    assert found.norm == pytest.approx(closed_form(order, cutoff_hz, 20), rel=1e-9, abs=0)
+
+
+@pytest.mark.parametrize(("order", "norm"), [(1, 1.0533), (2, 1.0017), (4, 1.0000024)])
+def test_the_numbers_of_the_model_page(values, order, norm):
+    digits = len(str(norm)) - 2
+    assert round(float(channel_norm(values("pmw", **{"filters.lp1.order": order})).norm), digits) == norm
+
+
+def test_without_waves_there_is_no_norm(values):
+    assert [channel_norm(values(kind)) for kind in ("dc", "dc-slow", "dc-lm")] == [None, None, None]
+
+
+@pytest.mark.sample(3)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_no_point_of_a_scan_is_higher(random_values, seed):
+    v = random_values(seed) | {"controller.kind": "pmw-lm" if seed % 3 else "pmw"}
+    found, channel = channel_norm(v), channel_of(loop_drawing(v), v)
+    assert found.certified
+    for norm, way in ((found.outward, channel.outward), (found.inward, channel.inward)):
+        scan = np.sqrt(way.lifted().largest_square(0, THETA).max())
+        assert scan <= norm * (1 + 2e-10)
+        assert norm <= scan * (1 + 1e-3)  # what the scan's spacing allows
+
+
+def test_two_returned_waves_are_added_so_the_way_back_of_the_filter_bank_gains_the_root_of_two(values):
+    """At zero frequency v_m = v_s + v_l, whatever LP2: the paper's bank is no passive channel between these ports."""
+    found = channel_norm(values("pmw-lm"))
+    assert found.inward == pytest.approx(np.sqrt(2), rel=1e-12)
+    assert (found.norm, found.omega) == (found.inward, 0.0)
+    assert not found.passive
+
+
+def test_what_is_outside_the_ports_does_not_matter(values):
+    one = channel_norm(values("pmw-lm"))
+    outside = {"device.mass": 1.0, "operator.stiffness": 50.0}
+    other = channel_norm(values("pmw-lm", b=70.0, Kp=30.0, K_VE=2000.0, **outside))
+    late = channel_norm(values("pmw-lm", **{"environment.delay": 7, "local_model.delay": 0}))
+    assert (one.outward, one.inward) == (other.outward, other.inward)
+    assert late.norm == pytest.approx(one.norm, rel=1e-12)
+
+
+def test_arrays_give_what_numbers_give(values):
+    cutoffs = np.array([[2.0, 10.0, 40.0], [5.0, 80.0, 300.0]])
+
+    def of(cutoff):
+        return channel_norm(values("pmw", **{"filters.lp1.cutoff_hz": cutoff, "filters.lp1.order": 3}))
+
+    found = of(cutoffs)
+    alone = [of(cutoff).norm for cutoff in cutoffs.flat]
+    assert found.norm.shape == (2, 3)
+    np.testing.assert_allclose(found.norm.ravel(), alone, rtol=2e-10)
+
+
+@pytest.mark.sample(2)
+@pytest.mark.slow
+@pytest.mark.parametrize("delay", [0, 66, 200])
+def test_hundreds_of_ticks_in_a_frame(values, delay):
+    v = values("pmw-lm", **{"rates.ratio": 200, "environment.delay": delay, "filters.lp1.order": 8})
+    found = channel_norm(v)
+    power = low_pass_power(aliases(np.linspace(0, np.pi, 201), 200), 8, 10.0)
+    high = 1 - low_pass_power(aliases(np.linspace(0, np.pi, 201), 200), 1, 10.0)
+    H = np.linalg.eigvalsh(np.sqrt(power[:5, :, None] * power[:5, None, :]) + high[:5, :, None] * np.eye(200))[:, -1]
+    assert found.certified
+    assert found.outward**2 >= H.max() * (1 - 1e-9)
+    assert found.outward**2 == pytest.approx(H[0], rel=1e-2)  # the limit of many ticks

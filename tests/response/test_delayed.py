@@ -1,0 +1,39 @@
+"""Frames with long delays, against closed forms."""
+
+import numpy as np
+import pytest
+
+import wavesweep
+from wavesweep.monodromy.shifts import DelayLines
+
+
+def test_what_is_kept():
+    """A chain of two behind state 0, to which state 0 adds; a ring; a sum of two; a copy that is weighted by 2."""
+    A = np.zeros((8, 8))
+    A[0, 0] = 0.5
+    A[1, 0] = A[2, 1] = A[3, 4] = A[4, 3] = 1
+    A[2, 0] = -0.25
+    A[5, [1, 2]], A[6, 5], A[7, 6] = 1, 2, 1
+    lines = DelayLines.of(A - np.eye(8))
+    assert set(lines.kept) >= {0, 3, 4}
+    assert {1, 2, 7} <= set(lines.delayed)
+    assert len(lines.kept) <= 5
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize(("steps", "stiffness", "damping"), [(150, 0.5, 3.0), (300, 0.02, 0.5), (150, 0.0, 3.0)])
+def test_a_spring_behind_a_long_delay(steps, stiffness, damping):
+    """`X = G/(1 + (K + B (1 - 1/z)/T) G/z^N + 2 T/(m (z - 1)))`; under a held force `G = T^2 (z + 1)/(2 m (z - 1)^2)`.
+
+    Without a spring the positions drift, and the delay's states are counted from that of the mass.
+    """
+    blocks = {"m": {"type": "mass", "mass": 0.3}, "net": {"type": "delay", "steps": steps}, "rate": {"type": "difference"}}
+    wires = {"net.u": "m.x", "rate.u": "net.y", "m.f": f"hand - {stiffness}*net.y - {damping}*rate.y - 2.0*m.v"}
+    ports = {"hand": {"force": "hand", "displacement": "m.x"}}
+    loop = wavesweep.compile({"rates": {"tick_hz": 1000}, "block": blocks, "wire": wires, "ports": ports})
+    frequency = np.array([0.05, 0.7, 3.3, 20.0, 180.0])
+    rows = loop.response(frequency)
+    z, T = np.exp(2j * np.pi * frequency / 1000), 1e-3
+    G, velocity = T**2 * (z + 1) / (2 * 0.3 * (z - 1) ** 2), T / (0.3 * (z - 1))
+    exact = G / (1 + (stiffness + damping * (1 - 1 / z) / T) * G / z**steps + 2.0 * velocity)
+    np.testing.assert_allclose(rows.admittance_re + 1j * rows.admittance_im, exact, rtol=1e-11)

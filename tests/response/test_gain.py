@@ -1,0 +1,125 @@
+"""Worst-case gain, against singular values of the lifted system formed tick by tick."""
+
+import numpy as np
+import pytest
+from support.responses import loop_of
+from support.specs import KINDS, nested, random_values, values_of
+
+import wavesweep
+from wavesweep.response.dominant import Dominant
+from wavesweep.response.gain import gain_of
+
+
+def gain(values, frequency_hz):
+    return gain_of(loop_of(values), values["rates.ratio"])(frequency_hz)[0]
+
+
+def dense(values, frequency_hz):
+    """LAPACK's largest singular value of python-control's matrix; for `dc` too, lifted to the ratio of the others."""
+    whole = wavesweep.compile(nested(values)).to_control()
+    angle = 2 * np.pi * np.asarray(frequency_hz) * values["rates.ratio"] / values["rates.fast_hz"]
+    return np.array([np.linalg.svd(whole(np.exp(1j * a), squeeze=False), compute_uv=False)[0] for a in angle])
+
+
+@pytest.mark.sample(5)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(8))
+def test_random_loops_have_the_dense_gain(kind, seed):
+    """Every ratio up to 50, inside and beyond half the slow rate."""
+    values = random_values(seed, kind)
+    frequency = np.random.default_rng(seed).uniform(0.001, 0.49, 5) * values["rates.fast_hz"]
+    np.testing.assert_allclose(gain(values, frequency), dense(values, frequency), rtol=1e-9)
+
+
+@pytest.mark.sample(3)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("ratio", [32, 33, 100, 200])
+def test_long_frames_have_the_dense_gain(kind, ratio):
+    """On either side of the size at which the dense way is left for Lanczos' process, and far beyond."""
+    values = values_of(kind, ratio=ratio, K_VE=50.0, Kp=20.0, delay=ratio // 3)
+    frequency = np.array([0.3, 1.7, 2.49, 8.0, 61.0]) * 20 / ratio
+    np.testing.assert_allclose(gain(values, frequency), dense(values, frequency), rtol=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
+@pytest.mark.parametrize("stiffness", [0.0, 100.0])
+def test_a_loop_that_may_drift_has_no_worst_case_at_multiples_of_the_slow_rate(kind, stiffness):
+    found = gain(values_of(kind, stiffness=stiffness), [49.0, 50.0, 100.0, 101.0])
+    assert np.isnan(found).tolist() == [False, True, True, False]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("ratio", [20, 50])
+def test_a_held_loop_has_a_finite_worst_case_at_multiples_of_the_slow_rate(kind, ratio):
+    """The gain is even about them: the mean of both sides 1e-4 Hz away is right to 1e-7."""
+    values, rate = values_of(kind, Kp=20.0, ratio=ratio, K_VE=100.0), 1000 / ratio
+    around = dense(values, [rate - 1e-4, rate + 1e-4, 2 * rate - 1e-4, 2 * rate + 1e-4])
+    np.testing.assert_allclose(gain(values, [rate, 2 * rate]), around.reshape(2, 2).mean(-1), rtol=1e-6)
+
+
+@pytest.mark.parametrize("changes", [{}, {"K_VE": 0.0}, {"lp1_order": 4, "delay": 12}])
+def test_a_drift_of_the_avatar_alone_does_not_move_a_hand_that_a_spring_holds(changes):
+    """Without a high-pass the wall moves the avatar, and not the hand; the multiple of the slow rate is no pole either."""
+    values = values_of("pmw-lm", hp_order=0, stiffness=50.0, **changes)
+    around = dense(values, [0.05, 7.0, 61.0, 50 - 1e-4, 50 + 1e-4])
+    np.testing.assert_allclose(gain(values, [0.05, 7.0, 61.0]), around[:3], rtol=1e-9)
+    assert gain(values, [50.0])[0] == pytest.approx(around[3:].mean(), rel=1e-6)
+
+
+@pytest.mark.sample(4)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["dc-slow", "dc-lm", "pmw", "pmw-lm"])
+@pytest.mark.parametrize("changes", [{}, {"delay": 7}, {"ratio": 80, "stiffness": 120.0}])
+def test_a_few_steps_prove_most_gains(kind, changes):
+    """From low frequencies to the Nyquist frequency, and within the bound; the rest has the singular values of the matrix."""
+    values = values_of(kind, K_VE=100.0, **changes)
+    loop, frequency = loop_of(values), np.geomspace(0.01, 499, 67)
+    with np.errstate(all="ignore"):
+        found, error = Dominant(loop.of_positions[0]).gain(loop.circle(frequency))
+    known = error <= 1e-6 * found
+    assert known.mean() > 0.6
+    assert (np.abs(found - dense(values, frequency)) <= error + 1e-11 * found)[known].all()
+
+
+@pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm"])
+def test_without_a_wall_nothing_holds_the_hand(kind):
+    """A constant force, or one that is aliased to a constant, moves a free hand for ever."""
+    found = gain(values_of(kind, K_VE=0.0), [49.0, 50.0, 101.0])
+    assert np.isnan(found).tolist() == [False, True, False]
+
+
+def test_the_gain_of_a_constant_force_is_that_at_rest():
+    """A soft spring and a strong damper: the response falls below 1e-12 Hz already."""
+    spec = {"controller": {"kind": "dc"}, "device": {"damping": 60.0}, "operator": {"stiffness": 1e-6}, "rates": {"ratio": 4}}
+    rows = wavesweep.compile(spec | {"environment": {"K_VE": 0.0, "B_VE": 0.1}}).response([0.0, 250.0])
+    assert (np.abs(rows.worst_gain - 1e6) <= 1e6 * rows.worst_gain_error).all()
+    assert (rows.worst_gain_error < 1e-9).all()
+
+
+@pytest.mark.parametrize("kind", ["pmw", "pmw-lm"])
+def test_what_is_conserved_without_a_wall_does_not_move_a_hand_on_a_spring(kind):
+    """With a wall the gain at multiples of the slow rate is unbounded, which is no doubt."""
+    tables = {"controller": {"kind": kind, "Kp": 0.0}, "rates": {"ratio": 4}, "operator": {"stiffness": 30.0}}
+    loop = wavesweep.compile(tables)
+    rows = loop.response([0.0, 1e-7, 250.0], K_VE=[0.0, 100.0])
+    free, wall = rows[rows.K_VE == 0], rows[rows.K_VE == 100]
+    assert free.worst_gain.to_numpy() == pytest.approx(free.worst_gain.iloc[1], rel=1e-9)
+    assert (free.worst_gain_error < 1e-9).all()
+    assert wall.worst_gain.isna().tolist() == [True, False, True]
+    assert (rows.doubt.iloc[:3] == "").all()
+    alone = loop.response([0.0, 1e-7, 250.0], K_VE=0.0)
+    assert alone.worst_gain.tolist() == free.worst_gain.tolist()
+
+
+def test_two_singular_values_that_nearly_meet_are_told_apart():
+    """At a multiple of the slow rate, beside a constant force; the value is that next to the multiple."""
+    tables = {
+        "rates": {"fast_hz": 2000.0, "ratio": 100}, "controller": {"kind": "dc-slow"},
+        "device": {"mass": 0.035043, "damping": 0.074793, "velocity": "difference"},
+        "operator": {"mass": 0.091993, "stiffness": 1667.4185}, "environment": {"K_VE": 0.0, "B_VE": 0.00406, "delay": 28},
+    }  # fmt: skip
+    found = wavesweep.compile(tables).response([20.0, 20.0 + 1e-9])
+    assert found.worst_gain[0] == pytest.approx(found.worst_gain[1], rel=1e-10)
+    assert found.worst_gain[0] >= found.admittance_abs[0]

@@ -1,0 +1,122 @@
+"""The search finds published fronts, keeps constraints, and depends on its seed alone."""
+
+import numpy as np
+import pytest
+
+from wavesweep.search.search import Judged, generations, hypervolume, spread, undominated
+
+
+def zdt(number, x):
+    """Two objectives of the test problems of E. Zitzler, K. Deb, L. Thiele (Evolutionary Computation 8, 2000)."""
+    first, g = x[:, 0], 1 + 9 * x[:, 1:].mean(1)
+    share = first / g
+    shape = {1: 1 - np.sqrt(share), 2: 1 - share**2, 3: 1 - np.sqrt(share) - share * np.sin(10 * np.pi * first)}[number]
+    return np.stack([first, g * shape], axis=1)
+
+
+def last(judge, genes=8, population=80, count=100, seed=0):
+    for best in generations(judge, genes, population, count, seed, np.zeros((0, genes))):
+        found = best
+    return found
+
+
+@pytest.mark.thorough
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "area"), [(1, 1.21 - 1 / 3), (2, 1.21 - 2 / 3)])
+def test_published_fronts_are_found(number, area):
+    found = last(lambda _, x: Judged(x, zdt(number, x), np.zeros(len(x))), count=150)
+    assert 0.98 * area < hypervolume(found.objectives, np.array([1.1, 1.1])) <= area
+
+
+@pytest.mark.slow
+def test_a_constraint_is_kept_and_its_edge_is_found():
+    """The least x + y with x y >= 1/4 is 1, at x = y = 1/2."""
+
+    def judge(_, genes):
+        x, y = genes.T
+        return Judged(genes, (x + y)[:, None], np.maximum(0.25 - x * y, 0))
+
+    found = last(judge, genes=2)
+    assert found.violation[0] == 0
+    assert found.objectives[0, 0] == pytest.approx(1, abs=1e-3)
+
+
+def test_the_seed_decides_all():
+    one, same, other = (
+        last(lambda _, x: Judged(x, zdt(1, x), np.zeros(len(x))), count=6, seed=seed).genes for seed in (1, 1, 2)
+    )
+    assert np.array_equal(one, same)
+    assert not np.array_equal(one, other)
+
+
+def test_the_first_generation_has_the_designs_that_are_given():
+    given, seen = np.array([[0.25, 0.75]]), []
+
+    def judge(_, x):
+        seen.append(x)
+        return Judged(x, x, np.zeros(len(x)))
+
+    next(generations(judge, 2, 10, 3, 0, given))
+    assert (seen[0][0] == given).all()
+
+
+def test_ranks_by_domination():
+    f = np.array([[0.0, 2.0], [1.0, 1.0], [2.0, 0.0], [2.0, 2.0], [3.0, 3.0], [1.0, 1.0]])
+    judged = Judged(f, f, np.array([0.0, 0, 0, 0, 0, 0]))
+    assert undominated(judged).tolist() == [0, 1, 2]
+    assert undominated(Judged(f, f, np.array([1.0, 0, 0, 0, 0, 0]))).tolist() == [1, 2]
+    assert undominated(Judged(f, f, np.array([1.0, 2, 3, 4, 5, 6]))).tolist() == [0]
+    noise = np.array([[-3000.0000000002674, 2.66e-6], [-3000.000000000064, 1.7e-21], [-2999.99999999998, 0.0], [-2999.9, 0.0]])
+    assert undominated(Judged(noise, noise, np.zeros(4))).tolist() == [2]  # whose walls differ by rounding alone
+    assert undominated(Judged(noise[:0], noise[:0], np.zeros(0))).tolist() == []
+
+
+def test_the_front_is_thinned_where_it_is_crowded():
+    f = np.array([[0.0, 1.0], [0.1, 0.9], [0.15, 0.85], [0.2, 0.8], [1.0, 0.0]])
+    kept = spread(Judged(f, f, np.zeros(5)), 3).genes
+    assert kept.tolist() == [[0.0, 1.0], [0.1, 0.9], [1.0, 0.0]] or kept.tolist() == [[0.0, 1.0], [0.2, 0.8], [1.0, 0.0]]
+    assert spread(Judged(f, f, np.zeros(5)), 9).genes.tolist() == f.tolist()
+
+
+def test_the_area_of_a_staircase():
+    assert hypervolume(np.array([[0.0, 1.0], [1.0, 0.0], [5.0, -1.0]]), np.array([2.0, 2.0])) == pytest.approx(3.0)
+    assert hypervolume(np.array([[3.0, 0.0]]), np.array([2.0, 2.0])) == 0.0
+
+
+def test_what_is_judged_otherwise_after_a_look_is_judged_again():
+    """From the look on the first objective is 1 larger: the best that are left were all judged so."""
+    seen = []
+
+    def judge(number, x):
+        seen.append(number)
+        return Judged(x, zdt(1, x) + np.array([1.0 * bool(looked), 0]), np.zeros(len(x)))
+
+    looked = []
+
+    def look(best):
+        looked.append(len(best.genes))
+        return len(looked) == 1
+
+    for found in generations(judge, 4, 24, 40, 0, np.zeros((0, 4)), look=look):
+        best = found
+    assert len(looked) == 3
+    assert seen == list(range(40))
+    assert best.objectives[:, 0].min() >= 1
+    assert np.array_equal(best.objectives, zdt(1, best.genes) + np.array([1.0, 0.0]))
+
+
+def test_every_kind_of_design_has_a_part_of_the_population_at_first():
+    """The second of three kinds is the best, but only next to a point that the others know nothing of."""
+
+    def judge(_, x):
+        kind = np.minimum((x[:, 0] * 3).astype(int), 2)
+        kinds.append(np.bincount(kind, minlength=3))
+        well = np.abs(x[:, 1:] - 0.81).max(1)
+        return Judged(x, np.where(kind == 1, np.minimum(3.0, 10 * well), 1 + well)[:, None], np.zeros(len(x)))
+
+    kinds = []
+    for best in generations(judge, 4, 36, 40, 0, np.zeros((0, 4)), (3, 0, 0, 0)):
+        found = best
+    assert (kinds[0] == 12).all()
+    assert (kinds[17] == 12).all()
+    assert found.objectives[0, 0] < 0.1

@@ -1,0 +1,446 @@
+"""Every wish is the worst of what the other commands find for the same loops."""
+
+import tomllib
+from functools import cache
+
+import numpy as np
+import pytest
+from support.drawn import ARM, NETWORK, as_blocks
+from support.specs import KINDS
+
+import wavesweep
+from wavesweep.errors import SpecError
+from wavesweep.search import study
+from wavesweep.search import wishes as measures
+from wavesweep.search.family import points_of, scenarios_of
+from wavesweep.search.search import Judged
+from wavesweep.search.verdicts import judged
+from wavesweep.search.wishes import Worst, evaluate
+from wavesweep.spec import SYMBOLS, Axis, load
+from wavesweep.sweep.grid import keys_of
+from wavesweep.sweep.interval_table import at_points
+
+TABLES = {
+    "controller": {"kind": "pmw-lm", "Kp": 2.0},
+    "environment": {"integration": "explicit", "delay": 1},
+    "device": {"velocity": "difference"},
+    "design": {
+        "vary": {"b": {"start": 5, "stop": 60}, "filters.lp1.order": [1, 2]},
+        "wish": {"z_width": {"B_VE": [1, 5]}, "felt": {"B_VE": [1, 5]}, "channel": {"at_most": 3}},
+        "for_all": {"device.mass": [0.08, 0.125], "hand": {"damping": [0, 5]}},
+    },
+}
+DESIGNS = {"controller.b": np.array([10.0, 10.0, 40.0, 40.0]), "filters.lp1.order": np.array([1, 2, 1, 1])}
+
+
+OBSERVED = {  # a mass with an observer of its velocity, which may be unstable by itself
+    "rates": {"tick_hz": 1000},
+    "numbers": {"d": 1.0, "a": 0.9},
+    "block": {
+        "dev": {"type": "mass", "mass": 0.1, "damping": "d"},
+        "obs": {"type": "tf", "num": [1.0], "den": [1.0, "-a"], "discrete": True},
+    },
+    "wire": {"obs.u": "dev.v", "dev.f": "push - 0.001*obs.y"},
+    "ports": {"hand": {"force": "push", "displacement": "dev.x"}},
+    "design": {"vary": {"d": {"start": 0.5, "stop": 4}, "a": {"start": 0.9, "stop": 1.05}}, "wish": {"port": {}}},
+}
+
+
+def wishes(**wanted):
+    return load(TABLES | {"design": TABLES["design"] | {"wish": wanted}})
+
+
+def values_of(spec):
+    return evaluate(spec, spec.design.wishes, scenarios_of(spec), DESIGNS, 20000.0)
+
+
+def loops(spec, number):
+    """The compiled loop of a design and of each scenario."""
+    own = {path: column[number].item() for path, column in DESIGNS.items()}
+    return [wavesweep.compile(spec.with_values(own | dict(each.values))) for each in scenarios_of(spec)]
+
+
+@pytest.mark.parametrize("within", [False, True])
+def test_a_search_that_is_stopped_says_once_what_is_kept(within, tmp_path, monkeypatch):
+    """Between two generations or within one."""
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study._Run, "look", stop)
+    spec = load(TABLES | {"design": TABLES["design"] | {"wish": {"damping_ratio": {}}, "population": 8}})
+    with pytest.raises(KeyboardInterrupt) as caught:
+        study.design(spec, checkpoint=tmp_path / "parts", progress=stop if within else None)
+    (said,) = caught.value.__notes__
+    assert f"are kept in {tmp_path / 'parts'}; the same command goes on from there." in said
+
+
+def test_whole_numbers_between_that_make_no_loop_are_left_out():
+    """A delay of half as many runs as a number says; a value of the list itself is refused."""
+    drawn = {
+        "rates": {"tick_hz": 1000},
+        "numbers": {"n": 4, "k": 50.0},
+        "block": {"m": {"type": "mass", "mass": 0.2, "damping": 1.0}, "net": {"type": "delay", "steps": "n/2"}},
+        "wire": {"net.u": "m.x", "m.f": "-k*net.y - 3*m.v + hand"},
+        "ports": {"hand": {"force": "hand", "displacement": "m.x"}},
+        "design": {"vary": {"k": [10, 90]}, "wish": {"settling": {}}, "for_all": {"n": [4, 8]}, "population": 8},
+    }
+    job = study.job_of(load(drawn))
+    assert [each.values for each in job.finer] == [{"numbers.n": n} for n in (4, 6, 8)]
+    drawn["design"]["for_all"]["n"] = [4, 5]
+    with pytest.raises(SpecError, match=r"block.net.steps: expected a whole number >= 0, found 2.5"):
+        study.job_of(load(drawn))
+
+
+@pytest.mark.sample(2)
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_wishes_of_a_controller_drawn_as_blocks_are_its_own(kind):
+    wished = {"z_width": {"at_least": 1, "B_VE": [0, 2]}, "felt": {"at_least": 1, "B_VE": [0, 2]}}
+    wished |= {
+        "port": {"at_least": -1, "walls": [100, 300]},
+        "damping_ratio": {"walls": [100, 300]},
+        "settling": {"walls": [100]},
+    }
+    tables = {"controller": {"kind": kind, "Kp": 2.0}, "local_model": {"B_LM": 0.5}}
+    built_in = load(tables)
+    name = next((each for each in ("b", "K_LM") if SYMBOLS[each] in keys_of(built_in)), "")
+    values = built_in.values[SYMBOLS[name]] * np.array([0.7, 1.0, 1.6]) if name else np.array([0.1])
+    found = []
+    for loop, path in (
+        (tables, SYMBOLS[name] if name else "device.mass"),
+        (as_blocks(built_in.values), f"numbers.{name}" if name else "block.m.mass"),
+    ):
+        spec = load(loop | {"design": {"wish": wished, "vary": {path: {"start": 1e-3, "stop": 5000}}}})
+        found.append(evaluate(spec, spec.design.wishes, scenarios_of(spec), {path: values}, 20000.0))
+    for wish in wished:
+        own, drawn = (each[wish] for each in found)
+        np.testing.assert_allclose(drawn.value, own.value, rtol=1e-9, atol=1e-12, err_msg=wish)
+        assert own.certified.all()
+        assert drawn.certified.all()
+
+
+def test_the_slowest_mode_of_an_integrator_settles_in_closed_form():
+    """d x' = -K x, held over T: an eigenvalue 1 - K T/d, which turns over by half circles where K T > d."""
+    tables = tomllib.loads(NETWORK) | {"sweep": {"along": "K"}}
+    tables |= {"design": {"vary": {"K": {"start": 1, "stop": 100}}, "wish": {"settling": {}, "damping_ratio": {}}}}
+    tables["numbers"] |= {"k": 0}
+    spec, K = load(tables), np.array([10.0, 60.0, 100.0, 149.0, 160.0])
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"numbers.K": K}, 1.0)
+    pole = 1 - K * 0.02 / 1.5
+    expected = np.where(np.abs(pole) < 1, -0.02 / np.log(np.abs(pole)), np.nan)
+    np.testing.assert_allclose(found["settling"].value, expected, rtol=1e-12)
+    log = np.log(pole.astype(complex))
+    np.testing.assert_allclose(found["damping_ratio"].value, -log.real / np.abs(log), rtol=1e-10)
+
+
+def test_designs_that_make_no_loop_are_none_and_change_no_other():
+    """A cutoff beyond half the rate, a phase beyond the period, and a loop of direct terms without a solution."""
+    tables = tomllib.loads(ARM)
+    tables["numbers"] |= {"fc": 100.0, "g": 0.5}
+    tables["block"] |= {
+        "lp": {"type": "butterworth", "order": 1, "cutoff_hz": "fc"},
+        "one": {"type": "gain", "k": "g"},
+    }
+    tables["wire"] |= {"lp.u": "arm.v", "one.u": "one.y + arm.v", "arm.f": "-kp*net.y - kd*lp.y + c*one.y + hand"}
+    tables["design"] = {
+        "vary": {"fc": {"start": 1, "stop": 9000}, "g": [0.0, 0.5, 1.0], "block.net.phase": [0, 30]},
+        "wish": {"settling": {}, "port": {"at_least": -9}},
+    }
+    spec = load(tables)
+    designs = {
+        "numbers.fc": np.array([50.0, 9000.0, 60.0, 70.0, 80.0]),
+        "numbers.g": np.array([0.5, 0.5, 1.0, 0.0, 0.5]),
+        "block.net.phase": np.array([0, 0, 0, 30, 0]),
+    }
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), designs, 1.0)
+    for name, worst in found.items():
+        assert worst.certified.tolist() == [True, False, False, False, True]
+        assert np.isnan(worst.value[1:4]).all()
+        alone = [
+            evaluate(spec, spec.design.wishes, scenarios_of(spec), {p: v[[at]] for p, v in designs.items()}, 1.0)
+            for at in (0, 4)
+        ]
+        assert worst.value[[0, 4]].tolist() == [each[name].value[0] for each in alone]
+
+
+@pytest.mark.slow
+def test_the_stiffest_wall_and_what_is_felt_are_the_least_of_all_intervals():
+    spec = load(TABLES)
+    found = values_of(spec)
+    for number in range(4):
+        rows = [loop.stable_intervals(B_VE=[1.0, 5.0]) for loop in loops(spec, number)]
+        first = [row[(row.interval == 0)] for row in rows]
+        high = [np.where(row.low == 0, row.high, 0.0) for row in first]
+        assert found["z_width"].value[number] == pytest.approx(min(map(min, high)), rel=1e-12)
+        assert found["felt"].value[number] == pytest.approx(min(row.felt_high.min() for row in first), rel=1e-12)
+        assert found["z_width"].scenario[number] == int(np.argmin([each.min() for each in high]))
+    assert found["z_width"].certified.all()
+    norms = [wavesweep.compile(spec.with_values({"filters.lp1.order": order})).passivity().channel_norm[0] for order in (1, 2)]
+    assert found["channel"].value[[0, 1]] == pytest.approx(norms, rel=1e-12)
+
+
+@pytest.mark.thorough
+@pytest.mark.slow
+def test_transparency_is_the_distance_from_direct_coupling():
+    spec = wishes(transparency={"band_hz": [0.1, 10], "walls": [100, 200]})
+    found = values_of(spec)["transparency"]
+    frequency = np.geomspace(0.1, 10, 4001)
+    weight = np.full(4001, 1.0)
+    weight[[0, -1]] = 0.5
+
+    def admittance(response):
+        return response.admittance_re.to_numpy() + 1j * response.admittance_im.to_numpy()
+
+    @cache  # no design changes it
+    def ideal(scenario, K):
+        loop = wavesweep.compile(loops(spec, 0)[scenario].spec.with_values({"controller.kind": "dc"}))
+        return admittance(loop.response(frequency, K_VE=K))
+
+    for number in range(4):
+        errors = []
+        for scenario, loop in enumerate(loops(spec, number)):
+            for K in (100.0, 200.0):
+                one = loop.response(frequency, K_VE=K)
+                H, G = admittance(one), ideal(scenario, K)
+                square = np.abs(np.log(H / G)) ** 2
+                errors.append(np.sqrt((square * weight).sum() / weight.sum()) if one.stable.all() else np.inf)
+        if np.isfinite(errors).all():
+            assert found.value[number] == pytest.approx(max(errors), rel=2e-4)
+        else:
+            assert np.isnan(found.value[number])
+    assert np.isfinite(found.value).any()
+
+
+@pytest.mark.slow
+def test_transparency_sees_a_resonance_between_its_nodes_or_says_that_it_is_not_certified():
+    designs = {"controller.b": np.array([25.0])}
+    for damping, walls, known in ((0.12, [100], True), (0.05, [100], False)):  # with 0.05 direct coupling is not damped at all
+        device = {"device": {"damping": damping}, "environment": {"B_VE": 0.0}}
+        wish = {"transparency": {"band_hz": [0.1, 10], "walls": walls}}
+        tables = {"controller": {"kind": "pmw-lm", "Kp": 20.0}} | device
+        spec = load(tables | {"design": {"vary": {"b": {"start": 5, "stop": 60}}, "wish": wish}})
+        found = evaluate(spec, spec.design.wishes, scenarios_of(spec), designs, 2000.0)["transparency"]
+        frequency, H = np.geomspace(0.1, 10, 20_001), []
+        for kind in ("pmw-lm", "dc"):
+            table = wavesweep.compile(spec.with_values({"controller.kind": kind, "K_VE": walls[0]})).response(frequency)
+            H.append(table.admittance_re.to_numpy() + 1j * table.admittance_im.to_numpy())
+        square = np.abs(np.log(H[0] / H[1])) ** 2
+        mean = np.sqrt((square.sum() - square[[0, -1]].sum() / 2) / (frequency.size - 1))
+        assert found.certified[0] == known
+        assert found.value[0] == pytest.approx(mean, rel=1e-6 if known else 2e-3)
+
+
+@pytest.mark.thorough
+@pytest.mark.slow
+def test_margins_of_port_damping_and_delay_are_those_of_each_loop():
+    spec = wishes(port={}, damping_ratio={"walls": [100]}, delay_margin={"at_least": 1, "walls": [100]})
+    found = values_of(spec)
+    for number in (0, 2):
+        several = loops(spec, number)
+        ports = [loop.passivity().iloc[0] for loop in several]
+        margin = np.min([port.port_margin if port.stable else np.nan for port in ports])
+        assert found["port"].value[number] == pytest.approx(margin, rel=1e-9, nan_ok=True)
+        ratios, margins = [], []
+        for loop in several:
+            at = loop.spec.with_values({"K_VE": 100.0})
+            verdict = wavesweep.verdict(at)
+            ratios.append(verdict["slowest"]["damping_ratio"] if verdict["stable"] else None)
+            delay = verdict["delay"]
+            margins.append(-1 if delay["most"] is None else delay["most"] - delay["ticks"])
+        if None not in ratios:
+            assert found["damping_ratio"].value[number] == pytest.approx(min(ratios), rel=1e-9)
+        assert found["delay_margin"].value[number] == min(margins)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("order", [("K_LM/K_VE", "B_LM/K_LM"), ("B_LM/K_LM", "K_LM/K_VE")])
+def test_a_ratio_to_a_number_that_follows_the_wall_follows_the_wall_too(order):
+    ratios = {"K_LM/K_VE": [0.5], "B_LM/K_LM": [0.01]}
+    tables = TABLES["design"] | {"for_all": {name: ratios[name] for name in order}, "wish": {"z_width": {"B_VE": [1]}}}
+    spec = load(TABLES | {"design": tables})
+    designs = {"controller.b": np.array([20.0])}
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), designs, 2000.0)["z_width"]
+    assert found.certified[0]
+    loop = wavesweep.compile(spec.with_values({"b": 20.0, "B_VE": 1.0}))
+    for share, stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
+        K = share * float(found.value[0])
+        assert (loop.spectral_radius(K_VE=K, K_LM=0.5 * K, B_LM=0.005 * K) < 1) == stable
+
+
+@pytest.mark.slow
+def test_an_unstable_loop_is_the_one_that_leaves_a_design_without_transparency():
+    """Between the ends of the mass, 0.15 kg is unstable."""
+    tables = {"controller": {"kind": "pmw", "Kp": 10.0}, "environment": {"integration": "explicit", "delay": 8}}
+    tables |= {"device": {"velocity": "difference"}, "filters": {"lp1": {"order": 0}}}
+    hand = {"mass": [0, 0.15, 0.3], "damping": [0.3], "stiffness": [800]}
+    design = {"vary": {"b": {"start": 49, "stop": 51}}, "wish": {"transparency": {"walls": [2]}}, "for_all": {"hand": hand}}
+    spec = load(tables | {"design": design})
+    designs = {"controller.b": np.array([49.0])}
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), designs, 2000.0)["transparency"]
+    assert np.isnan(found.value[0])
+    assert scenarios_of(spec)[found.scenario[0]].values["operator.mass"] == 0.15
+    assert not found.certified[0]
+
+
+@pytest.mark.thorough
+@pytest.mark.parametrize("stiffness", [0.0, 500.0])
+def test_what_is_felt_is_that_of_the_stiffest_wall_if_another_number_follows_it(stiffness):
+    tables = TABLES["design"] | {"for_all": {"K_LM/K_VE": [0.5]}, "wish": {"z_width": {"B_VE": [1]}, "felt": {"B_VE": [1]}}}
+    spec = load(TABLES | {"environment": TABLES["environment"] | {"K_VE": stiffness}, "design": tables})
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"controller.b": np.array([20.0])}, 2000.0)
+    wall = float(found["z_width"].value[0])
+    own = {"b": 20.0, "B_VE": 1.0, "K_VE": wall * (1 - 1e-9), "K_LM": wall / 2}
+    lowest = [wavesweep.verdict(spec.with_values(own | dict(each.values)))["felt"]["stiffness"] for each in scenarios_of(spec)]
+    assert found["felt"].value[0] == pytest.approx(min(lowest), rel=1e-6)
+
+
+def test_an_unstable_loop_has_no_margin_at_the_port():
+    """Its map may have a positive real part on the whole circle: with b = 0.18 N*s/m it has, and a radius of 2."""
+    values = {"b": 0.1797, "K_LM": 53.7, "B_LM": 7.45, "filters.lp1.order": 1, "filters.hp.order": 0, "filters.lp2.order": 2}
+    spec = load(
+        {"controller": {"kind": "pmw-lm"}, "design": {"vary": {"b": {"start": 0.1, "stop": 200}}, "wish": {"port": {}}}}
+    )
+    spec = spec.with_values(values)
+    assert wavesweep.compile(spec).passivity().port_margin[0] >= 0
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"controller.b": np.array([values["b"], 25.0])}, 2000.0)[
+        "port"
+    ]
+    assert np.isnan(found.value[0])
+    spec = load(OBSERVED)
+    found = evaluate(
+        spec, spec.design.wishes, scenarios_of(spec), {"numbers.d": np.full(2, 3.9), "numbers.a": np.array([1.0494, 0.9])}, 1.0
+    )
+    assert wavesweep.compile(spec.with_values({"d": 3.9, "a": 1.0494})).passivity().port_margin[0] > 0
+    assert np.isnan(found["port"].value[0])
+    assert found["port"].value[1] > 0
+
+
+@pytest.mark.slow
+def test_a_number_that_follows_the_wall_follows_it_at_every_stiffness():
+    """With K_LM twice K_VE, a wall just below the limit is stable, and one just above it is not."""
+    tables = TABLES["design"] | {"for_all": {"K_LM/K_VE": [2.0]}, "wish": {"z_width": {"B_VE": [1]}}}
+    spec = load(TABLES | {"design": tables})
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"controller.b": np.array([20.0])}, 2000.0)["z_width"]
+    limit = float(found.value[0])
+    assert found.certified[0]
+    loop = wavesweep.compile(spec.with_values({"b": 20.0, "B_VE": 1.0}))
+    for share, stable in ((1 - 1e-6, True), (1 + 1e-6, False)):
+        K = share * limit
+        assert (loop.spectral_radius(K_VE=K, K_LM=2 * K) < 1) == stable
+
+
+def test_points_are_the_product_with_the_designs_slowest():
+    spec = load(TABLES)
+    points = points_of(spec.values, DESIGNS, scenarios_of(spec), {"environment.B_VE": (1.0, 5.0)})
+    assert (points.shape, points.size) == ((4, 4, 2), 32)
+    assert points.changes["controller.b"][:9].tolist() == [10.0] * 9
+    assert points.changes["environment.B_VE"][:4].tolist() == [1.0, 5.0, 1.0, 5.0]
+    value, scenario = points.worst(np.arange(32.0), more=True)
+    assert (value.tolist(), scenario.tolist()) == ([0.0, 8.0, 16.0, 24.0], [0] * 4)
+    value, scenario = points.worst(np.where(np.arange(32) == 5, np.nan, 1.0), more=False)
+    assert np.isnan(value[0])
+    assert scenario[0] == 2
+
+
+def test_unrelated_points_each_with_a_wall_of_its_own_are_those_of_each_loop():
+    spec, random = load(TABLES), np.random.default_rng(5)
+    points = {
+        "controller.b": random.uniform(5, 80, 12),
+        "device.mass": random.uniform(0.05, 0.3, 12),
+        "environment.B_VE": np.append(0.0, random.uniform(0.1, 9, 11)),
+        "filters.lp1.order": np.tile([1, 2], 6),  # loops of two structures, which are computed apart
+    }
+    axis = Axis("K_VE", "environment.K_VE", (), 0.0, 20000.0, False)
+    found = at_points(spec, axis, points)
+    assert np.array_equal(np.unique(found["slice"]), np.arange(12))
+    for number in range(12):
+        own = {path: column[number].item() for path, column in points.items()}
+        row = wavesweep.compile(spec.with_values(own)).stable_intervals()
+        same = found["slice"] == number
+        assert found["certified"][same].all() == row.certified.all()
+        for name in ("low", "high", "felt_high"):
+            np.testing.assert_allclose(found[name][same], row[name], rtol=1e-12)
+
+
+def test_points_along_a_number_keep_their_own_walls():
+    spec, random = load(TABLES), np.random.default_rng(6)
+    points = {
+        "device.mass": random.uniform(0.05, 0.3, 6),
+        "environment.K_VE": random.uniform(20, 300, 6),
+        "environment.B_VE": random.uniform(0.1, 9, 6),
+    }
+    found = at_points(spec, Axis("b", "controller.b", (), 2.0, 100.0, False), points)
+    for number in range(6):
+        own = {path: column[number].item() for path, column in points.items()}
+        row = wavesweep.compile(spec.with_values(own)).stable_intervals("b", (2.0, 100.0))
+        same = found["slice"] == number
+        for name in ("low", "high", "felt_low"):
+            np.testing.assert_allclose(found[name][same], row[name], rtol=1e-9)
+
+
+def test_loops_that_modes_are_too_rough_for_are_computed_again(monkeypatch):
+    spec = wishes(transparency={"band_hz": [0.1, 10], "walls": [50]})
+    right, own = values_of(spec)["transparency"], measures._admittance
+
+    def rough(spec, values, size, frequency, good):
+        found, error = own(spec, values, size, frequency, good)
+        if good == np.inf:
+            found[0], error[0] = 7.0, 1.0
+        return found, error
+
+    monkeypatch.setattr(measures, "_admittance", rough)
+    found = values_of(spec)["transparency"]
+    np.testing.assert_allclose(found.value, right.value, rtol=1e-6)
+    assert (found.certified == right.certified).all()
+
+
+def test_a_design_that_can_render_no_wall_is_none():
+    spec = wishes(z_width={"B_VE": [1]})
+    records = {"z_width": np.array([0.0, 100.0]), "z_width_certified": np.array([True, True])}
+    assert judged(spec.design, records)[1].tolist() == [10.0, 0.0]
+
+
+def test_what_is_worst_between_the_ends_is_held_for_from_there_on(monkeypatch):
+    spec = wishes(z_width={"B_VE": [1]}, transparency={"band_hz": [0.1, 10], "walls": [50]})
+    job = study.job_of(spec)
+    between = next(number for number, each in enumerate(job.finer) if each not in job.scenarios)
+    ends = list(job.scenarios)
+
+    def found(_spec, asked, _scenarios, designs, _stop):
+        count = len(next(iter(designs.values())))
+        return {wish.name: Worst(np.ones(count), np.full(count, between), np.ones(count, bool)) for wish in asked}
+
+    monkeypatch.setattr(study, "evaluate", found)
+    run = study._Run(job, type("", (), {"remove": None}), None)
+    best = Judged(np.full((3, 2), 0.5), np.array([[0.0, 2.0], [1.0, 1.0], [2.0, 0.0]]), np.zeros(3))
+    assert run.look(best)
+    assert job.scenarios == [*ends, job.finer[between]]
+    assert not run.look(best)  # it holds for that by now
+    assert not run.look(Judged(best.genes, best.objectives, np.ones(3)))
+
+
+def test_the_felt_stiffness_is_left_out_where_nobody_wishes_for_it():
+    spec, axis = wishes(z_width={"B_VE": [1]}), Axis("K_VE", "environment.K_VE", (), 0.0, 20000.0, False)
+    points = {"controller.b": np.array([10.0, 20.0])}
+    with_it, without = at_points(spec, axis, points), at_points(spec, axis, points, felt=False)
+    assert np.isfinite(with_it["felt_high"]).all()
+    assert np.isnan(without["felt_high"]).all()
+    np.testing.assert_array_equal(with_it["high"], without["high"])
+
+
+def test_a_delay_margin_whose_radius_rounding_hides_is_not_certified(monkeypatch):
+    spec = wishes(delay_margin={"at_least": 1, "walls": [100]})
+    sure = values_of(spec)["delay_margin"]
+    monkeypatch.setattr("wavesweep.search.wishes.radii_of", lambda _drawing, _values, size: np.full(size, np.nan))
+    hidden = values_of(spec)["delay_margin"]
+    assert sure.certified.all()
+    assert not hidden.certified.any()
+
+
+def test_a_design_that_is_direct_coupling_itself_has_no_error():
+    """Both responses are the same but for rounding, of which no rule of the band has to be sure."""
+    asked = {"vary": {"device.damping": {"start": 1, "stop": 5}}, "wish": {"transparency": {"at_most": 0.5, "walls": [100]}}}
+    spec = load({"controller": {"kind": "dc"}, "design": asked})
+    found = evaluate(spec, spec.design.wishes, scenarios_of(spec), {"device.damping": np.array([1.0, 3.0])}, 1.0)
+    assert (found["transparency"].value < 1e-12).all()
+    assert found["transparency"].certified.all()

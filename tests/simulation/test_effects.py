@@ -1,0 +1,148 @@
+"""Effects of a device in drawn loops: those of a controller are those of the same loop written as blocks."""
+
+import tomllib
+
+import numpy as np
+import pytest
+from support.drawn import ARM, as_blocks
+from support.specs import nested, random_values
+
+import wavesweep
+from wavesweep.errors import UsageError
+from wavesweep.simulation import simulated
+
+TWO_RATES = """
+[rates]
+tick_hz = 1000
+[numbers]
+K = 300.0
+B = 2.0
+[block.handle]
+type = "mass"
+mass = 0.1
+damping = 1.0
+[block.sensor]
+type = "hold"
+every = 5
+[block.filter]
+type = "butterworth"
+order = 1
+cutoff_hz = 10.0
+every = 10
+phase = 3
+[wire]
+"sensor.u" = "K*handle.x + B*handle.v"
+"filter.u" = "20*handle.x"
+"handle.f" = "push - sensor.y - filter.y"
+[ports]
+hand = { force = "push", displacement = "handle.x", reaction = "sensor.y + filter.y" }
+wall = { stiffness = "K", damping = "B" }
+"""
+
+
+def effects_of(seed):
+    """Some effects, with a wall or without."""
+    r = np.random.default_rng(seed + 7)
+    every = {
+        "wall": float(r.choice([0.0, 1e-3, -1e-3])), "resolution": 5e-5, "max_force": 4.0, "friction": 0.2, "jitter": 0.2,
+        "late": int(r.choice([1, 5, 30])), "dropped": 0.1,
+    }  # fmt: skip
+    return {name: value for name, value in every.items() if r.random() < 0.5} | {"seed": seed}
+
+
+@pytest.mark.sample(4)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(40))
+def test_a_controller_and_its_blocks_have_the_same_effects(seed):
+    values = random_values(seed, str(np.random.default_rng(seed).choice(["dc", "dc-slow", "pmw", "pmw-lm"])))
+    if values["controller.kind"] != "dc" and values["rates.ratio"] == 1:
+        values["rates.ratio"], values["environment.delay"] = 4, min(values["environment.delay"], 4)
+    force = 3 * np.random.default_rng(seed).standard_normal(800)
+    own = wavesweep.compile(nested(values)).simulate(force, **effects_of(seed))
+    blocks = wavesweep.compile(as_blocks(values)).simulate(force, **effects_of(seed))
+    assert len(own) == len(blocks)
+    for name in own:
+        a, b = (table[name].to_numpy(dtype=float) for table in (own, blocks))
+        assert np.array_equal(np.isnan(a), np.isnan(b)), name
+        np.testing.assert_allclose(b, a, rtol=0, atol=1e-8 * np.nanmax(np.abs(a), initial=1e-9), err_msg=name)
+
+
+def run(text, force, **effects):
+    return simulated(wavesweep.load(tomllib.loads(text)), force, **effects)
+
+
+def test_a_drawn_wall_is_felt_inside_only():
+    force = np.sin(np.arange(3000) / 100)
+    both, one = (run(TWO_RATES, force, **effects) for effects in ({}, {"wall": 0.0005}))
+    assert both.signals["touching"].all()
+    inside = one.signals["x"][::5] > 0.0005
+    assert 0.1 < inside.mean() < 0.9
+    assert np.array_equal(one.signals["F_s"][::5] != 0.0, inside)
+    assert np.array_equal(one.signals["touching"][::5], inside)
+
+
+def test_slow_results_of_each_rate_are_late_by_themselves():
+    """The sensor's result of every 5 ticks, and the filter's of every 10 from tick 3 on."""
+    seen = run(TWO_RATES, np.ones(400), late=8, seed=2)
+    changes = np.flatnonzero(np.diff(seen.signals["f_m"])) + 1
+    assert len({*(changes % 5).tolist()}) == 5
+    assert len(seen.late) == 80
+    assert seen.late.max() > 4
+    lost = run(TWO_RATES, np.ones(400), dropped=1.0)
+    assert np.all(lost.signals["f_m"] == 0.0)
+
+
+def test_friction_encoder_and_motors_act_on_the_device_that_the_hand_moves():
+    force = 2 * np.sin(np.arange(2000) / 100)
+    seen = run(TWO_RATES, force, friction=0.6, resolution=1e-4, max_force=0.5).signals
+    assert 0.01 < (seen["v"] == 0.0).mean() < 0.9
+    assert np.abs(seen["x_hat"] / 1e-4 - np.round(seen["x_hat"] / 1e-4)).max() < 1e-9
+    assert np.abs(seen["f_device"]).max() == 0.5 < np.abs(seen["f_m"]).max()
+    assert np.array_equal(seen["F_s"][::5], 300.0 * seen["x_hat"][::5] + 2.0 * seen["v_hat"][::5])
+
+
+TWO_MASSES = TWO_RATES.replace('"handle.f" = "push', '"arm.f" = "40*(handle.x - arm.x)"\n"handle.f" = "push').replace(
+    "[wire]", '[block.arm]\ntype = "mass"\nmass = 1.0\ndamping = 5.0\n[wire]'
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "effects", "words"),
+    [
+        (
+            ARM,
+            {"wall": 0.0},
+            r"option wall: expected a wall in \[ports\] whose numbers only multiply signals of wires, found none",
+        ),
+        (ARM, {"max_force": 1.0}, r"option max_force: expected ports.hand.reaction, the force of the motors, found none"),
+        (TWO_MASSES, {"jitter": 0.1}, r"option jitter: expected no plant besides the device, found arm"),
+        (
+            TWO_MASSES.replace('"40*', '"push + 40*'),
+            {"friction": 0.1, "resolution": 1e-4},
+            r"option resolution, friction: expected a device, the only block of type mass that the hand's force acts on",
+        ),
+        (
+            TWO_RATES.replace("damping = 1.0", 'damping = "B/2"'),
+            {"wall": 0.0},
+            r"option wall: expected a wall in \[ports\] whose numbers only multiply signals",
+        ),
+    ],
+)
+def test_what_a_loop_cannot_have_is_refused_with_what_it_lacks(text, effects, words):
+    with pytest.raises(UsageError, match=words):
+        run(text, [1.0], **effects)
+
+
+def test_a_second_mass_may_be_there_for_other_effects():
+    seen = run(TWO_MASSES, np.ones(300), friction=0.1, resolution=1e-5).signals
+    assert np.isfinite(seen["x"]).all()
+    assert len(seen["x"]) == 300
+
+
+def test_a_hand_between_two_masses_has_the_effects_of_the_one_that_it_pushes():
+    """Its displacement is none of the device alone, so that the last one is read from a tick after the record."""
+    text = TWO_MASSES.replace('displacement = "handle.x"', 'displacement = "handle.x - 0.5*arm.x"')
+    for count in (1, 5, 21):
+        seen = run(text, np.ones(count), late=3, dropped=0.2, friction=0.1, resolution=1e-5)
+        assert len(seen.signals["x"]) == count
+        assert np.isfinite(seen.energy.hand).all()

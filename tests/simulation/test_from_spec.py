@@ -1,0 +1,146 @@
+import numpy as np
+import pytest
+
+from wavesweep.errors import SpecError, UsageError
+from wavesweep.results import fields
+from wavesweep.simulation import hand_force, simulated, table
+from wavesweep.spec import load
+
+
+def spec(kind="pmw-lm", **simulate):
+    return load({"controller": {"kind": kind}, "simulate": {"duration_s": 0.5} | simulate})
+
+
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [
+        ({"input": "sine", "frequency_hz": 7}, 2 * np.sin(2 * np.pi * 7 * np.arange(500) / 1000)),
+        ({"input": "step", "at_s": 0.2}, np.repeat([0.0, 2.0], [200, 300])),
+        ({"input": "pulse", "at_s": 0.2, "width_s": 0.1}, np.repeat([0.0, 2.0, 0.0], [200, 100, 200])),
+        ({"input": "noise", "seed": 4}, 2 * np.random.default_rng(4).standard_normal(500)),
+    ],
+)
+def test_the_hand_does_what_the_spec_names(given, expected):
+    np.testing.assert_allclose(hand_force(spec(amplitude=2, **given)).force, expected, atol=1e-12)
+
+
+def test_a_chirp_goes_from_end_to_end():
+    force = hand_force(spec(input="chirp", frequency_hz=[10, 100], duration_s=1)).force
+    crossings = np.flatnonzero((force[:-1] <= 0) & (force[1:] > 0))
+    assert np.diff(crossings)[[0, -1]] == pytest.approx([89, 10], abs=2)
+
+
+def test_a_stepped_sine_lasts_as_long_as_it_takes_unless_told():
+    steps = {"input": "stepped-sine", "frequency_hz": [10, 20], "settle_s": 0.5}
+    whole = hand_force(load({"controller": {"kind": "dc"}, "simulate": steps}))
+    assert (len(whole.force), len(whole.tones)) == (3000, 2)
+    short, long = (hand_force(spec(**steps, duration_s=seconds)) for seconds in (2, 4))
+    assert (len(short.force), len(short.tones)) == (2000, 1)
+    assert (len(long.force), len(long.tones)) == (4000, 2)
+    assert np.array_equal(long.force, np.append(whole.force, np.zeros(1000)))
+
+
+@pytest.mark.parametrize(
+    "steps", [{"settle_s": 1e300}, {"settle_s": 0.5, "frequency_hz": [5e-324]}, {"frequency_hz": [10, 1e-9], "settle_s": 0}]
+)
+def test_of_steps_beyond_the_simulated_time_nothing_is_made(steps):
+    made = hand_force(spec(input="stepped-sine", **{"frequency_hz": [10]} | steps, duration_s=1.5))
+    assert (len(made.force), len(made.tones)) == (1500, len(steps.get("frequency_hz", [])) - 1 if steps["settle_s"] == 0 else 0)
+
+
+@pytest.mark.parametrize("given", [{"input": "sine", "settle_s": 1e308}, {"input": "sine", "frequency_hz": 5e-324}])
+def test_a_sine_that_never_settles_has_no_tone(given):
+    assert hand_force(spec(**given)).tones == ()
+
+
+def test_the_seed_of_a_call_is_that_of_the_noise_too():
+    first, second, named = (
+        simulated(spec(input="noise", **seed), **of).signals["f_h"]
+        for seed, of in (({}, {"seed": 1}), ({}, {"seed": 2}), ({"seed": 1}, {}))
+    )
+    assert np.array_equal(first, named)
+    assert not np.array_equal(first, second)
+
+
+def test_a_force_of_its_own_needs_no_experiment_that_fits():
+    quick = load({"controller": {"kind": "dc"}, "rates": {"fast_hz": 1e6}})  # of which 10 s are too many ticks
+    assert len(simulated(quick, np.ones(3)).signals["x"]) == 3
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"input": "chirp", "frequency_hz": [50, 1]}, "the lower one first, found 50.0 and 1.0"),
+        ({"input": "chirp", "frequency_hz": [1, 7, 50]}, "one or two frequencies for a chirp.* found 3"),
+        ({"input": "pulse", "width_s": 0.0004}, r"simulate.width_s: expected at least a tick \(0.001 s\), found 0.0004"),
+        ({"input": "step", "at_s": 0.4996}, r"simulate.at_s: expected a number < 0.5"),
+    ],
+)
+def test_an_input_that_would_be_another_one_or_none_is_a_mistake(given, words):
+    with pytest.raises(SpecError, match=words):
+        simulated(spec(**given))
+
+
+def test_a_record_is_found_beside_the_spec(tmp_path, monkeypatch):
+    (tmp_path / "push.csv").write_text("force_N\n1\n2\n3\n")
+    (tmp_path / "a.toml").write_text('[controller]\nkind = "dc"\n[simulate]\ninput = "record"\nrecord = "push.csv"\n')
+    assert hand_force(load(tmp_path / "a.toml")).force.tolist() == [1.0, 2.0, 3.0]
+    assert hand_force(load(tmp_path / "a.toml", ["simulate.duration_s=0.005"])).force.tolist() == [1, 2, 3, 0, 0]
+    monkeypatch.chdir(tmp_path)
+    assert len(hand_force(spec(input="record", record="push.csv", duration_s=0.002)).force) == 2
+
+
+def test_the_options_of_the_spec_are_in_force():
+    seen = simulated(spec(max_force=0.5, resolution=1e-4, amplitude=3)).signals
+    assert np.abs(seen["f_device"]).max() == 0.5
+    assert np.abs(seen["x_hat"] - seen["x"]).max() > 1e-5
+
+
+def test_force_and_options_of_a_call_stand_before_the_specs():
+    seen = simulated(spec(max_force=0.5), np.ones(30), max_force=0.01, jitter=0.1).signals
+    assert len(seen["x"]) == 30
+    assert seen["f_device"].max() == 0.01
+    assert np.ptp(np.diff(seen["time"])) > 1e-5
+
+
+@pytest.mark.parametrize(
+    ("force", "changes", "words"),
+    [
+        ([[1.0]], {}, r"force: expected a row of finite numbers, one per fast tick, found shape \(1, 1\)"),
+        ([1.0, np.nan], {}, "found some that are not finite"),
+        ([1.0], {"fricton": 1.0}, "option fricton: expected some of wall, resolution"),
+        ([1.0], {"friction": -1.0}, "option friction: expected a number >= 0"),
+        ([1.0], {"late": 1e19}, "option late: expected at most 1000000 ticks"),
+        ([1.0], {"max_force": 0}, "option max_force: expected a number > 0, or None"),
+    ],
+)
+def test_a_call_that_makes_no_sense_is_refused(force, changes, words):
+    with pytest.raises(UsageError, match=words):
+        simulated(spec(), force, **changes)
+
+
+@pytest.mark.parametrize("kind", ["dc", "dc-slow", "dc-lm", "pmw", "pmw-lm"])
+def test_the_table_has_the_same_columns_for_every_controller(kind):
+    columns = table(simulated(spec(kind, late=3, dropped=0.2)))
+    assert list(columns) == [field.name for field in fields("simulate")]
+    assert {len(column) for column in columns.values()} == {500}
+    missing = {name for name, column in columns.items() if np.isnan(column).any()}
+    waves = {"u_m", "v_m", "u_s", "v_s", "x_s", "x_dot_s"}
+    waves |= {f"energy_{name}" for name in ("user", "slow", "local", "channel")}
+    local = {"u_h", "v_l", "v_2"}
+    assert missing == {"pmw-lm": set(), "pmw": local}.get(kind, waves | local)
+    ratio = 1 if kind == "dc" else 20
+    assert np.array_equal(columns["frame"] * ratio + columns["phase"], np.arange(500))
+
+
+def test_no_infinity_gets_into_the_table_of_a_loop_that_diverges():
+    run = simulated(load({"controller": {"kind": "dc"}, "environment": {"K_VE": 1e8}}))
+    columns = table(run)
+    assert 2 < len(columns["tick"]) < 10_000
+    assert run.stopped
+    assert not any(np.isinf(column).any() for column in columns.values())
+    assert np.isfinite(columns["energy_hand"]).all()
+
+
+def test_an_experiment_without_a_tick_has_a_table_without_a_row():
+    assert {len(column) for column in table(simulated(spec(), [])).values()} == {0}

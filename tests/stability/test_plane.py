@@ -1,0 +1,117 @@
+"""The boundary's explicit curve in the wall's plane, against eigenvalues, known numbers and the proved intervals."""
+
+import numpy as np
+import pytest
+
+from wavesweep.monodromy.cut import close
+from wavesweep.spec import load
+from wavesweep.stability import stable_intervals
+from wavesweep.stability.plane import plane_curve, plane_lines, quick_columns, refined_curve
+from wavesweep.sweep.open_loops import wall_cut
+
+LOOPS = {
+    "direct": {"controller": {"kind": "dc"}},
+    "slow": {"controller": {"kind": "dc-slow"}, "environment": {"delay": 7}},
+    "hole": {
+        "controller": {"kind": "pmw", "b": 25.0},
+        "environment": {"integration": "explicit"},
+        "filters": {"lp1": {"order": 1, "cutoff_hz": 8.57}},
+    },
+    "bank": {"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit", "delay": 3}},
+    "held": {
+        "controller": {"kind": "pmw", "Kp": 5.0},
+        "environment": {"integration": "explicit", "delay": 20},
+        "operator": {"stiffness": 300.0, "mass": 0.2, "damping": 3.0},
+    },
+}
+
+
+def cut_of(tables):
+    return wall_cut(load(tables).values)
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_wall_on_the_curve_has_an_eigenvalue_at_its_angle(name):
+    cut, theta = cut_of(LOOPS[name]), np.linspace(0.01, 3.1, 200)
+    walls = plane_curve(cut, theta)
+    moderate = np.isfinite(walls).all(0) & (np.abs(walls[0]) < 1e5) & (np.abs(walls[1]) < 1e3)
+    assert moderate.sum() > 50
+    z = 1 + np.linalg.eigvals(close(cut, *walls[:, moderate]))
+    # A wall of a large number moves its eigenvalue by more than a rounding.
+    assert np.abs(z - np.exp(1j * theta[moderate])[:, None]).min(-1).max() < 1e-8
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_wall_on_a_straight_part_has_an_eigenvalue_at_one_of_the_real_points(name):
+    cut = cut_of(LOOPS[name])
+    seen = 0
+    for z, (one, x, v) in zip((1, -1), plane_lines(cut), strict=True):
+        if x:
+            B = np.array([0.5, 2.0, 9.0])
+            K = (one - v * B) / x
+            if np.all(K):  # nothing reads the scene's position at K = 0, which `close` sets aside
+                assert np.abs(1 + np.linalg.eigvals(close(cut, K, B)) - z).min(-1).max() < 1e-9
+                seen += 1
+    assert seen or name == "direct"
+
+
+def test_known_limits_are_on_the_curve():
+    """Direct coupling to the slow wall at B_VE = 1, without delay and with a whole frame; a wave design with a hole."""
+    for delay, end in ((0, 263.137165166), (20, 82.579018996)):
+        found = columns(cut_of({"controller": {"kind": "dc-slow"}, "environment": {"delay": delay}}), 1.0, 400.0)
+        assert [low for low, _ in found] == [0.0]
+        assert found[0][1] == pytest.approx(end, rel=1e-9)
+    (_, first), (second, third) = columns(cut_of(LOOPS["hole"]), 1.0, 6000.0)
+    assert (first, second, third) == pytest.approx((799.713, 2523.335, 4448.819), abs=1e-3)
+
+
+def columns(cut, B, top):
+    theta, walls = refined_curve(cut, ((0.0, top), (0.0, 4.0)))
+    return quick_columns(cut, theta, walls, 0, np.array([B]), (0.0, top), 8)[0]
+
+
+@pytest.mark.parametrize("solved", [0, 1])
+@pytest.mark.parametrize("name", LOOPS)
+def test_the_quick_columns_are_the_proved_ones(name, solved):
+    cut, window = cut_of(LOOPS[name]), ((0.0, 6000.0), (0.0, 6.0))
+    theta, walls = refined_curve(cut, window)
+    fixed = np.linspace(*window[1 - solved], 30)[1:]
+    quick = quick_columns(cut, theta, walls, solved, fixed, window[solved], 6)
+    proved = stable_intervals(cut.at(np.newaxis), ("K_VE", "B_VE")[solved], window[solved], fixed[None])
+    assert proved.certified.all()
+    expected = [[] for _ in fixed]
+    for column, index, low, high in zip(proved.column, proved.index, proved.low, proved.high, strict=True):
+        if index >= 0:
+            expected[column].append((low, high))
+    assert [len(each) for each in quick] == [len(each) for each in expected]
+    ends = [np.array([end for column in each for pair in column for end in pair]) for each in (quick, expected)]
+    assert ends[0].size
+    assert np.abs(ends[0] - ends[1]).max() < 1e-6 * window[solved][1]
+
+
+def test_the_curve_has_small_steps_in_the_window():
+    cut, window = cut_of(LOOPS["hole"]), np.array([[0.0, 6000.0], [0.0, 5.0]])
+    theta, walls = refined_curve(cut, window)
+    place = (walls - window[:, :1]) / np.diff(window)
+    inside = (np.abs(place - 0.5) < 0.5).all(0)
+    both = inside[1:] & inside[:-1]
+    assert both.sum() > 50
+    assert np.all(np.diff(theta) > 0)
+    assert np.abs(np.diff(place)).max(0)[both].max() < 0.02
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_the_curve_passes_through_the_proved_ends(name):
+    """At the oscillation of an end the curve gives its wall: found on another way, by a polynomial and a polish."""
+    cut, fixed = cut_of(LOOPS[name]), np.linspace(0.2, 6.0, 25)
+    proved = stable_intervals(cut.at(np.newaxis), "K_VE", (0.0, 6000.0), fixed[None])
+    column, end, omega = (
+        np.concatenate(pair)
+        for pair in ((proved.column, proved.column), (proved.low, proved.high), (proved.low_omega, proved.high_omega))
+    )
+    theta = omega * float(cut.period)
+    inner = (theta > 1e-3) & (theta < np.pi - 1e-3)
+    K, B = plane_curve(cut, theta[inner])
+    assert np.abs(K - end[inner]).max(initial=0) < 1e-9 * 6000
+    assert np.abs(B - fixed[column[inner]]).max(initial=0) < 1e-9 * 6
+    assert inner.any()

@@ -1,6 +1,0 @@
-"""Stable intervals, with a certificate: exactly along the wall's parameters, through eigenvalues along any other number."""
-
-from wavesweep.analysis.intervals.any_parameter import stable_along_any
-from wavesweep.analysis.intervals.stable import Intervals, joined, stable_intervals
-
-__all__ = ["Intervals", "joined", "stable_along_any", "stable_intervals"]

@@ -1,1 +1,0 @@
-"""Loops of several rates: blocks, their wires, and what follows from these by structure."""

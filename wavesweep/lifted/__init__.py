@@ -1,1 +1,0 @@
-"""Conversion of a multirate diagram to one unirate system: discretise, connect, lift."""

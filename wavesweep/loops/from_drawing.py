@@ -1,0 +1,321 @@
+"""From a loop that a spec draws to its blocks: numbers put in, and twins of it with other numbers."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache, partial
+from zlib import crc32
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+from wavesweep.loops import blocks
+from wavesweep.loops.block import numbers
+from wavesweep.loops.integrator_modes import equations_of
+from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.loops.values import rest_of, values_of
+from wavesweep.spec.block_types import TYPES
+from wavesweep.spec.drawing import LEAST, NOTHING, RATE, Drawing, name_of, scalars
+from wavesweep.spec.expressions import degree, names_in, with_number
+
+POSITION, REACTION = "ports.hand.displacement", "ports.hand.reaction"  # the junctions at the hand's port
+PRODUCT, FACTOR = "ports.product", "ports.factor"  # of a number that is taken out of its wire, and what it multiplies
+BESIDE = "ports.beside"  # what another number of the same wire multiplies, see `shares_wire`
+HAND = "ports.hand."  # keys of the hand's port
+PARAMETERS = {("butterworth", "pass"): "passes"}  # keys that have another name in `blocks`
+
+
+def assembled(drawing: Drawing, values: Mapping[str, object], out: str = "", beside: str = "") -> MultirateLoop:
+    """Return the drawn loop of `values`: flat numbers, or arrays over a batch, real or complex.
+
+    out: a number to take out of its place (see `scalar_place`): its product is then the input PRODUCT, and it would multiply
+    the signal FACTOR. beside: a number of the same wire (see `shares_wire`) whose value is 0; it would multiply the signal
+    BESIDE. A value that is not finite makes entries that are not finite.
+    """
+    known = _known(values)
+    with np.errstate(all="ignore"):
+        rate = values_of(drawing.tick_hz, known)
+        tick = 1 / numbers(rate)
+        placed = tuple(_placed(block, known, tick) for block in drawing.blocks)
+        sums = {port: _gains(terms, known) for port, terms in drawing.wires}
+        if out:
+            placed = _take_out(drawing, placed, sums, known, out)
+        if beside:
+            sums[BESIDE] = _factor(dict(drawing.wires)[scalar_place(drawing, beside).partition(".")[2]], known, beside)
+    inputs = (drawing.hand[0],) if drawing.hand else ()
+    if drawing.hand:
+        for signal, terms in zip((POSITION, REACTION), drawing.hand[1:], strict=True):
+            if terms is not None:
+                sums[signal] = _gains(terms, known)
+    return MultirateLoop(tick, placed, sums, (*inputs, PRODUCT) if out else inputs, rate=rate)
+
+
+def gains(drawing: Drawing, values: Mapping[str, object]) -> dict[str, dict[str, object]]:
+    """Return the gain of each signal in the wire of each port; values: as for `assembled`."""
+    known = _known(values)
+    with np.errstate(all="ignore"):
+        return {port: _gains(terms, known) for port, terms in drawing.wires}
+
+
+def rate_of(drawing: Drawing, values: Mapping[str, object]):
+    """Return the rate of the tick (Hz); values: as for `assembled`."""
+    with np.errstate(all="ignore"):
+        return values_of(drawing.tick_hz, _known(values))
+
+
+def _known(values):
+    return {name: value if isinstance(value, int) else numbers(value) for name, value in scalars(values).items()}
+
+
+def _gains(terms, known):
+    return {signal: values_of(gain, known) for signal, gain in terms}
+
+
+def _placed(block, known, tick):
+    """The block with its numbers; one that they do not vary in a batch is remembered."""
+    read = {name: known[name] for name in _read_by(block)}
+    if np.ndim(tick) or any(np.ndim(value) or np.iscomplexobj(value) for value in read.values()):
+        return _with_numbers(block, known, tick)
+    return _placed_alone(block, tuple((name, v if isinstance(v, int) else v.item()) for name, v in read.items()), tick)
+
+
+@lru_cache(maxsize=4096)
+def _read_by(block):
+    return tuple(sorted({name for _, tree in block.trees() for name, _ in names_in(tree)}))
+
+
+@lru_cache(maxsize=2048, typed=True)
+def _placed_alone(block, read, tick):
+    return _with_numbers(block, {name: v if isinstance(v, int) else numbers(v) for name, v in read}, tick)
+
+
+def _with_numbers(block, known, tick):
+    every, phase = int(values_of(block.every, known)), int(values_of(block.phase, known))
+    kinds = {name: TYPES[block.type].keys[name].type for name, _ in block.keys}
+    keys = {PARAMETERS.get((block.type, name), name): _key(kinds[name], value, known) for name, value in block.keys}
+    if block.type == "ss" and not keys["D"]:
+        keys["D"] = [[0.0] * len(keys["inputs"]) for _ in keys["outputs"]]
+    if keys.get("discrete"):
+        trees = dict(block.keys)
+        if block.type == "tf":
+            keys["rests"] = tuple(_rests(trees[name], keys[name], known) for name in ("num", "den"))
+        else:
+            keys["rests"] = [_rests(*row, known) for row in zip(trees["A"], keys["A"], strict=True)]
+    period = every * tick if not block.phases else every * tick / len(block.phases)
+    return ScheduledBlock(getattr(blocks, block.type)(block.name, period, **keys), every, block.phases or phase)
+
+
+def _rests(trees, values, known):
+    return [rest_of(tree, value, known) for tree, value in zip(trees, values, strict=True)]
+
+
+def _key(kind, value, known):
+    if kind == "number":
+        return values_of(value, known)
+    if kind == "integer":
+        return int(values_of(value, known))
+    if kind == "list":
+        return [values_of(tree, known) for tree in value]
+    return [[values_of(tree, known) for tree in row] for row in value] if kind == "rows" else value
+
+
+def _take_out(drawing, placed, sums, known, out):
+    """Make the product of a number the input PRODUCT, in the sums and, if it is the factor of a gain, in its block."""
+    table, _, place = scalar_place(drawing, out).partition(".")
+    block = place.partition(".")[0]
+    if table == "wire":
+        parts = {signal: _parts(gain, known, out) for signal, gain in dict(drawing.wires)[place]}
+        sums[place] = {PRODUCT: 1.0} | {signal: constant for signal, (constant, _) in parts.items()}
+        sums[FACTOR] = _factor(dict(drawing.wires)[place], known, out)
+        return placed
+    constant, slope = _parts(dict(next(each.keys for each in drawing.blocks if each.name == block))["k"], known, out)
+    sums[FACTOR] = {signal: slope * gain for signal, gain in sums[f"{block}.u"].items()}
+    sums[f"{block}.{PRODUCT}"] = {PRODUCT: 1.0}
+    both = blocks.ss(block, 1.0, [], [], [], [[constant, 1.0]], ("u", PRODUCT), ("y",), discrete=True)
+    return tuple(replace(each, block=both) if each.block.name == block else each for each in placed)
+
+
+def _factor(terms, known, out):
+    """The signals that a number of a wire multiplies, with their factors."""
+    slopes = {signal: _parts(gain, known, out)[1] for signal, gain in terms}
+    return {signal: slope for signal, slope in slopes.items() if np.any(slope)}
+
+
+def _parts(gain, known, out):
+    """The constant part of a gain that is linear in a number, and the factor of the number."""
+    constant, total = (with_number(gain, out, p) for p in (0.0, 1.0))
+    return values_of(constant, known), values_of(("-", total, constant, 0), known)
+
+
+@lru_cache(maxsize=256)  # a compiled loop is asked again and again
+def scalar_place(drawing: Drawing, number: str) -> str:
+    """The path of the only wire, or of the factor of the only gain, that reads a number, if it is linear in it; else empty.
+
+    The hand's port may read the number too (see `seen_by_hand`), which changes nothing of the loop.
+    """
+    readers = {path for path in _readers(drawing, number) if not path.startswith(HAND)}
+    if len(readers) != 1:
+        return ""
+    path = readers.pop()
+    is_gain = path in {f"block.{block.name}.k" for block in drawing.blocks if block.type == "gain"}
+    trees = [tree for each, tree in drawing.trees() if each == path]
+    return path if (is_gain or path.startswith("wire.")) and all(degree(tree, number) <= 1 for tree in trees) else ""
+
+
+@lru_cache(maxsize=256)
+def shares_wire(drawing: Drawing, number: str, other: str) -> bool:
+    """Whether another number is the factor of other terms in the same wire, see `scalar_place`."""
+    place = scalar_place(drawing, number)
+    if not place.startswith("wire.") or scalar_place(drawing, other) != place:
+        return False
+    return not any({number, other} <= {name for name, _ in names_in(tree)} for path, tree in drawing.trees() if path == place)
+
+
+@lru_cache(maxsize=256)
+def seen_by_hand(drawing: Drawing, number: str) -> bool:
+    """Whether the signals at the hand's port read a number themselves."""
+    return any(path.startswith(HAND) for path in _readers(drawing, number))
+
+
+@lru_cache(maxsize=256)
+def _readers(drawing, number):
+    return {path for path, tree in drawing.trees() if any(name == number for name, _ in names_in(tree))}
+
+
+def twins(
+    drawing: Drawing, values: Mapping[str, object], out: str = "", beside: str = ""
+) -> tuple[MultirateLoop, MultirateLoop]:
+    """Return two loops of a batch, in which drift is searched for, or one loop twice if no number varies.
+
+    values: flat numbers, with arrays of those that vary, and that are between the values of these in the two loops. out,
+    beside: numbers to take out, see `assembled`.
+    """
+    pair = ({path: _between(path, value, salt) for path, value in values.items()} for salt in SALTS)
+    return _twins(drawing, *(tuple(each.items()) for each in pair), out, beside)
+
+
+def _between(path, value, salt):
+    if not isinstance(value, np.ndarray):
+        return value
+    low, high = float(np.min(value.real)), float(np.max(value.real))
+    return low + (high - low) * (0.25 + 0.5 * scattered(path, salt)) if low < high else low
+
+
+SALTS = "ab"  # of the two loops
+
+
+def scattered(path: str, salt: str = "") -> float:
+    """Return a number from 0 to 1 for a path, another one for other paths and salts, always the same."""
+    return crc32((salt + path).encode()) / 2**32
+
+
+@lru_cache(maxsize=256)
+def _twins(drawing, one, other, out, beside):
+    varied = frozenset(name_of(path) for (path, value), (_, twin) in zip(one, other, strict=True) if value != twin)
+    found = []
+    for items in (one, other)[: 1 + bool(varied)]:
+        drawn, values = assembled(drawing, dict(items), out, beside), dict(items)
+        found.append(replace(drawn, exact=partial(equations_of, drawing, values, varied, out)))
+    return found[0], found[-1]
+
+
+def refuse_unsuitable(drawing: Drawing, values: Mapping[str, object]) -> None:
+    """Raise UsageError if a loop of a batch has a number that a key does not accept. values: as for `assembled`."""
+    wrong = unsuitable(drawing, values)
+    if wrong.any():
+        arrays = {path: np.broadcast_to(value, wrong.shape) for path, value in values.items() if np.ndim(value)}
+        at = int(np.flatnonzero(wrong)[0])
+        loop = {path: float(arrays[path][at]) if path in arrays else value for path, value in values.items()}
+        named = ", ".join(f"{name_of(path)} = {loop[path]:g}" for path in arrays)
+        path, expected, found = next(drawing.faults(loop), ("a key", "another value", "none"))
+        raise UsageError(f"{named} makes no loop: {path}: expected {expected}, found {found}")
+
+
+def unsuitable(drawing: Drawing, values: Mapping[str, object]) -> np.ndarray:
+    """Return which loops of a batch have a number that a key does not accept, `(loops,)`. values: as for `assembled`."""
+    arrays = {path for path, value in values.items() if np.ndim(value)}
+    varied, single = frozenset(map(name_of, arrays)), tuple(item for item in values.items() if item[0] not in arrays)
+    wrong = np.full(max((np.size(values[path]) for path in arrays), default=1), _unsuitable_alone(drawing, single, varied))
+    known = _known(values)
+    with np.errstate(all="ignore"):
+        for names, check in _checked(drawing) if arrays else ():
+            if names & varied:
+                wrong |= check(known)
+    return wrong
+
+
+@lru_cache(maxsize=64)
+def _unsuitable_alone(drawing, items, others):
+    """Whether keys that read none of the `others` do not accept the numbers of a single loop."""
+    known = _known(dict(items))
+    with np.errstate(all="ignore"):
+        return any(bool(np.any(check(known))) for names, check in _checked(drawing) if not names & others)
+
+
+def _out_of_range(tree, low, above_low, known):
+    found = values_of(tree, known)
+    return np.logical_not(np.isfinite(found) & (found > low if above_low else found >= low))
+
+
+def _without_block(drawing, block, known):
+    """Whether numbers that are accepted by themselves make no such block together."""
+    keys = dict(block.keys)
+    if block.type == "butterworth" and values_of(keys["order"], known):
+        return ~(values_of(keys["cutoff_hz"], known) < values_of(drawing.tick_hz, known) / values_of(block.every, known) / 2)
+    if block.type == "tf":
+        return np.abs(values_of(keys["den"][0], known)) < LEAST
+    if block.type == "local_model":
+        return np.abs(values_of(block.divisor(drawing.tick_hz), known)) <= NOTHING * np.abs(values_of(keys["b"], known))
+    return False
+
+
+@lru_cache(maxsize=64)
+def _checked(drawing):
+    """Checks of keys that read numbers, and of blocks: the names of these, and whether those of a loop are not suitable."""
+    found, types = [], {block.name: block.type for block in drawing.blocks}
+    for path, tree in drawing.trees():
+        table, *rest = path.split(".")
+        limited = table == "block" and rest[1] not in ("every", "phase")
+        key = TYPES[types[rest[0]]].keys[rest[1]] if limited else None
+        low = 0.0 if path == RATE else -np.inf if key is None or key.low is None else key.low
+        if any(names_in(tree)):
+            names = frozenset(name for name, _ in names_in(tree))
+            found.append((names, partial(_out_of_range, tree, low, path == RATE or bool(key and key.above_low))))
+    for block in drawing.blocks:
+        own = [tree for path, tree in drawing.trees() if path.startswith(f"block.{block.name}.")]
+        names = frozenset(name for tree in (drawing.tick_hz, *own) for name, _ in names_in(tree))
+        found.append((names, partial(_without_block, drawing, block)))
+    return tuple(found)
+
+
+def first_of(drawn: MultirateLoop, index: int = 0) -> MultirateLoop:
+    """The loop at that index of a drawing's batch, flat."""
+
+    def one(array, entry):
+        batch = np.shape(array)[: np.ndim(array) - entry]
+        return np.reshape(array, (-1, *np.shape(array)[len(batch) :]))[index] if batch else array
+
+    placed = []
+    for each in drawn.placed:
+        parts = {name: one(getattr(each.block, name), 2) for name in "EBCD"}
+        placed.append(replace(each, block=replace(each.block, **parts, condition=1.0, terms=None)))
+    sums = {name: {source: one(gain, 0) for source, gain in sources.items()} for name, sources in drawn.sums.items()}
+    return MultirateLoop(one(drawn.period, 0), tuple(placed), sums, drawn.inputs, rate=one(drawn.rate, 0))
+
+
+def direct_loops(drawn: MultirateLoop) -> list[str]:
+    """Names of the blocks on loops of direct terms, which are closed within a tick."""
+    ports = [(each, port) for each in drawn.placed for port in range(len(each.block.inputs))]
+    runs = {each.block.name: each.runs(drawn.ticks) for each in drawn.placed}
+    feeds = {
+        f"{each.block.name}.{name}": (each.block, row) for each in drawn.placed for row, name in enumerate(each.block.outputs)
+    }
+    A = np.zeros((len(ports), len(ports)), bool)
+    for j, (reader, port) in enumerate(ports):
+        for source in drawn.sources(f"{reader.block.name}.{reader.block.inputs[port]}") & feeds.keys():
+            block, row = feeds[source]
+            for i, (each, column) in enumerate(ports):
+                together = each.block is block and np.any(runs[block.name] & runs[reader.block.name])
+                A[i, j] |= bool(together and np.any(block.D[..., row, column]))
+    for _ in range(max(1, len(ports)).bit_length()):
+        A |= (A.astype(int) @ A.astype(int)) > 0
+    return list(dict.fromkeys(each.block.name for i, (each, _) in enumerate(ports) if A[i, i]))

@@ -1,0 +1,45 @@
+"""Passivity of the wave channel and of the hand's port, and stability for all passive hands and for a box of hands."""
+
+from wavesweep.passive.any_hand import (
+    DampingNeeded,
+    PassiveWalls,
+    any_hand_walls,
+    damping_needed,
+    port_passive_walls,
+    reads_velocity,
+)
+from wavesweep.passive.channel import (
+    ChannelNorm,
+    channel_norm,
+    filter_table,
+    has_waves,
+    sufficient_order,
+)
+from wavesweep.passive.hand import HOLDING_A_DEVICE, HandBox, swing_with_hand
+from wavesweep.passive.hand_box import BoxIntervals, box_intervals
+from wavesweep.passive.held_loop import HAND, HeldLoop
+from wavesweep.passive.margin import PortMargin, more_damping, port_margin
+
+__all__ = [
+    "HAND",
+    "HOLDING_A_DEVICE",
+    "BoxIntervals",
+    "ChannelNorm",
+    "DampingNeeded",
+    "HandBox",
+    "HeldLoop",
+    "PassiveWalls",
+    "PortMargin",
+    "any_hand_walls",
+    "box_intervals",
+    "channel_norm",
+    "damping_needed",
+    "filter_table",
+    "has_waves",
+    "more_damping",
+    "port_margin",
+    "port_passive_walls",
+    "reads_velocity",
+    "sufficient_order",
+    "swing_with_hand",
+]

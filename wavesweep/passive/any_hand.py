@@ -1,0 +1,208 @@
+"""Stability with every passive hand: the damping that it needs, and the intervals of a number in which there is enough."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wavesweep.loops.block import Block
+from wavesweep.loops.multirate import MultirateLoop
+from wavesweep.monodromy.periodic import ticks_of
+from wavesweep.passive.held_loop import HeldLoop, device_keys
+from wavesweep.passive.hinf import SOFT, angles, peak_by_levels
+from wavesweep.passive.lifted_map import LiftedMap, TickMaps, read
+from wavesweep.passive.margin import port_margin
+from wavesweep.response.bordered import solved
+from wavesweep.stability.spectrum import is_stable
+
+SLACK = 1e-10  # of the damping and of 1 N*s/m, within which no frequency needs more
+SURE = 1e-7  # of the same, for rounding, with room
+LOWEST = 1e-3  # rad per frame, from which on the map is looked at of loops that do not settle
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DampingNeeded:
+    """Arrays over the batch of the loops.
+
+    damping: d* (N*s/m), of device and hand together; infinite if none is enough (see `damping_needed`). omega: the
+    frequency that needs it, rad/s, in [0, pi/T_s]. responsive: whether the controller, its position prescribed, is
+    stable; else no damping is enough. certified: whether no frequency needs more than SLACK more.
+    """
+
+    damping: np.ndarray
+    omega: np.ndarray
+    responsive: np.ndarray
+    certified: np.ndarray
+
+    def suffices(self, damping) -> np.ndarray:
+        """Whether `damping` (N*s/m) of device and hand together makes the loop stable with every passive hand."""
+        return self.responsive & self.certified & (damping > self.damping + SURE * (1 + np.abs(self.damping)))
+
+
+def damping_needed(loop: HeldLoop) -> DampingNeeded | None:
+    """Least damping d* of device and hand with which the loop is stable whatever else, passive, the hand is.
+
+    None if the hand holds no single mass, or if something reads the velocity of that mass: a point sample of the velocity can
+    be anything at no cost in energy, so no damping bounds the work of its feedback.
+
+    In a tick a damper takes at least `d dx^2/T` for the displacement dx, whatever way it goes, and masses and springs
+    take nothing in the end. The held force takes `f_m dx`. So all of it is passive for a continuous hand exactly when
+    `d/T + C` is positive real, C the lifted map from the frame's displacements to its forces:
+    `d* = -T min lambda(He C)`, the smallest eigenvalue of the Hermitian part over all frequencies. At one rate this is
+    `b > K T/2 + |B|` (J. E. Colgate, G. G. Schenkel, Passivity of a class of sampled-data systems: application to haptic
+    interfaces, Journal of Robotic Systems 14(1), 37-47, 1997). The condition at the port for held forces (`port_margin`) is
+    weaker: it asks nothing of hands whose force moves within the tick, and lets the device's mass help.
+    Waves without position feedback need infinite damping at any LP1: a motion at a multiple of the slow rate aliases to
+    a wave that moves the avatar, and the force that this builds up stays. So they are not responsive. At one rate there are
+    no such motions.
+    Accuracy: 1e-10 of d* and of 1 N*s/m, at zero frequency as well.
+    """
+    if loop.device is None or reads_velocity(loop):
+        return None
+    drawn, batch = loop.drawn(), loop.batch
+    ticks, x = _reaction(drawn, loop.device, loop.drawing.hand[0], batch)
+    lifted, responsive = _settled(ticks.lifted(), x)
+    M, loops = ticks.kind.size, ticks.loops
+    period = np.broadcast_to(np.real(drawn.period), batch).reshape(-1)
+    least = np.where(responsive, 0.0, LOWEST)
+    peak = peak_by_levels(
+        lambda owner, theta, _: np.nan_to_num(
+            -period[owner] * lifted.smallest(owner, np.maximum(theta, least[owner])), nan=-np.inf
+        ),
+        lambda owner, level: angles(ticks.pencil(owner, -level / period[owner])),
+        loops,
+        lambda _, level: SLACK * (1 + np.abs(level)),
+        SOFT,
+    )
+    finite = np.isfinite(peak.value)
+    needed = np.where((responsive | (M == 1)) & finite, peak.value, np.inf)
+    return DampingNeeded(
+        needed.reshape(batch),
+        (peak.theta / (period * M)).reshape(batch),
+        (responsive & finite).reshape(batch),
+        (peak.certified & finite).reshape(batch),
+    )
+
+
+def reads_velocity(loop: HeldLoop) -> bool:
+    """Whether something reads the velocity of the device as a point sample."""
+    return any(np.any(terms.get(f"{loop.device}.v", 0.0)) for terms in loop.drawn().sums.values())
+
+
+REACTION = "ports.push"  # the junction of the force that pushes the device, but for the hand's
+
+
+def _reaction(drawn: MultirateLoop, device: str, force: str, batch) -> tuple[TickMaps, list[int]]:
+    """The ticks from the displacement of the device (m) to the force against it (N), and its position among the states.
+
+    The device is a ruler: the hand's input is the displacement in the tick. States that the force does not depend on are left
+    out.
+    """
+    one = np.ones((1, 1))
+    ruler = Block(device, ("f",), ("x", "v"), ("x",), 0 * one, one, np.array([[1.0], [0.0]]), np.zeros((2, 1)))
+    placed = tuple(replace(each, block=ruler) if each.block.name == device else each for each in drawn.placed)
+    pushed = {signal: -gain for signal, gain in drawn.sums[f"{device}.f"].items() if signal != force}
+    sums = dict(drawn.sums) | {f"{device}.f": {force: 1.0}, REACTION: pushed}
+    ticks = ticks_of(replace(drawn, placed=placed, sums=sums, exact=None), (REACTION,))
+    column = ticks.maps[0].inputs.index(force)
+    maps = [(each.E, each.B[..., column : column + 1], each.C, each.D[..., column : column + 1]) for each in ticks.maps]
+    kept = np.flatnonzero(read(maps))
+    maps = [(E[..., kept, :][..., kept], B[..., kept, :], C[..., kept], D) for E, B, C, D in maps]
+    at = [i for i, state in enumerate(kept) if ticks.states[state] == f"{device}.x"]
+    return TickMaps.of(maps, ticks.kind, batch), at
+
+
+def _settled(lifted: LiftedMap, x) -> tuple[LiftedMap, np.ndarray]:
+    """The map from displacements to forces, its pole at z = 1 set apart where loops settle, and whether they do, `(loops,)`.
+
+    Nothing moves the position x but the displacements, and every other state of a responsive loop settles at R times x, so
+    the states less R x follow `w s = E s + (G - R G_x) u`, without x. The force for a constant position is the stiffness k,
+    the same in every tick, so that x adds `k/w 11^T`, whose Hermitian part is `-k/2 11^T` at every frequency.
+    """
+    rest = np.setdiff1d(np.arange(lifted.E.shape[-1]), x)
+    of_rest = lifted.E[:, rest][..., rest]
+    responsive = is_stable(of_rest) if rest.size else np.isfinite(lifted.E).all((-1, -2))
+    if not x:
+        return lifted, responsive
+    with np.errstate(all="ignore"):
+        settled = -solved(of_rest, 0 * of_rest, lifted.E[:, rest][..., x], np.zeros((rest.size, 1)))[0]
+        stiffness = (lifted.O[..., x] + lifted.O[..., rest] @ settled).mean((-1, -2))
+        E, G, O = (part.copy() for part in (lifted.E, lifted.G, lifted.O))
+        E[:, x, :], E[:, :, x], O[..., x] = 0.0, 0.0, 0.0
+        E[:, x, x] = -1.0
+        G[:, rest] -= settled * lifted.G[:, x]
+        T = lifted.T - stiffness[:, None, None] / 2
+    chosen = responsive[:, None, None]
+    parts = zip((E, T, O, G), (lifted.E, lifted.T, lifted.O, lifted.G), strict=True)
+    return LiftedMap(*(np.where(chosen, new, old) for new, old in parts)), responsive
+
+
+POINTS = 33  # values tried first
+CUTS = 15  # points of one round of refinement
+TINY = 1e-300  # in place of a zero, which would take a state out of the loop
+FINEST = 1e-10  # of the range, to which an end is refined
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PassiveWalls:
+    """Intervals of a number, such as K_VE (N/m), `(intervals,)` each.
+
+    low, high: the passive side of each end. method: every value tried is proved to be passive or not; those between two
+    neighbours of the same kind are not proved.
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    method: str = "each stiffness looked at is proved; 33 of the range are looked at, and the ends refined"
+
+
+def port_passive_walls(loop: HeldLoop, span, path: str) -> PassiveWalls:
+    """Values of the number `path` within `span` (low, high) with which the hand's port is passive for held forces.
+
+    loop: a single one. See `port_margin`.
+    """
+    return _intervals(lambda p: port_margin(loop.changed({path: p}), decide=True).passive, span)
+
+
+def any_hand_walls(loop: HeldLoop, span, path: str, hand_damping: float = 0.0) -> PassiveWalls | None:
+    """Values of the number `path` within `span` stable with every passive hand of at least `hand_damping` (N*s/m).
+
+    loop: a single one. None if `damping_needed` is None. The guarantee is for continuous hands of any mass and
+    stiffness, including nonlinear and time-varying ones.
+    """
+    if loop.device is None or reads_velocity(loop):
+        return None
+
+    def passive(p):
+        at = loop.changed({path: p})
+        own = device_keys(at)[1]  # the damping needed does not depend on the device's mass
+        return np.broadcast_to(damping_needed(at).suffices(own + hand_damping), np.shape(p))
+
+    return _intervals(passive, span)
+
+
+def _intervals(passive, span) -> PassiveWalls:
+    """Runs of values that pass, their ends refined all together by multisection. A value of 0 is looked at by itself."""
+    low, high = map(float, span)
+
+    def passed(points):
+        found = np.zeros(points.size, bool)
+        for some in (np.flatnonzero(points == 0), np.flatnonzero(points != 0)):  # a zero takes a branch out of the loop
+            if some.size:
+                found[some] = passive(points[some])
+        return found
+
+    # evenly in the square root: the soft end matters most, and 0 belongs to the range
+    points = low + (high - low) * np.linspace(0, 1, POINTS) ** 2
+    good = passed(points)
+    change = np.flatnonzero(good[1:] != good[:-1])
+    inside, outside = (np.where(good[change] == kind, points[change], points[change + 1]) for kind in (True, False))
+    while change.size and np.abs(inside - outside).max() > FINEST * (high - low):
+        between = inside[:, None] + (outside - inside)[:, None] * np.arange(1, CUTS + 1) / (CUTS + 1)
+        some = passed(between.reshape(-1)).reshape(between.shape)
+        count = np.where(some.all(-1), CUTS, some.argmin(-1))
+        marks = np.concatenate([inside[:, None], between, outside[:, None]], axis=-1)
+        inside, outside = (np.take_along_axis(marks, count[:, None] + step, -1)[:, 0] for step in (0, 1))
+    rising = good[change + 1]
+    lows = np.concatenate([points[:1][good[:1]], inside[rising]])
+    highs = np.concatenate([inside[~rising], points[-1:][good[-1:]]])
+    return PassiveWalls(lows, highs)

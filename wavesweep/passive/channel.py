@@ -1,0 +1,224 @@
+"""The norm of the wave channel: the energy that filters, samplers and holds can add to the waves that pass them."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from wavesweep.loops.block import Block
+from wavesweep.loops.controllers import loop_drawing
+from wavesweep.loops.from_drawing import assembled
+from wavesweep.loops.multirate import MultirateLoop, ScheduledBlock
+from wavesweep.monodromy.periodic import ticks_of
+from wavesweep.passive.hinf import Peak, angles, peak_by_levels
+from wavesweep.passive.lifted_map import TickMaps, reached, read
+from wavesweep.spec.drawing import Drawing, path_of
+from wavesweep.spec.expressions import names_in
+
+TOLERANCE = 1e-10  # relative, of the norm
+ENDS = (
+    "wave",
+    "avatar",
+    "local_model",
+)  # blocks at the ends of a wave line: `in` is the wave that reaches one, `out` the other
+
+
+def has_waves(drawing: Drawing) -> bool:
+    """Whether a drawing has ends of a wave line."""
+    return any(block.type in ENDS for block in drawing.blocks)
+
+
+@lru_cache(maxsize=64)
+def numbers_of_channel(drawing: Drawing) -> frozenset[str]:
+    """Paths of the numbers that a channel may read: those of its blocks, of the wires between them, and of when blocks run."""
+    outside = {block.name for block in drawing.blocks if block.type in (*ENDS, "mass")}
+    trees = [drawing.tick_hz]
+    for block in drawing.blocks:
+        trees += [block.every, block.phase] if block.name in outside else [tree for _, tree in block.trees()]
+    for port, terms in drawing.wires:
+        if port.endswith(".in") or port.partition(".")[0] not in outside:
+            trees += [gain for _, gain in terms]
+    return frozenset(path_of(name) for tree in trees for name, _ in names_in(tree))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Channel:
+    """The wave channel between the ends of a wave line.
+
+    whole: its ticks from the waves that ends send to those that reach them, each weighted by the root of its period, in the
+    ticks in which an end runs. outward: those from the ends `wave` to the environments, which are avatars and local models.
+    inward: those back. joined: whether a wave of one side comes back to that side within the channel. frame: its period (s) in
+    the shape of the batch.
+    """
+
+    whole: TickMaps
+    outward: TickMaps
+    inward: TickMaps
+    joined: bool
+    frame: np.ndarray
+
+
+def channel_of(drawing: Drawing, values) -> Channel | None:
+    """The channel of a drawing; None for one without waves.
+
+    Filters, samplers, holds, delays and sums lie between the ends. The masses and the other parts of a returned wave, such as
+    positions, are outside: they are left at zero. values: numbers of the drawing, or arrays over a batch.
+    """
+    if not has_waves(drawing):
+        return None
+    types = {block.name: block.type for block in drawing.blocks}
+    drawn = _cut_at_ends(assembled(drawing, values), types)
+    ends = [each.block.name for each in drawn.placed if types[each.block.name] in ENDS]
+    ticks = ticks_of(drawn, tuple(f"{name}.in" for name in ends))
+    runs = [[end for end, name in enumerate(ends) if _index(drawn, name) in some] for some in drawn.schedule()[0]]
+    each = np.array([drawn.ticks / drawn.placed[_index(drawn, name)].runs(drawn.ticks).sum() for name in ends])
+    frame = np.asarray(np.real(drawn.period) * drawn.ticks)
+    batch = np.broadcast_shapes(frame.shape, *(block.batch for block in ticks.maps))
+    user = np.array([types[name] == "wave" for name in ends])
+
+    def between(senders, receivers):
+        maps = []
+        for block, some in zip(ticks.maps, runs, strict=True):
+            sent, seen = ([end for end in some if chosen[end]] for chosen in (senders, receivers))
+            weights = np.sqrt(each[sent]), np.sqrt(each[seen])[:, None]
+            C, D = (part[..., seen, :] * weights[1] for part in (block.C, block.D))
+            maps.append((block.E, block.B[..., sent] / weights[0], C, D[..., sent] / weights[0]))
+        kept = read(maps) & reached(maps)
+        return TickMaps.of(
+            [(E[..., kept, :][..., kept], B[..., kept, :], C[..., kept], D) for E, B, C, D in maps], ticks.kind, batch
+        )
+
+    every = np.ones(len(ends), bool)
+    whole, *ways = (between(*pair) for pair in ((every, every), (user, ~user), (~user, user)))
+    joined = any(np.any(part) for own in (user, ~user) for E, B, C, D in between(own, own).maps for part in (E, D))
+    return Channel(whole, *ways, joined, np.broadcast_to(frame, batch))
+
+
+def _index(drawn, name):
+    return next(at for at, each in enumerate(drawn.placed) if each.block.name == name)
+
+
+def _cut_at_ends(drawn: MultirateLoop, types) -> MultirateLoop:
+    """The channel alone: ends only send waves, which are its inputs, and what comes from outside is zero."""
+    one = np.ones((1, 1))
+    placed, sums, inputs = [], {}, []
+    for each in drawn.placed:
+        name = each.block.name
+        if types[name] in ENDS:
+            relay = Block(name, ("wave",), ("out",), (), one[:0, :0], one[:0], one[:, :0], one)
+            placed.append(ScheduledBlock(relay, each.every, each.phase))
+            sums[f"{name}.wave"] = {f"wave.{name}": 1.0}
+            inputs.append(f"wave.{name}")
+        elif types[name] != "mass":
+            placed.append(each)
+    made = {f"{each.block.name}.{port}" for each in placed for port in each.block.outputs}
+    ports = [f"{each.block.name}.{port}" for each in placed for port in each.block.inputs if types[each.block.name] not in ENDS]
+    for port in (*ports, *(f"{each.block.name}.in" for each in placed if types[each.block.name] in ENDS)):
+        sums[port] = {signal: gain for signal, gain in drawn.sums.get(port, {}).items() if signal in made}
+    return MultirateLoop(drawn.period, tuple(placed), sums, tuple(inputs), rate=drawn.rate)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ChannelNorm:
+    """Norms of the channel, arrays over the batch of the values.
+
+    norm: of the whole. omega: frequency at which it is reached, rad/s, in [0, pi/T_s], up to multiples of 2 pi/T_s.
+    outward, inward: norms of the direction to the environments and of the direction back; if no signal joins them within the
+    ports, the norm is the larger one. outward_omega, inward_omega: their frequencies. certified: no frequency
+    exceeds the norm by more than TOLERANCE, relative.
+    """
+
+    norm: np.ndarray
+    omega: np.ndarray
+    outward: np.ndarray
+    outward_omega: np.ndarray
+    inward: np.ndarray
+    inward_omega: np.ndarray
+    certified: np.ndarray
+
+    @property
+    def passive(self) -> np.ndarray:
+        """Whether the channel gives out no more energy than it takes in, to within TOLERANCE."""
+        return self.norm <= 1 + TOLERANCE
+
+
+def channel_norm(drawing: Drawing, values) -> ChannelNorm | None:
+    """H-infinity norm of the lifted wave channel, every wave weighted by the root of its period; None without waves.
+
+    values: numbers of the drawing, or arrays over a batch. Ports as in `channel_of`. The position feedback Kp, the wave
+    impedance, the device and both walls are outside, so none of them matters, and neither do delays: they only turn phases. Not
+    a grid: a level just above the value is shown to be met at no frequency (`peak_by_levels`).
+    Accuracy: 1e-10 relative; the value is attained at `omega` to rounding.
+    """
+    channel = channel_of(drawing, values)
+    if channel is None:
+        return None
+    peaks = [_peak(way) for way in (channel.outward, channel.inward)]
+    whole = _peak(channel.whole) if channel.joined else None
+    batch, frame = channel.frame.shape, channel.frame
+    sides = [part for side in peaks for part in (np.sqrt(side.value).reshape(batch), side.theta.reshape(batch) / frame)]
+    certified = np.logical_and.reduce([each.certified for each in ([whole] if whole else peaks)]).reshape(batch)
+    out, out_omega, back, back_omega = sides
+    norm, omega = np.maximum(out, back), np.where(out >= back, out_omega, back_omega)
+    if whole:
+        norm, omega = np.sqrt(whole.value).reshape(batch), whole.theta.reshape(batch) / frame
+    return ChannelNorm(norm, omega, *sides, certified)
+
+
+def _peak(way: TickMaps) -> Peak:
+    """The square of the norm of a direction; half of the tolerance is left for rounding."""
+    lifted = way.lifted(measured=False)
+    return peak_by_levels(
+        lambda owner, theta, _: lifted.largest_square(owner, theta),
+        lambda owner, square: angles(way.loss_pencil(owner, square)),
+        way.loops,
+        lambda _, square: TOLERANCE * square,
+    )
+
+
+ORDERS = tuple(range(1, 9))
+CUTOFFS_HZ = (2.0, 5.0, 8.57, 10.0, 15.0, 20.0, 25.0)
+
+
+def filter_table(values, orders=ORDERS, cutoffs_hz=CUTOFFS_HZ) -> dict[str, np.ndarray]:
+    """Columns over every order and cutoff (Hz) of LP1, orders slowest.
+
+    `lp1_order`, `lp1_cutoff_hz`; `channel_norm` of `pmw` and its `channel_omega` (rad/s); `excess`, norm less 1;
+    `energy_gain`, norm^2 - 1: the energy (J per J sent) that aliasing can add to a wave, at most;
+    `bank_norm`: that of the outward direction of `pmw-lm`, `u_m -> (u_s, u_h)`, with a high-pass of the same order and cutoff,
+    which is power-complementary; `certified`. The inward direction of `pmw-lm` has the norm sqrt(2) for every LP2 that passes
+    constants, because `v_m = v_1 + v_2` adds two waves, so it is not a column.
+    values: flat keys, of which rates alone are read. orders, cutoffs_hz: those of LP1.
+    """
+    cutoffs = np.asarray(cutoffs_hz, float)
+    parts = [_of_order(dict(values), order, cutoffs) for order in orders]
+    table = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return table | {"excess": table["channel_norm"] - 1, "energy_gain": table["channel_norm"] ** 2 - 1}
+
+
+def _of_order(values, order, cutoffs):
+    filters = {f"filters.{name}.order": order for name in ("lp1", "hp")}
+    filters |= {f"filters.{name}.cutoff_hz": cutoffs for name in ("lp1", "hp")}
+    given = [values | filters | {"controller.kind": kind} for kind in ("pmw", "pmw-lm")]
+    alone, bank = (channel_norm(loop_drawing(each), each) for each in given)
+    return {
+        "lp1_order": np.full(cutoffs.size, order),
+        "lp1_cutoff_hz": cutoffs,
+        "channel_norm": alone.norm,
+        "channel_omega": alone.omega,
+        "bank_norm": bank.outward,
+        "certified": alone.certified & bank.certified,
+    }
+
+
+def sufficient_order(table, energy_gain: float = 1e-3) -> dict[float, int | None]:
+    """Least order per cutoff (Hz) whose aliasing adds at most `energy_gain` (J per J); None if no order does.
+
+    table: the columns of `filter_table`. No finite order at a cutoff below half the slow rate makes it zero: the stop band is
+    not empty of any Butterworth.
+    """
+    found = {}
+    for cutoff in np.unique(table["lp1_cutoff_hz"]):
+        enough = (table["lp1_cutoff_hz"] == cutoff) & (table["energy_gain"] <= energy_gain)
+        found[float(cutoff)] = int(table["lp1_order"][enough].min()) if enough.any() else None
+    return found

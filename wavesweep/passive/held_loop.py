@@ -1,0 +1,130 @@
+"""Loops that a hand holds: which block is the device, the loop with a hand on it, and its ticks as the hand sees them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from wavesweep.loops.from_drawing import POSITION, assembled, scalar_place, twins
+from wavesweep.loops.multirate import MultirateLoop
+from wavesweep.loops.values import values_of
+from wavesweep.monodromy.drift import TickDrift, drift_of_drawn
+from wavesweep.response.port import Port, Ports, port_of
+from wavesweep.spec.drawing import Drawing, name_of, scalars
+from wavesweep.spec.expressions import ONE, names_in
+
+HAND = ("operator.mass", "operator.damping", "operator.stiffness")  # paths of the numbers of a hand at the device
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldLoop:
+    """Loops of one structure that a hand holds.
+
+    drawing: of all. values: flat numbers, or arrays over a batch; a number that is zero in one loop is zero in all.
+    """
+
+    drawing: Drawing
+    values: Mapping[str, Any]
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """Shape of the arrays among the values."""
+        return np.broadcast_shapes(*(np.shape(value) for value in self.values.values()))
+
+    @property
+    def device(self) -> str | None:
+        """Name of the mass that the hand holds; None if the hand is not the mass, damping and stiffness of one."""
+        return device_of(self.drawing)
+
+    def changed(self, changes: Mapping[str, Any]) -> "HeldLoop":
+        """Return the loops with other numbers."""
+        return replace(self, values={**self.values, **changes})
+
+    def at(self, index: int) -> "HeldLoop":
+        """Return one loop of the batch, by its flat index."""
+        batch = self.batch
+        one = {k: np.broadcast_to(v, batch).flat[index].item() if np.ndim(v) else v for k, v in self.values.items()}
+        return replace(self, values=one)
+
+    def with_hand(self) -> "HeldLoop":
+        """Return the loops whose device has the mass, damping and stiffness of a hand as well, as the numbers `HAND`."""
+        added = dict.fromkeys(HAND, 0.0)
+        drawing = self.drawing if self.drawing.reads.issuperset(HAND) else _with_hand(self.drawing, self.device)
+        return HeldLoop(drawing, {**added, **self.values})
+
+    def drawn(self) -> MultirateLoop:
+        """Return the blocks of the loops."""
+        return assembled(self.drawing, self.values)
+
+    def drift(self, watched=(), varied: Mapping[str, Any] = MappingProxyType({})) -> TickDrift:
+        """Return the drift of the loops; watched: see `drift_of_drawn`; varied: arrays of numbers that it has to hold for."""
+        with np.errstate(all="ignore"):
+            return _drift(*twins(self.drawing, {**self.values, **varied}), tuple(watched))
+
+    def port(self, drawn: MultirateLoop | None = None) -> Port:
+        """Return the loops from the hand's force to the displacement in the tick.
+
+        drawn: the blocks of the loops, if they are known.
+        """
+        with np.errstate(all="ignore"):
+            return port_of(drawn or self.drawn(), Ports(self.drawing.hand[0], POSITION), self.drift((POSITION,)))
+
+
+_drift = lru_cache(maxsize=256)(drift_of_drawn)  # twins of the same numbers are the same objects
+
+
+@lru_cache(maxsize=256)
+def device_of(drawing: Drawing) -> str | None:
+    """Return the mass that the hand's force acts on, and nothing else, and whose position is the displacement of the hand."""
+    if drawing.hand is None:
+        return None
+    force, displacement, _ = drawing.hand
+    pushed = [(port, dict(terms)[force]) for port, terms in drawing.wires if force in dict(terms)]
+    masses = {f"{block.name}.f": block.name for block in drawing.blocks if block.type == "mass"}
+    if len(pushed) != 1 or pushed[0][0] not in masses or not _is_one(pushed[0][1]):
+        return None
+    name = masses[pushed[0][0]]
+    (signal, gain), *others = displacement
+    return name if not others and signal == f"{name}.x" and _is_one(gain) else None
+
+
+def is_affine(loop: HeldLoop, path: str) -> bool:
+    """Whether the force on the device, its motion prescribed, is linear in a number: a scalar gain that no loop goes round."""
+    number = name_of(path)
+    place = scalar_place(loop.drawing, number)
+    if not place.startswith("wire."):
+        return False
+    wires, port = {name: dict(terms) for name, terms in loop.drawing.wires}, place.removeprefix("wire.")
+    read = {signal for signal, gain in wires[port].items() if any(name == number for name, _ in names_in(gain))}
+    reached, new = set(), {port.partition(".")[0]} - {loop.device}
+    while new:
+        reached |= new
+        fed = {name.partition(".")[0] for name, terms in wires.items() for each in terms if each.partition(".")[0] in reached}
+        new = fed - reached - {loop.device}
+    return not any(signal.partition(".")[0] in reached for signal in read)
+
+
+def device_keys(loop: HeldLoop) -> tuple[Any, Any, Any]:
+    """Return mass (kg), damping (N*s/m) and stiffness (N/m) of the device without a hand."""
+    keys = dict(next(block.keys for block in loop.drawing.blocks if block.name == loop.device))
+    known = {**scalars(loop.values), **dict.fromkeys(HAND, 0.0)}
+    return tuple(values_of(keys[path.partition(".")[2]], known) for path in HAND)
+
+
+def _is_one(tree):
+    return tree[0] == ONE[0] and tree[1] == ONE[1]
+
+
+@lru_cache(maxsize=64)
+def _with_hand(drawing, device):
+    def held(block):
+        if block.name != device:
+            return block
+        of_hand = {path.partition(".")[2]: ("name", path, 0) for path in HAND}
+        keys = tuple((name, ("+", tree, of_hand[name], 0) if name in of_hand else tree) for name, tree in block.keys)
+        return replace(block, keys=keys)
+
+    return replace(drawing, blocks=tuple(map(held, drawing.blocks)))

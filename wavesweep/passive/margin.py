@@ -1,0 +1,194 @@
+"""The margin of passivity at the hand's port, and the damping that a device would have to have more for it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+from wavesweep.passive.held_loop import HAND, HeldLoop
+from wavesweep.passive.hinf import SOFT, angles, peak_by_levels
+from wavesweep.passive.lifted_map import TickMaps
+from wavesweep.stability.spectrum import count_outside, eigenvalues, is_stable
+
+SLACK = 1e-10  # of the margin and of the mean eigenvalue: accuracy of the margin
+TOLERANCE = 1e-9  # of the mean eigenvalue: a margin that is negative by more than this is so beyond rounding
+FAINT = 256 * np.finfo(float).eps  # of the mean eigenvalue, up to which a margin is 0 but for rounding
+ALIKE = 0.5  # least share of one another of values that are alike
+SURE = 1e-8  # of the margin and of the mean, by how much rounding of the ticks may move a margin that is known
+SHAKES = 4  # times that ticks are rounded otherwise
+SLOW = 5e-3  # of an eigenvalue less 1, below which a mode may have a peak next to rest
+HUGE = 1e10  # an unstable loop that grows by this much in a frame keeps no digit worth reporting
+LONGEST = 1000  # ticks; the map of a frame is a matrix of that size
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PortMargin:
+    """The hand's port, arrays over the batch of the loops.
+
+    margin: smallest eigenvalue, over all frequencies, of the Hermitian part of the lifted map from the held force to
+    the displacement in the tick, m/N; NaN for a loop so unstable that a frame of it overflows, or nearly, and for one in which
+    rounding leaves no digits of it. omega: its frequency, rad/s, in [0, pi/T_s]. mean: of all eigenvalues over all frequencies
+    (T^2/2m and a little less), which is the natural scale, m/N. stable: every eigenvalue but drift inside the unit circle.
+    certified: no frequency has an eigenvalue below the margin by more than SLACK of it and of the mean. negative: the margin
+    is below zero, and not for rounding's sake.
+    """
+
+    margin: np.ndarray
+    omega: np.ndarray
+    mean: np.ndarray
+    stable: np.ndarray
+    certified: np.ndarray
+    negative: np.ndarray
+
+    @property
+    def passive(self) -> np.ndarray:
+        """Stable, and no eigenvalue below zero.
+
+        The margin is zero, not positive, if a spring holds the scene: a constant force then moves nothing, and at zero
+        frequency the map has a zero row and column. So zero has to pass, and so has rounding about it.
+        """
+        return self.stable & ~self.negative & ~np.isnan(self.margin)
+
+
+def port_margin(loop: HeldLoop, *, decide: bool = False) -> PortMargin:
+    """Margin of positive realness at the hand's port for every loop of the batch.
+
+    decide: only whether ports are passive matters, so the search ends where a margin is surely negative.
+    A held force does the work `f_h[k] (x[k+1] - x[k])` in a tick, so the loop is passive exactly when the lifted map between
+    the two is positive real. Not a grid: the level just below the margin is shown to be met at no frequency (`peak_by_levels`,
+    on the frame's `Element`, see `hinf`).
+    Errors: UsageError for a frame of more than LONGEST ticks. Accuracy: 1e-10 of the margin and of the mean eigenvalue.
+    """
+    drawn, batch = loop.drawn(), loop.batch
+    port = loop.port(drawn)
+    M = port.kind.size
+    if M > LONGEST:
+        raise UsageError(f"expected a frame of at most {LONGEST} ticks for passivity, found {M}")
+    found = _margins(port, batch, decide)
+    unsure = np.isnan(port.maps[0][0]).all((-1, -2)).reshape(-1)
+    for at in np.flatnonzero(unsure).tolist() if batch else ():
+        alone = _margins(loop.at(at).port(), (), decide)  # with the drift of its own numbers
+        for name in PortMargin.__slots__:
+            getattr(found, name)[at] = getattr(alone, name)[0]
+    period = np.broadcast_to(np.real(drawn.period) * M, batch)
+    parts = {name: getattr(found, name).reshape(batch) for name in PortMargin.__slots__}
+    return PortMargin(**parts | {"omega": parts["omega"] / period})
+
+
+def _margins(port, batch, decide) -> PortMargin:
+    """The margins of a flat batch, with angles in rad per frame in place of frequencies."""
+    given = TickMaps.of([(E, B, C[..., :1, :], D[..., :1, :]) for E, B, C, D in port.maps], port.kind, batch)
+    ticks = given.in_even_units()
+    lifted = ticks.lifted()
+    E, mean = lifted.E, lifted.mean
+    finite = np.isfinite(E).all((-1, -2))
+    safe = np.where(finite[:, None, None], E, 0.0)
+    stable = finite & is_stable(E)
+    # an eigenvalue on the circle but for rounding is a pole of the map
+    lost = ~finite | ~count_outside(safe)[1] | (~stable & (np.abs(safe).max((-1, -2), initial=0.0) > HUGE))
+    kept = np.flatnonzero(~lost)
+    found = PortMargin(
+        *(np.full(lost.size, np.nan) for _ in range(2)), mean, stable, *(np.zeros(lost.size, bool) for _ in "cn")
+    )
+    if not kept.size:
+        return found
+    some, few = ticks.at(kept), replace(lifted, E=E[kept], T=lifted.T[kept], O=lifted.O[kept], G=lifted.G[kept])
+    scale = mean[kept]
+    peak = peak_by_levels(
+        lambda owner, theta, _: np.nan_to_num(-few.smallest(owner, theta), nan=-np.inf),
+        lambda owner, level: angles(some.pencil(owner, -level)),
+        kept.size,
+        lambda owner, level: SLACK * (np.abs(level) + scale[owner]),
+        _slow_angles(E[kept]),
+        TOLERANCE * scale if decide else np.inf,
+    )
+    margin, theta = -peak.value, peak.theta
+    at_rest = few.smallest(np.arange(kept.size), np.zeros(kept.size))
+    # Beside a peak at rest the response is the same but for rounding, and less well known.
+    theta = np.where(at_rest <= margin + SLACK * (np.abs(margin) + scale), 0.0, theta)
+    if port.position is not None:  # something holds the scene, so a constant force moves nothing
+        theta, margin = np.where(margin > 0, 0.0, theta), np.minimum(margin, 0.0)
+    known, below = np.ones(kept.size, bool), margin < -TOLERANCE * scale
+    open_ = np.flatnonzero(~below) if decide else np.arange(kept.size)
+    if open_.size:
+        at = kept[open_]
+        known[open_], below[open_] = _beyond_rounding(given.at(at), port, at, peak.theta[open_], margin[open_], scale[open_])
+    margin = np.where(known & np.isfinite(margin), np.where(np.abs(margin) <= FAINT * scale, 0.0, margin), np.nan)
+    found.margin[kept], found.omega[kept] = margin, np.where(np.isnan(margin), np.nan, theta)
+    found.certified[kept], found.negative[kept] = peak.certified, below
+    return found
+
+
+def _slow_angles(E):
+    """Angles that are tried first for each loop, `(loops, any)`: those of SOFT if it has a mode that slow."""
+    delta, _ = eigenvalues(E)
+    slow = (np.abs(delta) < SLOW).any(-1)
+    return np.where(slow[:, None], SOFT, np.nan) if slow.any() else ()
+
+
+def _beyond_rounding(ticks, port, loops, theta, margin, mean):
+    """Whether margins are known, and whether they are negative, whatever the rounding of the ticks, `(loops,)` both.
+
+    The ticks are computed again with entries that differ by roundings of their terms. A small margin is negative if it stays
+    so, and alike; up to FAINT of the mean it may be zero.
+    """
+    shaken = _shaken(ticks, port, loops).in_even_units().lifted(measured=False)
+    again = shaken.smallest(np.arange(SHAKES * loops.size), np.tile(theta, SHAKES))
+    values = np.concatenate([margin, again]).reshape(1 + SHAKES, -1)
+    most, least = values.max(0), values.min(0)
+    known = most - least <= SURE * (mean + np.abs(margin))
+    below = (margin < -TOLERANCE * mean) | ((most < -FAINT * mean) & (most <= ALIKE * least))
+    return known, known & below
+
+
+def _shaken(ticks, port, loops):
+    """The ticks of some loops SHAKES times, one after the other, each time with other roundings of their entries."""
+    maps, batch = [], ticks.loops
+    for number, (parts, sizes) in enumerate(zip(ticks.maps, port.sizes, strict=True)):
+        rows, moved = (sizes[0], sizes[1], sizes[2][..., :1, :], sizes[3][..., :1, :]), []
+        for which, (part, size) in enumerate(zip(parts, rows, strict=True)):
+            sizes_of = size.reshape(-1, *size.shape[-2:])
+            error = np.finfo(float).eps * (sizes_of[loops] if len(sizes_of) > 1 else sizes_of)
+            at = np.arange(SHAKES * part[0].size).reshape(SHAKES, 1, *part.shape[1:])
+            signs = np.sign(np.sin(1.0 + 7 * number + which + at**2 % 97))  # fixed, without a structure that entries may have
+            moved.append((part + signs * error).reshape(SHAKES * batch, *part.shape[1:]))
+        maps.append(tuple(moved))
+    return TickMaps(tuple(maps), ticks.kind)
+
+
+MOST_DAMPING, LEAST_DAMPING = 1e4, 1e-4  # N*s/m: no device has more, and less makes no difference
+CLOSE = 1e-3  # relative width of the bracket that is left
+
+
+def more_damping(loop: HeldLoop, margin: PortMargin | None = None) -> np.ndarray:
+    """Additional device damping (N*s/m) with which the hand's port is passive; 0 if it is, NaN if MOST_DAMPING is not enough.
+
+    NaN as well if the hand holds no single mass, so that no block is the device. margin: that of the loops, if it is known. The
+    bracket is halved on a logarithmic scale, each time over all frequencies, and its upper end is given: the port is passive
+    with it. That less damping is not enough holds for the lower end, and below it if passivity is not lost again with damping,
+    which no random loop showed. A hand that also moves within the tick needs more: see `damping_needed`.
+    Accuracy: CLOSE relative, from above.
+    """
+    margin = port_margin(loop) if margin is None else margin
+    found = np.where(margin.passive, 0.0, np.nan).reshape(-1)
+    if loop.device is None:
+        return found.reshape(margin.margin.shape)
+    loop, batch = loop.with_hand(), loop.batch
+    arrays = {path: np.broadcast_to(v, batch).reshape(-1) for path, v in loop.values.items() if np.ndim(v)}
+    own = np.broadcast_to(loop.values[HAND[1]], batch).reshape(-1)
+
+    def passive(index, more):
+        return port_margin(
+            loop.changed({path: v[index] for path, v in arrays.items()} | {HAND[1]: own[index] + more}), decide=True
+        ).passive
+
+    index = np.flatnonzero(np.isnan(found))
+    if index.size:
+        index = index[passive(index, np.full(index.size, MOST_DAMPING))]
+    low, high = np.full(index.size, LEAST_DAMPING), np.full(index.size, MOST_DAMPING)
+    while index.size and np.any(high > low * (1 + CLOSE)):
+        middle = np.sqrt(low * high)
+        enough = passive(index, middle)
+        low, high = np.where(enough, low, middle), np.where(enough, middle, high)
+    found[index] = high
+    return found.reshape(margin.margin.shape)

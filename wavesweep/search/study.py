@@ -1,0 +1,427 @@
+"""A design study: a search in chunks on workers that can be resumed after an interruption, and the front as a table."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+from typing import Any, ClassVar
+
+import numpy as np
+
+from wavesweep.errors import SpecError, UsageError, WavesweepError
+from wavesweep.passive import HAND as OPERATOR
+from wavesweep.passive import HandBox
+from wavesweep.search.family import Scenario, count_of, scenarios_of
+from wavesweep.search.genes import designs_of, genes_of
+from wavesweep.search.search import Judged, generations, spread, undominated
+from wavesweep.search.verdicts import judged, miss
+from wavesweep.search.wishes import evaluate
+from wavesweep.spec import Spec
+from wavesweep.spec.design import HAND
+from wavesweep.spec.reading import Leaf
+from wavesweep.spec.resolving import longest_delay
+from wavesweep.spec.spec import K_VE_SPAN
+from wavesweep.sweep.checkpoint import checkpoint_of, records_of
+from wavesweep.sweep.drawn_loops import held_loop
+from wavesweep.sweep.grid import drawing_for, keys_of, make_grid
+from wavesweep.sweep.hands import Guarantee
+from wavesweep.sweep.job import Chunk, Chunks, Job
+from wavesweep.sweep.planning import duration
+from wavesweep.sweep.running import Tally, Work, compute, resumable
+from wavesweep.sweep.table import Table, facts_of
+from wavesweep.sweep.workers import choose
+
+CHUNK = 48  # designs of a task at most: those of one structure are the faster, the more they are
+FRONT = 48  # designs of the table at most
+BOX, SETTLED = "z_width_box", "box_settled"
+ADDED = 4  # combinations at a time that the search holds for besides
+FINER = 4096  # combinations that a design of the front is checked over at most
+BETWEEN, FINEST = (7, 3), 256  # values between two of a range that the last check looks at, if the combinations are so few
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DesignJob(Job):
+    """Generations of designs, as chunks; the last one is the front, checked over a finer choice of scenarios.
+
+    genes: number of a generation -> `(designs, axes)`, known once the one before it is judged. scenarios: combinations that
+    designs have to hold for in the search; more are added during it. finer, finest: those that the front is checked over during
+    the search, and at its end. stop: the
+    largest stiffness of a wall that is searched, N/m. box: of hands, for all of which the front is checked; None for no such
+    check.
+    """
+
+    genes: dict[int, np.ndarray]
+    scenarios: list[Scenario]
+    finer: Sequence[Scenario]
+    finest: Sequence[Scenario]
+    stop: float
+    box: HandBox | None = None
+    noun: ClassVar[str] = "designs"
+    proves: ClassVar[bool] = False  # the certificates of a search are those of its result
+
+    @property
+    def dtype(self) -> np.dtype:
+        """A value, a scenario and a certificate for each wish.
+
+        With a box of hands, there are also its stiffest wall and whether that is settled.
+        """
+        wishes = self.grid.spec.design.wishes
+        parts = [((wish.name, "<f8"), (f"{wish.name}_scenario", "<i4"), (f"{wish.name}_certified", "?")) for wish in wishes]
+        hands = [(BOX, "<f8"), (SETTLED, "?")] if self.box else []
+        return np.dtype([("slice", "<i4"), *(field for each in parts for field in each), *hands])
+
+    @property
+    def slices(self) -> int:
+        """Number of designs of the search; those of the front come on top."""
+        return (self.chunks.loops - 1) * self.grid.spec.design.settings["population"]
+
+    @property
+    def size(self) -> int:
+        """Zero: the table has rows of the front alone."""
+        return 0
+
+    @property
+    def identity(self) -> dict[str, object]:
+        """The kind of the records."""
+        return {"records": "designs", "stop": self.stop} | ({"box": repr(self.box)} if self.box else {})
+
+    def chunks_of(self, generation: int) -> range:
+        """Return the numbers of the chunks of a generation."""
+        across = len(self.chunks) // self.chunks.loops
+        return range(generation * across, (generation + 1) * across)
+
+    def task(self, chunk: Chunk) -> "DesignTask":
+        """The task of a worker for that chunk."""
+        spec, genes, last = self.grid.spec, self._genes_of(chunk), chunk.loops.start == self.chunks.loops - 1
+        designs, scenarios = designs_of(spec.design.vary, genes), self.finest if last else tuple(self.scenarios)
+        return DesignTask(spec, scenarios, designs, len(genes), self.stop, self.dtype, self.box if last else None)
+
+    def slices_of(self, chunk: Chunk) -> int:
+        """Number of designs of a chunk."""
+        return len(self._genes_of(chunk))
+
+    def _genes_of(self, chunk):
+        """The designs of a generation are divided evenly."""
+        numbers = self.chunks_of(chunk.loops.start)
+        return np.array_split(self.genes[chunk.loops.start], len(numbers))[chunk.number - numbers.start]
+
+    def certified(self, records: np.ndarray) -> int:
+        """Return the number of designs of which all wishes are certified."""
+        flags = [records[name] for name in records.dtype.names if name.endswith("_certified")]
+        return int(np.logical_and.reduce(flags).sum())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DesignTask:
+    """The wishes of some designs, at their worst over the scenarios.
+
+    count: number of designs, which may be 0. box: of hands to check them for.
+    """
+
+    spec: Spec
+    scenarios: Sequence[Scenario]
+    designs: Mapping[str, np.ndarray]
+    count: int
+    stop: float
+    dtype: np.dtype
+    box: HandBox | None = None
+
+    def records(self) -> np.ndarray:
+        """Return a record per design."""
+        records = np.zeros(self.count, self.dtype)
+        records["slice"] = np.arange(self.count)
+        if self.count:
+            found = evaluate(self.spec, self.spec.design.wishes, self.scenarios, self.designs, self.stop)
+            for name, worst in found.items():
+                records[name], records[f"{name}_scenario"] = worst.value, worst.scenario
+                records[f"{name}_certified"] = worst.certified
+        if self.box:
+            self._hold(records)
+        return records
+
+    def _hold(self, records):
+        """Fill in the stiffest wall that is stable with every hand of the box, and whether that is settled; see `Guarantee`.
+
+        Walls are checked up to `z_width`, the stiffest one of the scenarios.
+        """
+        spec = self.spec
+        wish = next(wish for wish in spec.design.wishes if wish.name == "z_width")
+        devices = list(
+            {tuple(item for item in each.values.items() if item[0] not in OPERATOR): None for each in self.scenarios}
+        )
+        for number, record in enumerate(records):
+            own = {path: column[number].item() for path, column in self.designs.items()}
+            record[BOX], record[SETTLED] = record["z_width"], record["z_width"] > 0
+            if not record[SETTLED]:  # no wall to touch
+                continue
+            for device, damping in product(devices, wish.options.get("B_VE", (spec.values["environment.B_VE"],))):
+                values = dict(spec.with_values(own | dict(device) | {"environment.B_VE": damping}).values)
+                varied = {part: (float(values[path]),) * 2 for part in HAND if (path := f"operator.{part}") in own}
+                wall = "environment.K_VE"
+                loop = held_loop(drawing_for(spec, values, wall), values)
+                rows = Guarantee("box", replace(self.box, **varied)).records(loop, wall, (0.0, float(record["z_width"])))
+                first = rows[(rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)]
+                record[BOX] = min(record[BOX], *first["high"].tolist()) if first.size else 0.0
+                record[SETTLED] &= bool(first.size and first["settled"][0])
+
+
+def design(
+    spec: Spec,
+    hand: str = "vertices",
+    **given: Any,
+) -> Table:
+    """Search for the designs that meet the wishes of a spec's [design].
+
+    Returns the front if some wishes have no bound, otherwise the best design, as a table. hand: "box" to check the front for
+    every hand between the ends of the ranges as well, "vertices" for finer values alone. given: jobs, backend, scheduler,
+    progress, checkpoint and force, see `Work`. The result depends on the seed and not on the workers.
+    Errors: UsageError for a loop that cannot be designed, WavesweepError if no design meets all bounds, and the errors of a
+    run.
+    """
+    started, work = time.perf_counter(), Work.of(given)
+    job = job_of(spec, hand)
+    run = _Run(job, checkpoint_of(job, work.checkpoint, work.force, warnings := []), work.progress)
+    run.workers = choose(work.jobs, work.backend, work.scheduler, len(job.chunks), partial(_seconds, job))
+    asked, settings = spec.design, spec.design.settings
+    first = genes_of(asked.vary, spec.values)[None]
+    choices = [len(axis.values or ()) for axis in asked.vary]
+    search = settings["population"], settings["generations"], settings["seed"]
+    with resumable(job, run.store, run.tally):
+        for found in generations(run.judge, len(asked.vary), *search, first, choices, run.look):
+            best = found
+    if not (best.violation == 0).any():
+        said = miss(spec, run.everything(), job.scenarios, wish_units(spec))
+        run.forget()  # nothing of it is left to be done
+        raise WavesweepError(said)
+    front = spread(best, FRONT)
+    job.genes[settings["generations"]] = front.genes
+    records = run.records(settings["generations"])
+    # With more to hold for, a design may be worth less than another one.
+    still = undominated(Judged(front.genes, *judged(asked, records)))
+    columns, kept = _columns(spec, job, front.genes[still], records[still])
+    counts = {"computed": run.tally.done, "skipped": 0, "certified": int(kept["certified"].sum())}
+    timings = {"compute_s": time.perf_counter() - started, "processor_s": run.tally.seconds, "workers": run.workers.count}
+    facts = facts_of(spec, METHODS, counts, timings, _notices(job)) | {"warnings": warnings}
+    facts |= {"own": own_design(spec, job), "stop": job.stop}
+    facts |= {"scenarios": len(job.scenarios), "checked_scenarios": len(job.finest), "units": wish_units(spec)}
+    return Table("design", lambda: (columns,), facts, fields=_fields(spec, columns), forget=run.forget)
+
+
+def wish_units(spec: Spec) -> dict[str, str]:
+    """Return the unit of each wish: those of a drawn loop are those of its wall's numbers and of its port."""
+    own = {"z_width": spec.units_felt[0], "felt": spec.units_felt[0], "port": spec.at_port("m/N")}
+    return {wish.name: own.get(wish.name, wish.kind.unit) for wish in spec.design.wishes}
+
+
+def plan(spec: Spec) -> list[str]:
+    """Lines for `wavesweep check`: the work of `design` and its time; none without [design]."""
+    if spec.design is None:
+        return []
+    try:
+        job = job_of(spec)
+        seconds = _seconds(job)
+    except WavesweepError as error:
+        return [f"  design: not possible with this spec: {error}"]
+    workers = choose(None, None, None, len(job.chunks), lambda: seconds)
+    over = f"{len(job.scenarios)} combination{'s' * (len(job.scenarios) != 1)}"
+    who = "no workers" if workers.backend is None else f"{workers.count} worker processes"
+    return [
+        f"  design: {job.slices} designs, each over {over} that it has to hold for; the front over {len(job.finest)}",
+        f"    work: about {duration(seconds / workers.count)}; {who} ({workers.why})",
+    ]
+
+
+METHODS = {
+    "search": "MOEA/D with differential evolution and constrained domination, seeded; every design at its worst over all that "
+    "it has to hold for",
+    "check": "the designs of the front again, with values between the ends of every range",
+}
+
+
+def job_of(spec: Spec, hand: str = "vertices") -> DesignJob:
+    """Return the job of a spec's [design]; hand: see `design`. Errors: UsageError if it cannot be done."""
+    if not (isinstance(hand, str) and hand in ("vertices", "box")):
+        raise UsageError(f"hand: expected one of vertices, box, found {hand!r:.60}")
+    asked = spec.as_designed().design
+    for path in ("rates.ratio", "rates.slow_hz", "rates.fast_hz"):
+        if any(axis.path == path for axis in asked.for_all):
+            raise UsageError(f"design.for_all: expected numbers of device, hand and timing, found {path}; design for one rate")
+    grid, settings = make_grid(spec.as_designed(), ()), asked.settings
+    axis = next((axis for axis in spec.sweep if axis.path in spec.wall[:1]), None)
+    stop = float(axis.stop if axis else K_VE_SPAN[1])
+    if axis and stop <= 0:
+        expected = "a stop > 0, up to which walls are searched"
+        raise SpecError([Leaf(None, axis.place).mistake(f"sweep.{axis.name}", expected, f"{stop:g}", of_key=True)])
+    unseen = next((wish for wish in asked.wishes if wish.name == "z_width" and (wish.bound or 0) > stop), None)
+    if unseen:
+        name, unit = spec.drawing.wall[0] if spec.drawing else "K_VE", wish_units(spec)["z_width"]
+        searched = f"<= {stop:g} {unit}, the stiffest wall that is searched; raise it: sweep.{name} = {{ stop = ... }}"
+        mistake = Leaf(None, unseen.places["at_least"]).mistake("design.wish.z_width.at_least", searched, f"{unseen.bound:g}")
+        raise SpecError([mistake])
+    _refuse_unreachable(spec, asked.wishes)
+    for axis in asked.for_all:
+        for value in axis.values if axis.structural else ():
+            grid.spec.with_values({axis.path: value})  # or an error that names what it does not suit
+    finer = scenarios_of(grid.spec, between=int(count_of(grid.spec, 1) <= FINER))
+    chunks = Chunks(settings["generations"] + 1, max(settings["population"], FRONT), 1, CHUNK)
+    between = next((number for number in BETWEEN if count_of(grid.spec, number) <= FINEST), 0)
+    finest = scenarios_of(grid.spec, between) if between else finer
+    return DesignJob(
+        grid, chunks, {}, {}, scenarios_of(grid.spec), finer, finest, stop, box_of(spec) if hand == "box" else None
+    )
+
+
+def _refuse_unreachable(spec, wishes):
+    """Raise SpecError for a bound that no design meets: no damping ratio is above 1, and a delay ends within its frame."""
+    most = {"damping_ratio": 1.0}
+    if not spec.drawing:
+        most["delay_margin"] = float(longest_delay(spec.values["rates.ratio"]))
+    mistakes = [
+        Leaf(None, wish.places["at_least"]).mistake(
+            f"design.wish.{wish.name}.at_least", f"<= {most[wish.name]:g}", f"{wish.bound:g}"
+        )
+        for wish in wishes
+        if (wish.bound or 0) > most.get(wish.name, np.inf)
+    ]
+    if mistakes:
+        raise SpecError(mistakes)
+
+
+def box_of(spec: Spec) -> HandBox:
+    """Return all hands between the ends of the ranges of [design.for_all].
+
+    Errors: UsageError if these or the wishes do not define a box.
+    """
+    asked = spec.as_designed().design
+    if not asked.hand:
+        raise UsageError("hand box: expected [design.for_all] hand = { stiffness = [...], ... }, found none")
+    if not any(wish.name == "z_width" for wish in asked.wishes):
+        raise UsageError("hand box: expected the wish z_width, whose walls are checked, found none")
+    if asked.ratios:
+        raise UsageError("hand box: expected a wall that nothing follows, found ratios in [design.for_all]")
+    own = {part: (spec.values[f"operator.{part}"],) for part in HAND}
+    own |= {part: axis.values for axis in asked.for_all for part in HAND if axis.path == f"operator.{part}"}
+    return HandBox(**{part: (float(min(values)), float(max(values))) for part, values in (own | dict(asked.hand)).items()})
+
+
+class _Run:
+    """The chunks of a study, one generation after the other."""
+
+    def __init__(self, job, store, progress):
+        self.job, self.store, self.progress = job, store, progress
+        self.workers, self.tally, self.forget = None, Tally(), store.remove
+        self.latest = self.since = 0  # generations: the last one, and the first that was judged over all that is held for now
+
+    def judge(self, generation: int, genes: np.ndarray) -> Judged:
+        """Return the designs of a generation, judged; those of one structure are computed together."""
+        asked, self.latest = self.job.grid.spec.design, generation
+        values = designs_of(asked.vary, genes)
+        choices = [values[axis.path] for axis in asked.vary if axis.values]
+        order = np.lexsort(choices) if choices else np.arange(len(genes))
+        self.job.genes[generation] = genes[order]
+        records = np.empty(len(genes), self.job.dtype)
+        records[order] = self.records(generation)
+        return Judged(genes, *judged(asked, records))
+
+    def look(self, best: Judged) -> bool:
+        """Check designs of the front over the finer choice, and add the worst scenarios to those that the search holds for.
+
+        The worst of a range need not be at its ends. Returns whether anything was added.
+        """
+        job, asked = self.job, self.job.grid.spec.design
+        if (best.violation > 0).any():  # nothing is feasible yet
+            return False
+        some = spread(best, FRONT)
+        found = evaluate(job.grid.spec, asked.wishes, job.finer, designs_of(asked.vary, some.genes), job.stop)
+        worst = np.bincount(np.concatenate([each.scenario for each in found.values()]), minlength=len(job.finer))
+        order = [job.finer[at] for at in np.argsort(-worst, kind="stable")[: np.count_nonzero(worst)].tolist()]
+        new = [each for each in order if each not in job.scenarios][:ADDED]
+        job.scenarios.extend(new)
+        self.since = self.latest + 1 if new else self.since
+        return bool(new)
+
+    def records(self, generation: int) -> np.ndarray:
+        """The records of a generation, from the checkpoint as far as it has them."""
+        numbers = self.job.chunks_of(generation)
+        compute(self.job, self.store, self.workers, self.progress, numbers, self.tally)
+        return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
+
+    def everything(self) -> np.ndarray:
+        """Return the records of the search, of all generations that were judged over the same scenarios as the last one."""
+        first, last = (self.job.chunks_of(each).start for each in (self.since, self.job.chunks.loops - 1))
+        numbers = [number for number in self.store.finished() if first <= number < last]
+        return np.concatenate([records_of(self.job, self.store, number) for number in numbers])
+
+
+def _seconds(job):
+    """Estimate the seconds of the whole study in one process, from two designs."""
+    spec = job.grid.spec
+    genes = np.tile(genes_of(spec.design.vary, spec.values), (2, 1)) * np.array([[1.0], [0.9]])
+    task = DesignTask(spec, job.scenarios, designs_of(spec.design.vary, genes), 2, job.stop, job.dtype)
+    task.records()
+    started = time.perf_counter()
+    task.records()
+    return (time.perf_counter() - started) / 2 * (job.chunks.loops - 1) * spec.design.settings["population"]
+
+
+def own_design(spec: Spec, job: DesignJob) -> dict[str, float | None]:
+    """Return the wishes of the spec's own design, at their worst; None if there is no value."""
+    own = {axis.path: np.array([spec.values[axis.path]]) for axis in spec.design.vary}
+    found = evaluate(spec, spec.design.wishes, job.finest, own, job.stop)
+    return {name: float(worst.value[0]) if np.isfinite(worst.value[0]) else None for name, worst in found.items()}
+
+
+def _columns(spec, job, genes, records):
+    """Return the columns of the table, and the records."""
+    values, columns = designs_of(spec.design.vary, genes), {}
+    for axis in spec.design.vary:
+        columns[axis.name] = values[axis.path]
+    flags = [records[f"{wish.name}_certified"] for wish in spec.design.wishes]
+    objectives, violation = judged(spec.design, records)
+    for wish in spec.design.wishes:
+        columns[wish.name] = records[wish.name]
+        texts = [job.finest[at].described() or "the spec's own" for at in records[f"{wish.name}_scenario"].tolist()]
+        columns[f"{wish.name}_scenario"] = np.array(texts, dtype=object)
+    columns["certified"], columns["holds"] = np.logical_and.reduce(flags), (violation == 0) & _checked(job)
+    if job.box:
+        columns |= {name: records[name] for name in (BOX, SETTLED)}
+    order = np.lexsort(objectives.T[::-1])
+    return {name: column[order] for name, column in columns.items()}, columns
+
+
+def _fields(spec, columns):
+    from wavesweep.results.schema import Field, fields
+
+    named = [axis.name for axis in spec.design.vary]
+    axes = {field.name: field for field in fields("zwidth", named, facts={"spec": spec.tables()})}
+    found, units = [axes[axis.name] for axis in spec.design.vary], wish_units(spec)
+    for wish in spec.design.wishes:
+        found.append(Field(wish.name, "number", units[wish.name], f"{wish.kind.description}, at its worst"))
+        found.append(Field(f"{wish.name}_scenario", "string", "", f"what sets the worst {wish.name}"))
+    found.append(Field("certified", "boolean", "", "all values of the row are certified"))
+    found.append(
+        Field("holds", "boolean", "", "every bound holds with the values looked at between the ends of every range as well")
+    )
+    found.append(Field(BOX, "number", "N/m", "the stiffest wall, up to z_width, that is stable with every hand of the box"))
+    found.append(Field(SETTLED, "boolean", "", "z_width_box is proved, but for a thousandth of it, and not only searched"))
+    return tuple(field for field in found if field.name in columns)
+
+
+def _checked(job):
+    """Whether the front is checked between the ends of the ranges, if there is anything between."""
+    return len(job.finer) == count_of(job.grid.spec, 1)
+
+
+def _notices(job):
+    ends = count_of(job.grid.spec)
+    more = f" and {len(job.scenarios) - ends} between that were worse" if len(job.scenarios) > ends else ""
+    several = f"{ends} combination{'s' * (ends != 1)}{more}"
+    yield f"each design holds for {several}; those of the front were checked over {len(job.finest)}"
+    if not _checked(job):
+        yield f"values between the ends of the ranges were not checked: with them there are more than {FINER} combinations"
+    if {wish.name for wish in job.grid.spec.design.wishes} == {"channel"}:
+        yield "channel depends on the filters alone: the loops may be unstable, which a wish such as damping_ratio would show"
+    unread = [axis.name for axis in job.grid.spec.design.vary if axis.path not in keys_of(job.grid.spec)]
+    if unread:
+        yield f"{', '.join(unread)}: not read by {job.grid.spec.kind}, varied for nothing"

@@ -1,0 +1,300 @@
+"""Every quantity that may be wished for, at its worst over all that a design has to hold for, of many designs at once."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+
+from wavesweep.errors import IllPosedLoopError, SpecError, UsageError
+from wavesweep.loops.controllers import keys_of_page, loop_drawing
+from wavesweep.loops.from_drawing import assembled, refuse_unsuitable
+from wavesweep.response.steady import GOOD
+from wavesweep.rows import Rows
+from wavesweep.search.family import Points, Scenario, points_of
+from wavesweep.spec import Axis, Spec
+from wavesweep.spec.design import Wish
+from wavesweep.spec.resolving import longest_delay
+from wavesweep.stability.spectrum import damping_ratio, eigenvalues, radius_of, slowest
+from wavesweep.sweep.drawn_loops import held_loop, radii_of, responses_of, telling_frames
+from wavesweep.sweep.grid import distinct_rows, drawing_for, groups, read_by, selected
+from wavesweep.sweep.interval_table import at_points
+
+NODES = 24  # Gauss-Legendre nodes of a piece of a band in the logarithm of the frequency
+PIECES = (1, 4, 16, 64)  # of a band, tried in turn
+HIGH, UNSEEN = 4, 1e-4  # coefficients of a piece that have to be small, and how small beside the mean; the error is far less
+BAND_HZ = (0.1, 10.0)
+BATCH = 512  # points at a time: more leave the processor's cache
+ERROR = 1e-6  # relative, up to which a response is believed
+DELAY = "environment.delay"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Worst(Rows):
+    """The worst value of each design, `(designs,)`, NaN if there is none; its scenario; whether all values are certified."""
+
+    value: np.ndarray
+    scenario: np.ndarray
+    certified: np.ndarray
+
+
+def evaluate(
+    spec: Spec, wishes: Sequence[Wish], scenarios: Sequence[Scenario], designs: Mapping[str, np.ndarray], stop: float
+) -> dict[str, Worst]:
+    """Return the worst values of designs: wish -> `Worst`. The designs need not be the product of some axes.
+
+    spec: gives all values that do not vary. wishes, scenarios: to be evaluated. designs: path -> value of each design,
+    `(designs,)`. stop: the largest stiffness of a wall that is searched, N/m.
+    Accuracy: that of stable intervals, responses and norms; a value is certified only if everything that it depends on is.
+    """
+    found, known = {}, {}
+    for wish in wishes:
+        walls = {path: wish.options.get("B_VE", (spec.values[path],)) for path in spec.wall[1:]}
+        if wish.name in ("z_width", "felt"):
+            key = walls[spec.wall[1]]
+            if key not in known:
+                felt = any(wish.name == "felt" for wish in wishes)
+                known[key] = _stiffest(spec, points_of(spec.values, designs, scenarios, walls), stop, felt)
+            found[wish.name] = known[key][wish.name]
+            continue
+        walls = {path: wish.options.get("walls", (spec.values[path],)) for path in spec.wall[:1]} | walls
+        points = points_of(spec.values, designs, scenarios, walls if wish.name != "channel" else {})
+        value, certified = np.full(points.size, np.nan), np.zeros(points.size, bool)
+        for part, seen in _existing(spec, points, partial(_MEASURES[wish.name], spec, wish)):
+            value[part], certified[part] = seen
+        found[wish.name] = Worst(*points.worst(value, wish.kind.more), points.all_of(certified))
+    return found
+
+
+def _stiffest(spec, points: Points, stop, wished) -> dict[str, Worst]:
+    """Return the stiffest wall up to which every wall is stable, and the stiffness that is felt of it.
+
+    wished: whether the felt stiffness is needed.
+    """
+    axis = Axis(spec.drawing.wall[0] if spec.drawing else "K_VE", spec.wall[0], (), 0.0, stop, False)
+    once, back = distinct_rows(points.changes, points.size)
+    value, felt, certified = *np.full((2, once.size), np.nan), np.zeros(once.size, bool)
+    for part, seen in _existing(spec, points.some(once), partial(_stiffest_of, spec, axis, wished)):
+        value[part], felt[part], certified[part] = seen
+    value, felt, every = value[back], felt[back], points.all_of(certified[back])
+    return {name: Worst(*points.worst(each, more=True), every) for name, each in (("z_width", value), ("felt", felt))}
+
+
+def _stiffest_of(spec, axis, wished, points):
+    """Return the stiffest wall, the stiffness felt of it, and whether it is certified; no two points are the same."""
+    value, felt, certified = np.zeros(points.size), np.zeros(points.size), np.ones(points.size, bool)
+    for part, _ in _batches(spec, points):
+        rows = at_points(spec, axis, {path: column[part] for path, column in points.changes.items()}, points.ties, felt=wished)
+        at = part[rows["slice"]]
+        certified[at] = rows["certified"]
+        first = (rows["intervals"] > 0) & (rows["interval"] == 0) & (rows["low"] <= 0)
+        value[at[first]], felt[at[first]] = rows["high"][first], rows["felt_high"][first]
+    return value, felt, certified
+
+
+def _existing(spec, points: Points, measure):
+    """Yield indices of points and their measures; points whose numbers make no drawn loop are left out.
+
+    measure: takes points.
+    """
+    if spec.drawing is None:  # its numbers were checked with the spec
+        yield np.arange(points.size), measure(points)
+        return
+    waiting = [np.arange(points.size)]
+    while waiting:
+        part = waiting.pop()
+        try:
+            yield part, measure(points if part.size == points.size else points.some(part))
+        except (UsageError, SpecError, IllPosedLoopError):  # of one of them at least
+            waiting += np.array_split(part, 2) if part.size > 1 else []
+
+
+def _batches(spec, points: Points, most: int = BATCH):
+    """Yield the indices of at most `most` points of one structure at a time, and their values."""
+    resolved = {}
+    for members, values in groups(spec, points.changes, points.size, resolved):
+        for start in range(0, members.size, most):
+            part = slice(start, start + most)
+            yield members[part], {path: each[part] if np.ndim(each) else each for path, each in values.items()}
+
+
+def _radii(spec, values, size):
+    drawing = drawing_for(spec, values)
+    return radii_of(drawing, read_by(drawing, values), size)
+
+
+def _transparency(spec, wish, points):
+    """Root mean square of |ln(H/H_dc)| over the logarithm of the frequency; missing if a loop is unstable.
+
+    A design with an unstable loop has no value, and its other loops are left out: they count as 0.
+    """
+    ends = np.log(wish.options.get("band_hz", BAND_HZ))
+    stable = np.empty(points.size, bool)
+    for members, values in _batches(spec, points):
+        stable[members] = _radii(spec, values, members.size) < 1
+    open_ = np.flatnonzero(np.repeat(points.all_of(stable), points.size // points.shape[0]))
+    value, certified = np.where(stable, 0.0, np.nan), stable.copy()
+    for pieces in PIECES:
+        if not open_.size:
+            break
+        edges = ends[0] + np.ptp(ends) * np.arange(pieces + 1) / pieces
+        node, weight, high = _rule()
+        frequency = np.exp((edges[:-1, None] + edges[1:, None] + node * np.diff(edges)[:, None]) / 2).ravel()
+        square, sure = _distances(spec, points.some(open_), frequency)
+        square = square.reshape(open_.size, pieces, NODES)
+        value[open_] = np.sqrt((square * weight).sum((-1, -2)) / (2 * pieces))
+        unseen = np.abs((square[..., None] * high).sum(-2)).max(-1).mean(-1)
+        settled = unseen <= UNSEEN * np.maximum(value[open_], ERROR) ** 2  # responses are not known better
+        certified[open_] = sure & settled
+        open_ = open_[~settled & np.isfinite(value[open_])]
+    return value, certified
+
+
+@cache
+def _rule():
+    """Return nodes and weights of a piece, and the map from values at the nodes to the highest Legendre coefficients.
+
+    The map is `(nodes, HIGH)`. These coefficients are small if the integrand has no features narrower than the nodes resolve.
+    """
+    node, weight = np.polynomial.legendre.leggauss(NODES)
+    degree = np.arange(NODES - HIGH, NODES)
+    return node, weight, np.polynomial.legendre.legvander(node, NODES - 1)[:, degree] * weight[:, None] * (degree + 0.5)
+
+
+def _distances(spec, points, frequency):
+    """Return |ln(H/H_dc)|^2, `(points, frequencies)`, and whether both responses are known well enough."""
+    square, sure = np.empty((points.size, frequency.size)), np.empty(points.size, bool)
+    ideal, ideal_error = _ideal(spec, points, frequency)
+    for members, values in _batches(spec, points, max(1, BATCH * NODES // frequency.size)):
+        # Through the modes; the few that this is too rough for are computed again, slowly, by themselves.
+        found, error = _admittance(spec, values, members.size, frequency, np.inf)
+        again = np.flatnonzero(~(error <= ERROR / 2).all(-1))
+        if again.size:
+            found[again], error[again] = _admittance(spec, selected(values, again), again.size, frequency, ERROR / 2)
+        with np.errstate(all="ignore"):
+            square[members] = np.abs(np.log(found / ideal[members])) ** 2
+        sure[members] = ((error <= ERROR) & (ideal_error[members] <= ERROR)).all(-1)
+    return square, sure
+
+
+def _admittance(spec, values, size, frequency, good):
+    """Return the admittance of some loops and its relative error, `(size, frequencies)`; good: see `respond`."""
+    found = responses_of(drawing_for(spec, values), values, size, frequency, good)
+    return found.admittance, found.admittance_error
+
+
+def _ideal(spec, points, frequency):
+    """Return the admittance of direct coupling at the fast rate and its error, `(points, frequencies)`.
+
+    Each different loop is computed once.
+    """
+    kind = {"controller.kind": "dc"}
+    ideal = spec.with_values(kind)
+    read = keys_of_page(ideal.values)
+    changes = {path: column for path, column in points.changes.items() if path in read}
+    first, back = distinct_rows(changes, points.size)
+    some = Points(changes, (), points.shape).some(first)
+    value, error = np.empty((first.size, frequency.size), complex), np.empty((first.size, frequency.size))
+    for members, values in _batches(ideal, some):
+        value[members], error[members] = _admittance(ideal, values, members.size, frequency, GOOD)
+    return value[back], error[back]
+
+
+def _channel(spec, wish, points):
+    """Norm of the wave channel; 0 without waves.
+
+    It depends on filters and rates alone; repeated values are computed once.
+    """
+    from wavesweep.passive import channel_norm
+
+    del wish
+    read = {path: column for path, column in points.changes.items() if path.startswith(("filters.", "rates."))}
+    first, back = distinct_rows(read, points.size)
+    some = Points(read, (), points.shape).some(first)
+    norms, sure = np.zeros(first.size), np.ones(first.size, bool)
+    for members, values in _batches(spec, some):
+        norm = channel_norm(loop_drawing(values), values)
+        if norm is not None:
+            norms[members], sure[members] = norm.norm, norm.certified
+    return norms[back], sure[back]
+
+
+def _port(spec, wish, points):
+    """Passivity margin at the hand's port, m/N; missing if the loop is unstable.
+
+    The map of an unstable loop may have a positive real part on the whole circle.
+    """
+    from wavesweep.passive import port_margin
+
+    del wish
+    value, certified = np.full(points.size, np.nan), np.ones(points.size, bool)
+    for members, values in _batches(spec, points):
+        loop = held_loop(drawing_for(spec, values), values)
+        if spec.drawing:
+            refuse_unsuitable(spec.drawing, values)
+        found = port_margin(loop)
+        value[members], certified[members] = np.where(found.stable, found.margin, np.nan), found.certified
+    return value, certified
+
+
+def _damping_ratio(spec, wish, points):
+    """Damping ratio of the mode that decays most slowly; 0 or negative if the loop is unstable."""
+    del wish
+    value, certified = np.full(points.size, np.nan), np.zeros(points.size, bool)
+    for members, delta, _, known in _slowest(spec, points):
+        value[members], certified[members] = damping_ratio(delta), known
+    return value, certified
+
+
+def _settling(spec, wish, points):
+    """Time in which the mode that decays most slowly falls to 1/e, s; missing if the loop is unstable."""
+    del wish
+    value, certified = np.full(points.size, np.nan), np.zeros(points.size, bool)
+    for members, delta, period, known in _slowest(spec, points):
+        with np.errstate(all="ignore"):
+            time = -period / np.log1p(delta).real
+        value[members], certified[members] = np.where((time >= 0) & np.isfinite(time), time, np.nan), known
+    return value, certified
+
+
+def _slowest(spec, points):
+    """Yield indices, the eigenvalue that decays most slowly less 1, the frame in s, and whether the radius is known."""
+    for members, values in _batches(spec, points):
+        drawing = drawing_for(spec, values)
+        drawn = assembled(drawing, read_by(drawing, values))
+        E, hidden = telling_frames(drawing, read_by(drawing, values))
+        period = np.real(drawn.period * drawn.ticks)
+        delta, finite = eigenvalues(E)
+        known = finite & ~np.isnan(radius_of(E, hidden))
+        delta = np.where(known, slowest(delta) if delta.shape[-1] else -1.0, np.nan)
+        yield members, *(np.broadcast_to(each, members.shape) for each in (delta, period, known))
+
+
+def _delay_margin(spec, wish, points):
+    """Ticks of further delay of the slow result up to which every delay is stable; -1 if the loop is unstable without any."""
+    del wish
+    delay = np.broadcast_to(points.changes.get(DELAY, spec.values[DELAY]), (points.size,)).astype(int)
+    value, open_, known = np.full(points.size, -1.0), np.arange(points.size), np.ones(points.size, bool)
+    for more in range(longest_delay(spec.values["rates.ratio"]) + 1):
+        open_ = open_[delay[open_] + more <= longest_delay(spec.values["rates.ratio"])]
+        if not open_.size:
+            break
+        changes = {path: column[open_] for path, column in points.changes.items()} | {DELAY: delay[open_] + more}
+        some = Points(changes, (), (open_.size, 1, 1))
+        radius = np.full(open_.size, np.inf)
+        for members, values in _batches(spec, some):
+            radius[members] = _radii(spec, values, members.size)
+        known[open_[np.isnan(radius)]] = False  # rounding could make it stable or unstable
+        open_ = open_[radius < 1]
+        value[open_] = more
+    return value, known
+
+
+_MEASURES = {
+    "transparency": _transparency,
+    "channel": _channel,
+    "port": _port,
+    "damping_ratio": _damping_ratio,
+    "settling": _settling,
+    "delay_margin": _delay_margin,
+}

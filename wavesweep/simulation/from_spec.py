@@ -1,0 +1,66 @@
+"""The experiment of a spec's [simulate] table."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from wavesweep.simulation import inputs
+from wavesweep.simulation.hardware import Effects, changed
+from wavesweep.simulation.inputs import Input
+from wavesweep.simulation.march import simulate
+from wavesweep.simulation.record import Simulation
+from wavesweep.spec import Spec
+
+
+def simulated(spec: Spec, force=None, **changes: Any) -> Simulation:
+    """Run the experiment of a spec's [simulate] table.
+
+    Parameters: `force` the hand's force (N) per fast tick in place of the input that the spec names, shape
+    ``(ticks,)``; `changes` fields of `Effects` (``wall=0.01, friction=0.2``) in place of the spec's.
+
+    Errors: `SpecError` if the experiment does not fit the fast rate, `UsageError` for a record that cannot be read,
+    a force that is not a vector of finite numbers, or an option that does not exist or is out of range.
+    """
+    effects = changed(effects_of(spec), changes)
+    force = hand_force(spec.as_simulated(), effects.seed).force if force is None else inputs.given(force).force
+    return simulate(spec.values, force, effects, drawing=spec.drawing, units=(spec.at_port("m"), spec.at_port("N")))
+
+
+def effects_of(spec: Spec) -> Effects:
+    """Return the effects that the spec adds to the linear model."""
+    return Effects(**{field.name: spec.simulate[field.name] for field in fields(Effects)})
+
+
+def hand_force(spec: Spec, seed: int | None = None) -> Input:
+    """Return the force of the hand over the simulated time of the spec; seed: of noise, by default the spec's."""
+    values, fast_hz = spec.simulate, spec.tick_hz
+    record = _made(spec, fast_hz, values["seed"] if seed is None else int(seed))
+    seconds = values["duration_s"]
+    return record if seconds is None else inputs.lasting(record, round(seconds * fast_hz))
+
+
+def record_path(spec: Spec) -> Path:
+    """Return the path of the recorded force, relative to the spec's folder, or to the current one for a dict."""
+    return Path(spec.source or "").parent / spec.simulate["record"]
+
+
+def _made(spec: Spec, fast_hz: float, seed: int) -> Input:
+    """Return the input of this name."""
+    values = spec.simulate
+    size, seconds, at = (values[name] for name in ("amplitude", "duration_s", "at_s"))
+    frequencies, settle = values["frequency_hz"], values["settle_s"]
+    makers = {
+        "sine": lambda: inputs.sine(fast_hz, *frequencies, size, seconds, settle),
+        "stepped-sine": lambda: inputs.stepped_sine(
+            fast_hz, frequencies, size, settle, values["periods"], most=math.inf if seconds is None else seconds
+        ),
+        "chirp": lambda: inputs.chirp(fast_hz, *frequencies, size, seconds),
+        "step": lambda: inputs.step(fast_hz, size, seconds, at),
+        "pulse": lambda: inputs.pulse(fast_hz, size, seconds, at, values["width_s"]),
+        "noise": lambda: inputs.noise(fast_hz, size, seconds, seed),
+        "record": lambda: inputs.read_force(record_path(spec), fast_hz, "rates.tick_hz" if spec.drawing else "rates.fast_hz"),
+    }
+    return makers[values["input"]]()

@@ -1,0 +1,116 @@
+"""Effects of hardware and real-time systems: sensing, actuation, timing, and slow results in transit.
+
+Every effect is off by default. Time is a whole number of fast ticks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+from wavesweep.given import real_numbers
+
+MOST_JITTER = 0.9  # of a tick, as in a spec
+MOST_LATE = 1_000_000  # ticks, as in a spec
+_EXACT_STEPS = 2.0**53  # beyond this many encoder steps every double is one
+
+
+@dataclass(frozen=True)
+class Effects:
+    """Effects of a simulated experiment beyond the linear model; all of them are off by default.
+
+    Parameters:
+    `wall` the position (m) above which there is a one-sided wall, None for the model's wall on both sides of 0;
+    `resolution` of the encoder (m), 0 for none: position is the nearest step, velocity its difference if the spec
+    says ``difference`` (an ``exact`` velocity stays exact);
+    `max_force` of the motors (N), None for no limit: the device exerts ``f_m`` cut off there, which the
+    controller does not take into account;
+    `friction` Coulomb's (N), the same at rest and in motion;
+    `jitter` (part of a tick, at most 0.9): every fast tick is longer or shorter by up to that part, uniformly; the
+    device moves for the real length, the controller uses the nominal one;
+    `late` the largest delay of a slow result in ticks, uniformly from 0 to `late`;
+    `dropped` the probability (0 to 1) that a slow result is lost: the fast loop holds the one before;
+    `seed` of jitter, lateness and losses, which have independent streams of numbers.
+
+    Errors: `UsageError` for a number out of range.
+    """
+
+    wall: float | None = None
+    resolution: float = 0.0
+    max_force: float | None = None
+    friction: float = 0.0
+    jitter: float = 0.0
+    late: int = 0
+    dropped: float = 0.0
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Reject a value out of range; the message names the effect, the value found and the values expected."""
+        for field in fields(self):
+            value, number = getattr(self, field.name), real_numbers(getattr(self, field.name))
+            absent = value is None and field.default is None
+            if not absent and (number is None or number.ndim or not np.isfinite(number)):
+                raise UsageError(f"option {field.name}: expected a finite number, found {value!r:.60}")
+            if not absent and field.name != "wall" and value < 0:
+                raise UsageError(f"option {field.name}: expected a number >= 0, found {value}")
+        if self.jitter > MOST_JITTER:
+            raise UsageError(f"option jitter: expected at most {MOST_JITTER} of a tick, found {self.jitter}")
+        if self.late > MOST_LATE:
+            raise UsageError(f"option late: expected at most {MOST_LATE} ticks, found {self.late}")
+        if self.max_force == 0:
+            raise UsageError("option max_force: expected a number > 0, or None for no limit, found 0")
+        if self.dropped > 1:
+            raise UsageError(f"option dropped: expected a probability of at most 1, found {self.dropped}")
+        for name, what in (("late", "a whole number of ticks"), ("seed", "a whole number")):
+            if getattr(self, name) != int(getattr(self, name)):
+                raise UsageError(f"option {name}: expected {what}, found {getattr(self, name)}")
+
+
+def changed(effects: Effects, changes: Mapping[str, float | None]) -> Effects:
+    """Return the effects with some of them changed.
+
+    Errors: `UsageError` for a name that is no option, or a number out of range.
+    """
+    known = [field.name for field in fields(Effects)]
+    unknown = [name for name in changes if name not in known]
+    if unknown:
+        raise UsageError(f"option {', '.join(unknown)}: expected some of {', '.join(known)}, found an unknown name")
+    return replace(effects, **changes)
+
+
+def encoder(resolution: float) -> Callable[[float], float]:
+    """Return a function of the position (m) that gives the nearest step of the encoder."""
+    if resolution == 0.0:
+        return lambda x: x
+    return lambda x: resolution * math.floor(x / resolution + 0.5) if abs(x) < _EXACT_STEPS * resolution else x
+
+
+def motor(max_force: float | None) -> Callable[[float], float]:
+    """Return a function of the control force (N) that gives the force of the motors."""
+    if max_force is None:
+        return lambda f: f
+    return lambda f: min(max(f, -max_force), max_force)
+
+
+def tick_lengths(effects: Effects, T: float, ticks: int) -> np.ndarray:
+    """Return the length of every fast tick (s), ``T·(1 + jitter·U)`` with ``U`` uniform over -1 to 1."""
+    if effects.jitter == 0:
+        return np.full(ticks, T)
+    source = _source(effects, 0)
+    return T * (1 + effects.jitter * source.uniform(-1.0, 1.0, ticks))
+
+
+def lateness(effects: Effects, results: int, *others: int) -> list[int | None]:
+    """Return the ticks by which each slow result is late, None for one that is lost; others: a number of another slow loop."""
+    late = _source(effects, 1, *others).integers(0, int(effects.late), results, endpoint=True).tolist()
+    lost = _source(effects, 2, *others).uniform(size=results) < effects.dropped
+    return [None if gone else ticks for ticks, gone in zip(late, lost.tolist(), strict=True)]
+
+
+def _source(effects: Effects, *stream: int) -> np.random.Generator:
+    """Return the random stream of one effect, so that enabling one does not change the numbers of the others."""
+    return np.random.default_rng(np.random.SeedSequence(int(effects.seed), spawn_key=stream))

@@ -1,0 +1,217 @@
+"""Forces of the hand, one number per fast tick: computed here, or recorded elsewhere and read from a CSV file."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+from wavesweep.given import real_numbers
+from wavesweep.spec.checking import apart
+from wavesweep.spec.reading import read_bytes
+from wavesweep.spec.studies import MOST_TICKS
+
+MOST_BYTES = 40 * MOST_TICKS  # of a record; times and forces with all their digits take 40 bytes a row
+MOST_SHOWN = 60  # characters of a file that an error repeats
+_MOST = 2.0**53  # ticks; more cannot be counted by doubles
+_TOLERANCE = 0.01  # of a tick: times rounded to a few digits pass, a clock that drifts or loses samples does not
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A section of the record with a settled sine: ticks `first` up to, but without, `last`."""
+
+    frequency_hz: float
+    first: int
+    last: int
+
+
+@dataclass(frozen=True)
+class Input:
+    """Hand force (N) per fast tick, shape ``(ticks,)``, read-only, and the sections for estimating the response."""
+
+    force: np.ndarray
+    tones: tuple[Tone, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Make the record read-only."""
+        self.force.flags.writeable = False
+
+
+def sine(fast_hz: float, frequency_hz: float, amplitude: float = 1.0, seconds: float = 4.0, settle: float = 2.0) -> Input:
+    """Return ``amplitude·sin(2π·f·t)``, measured after `settle` seconds over as many whole periods as fit, if one does.
+
+    Errors: `UsageError` for a frequency out of range.
+    """
+    settled, ticks = _ticks(fast_hz, settle), _ticks(fast_hz, seconds)
+    _check(fast_hz, frequency_hz)
+    periods = max(0, int((ticks - settled) * frequency_hz / fast_hz + 1e-9))  # a last period is whole in spite of rounding
+    force = amplitude * np.sin(2 * np.pi * frequency_hz / fast_hz * np.arange(ticks))
+    tone = Tone(frequency_hz, settled, settled + (round(periods * fast_hz / frequency_hz) if periods else 0))
+    return Input(force, (tone,) if periods else ())
+
+
+def stepped_sine(
+    fast_hz: float,
+    frequencies_hz: Sequence[float],
+    amplitude: float = 1.0,
+    settle: float = 2.0,
+    periods: int = 5,
+    least: float = 1.0,
+    most: float = np.inf,
+) -> Input:
+    """Return one sine after the other without a jump in phase, as a measured sine sweep does.
+
+    Parameters: `frequencies_hz` above 0 and below half the fast rate, `amplitude` (N), `settle` seconds before each
+    measurement, which then takes `periods` (at least 1) whole periods and at least `least` seconds of them. There is no
+    force after `most` seconds, and no section that ends later.
+
+    Errors: `UsageError` for a frequency out of range.
+    """
+    phases, tones, first, phase, end = [], [], 0, 0.0, _ticks(fast_hz, min(most, _MOST / fast_hz))
+    for frequency in map(float, frequencies_hz):
+        _check(fast_hz, frequency)
+        turns = max(periods, int(np.ceil(least * frequency)))
+        settled = first + _ticks(fast_hz, settle)
+        last = settled + _ticks(fast_hz, min(turns / frequency, _MOST))
+        if last > end:
+            phases.append(phase + 2 * np.pi * frequency / fast_hz * np.arange(end - first))
+            break
+        phases.append(phase + 2 * np.pi * frequency / fast_hz * np.arange(last - first))
+        phase += 2 * np.pi * frequency / fast_hz * (last - first)
+        tones.append(Tone(frequency, settled, last))
+        first = last
+    return Input(amplitude * np.sin(np.concatenate(phases)) if phases else np.zeros(0), tuple(tones))
+
+
+def chirp(fast_hz: float, start_hz: float = 0.1, stop_hz: float = 50.0, amplitude: float = 1.0, seconds: float = 20.0) -> Input:
+    """Return a sine whose frequency rises logarithmically from `start_hz` to `stop_hz` (both above 0)."""
+    if start_hz <= 0 or stop_hz <= 0:
+        raise UsageError(f"chirp: expected two frequencies above 0 Hz, found {start_hz} and {stop_hz}")
+    t = np.arange(_ticks(fast_hz, seconds)) / fast_hz
+    octaves = np.log(stop_hz / start_hz) / seconds if len(t) else 0.0
+    turns = start_hz * (np.expm1(octaves * t) / octaves if octaves else t)
+    return Input(amplitude * np.sin(2 * np.pi * turns))
+
+
+def step(fast_hz: float, amplitude: float = 1.0, seconds: float = 2.0, at: float = 0.1) -> Input:
+    """Return a force that starts at `at` seconds and stays constant."""
+    return pulse(fast_hz, amplitude, seconds, at, width=seconds)
+
+
+def pulse(fast_hz: float, amplitude: float = 1.0, seconds: float = 2.0, at: float = 0.1, width: float = 0.05) -> Input:
+    """Return a force that lasts from `at` seconds for `width` seconds."""
+    force = np.zeros(_ticks(fast_hz, seconds))
+    first = _ticks(fast_hz, at)
+    force[first : first + _ticks(fast_hz, width)] = amplitude
+    return Input(force)
+
+
+def noise(fast_hz: float, amplitude: float = 1.0, seconds: float = 10.0, seed: int = 0) -> Input:
+    """Return white noise of standard deviation `amplitude`, the same for the same `seed`."""
+    return Input(amplitude * np.random.default_rng(seed).standard_normal(_ticks(fast_hz, seconds)))
+
+
+def given(force) -> Input:
+    """Return a record of force (N) per tick as an input. Errors: `UsageError` if it is not a vector of finite numbers."""
+    numbers = real_numbers(force)
+    if numbers is None:
+        raise UsageError(f"force: expected a row of finite numbers, one per fast tick, found {force!r:.60}")
+    force = numbers.astype(float)
+    if force.ndim != 1 or not np.isfinite(force).all():
+        found = f"shape {force.shape}" if force.ndim != 1 else "some that are not finite"
+        raise UsageError(f"force: expected a row of finite numbers, one per fast tick, found {found}")
+    return Input(force)
+
+
+def lasting(record: Input, ticks: int) -> Input:
+    """Return the record cut off at `ticks`, or extended by zeros; a tone that is cut off is not measured."""
+    force = np.zeros(ticks)
+    force[: len(record.force)] = record.force[:ticks]
+    return Input(force, tuple(tone for tone in record.tones if tone.last <= ticks))
+
+
+def _check(fast_hz: float, frequency_hz: float) -> None:
+    """Reject a frequency that the fast rate cannot represent."""
+    if not 0.0 < frequency_hz < fast_hz / 2:
+        raise UsageError(f"frequency: expected above 0 and below {fast_hz / 2} Hz, found {frequency_hz} Hz")
+
+
+def _ticks(fast_hz: float, seconds: float) -> int:
+    if not 0.0 <= seconds < np.inf:
+        raise UsageError(f"duration: expected 0 s or more, found {seconds} s")
+    return round(min(seconds * fast_hz, _MOST))
+
+
+def read_force(path: str | Path, fast_hz: float, rate: str = "rates.fast_hz") -> Input:
+    """Read a record of hand force from a CSV file with a header line.
+
+    Column ``force_N`` holds the force of each fast tick (N). If there is a column ``time_s``, its times must increase by
+    one fast period from row to row, within 1 % of it; they may start at any time. Other columns are ignored. Blank lines may
+    stand at the end alone, since each other one would move all forces after it by a tick. rate: the key of the fast rate, for
+    messages.
+
+    Errors: `UsageError` naming the file, the line, the value found and the values expected.
+    """
+    try:
+        text = read_bytes(path, MOST_BYTES).decode("utf-8-sig")
+        rows = csv.reader(io.StringIO(text, newline=""), strict=True)
+        header = [name.strip() for name in next(rows, [])]
+        lines = [(rows.line_num, row) for row in rows]
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise UsageError(f"{path}: expected a CSV file in UTF-8, found: {error}") from error
+    while lines and not any(map(str.strip, lines[-1][1])):
+        lines.pop()
+    if header.count("force_N") != 1 or header.count("time_s") > 1:
+        found = ", ".join(header)[:MOST_SHOWN] or "nothing"
+        raise UsageError(f"{path}:1: expected one column force_N and at most one time_s in the header, found {found}")
+    if not lines:
+        raise UsageError(f"{path}: expected at least one row of numbers below the header, found none")
+    if len(lines) > MOST_TICKS:
+        raise UsageError(f"{path}: expected at most {MOST_TICKS} rows, a row per fast tick, found more")
+    for line, row in lines:
+        if len(row) > len(header):
+            raise UsageError(f"{path}:{line}: expected {len(header)} values as in the header, found {len(row)}")
+    force = _column(path, lines, header, "force_N")
+    if "time_s" in header:
+        _check_times(path, lines, _column(path, lines, header, "time_s"), fast_hz, rate)
+    return Input(force)
+
+
+def _column(path: str | Path, lines: list, header: list, name: str) -> np.ndarray:
+    """Read a column as finite numbers."""
+    place, numbers = header.index(name), []
+    for line, row in lines:
+        cell = row[place].strip() if place < len(row) else ""
+        number = _number(cell)
+        if not math.isfinite(number):
+            raise UsageError(f"{path}:{line}: {name}: expected a number, found {cell[:MOST_SHOWN] or 'nothing'}")
+        numbers.append(number)
+    return np.array(numbers)
+
+
+def _number(cell: str) -> float:
+    """Read a number; NaN for a cell without one."""
+    try:
+        return float(cell)
+    except ValueError:
+        return math.nan
+
+
+def _check_times(path: str | Path, lines: list, times: np.ndarray, fast_hz: float, rate: str) -> None:
+    """Reject times that are not the ticks of the fast loop, at the first such row."""
+    expected = times[0] + np.arange(len(times)) / fast_hz
+    off = np.abs(times - expected) > _TOLERANCE / fast_hz
+    if off.any():
+        row = int(off.argmax())
+        wanted, found = apart(float(expected[row]), float(times[row]))
+        raise UsageError(
+            f"{path}:{lines[row][0]}: time_s: expected {wanted}, a row every {1 / fast_hz:.9g} s as at the "
+            f"fast rate, found {found}; resample the record or set {rate}"
+        )

@@ -1,0 +1,340 @@
+"""Loops run tick by tick, with the effects of hardware.
+
+All blocks that run in a tick read each other's outputs of that tick, then they keep their states. The device moves by a law of
+its own, which has friction and real lengths of ticks. Effects of the device need one: a single block of type `mass` that the
+hand's force acts on. Results of slow blocks, those with another `every` than 1, may come late to the blocks of every tick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import repeat
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+
+from wavesweep.errors import UsageError
+from wavesweep.loops.controllers import loop_drawing
+from wavesweep.simulation.body import Body, slide, zero_order_hold
+from wavesweep.simulation.hardware import Effects, encoder, lateness, motor, tick_lengths
+from wavesweep.simulation.parts import (
+    DEPTH,
+    FORCE,
+    POSITION,
+    REACTION,
+    SPEED,
+    Loop,
+    Rhythm,
+    loop_of,
+    loop_of_blocks,
+)
+from wavesweep.simulation.record import Simulation, energies
+from wavesweep.simulation.ticks import Ticks, actual, arrived, besides, keep, run
+from wavesweep.spec.drawing import Drawing
+
+FARTHEST = 1e3  # m
+STRONGEST = 1e6  # N
+"""A simulation stops before the first tick in which the hand is farther away, or a force is larger: it means nothing there."""
+
+
+def simulate(
+    values: Mapping[str, Any],
+    force,
+    effects: Effects | None = None,
+    x: float = 0.0,
+    drawing: Drawing | None = None,
+    units: tuple[str, str] = ("m", "N"),
+) -> Simulation:
+    """Run the experiment under a record of hand forces.
+
+    values: flat numbers of a controller, or of the drawing. force: the hand's force (N) per tick, `(ticks,)`. effects: see
+    `Effects`. x: the device's initial position (m), at rest. units: of position and force, for messages.
+
+    The simulation stops early if the position exceeds `FARTHEST` or a force `STRONGEST`, as those of an unstable loop do;
+    `Simulation.stopped` then gives the reason. Errors: UsageError for effects that the loop cannot have; IllPosedLoopError if
+    what goes round within a tick has no solution.
+
+    Accuracy: rounding, about 1e-15 of the largest signal per tick: contact, saturation and friction are solved within the tick,
+    not iterated. An encoder, late results and jitter see the signal at the ticks, as their originals do.
+    """
+    effects = Effects() if effects is None else effects
+    loop = loop_of(loop_drawing(values) if drawing is None else drawing, values)
+    return March(loop, effects).under(np.asarray(force, dtype=float), x, units)
+
+
+@dataclass
+class Results:
+    """Slow results that arrive together: their signals, and the blocks on their way.
+
+    chain: when each block runs, and how many of its runs it is late, from the last one back to that which computes the result,
+    behind all that only hold or delay it. late: of each result, in ticks, None if it is lost. waiting: the tick from which each
+    of those under way is there, the numbers, and whether the wall was touched.
+    """
+
+    chain: tuple[tuple[Rhythm, int], ...]
+    touches: bool
+    signals: list[str] = field(default_factory=list)
+    late: list[int | None] = field(default_factory=list)
+    waiting: list[tuple[int, list[float], bool]] = field(default_factory=list)
+
+    def shown(self, k: int) -> bool:
+        """Whether a result is shown in tick k."""
+        return self.chain[0][0].runs(k)
+
+    @property
+    def origin(self) -> Rhythm:
+        """When the results are computed."""
+        return self.chain[-1][0]
+
+    def number(self, k: int) -> int:
+        """The number of the result that is shown in tick k, which counts from 0; negative if there is none yet."""
+        for rhythm, runs in self.chain[:-1]:
+            k = rhythm.last(k, runs)
+        return self.origin.count(k) - 1 if k >= 0 else -1
+
+    def due(self, k: int) -> tuple[list[float], bool] | None:
+        """Take the result computed last of those that are there by tick k; one that was overtaken is never shown."""
+        for place in range(len(self.waiting) - 1, -1, -1):
+            if self.waiting[place][0] <= k:
+                found = self.waiting[place][1:]
+                self.waiting = self.waiting[place + 1 :]
+                return found
+        return None
+
+
+def results_of(loop: Loop) -> list[Results]:
+    """The slow results that blocks of every tick read; the wall's force if no block is slow."""
+    slow = {f"{part.name}.{port}": part for part in loop.parts if part.rhythm.slow for port in part.outputs}
+    if not slow and loop.wall:
+        return [Results(((Rhythm(), 0),), touches=True, signals=[FORCE])]
+    found: dict[tuple, Results] = {}
+    for signal, part in slow.items():
+        if all(rhythm.slow for rhythm in loop.readers(signal)):
+            continue
+        chain, at = [], part
+        while (
+            (terms := loop.wires.get(f"{at.name}.u"))
+            and at.runs_late is not None
+            and terms[0][1] in slow
+            and terms == ((1.0, terms[0][1]),)
+        ):
+            chain.append((at.rhythm, at.runs_late))
+            at = slow[terms[0][1]]
+        chain.append((at.rhythm, 0))
+        found.setdefault(tuple(chain), Results(tuple(chain), at.rhythm == loop.wall_rhythm)).signals.append(signal)
+    return list(found.values())
+
+
+class March:
+    """A loop with effects, ready to run once. watched: names of numbers of `Ticks` that are recorded besides its signals."""
+
+    def __init__(self, loop: Loop, effects: Effects, watched: Sequence[str] = ()) -> None:
+        refuse(loop, effects)
+        self.loop = loop = loop.behind(effects.wall) if effects.wall is not None else loop
+        self.effects, self.watched, self.results = effects, tuple(watched), results_of(loop)
+        late = effects.late or effects.dropped
+        delayed = [signal for each in self.results for signal in each.signals] if late else ()
+        self.ticks = Ticks(loop, {loop.device} - {""}, delayed)
+
+    def under(self, force: np.ndarray, x: float = 0.0, units: tuple[str, str] = ("m", "N")) -> Simulation:
+        """The experiment under the hand's force (N), `(ticks,)`, from rest at x (m)."""
+        loop, count = self.loop, len(force)
+        lengths = tick_lengths(self.effects, loop.tick, count)
+        late, results = self._lateness(count)
+        names = {**loop.shown, **{name: name for name in self.watched}}
+        rows, touched, last, stopped = self._rows(names.values(), force.tolist(), lengths, x, units)
+        signals = {"time": np.concatenate([[0.0], np.cumsum(lengths)])[: len(rows)], "f_h": force[: len(rows)]}
+        columns = np.array(rows).reshape(len(rows), len(names)).T
+        signals |= {name: column.copy() for name, column in zip(names, columns, strict=True)}
+        if "f_m" in signals:
+            most = self.effects.max_force
+            signals["f_device"] = signals["f_m"] if most is None else np.clip(signals["f_m"], -most, most)
+        signals["touching"] = np.array(touched, dtype=bool)
+        moved, late = np.diff(signals["x"], append=last) if rows else np.zeros(0), np.array(late, int)
+        signals["late"] = late[results[: len(rows)]]  # the last of all, 0, before the first
+        late = late[: results[len(rows) - 1] + 1] if rows else late[:0]
+        for column in (*signals.values(), late):
+            column.flags.writeable = False
+        return Simulation(signals, energies(loop, signals, moved), late, loop.frame, stopped)
+
+    def _lateness(self, count: int) -> tuple[list[int], np.ndarray]:
+        """Draw the ticks by which each result is late; those of the first slow blocks, and which is last in each tick.
+
+        -1 is for a result that is lost. The last entry of all, 0, is for a result after the last tick.
+        """
+        drawn: dict[Rhythm, list[int | None]] = {}
+        for each in self.results:
+            origin, others = each.origin, (len(drawn),) * bool(drawn)
+            if origin not in drawn:
+                drawn[origin] = [*lateness(self.effects, origin.count(count - 1) if count else 0, *others), 0]
+            each.late = drawn[origin]
+        origin = next(iter(drawn), Rhythm(self.loop.frame))
+        frames, ticks = np.divmod(np.arange(count), origin.every)
+        numbers = frames * len(origin.phases) + np.searchsorted(origin.phases, ticks, side="right") - 1
+        late = drawn.get(origin, [0] * (origin.count(count) + 1))
+        return [-1 if ticks is None else ticks for ticks in late], numbers
+
+    def _rows(self, names, force: list, lengths: np.ndarray, x: float, units: tuple[str, str]):
+        """A row of numbers per tick, whether the wall was touched in it, the last position, and why it ended early."""
+        loop, ticks, device = self.loop, self.ticks, self.loop.device
+        seen = itemgetter(*(ticks.at(name) for name in names), ticks.at(POSITION))
+        hand, here, pull, net = (ticks.at(name) for name in (loop.hand, POSITION, REACTION, besides(f"{device}.f")))
+        sensed_x, sensed_v, own_x, own_v = (ticks.at(each(f"{device}.{port}")) for each in (str, actual) for port in "xv")
+        share = sum(factor for factor, name in loop.wires.get(f"{device}.f", ()) if name == loop.hand)
+        measure, exert, move = encoder(self.effects.resolution), motor(self.effects.max_force), self._mover(lengths)
+        running, rows, touched, v = Running(self.loop, ticks, self.results, self.effects), [], [], 0.0
+        z = running.z
+        for name in loop.encoders:  # they have seen the position before the first tick
+            z[running.place(f"{name}.before")] = measure(x)
+        for k, f in enumerate(force):
+            z[hand], z[sensed_x], z[sensed_v], z[own_x], z[own_v] = f, measure(x), v, x, v
+            running.tick(k)
+            f_m = z[pull]
+            if not (abs(z[here]) <= FARTHEST and abs(f) <= STRONGEST and abs(f_m) <= STRONGEST):  # also if one is NaN
+                return rows, touched, z[here], _too_large(z[here], *units)
+            rows.append(seen(z)[:-1])
+            touched.append(running.touching)
+            if device:
+                x, v = move(x, v, share * f + z[net] + (f_m - exert(f_m)))
+        if loop.wires[POSITION] != ((1.0, f"{device}.x"),) and force:
+            z[hand], z[own_x] = 0.0, x
+            running.tick(len(force))
+            x = z[here]
+        return rows, touched, x, ""
+
+    def _mover(self, lengths: np.ndarray) -> Callable[[float, float, float], tuple[float, float]]:
+        """A function that moves the device by the next tick at each call, from x (m), v (m/s) and the net force (N)."""
+        if not self.loop.device:
+            return lambda x, v, _: (x, v)
+        body = Body(*self.loop.body, self.effects.friction)
+        if self.effects.jitter:
+            increments = zero_order_hold(body.mass, body.damping, body.stiffness, lengths).tolist()
+        else:
+            increments = repeat(zero_order_hold(body.mass, body.damping, body.stiffness, self.loop.tick).tolist())
+        plants = zip(lengths.tolist(), increments, strict=False)
+
+        def free(x: float, v: float, f: float) -> tuple[float, float]:
+            a, b, c, d, e, g = next(plants)[1]
+            return x + (a * x + b * v + c * f), v + (d * x + e * v + g * f)
+
+        def rubbing(x: float, v: float, f: float) -> tuple[float, float]:
+            return slide(body, x, v, f, *next(plants))
+
+        return rubbing if body.friction else free
+
+
+class Running:
+    """The numbers of a loop as its ticks change them, slow results under way, and whether the wall in use is touched."""
+
+    def __init__(self, loop: Loop, ticks: Ticks, results: Sequence[Results], effects: Effects) -> None:
+        self.ticks, one_sided, self.late = ticks, effects.wall is not None, bool(effects.late or effects.dropped)
+        self.z = [0.0] * len(ticks.places)
+        self.results = results if one_sided or self.late else ()
+        self.shown = [[each for each in self.results if each.shown(k)] for k in range(loop.frame)]
+        self.wall = [self.place(name) for name in (DEPTH, SPEED, FORCE)]
+        self.places = (
+            {s: (self.place(s), self.place(arrived(s))) for each in results for s in each.signals} if self.late else {}
+        )
+        self.touching, self.gated = loop.walled and not (one_sided and effects.wall >= 0.0), one_sided and loop.gated
+        self.contacts: list[bool] = []  # of each force of the wall that was computed
+        self.at_once = not any(each.touches for each in self.results)
+
+    def place(self, name: str) -> int:
+        """The place of a number, which is there from now on."""
+        place = self.ticks.at(name)
+        self.z.extend([0.0] * (len(self.ticks.places) - len(self.z)))
+        return place
+
+    def tick(self, k: int) -> None:
+        """Run tick k on the numbers."""
+        z, shown = self.z, [(each, each.number(k)) for each in self.shown[k % len(self.shown)]]
+        program = self.ticks.program(k, self._arriving(k, shown), self.touching or not self.gated)
+        z.extend([0.0] * (len(self.ticks.places) - len(z)))
+        run(program.first, z)
+        if program.wall:
+            depth, speed, force = self.wall
+            z[force], touched = program.wall.force(z[depth], z[speed])
+            self.contacts.append(touched)
+            self.touching = touched if self.at_once else self.touching
+            run(program.second, z)
+        for each, number in shown:
+            self._send(k, each, number)
+        keep(program, z)
+
+    def _arriving(self, k: int, shown: list[tuple[Results, int]]) -> frozenset[str]:
+        """Put late results in place that are there by now; the signals that are shown in this tick and not late."""
+        for each in self.results:
+            if each.waiting and (found := each.due(k)):
+                numbers, touched = found
+                for signal, number in zip(each.signals, numbers, strict=True):
+                    self.z[self.places[signal][1]] = number
+                self.touching = touched if each.touches else self.touching
+        in_time = [(each, number) for each, number in shown if number < 0 or each.late[number] == 0]
+        for each, number in in_time:
+            if each.touches and 0 <= number < len(self.contacts):  # computed in a tick before
+                self.touching = self.contacts[number]
+        return frozenset(signal for each, _ in in_time for signal in each.signals if self.late)
+
+    def _send(self, k: int, each: Results, number: int) -> None:
+        """A result that was computed by now: it is in use if it is not late, and overtakes those under way."""
+        touched = self.contacts[number] if each.touches and number >= 0 else self.touching
+        if number < 0 or each.late[number] == 0:
+            self.touching, each.waiting = touched, []
+        elif each.late[number] is not None:
+            numbers = [self.z[self.places[signal][0]] for signal in each.signals]
+            each.waiting.append((k + each.late[number], numbers, touched))
+
+
+def _too_large(position: float, length: str, force: str) -> str:
+    if not abs(position) <= FARTHEST:
+        return f"the hand's position exceeds {FARTHEST:g} {length}"
+    return f"a force exceeds {STRONGEST:g} {force}"
+
+
+def refuse(loop: Loop, effects: Effects) -> None:
+    """Raise UsageError for an effect that the loop cannot have, with what it lacks."""
+    asked = [name for name in ("resolution", "max_force", "friction", "jitter") if getattr(effects, name)]
+    late = [name for name in ("late", "dropped") if getattr(effects, name)]
+    plants = [part.name for part in loop.parts if part.plant and part.name != loop.device]
+    for names, met, expected, found in (
+        (asked, loop.device, "a device, the only block of type mass that the hand's force acts on", "none"),
+        (
+            asked and asked[:1] * (effects.max_force is not None),
+            REACTION in loop.wires,
+            "ports.hand.reaction, the force of the motors",
+            "none",
+        ),
+        (["jitter"] * bool(effects.jitter), not plants, "no plant besides the device", ", ".join(plants)),
+        (
+            ["wall"] * (effects.wall is not None),
+            loop.wall,
+            "a wall in [ports] whose numbers only multiply signals of wires",
+            "none",
+        ),
+        (late, results_of(loop), "slow blocks (every > 1) that others read, or a wall", "none"),
+    ):
+        if names and not met:
+            raise UsageError(f"option {', '.join(names)}: expected {expected}, found {found}")
+
+
+def run_drawn(drawn: Any, inputs: Mapping[str, np.ndarray], signals: Sequence[str]) -> dict[str, np.ndarray]:
+    """Run the blocks of a drawing made in Python (a `MultirateLoop`) from rest and record signals, `(ticks,)` each.
+
+    inputs: the value of each input from outside in every tick. The rows end before a signal is not finite.
+    """
+    loop = loop_of_blocks(drawn, signals)
+    ticks, z, rows = Ticks(loop), [], []
+    given, places = [ticks.at(name) for name in inputs], [ticks.at(name) for name in signals]
+    for k, row in enumerate(zip(*(each.tolist() for each in inputs.values()), strict=True)):
+        program = ticks.program(k, frozenset(), touching=True)
+        z.extend([0.0] * (len(ticks.places) - len(z)))
+        for place, number in zip(given, row, strict=True):
+            z[place] = number
+        run(program.first, z)
+        rows.append([z[place] for place in places])
+        keep(program, z)
+    found = np.array(rows).reshape(-1, len(places))
+    finite = np.isfinite(found).all(axis=1)
+    return dict(zip(signals, found[: len(found) if finite.all() else int(finite.argmin())].T, strict=True))

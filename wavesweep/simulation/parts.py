@@ -1,0 +1,292 @@
+"""A drawing as the simulation runs it: blocks with their laws, wires as sums of products, and the wall's force as a number."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from math import lcm
+from typing import Any
+
+from wavesweep.simulation.laws import LAWS, Law, Sum, in_delta_form, local_model_away
+from wavesweep.spec.block_types import TYPES
+from wavesweep.spec.drawing import Drawing, scalars
+from wavesweep.spec.expressions import degree, names_in, value_of
+
+FORCE = "wall force"  # the number that all wires read in which the wall's stiffness and damping stand
+DEPTH, SPEED = "wall depth", "wall speed"  # what they multiply
+REACTION, POSITION, VELOCITY = "reaction", "position", "velocity"  # at the hand
+LOCAL_WAVE = "local wave"  # of the waves that come back to the device, that of the fast side
+LOCAL = ("local_model.K_LM", "local_model.B_LM")  # of a controller's wires: a model of the contact, absent without one
+SAME = 1e-12  # relative, of the shares of the wall's two numbers in two wires
+
+
+@dataclass(frozen=True, slots=True)
+class Rhythm:
+    """The ticks in which a block runs: some phases of each `every` ticks. slow: whether its results may be late."""
+
+    every: int = 1
+    phases: tuple[int, ...] = (0,)
+    slow: bool = False
+
+    def runs(self, k: int) -> bool:
+        """Whether it runs in tick k."""
+        return k % self.every in self.phases
+
+    def count(self, k: int) -> int:
+        """The number of runs up to tick k, with that in it."""
+        return k // self.every * len(self.phases) + bisect_right(self.phases, k % self.every)
+
+    def last(self, k: int, back: int = 0) -> int:
+        """The tick of the last run up to tick k, or of one so many runs before it; negative if there is none."""
+        frames, index = divmod(self.count(k) - 1 - back, len(self.phases))
+        return frames * self.every + self.phases[index]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """A block: its ports, when it runs, its law, and its law while the wall is not touched. plant: whether its inputs are held
+    over each tick."""
+
+    name: str
+    type: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    rhythm: Rhythm
+    law: Law
+    away: Law
+    plant: bool = False
+
+    @property
+    def runs_late(self) -> int | None:
+        """The number of its runs by which it shows its input late, if that is all it does."""
+        return {"hold": 0, "delay": sum(len(names) for _, names in self.law.moves)}.get(self.type)
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A wall `F = K depth + B speed`: its numbers (N/m, N s/m), and depth (m) and speed (m/s) as sums of signals.
+
+    names: of its numbers in the drawing. position: above which it fills space if it is one-sided, otherwise None.
+    """
+
+    names: tuple[str, ...]
+    K: float
+    B: float
+    depth: Sum
+    speed: Sum
+    position: float | None = None
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Blocks, and the sums that their input ports and the signals at the hand's port read.
+
+    tick (s) and rate (Hz) of the common tick. wires: port or signal -> sum; away: the same while the wall is not touched. hand:
+    the signal of its force. device: the block that it moves, empty if it moves several, or another thing than a mass. body: of
+    the device, mass (kg), damping (N s/m) and stiffness (N/m). wall: None if none is named, or if its numbers do more than
+    multiply signals in wires. walled: whether one is named.
+    """
+
+    tick: float
+    rate: float
+    parts: tuple[Part, ...]
+    wires: Mapping[str, Sum]
+    away: Mapping[str, Sum]
+    inputs: tuple[str, ...] = ()
+    hand: str = ""
+    device: str = ""
+    body: tuple[float, ...] = ()
+    wall: Wall | None = None
+    walled: bool = False
+    frame: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "frame", lcm(*(part.rhythm.every for part in self.parts)))
+
+    @property
+    def ports(self) -> dict[str, Part]:
+        """The block of each input port."""
+        return {f"{part.name}.{port}": part for part in self.parts for port in part.inputs}
+
+    @property
+    def signals(self) -> list[str]:
+        """What is read besides input ports: the signals at the hand's port."""
+        ports = self.ports
+        return [name for name in self.wires if name not in ports]
+
+    def only(self, kind: str, port: str = "") -> str:
+        """The name of the only block of a type that has an output of this name; empty if there is none, or several."""
+        found = [part.name for part in self.parts if part.type == kind and (not port or port in part.outputs)]
+        return found[0] if len(found) == 1 else ""
+
+    def readers(self, signal: str) -> list[Rhythm]:
+        """When the wires are read that a signal is in; a plant's and those at the hand's port in every tick."""
+        ports = self.ports
+        read = [port for port, terms in self.wires.items() if any(name == signal for _, name in terms)]
+        return [ports[port].rhythm if port in ports else Rhythm() for port in read]
+
+    def behind(self, position: float) -> Loop:
+        """The loop whose wall is one-sided and begins at a position (m)."""
+        return replace(self, wall=replace(self.wall, position=position))
+
+    @property
+    def gated(self) -> bool:
+        """Whether a part or a wire is another one while the wall is not touched."""
+        return self.wires != self.away or any(part.law != part.away for part in self.parts)
+
+    @property
+    def encoders(self) -> list[str]:
+        """The blocks that give the change of the device's position."""
+        sensed = ((1.0, f"{self.device}.x"),)
+        return [each.name for each in self.parts if each.type == "difference" and self.wires[f"{each.name}.u"] == sensed]
+
+    @property
+    def shown(self) -> dict[str, str]:
+        """The columns of a simulation that the loop has, and the names of their numbers."""
+        found = {column: name for column, name in (("x", POSITION), ("v", VELOCITY), ("f_m", REACTION)) if name in self.wires}
+        if self.device:
+            found |= {"x_hat": f"{self.device}.x", "v_hat": (*(f"{name}.y" for name in self.encoders), f"{self.device}.v")[0]}
+        end, avatar, local = self.only("wave", "force"), self.only("avatar"), self.only("local_model")
+        found |= {"u_m": f"{end}.out", "v_m": f"{end}.in"} if end else {}
+        if avatar:
+            found |= {"u_s": f"{avatar}.in", "v_s": f"{avatar}.out", "x_s": f"{avatar}.x", "x_dot_s": f"{avatar}.v"}
+        found |= {"F_s": FORCE} if self.wall else {}
+        return found | ({"u_h": f"{local}.in", "v_l": f"{local}.out", "v_2": LOCAL_WAVE} if LOCAL_WAVE in self.wires else {})
+
+    @property
+    def wall_rhythm(self) -> Rhythm:
+        """When the wall's force is computed."""
+        rhythms = [rhythm for rhythm in self.readers(FORCE) if rhythm.slow] or [Rhythm()]
+        return rhythms[0] if set(self.readers(FORCE)) == {rhythms[0]} else Rhythm()
+
+
+def loop_of(drawing: Drawing, values: Mapping[str, Any]) -> Loop:
+    """Return the loop that a drawing with these numbers (flat keys) is."""
+    known = scalars(values)
+    rate = float(value_of(drawing.tick_hz, known))
+    parts = tuple(_part(block, known, 1.0 / rate) for block in drawing.blocks)
+    terms, hand = dict(drawing.wires), ""
+    if drawing.hand:
+        hand, *signals = drawing.hand
+        terms |= {name: each for name, each in zip((POSITION, REACTION), signals, strict=True) if each is not None}
+    wall, shares = _wall_of(drawing, terms, known) if drawing.wall else (None, {})
+    beside = known | dict.fromkeys(wall.names if wall else (), 0.0)
+    wires, away = (
+        {port: (*_valued(each, numbers), *((share, FORCE) for share in shares.get(port, ()))) for port, each in terms.items()}
+        for numbers in (beside, beside | dict.fromkeys(known.keys() & {*LOCAL}, 0.0))
+    )
+    own = Loop(1.0 / rate, rate, parts, wires, away)
+    if (end := own.only("wave", "force")) and own.only("local_model"):
+        others = {f"{part.name}.{port}" for part in parts if not (part.rhythm.slow or part.plant) for port in part.outputs}
+        wires[LOCAL_WAVE] = away[LOCAL_WAVE] = tuple(term for term in wires[f"{end}.in"] if term[1] in others)
+    masses = [part.name for part in parts if part.type == "mass"]
+    if hand and wires[POSITION] and all(name in {f"{mass}.x" for mass in masses} for _, name in wires[POSITION]):
+        wires[VELOCITY] = away[VELOCITY] = tuple((gain, f"{name[:-2]}.v") for gain, name in wires[POSITION])
+    plants = {f"{part.name}.{port}": part.name for part in parts if part.plant for port in part.inputs}
+    moved = [plants[port] for port, sum_ in wires.items() if port in plants and any(name == hand for _, name in sum_)]
+    device = moved[0] if len(moved) == 1 and moved[0] in masses else ""
+    keys = next((_numbers(block, known) for block in drawing.blocks if block.name == device), {})
+    body = tuple(keys[name] for name in ("mass", "damping", "stiffness") if keys)
+    outside = (hand,) * bool(hand)
+    return replace(own, inputs=outside, hand=hand, device=device, body=body, wall=wall, walled=bool(drawing.wall))
+
+
+def _numbers(block, known):
+    """The keys of a block with their values, in the order of its type."""
+    kinds = {
+        "number": lambda tree: float(value_of(tree, known)),
+        "integer": lambda tree: int(value_of(tree, known)),
+        "list": lambda trees: [float(value_of(tree, known)) for tree in trees],
+        "rows": lambda rows: [[float(value_of(tree, known)) for tree in row] for row in rows],
+    }
+    types = {name: key.type for name, key in TYPES[block.type].keys.items()}
+    return {
+        "passes" if name == "pass" else name: kinds[types[name]](value) if types[name] in kinds else value
+        for name, value in block.keys
+    }
+
+
+def _part(block, known, tick):
+    every, keys, kind = int(value_of(block.every, known)), _numbers(block, known), block.type
+    phases = block.phases or (int(value_of(block.phase, known)),)
+    rhythm = Rhythm(every, phases, slow=every > 1 or any(names_in(block.every)))
+    period = every * tick / len(phases)
+    law = LAWS[kind](period, **keys)
+    away = local_model_away(period, **keys) if kind == "local_model" else law
+    return Part(block.name, kind, *block.ports, rhythm, law, away, block.plant)
+
+
+def _valued(terms, numbers) -> Sum:
+    return tuple((float(value_of(gain, numbers)), name) for name, gain in terms)
+
+
+def _wall_of(drawing, terms, known):
+    """The wall, and the share of its force in each wire; None if its numbers do more than multiply signals in wires."""
+    names, first, shares = drawing.wall, None, {}
+    inside = {f"wire.{port}" for port, _ in drawing.wires} | {"ports.hand.reaction"}
+    if any(path not in inside and any(name in names for name, _ in names_in(tree)) for path, tree in drawing.trees()):
+        return None, {}
+    for port, each in terms.items():
+        slopes = [_slopes(gain, names, known) for _, gain in each]
+        if None in slopes:
+            return None, {}
+        found = [
+            [(slope[i], name) for slope, (name, _) in zip(slopes, each, strict=True) if slope[i]] for i in range(len(names))
+        ]
+        if not any(found):
+            continue
+        lead = next(share for some in found for share, _ in some)
+        first = first or [[(share if lead > 0 else -share, name) for share, name in some] for some in found]
+        share = lead / next(share for some in first for share, _ in some)
+        if not _alike(found, [[(share * each, name) for each, name in some] for some in first]):
+            return None, {}
+        shares[port] = (share,)
+    if first is None:
+        return None, {}
+    depth, speed = (*map(tuple, first), ())[:2]
+    K, B = (*(float(known[name]) for name in names), 0.0)[:2]
+    return Wall(names, K, B, depth, speed), shares
+
+
+def _slopes(gain, names, known):
+    """The factor of each number in a gain; None if it is not linear in them."""
+    read = {name for name, _ in names_in(gain)}.intersection(names)
+    if not read:
+        return (0.0,) * len(names)
+    if any(degree(gain, name) > 1 for name in read):
+        return None
+    none = known | dict.fromkeys(names, 0.0)
+    rest, *ones = (value_of(gain, none | one) for one in ({}, *({name: 1.0} for name in names)))
+    both = value_of(gain, none | dict.fromkeys(names, 1.0))
+    together = sum(one - rest for one in ones) + rest
+    return tuple(one - rest for one in ones) if abs(both - together) <= SAME * abs(both) else None
+
+
+def _alike(some, others):
+    """Whether two sums for each number are the same but for rounding."""
+    return all(
+        [name for _, name in one] == [name for _, name in other]
+        and all(abs(a - b) <= SAME * abs(a) for (a, _), (b, _) in zip(one, other, strict=True))
+        for one, other in zip(some, others, strict=True)
+    )
+
+
+def loop_of_blocks(drawn: Any, junctions: Iterable[str]) -> Loop:
+    """Return the loop of blocks that are given by matrices, a `MultirateLoop`; junctions: signals that are looked at too."""
+    parts, tick = [], float(drawn.period)
+    made = {f"{each.block.name}.{port}" for each in drawn.placed for port in each.block.outputs} | {*drawn.inputs}
+
+    def terms(signal: str, factor: float = 1.0) -> Sum:
+        if signal in made:
+            return ((factor, signal),)
+        sources = drawn.sums.get(signal, {}).items()
+        return tuple(term for source, gain in sources for term in terms(source, factor * float(gain)))
+
+    for each in drawn.placed:
+        block, phases = each.block, each.phase if isinstance(each.phase, tuple) else (each.phase,)
+        law = in_delta_form(block.E, block.B, block.C, block.D, block.states, block.inputs, block.outputs)
+        parts.append(Part(block.name, "", block.inputs, block.outputs, Rhythm(each.every, phases), law, law))
+    ports = [f"{part.name}.{port}" for part in parts for port in part.inputs]
+    wires = {port: terms(port) for port in (*ports, *(name for name in junctions if name not in made))}
+    return Loop(tick, 1.0 / tick, tuple(parts), wires, wires, tuple(drawn.inputs))
