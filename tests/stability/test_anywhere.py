@@ -14,7 +14,7 @@ from wavesweep.stability import guardian_maps, panels, stable_intervals
 from wavesweep.stability.along_any import BENT, stable_along_any
 from wavesweep.stability.panels import bracketed_roots
 
-RECIPES = Path(__file__).parents[3] / "sweeps" / "recipes"
+RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 BANK = {"controller": {"kind": "pmw-lm", "Kp": 20.0}, "environment": {"integration": "explicit", "K_VE": 1000.0}}
 SPANS = {
     "K_LM": (0, 5000),

@@ -14,7 +14,7 @@ from wavesweep.stability.frames import NODES, level, pole_inside
 from wavesweep.stability.panels import RIM
 from wavesweep.sweep.grid import own_loop
 
-RECIPES = Path(__file__).parents[3] / "sweeps" / "recipes"
+RECIPES = Path(__file__).parents[2] / "sweeps" / "recipes"
 
 
 def pair_of_poles(beside):
