@@ -46,7 +46,6 @@ def test_the_range_may_begin_where_the_root_or_power_vanishes(force, limits):
     np.testing.assert_allclose(found["high"], [min(limits(each)) for each in z], rtol=1e-9)
 
 
-@pytest.mark.xfail(strict=True, reason="bounds on rounding leave this range in doubt")
 def test_a_low_end_beyond_zero_is_found():
     """`B = K^1.5` exceeds `K T/2` from `K = (T/2)^2` on."""
     found = wavesweep.compile(joint("K*arm.x + K**1.5*arm.v")).stable_intervals("K", (0, 100))

@@ -178,7 +178,6 @@ def test_vectors_of_an_eigenvalue_beside_a_delay_that_has_too_few():
     np.testing.assert_allclose(left @ right, 1.0, rtol=1e-12)
 
 
-@pytest.mark.xfail(strict=True, reason="bounds on rounding leave this range in doubt")
 def test_a_pair_that_crosses_at_a_small_angle_is_no_meeting():
     """Next to z = 1, where nothing else is."""
     angle = 5e-4

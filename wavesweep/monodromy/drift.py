@@ -287,7 +287,8 @@ def errors_of_closed(ticks: Ticks, drift: TickDrift) -> tuple[np.ndarray, np.nda
     The bounds take a shift that depends on the numbers as it is computed.
     """
     (ticks, _), drift = counted_ticks(ticks, drift), replace(drift, moved=tuple((lead, ()) for lead, _ in drift.moved))
-    E, dE = product_with_errors(ticks.kind, [each.E for each in ticks.maps], [each.terms[0] for each in ticks.maps])
+    changes, sizes = [each.E for each in ticks.maps], [each.terms[0] for each in ticks.maps]
+    E, dE = product_with_errors(ticks.kind, changes, sizes, each=True)
     return filled(without_drift(E, drift)), filled(without_drift(E, drift, dE), 0.0)
 
 
