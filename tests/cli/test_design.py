@@ -146,7 +146,7 @@ def test_the_bytes_are_the_same_for_two_workers_and_after_a_stop(run, tmp_path, 
 
 def test_documents_name_the_stiffest_wall_that_is_searched():
     assert f"of sweep.K_VE or {K_VE_SPAN[1]:g}" in str(WISHES["z_width"])
-    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    readme = (Path(__file__).parents[2] / "docs" / "design.md").read_text(encoding="utf-8")
     assert f"walls are searched up to the end of `sweep.K_VE`, by default {K_VE_SPAN[1]:g} N/m" in readme
 
 

@@ -98,10 +98,10 @@ def test_a_count_that_is_clear_is_that_of_ball_arithmetic(n):
 
 
 def test_every_reason_is_explained_where_users_read():
-    """The words of the column `doubt` are in the README, with what they mean."""
+    """The words of the column `doubt` are in the documents, with what they mean."""
     from pathlib import Path
 
-    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    readme = (Path(__file__).parents[2] / "docs" / "proof.md").read_text()
     for word, meaning in DOUBTS.items():
         assert not word or f"| `{word}` | {meaning} |" in readme
     assert set(INCOMPLETE) < set(DOUBTS)
