@@ -25,7 +25,7 @@ def test_the_page_runs_from_its_beginning_to_its_end(tmp_path, monkeypatch, caps
     monkeypatch.chdir(tmp_path)
     shutil.copy(EXAMPLES / "first-hour.toml", tmp_path)
     commands = steps()
-    assert len(commands) == 7
+    assert len(commands) == 8
     for command, expected in commands:
         _, *words = shlex.split(command)
         code = main(words)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import wavesweep as package
 from wavesweep import sweep as real_sweep
 from wavesweep.cli.init import starter
 from wavesweep.controllers import CONTROLLERS
@@ -91,10 +92,26 @@ def test_the_keys_are_those_that_the_loop_reads(kind, written):
     assert shown == {path.replace("rates.ratio", "rates.slow_hz") for path in read}
 
 
-def test_wall_and_velocity_are_left_to_a_user(written):
-    """Their defaults are the most stable choices, so a summary has to be able to say that nobody has made them."""
-    given = load(written("pmw-lm")[0]).given
-    assert not given & {"environment.integration", "environment.delay", "device.velocity", "local_model.integration"}
+@pytest.mark.parametrize("kind", KINDS)
+def test_wall_and_velocity_are_those_of_an_ordinary_engine(kind, written):
+    """Their defaults are the kindest ones: a design that begins with them is stable in its spec alone."""
+    spec = load(written(kind)[0])
+    assert spec.values["environment.integration"] == "explicit" or kind.startswith("dc")  # which read no integration
+    assert spec.values["environment.delay"] == 20 or kind == "dc"
+    assert spec.values["device.velocity"] == "difference"
+    assert package.compile(spec).spectral_radius() < 1
+
+
+def test_an_example_is_written_as_it_is(wavesweep, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert wavesweep("init", "--example", "first-hour") == (0, "", "first-hour.toml\n")
+    shipped = Path(__file__).parents[2] / "sweeps" / "examples" / "first-hour.toml"
+    assert Path("first-hour.toml").read_text() == shipped.read_text()
+    code, _, said = wavesweep("init", "--example", "first-our")
+    assert code == 2
+    assert "did you mean first-hour?" in said
+    assert wavesweep("check", "first-hour.toml", "--exit-code", "-q")[0] == 0
+    assert wavesweep("check", "first-hour.toml", "--exit-code", "-q", "--set", "K_VE=1000")[0] == 1
 
 
 def test_a_number_that_is_not_published_is_marked(written):

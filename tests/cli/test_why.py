@@ -151,7 +151,7 @@ def test_another_axis_needs_no_values_of_those_that_are_not_swept(wavesweep, tmp
     assert wavesweep("init", "pmw", "--out", "mine.toml")[0] == 0
     code, _, err = wavesweep("why", "mine.toml", "--along", "b", "--set", "sweep.b={start=5, stop=80}")
     assert code == 0
-    assert "K_VE is not swept here, held at the spec's 500\n" in err
+    assert "K_VE is not swept here, held at the spec's 50\n" in err
 
 
 @pytest.mark.parametrize("along", ["rates.ratio", "environment.delay", "filters.lp1.order"])

@@ -29,6 +29,7 @@ Facts = Mapping[str, Any]
 @click.option("--plot", is_flag=True, help="Draw the loop as well: blocks with type and rate, sums, ports, wires with gains.")
 @formats
 @folder("Folder for the picture of --plot [default: results/<spec's name>].")
+@click.option("--exit-code", is_flag=True, help="End with 1 if the design is not known to be stable.")
 @override
 @as_json
 @quiet
@@ -40,6 +41,7 @@ def command(
     formats: tuple[str, ...],
     out: str | None,
     overrides: tuple[str, ...],
+    exit_code: bool,
     **switches: bool,
 ) -> int:
     """Judge a spec's own design, and list the work that each command would do.
@@ -56,6 +58,7 @@ def command(
     \b
     Examples:
       wavesweep check mine.toml --set environment.delay=20
+      wavesweep check mine.toml --exit-code --quiet
       wavesweep check mine.toml --plot --format svg
     """
     _refuse_at_odds(spec, verify, plot, out, overrides)
@@ -90,7 +93,7 @@ def command(
             from wavesweep.cli.messages import say
 
             say(f"Wrote {', '.join(map(str, pictures))}")
-    return 0
+    return int(exit_code and not found["stable"])
 
 
 def _refuse_at_odds(spec: str | None, verify: str | None, plot: bool, out: str | None, overrides: Sequence[str]) -> None:

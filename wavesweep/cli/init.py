@@ -22,17 +22,20 @@ CHOSEN = {
     "rates.fast_hz": 1000.0,
     "rates.slow_hz": 50.0,
     **{path: KEYS[path].default for path in ("device.mass", "device.damping", "controller.b", "local_model.K_LM")},
-    "environment.K_VE": 500.0,
+    "device.velocity": "difference",
+    "environment.K_VE": 50.0,
     "environment.B_VE": 1.0,
+    "environment.integration": "explicit",
+    "environment.delay": 20,
     "controller.Kp": 0.0,
     "filters.lp1.order": 1,
     "filters.lp1.cutoff_hz": 10.0,
 }
 NOTES = {
     "rates.slow_hz": "or give ratio, see `wavesweep keys rates`",
-    "device.velocity": 'an encoder gives "difference"',
-    "environment.integration": 'engines often have "explicit"',
-    "environment.delay": "engines often take a whole frame",
+    "device.velocity": "the default, exact, is kinder than an encoder",
+    "environment.integration": "the default, implicit, is kinder than most engines",
+    "environment.delay": "a whole frame; the default, 0, is kinder than any engine",
     "filters.lp1.order": "or give band edges, see `wavesweep keys filters.lp1`",
 }
 AXES = {
@@ -45,22 +48,28 @@ AXES = {
 @click.command("init")
 @click.argument("kind", required=False, default="pmw")
 @click.option("--device", metavar="NAME", help=f"A device by name: {', '.join(DEVICES)}.")
+@click.option("--example", metavar="NAME", help="Write an example of the documents in place of KIND, e.g. first-hour.")
 @click.option("--out", metavar="FILE", help="The file to write [default: KIND.toml]. With - it is written to stdout.")
 @click.option("--force", is_flag=True, help="Replace an existing file.")
 @click.option("--debug", is_flag=True, help="Show a traceback if the command fails.")
-def command(kind: str, device: str | None, out: str | None, force: bool, **_: bool) -> None:
+def command(kind: str, device: str | None, example: str | None, out: str | None, force: bool, **_: bool) -> None:
     """Write a commented spec to begin with.
 
     KIND is the controller: dc, dc-slow, dc-lm, pmw (the default) or pmw-lm. Each key that its loop reads is in the file with
-    its unit and meaning; keys that have their defaults are comments. If the file exists, it is replaced only with --force.
+    its unit and meaning; keys that have their defaults are comments. Integration, delay and velocity of the wall are those of
+    an ordinary engine, since their defaults are the kindest ones. If the file exists, it is replaced only with --force.
     """
-    _known(kind, CONTROLLERS, "controller")
+    if example is not None:
+        kind, text = example, _example(example)
+    else:
+        _known(kind, CONTROLLERS, "controller")
     if device is not None:
         _known(device, DEVICES, "device")
     if out is not None and not out.strip():
         raise click.UsageError("--out: expected the name of a file, found an empty text; leave the option out for the default")
     target = Path(out or f"{kind}.toml")
-    text = starter(kind, device, out if out not in (None, "-") else f"{kind}.toml")
+    if example is None:
+        text = starter(kind, device, out if out not in (None, "-") else f"{kind}.toml")
     if out == "-":
         click.echo(text, nl=False)
         return
@@ -69,6 +78,15 @@ def command(kind: str, device: str | None, out: str | None, force: bool, **_: bo
         raise UsageError(f"{target}: the file exists; expected another --out FILE, or --force to replace it")
     write_whole((target, text))
     click.echo(str(target), err=True)
+
+
+def _example(name: str) -> str:
+    """The text of an example, which an installed package has inside."""
+    here = Path(__file__).resolve().parents[1]
+    places = [place for place in (here / "examples", here.parent / "sweeps" / "examples") if place.is_dir()]
+    found = {path.stem: path for place in places for path in sorted(place.glob("*.toml"))}
+    _known(name, found, "example")
+    return found[name].read_text(encoding="utf-8")
 
 
 def _known(name: str, names: Iterable[str], what: str) -> None:

@@ -45,7 +45,7 @@ class Options:
 
 def folder(text: str) -> Callable[..., Any]:
     """The option --out of a command whose files cannot go to stdout; text: its help."""
-    return click.option("--out", metavar="DIR", callback=_refuse_stdout, help=text)
+    return click.option("-o", "--out", metavar="DIR", callback=_refuse_stdout, help=text)
 
 
 def _refuse_stdout(context: click.Context, option: click.Parameter, out: str | None) -> str | None:
@@ -69,7 +69,7 @@ override = click.option(
     help="Set a key of the spec to another value for this run, e.g. controller.b=40, b=40 or 'sweep.b=[20, 40]'. "
     "May be repeated.",
 )
-quiet = click.option("--quiet", is_flag=True, help="Print errors only: no summary and no progress.")
+quiet = click.option("-q", "--quiet", is_flag=True, help="Print errors only: no summary and no progress.")
 # Read by the entry, before any command runs; declared here so that each help lists it.
 debug = click.option("--debug", is_flag=True, help="Show a traceback if the command fails.")
 
@@ -91,6 +91,7 @@ formats = click.option(
 
 _COMMON = (
     click.option(
+        "-o",
         "--out",
         metavar="DIR",
         callback=_refuse_nothing,
@@ -98,6 +99,7 @@ _COMMON = (
     ),
     override,
     click.option(
+        "-j",
         "--jobs",
         metavar="N",
         type=click.IntRange(min=1),
