@@ -197,3 +197,14 @@ def test_keys_of_blocks_are_axes_as_in_a_spec_that_sweeps_them():
         loop.spectral_radius(**{"block.sensor.ever": [20, 40]})
     with pytest.raises(SpecError, match="whole number"):
         loop.spectral_radius(**{path: [20, 2.5]})
+
+
+def test_a_loop_with_other_numbers_is_that_of_a_spec_with_them():
+    loop = wavesweep.compile({"controller": {"kind": "pmw"}})
+    other = loop.with_(b=40, **{"device.mass": 0.2})
+    assert other.spectral_radius() == loop.spectral_radius(b=40, **{"device.mass": 0.2})
+    assert loop.spec.values["controller.b"] == 25.0
+    with pytest.raises(UsageError, match="did you mean"):
+        loop.with_(Kpp=3)
+    with pytest.raises(SpecError):
+        loop.with_(b=-1)

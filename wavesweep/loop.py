@@ -58,6 +58,10 @@ class Loop:
         frame = f"frame of {drawn.ticks} ticks, {1e3 * drawn.ticks * float(drawn.period):.6g} ms"
         return f"<Loop {self.spec.name}: {what}, {len(drift.kept)} states, {frame}; {numbers}>"
 
+    def with_(self, **values) -> "Loop":
+        """The loop with other numbers: `loop.with_(b=30, **{"device.mass": 0.2})`. Errors: as for a spec's own numbers."""
+        return compile(self.spec.with_values({_key(self.spec, name).path: value for name, value in values.items()}))
+
     @property
     def _usual(self) -> str | None:
         """The axis of intervals if none is given."""

@@ -267,3 +267,15 @@ def test_a_table_of_several_specs_goes_to_a_folder_of_all_their_names(wavesweep,
     assert (tmp_path / "results/wall+other/bode.csv").exists()
     assert "2 curves of 2 frequencies" in err
     assert len(sweep.seen) == 1
+
+
+@pytest.mark.parametrize("wait", [False, True])
+def test_a_command_waits_for_another_run_if_it_is_told_to(wavesweep, tmp_path, monkeypatch, wait):
+    from wavesweep import results
+
+    asked, at_work = [], results.at_work
+    monkeypatch.setattr(results, "at_work", lambda kinds, to, wait, say: asked.append(wait) or at_work(kinds, to, wait, say))
+    (tmp_path / "mine.toml").write_text('[controller]\nkind = "pmw"\n[sweep]\nB_VE = [1]\n')
+    options = ["--wait"] if wait else []
+    assert wavesweep("zwidth", str(tmp_path / "mine.toml"), "--no-plot", "--out", str(tmp_path / "there"), *options)[0] == 0
+    assert asked == [wait]

@@ -320,3 +320,13 @@ def test_responses_that_can_be_computed_can_be_drawn(tmp_path, monkeypatch, capf
     given = [word for setting in settings for word in ("--set", setting)]
     assert main(["bode", *specs, *given, "--out", "here"]) == 0, capfd.readouterr()
     assert (tmp_path / "here" / "bode.png").is_file()
+
+
+def test_a_figure_goes_into_the_file_that_is_named(wavesweep, spec, tmp_path):
+    assert wavesweep("zwidth", str(spec), "--out", str(tmp_path), "--no-plot", "--quiet")[0] == 0
+    table = str(tmp_path / "zwidth.csv")
+    assert wavesweep("plot", table, "--out", str(tmp_path / "mine.pdf"))[0] == 0
+    assert (tmp_path / "mine.pdf").read_bytes().startswith(b"%PDF")
+    code, _, said = wavesweep("plot", table, "--out", str(tmp_path / "mine.svg"), "--format", "png")
+    assert code == 2
+    assert "whose name says its format" in said

@@ -212,3 +212,20 @@ def test_the_folder_of_results_may_be_a_link(columns, facts, tmp_path):
     for _ in range(2):
         publish(Table.of("zwidth", columns, facts), link)
         assert names(tmp_path / "real") == FILES
+
+
+def test_a_lock_whose_file_was_removed_meanwhile_is_taken_again(tmp_path, monkeypatch):
+    """The last holder removes the file after another run has opened it; a third one then makes a new file."""
+    removed, locked = [], lock._locked
+
+    def late(descriptor, path, *given):
+        if not removed:
+            removed.append(path)
+            path.unlink()
+        return locked(descriptor, path, *given)
+
+    monkeypatch.setattr(lock, "_locked", late)
+    with at_work(["zwidth"], tmp_path):
+        assert removed
+        with pytest.raises(WavesweepError, match="at work"), at_work(["zwidth"], tmp_path):
+            pass

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from wavesweep.sweep.hands import Hands
 
 STDOUT = "-"
+FORMATS = ("png", "svg", "pdf")
 _RANGE = re.compile(r"\s*(mass|damping|stiffness)\s*=\s*([^.\s]\S*?)\s*\.\.\s*(\S+)\s*")
 
 
@@ -83,7 +84,7 @@ formats = click.option(
     "--format",
     "formats",
     multiple=True,
-    type=click.Choice(["png", "svg", "pdf"]),
+    type=click.Choice(FORMATS),
     default=["png"],
     show_default=True,
     help="Format of the figure. May be repeated.",

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
-from wavesweep.cli.options import debug, folder, formats, quiet
+from wavesweep.cli.options import FORMATS, debug, folder, formats, quiet
 from wavesweep.errors import UsageError, WavesweepError
 
 if TYPE_CHECKING:
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 @click.command("plot")
 @click.argument("table")
 @formats
-@folder("Folder for the figure [default: that of the table].")
+@folder("Folder for the figure, or a file that ends in .png, .svg or .pdf [default: the folder of the table].")
 @quiet
 @debug
 def command(table: str, formats: tuple[str, ...], out: str | None, **switches: bool) -> None:
@@ -36,9 +37,13 @@ def command(table: str, formats: tuple[str, ...], out: str | None, **switches: b
 
     plots.refuse_settings()
     path = Path(table)
-    directory = path.parent if out is None else Path(out)
+    directory, stem = path.parent if out is None else Path(out), path.stem
+    if out is not None and directory.suffix[1:] in FORMATS and not directory.is_dir():
+        if click.get_current_context().get_parameter_source("formats") is not ParameterSource.DEFAULT:
+            raise click.UsageError(f"--format: expected a folder for --out, found the file {out}, whose name says its format")
+        directory, stem, formats = directory.parent, directory.stem, (directory.suffix[1:],)
     results.refuse_unusable(directory)
-    refuse_other_things(*(directory / f"{path.stem}.{form}" for form in formats))
+    refuse_other_things(*(directory / f"{stem}.{form}" for form in formats))
     # A run that replaces the table meanwhile would be given this figure. Without a table there is nothing to hold.
     busy = (lambda _: None) if switches["quiet"] else partial(say, warning=True)
     with results.at_work([path.stem], directory, wait=True, say=busy) if path.exists() else nullcontext():
@@ -47,7 +52,7 @@ def command(table: str, formats: tuple[str, ...], out: str | None, **switches: b
             expected = f"expected a table that has a figure of its own, found one of wavesweep {by}, which draws it"
             raise UsageError(f"{path}: {expected}")
         figure = plots.figure_of(kind)(columns, facts, *_responses(kind, path, facts))
-        written = save_all(figure, directory, path.stem, formats, about_figure(kind, facts))
+        written = save_all(figure, directory, stem, formats, about_figure(kind, facts))
         package = directory / f"{path.stem}.datapackage.json"
         if package.exists() and directory.resolve() == path.parent.resolve():
             results.add_figures(package, kind, written)
