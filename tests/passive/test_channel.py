@@ -5,7 +5,9 @@ import pytest
 from support.held import channel_norm
 
 from wavesweep.loops.controllers import loop_drawing
+from wavesweep.passive import hinf
 from wavesweep.passive.channel import channel_of
+from wavesweep.passive.hinf import peak_by_levels
 
 THETA = np.pi * np.linspace(0, 1, 801) ** 2
 
@@ -106,3 +108,22 @@ def test_hundreds_of_ticks_in_a_frame(values, delay):
     assert found.certified
     assert found.outward**2 >= H.max() * (1 - 1e-9)
     assert found.outward**2 == pytest.approx(H[0], rel=1e-2)  # the limit of many ticks
+
+
+def test_a_peak_is_certified_only_if_its_level_is_out_of_reach(monkeypatch):
+    """Of a narrow peak, whose side the first level meets, in a search that ends before it is climbed."""
+
+    def value(_owner, theta, _floor):
+        return 1 / (1 + (1e3 * (theta - 1.2345)) ** 2)
+
+    def angles(_owner, level):
+        off = np.sqrt(np.maximum(1 / level - 1, 0)) / 1e3
+        return np.stack([1.2345 - off, 1.2345 + 0.5 * off], axis=-1)
+
+    def peak():
+        return peak_by_levels(value, angles, 1, lambda _, found: 1e-9 * found)
+
+    assert peak().certified.all()
+    assert peak().value == pytest.approx(1.0, rel=1e-8)
+    monkeypatch.setattr(hinf, "RAISES", 1)
+    assert not peak().certified.any()

@@ -1,5 +1,7 @@
 """Two crossings that almost merge: both are found or none, and certified only where that is right."""
 
+from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -7,6 +9,8 @@ import pytest
 from support import exact
 from support.intervals import cut_of, intervals_of, mislabelled, pairs
 from support.specs import random_values, values_of
+
+from wavesweep.stability import stable
 
 pytestmark = pytest.mark.slow
 
@@ -99,3 +103,18 @@ def test_a_crossing_next_to_the_end_of_the_circle_does_not_turn_the_others_round
     assert found.certified.all()
     assert found.count[0] == 1
     assert mislabelled(cut_of(values), "B_VE", span, [8.17e-8], found) == []
+
+
+def test_a_crossing_that_is_missed_leaves_a_doubt(monkeypatch):
+    """The limit above the hole of the paper, by both searches: what follows from the others is not what eigenvalues say."""
+
+    def one_less(search, *given):
+        found = search(*given)
+        kept = np.abs(found.value - 4449) > 100
+        return replace(found, **{name: getattr(found, name)[kept] for name in ("column", "value", "theta", "jump", "inverse")})
+
+    values = values_of("pmw", integration="explicit", lp1_cutoff_hz=8.57)
+    assert intervals_of(values).count.tolist() == [2, 2]
+    for name in ("crossings", "arc_crossings"):
+        monkeypatch.setattr(stable, name, partial(one_less, getattr(stable, name)))
+    assert not intervals_of(values).certified.any()
