@@ -88,7 +88,7 @@ def test_a_run_of_a_drawn_loop_and_its_figures(run):
     assert np.isfinite(rows["f_m"]).all()
     assert np.array_equal(rows["frame"] * 20 + rows["phase"], rows["tick"])
     assert (results / "arm" / "simulate-response.png").stat().st_size > 5000
-    assert main(["check", "--verify", "results/arm"]) == 0
+    assert main(["verify", "results/arm"]) == 0
     code, text, _ = run("simulate", "arm.toml", "--set", "c=20", "--out", "wild", "--plot")
     assert (code, "UNSTABLE: the linear loop diverges (spectral radius 1.15172 per frame)" in text) == (0, True)
     assert "stopped after tick 2060" in text
@@ -122,7 +122,7 @@ def test_check_lists_the_states_of_a_long_delay_by_the_first_and_the_last(run, s
     assert (code, f": arm velocity, arm position, {states}, net y held\n" in text) == (0, True)
 
 
-@pytest.mark.parametrize("words", [["arm.toml", "--out", "there"], ["--verify", "there", "--plot"]])
+@pytest.mark.parametrize("words", [["arm.toml", "--out", "there"], ["arm.toml", "--format", "svg"]])
 def test_options_of_the_picture_that_do_not_fit_are_refused(run, words):
     code, text, _ = run("check", *words)
     assert (code, "Error: --" in text, ": expected " in text) == (2, True, True)

@@ -235,7 +235,6 @@ def test_a_table_of_the_paper_is_drawn_by_its_command(wavesweep, spec, tmp_path)
         (["explore", "SPEC", "--save", "page.html", "--port", "99"], "--save: expected no --port beside it"),
         (["explore", "SPEC", "--save", "page.html", "--no-browser"], "--save: expected no --no-browser beside it"),
         (["explore", "SPEC", "--save", "-"], "--save -: expected the name of a file"),
-        (["check", "--verify", ".", "--set", "b=4"], "--set: expected a SPEC, found --verify"),
     ],
 )
 def test_options_that_would_do_nothing_are_refused(wavesweep, spec, tmp_path, monkeypatch, words, message):

@@ -1,4 +1,4 @@
-"""`wavesweep check --verify` finds every kind of difference between a folder of results, its packages and new rows."""
+"""`wavesweep verify` finds every kind of difference between a folder of results, its packages and new rows."""
 
 import json
 import shutil
@@ -166,7 +166,7 @@ DAMAGES = {
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_every_kind_of_damage_is_named(folder, damage, capfd):
     damage(folder)
-    assert main(["check", "--verify", str(folder), "--quiet"]) == 1
+    assert main(["verify", str(folder), "--quiet"]) == 1
     out, err = capfd.readouterr()
     assert out == ""
     assert [text for text in DAMAGES[damage] if text not in err] == []
@@ -192,16 +192,16 @@ def test_the_sample_is_drawn_by_its_seed(folder):
 def test_a_folder_is_needed_and_no_spec(tmp_path, capfd):
     with pytest.raises(UsageError, match="expected results with their data package, found none"):
         verify(tmp_path)
-    assert main(["check"]) == main(["check", "a.toml", "--verify", str(tmp_path)]) == 2
-    assert "Missing argument 'SPEC'" in capfd.readouterr().err
+    assert main(["verify"]) == main(["verify", str(tmp_path), "a.toml"]) == 2
+    assert "Missing argument 'DIR'" in capfd.readouterr().err
 
 
 def test_what_was_found_as_json(folder, capfd):
-    assert main(["check", "--verify", str(folder), "--json"]) == 0
+    assert main(["verify", str(folder), "--json"]) == 0
     found = json.loads(capfd.readouterr().out)
     assert (found["differences"], found["checked"]) == ([], list(verify(folder).checked))
     change_a_number(folder)
-    assert main(["check", "--verify", str(folder), "--json"]) == 1
+    assert main(["verify", str(folder), "--json"]) == 1
     out, err = capfd.readouterr()
     assert (len(json.loads(out)["differences"]) > 0, err) == (True, "")
 

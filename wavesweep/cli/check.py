@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import nullcontext
 from math import pi
 from pathlib import Path
@@ -20,12 +20,7 @@ Facts = Mapping[str, Any]
 
 
 @click.command("check")
-@click.argument("spec", required=False)
-@click.option(
-    "--verify",
-    metavar="DIR",
-    help="Without SPEC: hold the results in a folder against their data packages, and compute a sample of the rows again.",
-)
+@click.argument("spec")
 @click.option("--plot", is_flag=True, help="Draw the loop as well: blocks with type and rate, sums, ports, wires with gains.")
 @formats
 @folder("Folder for the picture of --plot [default: results/<spec's name>].")
@@ -35,8 +30,7 @@ Facts = Mapping[str, Any]
 @quiet
 @debug
 def command(
-    spec: str | None,
-    verify: str | None,
+    spec: str,
     plot: bool,
     formats: tuple[str, ...],
     out: str | None,
@@ -61,11 +55,7 @@ def command(
       wavesweep check mine.toml --exit-code --quiet
       wavesweep check mine.toml --plot --format svg
     """
-    _refuse_at_odds(spec, verify, plot, out, overrides)
-    if verify is not None:
-        from wavesweep.cli.output import verified
-
-        return verified(verify, switches["quiet"], switches["as_json"])
+    _refuse_at_odds(plot, out)
     from wavesweep import spec as specs
     from wavesweep import sweep
     from wavesweep.cli.messages import patience
@@ -96,16 +86,8 @@ def command(
     return int(exit_code and not found["stable"])
 
 
-def _refuse_at_odds(spec: str | None, verify: str | None, plot: bool, out: str | None, overrides: Sequence[str]) -> None:
-    """Raise UsageError for arguments that do not go together."""
-    if (spec is None) == (verify is None):
-        raise click.UsageError(
-            "Missing argument 'SPEC'." if spec is None else "--verify: expected a folder alone, found a SPEC"
-        )
-    if plot and verify is not None:
-        raise click.UsageError("--plot: expected a SPEC, whose loop is drawn, found --verify")
-    if overrides and verify is not None:
-        raise click.UsageError("--set: expected a SPEC, found --verify")
+def _refuse_at_odds(plot: bool, out: str | None) -> None:
+    """Raise UsageError for options of the picture without one."""
     if out is not None and not plot:
         raise click.UsageError("--out: expected --plot, since nothing else is written, found none")
     if not plot and click.get_current_context().get_parameter_source("formats") is not ParameterSource.DEFAULT:

@@ -209,5 +209,6 @@ COMPLETIONS: dict[str, Callable[..., Iterable[CompletionItem]]] = {
     "table": _files,
     "tables": _files,
     "out": _files,
+    "directory": _files,
     "save": _files,
 }

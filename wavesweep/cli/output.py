@@ -15,8 +15,6 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-import click
-
 from wavesweep.cli.messages import Line, progress, say, show_json, where
 from wavesweep.cli.options import Options
 from wavesweep.disk import write_files
@@ -172,21 +170,6 @@ def produce_intervals(
         return [replace(sweep.intervals(specs[0], along=along, hands=hands, prove=prove, **work), kind=kind)]
 
     produce([kind], [source], options, compute, name=f"{kind}{'-hands' if hands else ''}{'-proved' if prove else ''}")
-
-
-def verified(directory: str, quiet: bool, as_json: bool = False) -> int:
-    """Hold a folder of results against its data packages, print the result, and return the exit code: 1 for differences."""
-    from wavesweep.results.verify import verify
-
-    found = verify(directory)
-    if as_json:
-        show_json({"command": "check", "folder": directory, "checked": found.checked, "differences": found.differences})
-        return 1 if found.differences else 0
-    if found.checked and not quiet:
-        click.echo("\n".join(found.checked))
-    for difference in found.differences:
-        say(f"differs: {difference}", warning=True)
-    return 1 if found.differences else 0
 
 
 def parts_of(name: str, specs: Sequence[Spec], options: Options) -> Path:

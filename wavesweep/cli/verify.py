@@ -1,0 +1,36 @@
+"""`wavesweep verify`."""
+
+from __future__ import annotations
+
+import click
+
+from wavesweep.cli.options import as_json, debug, quiet
+
+
+@click.command("verify")
+@click.argument("directory", metavar="DIR")
+@as_json
+@quiet
+@debug
+def command(directory: str, *, as_json: bool, quiet: bool, **_: bool) -> int:
+    """Hold results against their data packages, and compute a sample of the rows again.
+
+    DIR is a folder of results. Hashes, columns, types and facts of every table in it are compared, and some of its rows with
+    what the spec gives now. The exit code is 1 if anything differs.
+
+    \b
+    Example:
+      wavesweep verify results/mine
+    """
+    from wavesweep.cli.messages import say, show_json
+    from wavesweep.results.verify import verify
+
+    found = verify(directory)
+    if as_json:
+        show_json({"command": "verify", "folder": directory, "checked": found.checked, "differences": found.differences})
+    else:
+        if found.checked and not quiet:
+            click.echo("\n".join(found.checked))
+        for difference in found.differences:
+            say(f"differs: {difference}", warning=True)
+    return 1 if found.differences else 0
