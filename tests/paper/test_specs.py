@@ -53,7 +53,11 @@ def test_the_loops_of_one_section_are_the_same():
 def test_every_spec_is_part_of_the_wheel():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
     included = project["tool"]["hatch"]["build"]["targets"]["wheel"]["force-include"]
-    assert included == {f"sweeps/paper/{name}.toml": f"wavesweep/paper/toml/{name}.toml" for name in NAMES}
+    examples = {
+        f"sweeps/examples/{path.name}": f"wavesweep/examples/{path.name}"
+        for path in (ROOT / "sweeps" / "examples").glob("*.toml")
+    }
+    assert included == {f"sweeps/paper/{name}.toml": f"wavesweep/paper/toml/{name}.toml" for name in NAMES} | examples
 
 
 def test_specs_of_an_installed_package_go_first_and_none_is_an_error(tmp_path, monkeypatch):
