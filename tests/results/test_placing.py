@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -10,6 +11,7 @@ import time
 
 import pytest
 
+from wavesweep import disk
 from wavesweep.errors import UsageError, WavesweepError
 from wavesweep.results import at_work, lock, placing, publish
 from wavesweep.sweep import Table
@@ -229,3 +231,14 @@ def test_a_lock_whose_file_was_removed_meanwhile_is_taken_again(tmp_path, monkey
         assert removed
         with pytest.raises(WavesweepError, match="at work"), at_work(["zwidth"], tmp_path):
             pass
+
+
+def test_a_link_in_a_folder_that_is_removed_stays_with_it(tmp_path):
+    """Its name may be one of ours: what it leads to is somebody else's."""
+    (folder := tmp_path / "old").mkdir()
+    (tmp_path / "precious").write_text("precious")
+    (folder / "part-1").write_text("ours")
+    (folder / "part-2").symlink_to(tmp_path / "precious")
+    assert not disk.remove_folder(folder, re.compile(r"part-\d"))
+    assert names(folder) == ["part-2"]
+    assert (tmp_path / "precious").read_text() == "precious"

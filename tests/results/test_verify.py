@@ -11,7 +11,8 @@ from wavesweep import results, sweep
 from wavesweep.cli import main
 from wavesweep.errors import UsageError
 from wavesweep.results import publish
-from wavesweep.results.verify import verify
+from wavesweep.results.files import read_rows
+from wavesweep.results.verify import _compared, verify
 from wavesweep.spec import load
 from wavesweep.sweep import Table
 
@@ -253,3 +254,14 @@ def test_damaged_facts_are_a_difference(tmp_path):
     (table,) = files_of(load(TABLES), "why")
     publish(replace(table, facts=table.facts | {"along": ["b"]}), tmp_path)
     assert "the spec in it makes no run" in verify(tmp_path).differences[-1]
+
+
+def test_rows_that_new_ones_do_not_have_are_a_difference(folder):
+    table = folder / "zwidth.parquet"
+    whole = read_rows(table)
+    rows = len(whole["low"])
+    assert _compared(table, [whole], exact=True) == ""
+    assert (
+        _compared(table, [{name: column[:-1] for name, column in whole.items()}], exact=True)
+        == f"{rows} rows and not {rows - 1}"
+    )
