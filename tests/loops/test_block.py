@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavesweep.loops.block import Block, matrix, unit_delay
+from wavesweep.loops.block import Block, matrix
 
 
 def test_a_wrong_shape_names_block_matrix_expected_and_found():
@@ -33,11 +33,3 @@ def test_batches_of_the_four_arrays_broadcast():
 def test_matrices_are_stacked_from_numbers_and_arrays():
     found = matrix([[1, np.array([2.0, 3.0])], [0, 4]])
     assert np.array_equal(found, [[[1, 2], [0, 4]], [[1, 3], [0, 4]]])
-
-
-def test_a_delay_is_one_tick():
-    """`y[k] = u[k-1]`."""
-    block, state = unit_delay("late"), np.zeros(1)
-    for u, before in ((3.0, 0.0), (5.0, 3.0), (7.0, 5.0)):
-        assert (block.C @ state + block.D @ [u])[0] == before
-        state = state + block.E @ state + block.B @ [u]

@@ -1,4 +1,4 @@
-"""The discrete block in delta form, of which all diagrams consist, and its arrays over a batch."""
+"""The discrete block in delta form, of which all loops consist, and its arrays over a batch."""
 
 from dataclasses import dataclass
 
@@ -40,7 +40,7 @@ class Block:
     are `1 + eig(E)`. Arrays are `(..., n, n)`, `(..., n, m)`, `(..., p, n)`, `(..., p, m)`, leading axes being a batch.
 
     inputs, outputs: port names; elsewhere the port `p` of the block `name` is the signal `"name.p"`.
-    states: one name per state. waves: the input port and the output port that carry waves, if there are any.
+    states: one name per state.
     condition: factor by which closing its algebraic loops, or modes that turn by whole circles (see `loss`), may have
     multiplied the rounding of its entries, a number or an array over the batch. pivot: the product of the determinants of these
     loops' return differences; it is zero where one of them has no solution, and the entries have a pole. terms: for E, B, C and
@@ -60,7 +60,6 @@ class Block:
     B: np.ndarray
     C: np.ndarray
     D: np.ndarray
-    waves: tuple[str, str] | None = None
     condition: object = 1.0
     pivot: object = 1.0
     terms: tuple | None = None
@@ -105,9 +104,3 @@ def loss(E, sizes, tick: bool = False) -> np.ndarray:
         square = np.where(kept[..., None, :] & kept[..., :, None] & (of_pairs > 0), of_pairs / pairs, 1.0)
         found = np.sqrt(np.fmax.reduce(square, (-1, -2), initial=1.0))
     return np.minimum(found, LARGEST_LOSS)
-
-
-def unit_delay(name: str, label: str = "") -> Block:
-    """Delay of one period, `y[k] = u[k-1]`. label: a readable name of its state, if it has a better one than the block's."""
-    one, labels = np.ones((1, 1)), (label or f"{name} of the last period",)
-    return Block(name, ("u",), ("y",), ("u_before",), E=-one, B=one, C=one, D=0 * one, labels=labels)

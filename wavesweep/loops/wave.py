@@ -29,7 +29,6 @@ def avatar(b, period, integration: str) -> Block:
         B=matrix([[period * along, period * against]]),
         C=matrix([[1], [0], [0], [1]]),
         D=matrix([[read * along, read * against], [along, against], [1, -along], [sent * along, sent * against]]),
-        waves=("u", "v"),
         # Nothing moves, and the wave comes back with the other sign.
         at_rest=(
             matrix([[0]]),
@@ -62,7 +61,6 @@ def local_model(b, stiffness, damping, period, integration: str) -> Block:
         B=matrix([[period * speed_u]]),
         C=matrix([[along * speed_s]]),
         D=matrix([[along * speed_u - 1]]),
-        waves=("u", "v"),
         at_rest=(matrix([[-numbers(stiffness)]]), matrix([[along]]), matrix([[0]]), matrix([[-1]])),
         labels=("local model position",),
     )

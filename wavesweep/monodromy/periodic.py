@@ -111,7 +111,7 @@ def frame_of(ticks: Ticks) -> np.ndarray:
 
 
 GROWING = 32.0  # growth beyond which it is computed, and its effect on a loop is looked for (see `rounding`)
-GROWN, LOST = 1e3, 1e6  # growth from which on a number may be off by more than it promises, and of which nothing is known
+LOST = 1e6  # growth of which nothing is known
 
 
 def growth_of(kind: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:

@@ -17,28 +17,14 @@ ENTRIES = 4 * np.finfo(float).eps  # of the terms of an entry of a tick, relativ
 CACHED = 2**18  # bytes of an array of matrices, of which a processor's cache holds several
 
 
-def product_of(kind: np.ndarray, changes: Sequence[np.ndarray], *, ramp: bool = False) -> np.ndarray:
-    """Return the product of ticks less identity, `(..., n, n)` or `(..., n, n + inputs)`.
+def product_with_errors(
+    kind: np.ndarray, changes: Sequence[np.ndarray], sizes: Sequence[np.ndarray], *, ramp: bool = False, each: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the product of ticks less identity, `(..., n, n)` or `(..., n, n + inputs)`, and bounds on its errors.
 
     kind: of each tick, `(M,)`. changes: per kind, E, or E and behind it the columns of inputs that are held over the frame.
     ramp: whether the last input becomes one that grows by the one before it with every tick, from 0.
     An entry that is zero by the ticks' patterns is exactly zero. Overflow gives infinities or NaN without a warning.
-    """
-    kinds, still = kind.tolist(), ~pattern_of(kind, changes, ramp=ramp)
-
-    def of_part(part):
-        ticks = [(each[part], 1) for each in _spread(changes)]
-        return in_a_row(kinds, ticks, partial(_after, ramp))[0]
-
-    with np.errstate(all="ignore"):
-        return np.where(still, -np.eye(*still.shape), _in_parts(of_part, changes))
-
-
-def product_with_errors(
-    kind: np.ndarray, changes: Sequence[np.ndarray], sizes: Sequence[np.ndarray], *, ramp: bool = False, each: bool = False
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return `product_of` and a bound on the error of every entry, in the same form.
-
     sizes: per kind, the sizes of the terms of the entries of each tick (running error terms), in the form of the changes.
     each: whether every loop of a batch has a bound of its own, at three times the cost; otherwise it is that of the largest
     entries of the loops that are multiplied together, which is tight for loops that are alike.

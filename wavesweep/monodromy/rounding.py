@@ -5,20 +5,17 @@ have lost digits, and show no sign of it.
 """
 
 from functools import partial
-from itertools import accumulate
 from math import prod
 
 import numpy as np
 
-from wavesweep.loops.block import loss
 from wavesweep.monodromy.batches import in_parts
 from wavesweep.monodromy.circle import inverse
-from wavesweep.monodromy.periodic import GROWING, Change, Ticks, growth_of, in_a_row, size_of, stretches, then
+from wavesweep.monodromy.periodic import GROWING, Change, Ticks, growth_of, in_a_row, size_of, then
 
 ROUNDING = 2 * np.finfo(float).eps  # of a short sum of products, relative to the sum of their sizes
 ENTRIES = 4 * np.finfo(float).eps  # of the terms of the entries of a block, relative
 HIDDEN = 16.0  # times an entry: size of its terms, from which on its digits may be missed
-TURNED = 64.0  # times an entry of a frame: sum of the terms in its ticks, from which on its digits may be missed
 TELLING = 1e-3  # of a spectral radius, or of 1, how far it may be off
 CANCELLED = 1e3  # times the entries of a row of a stretch: sizes of terms in it, from which on their effect is looked for
 SURELY = 64.0  # times the same of several loops, up to which it is not that of each
@@ -41,45 +38,6 @@ def _error(first, second):
     (a, da), (b, db) = first, second
     eye, one, two = np.eye(a.shape[-1]), np.abs(a), np.abs(b)
     return np.abs(eye + b) @ da + db @ np.abs(eye + a) + ROUNDING * (one + two + two @ one)
-
-
-def frame_errors(kind, changes, sizes) -> tuple[np.ndarray, np.ndarray]:
-    """Return the frame less identity and bounds on the errors of its entries, `(..., n, n)` each.
-
-    kind: of each tick. changes, sizes: per kind, the matrix less identity, and the sizes of the terms of its entries.
-    """
-    kinds, batch = kind.tolist(), np.broadcast_shapes(*(part.shape[:-2] for part in (*changes, *sizes)))
-    ticks = [(_spread(E, batch), _spread(ENTRIES * size, batch)) for E, size in zip(changes, sizes, strict=True)]
-
-    def joined(first, second):
-        return then(first[0], second[0]), _error(first, second)
-
-    def frame(part):
-        some = [tuple(each[part] if each.ndim > 2 else each for each in tick) for tick in ticks]
-        return np.stack(np.broadcast_arrays(*_joined_at_once(stretches(kinds, some, joined))), axis=-3)
-
-    with np.errstate(all="ignore"):  # of a frame that overflows
-        found = in_parts(frame, batch, changes[0].shape[-1], float)
-    return found[..., 0, :, :], found[..., 1, :, :]
-
-
-def _joined_at_once(row):
-    """Return all stretches of a row joined, less identity, and a bound on the error of its entries.
-
-    row: of pairs, as of `both`. The error that a stretch or a join leaves goes through the product of all that follows, and not
-    through one stretch after the other, whose sizes would multiply.
-    """
-    before, after = list(accumulate((E for E, _ in row), then)), list(accumulate((E for E, _ in row[:0:-1]), _ahead))[::-1]
-    eye, error = np.eye(before[0].shape[-1]), row[0][1]
-    own = [error]
-    for (E, dE), known in zip(row[1:], before, strict=False):
-        size, one = np.abs(E), np.abs(known)
-        own.append(dE @ np.abs(eye + known) + ROUNDING * (one + size + size @ one))
-    return before[-1], sum((np.abs(eye + later) @ each for later, each in zip(after, own, strict=False)), own[-1])
-
-
-def _ahead(later, earlier):
-    return then(earlier, later)
 
 
 def measured_frame(
@@ -208,7 +166,7 @@ def _spread(part, batch):
 
 
 def hides(changes, sizes) -> np.ndarray:
-    """Return in which loops of a batch the terms of some entry of a tick nearly cancel, `(...)`; see `frame_errors`."""
+    """Return in which loops of a batch the terms of some entry of a tick nearly cancel, `(...)`."""
     with np.errstate(all="ignore"):
         found = [(size > HIDDEN * np.abs(E)).any((-1, -2)) for E, size in zip(changes, sizes, strict=True)]
     return np.logical_or.reduce(np.broadcast_arrays(*found))
@@ -221,20 +179,6 @@ def hidden_in(ticks: Ticks, growth=1.0) -> np.ndarray:
         for at, part in enumerate("EBCD")
     ]
     return np.logical_or.reduce(np.broadcast_arrays(*found, np.asarray(growth) > GROWING))
-
-
-def turned(E, sizes) -> np.ndarray:
-    """Return in which loops a mode that lives on changes much less in a frame than in its ticks, `(...)`; see `loss`.
-
-    E: of the frame, less identity; sizes: see `sizes_in_all`.
-    """
-    return loss(E, sizes) > TURNED
-
-
-def sizes_in_all(ticks: Ticks, part: int = 0) -> np.ndarray:
-    """Return the sum over all ticks of a frame of the sizes of their terms; part: 0 for E, 1 for B."""
-    counts = np.bincount(ticks.kind, minlength=len(ticks.maps))
-    return sum(n * each.terms[part] for n, each in zip(counts, ticks.maps, strict=True))
 
 
 def may_have(E, dE, points) -> np.ndarray:

@@ -7,8 +7,8 @@ import numpy as np
 from wavesweep.errors import UsageError
 from wavesweep.loops.multirate import MultirateLoop
 from wavesweep.monodromy.drift import TickDrift
-from wavesweep.monodromy.periodic import Ticks, known_frames, ticks_of
-from wavesweep.monodromy.rounding import ENTRIES, ROUNDING, measured_frame
+from wavesweep.monodromy.periodic import Ticks, ticks_of
+from wavesweep.monodromy.rounding import ENTRIES, ROUNDING
 from wavesweep.response.encoder import with_displacements
 from wavesweep.response.ticks import long_sum
 from wavesweep.spec.drawing import OF_PLANT
@@ -235,9 +235,3 @@ def reached(seen, reads) -> np.ndarray:
 def _some(parts, alive):
     E, B, C, D = parts
     return E[..., alive[:, None], alive], B[..., alive, :], C[..., alive], D
-
-
-def frame_of_port(port: Port) -> np.ndarray:
-    """Return the frame-to-frame matrix less identity of a port's loop; NaN if rounding leaves nothing of it."""
-    E, growth, _ = measured_frame(port.kind, [each[0] for each in port.maps])
-    return known_frames(E, growth)
