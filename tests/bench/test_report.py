@@ -32,6 +32,12 @@ def test_every_method_is_measured(quick):
     assert set(quick.columns["part"]) == {"stiffness", "response", "compile", "slices", "start", "profile", "accuracy"}
 
 
+def test_no_stage_of_the_profile_is_counted_twice(quick):
+    share = quick.columns["ratio"][quick.columns["part"] == "profile"]
+    assert share.size
+    assert (share >= 0).all()
+
+
 def test_this_tool_finds_every_interval_to_rounding(quick):
     for method in (LIBRARY, COMMAND):
         seen = rows(quick, part="stiffness", method=method)

@@ -41,7 +41,7 @@ def opened(monkeypatch):
     monkeypatch.setattr(
         open_loops, "open_frame", lambda *given, **how: made.append(open_loops.BESIDE in given[3]) or frame(*given, **how)
     )
-    open_loops._open_loop.cache_clear()
+    open_loops.open_loop.cache_clear()
     return made
 
 

@@ -10,6 +10,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from inspect import unwrap
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ import wavesweep
 from wavesweep import results
 from wavesweep.bench.measuring import Row
 from wavesweep.bench.problems import COLUMNS, PROBLEMS, Intervals, Problem
-from wavesweep.monodromy.cut import cut_of, open_frame
+from wavesweep.monodromy.cut import cut_of
 from wavesweep.paper.specs import folder
 from wavesweep.spec import Spec
 from wavesweep.stability.boundary import polish
@@ -27,9 +28,10 @@ from wavesweep.stability.crossings import sampled_polynomial
 from wavesweep.stability.real_roots import isolate
 from wavesweep.stability.regions import regions
 from wavesweep.stability.stable import trace_excludes_stability
+from wavesweep.sweep.open_loops import open_loop, open_loops
 
 STAGES = {  # function -> the stage that it is; together they are the whole call
-    open_frame: "draw, connect and lift",
+    open_loops: "draw, connect and lift",
     cut_of: "cut",
     trace_excludes_stability: "screen",
     sampled_polynomial: "polynomial from samples",
@@ -42,7 +44,8 @@ _ROUTINES = ("eigvals", "eig", "solve", "inv", "slogdet")
 
 
 def library(spec: Spec) -> Any:
-    """Compile and compute all stable intervals with their certificates: the DataFrame that a user gets."""
+    """Compile and compute all stable intervals with their certificates: the DataFrame that a user gets, at a first call."""
+    open_loop.cache_clear()
     (along,) = (axis for axis in spec.sweep if axis.name == "K_VE")
     axes = {axis.name: axis.values for axis in spec.sweep if axis is not along}
     return wavesweep.compile(spec).stable_intervals("K_VE", (along.start, along.stop), **axes)
@@ -97,13 +100,13 @@ def profile_rows(repeats: int = 20) -> Iterator[Row]:
 
 def _stages(stats: pstats.Stats) -> dict[str, float]:
     """Cumulative seconds of each stage, and of the rest."""
-    spent = {stage: stats.stats.get(_profiled(function), (0.0,) * 4)[3] for function, stage in STAGES.items()}
+    spent = {stage: stats.stats[_profiled(function)][3] for function, stage in STAGES.items()}
     return {**spent, "tables and the rest": stats.total_tt - sum(spent.values())}
 
 
 def _profiled(function: Callable) -> tuple[str, int, str]:
     """Key of a function in a profile."""
-    code = function.__code__
+    code = unwrap(function).__code__  # and not that of a decorator, which others share
     return code.co_filename, code.co_firstlineno, code.co_name
 
 

@@ -115,7 +115,7 @@ def open_loops(
 
 
 @lru_cache(maxsize=16)  # a compiled loop is asked again and again
-def _open_loop(drawing, items, number, beside, felt):
+def open_loop(drawing, items, number, beside, felt):
     """`open_loops` of a single loop."""
     return open_loops(drawing, dict(items), number, beside, felt=felt)
 
@@ -199,5 +199,5 @@ def _without(drawing, values, number, size, path="", swapped=False, *, alone=Fal
     if any(np.ndim(v) for v in values.values()):
         loops = open_loops(drawing, values, *numbers, felt=felt, each=alone)
     else:
-        loops = _open_loop(drawing, items_of(values), *numbers, felt)
+        loops = open_loop(drawing, items_of(values), *numbers, felt)
     return loops and Opened(loops, of, beside, swapped, alone)
