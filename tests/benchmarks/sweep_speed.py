@@ -1,17 +1,15 @@
-"""How fast a sweep is, where its time goes, and what a dense grid of eigenvalues would take instead.
+"""How fast a sweep is, and what a dense grid of eigenvalues would take instead.
 
     python tests/benchmarks/sweep_speed.py [SPEC] [--jobs 1,2] [--out DIR]
 
 Runs `wavesweep zwidth SPEC` (sweeps/design-study.toml by default) once for each number of jobs, compares the bytes, and
-prints wall time, peak memory, slices per second per worker and the speed-up; then the profile of one chunk; then the
+prints wall time, peak memory, slices per second per worker and the speed-up; then the
 time of the question's poor man's version: eigenvalues at 100 values of K_VE for a random thousandth of the slices.
 """
 
 import argparse
-import cProfile
 import hashlib
 import json
-import pstats
 import resource
 import subprocess
 import sys
@@ -25,15 +23,9 @@ from wavesweep.monodromy.cut import close, with_batch
 from wavesweep.spec import load
 from wavesweep.sweep.interval_job import job_of
 from wavesweep.sweep.open_loops import wall_cut
-from wavesweep.sweep.tasks import records_of, solve
 
 STUDY = Path(__file__).parents[2] / "sweeps" / "design-study.toml"
 GRID, THOUSANDTH = 100, 1000
-PARTS = {  # function -> what it stands for; the time is that of the function and of all that it calls
-    "open_loops": "compile the loops", "sampled_polynomial": "polynomial", "isolate": "roots and their proof",
-    "polish": "polish", "regions": "counts and residuals", "with_felt": "felt stiffness",
-    "records_of": "records",
-}  # fmt: skip
 
 
 def main() -> None:
@@ -49,7 +41,6 @@ def main() -> None:
         times = {number: run(given.spec, number, Path(given.out or folder) / f"jobs{number}") for number in jobs}
     for number, seconds in times.items():
         print(f"  {number} jobs: {times[1] / seconds:.2f} times as fast as one" if 1 in times else "")
-    profile(job)
     ratio(job)
 
 
@@ -74,25 +65,6 @@ def run(spec, jobs, out):
     return wall
 
 
-def profile(job):
-    """Where a worker's time goes, on a chunk from the middle."""
-    task = job.task(job.chunks[len(job.chunks) // 2])
-    solve(task)
-    profiler = cProfile.Profile()
-    started = time.thread_time()
-    profiler.runcall(lambda: records_of(solve(task)))
-    total = time.thread_time() - started
-    print(f"One chunk of {job.chunks[len(job.chunks) // 2].slices} slices: {1e3 * total:.0f} ms")
-    stats = pstats.Stats(profiler).stats
-    for function, meaning in PARTS.items():
-        seconds = sum(cumulated for (_, _, name), (_, _, _, cumulated, _) in stats.items() if name == function)
-        if seconds:
-            print(f"  {meaning:24} {100 * seconds / total:5.1f} %")
-    for name in ("eigvals", "solve", "slogdet"):
-        seconds = sum(own for (file, _, found), (_, _, own, _, _) in stats.items() if found == name and "linalg" in file)
-        print(f"  of all that, LAPACK {name:12} {100 * seconds / total:5.1f} %")
-
-
 def ratio(job):
     """This tool and a dense grid of eigenvalues on the same random slices."""
     grid, random = job.grid, np.random.default_rng(1)
@@ -112,7 +84,7 @@ def ratio(job):
     number = len(job.chunks) // 2
     task = job.task(job.chunks[number])
     started = time.thread_time()
-    solve(task)
+    task.records()
     exact = (time.thread_time() - started) / job.chunks[number].slices * job.slices
     print(f"The whole sweep in one process: a grid of {GRID} eigenvalue problems a slice {dense:.0f} s (a random thousandth,")
     print(f"scaled), all intervals exactly {exact:.0f} s (one chunk, scaled): {dense / exact:.1f} times as fast, to 1e-12 in")
